@@ -1,0 +1,137 @@
+"""What travels: requests, answers and deeds as plain data, and how they become bytes. The one place for msgpack."""
+
+from typing import Any, Union
+
+import msgpack
+import msgspec
+
+
+class _Message(msgspec.Struct, frozen=True, tag_field="type", tag=str.lower):
+    pass
+
+
+# -- deeds: what a robot asks of physics besides moving; physics decides whether it happens
+
+
+class Couple(_Message):
+    """Take the bin that stands at the coupling point."""
+
+    bin: str
+
+
+class Uncouple(_Message):
+    """Leave the bin where it stands."""
+
+
+class Flatten(_Message):
+    """A weed's: something moves within a metre of me."""
+
+
+Deed = Union[Couple, Uncouple, Flatten]
+
+# -- requests
+
+
+class Call(_Message):
+    """A full bin's, to every carrier: who is free to fetch me?"""
+
+    lane: int
+    side: str  # 'east' or 'west': the end of the lane at which it stands
+
+
+class Come(_Message):
+    """A full bin's, to the carrier it chose."""
+
+    lane: int
+    side: str
+    picker: str  # who waits there for an empty bin
+
+
+class Confirm(_Message):
+    """A carrier's, to the bin that sent for it: do you still want me?"""
+
+
+class EmptyBin(_Message):
+    """A picker's, to its full bin: who brings me an empty one?"""
+
+
+class Here(_Message):
+    """A carrier's, to the picker: the empty bin stands on your coupling point."""
+
+    bin: str
+
+
+class Claim(_Message):
+    """A robot's, to traffic: I keep these places and want those; `beside` names a partner whose places I may share."""
+
+    keep: list[str]
+    want: list[str]
+    beside: str
+
+
+class State(_Message):
+    """Anyone's, to a bin: are you full, and on whom?"""
+
+
+Request = Union[Call, Come, Confirm, EmptyBin, Here, Claim, State]
+
+# -- answers
+
+
+class Offer(_Message):
+    """A waiting carrier's, to a call: where I am."""
+
+    x: float
+    y: float
+    distance: float  # m, by road to the calling bin
+
+
+class Yes(_Message):
+    """Agreed."""
+
+
+class No(_Message):
+    """Not agreed."""
+
+    reason: str
+
+
+class Carrier(_Message):
+    """A bin's, to its picker: this carrier comes ('' while none is found)."""
+
+    carrier: str
+
+
+class Places(_Message):
+    """Traffic's: what you hold now, and who is in the way of the rest."""
+
+    held: list[str]
+    blockers: list[str]
+    alone: list[str]  # those of `held` that nobody shares
+
+
+class BinState(_Message):
+    """A bin's."""
+
+    full: bool
+    fill: float  # m of row in it
+    coupled_to: str  # '' when it stands by itself
+
+
+Answer = Union[Offer, Yes, No, Carrier, Places, BinState]
+
+
+def pack(message: Any) -> bytes:
+    """Msgpack bytes of plain data; the same data give the same bytes."""
+    return msgpack.packb(msgspec.to_builtins(message, builtin_types=(bytes,)))
+
+
+def unpack(data: bytes, type_: Any) -> Any:
+    """The data of msgpack bytes, checked against a type.
+
+    Raises ValueError (msgspec's ValidationError is one), saying what is wrong and where in the message.
+    """
+    try:
+        return msgspec.convert(msgpack.unpackb(data), type_)
+    except (msgpack.UnpackException, ValueError, TypeError) as error:
+        raise ValueError(str(error) or type(error).__name__) from error

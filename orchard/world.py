@@ -1,0 +1,71 @@
+"""The state of the orchard: arrays, one row per body, in the order in which bodies move.
+
+Physics alone changes it. Everything that a snapshot must hold is in here; what never changes is in the layout.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from orchard.kinds import KINDS
+from orchard.layout import Layout
+
+NOBODY = -1
+
+
+@dataclass
+class World:
+    """n bodies, r rows. Poses in the orchard's frame, twists in the body's; SI units."""
+
+    layout: Layout
+    tick: int
+    pose: np.ndarray  # (n, 3) float64: x, y, yaw
+    twist: np.ndarray  # (n, 3) float64: what each body moved with in the last step; 0 where a step was refused
+    coupled: np.ndarray  # (n,) int64: index of the body at the other end of the bar, or NOBODY
+    fill: np.ndarray  # (n,) float64: of bins, metres of row in it, 0 to 70
+    alive: np.ndarray  # (n,) bool: False for a weed that is flattened
+    row_picked: np.ndarray  # (r,) float64: metres of each row that are picked, 0 to 70
+    row_from: np.ndarray  # (r,) int64: the end at which its picking began: 0 not yet, -1 west, +1 east
+    bay_ticks: np.ndarray  # (n,) int64: of bins, ticks at rest in the bay since it last moved
+    delivered: int = 0  # bins unloaded
+    distance: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (n,) float64: metres driven
+    refused: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (n,) int64: steps that would have overlapped
+    held: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (n,) int64: steps that the bar held back
+
+    @property
+    def index(self) -> dict[str, int]:
+        return self.layout.index
+
+    @property
+    def seconds(self) -> float:
+        return self.tick / 10
+
+
+def new_world(layout: Layout) -> World:
+    """The world at tick 0: every body at its start, the bins coupled."""
+    n, rows = len(layout.starts), layout.scenario.rows
+    coupled = np.full(n, NOBODY, dtype=np.int64)
+    for robot in layout.starts:
+        if robot.bin:
+            i, j = layout.index[robot.name], layout.index[robot.bin]
+            coupled[i], coupled[j] = j, i
+    return World(
+        layout=layout,
+        tick=0,
+        pose=np.array([start.pose for start in layout.starts], dtype=np.float64).reshape(n, 3),
+        twist=np.zeros((n, 3)),
+        coupled=coupled,
+        fill=np.zeros(n),
+        alive=np.ones(n, dtype=bool),
+        row_picked=np.zeros(rows),
+        row_from=np.zeros(rows, dtype=np.int64),
+        bay_ticks=np.zeros(n, dtype=np.int64),
+        distance=np.zeros(n),
+        refused=np.zeros(n, dtype=np.int64),
+        held=np.zeros(n, dtype=np.int64),
+    )
+
+
+def half_sizes(layout: Layout) -> np.ndarray:
+    """(n, 2): half length and half width of every body, m."""
+    return np.array([(KINDS[s.kind].length / 2, KINDS[s.kind].width / 2) for s in layout.starts]).reshape(-1, 2)

@@ -1,0 +1,65 @@
+"""The step that every mode shares: look, act, account. Local mode and the physics process differ only in who brings the actions."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from orchard.agent import Action, Observation
+from orchard.config import Scenario
+from orchard.digest import RunDigest
+from orchard.events import Event
+from orchard.layout import lay_out
+from orchard.messages import Deed
+from orchard.observe import observe
+from orchard.physics import harvest_is_over, step
+from orchard.scan import Scanner
+from orchard.world import World, new_world
+
+
+class Engine:
+    """One orchard on its way through the ticks: `observe()` once per tick, then `advance()` with what the agents answered.
+
+    A body without an action stands still. Actions count by name and are applied in the layout's order, never in that of arrival.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.layout = lay_out(scenario)
+        self.world: World = new_world(self.layout)
+        self.scans: list[np.ndarray] = []  # m, float32: of the tick that was last observed, one array per body
+        self._scanner = Scanner(self.layout)
+        self._digest = RunDigest()
+
+    @property
+    def tick(self) -> int:
+        return self.world.tick
+
+    @property
+    def over(self) -> bool:
+        """Every row is picked, every full bin unloaded, and the carriers are back in the queue."""
+        return harvest_is_over(self.world)
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 over all ticks so far."""
+        return self._digest.hexdigest()
+
+    def observe(self) -> dict[str, Observation]:
+        """What each agent sees at this tick."""
+        self.scans = self._scanner.scan(self.world)
+        return observe(self.world, self.scans)
+
+    def advance(self, actions: Mapping[str, Action], mail_digests: Mapping[str, bytes]) -> list[Event]:
+        """Apply the answers to this tick, 0.1 s long, and account for it: its scans and mail, and the state that came of it."""
+        events = step(self.world, self._twists(actions), self._deeds(actions))
+        self._digest.update(self.world, self.scans, {name: digest for name, digest in sorted(mail_digests.items()) if digest})
+        return events
+
+    def _twists(self, actions: Mapping[str, Action]) -> np.ndarray:
+        twists = np.zeros((len(self.layout.starts), 3))
+        for i, name in enumerate(self.layout.names):
+            if name in actions:
+                twists[i] = actions[name].twist
+        return twists
+
+    def _deeds(self, actions: Mapping[str, Action]) -> list[tuple[int, Deed]]:
+        return [(i, deed) for i, name in enumerate(self.layout.names) if name in actions for deed in actions[name].deeds]

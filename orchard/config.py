@@ -1,54 +1,90 @@
-"""The scenario: what a user may set, with its limits. The one place for YAML."""
+"""The scenario: what a user may set, with its limits, and how it is read. The one place for YAML.
 
+`load(path)` gives a `Scenario`, or a `ScenarioError` that names every problem at once. `python -m orchard.config`
+writes the JSON schema with which an editor completes and checks a scenario while it is typed.
+"""
+
+import difflib
+import json
 import math
-from typing import Annotated
+import re
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError
 
 TIME_STEP = 0.1  # s
+MOST_GUESTS = 50  # people together, animals together, weeds
+LARGEST_FILE = 65536  # bytes; a whole scenario needs less than 2,000
+DEEPEST = 8  # levels in a file; a scenario needs 2
+SCHEMA = Path("config/scenario.schema.json")
+
+Lines = dict[tuple[str, ...], int]  # path in the file -> its line, from 1
+
+
+def _count(what: str) -> FieldInfo:
+    return Field(ge=0, le=MOST_GUESTS, description=what)
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
-
-Count = Annotated[int, Field(ge=0, le=50)]
+    def _demand(self, holds: bool, text: str, *fields: str) -> None:
+        """A rule about several fields: unless it holds, an error that names them and their values."""
+        if not holds:
+            raise PydanticCustomError("rule", text, {"fields": fields, "values": [getattr(self, field) for field in fields]})
 
 
 class People(_Section):
-    """Workers and visitors: at most 50 together."""
+    """Workers and visitors, who walk about: at most 50 together."""
 
-    workers: Count = 4
-    visitors: Count = 3
+    workers: Annotated[int, _count("workers, yellow hats, number")] = 4
+    visitors: Annotated[int, _count("visitors, number")] = 3
+
+    @model_validator(mode="after")
+    def _not_too_many(self) -> "People":
+        self._demand(self.workers + self.visitors <= MOST_GUESTS, f"must be at most {MOST_GUESTS} together", "workers", "visitors")
+        return self
 
 
 class Animals(_Section):
-    """Dogs and cats: at most 50 together."""
+    """Dogs and cats, who run about: at most 50 together."""
 
-    dogs: Count = 2
-    cats: Count = 1
+    dogs: Annotated[int, _count("dogs, number")] = 2
+    cats: Annotated[int, _count("cats, number")] = 1
+
+    @model_validator(mode="after")
+    def _not_too_many(self) -> "Animals":
+        self._demand(self.dogs + self.cats <= MOST_GUESTS, f"must be at most {MOST_GUESTS} together", "dogs", "cats")
+        return self
 
 
 class Laser(_Section):
     """What all lasers have in common."""
 
-    noise: Annotated[float, Field(ge=0.0, le=0.1, description="standard deviation of a range, m")] = 0.0
+    noise: Annotated[float, Field(ge=0.0, le=0.1, description="standard deviation of a measured range, m")] = 0.0
 
 
 class Scenario(_Section):
-    """An orchard, its machines and its guests."""
+    """An orchard, its machines and its guests. Figures: reference.md, from the manual."""
 
-    rows: Annotated[int, Field(ge=3, le=20)] = 5
-    pickers: Annotated[int, Field(ge=2, le=20)] = 2
-    row_width: Annotated[float, Field(ge=5.0, le=12.0)] = 5.0
-    carriers: Annotated[int, Field(ge=1, le=40)] | None = None
-    picking_speed: Annotated[float, Field(ge=0.02, le=1.0)] = 1.0
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
-    people: People = People()
-    animals: Animals = Animals()
-    weeds: Count = 10
-    tractor: bool = True
-    laser: Laser = Laser()
+    rows: Annotated[int, Field(ge=3, le=20, description="rows that are picked, number; each is 70 m long and fills one bin")] = 5
+    pickers: Annotated[int, Field(ge=2, le=20, description="picking robots, number; at most one a row")] = 2
+    row_width: Annotated[float, Field(ge=5.0, le=12.0, description="width of a row between its trees, m")] = 5.0
+    carriers: Annotated[int | None, Field(ge=1, le=40, description="bin carriers, number; null: 7 for every 10 pickers, rounded up")] = None
+    picking_speed: Annotated[float, Field(ge=0.02, le=1.0, description="a picker's speed while it picks, m/s; a person's: 0.03")] = 1.0
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1, description="what all chance depends on: the same seed, the same harvest")] = 1
+    people: Annotated[People, Field(description="who walks about")] = People()
+    animals: Annotated[Animals, Field(description="who runs about")] = Animals()
+    weeds: Annotated[int, _count("weeds above and below the rows, number")] = 10
+    tractor: Annotated[bool, Field(description="whether a tractor drives up and down the driveway")] = True
+    laser: Annotated[Laser, Field(description="the range finders of all that moves")] = Laser()
 
     @property
     def carrier_count(self) -> int:
@@ -57,6 +93,291 @@ class Scenario(_Section):
 
     @model_validator(mode="after")
     def _no_idle_pickers(self) -> "Scenario":
-        if self.pickers > self.rows:
-            raise ValueError(f"pickers: {self.pickers} is more than rows: {self.rows}; at most one picker a row")
+        self._demand(self.pickers <= self.rows, "must be at most one picker a row", "pickers", "rows")
         return self
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong with a scenario: where, what is there, and what is allowed."""
+
+    file: str  # or where else the values come from
+    text: str  # what is wrong, and what is allowed
+    path: str = ""  # dotted path in the file; empty: the file as a whole
+    value: str = ""  # as a person reads it
+    line: int = 0  # from 1; 0: not known
+
+    def __str__(self) -> str:
+        where = f"{self.file}:{self.line}" if self.line else self.file
+        return f"{where}: {self.path} = {self.value}: {self.text}" if self.path else f"{where}: {self.text}"
+
+
+class ScenarioError(Exception):
+    """A scenario that cannot be used; `problems` and the message tell all that is wrong with it, in the file's order."""
+
+    def __init__(self, problems: list[Problem]) -> None:
+        self.problems = sorted(problems, key=lambda problem: problem.line)
+        super().__init__("\n".join(map(str, self.problems)))
+
+
+def load(path: str | Path) -> Scenario:
+    """The scenario in a YAML file; what the file leaves out keeps its default. Raises `ScenarioError`."""
+    source = _key(str(path))
+    return parse(_read(path, source), source)
+
+
+def parse(text: str, source: str = "scenario") -> Scenario:
+    """The scenario in a YAML text; `source` names the text in errors. Raises `ScenarioError`."""
+    values, lines, repeated = _parse(text, source)
+    return check({} if values is None else values, source, lines, repeated)
+
+
+def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
+    """A scenario with some values changed, checked anew. Raises `ScenarioError`.
+
+    A nested value is named by its dotted path, or a map changes some of a section:
+    `with_changes(s, rows=8, **{"people.workers": 0})`, `with_changes(s, people={"workers": 0})`.
+    """
+    values = scenario.model_dump()
+    for path, value in changes.items():
+        *sections, key = path.split(".")
+        _merge(values, _nested([*sections, key], value))
+    return check(values, "changes")
+
+
+def to_yaml(scenario: Scenario) -> str:
+    """All values of a scenario as YAML, which `parse` reads back to an equal scenario."""
+    return yaml.safe_dump(scenario.model_dump(), sort_keys=False)
+
+
+def json_schema() -> dict:
+    """The JSON schema of a scenario file. What several fields allow together is not in it."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
+
+
+def schema_text() -> str:
+    """What stands in `config/scenario.schema.json`."""
+    return json.dumps(json_schema(), indent=2) + "\n"
+
+
+# --- values -> Scenario, or every problem ---
+
+
+def check(values: Any, source: str = "scenario", lines: Lines | None = None, known: list[Problem] | None = None) -> Scenario:
+    """The scenario with these values, or a `ScenarioError` with all that is wrong, `known` problems among it."""
+    if not isinstance(values, Mapping | BaseModel):
+        raise ScenarioError([*(known or []), Problem(source, f"must be a map of keys and values, and not {_show(values)}")])
+    plain = _plain(values)
+    problems = list(known or []) + [_problem(error, source, lines or {}) for error in _errors(plain)]
+    if problems:
+        raise ScenarioError(problems)
+    return Scenario.model_validate(plain)
+
+
+def _plain(values: Any, levels: int = 2) -> Any:
+    """Sections as dicts whose keys are printable text."""
+    if isinstance(values, BaseModel):
+        values = values.model_dump()
+    if levels == 0 or not isinstance(values, Mapping):
+        return values
+    return {_key(key): _plain(value, levels - 1) for key, value in values.items()}
+
+
+def _errors(values: dict) -> list[dict]:
+    """All errors. Pydantic tries a rule about several fields only where each is right by itself: so what is wrong is
+    set back to its default and the rest is tried again, until no rule is left that was not tried."""
+    found: list[dict] = []
+    wrong: set[tuple] = set()
+    while errors := _failures(values):
+        found += [error for error in errors if not wrong & _fields(error)]
+        if any(error["loc"] == () for error in errors):
+            break
+        wrong |= {error["loc"] for error in errors}
+        values = _without(values, {error["loc"] for error in errors})
+    return found
+
+
+def _failures(values: dict) -> list[dict]:
+    try:
+        Scenario.model_validate(values)
+    except ValidationError as failure:
+        return failure.errors(include_url=False)
+    return []
+
+
+def _fields(error: dict) -> set[tuple]:
+    """The paths of the fields that an error is about."""
+    return {(*error["loc"], field) for field in error["ctx"]["fields"]} if error["type"] == "rule" else {error["loc"]}
+
+
+def _without(values: dict, paths: set[tuple], at: tuple = ()) -> dict:
+    kept = {key: value for key, value in values.items() if (*at, key) not in paths}
+    return {key: _without(value, paths, (*at, key)) if isinstance(value, dict) else value for key, value in kept.items()}
+
+
+def _problem(error: dict, source: str, lines: Lines) -> Problem:
+    loc, value = error["loc"], _show(error["input"])
+    if error["type"] == "rule":
+        fields = [(*loc, field) for field in error["ctx"]["fields"]]
+        line = max(lines.get(field, 0) for field in fields)
+        return Problem(source, error["msg"], ", ".join(map(_dotted, fields)), ", ".join(map(str, error["ctx"]["values"])), line)
+    text = _unknown(loc) if error["type"] == "extra_forbidden" else f"must be {_wanted(loc)}"
+    return Problem(source, text, _dotted(loc), value, lines.get(loc, 0))
+
+
+def _wanted(path: tuple) -> str:
+    """What a field may hold: 'a number from 5.0 to 12.0 (width of a row between its trees, m)'."""
+    field = _keys(path[:-1])[path[-1]]
+    if section := _section(field):
+        return f"a map with some of the keys {', '.join(section.model_fields)}"
+    limits = {type(limit).__name__: limit for limit in field.metadata}
+    kind = {bool: "true or false", float: "a number", int: "a whole number"}.get(field.annotation, "null or a whole number")
+    span = f" from {limits['Ge'].ge} to {limits['Le'].le}" if "Ge" in limits else ""
+    return f"{kind}{span} ({field.description})"
+
+
+def _unknown(path: tuple) -> str:
+    """That there is no such key, the known one that is closest, and all that there are."""
+    here = _keys(path[:-1])
+    sections = {name: _section(field) for name, field in Scenario.model_fields.items()}
+    elsewhere = {key: f"{name}.{key}" for name, section in sections.items() if section for key in section.model_fields}
+    elsewhere |= {key: key for key in sections}
+    key = path[-1].lower().replace("-", "_").replace(" ", "_")[:60]
+    near = [close for known in (here, elsewhere) for close in difflib.get_close_matches(key, known, n=1)]
+    guess = near and (near[0] if near[0] in here else elsewhere[near[0]])
+    return f"unknown key{f'; did you mean {guess}?' if guess else ';'} known here: {', '.join(here)}"
+
+
+def _keys(path: tuple) -> dict[str, FieldInfo]:
+    """The fields of the section at a path."""
+    model: Any = Scenario
+    for part in path:
+        model = model.model_fields[part].annotation
+    return model.model_fields
+
+
+def _section(field: FieldInfo) -> type[_Section] | None:
+    kind = field.annotation
+    return kind if isinstance(kind, type) and issubclass(kind, _Section) else None
+
+
+def _nested(keys: list[str], value: Any) -> Any:
+    return {keys[0]: _nested(keys[1:], value)} if keys else value
+
+
+def _merge(values: dict, changes: dict) -> None:
+    for key, change in changes.items():
+        if isinstance(change, dict) and isinstance(values.get(key), dict):
+            _merge(values[key], change)
+        else:
+            values[key] = change
+
+
+def _key(key: Any) -> str:
+    return key if isinstance(key, str) and key.isprintable() and key else _show(key)
+
+
+def _dotted(path: tuple) -> str:
+    return ".".join(part if len(part) <= 60 else part[:57] + "..." for part in path)
+
+
+def _show(value: Any) -> str:
+    """A value as one writes it in YAML, shortened, whatever it is."""
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    try:
+        text = repr(value)
+    except Exception:  # a whole number of more than 4,300 digits, for one
+        text = f"some {type(value).__name__}"
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+# --- file -> values ---
+
+
+def _read(path: str | Path, source: str) -> str:
+    try:
+        with open(path, "rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+    except FileNotFoundError:
+        raise ScenarioError([Problem(source, "no such file")]) from None
+    except (OSError, ValueError) as error:
+        raise ScenarioError([Problem(source, f"cannot be read: {getattr(error, 'strerror', None) or error}")]) from None
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise ScenarioError([Problem(source, "is not UTF-8 text", line=line)]) from None
+
+
+class _Loader(yaml.SafeLoader):
+    """Plain data only, after YAML 1.2: 010 is not 8, 1:30 is not 90, `on` is not true, 1e-1 is a number."""
+
+    yaml_implicit_resolvers: dict = {}  # noqa: RUF012 - as yaml wants it
+
+
+for _tag, _pattern, _first in (
+    ("null", r"(~|null|Null|NULL|)$", ["~", "n", "N", ""]),
+    ("bool", r"(true|True|TRUE|false|False|FALSE)$", list("tTfF")),
+    ("int", r"[-+]?(0|[1-9][0-9]{0,18})$", list("-+0123456789")),
+    ("float", r"[-+]?(0|[1-9][0-9]*)?(\.[0-9]+|(?<=[0-9])\.?)([eE][-+]?[0-9]+)?$", list("-+.0123456789")),
+    ("float", r"([-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN))$", list("-+.")),
+):
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), _first)
+
+
+def _parse(text: str, source: str) -> tuple[Any, Lines, list[Problem]]:
+    """What a YAML text holds, the line of every key, and the keys that are in it more than once."""
+    if len(text.encode("utf-8", "replace")) > LARGEST_FILE:
+        raise ScenarioError([Problem(source, f"is larger than {LARGEST_FILE} bytes; a scenario needs less than 2000")])
+    try:
+        _refuse_what_is_not_plain(text, source)
+        loader = _Loader(text)
+        node = loader.get_single_node()
+        lines: Lines = {}
+        repeated = _walk(node, source, lines)
+        return (loader.construct_document(node) if node else None), lines, repeated
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        raise ScenarioError([_at(mark, source, f"is not YAML: {error.problem or error.context}")]) from None
+    except (yaml.YAMLError, ValueError, OverflowError) as error:
+        raise ScenarioError([Problem(source, f"is not YAML: {' '.join(str(error).split())}")]) from None
+
+
+def _refuse_what_is_not_plain(text: str, source: str) -> None:
+    """Before anything is built: aliases (a few lines of them fill the memory), tags (they name types), deep nesting."""
+    depth = 0
+    for event in yaml.parse(text, Loader=_Loader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        what = "nested too deeply" if depth > DEEPEST else "aliases (*name)" if isinstance(event, yaml.AliasEvent) else ""
+        what = what or ("tags (!name)" if getattr(event, "tag", None) else "")
+        if what:
+            raise ScenarioError([_at(event.start_mark, source, f"{what}: not allowed in a scenario")])
+
+
+def _at(mark: yaml.Mark | None, source: str, text: str) -> Problem:
+    """A problem with a place in the text."""
+    if mark is None:
+        return Problem(source, text)
+    return Problem(source, f"{text} (line {mark.line + 1}, column {mark.column + 1})", line=mark.line + 1)
+
+
+def _walk(node: yaml.Node | None, source: str, lines: Lines, at: tuple[str, ...] = ()) -> list[Problem]:
+    """Notes the line of every key; gives the repeated ones."""
+    repeated = []
+    for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
+        if not isinstance(key, yaml.ScalarNode):
+            continue
+        path, line = (*at, _key(key.value)), key.start_mark.line + 1
+        if path in lines:
+            text = f"given twice, in lines {lines[path]} and {line}; once is allowed"
+            repeated.append(Problem(source, text, _dotted(path), value.value[:60] if isinstance(value, yaml.ScalarNode) else "...", line))
+        lines[path] = line
+        repeated += _walk(value, source, lines, path)
+    return repeated
+
+
+if __name__ == "__main__":
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else SCHEMA
+    target.write_text(schema_text())
+    print(f"{target} written")

@@ -1,0 +1,278 @@
+"""The Zenoh side of sending and hearing. The one place for zenoh.
+
+Whatever arrives becomes an item in one inbox, in the order of its arrival: handlers store and signal, and everything else
+happens in the thread that reads the inbox. So no lock is needed, and none is held over a get, a reply or a drop.
+"""
+
+import json
+import logging
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from queue import Empty, SimpleQueue
+from typing import Any, NamedTuple
+
+import zenoh
+from zenoh.handlers import Callback
+
+log = logging.getLogger("orchard.bus")
+
+LOOPBACK = "tcp/127.0.0.1:0"
+CONNECT_SECONDS = 8.0  # for how long a client looks for its router
+LISTEN_SECONDS = 1.0  # for how long a router tries to get its port
+LEASE_MS = 2000  # after which a silent neighbour counts as gone
+FULL_QUEUE_US = 300_000  # how long the router waits for a neighbour that takes nothing before it cuts it off
+GET_SECONDS = 60.0  # longer than any host is given to answer
+
+
+class BusError(Exception):
+    """Something about the network that a person can mend."""
+
+
+# -- what arrives
+
+
+class Sample(NamedTuple):
+    """Somebody put a payload on a key."""
+
+    key: str
+    payload: bytes
+
+
+class Alive(NamedTuple):
+    """A liveliness token came or went."""
+
+    key: str
+    up: bool
+
+
+class Question:
+    """A query that waits: any number of replies, then `drop`, or the asker waits out its time-out."""
+
+    def __init__(self, key: str, query: zenoh.Query) -> None:
+        self.key = key
+        self.payload = b"" if query.payload is None else query.payload.to_bytes()
+        self._query = query
+
+    def reply(self, payload: bytes) -> None:
+        with _shrugging("a reply"):
+            self._query.reply(self.key, payload)
+
+    def refuse(self, reason: str) -> None:
+        """An error reply, and the end."""
+        with _shrugging("a refusal"):
+            self._query.reply_err(reason.encode())
+        self.drop()
+
+    def drop(self) -> None:
+        with _shrugging("the end of a query"):
+            self._query.drop()
+
+
+class Replied(NamedTuple):
+    """A reply to what was asked with a ticket; error is '' unless it is an error reply."""
+
+    ticket: Any
+    payload: bytes
+    error: str
+
+
+class Final(NamedTuple):
+    """No more replies will come for a ticket."""
+
+    ticket: Any
+
+
+class Signal(NamedTuple):
+    """The process is asked to stop."""
+
+    number: int
+
+
+Item = Sample | Alive | Question | Replied | Final | Signal
+
+
+class Inbox:
+    """Everything that arrives, in its order. Putting is safe in any thread and in a signal handler."""
+
+    def __init__(self) -> None:
+        self._items: SimpleQueue[Item] = SimpleQueue()
+        self.put = self._items.put
+
+    def take(self, seconds: float | None = None) -> Item | None:
+        """The next item; None if none comes in time. At once with 0 seconds."""
+        try:
+            return self._items.get(seconds != 0, seconds or None)
+        except Empty:
+            return None
+
+
+@contextmanager
+def _shrugging(what: str) -> Iterator[None]:
+    """What concerns a peer that is gone, or a session that is closing, is no reason to stop."""
+    try:
+        yield
+    except zenoh.ZError as error:
+        log.debug("%s was not sent: %s", what, error)
+
+
+# -- sending
+
+
+class Bus:
+    """One session: what it sends, and what it wants to hear in its inbox."""
+
+    def __init__(self, session: zenoh.Session, inbox: Inbox, endpoint: str) -> None:
+        self.inbox = inbox
+        self.endpoint = endpoint
+        self.id = str(session.zid())
+        self._session = session
+        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._kept: list[Any] = []  # what zenoh forgets when nobody refers to it
+
+    # put and get
+
+    def publish(self, key: str, payload: bytes) -> None:
+        """Never lost, in order: a subscriber that is slow is waited for."""
+        if key not in self._publishers:
+            self._publishers[key] = self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
+        with _shrugging(key):
+            self._publishers[key].put(payload)
+
+    def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
+        """One get; its replies and its end arrive in the inbox with the ticket."""
+        put = self.inbox.put
+        handler = Callback(lambda reply: put(_replied(ticket, reply)), lambda: put(Final(ticket)), indirect=False)
+        self._session.get(
+            key,
+            handler,
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,  # AUTO would hold the first reply back until the last
+            timeout=seconds,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            payload=payload,
+        )
+
+    # what to hear
+
+    def subscribe(self, keys: str) -> None:
+        self._kept.append(self._session.declare_subscriber(keys, self._into(_sample)))
+
+    def answer(self, key: str) -> None:
+        """Be asked on a key: each query arrives as a Question."""
+        self._kept.append(self._session.declare_queryable(key, self._into(lambda query: Question(key, query))))
+
+    def watch(self, tokens: str) -> None:
+        """Hear of liveliness tokens, those included that are there already."""
+        self._kept.append(self._session.liveliness().declare_subscriber(tokens, self._into(_alive), history=True))
+
+    def declare_alive(self, token: str) -> None:
+        """Tell that this process is here, until it is not. After all that it wants to hear."""
+        self._kept.append(self._session.liveliness().declare_token(token))
+
+    def _into(self, item_of: Callable[[Any], Item]) -> Callback:
+        put = self.inbox.put
+        return Callback(lambda arrived: put(item_of(arrived)), indirect=False)
+
+
+def _sample(sample: zenoh.Sample) -> Sample:
+    return Sample(str(sample.key_expr), sample.payload.to_bytes())
+
+
+def _alive(sample: zenoh.Sample) -> Alive:
+    return Alive(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+
+def _replied(ticket: Any, reply: zenoh.Reply) -> Replied:
+    if reply.ok is not None:
+        return Replied(ticket, reply.ok.payload.to_bytes(), "")
+    return Replied(ticket, b"", reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "no reply")
+
+
+# -- sessions
+
+
+@contextmanager
+def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None) -> Iterator[Bus]:
+    """A session that routes for others. Port 0 takes a free one; `bus.endpoint` tells which."""
+    endpoint = _with_port(endpoint)
+    with _session("router", endpoint) as session:
+        yield Bus(session, inbox or Inbox(), endpoint)
+
+
+@contextmanager
+def client(endpoint: str, inbox: Inbox | None = None) -> Iterator[Bus]:
+    """A session that talks through a router."""
+    with _session("client", endpoint) as session:
+        yield Bus(session, inbox or Inbox(), endpoint)
+
+
+@contextmanager
+def _session(mode: str, endpoint: str) -> Iterator[zenoh.Session]:
+    session = _open(mode, endpoint)
+    try:
+        yield session
+    finally:
+        try:
+            session.close()
+        except zenoh.ZError as error:
+            log.warning("the session with %s did not close: %s", endpoint, error)
+
+
+def _open(mode: str, endpoint: str) -> zenoh.Session:
+    try:
+        return zenoh.open(_config(mode, endpoint))
+    except zenoh.ZError as error:
+        raise BusError(_explain(mode, endpoint, str(error))) from error
+
+
+def _explain(mode: str, endpoint: str, error: str) -> str:
+    if "must be of the form" in error:
+        return f"{endpoint}: not an endpoint; an endpoint is like tcp/127.0.0.1:7447"
+    if mode == "client":
+        return f"{endpoint}: nobody listens there; tried for {CONNECT_SECONDS:g} s"
+    return f"{endpoint}: cannot listen there; the port is in use, or the address is not this machine's"
+
+
+def _config(mode: str, endpoint: str) -> zenoh.Config:
+    settings = {
+        "mode": mode,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/shared_memory/enabled": False,
+        "transport/link/tx/lease": LEASE_MS,
+    }
+    settings |= _listening(endpoint) if mode == "router" else _connecting(endpoint)
+    config = zenoh.Config()
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _listening(endpoint: str) -> dict[str, Any]:
+    return {
+        "listen/endpoints": [endpoint],
+        "listen/timeout_ms": int(LISTEN_SECONDS * 1000),
+        "listen/exit_on_failure": True,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": FULL_QUEUE_US,
+    }
+
+
+def _connecting(endpoint: str) -> dict[str, Any]:
+    return {
+        "connect/endpoints": [endpoint],
+        "connect/timeout_ms": int(CONNECT_SECONDS * 1000),
+        "connect/exit_on_failure": True,
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
+    }
+
+
+def _with_port(endpoint: str) -> str:
+    """The endpoint itself, or with a port that was free a moment ago in the place of port 0: zenoh does not tell which one it took."""
+    if not endpoint.endswith(":0"):
+        return endpoint
+    host = endpoint.removeprefix("tcp/").removesuffix(":0")
+    with suppress(OSError), socket.socket() as probe:
+        probe.bind((host, 0))
+        return f"tcp/{host}:{probe.getsockname()[1]}"
+    return endpoint

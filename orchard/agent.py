@@ -6,6 +6,7 @@
 Structs, numbers, strings, lists, maps), because it travels with the velocity and is handed to whoever runs the agent next.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
@@ -48,6 +49,11 @@ class Observation:
     @property
     def pose(self) -> Pose:
         return Pose(self.x, self.y, yaw_of(*self.orientation))
+
+
+def without_body(name: str, tick: int) -> Observation:
+    """What an agent without a body is told: the tick."""
+    return Observation(name, tick, math.nan, math.nan, (0.0, 1.0), STILL, None)
 
 
 class Heard(NamedTuple):

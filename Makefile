@@ -1,0 +1,33 @@
+# Two commands do it all: `make run` and `make test`. Each first makes a virtual environment in .venv.
+PYTHON ?= python3.11
+VENV := .venv
+RUN := $(VENV)/bin/python
+
+.PHONY: run test soak view plan docs clean
+.DEFAULT_GOAL := run
+
+$(VENV)/ready: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/pip install --quiet --editable '.[dev]'
+	touch $@
+
+run: $(VENV)/ready  ## the default orchard, from start to summary
+	$(RUN) run.py
+
+view: $(VENV)/ready  ## open the newest recording
+	$(RUN) run.py view
+
+test: $(VENV)/ready  ## everything that is checked before a change lands
+	$(VENV)/bin/ruff check .
+	$(RUN) -m pytest
+
+soak: $(VENV)/ready  ## the long matrix of equal hashes
+	$(RUN) -m pytest -m soak
+
+docs: $(VENV)/ready  ## all generated files: keyspace.md, the schema, the drawings
+	$(RUN) -m orchard.keys
+	$(RUN) -m orchard.config
+	$(RUN) docs/draw.py
+
+clean:
+	rm -rf $(VENV) runs .pytest_cache .hypothesis

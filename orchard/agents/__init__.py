@@ -1,0 +1,32 @@
+"""The agents of an orchard: one for every body, and traffic, which has none."""
+
+from orchard.agent import Agent
+from orchard.agents.animal import Animal
+from orchard.agents.bin import Bin
+from orchard.agents.carrier import Carrier
+from orchard.agents.person import Person
+from orchard.agents.picker import Picker
+from orchard.agents.tractor import Tractor
+from orchard.agents.traffic import Traffic
+from orchard.agents.weed import Weed
+from orchard.doer import TRAFFIC
+from orchard.layout import Layout
+
+ROLES = {
+    "picker": Picker,
+    "carrier": Carrier,
+    "bin": Bin,
+    "tractor": Tractor,
+    "worker": Person,
+    "visitor": Person,
+    "dog": Animal,
+    "cat": Animal,
+    "weed": Weed,
+}
+
+
+def cast(layout: Layout) -> dict[str, Agent]:
+    """Every agent of an orchard by its name, in the order of names."""
+    agents: dict[str, Agent] = {start.name: ROLES[start.kind](layout, start.name) for start in layout.starts}
+    agents[TRAFFIC] = Traffic()
+    return dict(sorted(agents.items()))

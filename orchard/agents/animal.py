@@ -1,0 +1,42 @@
+"""Animals, cats and dogs: every 3 s a new direction and a new speed, at random; they turn away from obstacles too."""
+
+from orchard.agent import Action, Mail, Observation
+from orchard.agents.walker import WalkerMemory, avoid, break_out
+from orchard.draw import draw
+from orchard.geometry import Twist
+from orchard.kinds import KINDS, kind_of
+from orchard.layout import Layout
+
+MIND_CHANGES = 30  # ticks: every 3 s (manual)
+
+
+class AnimalMemory(WalkerMemory):
+    """What it has in mind."""
+
+    speed: float = 0.0  # m/s
+    rate: float = 0.0  # rad/s
+    turning_until: int = 0  # tick
+
+
+class Animal:
+    """Wanders."""
+
+    Memory = AnimalMemory
+
+    def __init__(self, layout: Layout, name: str) -> None:
+        self.seed, self.kind = layout.scenario.seed, KINDS[kind_of(name)]
+
+    def tick(self, seen: Observation, mail: Mail, memory: AnimalMemory | None) -> Action:
+        memory = memory or AnimalMemory(seen.x, seen.y, seen.tick)
+        if seen.tick % MIND_CHANGES == 0:
+            self.change_mind(seen, memory)
+        whim = Twist(x=memory.speed, yaw=memory.rate if seen.tick < memory.turning_until else 0.0)
+        away = break_out(seen, memory, self.seed, 1.0, self.kind.turn) or avoid(seen, memory, min(memory.speed, 1.0), self.kind.turn)
+        doing = "turning away" if away else "standing" if memory.speed < 0.05 else "wandering"
+        return Action(twist=away or whim, memory=memory, doing=doing)
+
+    def change_mind(self, seen: Observation, memory: AnimalMemory) -> None:
+        """A turn of up to 2 pi rad/s to either side, for up to a second, and a speed of up to 3 m/s."""
+        rate, speed, length = draw(self.seed, seen.name, seen.tick, 3)
+        memory.rate, memory.speed = (2 * rate - 1) * self.kind.turn, speed * self.kind.speed
+        memory.turning_until = seen.tick + int(10 * length)

@@ -1,0 +1,62 @@
+"""The carrier: waits in the queue, brings an empty bin to a picker that is called for, and takes the full one to the bay."""
+
+import msgspec
+
+from orchard.agent import Action, Heard, Mail, Observation
+from orchard.doer import Doer
+from orchard.layout import Layout
+from orchard.messages import Answer, Call, Come, No, Offer, Yes
+from orchard.roads import SIDES, distance, fetch, line_of
+from orchard.steps import Plan, Realign, Say
+
+
+class Job(msgspec.Struct):
+    """What a carrier was sent to do."""
+
+    bin: str
+    lane: int
+    side: str
+    picker: str
+
+
+class CarrierMemory(Plan):
+    """Its plan, and the job that it follows from."""
+
+    job: Job | None = None
+    delivered: str = ""  # the empty bin that it left for the picker
+
+
+class Carrier:
+    """Swaps full bins for empty ones."""
+
+    Memory = CarrierMemory
+
+    def __init__(self, layout: Layout, name: str) -> None:
+        self.layout, self.line = layout, line_of(int(name.rsplit("_", 1)[1]))
+
+    def tick(self, seen: Observation, mail: Mail, memory: CarrierMemory | None) -> Action:
+        me = Doer(seen, mail, memory or CarrierMemory(plan=[Realign(), Say("waiting in the queue")]))
+        for heard in mail.requests:
+            me.action.answers.append((heard, self.answer(me, heard)))
+        me.follow()
+        return me.finish()
+
+    def answer(self, me: Doer, heard: Heard) -> Answer:
+        """To bins: a waiting carrier tells where it is, and goes for the first that sends for it; a busy one says no."""
+        job, body = me.memory.job, heard.body
+        if isinstance(body, Come) and job and job.bin == heard.sender:
+            return Yes()
+        if not isinstance(body, Call | Come):
+            return No("a carrier knows nothing of that")
+        if job:
+            return No(f"busy with {job.bin}")
+        if isinstance(body, Call):
+            x, y = me.pose.x, me.pose.y
+            return Offer(x, y, distance(self.layout, x, y, body.lane, SIDES[body.side]))
+        self.accept(me, heard.sender, body)
+        return Yes()
+
+    def accept(self, me: Doer, bin_name: str, come: Come) -> None:
+        me.memory.job = Job(bin_name, come.lane, come.side, come.picker)
+        me.memory.plan = fetch(self.layout, self.line, come.lane, SIDES[come.side], come.picker, bin_name)
+        me.memory.asked = {}

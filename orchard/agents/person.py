@@ -1,0 +1,23 @@
+"""People, workers and visitors: walk in a straight line, and turn only when something is in their path."""
+
+from orchard.agent import Action, Mail, Observation
+from orchard.agents.walker import WalkerMemory, avoid, break_out
+from orchard.geometry import Twist
+from orchard.kinds import KINDS, kind_of
+from orchard.layout import Layout
+
+
+class Person:
+    """Walks about the orchard."""
+
+    Memory = WalkerMemory
+
+    def __init__(self, layout: Layout, name: str) -> None:
+        self.seed, self.kind = layout.scenario.seed, KINDS[kind_of(name)]
+
+    def tick(self, seen: Observation, mail: Mail, memory: WalkerMemory | None) -> Action:
+        memory = memory or WalkerMemory(seen.x, seen.y, seen.tick)
+        speed, turn = self.kind.speed, self.kind.turn
+        away = break_out(seen, memory, self.seed, speed, turn) or avoid(seen, memory, speed, turn)
+        doing = "walking" if away is None else "turning away"
+        return Action(twist=away or Twist(x=speed), memory=memory, doing=doing)

@@ -1,0 +1,46 @@
+"""The picker: drives its rows, fills its bin, leaves it when it is full, and fetches an empty one for the next row."""
+
+from orchard.agent import Action, Heard, Mail, Observation
+from orchard.doer import Doer
+from orchard.layout import Layout
+from orchard.messages import Answer, Here, No, Yes
+from orchard.roads import harvest
+from orchard.steps import Plan, Realign
+
+
+class PickerMemory(Plan):
+    """Its plan, and what it knows of the exchange of bins that is under way."""
+
+    full_bin: str = ""  # the bin that it left
+    carrier: str = ""  # who brings, or brought, an empty one
+    offered: str = ""  # the empty bin that was brought
+    begun: bool = False
+
+
+class Picker:
+    """Picks its rows one after another."""
+
+    Memory = PickerMemory
+
+    def __init__(self, layout: Layout, name: str) -> None:
+        self.layout, self.rows = layout, layout.blocks[name]
+
+    def tick(self, seen: Observation, mail: Mail, memory: PickerMemory | None) -> Action:
+        me = Doer(seen, mail, memory or PickerMemory(plan=[Realign(), *harvest(self.layout, self.rows)]))
+        for heard in mail.requests:
+            me.action.answers.append((heard, self.answer(me, heard)))
+        me.follow()
+        return me.finish()
+
+    def answer(self, me: Doer, heard: Heard) -> Answer:
+        """To a carrier that brings a bin: yes, once it is coupled and the place where it stands is taken over."""
+        if not isinstance(heard.body, Here):
+            return No("a picker knows nothing of that")
+        memory = me.memory
+        if not memory.full_bin or heard.body.bin == memory.full_bin:
+            return No("no bin is wanted")
+        memory.offered, memory.carrier = heard.body.bin, heard.sender
+        return Yes() if self.has_taken(me, heard.body.bin) else No("not yet coupled")
+
+    def has_taken(self, me: Doer, bin_name: str) -> bool:
+        return me.seen.hitch is not None and me.seen.hitch.name == bin_name and any("/D/" in place for place in me.memory.held)

@@ -1,0 +1,38 @@
+"""The tractor: drives up and down the driveway, waits at each end, turns about, and stops for whatever is in its way."""
+
+from orchard.agent import Action, Mail, Observation
+from orchard.doer import Doer
+from orchard.layout import Layout
+from orchard.steps import Again, DriveTo, Face, Plan, Realign, Say, Step, Wait
+
+WEST_END, EAST_END = -45.0, -25.0  # x, m: 20 m apart (reference.md)
+WORK = 5.0  # s at each end
+
+ROUND: list[Step] = [
+    Say("driving east"),
+    DriveTo(x=EAST_END),
+    Say("being loaded"),
+    Wait(WORK),
+    Say("turning about"),
+    Face("WEST"),
+    Say("driving west"),
+    DriveTo(x=WEST_END),
+    Say("being unloaded"),
+    Wait(WORK),
+    Say("turning about"),
+    Face("EAST"),
+]
+
+
+class Tractor:
+    """Works on the driveway throughout."""
+
+    Memory = Plan
+
+    def __init__(self, layout: Layout, name: str) -> None:
+        pass
+
+    def tick(self, seen: Observation, mail: Mail, memory: Plan | None) -> Action:
+        me = Doer(seen, mail, memory or Plan(plan=[Realign(), Again(ROUND)]))
+        me.follow()
+        return me.finish()

@@ -1,0 +1,86 @@
+"""Traffic: the agent without a body that keeps the ledger of places on the roads.
+
+A robot names the places that it keeps and those that it wants; it gets all it wants or none. Whoever asked first is served
+first (ties by name): a place that an earlier asker waits for is not given to a later one. A place belongs to one robot, or
+to two partners in an exchange of bins. Every word of a robot is complete, so words that are lost or come twice do no harm.
+"""
+
+import msgspec
+
+from orchard.agent import Action, Mail, Observation
+from orchard.messages import Claim, Places
+
+FORGET = 30  # ticks after which a wish that is not repeated is dropped
+
+
+class Wish(msgspec.Struct):
+    """What a robot waits for."""
+
+    places: list[str]
+    beside: str
+    since: int  # tick in which it was first heard
+    heard: int  # tick in which it was last heard
+
+
+class Ledger(msgspec.Struct):
+    """Who holds which places, and who waits for which."""
+
+    holds: dict[str, list[str]] = {}
+    wishes: dict[str, Wish] = {}
+
+
+class Traffic:
+    """Gives places on the roads."""
+
+    Memory = Ledger
+
+    def tick(self, seen: Observation, mail: Mail, memory: Ledger | None) -> Action:
+        ledger = memory or Ledger()
+        claims = [heard for heard in mail.requests if isinstance(heard.body, Claim)]
+        for heard in claims:
+            note(ledger, heard.sender, heard.body, seen.tick)
+        if claims:
+            ledger.wishes = {name: wish for name, wish in ledger.wishes.items() if seen.tick - wish.heard <= FORGET}
+            grant(ledger)
+        answers = [(heard, answer(ledger, heard.sender)) for heard in claims]
+        return Action(answers=answers, memory=ledger, doing=f"{sum(map(len, ledger.holds.values()))} places held")
+
+
+def note(ledger: Ledger, name: str, claim: Claim, tick: int) -> None:
+    """Enter a robot's word: what it does not keep is free, what it wants is waited for."""
+    ledger.holds[name] = [place for place in ledger.holds.get(name, []) if place in claim.keep or place in claim.want]
+    if not claim.want:
+        ledger.wishes.pop(name, None)
+        return
+    before = ledger.wishes.get(name)
+    since = before.since if before and before.places == claim.want else tick
+    ledger.wishes[name] = Wish(claim.want, claim.beside, since, tick)
+
+
+def grant(ledger: Ledger) -> None:
+    """Serve the wishes, first come first served."""
+    waited_for: set[str] = set()
+    for name, wish in sorted(ledger.wishes.items(), key=lambda item: (item[1].since, item[0])):
+        missing = [place for place in wish.places if place not in ledger.holds[name]]
+        if not waited_for.intersection(missing) and not blockers(ledger, name, wish):
+            ledger.holds[name] = ledger.holds[name] + missing
+            del ledger.wishes[name]
+        else:
+            waited_for.update(missing)
+
+
+def blockers(ledger: Ledger, name: str, wish: Wish) -> list[str]:
+    """Who holds what a robot waits for."""
+    return [
+        other
+        for other, places in sorted(ledger.holds.items())
+        if other not in (name, wish.beside) and any(place in places for place in wish.places if place not in ledger.holds[name])
+    ]
+
+
+def answer(ledger: Ledger, name: str) -> Places:
+    """What a robot is told: its places, and who is in the way of its wish."""
+    held, wish = ledger.holds[name], ledger.wishes.get(name)
+    others = {place for other, places in ledger.holds.items() if other != name for place in places}
+    in_the_way = (blockers(ledger, name, wish) or sorted(set(ledger.wishes) - {name})) if wish else []
+    return Places(held=held, blockers=in_the_way, alone=[place for place in held if place not in others])

@@ -1,0 +1,104 @@
+"""What a harvest can reach at best, from its geometry and speeds alone (closed forms; their derivation: docs/bounds.md).
+
+Times in seconds, rates in bins per second. A bound counts the ways as the traffic plan lays them out, driven without a stop.
+"""
+
+from dataclasses import dataclass
+
+from orchard.geometry import EAST, HEADINGS, Pose, angle_between
+from orchard.kinds import EIGHTH
+from orchard.layout import QUEUE_HEAD, ROW_EAST, ROW_LENGTH, ROW_WEST, TOP_ROAD, Layout
+from orchard.roads import EAST_SIDE, SIDES, WEST_SIDE, Side, fetch, go_to_lane, go_to_next_row, leave_queue, pick, swap_bins
+from orchard.steps import DriveTo, Face, Step
+
+UNLOADING = 5.0  # s at rest in the bay (reference.md)
+TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and the gap to the next one; for so long, at 1 m/s, the bay changes hands
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The closed forms' terms for one scenario, and what follows from them."""
+
+    pickers: int
+    carriers: int
+    row_seconds: float  # T, to pick one row
+    crossing_seconds: float  # t_x, from the end of a row to the head of the next
+    approach_seconds: float  # A, from the queue's head until the picker has its empty bin, mean of all rows
+    cycle_seconds: float  # C, from the queue's head around the orchard and back, mean of all rows
+    bay_seconds: float  # t_bay, for which one carrier occupies the bay
+
+    @property
+    def terms(self) -> dict[str, float]:
+        """Bins per second that each part of the harvest allows."""
+        cycle = self.row_seconds + self.crossing_seconds + self.approach_seconds
+        return {
+            "pickers": self.pickers / cycle,
+            "carriers": self.carriers / self.cycle_seconds,
+            "unloading": 1.0 / self.bay_seconds,
+        }
+
+    @property
+    def bottleneck(self) -> str:
+        """The part that allows least."""
+        return min(self.terms, key=lambda name: self.terms[name])
+
+    @property
+    def bins_per_hour(self) -> float:
+        """No harvest of this scenario can do more for long."""
+        return 3600.0 * min(self.terms.values())
+
+    @property
+    def enough_carriers(self) -> float:
+        """The number of carriers beyond which more do not help."""
+        return self.cycle_seconds * self.terms["pickers"]
+
+
+def bounds_of(layout: Layout) -> Bounds:
+    """The bounds of an orchard, averaged over its rows."""
+    exchanges = [(row, EAST_SIDE if i % 2 == 0 else WEST_SIDE) for rows in layout.blocks.values() for i, row in enumerate(rows)]
+    return Bounds(
+        pickers=layout.scenario.pickers,
+        carriers=layout.scenario.carrier_count,
+        row_seconds=ROW_LENGTH / layout.scenario.picking_speed,
+        crossing_seconds=_mean([_crossing(layout, row, side) for row, side in exchanges if row < layout.scenario.rows]),
+        approach_seconds=_mean([approach(layout, row, side) for row, side in exchanges]),
+        cycle_seconds=_mean([cycle(layout, row, side) for row, side in exchanges]),
+        bay_seconds=UNLOADING + TRAIN,
+    )
+
+
+HEAD = Pose(QUEUE_HEAD, TOP_ROAD, EAST)
+
+
+def approach(layout: Layout, row: int, side: Side) -> float:
+    """A, of one row."""
+    return duration(leave_queue() + go_to_lane(layout, row, side), HEAD)
+
+
+def cycle(layout: Layout, row: int, side: Side) -> float:
+    """C, of one row."""
+    return duration(fetch(layout, 0, row, SIDES[side.name], "", ""), HEAD) + UNLOADING
+
+
+def _crossing(layout: Layout, row: int, side: Side) -> float:
+    start = Pose(ROW_EAST if side is EAST_SIDE else ROW_WEST, layout.lane(row).y, HEADINGS[side.heading("EAST")])
+    return duration(pick(layout, row, side, False) + swap_bins(row, side) + go_to_next_row(layout, row, row + 1, side), start)
+
+
+def duration(steps: list[Step], start: Pose) -> float:
+    """Seconds that a plan's drives and turns take when nothing holds them up."""
+    x, y, yaw = start
+    seconds = 0.0
+    for step in steps:
+        if isinstance(step, Face):
+            seconds += abs(angle_between(yaw, HEADINGS[step.heading])) / EIGHTH
+            yaw = HEADINGS[step.heading]
+        elif isinstance(step, DriveTo):
+            to_x, to_y = (step.x, y) if step.x is not None else (x, step.y)
+            seconds += (abs(to_x - x) + abs(to_y - y)) / step.speed
+            x, y = to_x, to_y
+    return seconds
+
+
+def _mean(values: list[float]) -> float:
+    return sum(values) / len(values) if values else 0.0

@@ -1,0 +1,122 @@
+"""A robot that follows a plan, during one tick: what its steps may feel and command.
+
+The memory of such a robot is its plan and the place in it. What this class adds is how a tick runs: hear what traffic
+granted, do steps until one wants time, and last of all stop for what is in the way, whatever the step said.
+"""
+
+from typing import TYPE_CHECKING
+
+from orchard.agent import Action, Mail, Observation
+from orchard.geometry import STILL, Pose, Twist
+from orchard.messages import Answer, Claim, Couple, Places, Request, Uncouple
+from orchard.sense import Box, something_ahead, turn_is_free
+
+if TYPE_CHECKING:
+    from orchard.steps import Plan, Step
+
+TRAFFIC = "traffic"  # the name of the agent that keeps the ledger of places
+PATIENCE = 5  # ticks after which a question that was not answered as hoped is asked again
+
+
+class Doer:
+    """One robot at one tick."""
+
+    def __init__(self, seen: Observation, mail: Mail, memory: "Plan") -> None:
+        self.seen, self.mail, self.memory = seen, mail, memory
+        self.pose: Pose = seen.pose
+        self.action = Action(memory=memory)
+        self.wanting: list[str] = []
+        self._beside = ""
+        self._turn = 0.0
+        self._blind_to: list[Box] = []
+
+    # -- what steps do
+
+    def move(self, twist: Twist, blind_to: list[Box]) -> None:
+        """Drive with this velocity in this tick, unless something but these boxes is in the way."""
+        self.action.twist, self._blind_to = twist, blind_to
+
+    def turn(self, rate: float, left: float, blind_to: list[Box]) -> None:
+        """Turn at this rate (rad/s) in this tick, unless something is in the part of the turn that is left (rad)."""
+        self.action.twist, self._turn, self._blind_to = Twist(yaw=rate), left, blind_to
+
+    def next(self, steps: list["Step"]) -> None:
+        """Put steps right behind the present one."""
+        self.memory.plan[1:1] = steps
+
+    def couple(self, bin_name: str) -> None:
+        self.action.deeds.append(Couple(bin_name))
+        self.action.waits_for = bin_name
+
+    def uncouple(self) -> None:
+        self.action.deeds.append(Uncouple())
+
+    def ask(self, to: str, request: Request, every: int = PATIENCE) -> Answer | None:
+        """Ask again and again until the step is done; what the answer is, in the tick in which one is heard."""
+        self.action.waits_for = to
+        answers = [r.body for r in self.mail.replies if r.sender == to and type(r.request) is type(request) and r.body is not None]
+        question = f"{type(request).__name__} {to}"
+        if not answers and self.seen.tick - self.memory.asked.get(question, -every) >= every:
+            self.action.requests.append((to, request))
+            self.memory.asked[question] = self.seen.tick
+        return answers[0] if answers else None
+
+    # -- places
+
+    def holds(self, places: list[str]) -> bool:
+        return all(place in self.memory.held for place in places)
+
+    def want(self, places: list[str], beside: str = "") -> None:
+        """Ask traffic for places, all of them or none, if need be together with a partner who holds some."""
+        self.wanting, self._beside = places, beside
+
+    def free(self, places: list[str]) -> None:
+        if any(place in self.memory.held for place in places):
+            self.memory.held = [place for place in self.memory.held if place not in places]
+
+    def is_alone_in(self, place: str) -> bool:
+        """Whether nobody shares a place; asks traffic until it is so."""
+        if place in self.memory.alone:
+            return True
+        self.wanting = [place]
+        return False
+
+    # -- how a tick runs
+
+    def follow(self) -> None:
+        """Do the plan's steps until one of them wants time."""
+        self._hear_traffic()
+        while self.memory.plan and self.memory.plan[0].act(self):
+            del self.memory.plan[0]
+            self.memory.done += 1
+            self.memory.since = self.seen.tick
+            self.memory.asked = {}
+            self.action.waits_for = ""
+
+    def finish(self) -> Action:
+        """The action of this tick: the steps' wishes, less what would hit something."""
+        self._claim()
+        action = self.action
+        if action.twist.x > 0 and something_ahead(self.seen, self._blind_to):
+            action.twist, action.waits_for = STILL, "an obstacle ahead"
+        if action.twist.yaw and not turn_is_free(self.seen, self._turn, self._blind_to):
+            action.twist, action.waits_for = STILL, "an obstacle in its turn"
+        action.doing, action.steps_done = self.memory.doing, self.memory.done
+        return action
+
+    def _hear_traffic(self) -> None:
+        for reply in self.mail.replies:
+            if isinstance(reply.body, Places) and isinstance(reply.request, Claim):
+                granted = [p for p in reply.body.held if p in reply.request.want and p not in self.memory.held]
+                self.memory.held = self.memory.held + granted
+                self.memory.agreed, self.memory.alone = reply.body.held, reply.body.alone
+                if reply.body.blockers:
+                    self.action.waits_for = ", ".join(reply.body.blockers)
+
+    def _claim(self) -> None:
+        """Tell traffic what is kept and wanted: at once when something was given back, and again while something is wanted."""
+        memory, since = self.memory, self.seen.tick - self.memory.claimed
+        given_back = sorted(memory.agreed) != sorted(memory.held)
+        if (self.wanting and since >= PATIENCE) or (given_back and since >= 2):
+            self.action.requests.append((TRAFFIC, Claim(keep=list(memory.held), want=list(self.wanting), beside=self._beside)))
+            memory.claimed = self.seen.tick

@@ -1,0 +1,132 @@
+"""A stage for tests: an orchard in local mode, spoken of in the domain's words and in simulated time."""
+
+from collections.abc import Callable
+
+from orchard.agent import Action, Agent, Mail, Observation
+from orchard.config import Animals, People, Scenario
+from orchard.events import Event
+from orchard.geometry import HEADINGS, STILL, Twist, angle_between
+from orchard.local import Local
+from orchard.metrics import collisions
+from orchard.world import NOBODY
+
+NOBODY_ABOUT = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0}
+
+
+def empty_orchard(**changes) -> Scenario:
+    """A scenario without people, animals, weeds and tractor, unless asked for."""
+    return Scenario(**{"rows": 3, "tractor": False, **NOBODY_ABOUT, **changes})
+
+
+class Standing:
+    """An agent that does nothing."""
+
+    Memory = dict
+
+    def tick(self, seen: Observation, mail: Mail, memory: object) -> Action:
+        return Action(memory=memory, doing="standing")
+
+
+class Driven:
+    """An agent that drives with one velocity."""
+
+    Memory = dict
+
+    def __init__(self, twist: Twist) -> None:
+        self.twist = twist
+
+    def tick(self, seen: Observation, mail: Mail, memory: object) -> Action:
+        return Action(twist=self.twist, memory=memory)
+
+
+class Stage:
+    """An orchard that runs until something is so; every wait is bounded in simulated time."""
+
+    def __init__(self, scenario: Scenario, **agents: Agent) -> None:
+        self.local = Local(scenario)
+        self.local.agents |= agents
+        self.events: list[Event] = []
+
+    @property
+    def world(self):
+        return self.local.engine.world
+
+    @property
+    def seconds(self) -> float:
+        return self.world.tick / 10
+
+    def put(self, name: str, x: float, y: float, heading: str = "EAST") -> None:
+        """Set a body, and the bin that it has, somewhere before the first tick."""
+        assert self.world.tick == 0, "bodies are put before the beginning"
+        i = self.world.index[name]
+        dx, dy = x - self.world.pose[i, 0], y - self.world.pose[i, 1]
+        assert self.world.coupled[i] == NOBODY or heading == "EAST", "a robot with a bin faces east at the beginning"
+        if self.world.coupled[i] != NOBODY:
+            self.world.pose[self.world.coupled[i], :2] += dx, dy
+        self.world.pose[i] = x, y, HEADINGS[heading]
+
+    def give(self, name: str, steps: list, **memory) -> None:
+        """Set a robot's plan."""
+        agent = self.local.agents[name]
+        self.local.memories[name] = agent.Memory(plan=list(steps), **memory)
+
+    def tick(self) -> None:
+        self.events += self.local.tick()
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds * 10)):
+            self.tick()
+
+    def run_until(self, condition: Callable[[], bool], seconds: float = 600.0) -> float:
+        """Run until something is so, and tell how many seconds it took; an assertion fails if it takes longer than allowed."""
+        start = self.world.tick
+        while not condition():
+            assert self.world.tick - start < seconds * 10, f"not within {seconds} s; {self.who_is_where()}"
+            self.tick()
+        return (self.world.tick - start) / 10
+
+    def run_to_the_end(self, seconds: float = 4000.0) -> float:
+        return self.run_until(lambda: self.local.engine.over, seconds)
+
+    def who_is_where(self) -> str:
+        lines = [f"{n} at {tuple(self.pose(n))}: {a.doing}, waits for {a.waits_for or 'nobody'}" for n, a in self.local.actions.items()
+                 if n in self.world.index]
+        return "\n".join(["", *lines])
+
+    # -- asking
+
+    def pose(self, name: str) -> tuple[float, float, float]:
+        return tuple(float(v) for v in self.world.pose[self.world.index[name]])
+
+    def bin_of(self, name: str) -> str:
+        """The name of the bin that a robot has, or ''."""
+        other = self.world.coupled[self.world.index[name]]
+        return "" if other == NOBODY else self.world.layout.names[other]
+
+    def is_full(self, name: str) -> bool:
+        return bool(self.world.fill[self.world.index[name]] >= 70.0)
+
+    def is_still(self, name: str) -> bool:
+        return not self.world.twist[self.world.index[name]].any()
+
+    def doing(self, name: str) -> str:
+        return self.local.actions[name].doing
+
+    def happened(self, what: str, who: str = "") -> list[Event]:
+        return [event for event in self.events if event.what == what and who in ("", event.who)]
+
+    # -- asserting
+
+    def assert_at(self, name: str, x: float | None = None, y: float | None = None, heading: str | None = None) -> None:
+        """A body is at a place and faces a heading, to a micrometre and a microradian."""
+        here = self.pose(name)
+        for got, wanted, axis in ((here[0], x, "x"), (here[1], y, "y")):
+            assert wanted is None or abs(got - wanted) < 1e-6, f"{name}: {axis} = {got}, not {wanted}"
+        off = 0.0 if heading is None else angle_between(here[2], HEADINGS[heading])
+        assert abs(off) < 1e-6, f"{name} faces {here[2]}, not {heading}"
+
+    def assert_no_collisions(self) -> None:
+        assert collisions(self.world) == 0, self.happened("collision")
+
+
+__all__ = ["NOBODY_ABOUT", "STILL", "Driven", "Stage", "Standing", "empty_orchard"]

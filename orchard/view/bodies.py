@@ -1,0 +1,120 @@
+"""The bodies: their shapes, and what changes about them from time to time: state, bin's fill, bar, weeds."""
+
+from collections.abc import Iterable
+
+import numpy as np
+import rerun as rr
+
+from orchard.kinds import ANIMALS, KINDS, PEOPLE
+from orchard.layout import ROW_LENGTH, Layout, Start
+from orchard.view import palette
+from orchard.view.mesh import Part, mesh_of
+from orchard.view.scenery import archetype
+from orchard.view.shapes import body
+
+WORLD_FRAME = "tf#/"  # Rerun's name for the frame of the root entity
+GROUPS = {"person": PEOPLE, "animal": ANIMALS}  # kinds that share a branch of world/
+PINNED = ("picker", "carrier", "tractor")
+SHORT = {"picker": "P", "carrier": "C", "tractor": "T"}
+SCAN_COLOURS = {"picker": (255, 0, 200), "carrier": (0, 150, 255), "tractor": (255, 40, 30)}
+OTHER_SCANS = (250, 250, 120)
+
+BIN_FLOOR, BIN_RIM = 0.2, 0.94  # z between which the fruit stands, m
+FILL_STEPS = 14
+FRUIT = [Part("cab", (0.88, 0.88, 1.0), (0, 0, -0.5), palette.KIWI), *(
+    Part("ball", (0.3, 0.3, 0.24), (x, y, 0.0), palette.KIWI_FLESH if (i + j) % 2 else palette.KIWI)
+    for i, x in enumerate((-0.27, 0.0, 0.27)) for j, y in enumerate((-0.27, 0.0, 0.27))
+)]  # fmt: skip
+
+
+def path_of(start: Start) -> str:
+    """Where a body lives in the recording: world/pickers/picker_01."""
+    group = next((group for group, kinds in GROUPS.items() if start.kind in kinds), start.kind)
+    return f"world/{'people' if group == 'person' else group + 's'}/{start.name}"
+
+
+class Bodies:
+    """The bodies' entities; every method logs at the time that is set on the stream, and only what has changed."""
+
+    def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
+        self.rec, self.layout = rec, layout
+        self.path = {start.name: path_of(start) for start in layout.starts}
+        self._said: dict[str, dict[str, palette.Colour]] = {name: {} for name in layout.names}
+        self._level = dict.fromkeys((s.name for s in layout.starts if s.kind == "bin"), -1)
+        self._barred = dict.fromkeys((i for i, s in enumerate(layout.starts) if KINDS[s.kind].tows), False)
+        self._weeds = {i: False for i, s in enumerate(layout.starts) if s.kind == "weed"}
+        for start in layout.starts:
+            self._introduce(start)
+
+    def _introduce(self, start: Start) -> None:
+        """What never changes about a body: its frame, shape, pin and the look of its scan."""
+        kind, path, frame = KINDS[start.kind], self.path[start.name], rr.CoordinateFrame(start.name)
+        self.rec.log(path, frame, static=True)
+        if start.kind != "weed":
+            self.rec.log(path, archetype(mesh_of(body(start.kind))), static=True)
+        if start.kind in PINNED:
+            above = [(0.0, 0.0, kind.height + 2.2)]
+            label = f"{SHORT[start.kind]}{start.name[-2:]}"
+            self.rec.log(f"pins/{start.name}", frame, rr.Points3D(above, labels=[label], show_labels=False), static=True)
+            self.rec.log(f"pins/{start.name}", rr.Points3D.from_fields(colors=[palette.STATES[palette.RESTING]]))
+        if start.kind == "bin":
+            self.rec.log(f"{path}/fruit", frame, archetype(mesh_of(FRUIT)), static=True)
+        colour = SCAN_COLOURS.get(start.kind, OTHER_SCANS)
+        self.rec.log(f"scans/{start.name}", frame, rr.Points3D.from_fields(colors=[colour], radii=[0.07]), static=True)
+
+    def doing(self, name: str, text: str) -> None:
+        """A body does something else now: its lane in the timeline, and the colour of its pin."""
+        path, colour, known = self.path.get(name), palette.colour_of(text), self._said.get(name)
+        if path is None or known is None:
+            return
+        text = text or palette.RESTING
+        if text not in known:
+            known[text] = colour
+            self.rec.log(path, rr.StateConfiguration(values=list(known), colors=list(known.values())), static=True)
+        self.rec.log(path, rr.StateChange(state=text))
+        if self.layout.starts[self.layout.index[name]].kind in PINNED:
+            self.rec.log(f"pins/{name}", rr.Points3D.from_fields(colors=[colour]))
+
+    def fills(self, fill: np.ndarray) -> None:
+        """How high the fruit stands in each bin; `fill` in metres of row, one per body."""
+        for name, level in self._level.items():
+            now = int(np.ceil(FILL_STEPS * fill[self.layout.index[name]] / ROW_LENGTH - 1e-9))
+            if now != level:
+                self._level[name] = now
+                self._fruit(name, now)
+
+    def _fruit(self, name: str, level: int) -> None:
+        path = f"{self.path[name]}/fruit"
+        z = BIN_FLOOR + (BIN_RIM - BIN_FLOOR) * level / FILL_STEPS
+        scale = (1.0, 1.0, z - 0.17) if level else (0.01, 0.01, 0.01)
+        self.rec.log(path, rr.InstancePoses3D(translations=[(0.0, 0.0, z)], scales=[scale]))
+
+    def bars(self, coupled: np.ndarray) -> None:
+        """The bar between a robot and its bin, while they are coupled; `coupled` is an index or -1 for each body."""
+        for i, barred in self._barred.items():
+            now = bool(coupled[i] >= 0)
+            if now != barred:
+                self._barred[i] = now
+                self._bar(self.layout.starts[i], now)
+
+    def _bar(self, robot: Start, there: bool) -> None:
+        kind = KINDS[robot.kind]
+        ends = [(-kind.length / 2 + 0.1, 0.0, 0.35), (-kind.tows + 0.4, 0.0, 0.35)]
+        strips = rr.LineStrips3D([ends] if there else [], colors=[palette.BAR], radii=[0.07])
+        self.rec.log(f"{self.path[robot.name]}/bar", rr.CoordinateFrame(robot.name), static=True)
+        self.rec.log(f"{self.path[robot.name]}/bar", strips)
+
+    def weeds(self, alive: np.ndarray) -> None:
+        """Weeds grow where they are alive, and are gone where they are not."""
+        for i, grown in self._weeds.items():
+            now, path = bool(alive[i]), self.path[self.layout.names[i]]
+            if now and not grown:
+                self.rec.log(path, archetype(mesh_of(body("weed"))))
+            if grown and not now:
+                self.rec.log(path, rr.Clear(recursive=False))
+            self._weeds[i] = now
+
+    def scanned(self, kinds: Iterable[str]) -> list[int]:
+        """The bodies of these kinds, as places in the world's arrays."""
+        wanted = set(kinds)
+        return [i for i, start in enumerate(self.layout.starts) if start.kind in wanted]

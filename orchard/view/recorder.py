@@ -1,0 +1,220 @@
+"""Frames -> a Rerun recording: a file, a live server, or both.
+
+Moving things go out in chunks of a second; what changes seldom goes out when it changes. Time is `sim_time`, seconds.
+"""
+
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+
+from orchard.config import TIME_STEP
+from orchard.frames import Frame
+from orchard.kinds import KINDS, LASER_RANGE, Laser
+from orchard.layout import ROW_LENGTH, Layout
+from orchard.view import palette
+from orchard.view.blueprint import TIMELINE, blueprint
+from orchard.view.bodies import Bodies
+from orchard.view.rows import Rows
+from orchard.view.scenery import log_scenery
+from orchard.view.talk import Talk, level_of, line_of
+
+CHUNK_TICKS = 10  # a second
+SCAN_TICKS = 5  # 2 Hz
+SCAN_BEAMS = 2  # every second one
+SCAN_GRID = 32.0  # positions are rounded to 1/32 m
+SCANNED = ("picker", "carrier", "tractor", "worker", "visitor", "dog", "cat")
+NO_WORDS: Mapping[str, str] = {}
+
+# Path -> (name in the legend, colour, width): the plots of the blueprint
+SERIES: dict[str, tuple[str, palette.Colour, float]] = {
+    "metrics/bins/delivered": ("delivered", (76, 175, 80), 2.5),
+    "metrics/bins/full": ("full, not yet unloaded", (235, 120, 40), 2.0),
+    "metrics/bins/rows_picked": ("rows picked", (140, 110, 60), 1.5),
+    "metrics/robots/pickers_waiting": ("pickers waiting", (255, 160, 20), 2.0),
+    "metrics/robots/carriers_busy": ("carriers busy", (45, 140, 240), 2.0),
+}
+
+
+class Recorder:
+    """Writes one run. Feed it every tick, in order; `close()` when it is over (a kill loses the last second only)."""
+
+    def __init__(self, layout: Layout, run_name: str, path: str | Path | None = None, serve: bool = False, port: int = 9876,
+                 scanned: Iterable[str] = SCANNED, full_scans: bool = False) -> None:  # fmt: skip
+        """`serve` opens a server for viewers on the loopback; `full_scans` keeps every scan and every beam."""
+        self.layout = layout
+        self.rec = rr.RecordingStream("orchard", recording_id=run_name)
+        self.rec.set_log_time_enabled(False)
+        self.rec.set_log_tick_enabled(False)
+        self.uri = self._open(path, serve, port)
+        self.rec.send_recording_name(run_name)
+        self.rec.set_time(TIMELINE, duration=0.0)
+        log_scenery(self.rec, layout)
+        _log_series(self.rec)
+        self.bodies, self.rows, self.talk = Bodies(self.rec, layout), Rows(self.rec, layout), Talk(self.rec, layout)
+        self._every, self._beams = (1, 1) if full_scans else (SCAN_TICKS, SCAN_BEAMS)
+        self._scanned = self.bodies.scanned(scanned)
+        self._poses: list[tuple[int, np.ndarray]] = []
+        self._scans: list[tuple[int, Sequence[np.ndarray | None]]] = []
+        self._events: list[tuple[int, tuple[str, str, str, str]]] = []
+        self._last: np.ndarray | None = None
+        self._doing: dict[str, str] = {}
+        self._gauges: dict[str, float] = {}
+
+    def _open(self, path: str | Path | None, serve: bool, port: int) -> str:
+        """Choose the sinks; the address for a viewer, or ''."""
+        server = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port) if serve else None
+        sinks = [sink for sink in (rr.FileSink(str(path)) if path is not None else None, server) if sink is not None]
+        if sinks:
+            self.rec.set_sinks(*sinks, default_blueprint=blueprint(self.layout))
+        return server.uri if server is not None else ""
+
+    def tick(self, frame: Frame) -> None:
+        """Take one tick. Frames come in order; ticks may be left out."""
+        self.rec.set_time(TIMELINE, duration=frame.tick * TIME_STEP)
+        self._keep(frame)
+        self._changes(frame)
+        self._words(frame)
+        self._figures(frame)
+        if frame.tick % CHUNK_TICKS == 0:
+            self.flush()
+
+    def close(self) -> None:
+        """Write what is still held back, and end the file well. The server goes away as well."""
+        self.flush()
+        self.rec.flush()
+        self.rec.disconnect()
+
+    def flush(self) -> None:
+        """Send what has gathered since the last time."""
+        self._send_poses()
+        self._send_scans()
+        self._send_events()
+
+    # -- what gathers
+
+    def _keep(self, frame: Frame) -> None:
+        self._poses.append((frame.tick, np.array(frame.poses, dtype=np.float64)))
+        self._events.extend((frame.tick, event) for event in frame.events)
+        if frame.scans is not None and frame.tick % self._every == 0:
+            self._scans.append((frame.tick, frame.scans))
+
+    def _send_poses(self) -> None:
+        """Those that have changed, all in one entity: each row names the body's frame."""
+        times, places, frames = [], [], []
+        for tick, poses in self._poses:
+            moved = np.arange(len(poses)) if self._last is None else np.flatnonzero((poses != self._last).any(axis=1))
+            self._last = poses
+            times.append(np.full(len(moved), tick * TIME_STEP))
+            places.append(poses[moved])
+            frames.extend(self.layout.names[i] for i in moved)
+        self._poses.clear()
+        if frames:
+            self.rec.send_columns("/tf", indexes=[_times(np.concatenate(times))], columns=_transforms(np.concatenate(places), frames))
+
+    def _send_scans(self) -> None:
+        for i in self._scanned if self._scans else ():
+            name, laser = self.layout.names[i], KINDS[self.layout.starts[i].kind].laser
+            kept = [(tick, scans[i]) for tick, scans in self._scans]
+            clouds = [(tick, hits(ranges, laser, self._beams)) for tick, ranges in kept if ranges is not None]
+            if clouds:
+                points = np.concatenate([cloud for _, cloud in clouds])
+                column = rr.Points3D.columns(positions=points).partition([len(cloud) for _, cloud in clouds])
+                self.rec.send_columns(f"scans/{name}", indexes=[_ticks(tick for tick, _ in clouds)], columns=column)
+        self._scans.clear()
+
+    def _send_events(self) -> None:
+        if self._events:
+            texts = [line_of(*event) for _, event in self._events]
+            levels = [level_of(event[0]) for _, event in self._events]
+            columns = rr.TextLog.columns(text=texts, level=levels)
+            self.rec.send_columns("events", indexes=[_ticks(tick for tick, _ in self._events)], columns=columns)
+            self._events.clear()
+
+    # -- what changes seldom
+
+    def _changes(self, frame: Frame) -> None:
+        if frame.fill is not None:
+            self.bodies.fills(frame.fill)
+        if frame.coupled is not None:
+            self.bodies.bars(frame.coupled)
+        if frame.alive is not None:
+            self.bodies.weeds(frame.alive)
+        if frame.row_picked is not None:
+            self.rows.show(frame.row_picked, frame.poses)
+
+    def _words(self, frame: Frame) -> None:
+        for name, text in frame.doing.items():
+            if self._doing.get(name) != text:
+                self._doing[name] = text
+                self.bodies.doing(name, text)
+        self.talk.hear(frame.tick, frame.events)
+        self.talk.show(frame.tick, frame.poses, fresh=bool(frame.events))
+
+    def _figures(self, frame: Frame) -> None:
+        if frame.tick % CHUNK_TICKS and frame.delivered == self._gauges.get("metrics/bins/delivered"):
+            return
+        gauges = {"metrics/bins/delivered": float(frame.delivered), **self._robots(), **self._rows_and_bins(frame)}
+        for name, value in frame.figures.items():
+            path = next((path for path in SERIES if path.endswith("/" + name)), f"metrics/more/{name}")
+            gauges[path] = float(value)
+        for path, value in gauges.items():
+            if self._gauges.get(path) != value or frame.tick % (60 * CHUNK_TICKS) == 0:
+                self.rec.log(path, rr.Scalars(value))
+        self._gauges.update(gauges)
+
+    def _robots(self) -> dict[str, float]:
+        states = [(name.split("_")[0], palette.state_of(text)) for name, text in self._doing.items()]
+        waiting = sum(kind == "picker" and state in (palette.WAITING, palette.CALLING) for kind, state in states)
+        busy = sum(kind == "carrier" and state not in (palette.WAITING, palette.RESTING) for kind, state in states)
+        return {"metrics/robots/pickers_waiting": float(waiting), "metrics/robots/carriers_busy": float(busy)}
+
+    def _rows_and_bins(self, frame: Frame) -> dict[str, float]:
+        rows = {} if frame.row_picked is None else {"metrics/bins/rows_picked": float((frame.row_picked >= ROW_LENGTH).sum())}
+        return rows if frame.fill is None else rows | {"metrics/bins/full": float((frame.fill >= ROW_LENGTH).sum())}
+
+
+def hits(ranges: np.ndarray, laser: Laser, every: int) -> np.ndarray:
+    """(m, 3) float32: where every so-manieth beam hit something, in the body's frame, on a grid of 1/32 m."""
+    beams = np.arange(0, len(ranges), every)
+    seen = beams[ranges[::every] < LASER_RANGE]
+    angles = laser.first + laser.increment * seen
+    flat = np.stack([laser.ahead + ranges[seen] * np.cos(angles), ranges[seen] * np.sin(angles)], axis=1)
+    points = np.concatenate([np.round(flat * SCAN_GRID) / SCAN_GRID, np.full((len(seen), 1), 0.25)], axis=1)
+    return points.astype(np.float32)
+
+
+def optimize(path: str | Path) -> None:
+    """Pack a finished recording, in place: half its size, and it opens faster. Mends one that a kill has torn."""
+    path = Path(path)
+    packed = path.with_suffix(".packed.rrd")
+    command = [sys.executable, "-m", "rerun", "rrd", "optimize", "--continue-on-error", str(path), "-o", str(packed)]
+    subprocess.run(command, check=True, capture_output=True, timeout=600)
+    packed.replace(path)
+
+
+def _transforms(places: np.ndarray, frames: list[str]) -> rr.ComponentColumnList:
+    half = places[:, 2] / 2
+    zero = np.zeros(len(places))
+    return rr.Transform3D.columns(
+        translation=np.stack([places[:, 0], places[:, 1], zero], axis=1).astype(np.float32),
+        quaternion=np.stack([zero, zero, np.sin(half), np.cos(half)], axis=1).astype(np.float32),
+        child_frame=frames,
+    )
+
+
+def _times(seconds: np.ndarray) -> rr.TimeColumn:
+    return rr.TimeColumn(TIMELINE, duration=np.round(seconds * 1e9).astype("timedelta64[ns]"))
+
+
+def _ticks(ticks: Iterable[int]) -> rr.TimeColumn:
+    return _times(np.array(list(ticks)) * TIME_STEP)
+
+
+def _log_series(rec: rr.RecordingStream) -> None:
+    for path, (name, colour, width) in SERIES.items():
+        style = rr.SeriesLines(names=[name], colors=[colour], widths=[width], interpolation_mode="StepAfter")
+        rec.log(path, style, static=True)

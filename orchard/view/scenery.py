@@ -1,0 +1,143 @@
+"""What stands still: ground, driveway, fences, trees, posts, wires, the pergola, and the plan's camera. Logged once."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+
+from orchard import layout as field
+from orchard.layout import Layout
+from orchard.view import palette
+from orchard.view.mesh import Mesh, Part, mesh_of
+from orchard.view.shapes import CROWN, LINE_POST, TRUNK, vine_patch
+
+MARGIN = 6.0  # m of meadow around the fences that the plan shows
+CAMERA_UP = 400.0  # m
+FOCAL = 4000.0  # pixels: 10 pixels a metre on the ground
+
+# z of the layers on the ground, m: at least 5 cm apart, or they flicker from afar
+MEADOW_Z, GRASS_Z, ROADS_Z, DRIVEWAY_Z, ROW_Z = -0.35, -0.26, -0.18, -0.10, -0.04
+
+
+def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
+    """Everything that never changes."""
+    rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    _mesh(rec, "world/ground", mesh_of(_ground(layout)))
+    _mesh(rec, "world/fences", mesh_of(_fences(layout)))
+    _instances(rec, "world/trees", mesh_of(TRUNK), _grid(field.TREES_X, layout.tree_lines))
+    _instances(rec, "world/posts", mesh_of(LINE_POST), _grid(field.POSTS_X, layout.tree_lines))
+    _instances(rec, "canopy/crowns", mesh_of(CROWN), _grid(field.TREES_X, layout.tree_lines), half_turns=True)
+    _instances(rec, "canopy/pergola", mesh_of(vine_patch(layout.scenario.row_width - 0.5)), _over_lanes(layout), half_turns=True)
+    rec.log("canopy/wires", rr.LineStrips3D(_wires(layout), colors=[palette.WIRE], radii=[0.02]), static=True)
+    _plan_canopy(rec, layout)
+    _camera(rec, layout)
+
+
+def _mesh(rec: rr.RecordingStream, path: str, mesh: Mesh, alpha: int | None = None) -> None:
+    rec.log(path, archetype(mesh, alpha), static=True)
+
+
+def archetype(mesh: Mesh, alpha: int | None = None) -> rr.Mesh3D:
+    """Rerun's mesh, see-through where `alpha` is less than 255."""
+    return rr.Mesh3D(
+        vertex_positions=mesh.points,
+        triangle_indices=mesh.triangles,
+        vertex_normals=mesh.normals,
+        vertex_colors=mesh.colours,
+        albedo_factor=None if alpha is None else (255, 255, 255, alpha),
+    )
+
+
+def _instances(rec: rr.RecordingStream, path: str, mesh: Mesh, places: np.ndarray, half_turns: bool = False) -> None:
+    """The same mesh at many places; with `half_turns` every other one is turned round, so that they look less alike."""
+    turned = (np.arange(len(places)) * 7 // 3) % 2 * (1.0 if half_turns else 0.0)
+    quaternions = np.stack([0 * turned, 0 * turned, turned, 1 - turned], axis=1)
+    _mesh(rec, path, mesh)
+    rec.log(path, rr.InstancePoses3D(translations=places, quaternions=quaternions), static=True)
+
+
+def _grid(xs: Sequence[float], ys: Sequence[float]) -> np.ndarray:
+    return np.array([(x, y, 0.0) for y in ys for x in xs], dtype=np.float32)
+
+
+def _over_lanes(layout: Layout) -> np.ndarray:
+    return _grid(field.TREES_X, [lane.y for lane in layout.lanes])
+
+
+def _slab(west: float, south: float, east: float, north: float, z: float, colour: palette.Colour) -> Part:
+    """A flat piece of ground."""
+    return Part("box", (east - west, north - south, 0.02), ((west + east) / 2, (south + north) / 2, z), colour)
+
+
+def _ground(layout: Layout) -> list[Part]:
+    """Meadow around, grass within the fences, the beaten roads around the rows, and the driveway."""
+    low, x, first, last = layout.bottom, field.X_MAX, layout.tree_lines[0], layout.tree_lines[-1]
+    drive = field.DRIVEWAY
+    return [
+        _slab(-x - 260, low - 260, x + 260, field.TOP + 260, MEADOW_Z, palette.MEADOW),
+        _slab(-x, low, x, field.TOP, GRASS_Z, palette.GRASS),
+        _slab(36.5, last - 8, 42.5, 26, ROADS_Z, palette.SOIL),
+        _slab(-45.5, last - 8, -36.5, 23, ROADS_Z, palette.SOIL),
+        _slab(-36.5, last - 8, 36.5, last - 3.5, ROADS_Z, palette.SOIL),
+        _slab(-36.5, first + 3.5, 36.5, 26, ROADS_Z, palette.SOIL),
+        _slab(*drive, DRIVEWAY_Z, palette.ROAD_EDGE),
+        _slab(drive.west + 0.4, drive.south + 0.4, drive.east - 0.4, drive.north - 0.4, DRIVEWAY_Z + 0.06, palette.GRAVEL),
+        *_bay(),
+    ]
+
+
+def _bay() -> list[Part]:
+    """The unloading bay, marked in white on the ground."""
+    west, south, east, north = field.BAY
+    z, white = DRIVEWAY_Z + 0.12, (250, 250, 245)
+    sides = [_slab(west, y, east, y + 0.15, z, white) for y in (south, north - 0.15)]
+    return sides + [_slab(x, south, x + 0.15, north, z, white) for x in (west, east - 0.15)]
+
+
+def _fences(layout: Layout) -> list[Part]:
+    """A kerb as wide as the laser sees it, posts every 5 m or so, three rails: 2.5 m high, and one can look through."""
+    low, top, x = layout.bottom, field.TOP, field.X_MAX
+    corners = [(-x, low), (x, low), (x, top), (-x, top)]
+    return [part for i in range(4) for part in _fence(corners[i], corners[(i + 1) % 4])]
+
+
+def _fence(start: tuple[float, float], end: tuple[float, float]) -> list[Part]:
+    length, middle = float(np.hypot(end[0] - start[0], end[1] - start[1])), np.add(start, end) / 2
+    yaw = 0.0 if start[1] == end[1] else 90.0
+    posts = np.linspace(start, end, max(2, round(length / 5.0)), endpoint=False)
+    parts = [Part("box", (0.25, 0.25, field.FENCE_HEIGHT), (px, py, field.FENCE_HEIGHT / 2), palette.FENCE) for px, py in posts]
+    parts += [Part("box", (length, 0.1, 0.16), (*middle, z), palette.FENCE, yaw=yaw) for z in (0.9, 1.6, 2.3)]
+    return [*parts, Part("box", (length + 1.0, field.FENCE_THICKNESS, 0.25), (*middle, 0.0), palette.KERB, yaw=yaw)]
+
+
+def _wires(layout: Layout) -> list[np.ndarray]:
+    """Along every line of posts, and across the lanes at every post."""
+    first, last, west, east = layout.tree_lines[0], layout.tree_lines[-1], field.TREES_X[0], field.TREES_X[-1]
+    along = [np.array([(west, y, 2.75), (east, y, 2.75)]) for y in layout.tree_lines]
+    return along + [np.array([(x, first, 2.78), (x, last, 2.78)]) for x in field.POSTS_X]
+
+
+def _plan_canopy(rec: rr.RecordingStream, layout: Layout) -> None:
+    """The canopy of the plan: flat and see-through, and the rows' numbers beside it."""
+    size = (1.7, layout.scenario.row_width - 0.5, 0.02)
+    patches = [Part("box", size, (x, y, 3.2), palette.VINE[0]) for x, y, _ in _over_lanes(layout)]
+    crowns = [Part("drum", (5.5, 1.4, 0.02), (x, y, 3.4), palette.LEAVES[0]) for x, y, _ in _grid(field.TREES_X, layout.tree_lines)]
+    _mesh(rec, "plan/pergola", mesh_of(patches), alpha=70)
+    _mesh(rec, "plan/crowns", mesh_of(crowns), alpha=130)
+    numbers = [(field.ROW_WEST - 0.5, lane.y, 4.0) for lane in layout.lanes]
+    labels = [f"{lane.number}" for lane in layout.lanes]
+    rec.log("plan/rows", rr.Points3D(numbers, labels=labels, radii=[0.01], colors=[(60, 80, 40)], show_labels=True), static=True)
+
+
+def _camera(rec: rr.RecordingStream, layout: Layout) -> None:
+    """A camera far above the middle that looks down, north up."""
+    height, width = plan_size(layout)
+    scale = FOCAL / CAMERA_UP
+    middle = (0.0, (field.TOP + layout.bottom) / 2, CAMERA_UP)
+    rec.log("plan/camera", rr.Transform3D(translation=middle, mat3x3=[[1, 0, 0], [0, -1, 0], [0, 0, -1]]), static=True)
+    rec.log("plan/camera", rr.Pinhole(focal_length=FOCAL, width=width * scale, height=height * scale), static=True)
+
+
+def plan_size(layout: Layout) -> tuple[float, float]:
+    """Height and width of what the plan shows, m."""
+    return field.TOP - layout.bottom + 2 * MARGIN, 2 * (field.X_MAX + MARGIN)

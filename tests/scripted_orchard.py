@@ -1,0 +1,132 @@
+"""A harvest that is only acted: bodies on rails, no physics, no agents. It feeds the picture in tests and measurements."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from orchard.config import Scenario
+from orchard.frames import Frame
+from orchard.geometry import Pose
+from orchard.kinds import KINDS, name_of
+from orchard.layout import QUEUE_HEAD, ROW_LENGTH, Layout, Start, lay_out
+
+GUESTS = {
+    "worker": [(-20, 22), (25, 20), (44, 18), (-44, -15)], "visitor": [(-47, 8), (-6, 22), (44, 6)],
+    "dog": [(20, -11), (20, 15)], "cat": [(-47, -11)], "weed": [(-30 + 6 * i, 19.0 - 0.3 * i) for i in range(10)],
+}  # fmt: skip
+WAIT = 25.0  # s that a picker waits at the end of a row
+
+
+def acted_layout(**scenario: object) -> Layout:
+    """A layout with its guests, also while nobody places them yet."""
+    layout = lay_out(Scenario(**scenario))
+    if any(start.kind == "worker" for start in layout.starts):
+        return layout
+    guests = tuple(Start(name_of(kind, i + 1), kind, Pose(x, y, 0.0)) for kind, spots in GUESTS.items() for i, (x, y) in enumerate(spots))
+    return replace(layout, starts=layout.starts + guests)
+
+
+def frames(layout: Layout, seconds: float, scanner: object = None) -> Iterator[Frame]:
+    """Every tick of an acted harvest; with a scanner (world -> ranges) also its scans."""
+    stage = Stage(layout)
+    for tick in range(int(seconds * 10) + 1):
+        yield stage.frame(tick, scanner)
+
+
+class Stage:
+    """Where everything is at a tick."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout, n = layout, len(layout.starts)
+        self.poses = np.array([start.pose for start in layout.starts], float)
+        self.coupled, self.fill, self.alive = np.full(n, -1), np.zeros(n), np.ones(n, bool)
+        self.row_picked, self.delivered = np.zeros(len(layout.lanes)), 0
+        self.doing: dict[str, str] = {}
+        self.events: list[tuple[str, str, str, str]] = []
+        for start in layout.starts:
+            if start.bin:
+                i, j = layout.index[start.name], layout.index[start.bin]
+                self.coupled[i], self.coupled[j] = j, i
+        self.ways = {start.name: self._way(start) for start in layout.starts if start.kind in ("picker", "carrier")}
+
+    def frame(self, tick: int, scanner: object = None) -> Frame:
+        self.events = []
+        for i, start in enumerate(self.layout.starts):
+            act = getattr(self, f"_{start.kind}", None)
+            if act is not None:
+                act(i, start, tick / 10)
+        self._towed()
+        scans = scanner(self) if scanner is not None else None
+        return Frame(tick, self.poses.copy(), dict(self.doing), scans, self.coupled.copy(), self.fill.copy(), self.alive.copy(),
+                     self.row_picked.copy(), self.delivered, list(self.events))  # fmt: skip
+
+    def _way(self, start: Start) -> np.ndarray:
+        """The corners of a robot's way."""
+        if start.kind == "picker":
+            ends = [[(-35.5, self.layout.lane(n).y), (40.5, self.layout.lane(n).y)] for n in self.layout.blocks[start.name]]
+            turned = [(x if i % 2 == 0 else -3 - x, y) for i, row in enumerate(ends) for x, y in row]
+            return np.array(turned)
+        south = self.layout.tree_lines[-1] - 6
+        return np.array([start.pose[:2], (38.25, start.pose.y), (38.25, south), (-41.25, south), (-41.25, 24.5), (-30, 24.5),
+                         (QUEUE_HEAD - 30, 24.5), (QUEUE_HEAD - 30, start.pose.y), start.pose[:2]])  # fmt: skip
+
+    def _drive(self, i: int, way: np.ndarray, metres: float) -> None:
+        legs = np.hypot(*np.diff(way, axis=0).T)
+        done = np.concatenate([[0.0], np.cumsum(legs)])
+        leg = int(np.clip(np.searchsorted(done, metres, side="right") - 1, 0, len(legs) - 1))
+        along = min(max(metres - done[leg], 0.0), legs[leg]) / max(legs[leg], 1e-9)
+        x, y = way[leg] + along * (way[leg + 1] - way[leg])
+        dx, dy = way[leg + 1] - way[leg]
+        self.poses[i] = x, y, np.arctan2(dy, dx)
+
+    def _picker(self, i: int, start: Start, now: float) -> None:
+        rows, name, bin_ = self.layout.blocks[start.name], start.name, self.layout.index[start.bin]
+        turn = 76.0 + WAIT + 7.0
+        block, into = divmod(now + 13.0 * (i % 3) * 0, turn)
+        if int(block) >= len(rows):
+            self.doing[name] = "resting"
+            return
+        row = rows[int(block)]
+        self._drive(i, self.ways[name], block * (76.0 + self.layout.pitch) + min(into, 76.0) + max(0.0, into - 76.0 - WAIT))
+        self.row_picked[row - 1] = min(into, ROW_LENGTH)
+        self.fill[bin_] = self.row_picked[row - 1] if into < 76.0 + WAIT else 0.0
+        self.doing[name] = f"picking row {row}" if into < 70 else f"leaving row {row}" if into < 76 else "waiting for a bin"
+        if abs(into - 70.0) < 0.05:
+            callers = [s.name for s in self.layout.starts if s.kind == "carrier"]
+            self.events += [("call", start.bin, carrier, f"call, lane {row} east") for carrier in callers]
+            self.events += [("offer", carrier, start.bin, "offer, 40 m") for carrier in callers]
+            self.events += [("come", start.bin, callers[0], f"come, lane {row} east")]
+
+    def _carrier(self, i: int, start: Start, now: float) -> None:
+        wait = 8.0 * (i + 1)
+        self._drive(i, self.ways[start.name], max(0.0, (now - wait) % 500.0))
+        x, y = self.poses[i, :2]
+        bay = y == 24.5 and -35 < x < -28
+        self.doing[start.name] = "waiting in the queue" if now < wait else "unloading" if bay else "driving to row 2" if x > 0 else "taking a full bin"
+        self.fill[self.layout.index[start.bin]] = ROW_LENGTH if y < 10 or x < -31 else 0.0
+        if bay and x > -28.1:
+            self.delivered += 1
+            self.events.append(("delivered", start.name, "", "a bin"))
+
+    def _tractor(self, i: int, start: Start, now: float) -> None:
+        leg, into = divmod(now, 33.0)
+        there = min(into, 20.0)
+        self.poses[i] = (-45 + there, 29, 0.0) if leg % 2 == 0 else (-25 - there, 29, np.pi)
+        self.doing[start.name] = "driving" if into < 20 else "waiting 5 s"
+
+    def _wander(self, i: int, start: Start, now: float) -> None:
+        a = 0.2 * now + i
+        self.poses[i] = start.pose.x + 3 * np.cos(a), start.pose.y + 3 * np.sin(a), a + np.pi / 2
+
+    _worker = _visitor = _dog = _cat = _wander
+
+    def _weed(self, i: int, start: Start, now: float) -> None:
+        self.alive[i] = now < 20.0 * (i % 7 + 2)
+
+    def _towed(self) -> None:
+        for i, start in enumerate(self.layout.starts):
+            if start.bin:
+                x, y, yaw = self.poses[i]
+                tows = KINDS[start.kind].tows
+                self.poses[self.layout.index[start.bin]] = x - tows * np.cos(yaw), y - tows * np.sin(yaw), yaw

@@ -1,4 +1,4 @@
-"""Sine, cosine and arc tangent with the same bits on every machine.
+"""Sine, cosine, arc tangent and logarithm with the same bits on every machine.
 
 libm and numpy pick other instructions on other processors, and the last bit of their results changes with
 them. These use + - * / and rounding alone, which IEEE 754 fixes, so whatever is hashed may be built on them.
@@ -6,7 +6,8 @@ The same plain functions run in Python (agents) and compiled by numba (physics);
 
 Method: the angle is reduced by quarter turns (pi/2 in two parts, the first with 33 bits, so that the product
 with a small integer is exact), then Taylor's series is summed on [-pi/4, pi/4]. The arc tangent starts from
-the nearest of nine known angles, and adds the series of the small rest.
+the nearest of nine known angles, and adds the series of the small rest. The logarithm takes the power of two
+off, and sums the series of the inverse hyperbolic tangent on what is left, which lies between sqrt(1/2) and sqrt(2).
 """
 
 import math
@@ -17,6 +18,9 @@ QUARTER = 0.5 * math.pi
 
 _QUARTER_HIGH = 1.5707963267341256  # pi/2, its first 33 bits
 _QUARTER_LOW = 6.077100506506192e-11  # pi/2 less the above
+_LN2_HIGH = 0.6931471803691238  # ln 2, its first 33 bits
+_LN2_LOW = 1.9082149292705877e-10  # ln 2 less the above
+_SQRT_HALF = 0.7071067811865476
 _ARCTAN_OF_EIGHTHS = (
     0.0,
     0.12435499454676144,
@@ -90,3 +94,15 @@ def wrap(angle: float) -> float:
         return angle
     wrapped = angle - TURN * math.floor(angle / TURN + 0.5)
     return PI if wrapped <= -PI else wrapped
+
+
+def log(x: float) -> float:
+    """The natural logarithm of a finite x > 0."""
+    mantissa, exponent = math.frexp(x)
+    if mantissa < _SQRT_HALF:
+        mantissa, exponent = mantissa * 2.0, exponent - 1
+    z = (mantissa - 1.0) / (mantissa + 1.0)
+    s = z * z
+    tail = 1.0 / 13.0 + s * (1.0 / 15.0 + s * (1.0 / 17.0 + s * (1.0 / 19.0 + s / 21.0)))
+    series = s * (1.0 / 3.0 + s * (1.0 / 5.0 + s * (1.0 / 7.0 + s * (1.0 / 9.0 + s * (1.0 / 11.0 + s * tail)))))
+    return exponent * _LN2_HIGH + (2.0 * z + (2.0 * z * series + exponent * _LN2_LOW))

@@ -4,13 +4,16 @@ Physics alone changes it. Everything that a snapshot must hold is in here; what 
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
+from orchard.boxes import boxes_of
 from orchard.kinds import KINDS
 from orchard.layout import Layout
+from orchard.move_kernel import NOBODY, Bodies
 
-NOBODY = -1
+__all__ = ["NOBODY", "World", "half_sizes", "new_world"]
 
 
 @dataclass
@@ -31,6 +34,7 @@ class World:
     distance: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (n,) float64: metres driven
     refused: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (n,) int64: steps that would have overlapped
     held: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (n,) int64: steps that the bar held back
+    blocked: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n,) bool: the last step was refused
 
     @property
     def index(self) -> dict[str, int]:
@@ -39,6 +43,26 @@ class World:
     @property
     def seconds(self) -> float:
         return self.tick / 10
+
+    @cached_property
+    def bodies(self) -> Bodies:
+        """What physics must know of each body's kind."""
+        return bodies_of(self.layout)
+
+    @cached_property
+    def walls(self) -> np.ndarray:
+        """(w, 7): the boxes of fences, trunks and posts."""
+        return boxes_of(self.layout.walls[:, :2], self.layout.walls[:, 2:])
+
+    @cached_property
+    def pickers(self) -> np.ndarray:
+        """The indices of the pickers."""
+        return np.array([i for i, start in enumerate(self.layout.starts) if start.kind == "picker"], dtype=np.int64)
+
+    @cached_property
+    def lane_y(self) -> np.ndarray:
+        """(r,) m: the lanes' centre lines."""
+        return np.array([lane.y for lane in self.layout.lanes])
 
 
 def new_world(layout: Layout) -> World:
@@ -63,6 +87,20 @@ def new_world(layout: Layout) -> World:
         distance=np.zeros(n),
         refused=np.zeros(n, dtype=np.int64),
         held=np.zeros(n, dtype=np.int64),
+        blocked=np.zeros(n, dtype=bool),
+    )
+
+
+def bodies_of(layout: Layout) -> Bodies:
+    """The bodies' kinds as arrays, in body order."""
+    kinds = [KINDS[start.kind] for start in layout.starts]
+    return Bodies(
+        boxes=boxes_of(np.zeros((len(kinds), 2)), half_sizes(layout)),
+        speed=np.array([kind.speed for kind in kinds], dtype=np.float64),
+        turn=np.array([kind.turn for kind in kinds], dtype=np.float64),
+        tows=np.array([kind.tows for kind in kinds], dtype=np.float64),
+        solid=np.array([kind.solid for kind in kinds], dtype=bool),
+        sideways=np.array([kind.sideways for kind in kinds], dtype=bool),
     )
 
 

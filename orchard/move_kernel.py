@@ -1,0 +1,215 @@
+"""The inner loops of physics: limits, movement, picking. Arrays have one row per body, in moving order; SI units."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orchard.boxes import COSINE, SINE, X, Y, gap, overlap
+from orchard.compiled import jit, sin_cos, wrap
+from orchard.config import TIME_STEP
+from orchard.layout import ROW_EAST, ROW_LENGTH, ROW_WEST
+
+NOBODY = -1
+BAR = 0.3  # m; a coupled bin further off its place than this holds its robot
+LANE_REACH = 1.0  # m; a picker this near a lane's centre line drives in that row
+PICK_REACH = 0.2  # m; what is picked goes on from where it ended, or from a row's end; a step is at most half of this
+FULL_WITHIN = 1e-6  # m; a row or a bin that lacks no more than this is full
+_FRONTIER = 1e-9  # m
+
+
+class Bodies(NamedTuple):
+    """What the bodies are and does not change."""
+
+    boxes: np.ndarray  # (n, 7): half sizes and radius hold, the rest is written when they are placed
+    speed: np.ndarray  # (n,) m/s
+    turn: np.ndarray  # (n,) rad/s
+    tows: np.ndarray  # (n,) m from its centre back to its coupled bin's; 0: tows nothing
+    solid: np.ndarray  # (n,) bool
+    sideways: np.ndarray  # (n,) bool: a bin, which moves only while it is coupled
+
+
+class Rows(NamedTuple):
+    """The rows and how far they are picked; r of them."""
+
+    y: np.ndarray  # (r,) m, the lanes' centre lines
+    picked: np.ndarray  # (r,) m
+    begun: np.ndarray  # (r,) int64: -1 from the west, +1 from the east, 0 not yet
+
+
+@jit
+def finite(wanted):
+    """Twists, (n, 3), with those that are not finite replaced by standing still."""
+    twists = wanted.copy()
+    for i in range(len(twists)):
+        if not (np.isfinite(twists[i, 0]) and np.isfinite(twists[i, 1]) and np.isfinite(twists[i, 2])):
+            twists[i, :] = 0.0
+    return twists
+
+
+@jit
+def limit(wanted, top, coupled, bodies):
+    """The twists, (n, 3), that bodies can do of those they want; top (n,) m/s is how fast each may go now."""
+    twists = np.zeros_like(wanted)
+    for i in range(len(wanted)):
+        if bodies.sideways[i] and coupled[i] == NOBODY:
+            continue
+        forward = min(max(wanted[i, 0], -top[i]), top[i])
+        left = min(max(wanted[i, 1], -top[i]), top[i]) if bodies.sideways[i] else 0.0
+        speed = np.sqrt(forward * forward + left * left)
+        share = top[i] / speed if speed > top[i] else 1.0
+        twists[i, 0] = forward * share
+        twists[i, 1] = left * share
+        twists[i, 2] = min(max(wanted[i, 2], -bodies.turn[i]), bodies.turn[i])
+    return twists
+
+
+@jit
+def arc(x, y, yaw, forward, left, turn, seconds):
+    """Where a body is after a constant twist: the exponential of SE(2).
+
+    The chord of the arc points half the turn further than the body, and is shorter than the arc by sin(h) / h.
+    """
+    half = 0.5 * turn * seconds
+    s, c = sin_cos(yaw + half)
+    length = seconds if half == 0.0 else seconds * (sin_cos(half)[0] / half)
+    return x + length * (c * forward - s * left), y + length * (s * forward + c * left), wrap(yaw + turn * seconds)
+
+
+@jit
+def move_all(twist, pose, coupled, bodies, walls, boxes, distance, refused, held):
+    """Move every body with its twist for one time step, one after another, where nothing solid is in the way.
+
+    boxes (n, 7) are the bodies' as they stand, walls (w, 7). A body that cannot move keeps its pose, and its twist becomes 0.
+    Returns (n,) int64: what was in the way of each: a body's index, n + a wall's index, or NOBODY.
+    """
+    n = len(pose)
+    obstacles = np.full(n, NOBODY)
+    for i in range(n):
+        forward, left, turn = twist[i]
+        if forward == 0.0 and left == 0.0 and turn == 0.0:
+            continue
+        x, y, yaw = arc(pose[i, 0], pose[i, 1], pose[i, 2], forward, left, turn, TIME_STEP)
+        moved = _moved(boxes[i], x, y, yaw)
+        if _leaves_its_bin(moved, i, coupled, bodies, boxes):
+            held[i] += 1
+            twist[i, :] = 0.0
+            continue
+        obstacles[i] = _in_the_way(moved, i, bodies, boxes, walls)
+        if obstacles[i] != NOBODY:
+            refused[i] += 1
+            twist[i, :] = 0.0
+            continue
+        boxes[i] = moved
+        pose[i, 0], pose[i, 1], pose[i, 2] = x, y, yaw
+        distance[i] += np.sqrt(forward * forward + left * left) * TIME_STEP
+    return obstacles
+
+
+@jit
+def _moved(box, x, y, yaw):
+    moved = box.copy()
+    s, c = sin_cos(yaw)
+    moved[X], moved[Y], moved[COSINE], moved[SINE] = x, y, c, s
+    return moved
+
+
+@jit
+def _leaves_its_bin(moved, me, coupled, bodies, boxes):
+    """Whether a robot, once moved, would have its coupled bin too far off its place."""
+    if bodies.tows[me] == 0.0 or coupled[me] == NOBODY:
+        return False
+    off_x = boxes[coupled[me], X] - (moved[X] - bodies.tows[me] * moved[COSINE])
+    off_y = boxes[coupled[me], Y] - (moved[Y] - bodies.tows[me] * moved[SINE])
+    return off_x * off_x + off_y * off_y > BAR * BAR
+
+
+@jit
+def _in_the_way(moved, me, bodies, boxes, walls):
+    """The first solid thing that a moved body would overlap: a body's index, n + a wall's, or NOBODY."""
+    for j in range(len(boxes)):
+        if j != me and bodies.solid[j] and overlap(moved, boxes[j]):
+            return j
+    for k in range(len(walls)):
+        if overlap(moved, walls[k]):
+            return len(boxes) + k
+    return NOBODY
+
+
+@jit
+def mover_near(me, reach, twist, bodies, boxes):
+    """The first solid body that moved in the last step and is within `reach` metres of a body, edge to edge, or NOBODY."""
+    for j in range(len(boxes)):
+        moves = twist[j, 0] != 0.0 or twist[j, 1] != 0.0 or twist[j, 2] != 0.0
+        if j != me and moves and bodies.solid[j] and gap(boxes[me], boxes[j]) <= reach:
+            return j
+    return NOBODY
+
+
+@jit
+def row_at(y, rows):
+    """The index of the row in whose lane a y lies, or NOBODY."""
+    for r in range(len(rows.y)):
+        if abs(y - rows.y[r]) <= LANE_REACH:
+            return r
+    return NOBODY
+
+
+@jit
+def slow_pickers(pickers, pose, coupled, fill, rows, picking_speed, top):
+    """Lower the top speed, (n,) m/s, of the pickers that are in an unpicked part of a row, with a bin that is not full."""
+    for i in pickers:
+        if coupled[i] == NOBODY or fill[coupled[i]] >= ROW_LENGTH or pose[i, 0] < ROW_WEST or pose[i, 0] > ROW_EAST:
+            continue
+        r = row_at(pose[i, 1], rows)
+        if r == NOBODY or rows.picked[r] >= ROW_LENGTH:
+            continue
+        done = pose[i, 0] - ROW_WEST if rows.begun[r] < 0 else ROW_EAST - pose[i, 0]
+        if rows.begun[r] == 0 or done >= rows.picked[r] - _FRONTIER:
+            top[i] = min(top[i], picking_speed)
+
+
+@jit
+def pick(pickers, before, pose, coupled, rows, fill):
+    """Pick what the pickers drove over in this step, `before` (n, 3) being the poses at its beginning.
+
+    Returns for each picker the index of the row that it picked from, or NOBODY.
+    """
+    picked_from = np.full(len(pickers), NOBODY)
+    for k in range(len(pickers)):
+        i = pickers[k]
+        start, end = before[i, 0], pose[i, 0]
+        if coupled[i] == NOBODY or max(start, end) < ROW_WEST or min(start, end) > ROW_EAST:
+            continue
+        r = row_at(pose[i, 1], rows)
+        if r != NOBODY and _pick_row(r, min(max(end, ROW_WEST), ROW_EAST), coupled[i], rows, fill):
+            picked_from[k] = r
+    return picked_from
+
+
+@jit
+def _pick_row(r, x, a_bin, rows, fill):
+    """Pick a row up to x, where that goes on from what is picked of it, into a bin. Whether anything was picked."""
+    from_west, from_east = x - ROW_WEST, ROW_EAST - x
+    if rows.begun[r] == 0 and min(from_west, from_east) <= PICK_REACH and fill[a_bin] < ROW_LENGTH:
+        rows.begun[r] = -1 if from_west <= from_east else 1
+    done = from_west if rows.begun[r] < 0 else from_east
+    grows = min(done - rows.picked[r], ROW_LENGTH - fill[a_bin])
+    if rows.begun[r] == 0 or grows <= 0.0 or done - rows.picked[r] > PICK_REACH:
+        return False
+    rows.picked[r] = _or_full(min(rows.picked[r] + grows, done))
+    fill[a_bin] = _or_full(fill[a_bin] + grows)
+    return True
+
+
+@jit
+def _or_full(metres):
+    return ROW_LENGTH if metres >= ROW_LENGTH - FULL_WITHIN else metres
+
+
+@jit
+def quaternions(pose):
+    """(n, 2): z and w of the quaternion of every pose; x and y are 0."""
+    parts = np.empty((len(pose), 2))
+    for i in range(len(pose)):
+        parts[i, 0], parts[i, 1] = sin_cos(0.5 * pose[i, 2])
+    return parts

@@ -1,0 +1,159 @@
+"""One step of the orchard, 0.1 s: deeds, then movement, then what follows from where everything is.
+
+Physics alone decides what counts: who moves, what is coupled, when a row is picked, a bin full, a bin unloaded.
+Rules and figures: reference.md, 'Towing', 'The behaviours', 'The work'.
+"""
+
+import numpy as np
+
+from orchard import deeds as _deeds
+from orchard.boxes import place
+from orchard.events import Event
+from orchard.geometry import EAST, angle_between
+from orchard.kinds import ANIMALS, KINDS, PEOPLE
+from orchard.layout import BAY, QUEUE, ROW_LENGTH
+from orchard.messages import Deed
+from orchard.move_kernel import Rows, finite, limit, move_all, pick, slow_pickers
+from orchard.world import NOBODY, World
+
+UNLOADING_TICKS = 50  # 5.0 s
+FACING = 1e-6  # rad
+
+
+def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
+    """Move the world on by one tick, in place, and tell what happened.
+
+    twists: (n, 3) float64, the velocities wanted, each in its body's frame, m/s and rad/s.
+    deeds: (body index, deed), in body order.
+    """
+    wanted = finite(twists)
+    events = _deeds.do(world, wanted, deeds)
+    before = world.pose.copy()
+    world.twist[:] = limit(wanted, _top_speeds(world), world.coupled, world.bodies)
+    events += _move(world)
+    events += _pick(world, before)
+    events += _unload(world)
+    world.tick += 1
+    return events
+
+
+def _rows(world: World) -> Rows:
+    return Rows(world.lane_y, world.row_picked, world.row_from)
+
+
+def _top_speeds(world: World) -> np.ndarray:
+    """(n,) m/s: how fast each body may go now; a picker that picks goes at the picking speed."""
+    top = world.bodies.speed.copy()
+    slow_pickers(world.pickers, world.pose, world.coupled, world.fill, _rows(world), world.layout.scenario.picking_speed, top)
+    return top
+
+
+def _move(world: World) -> list[Event]:
+    """Move all bodies, in body order; a collision is told when it begins."""
+    boxes = world.bodies.boxes.copy()
+    place(world.pose, boxes)
+    obstacles = move_all(
+        world.twist, world.pose, world.coupled, world.bodies, world.walls, boxes, world.distance, world.refused, world.held
+    )
+    blocked = obstacles != NOBODY
+    events = [_collision(world, int(i), int(obstacles[i])) for i in np.flatnonzero(blocked & ~world.blocked)]
+    world.blocked[:] = blocked
+    return events
+
+
+def _collision(world: World, i: int, obstacle: int) -> Event:
+    names = world.layout.names
+    if obstacle < len(names):
+        return Event(world.tick, "collision", names[i], names[obstacle])
+    return Event(world.tick, "collision", names[i], "", _wall(world, obstacle - len(names)))
+
+
+def _wall(world: World, number: int) -> str:
+    x, y, half_length, half_width = world.layout.walls[number].tolist()
+    what = "a fence" if max(half_length, half_width) > 1.0 else "a trunk or post"
+    return f"{what} at ({x:g}, {y:g})"
+
+
+def _pick(world: World, before: np.ndarray) -> list[Event]:
+    """Fill the bins with what the pickers drove over since they stood at `before`, (n, 3)."""
+    rows, done, full = _rows(world), world.row_picked >= ROW_LENGTH, world.fill >= ROW_LENGTH
+    picked_from = pick(world.pickers, before, world.pose, world.coupled, rows, world.fill)
+    events = []
+    names = world.layout.names
+    for i, r in zip(world.pickers.tolist(), picked_from.tolist(), strict=True):
+        bin_ = int(world.coupled[i])
+        if r != NOBODY and world.row_picked[r] >= ROW_LENGTH and not done[r]:
+            events.append(Event(world.tick, "row picked", names[i], names[bin_], f"row {r + 1}"))
+        if r != NOBODY and world.fill[bin_] >= ROW_LENGTH and not full[bin_]:
+            events.append(Event(world.tick, "bin full", names[bin_], names[i], f"row {r + 1}"))
+    return events
+
+
+def _unload(world: World) -> list[Event]:
+    """Count the ticks of the one full bin that is at rest in the bay, and empty it when they are enough."""
+    waiting = [i for i in np.flatnonzero(world.fill >= ROW_LENGTH).tolist() if _rests_in_bay(world, i)]
+    begun = [i for i in waiting if world.bay_ticks[i] > 0]
+    ticks = int(world.bay_ticks[begun[0]]) if begun else 0
+    world.bay_ticks[:] = 0
+    if not waiting:
+        return []
+    bin_ = (begun or waiting)[0]
+    world.bay_ticks[bin_] = ticks + 1
+    return _empty(world, bin_) if ticks + 1 >= UNLOADING_TICKS else []
+
+
+def _rests_in_bay(world: World, bin_: int) -> bool:
+    carrier = int(world.coupled[bin_])
+    if carrier == NOBODY or world.layout.starts[carrier].kind != "carrier":
+        return False
+    x, y, _ = world.pose[bin_].tolist()
+    return BAY.contains(x, y) and is_at_rest(world, bin_) and is_at_rest(world, carrier)
+
+
+def _empty(world: World, bin_: int) -> list[Event]:
+    world.fill[bin_] = 0.0
+    world.bay_ticks[bin_] = 0
+    world.delivered += 1
+    carrier = world.layout.names[int(world.coupled[bin_])]
+    return [Event(world.tick, "unloaded", world.layout.names[bin_], carrier, f"bin number {world.delivered}")]
+
+
+# -- what others ask of the world
+
+
+def is_full(world: World, i: int) -> bool:
+    """Whether a bin is full; of any other body, no."""
+    return bool(world.fill[i] >= ROW_LENGTH)
+
+
+def is_at_rest(world: World, i: int) -> bool:
+    """Whether a body did not move in the last step."""
+    return not world.twist[i].any()
+
+
+def harvest_is_over(world: World) -> bool:
+    """Every row is picked, no bin is full, the carriers stand in the queue with their bins, facing east, and the pickers stand."""
+    if (world.row_picked < ROW_LENGTH).any() or (world.fill >= ROW_LENGTH).any():
+        return False
+    kinds = [start.kind for start in world.layout.starts]
+    return all(
+        _waits_in_queue(world, i) if kind == "carrier" else is_at_rest(world, i)
+        for i, kind in enumerate(kinds)
+        if kind in ("carrier", "picker")
+    )
+
+
+def _waits_in_queue(world: World, carrier: int) -> bool:
+    x, y, yaw = world.pose[carrier].tolist()
+    queued = QUEUE.contains(x, y) and abs(angle_between(yaw, EAST)) <= FACING
+    return queued and world.coupled[carrier] != NOBODY and is_at_rest(world, carrier)
+
+
+def collisions(world: World) -> int:
+    """Steps of robots, bins and tractor that something was in the way of."""
+    return sum(int(n) for n, start in zip(world.refused, world.layout.starts, strict=True) if KINDS[start.kind].robot)
+
+
+def refused_moves(world: World) -> int:
+    """Steps of people and animals that something was in the way of."""
+    return sum(int(n) for n, start in zip(world.refused, world.layout.starts, strict=True) if start.kind in PEOPLE + ANIMALS)

@@ -45,11 +45,15 @@ class Doer:
         self.memory.plan[1:1] = steps
 
     def couple(self, bin_name: str) -> None:
-        self.action.deeds.append(Couple(bin_name))
+        """Take a bin, once the robot stands."""
         self.action.waits_for = bin_name
+        if self.seen.twist == STILL:
+            self.action.deeds.append(Couple(bin_name))
 
     def uncouple(self) -> None:
-        self.action.deeds.append(Uncouple())
+        """Leave the bin, once both stand."""
+        if self.seen.twist == STILL and self.seen.hitch is not None and self.seen.hitch.twist == STILL:
+            self.action.deeds.append(Uncouple())
 
     def ask(self, to: str, request: Request, every: int = PATIENCE) -> Answer | None:
         """Ask again and again until the step is done; what the answer is, in the tick in which one is heard."""

@@ -149,9 +149,8 @@ def park(row: int, side: Side) -> list[Step]:
 
 def fetch(layout: Layout, line: int, lane: int, side: Side, picker: str, full_bin: str) -> list[Step]:
     """A carrier's whole job: an empty bin to the picker, the full one around the orchard to the bay, and back to the queue."""
-    stay: list[Step] = [Home(), Say("waiting in the queue"), DriveTo(x=QUEUE_HEAD)]
     return [
-        Confirmed(full_bin, stay),
+        Confirmed(full_bin, [Home(), *close_up()]),
         Say(f"bringing an empty bin to {picker}"),
         *leave_queue(),
         *go_to_lane(layout, lane, side),
@@ -239,9 +238,13 @@ def go_home(line: int) -> list[Step]:
         DriveTo(x=TURN_OFF),
         *aside,
         Home(),
-        Say("waiting in the queue"),
-        DriveTo(x=QUEUE_HEAD),
+        *close_up(),
     ]
+
+
+def close_up() -> list[Step]:
+    """Wait in the queue, and move up to the head of the line as the others leave."""
+    return [Say("waiting in the queue"), DriveTo(x=QUEUE_HEAD)]
 
 
 def at_work(layout: Layout, lane: int, side: Side) -> list[Box]:

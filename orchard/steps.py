@@ -64,9 +64,9 @@ class DriveTo(_Step, frozen=True):
         return False
 
     def _limit(self, me: Doer, here: float, ahead: float, target: float) -> float:
-        """The target, or the first gate on the way whose places the robot does not hold."""
+        """The target, or the first gate ahead whose places the robot does not hold."""
         for gate in self.needs:
-            if not me.holds(gate.places):
+            if ahead * (gate.at - here) >= -EXACT and not me.holds(gate.places):
                 if ahead * (gate.at - here) < LOOK_AHEAD:
                     me.want(gate.places)
                 return gate.at if ahead * (target - gate.at) > 0 else target
@@ -197,7 +197,7 @@ class LeaveBin(_Step, frozen=True):
     def act(self, me: Doer) -> bool:
         if me.seen.hitch is None:
             return True
-        me.memory.full_bin = me.seen.hitch.name
+        me.memory.full_bin, me.memory.offered, me.memory.carrier = me.seen.hitch.name, "", ""
         me.uncouple()
         return False
 
@@ -218,6 +218,7 @@ class FetchEmpty(_Step, frozen=True):
         if not me.holds([self.place]):
             me.want([self.place], beside=me.memory.carrier)
             return False
+        me.memory.taken = me.memory.offered
         return True
 
 

@@ -6,8 +6,8 @@ from orchard.agent import Action, Heard, Mail, Observation
 from orchard.doer import Doer
 from orchard.layout import Layout
 from orchard.messages import Answer, Call, Come, No, Offer, Yes
-from orchard.roads import SIDES, distance, fetch, line_of
-from orchard.steps import Plan, Realign, Say
+from orchard.roads import SIDES, close_up, distance, fetch, line_of
+from orchard.steps import Plan, Realign
 
 
 class Job(msgspec.Struct):
@@ -35,7 +35,7 @@ class Carrier:
         self.layout, self.line = layout, line_of(int(name.rsplit("_", 1)[1]))
 
     def tick(self, seen: Observation, mail: Mail, memory: CarrierMemory | None) -> Action:
-        me = Doer(seen, mail, memory or CarrierMemory(plan=[Realign(), Say("waiting in the queue")]))
+        me = Doer(seen, mail, memory or CarrierMemory(plan=[Realign(), *close_up()]))
         for heard in mail.requests:
             me.action.answers.append((heard, self.answer(me, heard)))
         me.follow()

@@ -14,7 +14,7 @@ class PickerMemory(Plan):
     full_bin: str = ""  # the bin that it left
     carrier: str = ""  # who brings, or brought, an empty one
     offered: str = ""  # the empty bin that was brought
-    begun: bool = False
+    taken: str = ""  # the empty bin that it took, place and all
 
 
 class Picker:
@@ -37,10 +37,9 @@ class Picker:
         if not isinstance(heard.body, Here):
             return No("a picker knows nothing of that")
         memory = me.memory
-        if not memory.full_bin or heard.body.bin == memory.full_bin:
-            return No("no bin is wanted")
+        if heard.body.bin in (memory.taken, memory.full_bin):
+            return Yes()
+        if me.seen.hitch is not None:
+            return No("no bin is wanted") if heard.body.bin != me.seen.hitch.name else No("the place is not taken over yet")
         memory.offered, memory.carrier = heard.body.bin, heard.sender
-        return Yes() if self.has_taken(me, heard.body.bin) else No("not yet coupled")
-
-    def has_taken(self, me: Doer, bin_name: str) -> bool:
-        return me.seen.hitch is not None and me.seen.hitch.name == bin_name and any("/D/" in place for place in me.memory.held)
+        return No("not coupled yet")

@@ -25,7 +25,7 @@ Tick = Annotated[int, Meta(ge=0, lt=2**53, description="number of the time step,
 Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Speed = Annotated[float, Meta(ge=-FASTEST, le=FASTEST)]
 Zero = Annotated[float, Meta(ge=0.0, le=0.0, description="0")]
-Unit = Annotated[float, Meta(ge=-1.0, le=1.0)]
+Unit = Annotated[float, Meta(ge=-1.001, le=1.001)]
 Ranges = Annotated[
     bytes, Meta(max_length=4096, description="m, as little-endian float32, 4 bytes a beam; +inf where nothing returns (REP-117)")
 ]

@@ -1,0 +1,193 @@
+"""The agents' side of lockstep, without a network: what is seen of a tick, and mail that is repeatable although it travels.
+
+The rules by number are design.md's. A request of tick k is a query; it is heard at k + 1, its answer at k + 2, in an order
+that no network decides.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+from orchard.agent import Action, Heard, Mail, Observation, Reply, without_body
+from orchard.lockstep import Refused, understood
+from orchard.messages import Answer, Request, pack
+from orchard.post import in_hearing_order
+from orchard.wire import Answered, Clock, Given, LaserScan, Letter, Letters, Odometry, Received, Sent, observation_of
+
+
+class Sight:
+    """What physics sends of one tick, until it is complete: pose and scan of each body, and last of all the clock."""
+
+    def __init__(self, run: str, names: Iterable[str], bodies: Iterable[str]) -> None:
+        self._run = run
+        self._names, self._bodies = tuple(names), frozenset(bodies)
+        self.forget()
+
+    def forget(self) -> None:
+        self.tick = -1
+        self._clock = False
+        self._poses: dict[str, Odometry] = {}
+        self._scans: dict[str, LaserScan] = {}
+
+    def pose(self, name: str, payload: bytes) -> None:
+        message = understood(payload, Odometry, self._run)
+        if self._is_new(message.tick):
+            self._poses[name] = message
+
+    def scan(self, name: str, payload: bytes) -> None:
+        message = understood(payload, LaserScan, self._run)
+        if self._is_new(message.tick):
+            self._scans[name] = message
+
+    def clock(self, payload: bytes) -> None:
+        if self._is_new(understood(payload, Clock, self._run).tick):
+            self._clock = True
+
+    def _is_new(self, tick: int) -> bool:
+        """Whether a message belongs to the newest tick; a newer one begins it."""
+        if tick > self.tick:
+            self.forget()
+            self.tick = tick
+        return tick == self.tick
+
+    @property
+    def complete(self) -> bool:
+        return self._clock and len(self._poses) == len(self._scans) == len(self._bodies)
+
+    def observations(self) -> dict[str, Observation]:
+        return {name: self._observation(name) for name in self._names}
+
+    def _observation(self, name: str) -> Observation:
+        if name not in self._bodies:
+            return without_body(name, self.tick)
+        return observation_of(name, self._poses[name], self._scans[name])
+
+
+@dataclass(eq=False)
+class Asked:
+    """One get: a request that this host's agent made, and what is known of it."""
+
+    sender: str
+    tick: int
+    number: int
+    to: str
+    request: Request
+    received: bool = False  # it will be heard
+    final: bool = False  # nothing more will be known
+    answer: Answer | None = None
+
+
+class Question(Protocol):
+    """A query that waits; see bus.Question."""
+
+    payload: bytes
+
+    def reply(self, payload: bytes) -> None: ...
+    def refuse(self, reason: str) -> None: ...
+    def drop(self) -> None: ...
+
+
+@dataclass
+class _Held:
+    """A request that arrived, and the query that waits for its answer."""
+
+    heard: Heard
+    question: Question
+
+
+class Mailbox:
+    """The mail of one host's agents."""
+
+    def __init__(self, run: str) -> None:
+        self._run = run
+        self.last = -1  # the tick that was last ticked
+        self._held: dict[tuple[str, str, int, int], _Held] = {}  # (recipient, sender, tick, number) ->
+        self._asked: dict[int, list[Asked]] = {}  # tick -> in the order of asking
+
+    def join(self, tick: int) -> None:
+        """Rule 1: a tick that is not the next: forget all mail."""
+        for held in self._held.values():
+            held.question.drop()
+        self._held, self._asked, self.last = {}, {}, tick - 1
+
+    # what arrives
+
+    def hear(self, recipient: str, question: Question) -> None:
+        """Rules 5 and 7: hold a request for the next tick, and say so at once."""
+        try:
+            letter = understood(question.payload, Letter, self._run)
+        except Refused as refusal:
+            question.refuse(str(refusal))
+            raise
+        if letter.tick not in (self.last, self.last + 1):
+            question.drop()
+            raise Refused("past tick" if letter.tick < self.last else "future tick", f"a request of {letter.tick}; {self.last} is done")
+        self._hold(recipient, letter, question)
+        question.reply(pack(Received(self._run, letter.tick)))
+
+    def _hold(self, recipient: str, letter: Letter, question: Question) -> None:
+        """A repeat takes the place of the query that it repeats."""
+        heard = Heard(letter.sender, letter.tick, letter.number, letter.body)
+        key = (recipient, letter.sender, letter.tick, letter.number)
+        if key in self._held:
+            self._held[key].question.drop()
+        self._held[key] = _Held(heard, question)
+
+    def replied(self, asked: Asked, payload: bytes) -> None:
+        message = understood(payload, Received | Answered, self._run)
+        if isinstance(message, Received):
+            asked.received = True
+        elif asked.received and message.tick == asked.tick + 1:
+            asked.answer = message.body
+        else:
+            raise Refused("past tick", f"an answer of {message.tick} to a request of {asked.tick}")
+
+    # one tick
+
+    def is_settled(self, tick: int) -> bool:
+        """Rule 2: every get of two ticks ago is final."""
+        return all(asked.final for asked in self._asked.get(tick - 2, ()))
+
+    def deliver(self, tick: int) -> dict[str, Mail]:
+        """Rule 3: what was asked in the last tick, and what was answered in it. Those without any mail are absent."""
+        mail: dict[str, Mail] = {}
+        for (recipient, *_), held in self._held.items():
+            if held.heard.tick == tick - 1:
+                mail.setdefault(recipient, Mail()).requests.append(held.heard)
+        for heard in mail.values():
+            heard.requests = in_hearing_order(heard.requests)
+        for asked in self._asked.pop(tick - 2, ()):
+            mail.setdefault(asked.sender, Mail()).replies.append(Reply(asked.to, asked.number, asked.request, asked.answer))
+        self.last = tick
+        return mail
+
+    def write(self, name: str, action: Action) -> list[Asked]:
+        """Answer what an agent answers; the requests that must now be asked."""
+        for heard, body in action.answers:
+            held = self._held.get((name, heard.sender, heard.tick, heard.number))
+            if held is not None and heard.tick == self.last - 1:
+                held.question.reply(pack(Answered(self._run, self.last, body)))
+        asked = [Asked(name, self.last, number, to, request) for number, (to, request) in enumerate(action.requests)]
+        self._asked.setdefault(self.last, []).extend(asked)
+        return asked
+
+    def letter(self, asked: Asked) -> bytes:
+        return pack(Letter(self._run, asked.tick, asked.sender, asked.number, asked.request))
+
+    def close(self) -> None:
+        """Rule 3: drop every query that was heard in this tick or before."""
+        for key in [key for key, held in self._held.items() if held.heard.tick < self.last]:
+            self._held.pop(key).question.drop()
+
+    def is_sent(self) -> bool:
+        """Rule 6: each request of this tick has arrived, or never will."""
+        return all(asked.received or asked.final for asked in self._asked.get(self.last, ()))
+
+
+def letters_of(run: str, tick: int, action: Action) -> Letters | None:
+    """What the logger hears of an agent's mail; None when it wrote nothing."""
+    if not action.requests and not action.answers:
+        return None
+    requests = [Sent(to, number, request) for number, (to, request) in enumerate(action.requests)]
+    answers = [Given(heard.sender, heard.tick, heard.number, body) for heard, body in action.answers]
+    return Letters(run, tick, requests, answers)

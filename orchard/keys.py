@@ -1,0 +1,83 @@
+"""The table of keys: every key that the program uses, what travels on it, who sends it, how often and how surely.
+
+`python -m orchard.keys` writes keyspace.md from it (see orchard/keyspace.py); a test holds the two together.
+"""
+
+import re
+from typing import NamedTuple
+
+from orchard import wire
+
+NEVER_LOST = "never lost"  # reliable, in order; a sender waits for a slow subscriber
+QUERY = "query"  # a Zenoh get, answered by a queryable
+LIVELINESS = "liveliness"  # a Zenoh liveliness token
+
+PREFIX = "orchard"
+PHYSICS = "physics"  # the name in the liveliness token of the process that owns the world
+_PREFIX = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*")
+
+
+class Key(NamedTuple):
+    """One kind of key."""
+
+    template: str
+    message: type | None  # what is put, or asked
+    sender: str
+    rate: str
+    delivery: str
+    meaning: str
+    replies: tuple[type, ...] = ()  # of a query
+
+
+_EVERY_TICK = "once per tick, 10 a simulated second"
+
+TABLE: dict[str, Key] = {
+    "velocity": Key("{prefix}/{robot}/velocity", wire.Velocity, "the robot's agent, or whoever drives it", _EVERY_TICK, NEVER_LOST,
+                    "How the robot shall move in the step from this tick to the next."),
+    "pose": Key("{prefix}/{robot}/pose", wire.Odometry, "physics", _EVERY_TICK, NEVER_LOST,
+                "Where the robot is at this tick, how it moved in the last step, and what is coupled to it."),
+    "scan": Key("{prefix}/{robot}/scan", wire.LaserScan, "physics", _EVERY_TICK, NEVER_LOST,
+                "What the robot's laser measures at this tick, and what its bin's does."),
+    "clock": Key("{prefix}/clock", wire.Clock, "physics", _EVERY_TICK, NEVER_LOST,
+                 "Simulated time. It is sent last: poses and scans of its tick are out."),
+    "mail": Key("{prefix}/{robot}/mail", wire.Letter, "any agent", "when it asks", QUERY,
+                "A request to the robot's agent. The robot's host answers.", (wire.Received, wire.Answered)),
+    "letters": Key("{prefix}/{robot}/letters", wire.Letters, "the robot's agent", "in ticks in which it asks or answers", NEVER_LOST,
+                   "A copy of the requests and answers that the agent sent at this tick, for those who look on."),
+    "state": Key("{prefix}/{bin}/state", wire.State, "the bin's agent", "when full or coupled_to changes", NEVER_LOST,
+                 "Whether the bin is full, and on whom. The same key can be queried, with an empty payload.", (wire.State,)),
+    "events": Key("{prefix}/events", wire.Events, "physics", "in ticks in which something happens", NEVER_LOST,
+                  "What happened in the step from this tick to the next: coupled, row picked, unloaded, collision ..."),
+    "figures": Key("{prefix}/figures", wire.Figures, "physics", "twice a second of wall time", NEVER_LOST,
+                   "How the run goes, and what each robot does."),
+    "scenario": Key("{prefix}/scenario", None, "anyone", "when it comes to the run", QUERY,
+                    "The run's id and present tick, its agents, its scenario. The payload is empty; physics answers.", (wire.Newcomer,)),
+    "join": Key("{prefix}/join", wire.Join, "an agent's host", "when it begins", QUERY,
+                "A wish to hold agents. Physics answers with their memories, sends their pose and scan of the present tick (again), "
+                "and from this tick on waits for their velocities.", (wire.Joined,)),
+    "lost": Key("{prefix}/lost", wire.Lost, "physics", "when it happens", NEVER_LOST,
+                "Agents that were silent for too long: their robots stand. Their holder may join again."),
+    "command": Key("{prefix}/command", wire.Command, "anyone", "when a person wishes", QUERY,
+                   "Stop the run. Physics answers and ends it.", (wire.Done,)),
+    "end": Key("{prefix}/end", wire.End, "physics", "once", NEVER_LOST,
+               "The run is over. Physics waits for two seconds at most until all liveliness tokens are gone."),
+    "alive": Key("{prefix}/alive/{name}/{session}", None, "each host, for each agent; physics and logger for themselves", "while it lives",
+                 LIVELINESS, "Who is here. `session` is any text of letters and digits that no other process uses: the holder's id."),
+}
+
+
+class Keys:
+    """The keys of one orchard."""
+
+    def __init__(self, prefix: str = PREFIX) -> None:
+        if not _PREFIX.fullmatch(prefix):
+            raise ValueError(f"prefix {prefix!r}: letters, digits, _ and -, in parts with / between")
+        self.prefix = prefix
+
+    def of(self, what: str, name: str = "*", session: str = "*") -> str:
+        """The key of that kind; of all names and sessions unless they are given."""
+        return TABLE[what].template.format(prefix=self.prefix, robot=name, bin=name, name=name, session=session)
+
+    def parts(self, key: str) -> list[str]:
+        """What follows the prefix: ['picker_01', 'velocity'], ['alive', 'picker_01', '3fa9'], ['clock']."""
+        return key.removeprefix(self.prefix + "/").split("/")

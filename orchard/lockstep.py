@@ -1,0 +1,203 @@
+"""The physics side of lockstep, without a network: who holds which agent, and which answers a tick still waits for.
+
+Physics publishes tick k, waits until every agent that is held has answered it, applies the answers in the layout's order,
+and goes on to k + 1. A name that nobody holds is not waited for: it stands, unless somebody drives it.
+"""
+
+import logging
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+from orchard.agent import Action
+from orchard.wire import Velocity, action_of, read
+
+log = logging.getLogger("orchard")
+
+WATCHDOG = 0.5  # s: for how long one velocity drives a robot that nobody holds; of the clock that is slower, simulated or wall
+WATCHDOG_TICKS = 5
+WHOSE = {"not the holder": "someone else holds this agent", "not held": "join before you answer as a holder"}
+
+
+class Refused(Exception):
+    """A message that is not applied; the reason is one of a few, so that they can be counted."""
+
+    def __init__(self, reason: str, detail: str = "") -> None:
+        super().__init__(f"{reason}: {detail}" if detail else reason)
+        self.reason = reason
+
+
+class Refusals:
+    """Messages that were not applied: counted by reason, logged once for each key and reason."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[str] = Counter()
+        self._told: set[tuple[str, str]] = set()
+
+    def note(self, key: str, refusal: Refused) -> None:
+        self.counts[refusal.reason] += 1
+        if (key, refusal.reason) not in self._told and len(self._told) < 1000:
+            self._told.add((key, refusal.reason))
+            log.warning("refused on %s: %s", key, refusal)
+
+
+def understood(payload: bytes, type_: type, run: str):
+    """The message in a payload, if it is one of this run; else Refused."""
+    try:
+        message = read(payload, type_)
+    except ValueError as error:
+        raise Refused("malformed", str(error)) from error
+    if message.run != run:
+        raise Refused("other run", f"{message.run!r} is not {run!r}")
+    return message
+
+
+class Roster:
+    """Who holds which agent. A holder is known by the session id in its liveliness tokens."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self.names = tuple(names)
+        self.holders: dict[str, str] = {}  # name -> session id
+        self._alive: set[tuple[str, str]] = set()
+
+    def token(self, name: str, holder: str, up: bool) -> None:
+        """A liveliness token came or went. Who is gone keeps its agents until someone takes them over, or they are released."""
+        (self._alive.add if up else self._alive.discard)((name, holder))
+
+    def may_join(self, name: str, holder: str) -> str:
+        """Why a session cannot hold an agent; '' if it can."""
+        if name not in self.names:
+            return "there is no such agent"
+        if (name, holder) not in self._alive:
+            return "its liveliness token is missing"
+        if self.is_alive(name) and self.holders[name] != holder:
+            return f"it is taken, by session {self.holders[name]}"
+        return ""
+
+    def join(self, name: str, holder: str) -> None:
+        self.holders[name] = holder
+
+    def is_alive(self, name: str) -> bool:
+        return (name, self.holders.get(name, "")) in self._alive
+
+    def release(self, names: Iterable[str]) -> dict[str, list[str]]:
+        """Wait for these no longer; session id -> its names among them."""
+        released: dict[str, list[str]] = {}
+        for name in sorted(names):
+            released.setdefault(self.holders.pop(name), []).append(name)
+        return released
+
+    def anybody(self) -> bool:
+        """Whether any token stands."""
+        return bool(self._alive)
+
+
+class Answers:
+    """The velocities that are in for one tick."""
+
+    def __init__(self, roster: Roster) -> None:
+        self._roster = roster
+        self.tick = -1
+        self.missing: set[str] = set()
+        self.velocities: dict[str, Velocity] = {}
+
+    def open(self, tick: int) -> None:
+        """Wait for everyone who is held, at a new tick."""
+        self.tick, self.missing, self.velocities = tick, set(self._roster.holders), {}
+
+    def expect(self, name: str) -> None:
+        """Somebody new holds an agent: what its predecessor answered to this tick does not count."""
+        self.velocities.pop(name, None)
+        self.missing.add(name)
+
+    def take(self, name: str, velocity: Velocity) -> None:
+        if velocity.holder != self._roster.holders[name]:
+            raise Refused("not the holder", WHOSE["not the holder"])
+        _refuse_other_tick(velocity.tick, self.tick, self.tick)
+        if name not in self.missing:
+            raise Refused("answered already", f"tick {velocity.tick}")
+        self.velocities[name] = velocity
+        self.missing.discard(name)
+
+    def actions(self) -> dict[str, Action]:
+        """What to apply, in the order of names: never in that of arrival."""
+        return {name: action_of(velocity) for name, velocity in sorted(self.velocities.items())}
+
+    def digests(self) -> dict[str, bytes]:
+        return {name: velocity.report.mail for name, velocity in self.velocities.items() if velocity.report is not None}
+
+
+def _refuse_other_tick(tick: int, first: int, last: int) -> None:
+    if tick < first:
+        raise Refused("past tick", f"{tick}; it is {last} now")
+    if tick > last:
+        raise Refused("future tick", f"{tick}; it is {last} now")
+
+
+class _Put(NamedTuple):
+    velocity: Velocity
+    at: float  # s, monotonic
+
+
+class Loose:
+    """Robots that no agent holds: the newest velocity drives them, for half a second."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._puts: dict[str, _Put] = {}
+        self._begun: deque[tuple[int, float]] = deque([(0, clock())])  # (tick, when it was published), of the last half second
+
+    def begin(self, tick: int) -> None:
+        """A new tick is published."""
+        self._begun.append((tick, self._clock()))
+        while self._is_over(*self._begun[0], tick):
+            self._begun.popleft()
+
+    def take(self, name: str, velocity: Velocity) -> None:
+        if velocity.holder:
+            raise Refused("not held", WHOSE["not held"])
+        _refuse_other_tick(velocity.tick, self._oldest(name), self._begun[-1][0])
+        self._puts[name] = _Put(velocity, self._clock())
+
+    def actions(self, tick: int) -> dict[str, Action]:
+        self._puts = {name: put for name, put in self._puts.items() if not self._is_over(put.velocity.tick, put.at, tick)}
+        return {name: Action(action_of(put.velocity).twist) for name, put in self._puts.items()}
+
+    def _oldest(self, name: str) -> int:
+        newest_put = self._puts[name].velocity.tick if name in self._puts else 0
+        return max(self._begun[0][0], newest_put)
+
+    def _is_over(self, tick: int, at: float, now: int) -> bool:
+        return now - tick >= WATCHDOG_TICKS and self._clock() - at >= WATCHDOG
+
+
+class Memories:
+    """What each agent must remember, unread: the newest that it sent."""
+
+    def __init__(self) -> None:
+        self._bytes: dict[str, bytes] = {}
+
+    def keep(self, velocities: dict[str, Velocity]) -> None:
+        for name, velocity in velocities.items():
+            if velocity.report is not None and velocity.report.memory is not None:
+                self._bytes[name] = velocity.report.memory
+
+    def of(self, name: str) -> bytes | None:
+        return self._bytes.get(name)
+
+
+class Pacer:
+    """Spreads ticks over wall time: `speed` simulated seconds to a second; infinity does not wait."""
+
+    def __init__(self, speed: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._step = 0.1 / speed
+        self._clock = clock
+        self._due = clock()
+
+    def wait(self) -> float:
+        """Seconds until the next tick may begin; what was lost is caught up for a second at most."""
+        return max(0.0, self._due - self._clock())
+
+    def begin(self) -> None:
+        self._due = max(self._due, self._clock() - 1.0) + self._step

@@ -72,7 +72,7 @@ HEAD = Pose(QUEUE_HEAD, TOP_ROAD, EAST)
 
 def approach(layout: Layout, row: int, side: Side) -> float:
     """A, of one row."""
-    return duration(leave_queue() + go_to_lane(layout, row, side), HEAD)
+    return duration(leave_queue(layout) + go_to_lane(layout, row, side), HEAD)
 
 
 def cycle(layout: Layout, row: int, side: Side) -> float:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 TRAFFIC = "traffic"  # the name of the agent that keeps the ledger of places
 PATIENCE = 5  # ticks after which a question that was not answered as hoped is asked again
+RECOVERY = 10  # ticks for which a robot stands after a step that was refused
 
 
 class Doer:
@@ -101,12 +102,22 @@ class Doer:
         """The action of this tick: the steps' wishes, less what would hit something."""
         self._claim()
         action = self.action
+        self._mind_bump()
         if action.twist.x > 0 and something_ahead(self.seen, self._blind_to):
             action.twist, action.waits_for = STILL, "an obstacle ahead"
         if action.twist.yaw and not turn_is_free(self.seen, self._turn, self._blind_to):
             action.twist, action.waits_for = STILL, "an obstacle in its turn"
+        self.memory.moving = action.twist != STILL
         action.doing, action.steps_done = self.memory.doing, self.memory.done
         return action
+
+    def _mind_bump(self) -> None:
+        """Stand for a second after a step that physics refused: something was in the way that no laser saw."""
+        memory, tick = self.memory, self.seen.tick
+        if memory.moving and self.seen.twist == STILL:
+            memory.bumped = tick
+        if tick - memory.bumped < RECOVERY and self.action.twist != STILL:
+            self.action.twist, self.action.waits_for = STILL, "what it bumped into"
 
     def _hear_traffic(self) -> None:
         for reply in self.mail.replies:

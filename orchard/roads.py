@@ -12,7 +12,7 @@ carriers' direction of travel, into x and y; all figures below are metres on the
 
 from dataclasses import dataclass
 
-from orchard.layout import BAY_STOP, QUEUE_HEAD, QUEUE_LINES, ROW_EAST, ROW_WEST, TOP_ROAD, TREE_TOP_LINE, Layout, queue_place
+from orchard.layout import BAY_STOP, QUEUE_HEAD, QUEUE_LINE_PLACES, QUEUE_LINES, ROW_EAST, ROW_WEST, TOP_ROAD, TREE_TOP_LINE, Layout, queue_place
 from orchard.sense import Box
 from orchard.steps import (
     Alone,
@@ -152,7 +152,7 @@ def fetch(layout: Layout, line: int, lane: int, side: Side, picker: str, full_bi
     return [
         Confirmed(full_bin, [Home(), *close_up()]),
         Say(f"bringing an empty bin to {picker}"),
-        *leave_queue(),
+        *leave_queue(layout),
         *go_to_lane(layout, lane, side),
         Deliver(picker),
         *loop_to_full_bin(layout, lane, side),
@@ -165,8 +165,10 @@ def fetch(layout: Layout, line: int, lane: int, side: Side, picker: str, full_bi
     ]
 
 
-def leave_queue() -> list[Step]:
-    return [DriveTo(x=D_ROAD, needs=[Gate([TOP], QUEUE_HEAD)]), Face("SOUTH")]
+def leave_queue(layout: Layout) -> list[Step]:
+    """Onto the road of deliveries; carriers of several lines take turns, those of one line just follow each other."""
+    several = layout.scenario.carrier_count > QUEUE_LINE_PLACES
+    return [DriveTo(x=D_ROAD, needs=[Gate([TOP], QUEUE_HEAD)] if several else []), Face("SOUTH")]
 
 
 def go_to_lane(layout: Layout, lane: int, side: Side) -> list[Step]:

@@ -9,7 +9,7 @@ from typing import Union
 import msgspec
 
 from orchard.config import TIME_STEP
-from orchard.doer import PATIENCE, Doer
+from orchard.doer import PATIENCE, RECOVERY, Doer
 from orchard.geometry import HEADINGS, Twist, angle_between, nearest_heading
 from orchard.kinds import EIGHTH
 from orchard.messages import BinState, Carrier, Confirm, EmptyBin, Here, No, State, Yes
@@ -277,4 +277,6 @@ class Plan(msgspec.Struct):
     agreed: list[str] = []  # of those, and of places given back, what traffic last said it holds
     alone: list[str] = []  # of those, what it shared with nobody when traffic last spoke
     claimed: int = -PATIENCE  # tick of its last word to traffic
+    moving: bool = False  # whether it wanted to move in the last tick
+    bumped: int = -RECOVERY  # tick at which it last found that it could not
     asked: dict[str, int] = {}  # question -> tick in which the present step last asked it

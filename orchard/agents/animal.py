@@ -1,13 +1,14 @@
 """Animals, cats and dogs: every 3 s a new direction and a new speed, at random; they turn away from obstacles too."""
 
 from orchard.agent import Action, Mail, Observation
-from orchard.agents.walker import WalkerMemory, avoid, break_out
+from orchard.agents.walker import WalkerMemory, walk
 from orchard.draw import draw
 from orchard.geometry import Twist
 from orchard.kinds import KINDS, kind_of
 from orchard.layout import Layout
 
 MIND_CHANGES = 30  # ticks: every 3 s (manual)
+SLOW = 0.05  # m/s: slower than this is standing
 
 
 class AnimalMemory(WalkerMemory):
@@ -31,9 +32,8 @@ class Animal:
         if seen.tick % MIND_CHANGES == 0:
             self.change_mind(seen, memory)
         whim = Twist(x=memory.speed, yaw=memory.rate if seen.tick < memory.turning_until else 0.0)
-        away = break_out(seen, memory, self.seed, 1.0, self.kind.turn) or avoid(seen, memory, min(memory.speed, 1.0), self.kind.turn)
-        doing = "turning away" if away else "standing" if memory.speed < 0.05 else "wandering"
-        return Action(twist=away or whim, memory=memory, doing=doing)
+        twist, evading = walk(seen, memory, self.seed, min(memory.speed, 1.0), self.kind, whim)
+        return Action(twist=twist, memory=memory, doing=evading or ("wandering" if memory.speed >= SLOW else "standing"))
 
     def change_mind(self, seen: Observation, memory: AnimalMemory) -> None:
         """A turn of up to 2 pi rad/s to either side, for up to a second, and a speed of up to 3 m/s."""

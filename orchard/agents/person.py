@@ -1,7 +1,7 @@
 """People, workers and visitors: walk in a straight line, and turn only when something is in their path."""
 
 from orchard.agent import Action, Mail, Observation
-from orchard.agents.walker import WalkerMemory, avoid, break_out
+from orchard.agents.walker import WalkerMemory, walk
 from orchard.geometry import Twist
 from orchard.kinds import KINDS, kind_of
 from orchard.layout import Layout
@@ -17,7 +17,6 @@ class Person:
 
     def tick(self, seen: Observation, mail: Mail, memory: WalkerMemory | None) -> Action:
         memory = memory or WalkerMemory(seen.x, seen.y, seen.tick)
-        speed, turn = self.kind.speed, self.kind.turn
-        away = break_out(seen, memory, self.seed, speed, turn) or avoid(seen, memory, speed, turn)
-        doing = "walking" if away is None else "turning away"
-        return Action(twist=away or Twist(x=speed), memory=memory, doing=doing)
+        speed = self.kind.speed
+        twist, evading = walk(seen, memory, self.seed, speed, self.kind, Twist(x=speed))
+        return Action(twist=twist, memory=memory, doing=evading or "walking")

@@ -62,11 +62,17 @@ def grant(ledger: Ledger) -> None:
     waited_for: set[str] = set()
     for name, wish in sorted(ledger.wishes.items(), key=lambda item: (item[1].since, item[0])):
         missing = [place for place in wish.places if place not in ledger.holds[name]]
-        if not waited_for.intersection(missing) and not blockers(ledger, name, wish):
+        free = not waited_for.intersection(missing) or _joins_partner(ledger, wish, missing)
+        if free and not blockers(ledger, name, wish):
             ledger.holds[name] = ledger.holds[name] + missing
             del ledger.wishes[name]
         else:
             waited_for.update(missing)
+
+
+def _joins_partner(ledger: Ledger, wish: Wish, missing: list[str]) -> bool:
+    """Whether a robot only joins its partner, who could not leave otherwise: then it need not stand in line."""
+    return all(place in ledger.holds.get(wish.beside, []) for place in missing)
 
 
 def blockers(ledger: Ledger, name: str, wish: Wish) -> list[str]:

@@ -4,13 +4,17 @@ import msgspec
 
 from orchard.agent import Observation
 from orchard.draw import draw
-from orchard.geometry import Twist, angle_between
+from orchard.geometry import STILL, Twist, angle_between
+from orchard.kinds import Kind
 from orchard.sense import freer_side, nearest_in_path
 from orchard.trig import PI, TURN, wrap
 
 STEER_WITHIN = 4.0  # m (reference.md)
 TURN_WITHIN = 1.0  # m
 STEER = PI / 8  # rad/s while it walks on
+BACK, LEFT, RIGHT, ON = Twist(x=-0.5), Twist(yaw=PI / 4), Twist(yaw=-PI / 4), Twist(x=0.5)
+WAYS = (BACK, BACK, BACK, LEFT, RIGHT, ON)  # what one tries that bumped into something
+RECOVERY = 12  # ticks for which it tries
 LINGER = 3.0  # m: it leaves every circle of this radius ...
 LINGER_TICKS = 300  # ... within a minute; after half of one it breaks out
 
@@ -22,8 +26,26 @@ class WalkerMemory(msgspec.Struct):
     y: float
     since: int  # tick at which it came here
     turning: bool = False  # it stopped for something near, and turns until its way is free
+    moving: bool = False  # it wanted to move in the last tick
+    way: int = 0  # which of the ways it tries
+    recovers_until: int = 0  # tick
     out: float | None = None  # yaw in which it breaks out
     until: int = 0  # tick at which breaking out ends
+
+
+def walk(seen: Observation, memory: WalkerMemory, seed: int, speed: float, kind: Kind, whim: Twist) -> tuple[Twist, str]:
+    """The velocity of somebody who would follow a whim, at no more than a speed when something is near; and what that is called."""
+    twist = bump(seen, memory, seed) or break_out(seen, memory, seed, min(1.0, kind.speed), kind.turn) or avoid(seen, memory, speed, kind.turn)
+    memory.moving = (twist or whim) != STILL
+    return twist or whim, "turning away" if twist else ""
+
+
+def bump(seen: Observation, memory: WalkerMemory, seed: int) -> Twist | None:
+    """Back off for a while, or turn aside, for one whose last step something was in the way of; None for all others."""
+    if memory.moving and seen.twist == STILL:
+        memory.way = int(len(WAYS) * draw(seed, seen.name, seen.tick, 2)[1])
+        memory.recovers_until, memory.out = seen.tick + RECOVERY, None
+    return WAYS[memory.way] if seen.tick < memory.recovers_until else None
 
 
 def avoid(seen: Observation, memory: WalkerMemory, speed: float, most_turn: float) -> Twist | None:

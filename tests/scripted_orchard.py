@@ -99,7 +99,7 @@ class Stage:
             self.events += [("come", start.bin, callers[0], f"come, lane {row} east")]
 
     def _carrier(self, i: int, start: Start, now: float) -> None:
-        wait = 8.0 * (i + 1)
+        wait = 8.0 * int(start.name[-2:])
         self._drive(i, self.ways[start.name], max(0.0, (now - wait) % 500.0))
         x, y = self.poses[i, :2]
         bay = y == 24.5 and -35 < x < -28
@@ -122,7 +122,7 @@ class Stage:
     _worker = _visitor = _dog = _cat = _wander
 
     def _weed(self, i: int, start: Start, now: float) -> None:
-        self.alive[i] = now < 20.0 * (i % 7 + 2)
+        self.alive[i] = now < 20.0 * int(start.name[-2:])
 
     def _towed(self) -> None:
         for i, start in enumerate(self.layout.starts):

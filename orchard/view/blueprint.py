@@ -5,10 +5,10 @@ import rerun.blueprint as rrb
 
 from orchard.layout import ROW_WEST, TOP, Layout
 from orchard.view import palette
-from orchard.view.scenery import plan_size
+from orchard.view.scenery import PLAN_CAMERA, plan_size
 
 TIMELINE = "sim_time"
-PIN_RADIUS, PIN_RADIUS_PLAN = 0.55, -5.0  # m in space; below 0: points of the screen
+PIN_RADIUS, PIN_RADIUS_PLAN = 0.7, -5.0  # m in space; below 0: points of the screen
 
 IN_SPACE = ["world/**", "canopy/**", "scans/**", "pins/**", "talk/**"]
 UNDER_THE_ROOF = ["world/**", "scans/**", "pins/**", "talk/**", "canopy/wires"]
@@ -44,7 +44,12 @@ def _spaces(layout: Layout) -> rrb.Tabs:
     """The orchard from outside; from below its roof; and the first picker's company."""
     south = layout.tree_lines[-1]
     middle = (TOP + south) / 2
-    outside = _eye((-52.0, south - 24.0, 20.0 + 0.1 * (TOP - south)), (-4.0, min(middle, south + 22.0), 0.0))
+    high = south < -60.0
+    outside = (
+        _eye((52.0, south - 22.0, 24.0), (12.0, south + 22.0, 0.0))
+        if high
+        else _eye((45.0, south - 12.0, 10.0 + 0.08 * (TOP - south)), (4.0, min(middle, south + 17.0), -3.0))
+    )
     inside = _eye((ROW_WEST - 9.0, layout.lanes[-1].y - 1.0, 2.6), (0.0, layout.lanes[-1].y + 6.0, 0.6))
     first = next(start for start in layout.starts if start.kind == "picker").name
     company = _eye((ROW_WEST - 14.0, layout.lanes[0].y - 12.0, 9.0), (ROW_WEST, layout.lanes[0].y, 0.0), follow=f"world/pickers/{first}")
@@ -68,17 +73,17 @@ def _space(name: str, contents: list[str], eye: rrb.EyeControls3D) -> rrb.Spatia
         background=rrb.Background(kind="SolidColor", color=palette.SKY),
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=eye,
-        defaults=[rr.Points3D.from_fields(radii=[PIN_RADIUS])],
+        defaults=[rr.Points3D.from_fields(radii=[PIN_RADIUS], show_labels=False)],
     )
 
 
 def _plan() -> rrb.Spatial2DView:
     return rrb.Spatial2DView(
         name="Plan",
-        origin="plan/camera",
+        origin=PLAN_CAMERA,
         contents=ON_THE_PLAN,
         background=palette.MEADOW,
-        defaults=[rr.Points3D.from_fields(radii=[PIN_RADIUS_PLAN])],
+        defaults=[rr.Points3D.from_fields(radii=[PIN_RADIUS_PLAN], show_labels=True)],
     )
 
 
@@ -96,4 +101,4 @@ def _robots() -> rrb.TimeSeriesView:
 
 def _events() -> rrb.TextLogView:
     levels = rrb.TextLogRows(filter_by_log_level=["INFO", "WARN", "ERROR"])
-    return rrb.TextLogView(name="Events", origin="events", rows=levels)
+    return rrb.TextLogView(name="Events", origin="events", rows=levels, columns=rrb.TextLogColumns(text_log_columns=["Body"]))

@@ -12,9 +12,9 @@ from orchard.view.mesh import Part, mesh_of
 from orchard.view.scenery import archetype
 from orchard.view.shapes import body
 
-WORLD_FRAME = "tf#/"  # Rerun's name for the frame of the root entity
 GROUPS = {"person": PEOPLE, "animal": ANIMALS}  # kinds that share a branch of world/
 PINNED = ("picker", "carrier", "tractor")
+PIN_Z = 4.4  # m: well above the pergola
 SHORT = {"picker": "P", "carrier": "C", "tractor": "T"}
 SCAN_COLOURS = {"picker": (255, 0, 200), "carrier": (0, 150, 255), "tractor": (255, 40, 30)}
 OTHER_SCANS = (250, 250, 120)
@@ -53,14 +53,19 @@ class Bodies:
         if start.kind != "weed":
             self.rec.log(path, archetype(mesh_of(body(start.kind))), static=True)
         if start.kind in PINNED:
-            above = [(0.0, 0.0, kind.height + 2.2)]
-            label = f"{SHORT[start.kind]}{start.name[-2:]}"
-            self.rec.log(f"pins/{start.name}", frame, rr.Points3D(above, labels=[label], show_labels=False), static=True)
-            self.rec.log(f"pins/{start.name}", rr.Points3D.from_fields(colors=[palette.STATES[palette.RESTING]]))
+            self._pin(start)
         if start.kind == "bin":
             self.rec.log(f"{path}/fruit", frame, archetype(mesh_of(FRUIT)), static=True)
         colour = SCAN_COLOURS.get(start.kind, OTHER_SCANS)
         self.rec.log(f"scans/{start.name}", frame, rr.Points3D.from_fields(colors=[colour], radii=[0.07]), static=True)
+
+    def _pin(self, robot: Start) -> None:
+        """A ball on a stalk, above the canopy, in the colour of what the robot does."""
+        path, top = f"pins/{robot.name}", max(PIN_Z, KINDS[robot.kind].height + 2.0)
+        ball = rr.Points3D([(0.0, 0.0, top)], labels=[f"{SHORT[robot.kind]}{robot.name[-2:]}"])
+        stalk = rr.LineStrips3D([[(0.0, 0.0, KINDS[robot.kind].height), (0.0, 0.0, top)]], colors=[palette.WIRE], radii=[0.04])
+        self.rec.log(path, rr.CoordinateFrame(robot.name), ball, stalk, static=True)
+        self.rec.log(path, rr.Points3D.from_fields(colors=[palette.STATES[palette.RESTING]]))
 
     def doing(self, name: str, text: str) -> None:
         """A body does something else now: its lane in the timeline, and the colour of its pin."""

@@ -1,5 +1,7 @@
 """Colours: what a robot does, who speaks to whom, and what stands in the field. sRGB."""
 
+from typing import NamedTuple
+
 Colour = tuple[int, int, int]
 
 PICKING, DRIVING, WAITING = "picking", "driving", "waiting"
@@ -17,63 +19,78 @@ STATES: dict[str, Colour] = {
     RESTING: (150, 155, 160),
 }
 
-# The first of these words that is in what a robot says it does decides the state.
-WORDS: tuple[tuple[str, str], ...] = (
-    ("stop", STOPPED),
-    ("held", STOPPED),
-    ("block", STOPPED),
-    ("obstacle", STOPPED),
-    ("unload", UNLOADING),
-    ("call", CALLING),
-    ("asking", CALLING),
-    ("wait", WAITING),
-    ("queue", WAITING),
-    ("pick", PICKING),
-    ("coupl", HANDLING),
-    ("leav", HANDLING),
-    ("taking", HANDLING),
-    ("bringing", DRIVING),
-    ("rest", RESTING),
-    ("done", RESTING),
-    ("parked", RESTING),
-    ("stand", RESTING),
-    ("idle", RESTING),
-    ("finished", RESTING),
-)
+HELD_UP = ("stopped", "held up", "blocked", "obstacle")  # anywhere in what a robot says: it cannot go on
+WORDS: dict[str, str] = {  # else the one of these that comes first
+    "driv": DRIVING,
+    "going": DRIVING,
+    "turning": DRIVING,
+    "mov": DRIVING,
+    "bringing": DRIVING,
+    "walking": DRIVING,
+    "wandering": DRIVING,
+    "unload": UNLOADING,
+    "call": CALLING,
+    "asking": CALLING,
+    "wait": WAITING,
+    "queue": WAITING,
+    "comes": WAITING,
+    "pick": PICKING,
+    "coupl": HANDLING,
+    "uncoupl": HANDLING,
+    "leav": HANDLING,
+    "taking": HANDLING,
+    "rest": RESTING,
+    "done": RESTING,
+    "park": RESTING,
+    "stand": RESTING,
+    "idle": RESTING,
+    "finish": RESTING,
+    "grow": RESTING,
+}
 
 
 def state_of(doing: str) -> str:
     """The state that a text like 'picking row 3' tells; one that says nothing rests, any other drives."""
-    if not doing:
-        return RESTING
-    words = doing.lower()
-    return next((state for word, state in WORDS if word in words), DRIVING)
+    said = doing.lower()
+    if any(word in said for word in HELD_UP):
+        return STOPPED
+    found = [(said.index(word), -len(word), state) for word, state in WORDS.items() if word in said]
+    return min(found)[2] if found else DRIVING if said else RESTING
 
 
 def colour_of(doing: str) -> Colour:
     return STATES[state_of(doing)]
 
 
-# What is said -> colour of its line between the two.
-TALK: dict[str, Colour] = {
-    "call": (255, 90, 170),
-    "emptybin": (255, 90, 170),
-    "offer": (255, 200, 60),
-    "come": (60, 220, 120),
-    "confirm": (60, 220, 120),
-    "yes": (60, 220, 120),
-    "carrier": (60, 200, 255),
-    "here": (60, 200, 255),
-    "no": (170, 170, 170),
+class Line(NamedTuple):
+    """How something that is said is drawn between the two."""
+
+    colour: Colour
+    seconds: float  # how long it stays
+    radius: float  # m
+    rank: int  # where there are too many lines, those of a lower rank go first
+
+
+_ASKED, _OFFERED = Line((255, 90, 170), 1.5, 0.05, 1), Line((255, 200, 60), 1.5, 0.05, 0)
+_SENT, _TOLD = Line((60, 220, 120), 5.0, 0.14, 3), Line((60, 200, 255), 4.0, 0.1, 2)
+TALK: dict[str, Line] = {
+    "call": _ASKED,
+    "emptybin": _ASKED,
+    "offer": _OFFERED,
+    "come": _SENT,
+    "yes": _SENT,
+    "carrier": _TOLD,
+    "here": _TOLD,
+    "no": Line((170, 170, 170), 1.0, 0.05, 0),
 }
 QUIET = frozenset({"claim", "places", "state", "binstate", "confirm"})  # said all the time: logged as DEBUG, never drawn
 
-GRASS, MEADOW, SOIL = (104, 142, 66), (120, 156, 82), (139, 116, 84)
-ROW_RIPE, ROW_PICKED = (72, 104, 48), (196, 176, 116)
-GRAVEL, ROAD_EDGE = (178, 172, 160), (214, 208, 196)
+GRASS, MEADOW, SOIL = (128, 168, 84), (146, 180, 104), (176, 148, 112)
+ROW_RIPE, ROW_PICKED = (84, 120, 58), (222, 198, 132)
+GRAVEL, ROAD_EDGE = (196, 192, 182), (228, 224, 214)
 BARK, POST, WIRE, FENCE, KERB = (98, 70, 48), (150, 130, 104), (200, 200, 205), (136, 112, 84), (168, 160, 148)
-LEAVES: tuple[Colour, ...] = ((62, 118, 44), (76, 136, 52), (52, 104, 40), (88, 146, 60))
-VINE: tuple[Colour, ...] = ((98, 158, 62), (84, 146, 54), (112, 168, 72))
+LEAVES: tuple[Colour, ...] = ((78, 142, 56), (92, 158, 62), (66, 128, 50), (108, 172, 72))
+VINE: tuple[Colour, ...] = ((124, 186, 76), (108, 172, 66), (138, 198, 88))
 KIWI, KIWI_FLESH = (124, 90, 46), (148, 178, 60)
 BAR = (60, 62, 68)
 SKY = (206, 224, 238)

@@ -11,6 +11,8 @@ from orchard.view import palette
 from orchard.view.mesh import Mesh, Part, mesh_of
 from orchard.view.shapes import CROWN, LINE_POST, TRUNK, vine_patch
 
+WORLD_FRAME = "tf#/"  # Rerun's name for the frame of the root entity
+PLAN_CAMERA = "plan/camera"
 MARGIN = 6.0  # m of meadow around the fences that the plan shows
 CAMERA_UP = 400.0  # m
 FOCAL = 4000.0  # pixels: 10 pixels a metre on the ground
@@ -74,7 +76,7 @@ def _ground(layout: Layout) -> list[Part]:
     low, x, first, last = layout.bottom, field.X_MAX, layout.tree_lines[0], layout.tree_lines[-1]
     drive = field.DRIVEWAY
     return [
-        _slab(-x - 260, low - 260, x + 260, field.TOP + 260, MEADOW_Z, palette.MEADOW),
+        _slab(-2000, low - 2000, 2000, field.TOP + 2000, MEADOW_Z, palette.MEADOW),
         _slab(-x, low, x, field.TOP, GRASS_Z, palette.GRASS),
         _slab(36.5, last - 8, 42.5, 26, ROADS_Z, palette.SOIL),
         _slab(-45.5, last - 8, -36.5, 23, ROADS_Z, palette.SOIL),
@@ -126,7 +128,7 @@ def _plan_canopy(rec: rr.RecordingStream, layout: Layout) -> None:
     _mesh(rec, "plan/crowns", mesh_of(crowns), alpha=130)
     numbers = [(field.ROW_WEST - 0.5, lane.y, 4.0) for lane in layout.lanes]
     labels = [f"{lane.number}" for lane in layout.lanes]
-    rec.log("plan/rows", rr.Points3D(numbers, labels=labels, radii=[0.01], colors=[(60, 80, 40)], show_labels=True), static=True)
+    rec.log("plan/rows", rr.Points3D(numbers, labels=labels, radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True), static=True)
 
 
 def _camera(rec: rr.RecordingStream, layout: Layout) -> None:
@@ -134,8 +136,10 @@ def _camera(rec: rr.RecordingStream, layout: Layout) -> None:
     height, width = plan_size(layout)
     scale = FOCAL / CAMERA_UP
     middle = (0.0, (field.TOP + layout.bottom) / 2, CAMERA_UP)
-    rec.log("plan/camera", rr.Transform3D(translation=middle, mat3x3=[[1, 0, 0], [0, -1, 0], [0, 0, -1]]), static=True)
-    rec.log("plan/camera", rr.Pinhole(focal_length=FOCAL, width=width * scale, height=height * scale), static=True)
+    down = rr.Transform3D(translation=middle, quaternion=(1.0, 0.0, 0.0, 0.0), child_frame="plan_eye", parent_frame=WORLD_FRAME)
+    image = rr.Pinhole(focal_length=FOCAL, width=width * scale, height=height * scale, child_frame="plan_image", parent_frame="plan_eye")
+    rec.log("plan/eye", down, static=True)
+    rec.log(PLAN_CAMERA, image, rr.CoordinateFrame("plan_image"), static=True)  # without names of its own it finds no named frame
 
 
 def plan_size(layout: Layout) -> tuple[float, float]:

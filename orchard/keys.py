@@ -4,9 +4,10 @@
 """
 
 import re
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 from orchard import wire
+from orchard.events import What
 
 NEVER_LOST = "never lost"  # reliable, in order; a sender waits for a slow subscriber
 QUERY = "query"  # a Zenoh get, answered by a queryable
@@ -47,7 +48,7 @@ TABLE: dict[str, Key] = {
     "state": Key("{prefix}/{bin}/state", wire.State, "the bin's agent", "when full or coupled_to changes", NEVER_LOST,
                  "Whether the bin is full, and on whom. The same key can be queried, with an empty payload.", (wire.State,)),
     "events": Key("{prefix}/events", wire.Events, "physics", "in ticks in which something happens", NEVER_LOST,
-                  "What happened in the step from this tick to the next: coupled, row picked, unloaded, collision ..."),
+                  "What happened in the step from this tick to the next. `what` is one of: " + ", ".join(get_args(What)) + "."),
     "figures": Key("{prefix}/figures", wire.Figures, "physics", "twice a second of wall time", NEVER_LOST,
                    "How the run goes, and what each robot does."),
     "scenario": Key("{prefix}/scenario", None, "anyone", "when it comes to the run", QUERY,
@@ -81,3 +82,14 @@ class Keys:
     def parts(self, key: str) -> list[str]:
         """What follows the prefix: ['picker_01', 'velocity'], ['alive', 'picker_01', '3fa9'], ['clock']."""
         return key.removeprefix(self.prefix + "/").split("/")
+
+
+if __name__ == "__main__":
+    import sys
+    from pathlib import Path
+
+    from orchard.keyspace import document
+
+    target = Path(sys.argv[1] if len(sys.argv) > 1 else "keyspace.md")
+    target.write_text(document())
+    print(f"{target} written")

@@ -99,7 +99,7 @@ class TwistPart(Part):
 class OtherEnd(Part):
     """What is coupled to this body: a robot's bin, a bin's robot."""
 
-    name: Name
+    name: Annotated[Name, Meta(description="its name")]
     pose: Pose
     twist: TwistPart
 
@@ -168,7 +168,7 @@ class Velocity(Message):
     linear: Linear
     angular: Angular
     holder: Holder = ""
-    report: Report | None = None
+    report: Annotated[Report | None, Meta(description="the agent's report; who only drives leaves it out")] = None
 
 
 # -- agents to agents
@@ -177,9 +177,9 @@ class Velocity(Message):
 class Letter(Message):
     """A request from one agent to another, stamped with the tick in which it is asked."""
 
-    sender: Name
+    sender: Annotated[Name, Meta(description="who asks")]
     number: Annotated[int, Meta(ge=0, lt=2**31, description="of the sender's requests in that tick, from 0")]
-    body: Request
+    body: Annotated[Request, Meta(description="see below, 'The requests'")]
 
 
 class Received(Message, tag_field="type", tag="received"):
@@ -189,7 +189,7 @@ class Received(Message, tag_field="type", tag="received"):
 class Answered(Message, tag_field="type", tag="answered"):
     """Second reply to a request, stamped with the tick in which it was heard (asked + 1). None comes if nobody answers."""
 
-    body: Answer
+    body: Annotated[Answer, Meta(description="see below, 'The answers'")]
 
 
 class Sent(Part):
@@ -212,8 +212,8 @@ class Given(Part):
 class Letters(Message):
     """All that one agent asked and answered at one tick."""
 
-    requests: list[Sent]
-    answers: list[Given]
+    requests: Annotated[list[Sent], Meta(description="maps of `to`, `number`, `body`")]
+    answers: Annotated[list[Given], Meta(description="maps of `to`, `tick` and `number` (of the request), `body`")]
 
 
 # -- the run
@@ -231,7 +231,7 @@ class Join(Part):
 
     run: Run
     holder: Holder
-    names: Annotated[list[Name], Meta(max_length=10_000)]
+    names: Annotated[list[Name], Meta(max_length=10_000, description="the agents that it wants to hold: all or none")]
 
 
 class Joined(Message):
@@ -244,20 +244,20 @@ class Joined(Message):
 class Lost(Message):
     """Agents that physics no longer waits for, because they were gone or silent for too long. They may join again."""
 
-    names: list[Name]
-    holder: Holder
+    names: Annotated[list[Name], Meta(description="the agents")]
+    holder: Annotated[Holder, Meta(description="the session that held them")]
 
 
 class Events(Message):
     """What happened in the step from this tick to the next."""
 
-    events: Annotated[list[dict[str, Any]], Meta(description="maps with a `type`; see orchard/events.py")]
+    events: Annotated[list[dict[str, Any]], Meta(description="maps of `tick`, `what`, `who`, `whom` ('' or the other body), `detail`")]
 
 
 class State(Message):
     """A bin's, published whenever `full` or `coupled_to` changes."""
 
-    full: bool
+    full: Annotated[bool, Meta(description="it holds a whole row")]
     fill: Annotated[float, Meta(description="m of row in it, 0 to 70")]
     coupled_to: Annotated[str, Meta(description="the robot that tows it; '' when it stands by itself")]
 
@@ -266,7 +266,7 @@ class Command(Part):
     """What a person asks of the run."""
 
     run: Run
-    command: Literal["stop"]
+    command: Annotated[Literal["stop"], Meta(description="end the run now")]
 
 
 class Done(Message):

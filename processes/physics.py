@@ -345,7 +345,7 @@ def _run(bus: Bus, keys: Keys, scenario: Scenario, arguments: argparse.Namespace
     physics.listen()
     print(f"listening on {bus.endpoint}, prefix {keys.prefix}, run {physics.run_id}", flush=True)
     end = physics.run()
-    print(f"{end.why}, tick {end.tick}, hash {end.hash}", flush=True)
+    print(f"{end.why}: tick {end.tick}, {end.summary['wall_seconds']} s, hash {end.hash}", flush=True)
     return 1 if end.why.startswith("jammed") else 0
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from orchard.config import Scenario
 from orchard.geometry import EAST, Pose, Rect
 from orchard.kinds import KINDS, name_of
-from orchard.starts import Crowd
+from orchard.starts import Crowd, Start
 
 X_MAX = 50.0  # the fences' centre lines, west and east
 TOP = 34.0  # the top fence's centre line
@@ -41,16 +41,6 @@ class Lane:
 
     number: int
     y: float  # its centre line
-
-
-@dataclass(frozen=True)
-class Start:
-    """A body at the beginning, and the bin behind it."""
-
-    name: str
-    kind: str
-    pose: Pose
-    bin: str = ""
 
 
 @dataclass(frozen=True)
@@ -105,7 +95,7 @@ def lay_out(scenario: Scenario) -> Layout:
     walls = np.array(_fences(scenario) + _trunks_and_posts(scenario))
     blocks = _blocks(scenario)
     machines = _machines(scenario, lanes, blocks)
-    crowd = Crowd(walls, inside=_inside(scenario), rows=_rows_area(scenario))
+    crowd = Crowd(walls, inside=_inside(scenario), rows=_rows_area(scenario), keep_off=(QUEUE,))
     return Layout(scenario, lanes, blocks, _in_moving_order(machines + crowd.guests(scenario, machines)), walls)
 
 

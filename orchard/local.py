@@ -16,7 +16,7 @@ class Local:
     def __init__(self, scenario: Scenario, agents: dict[str, Agent] | None = None) -> None:
         self.engine = Engine(scenario)
         self.agents = agents if agents is not None else cast(self.engine.layout)
-        self.memories: dict[str, Any] = dict.fromkeys(self.agents)
+        self.memories: dict[str, Any] = {}
         self.actions: dict[str, Action] = {}
         self.post = PostOffice()
 
@@ -25,7 +25,7 @@ class Local:
         tick, seen, mail = self.engine.tick, self.engine.observe(), self.post.deliver(self.engine.tick)
         for name, agent in self.agents.items():
             observation = seen.get(name) or without_body(name, tick)
-            self.actions[name] = agent.tick(observation, mail.get(name) or Mail(), self.memories[name])
+            self.actions[name] = agent.tick(observation, mail.get(name) or Mail(), self.memories.get(name))
             self.memories[name] = self.actions[name].memory
         for name, action in self.actions.items():
             self.post.collect(name, tick, action)

@@ -1,0 +1,6 @@
+"""Tests import each other's helpers (`stage`, `raycaster`) by name."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))

@@ -1,0 +1,115 @@
+"""The same seed gives the same run, to the last bit: again, from any agent's memory, and on any processor."""
+
+import os
+import subprocess
+import sys
+from functools import cache
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from orchard.agents import ROLES, cast
+from orchard.agents.traffic import Traffic
+from orchard.config import Laser, Scenario
+from orchard.doer import TRAFFIC
+from orchard.kinds import kind_of
+from orchard.local import Local
+from orchard.messages import pack, unpack
+
+TICKS = 1500  # up to the exchanges of 3 rows with 2 pickers
+
+
+def run(scenario: Scenario, ticks: int) -> str:
+    """The hash of a run after so many ticks."""
+    local = Local(scenario)
+    for _ in range(ticks):
+        local.tick()
+    return local.engine.hash
+
+
+@cache
+def undisturbed() -> str:
+    return run(Scenario(rows=3), TICKS)
+
+
+def test_the_same_seed_gives_the_same_run_and_another_seed_another():
+    hashes = [run(Scenario(rows=3, seed=seed), 300) for seed in (1, 1, 2, 3, 4, 5)]
+    assert hashes[0] == hashes[1]
+    assert len(set(hashes)) == 5
+
+
+def test_laser_noise_is_repeatable_and_part_of_the_run():
+    noisy = Scenario(rows=3, laser=Laser(noise=0.02))
+    assert run(noisy, 200) == run(noisy, 200) != run(Scenario(rows=3), 200)
+
+
+def test_a_velocity_that_is_off_by_a_trillionth_changes_the_hash():
+    class Touched:
+        """A worker whose velocity is off at one tick."""
+
+        def __init__(self, agent) -> None:
+            self.agent, self.Memory = agent, agent.Memory
+
+        def tick(self, seen, mail, memory):
+            action = self.agent.tick(seen, mail, memory)
+            if seen.tick == 40:
+                action.twist = action.twist._replace(x=action.twist.x - 1e-12)
+            return action
+
+    local, other = Local(Scenario(rows=3)), Local(Scenario(rows=3))
+    name = next(n for n, a in local.agents.items() if n.startswith("picker"))
+    other.agents[name] = Touched(other.agents[name])
+    for _ in range(60):
+        local.tick(), other.tick()
+    assert local.engine.hash != other.engine.hash
+
+
+AGENTS = sorted(cast(Local(Scenario(rows=3)).engine.layout))
+RESTARTS = st.lists(st.tuples(st.integers(1, TICKS - 1), st.sampled_from(AGENTS)), min_size=1, max_size=40)
+
+
+@settings(max_examples=15, deadline=None)
+@given(RESTARTS)
+def test_an_agent_started_afresh_from_its_memory_at_any_tick_changes_nothing(restarts):
+    local = Local(Scenario(rows=3))
+    for tick in range(TICKS):
+        for when, name in restarts:
+            if when == tick:
+                start_afresh(local, name)
+        local.tick()
+    assert local.engine.hash == undisturbed()
+
+
+def test_all_agents_started_afresh_at_every_tick_changes_nothing():
+    local = Local(Scenario(rows=3))
+    for tick in range(TICKS):
+        if tick:
+            for name in local.agents:
+                start_afresh(local, name)
+        local.tick()
+    assert local.engine.hash == undisturbed()
+
+
+def start_afresh(local: Local, name: str) -> None:
+    """What another process would do: a new agent, and its memory from bytes."""
+    local.agents[name] = Traffic() if name == TRAFFIC else ROLES[kind_of(name)](local.engine.layout, name)
+    local.memories[name] = unpack(pack(local.memories[name]), local.agents[name].Memory)
+
+
+OTHER_PROCESSORS = {
+    "numpy without AVX-512": {"NPY_DISABLE_CPU_FEATURES": "X86_V4"},
+    "another BLAS": {"OPENBLAS_CORETYPE": "Nehalem"},
+    "glibc without FMA and AVX2": {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2,-AVX2_Usable,-FMA_Usable"},
+    "compiled for any x86-64": {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": ""},
+}
+
+
+@pytest.mark.parametrize("processor", OTHER_PROCESSORS)
+def test_the_hash_is_the_same_on_another_processor(processor, tmp_path):
+    program = f"from test_repeatable import run, Scenario; print(run(Scenario(rows=3), {TICKS}))"
+    environment = os.environ | OTHER_PROCESSORS[processor] | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    if "NUMBA_CPU_NAME" in environment:
+        environment["NUMBA_CACHE_DIR"] = str(tmp_path)
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=120)
+    assert done.stdout.strip() == undisturbed(), done.stderr

@@ -1,5 +1,7 @@
 """Oriented boxes on the ground, as rows of an array, for the compiled kernels of laser and physics."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from orchard.compiled import jit, sin_cos
@@ -13,6 +15,49 @@ def boxes_of(centres: np.ndarray, halves: np.ndarray) -> np.ndarray:
     n = len(centres)
     radius = np.sqrt(halves[:, :1] * halves[:, :1] + halves[:, 1:] * halves[:, 1:])
     return np.hstack([centres, halves, np.ones((n, 1)), np.zeros((n, 1)), radius])
+
+
+class Grid(NamedTuple):
+    """For every cell of the ground, the walls that are within a certain reach of a point in it."""
+
+    west: float
+    south: float
+    cell: float  # m
+    columns: int
+    rows: int
+    begin: np.ndarray  # (columns x rows + 1,) int64: cell k's walls are begin[k] to begin[k + 1] of `members`
+    members: np.ndarray  # int64: indices of walls
+
+
+def grid_of(walls: np.ndarray, reach: float, cell: float = 5.0) -> Grid:
+    """The grid over walls, (w, 7) boxes that face east; it covers the ground between the outermost of them. Metres."""
+    x, y, hx, hy = walls[:, X], walls[:, Y], walls[:, HALF_LENGTH], walls[:, HALF_WIDTH]
+    west, south = float((x - hx).min()), float((y - hy).min())
+    columns, rows = int(((x + hx).max() - west) / cell) + 1, int(((y + hy).max() - south) / cell) + 1
+    near = []
+    for row in range(rows):
+        for column in range(columns):
+            dx = np.maximum(np.abs(x - west - (column + 0.5) * cell) - hx - cell / 2, 0.0)
+            dy = np.maximum(np.abs(y - south - (row + 0.5) * cell) - hy - cell / 2, 0.0)
+            near.append(np.flatnonzero(dx * dx + dy * dy <= reach * reach + TOUCH))
+    begin = np.cumsum([0] + [len(members) for members in near], dtype=np.int64)
+    return Grid(west, south, cell, columns, rows, begin, np.concatenate(near).astype(np.int64))
+
+
+@jit
+def cell_of(grid, x, y):
+    """The grid's cell at a point; of a point outside, the nearest cell, which holds all that is within its reach."""
+    column = min(max(int((x - grid.west) / grid.cell), 0), grid.columns - 1)
+    row = min(max(int((y - grid.south) / grid.cell), 0), grid.rows - 1)
+    return row * grid.columns + column
+
+
+@jit
+def circles_meet(box, boxes, k):
+    """Whether the circumscribed circles of a box and of the k-th of others meet: if not, nor do the boxes."""
+    dx, dy = boxes[k, X] - box[X], boxes[k, Y] - box[Y]
+    reach = box[RADIUS] + boxes[k, RADIUS]
+    return dx * dx + dy * dy < reach * reach
 
 
 @jit
@@ -30,9 +75,6 @@ def place(pose, boxes):
 def overlap(a, b):
     """Whether two boxes overlap by more than TOUCH: no side of either has the whole other box beyond it (separating axes)."""
     dx, dy = b[X] - a[X], b[Y] - a[Y]
-    reach = a[RADIUS] + b[RADIUS]
-    if dx * dx + dy * dy >= reach * reach:
-        return False
     cosine = abs(a[COSINE] * b[COSINE] + a[SINE] * b[SINE])
     sine = abs(a[COSINE] * b[SINE] - a[SINE] * b[COSINE])
     return _meet_along(a, b, dx, dy, cosine, sine) and _meet_along(b, a, dx, dy, cosine, sine)

@@ -19,7 +19,7 @@ class Refused(Exception):
     """Why a deed does not happen."""
 
 
-def do(world: World, wanted: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
+def do_deeds(world: World, wanted: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
     """Do the deeds, (body index, deed) in body order, or tell why not; wanted (n, 3): the twists wanted for this step."""
     return [_do_one(world, wanted, i, deed) for i, deed in deeds]
 

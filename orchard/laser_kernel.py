@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchard.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, TOUCH, X, Y
+from orchard.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, TOUCH, X, Y, cell_of
 from orchard.compiled import atan2, jit, log, sin_cos
 from orchard.kinds import LASER_RANGE
 from orchard.trig import TURN
@@ -51,26 +51,6 @@ class Sensors(NamedTuple):
     begin: np.ndarray  # (n + 1,) int64: body i's ranges are begin[i] to begin[i + 1] of all
 
 
-class Grid(NamedTuple):
-    """For every cell of the ground, the walls that can be within range of a sensor in it."""
-
-    west: float
-    south: float
-    cell: float  # m
-    columns: int
-    rows: int
-    begin: np.ndarray  # (columns x rows + 1,) int64: cell k's walls are begin[k] to begin[k + 1] of `walls`
-    walls: np.ndarray  # int64: indices of boxes
-
-
-@jit
-def cell_of(grid, x, y):
-    """The grid's cell at a point; of a point outside, the nearest cell, which holds all that is within its range."""
-    column = min(max(int((x - grid.west) / grid.cell), 0), grid.columns - 1)
-    row = min(max(int((y - grid.south) / grid.cell), 0), grid.rows - 1)
-    return row * grid.columns + column
-
-
 @jit
 def cast_all(bodies, solid, sees, walls, grid, sensors, fans, ranges):
     """Fill `ranges`, (all beams,) float64, with metres to the nearest return of every beam, +inf where there is none.
@@ -95,22 +75,28 @@ def _cast(me, x, y, bodies, solid, walls, grid, fan, inverse):
     c, s = bodies[me, COSINE], bodies[me, SINE]
     cell = cell_of(grid, x, y)
     for k in range(grid.begin[cell], grid.begin[cell + 1]):
-        _paint_box(walls[grid.walls[k]], x, y, c, s, fan, inverse)
+        wall = grid.members[k]
+        if _in_view(walls, wall, x, y, c, s, fan.forward):
+            _paint_box(walls[wall], x, y, c, s, fan, inverse)
     for j in range(len(bodies)):
-        if solid[j] and j != me:
+        if solid[j] and j != me and _in_view(bodies, j, x, y, c, s, fan.forward):
             _paint_box(bodies[j], x, y, c, s, fan, inverse)
+
+
+@jit
+def _in_view(boxes, k, x, y, c, s, forward):
+    """Whether a box's circle is within range of a sensor at (x, y), and not behind one that looks forward along (c, s)."""
+    dx, dy = boxes[k, X] - x, boxes[k, Y] - y
+    radius = boxes[k, RADIUS]
+    reach = LASER_RANGE + radius
+    return dx * dx + dy * dy <= reach * reach and not (forward and c * dx + s * dy < -radius - TOUCH)
 
 
 @jit
 def _paint_box(box, x, y, c, s, fan, inverse):
     """Raise the beams' 1/t to those of one box; (x, y) is the sensor, (c, s) its direction, all in the orchard's frame."""
     dx, dy = box[X] - x, box[Y] - y
-    reach = LASER_RANGE + box[RADIUS]
-    if dx * dx + dy * dy > reach * reach:
-        return
     at_x, at_y = c * dx + s * dy, c * dy - s * dx
-    if fan.forward and at_x < -box[RADIUS] - TOUCH:
-        return
     axis_x, axis_y = c * box[COSINE] + s * box[SINE], c * box[SINE] - s * box[COSINE]
     along, across = -(axis_x * at_x + axis_y * at_y), axis_y * at_x - axis_x * at_y  # the sensor in the box's frame
     gap_along, gap_across = abs(along) - box[HALF_LENGTH], abs(across) - box[HALF_WIDTH]

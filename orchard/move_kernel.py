@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchard.boxes import COSINE, SINE, X, Y, gap, overlap
+from orchard.boxes import COSINE, SINE, TOUCH, X, Y, cell_of, circles_meet, gap, overlap
 from orchard.compiled import jit, sin_cos, wrap
 from orchard.config import TIME_STEP
 from orchard.layout import ROW_EAST, ROW_LENGTH, ROW_WEST
@@ -76,10 +76,11 @@ def arc(x, y, yaw, forward, left, turn, seconds):
 
 
 @jit
-def move_all(twist, pose, coupled, bodies, walls, boxes, distance, refused, held):
+def move_all(twist, pose, coupled, bodies, walls, grid, boxes, distance, refused, held):
     """Move every body with its twist for one time step, one after another, where nothing solid is in the way.
 
-    boxes (n, 7) are the bodies' as they stand, walls (w, 7). A body that cannot move keeps its pose, and its twist becomes 0.
+    boxes (n, 7) are the bodies as they stand, walls (w, 7); grid tells which walls are near.
+    A body that cannot move keeps its pose, and its twist becomes 0.
     Returns (n,) int64: what was in the way of each: a body's index, n + a wall's index, or NOBODY.
     """
     n = len(pose)
@@ -94,7 +95,7 @@ def move_all(twist, pose, coupled, bodies, walls, boxes, distance, refused, held
             held[i] += 1
             twist[i, :] = 0.0
             continue
-        obstacles[i] = _in_the_way(moved, i, bodies, boxes, walls)
+        obstacles[i] = _in_the_way(moved, i, bodies, boxes, walls, grid)
         if obstacles[i] != NOBODY:
             refused[i] += 1
             twist[i, :] = 0.0
@@ -120,17 +121,18 @@ def _leaves_its_bin(moved, me, coupled, bodies, boxes):
         return False
     off_x = boxes[coupled[me], X] - (moved[X] - bodies.tows[me] * moved[COSINE])
     off_y = boxes[coupled[me], Y] - (moved[Y] - bodies.tows[me] * moved[SINE])
-    return off_x * off_x + off_y * off_y > BAR * BAR
+    return off_x * off_x + off_y * off_y > BAR * BAR + TOUCH
 
 
 @jit
-def _in_the_way(moved, me, bodies, boxes, walls):
+def _in_the_way(moved, me, bodies, boxes, walls, grid):
     """The first solid thing that a moved body would overlap: a body's index, n + a wall's, or NOBODY."""
     for j in range(len(boxes)):
-        if j != me and bodies.solid[j] and overlap(moved, boxes[j]):
+        if j != me and bodies.solid[j] and circles_meet(moved, boxes, j) and overlap(moved, boxes[j]):
             return j
-    for k in range(len(walls)):
-        if overlap(moved, walls[k]):
+    cell = cell_of(grid, moved[X], moved[Y])
+    for k in grid.members[grid.begin[cell] : grid.begin[cell + 1]]:
+        if circles_meet(moved, walls, k) and overlap(moved, walls[k]):
             return len(boxes) + k
     return NOBODY
 

@@ -6,8 +6,8 @@ Rules and figures: reference.md, 'Towing', 'The behaviours', 'The work'.
 
 import numpy as np
 
-from orchard import deeds as _deeds
 from orchard.boxes import place
+from orchard.deeds import do_deeds
 from orchard.events import Event
 from orchard.geometry import EAST, angle_between
 from orchard.kinds import ANIMALS, KINDS, PEOPLE
@@ -27,7 +27,7 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
     deeds: (body index, deed), in body order.
     """
     wanted = finite(twists)
-    events = _deeds.do(world, wanted, deeds)
+    events = do_deeds(world, wanted, deeds)
     before = world.pose.copy()
     world.twist[:] = limit(wanted, _top_speeds(world), world.coupled, world.bodies)
     events += _move(world)
@@ -53,7 +53,7 @@ def _move(world: World) -> list[Event]:
     boxes = world.bodies.boxes.copy()
     place(world.pose, boxes)
     obstacles = move_all(
-        world.twist, world.pose, world.coupled, world.bodies, world.walls, boxes, world.distance, world.refused, world.held
+        world.twist, world.pose, world.coupled, world.bodies, world.walls, world.wall_grid, boxes, world.distance, world.refused, world.held
     )
     blocked = obstacles != NOBODY
     events = [_collision(world, int(i), int(obstacles[i])) for i in np.flatnonzero(blocked & ~world.blocked)]

@@ -9,13 +9,12 @@ import hashlib
 import numpy as np
 
 from orchard import trig
-from orchard.boxes import boxes_of, place
+from orchard.boxes import boxes_of, grid_of, place
 from orchard.kinds import AROUND, KINDS, LASER_RANGE, Laser
-from orchard.laser_kernel import Fan, Grid, Sensors, add_noise, cast_all
+from orchard.laser_kernel import Fan, Sensors, add_noise, cast_all
 from orchard.layout import Layout
 from orchard.world import World, half_sizes
 
-CELL = 5.0  # m, of the grid of walls
 _FORWARD = KINDS["picker"].laser
 
 
@@ -28,7 +27,7 @@ class Scanner:
         self._sensors = _sensors([kind.laser for kind in kinds])
         self._solid = np.array([kind.solid for kind in kinds], dtype=np.bool_)
         self._walls = boxes_of(layout.walls[:, :2], layout.walls[:, 2:])
-        self._grid = _grid(self._walls)
+        self._grid = grid_of(self._walls, LASER_RANGE)
         self._bodies = boxes_of(np.zeros((len(kinds), 2)), half_sizes(layout))
         self._slices = [slice(*pair) for pair in zip(self._sensors.begin[:-1].tolist(), self._sensors.begin[1:].tolist(), strict=True)]
         self._noise = layout.scenario.laser.noise
@@ -70,21 +69,6 @@ def _sensors(lasers: list[Laser]) -> Sensors:
         fan=np.array([1 if laser is AROUND else 0 for laser in lasers], dtype=np.int64),
         begin=np.cumsum([0] + [laser.beams for laser in lasers], dtype=np.int64),
     )
-
-
-def _grid(walls: np.ndarray) -> Grid:
-    """The walls within laser range of each cell of the ground between the outermost of them."""
-    x, y, hx, hy = walls[:, 0], walls[:, 1], walls[:, 2], walls[:, 3]
-    west, south = float((x - hx).min()), float((y - hy).min())
-    columns, rows = int(((x + hx).max() - west) / CELL) + 1, int(((y + hy).max() - south) / CELL) + 1
-    near = []
-    for row in range(rows):
-        for column in range(columns):
-            dx = np.maximum(np.abs(x - west - (column + 0.5) * CELL) - hx - CELL / 2, 0.0)
-            dy = np.maximum(np.abs(y - south - (row + 0.5) * CELL) - hy - CELL / 2, 0.0)
-            near.append(np.flatnonzero(dx * dx + dy * dy <= LASER_RANGE * LASER_RANGE + 1e-6))
-    begin = np.cumsum([0] + [len(walls_near) for walls_near in near], dtype=np.int64)
-    return Grid(west, south, CELL, columns, rows, begin, np.concatenate(near).astype(np.int64))
 
 
 def _noise_key(seed: int, name: str) -> int:

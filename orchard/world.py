@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from orchard.boxes import boxes_of
+from orchard.boxes import RADIUS, Grid, boxes_of, grid_of
 from orchard.kinds import KINDS
 from orchard.layout import Layout
 from orchard.move_kernel import NOBODY, Bodies
@@ -53,6 +53,11 @@ class World:
     def walls(self) -> np.ndarray:
         """(w, 7): the boxes of fences, trunks and posts."""
         return boxes_of(self.layout.walls[:, :2], self.layout.walls[:, 2:])
+
+    @cached_property
+    def wall_grid(self) -> Grid:
+        """Where the walls are that a body could touch."""
+        return grid_of(self.walls, float(self.bodies.boxes[:, RADIUS].max(initial=0.0)))
 
     @cached_property
     def pickers(self) -> np.ndarray:

@@ -103,7 +103,9 @@ class Stage:
         self._drive(i, self.ways[start.name], max(0.0, (now - wait) % 500.0))
         x, y = self.poses[i, :2]
         bay = y == 24.5 and -35 < x < -28
-        self.doing[start.name] = "waiting in the queue" if now < wait else "unloading" if bay else "driving to row 2" if x > 0 else "taking a full bin"
+        self.doing[start.name] = (
+            "waiting in the queue" if now < wait else "unloading" if bay else "driving to row 2" if x > 0 else "taking a full bin"
+        )
         self.fill[self.layout.index[start.bin]] = ROW_LENGTH if y < 10 or x < -31 else 0.0
         if bay and x > -28.1:
             self.delivered += 1

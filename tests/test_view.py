@@ -86,6 +86,10 @@ def chunks(path: Path) -> list:
     return list(RrdReader(path).stream())
 
 
+def entities_with(path: Path, component: str) -> set[str]:
+    return {chunk.entity_path for chunk in chunks(path) if component in chunk.to_record_batch().schema.names}
+
+
 def poses_at(path: Path, seconds: float) -> dict[str, tuple[float, float, float]]:
     """Where the viewer draws each body: the newest pose of its frame."""
     seen = {}
@@ -117,7 +121,7 @@ def test_layers_are_separate_and_time_is_physics_time(recording: Path) -> None:
 
 
 def test_every_body_has_a_shape_in_a_frame_of_its_own(layout: Layout, recording: Path) -> None:
-    shaped = {chunk.entity_path.split("/")[-1] for chunk in chunks(recording) if "Mesh3D:vertex_positions" in chunk.to_record_batch().schema.names}
+    shaped = {path.split("/")[-1] for path in entities_with(recording, "Mesh3D:vertex_positions")}
     assert set(layout.names) <= shaped
     assert Rows(recording, "/world/pickers/picker_01").static["CoordinateFrame:frame"] == ["picker_01"]
 
@@ -198,6 +202,24 @@ def test_events_read_like_sentences() -> None:
     assert (level_of("claim"), level_of("call"), level_of("collision")) == ("DEBUG", "INFO", "WARN")
 
 
+def test_what_is_said_again_is_no_news(layout: Layout, tmp_path: Path) -> None:
+    path, poses = tmp_path / "again.rrd", np.array([start.pose for start in layout.starts])
+    recorder = Recorder(layout, "again", path)
+    for tick in (0, 20, 40, 400):
+        recorder.tick(Frame(tick, poses, events=[("call", "bin_01", "carrier_01", "")]))
+    recorder.close()
+    assert [level[0] for _, level in Rows(path, "/events").values("TextLog:level")] == ["INFO", "DEBUG", "DEBUG", "INFO"]
+
+
+def test_a_live_recording_is_served_on_the_loopback_only(layout: Layout) -> None:
+    port = free_port()
+    recorder = Recorder(layout, "live", serve=True, port=port)
+    assert recorder.uri.startswith("rerun+http://127.0.0.1:")
+    with socket.create_connection(("127.0.0.1", port), timeout=5):
+        pass
+    recorder.close()
+
+
 @pytest.mark.parametrize(
     ("doing", "state"),
     [
@@ -207,6 +229,7 @@ def test_events_read_like_sentences() -> None:
         ("full, calling", "calling"),
         ("coupling bin_03", "handling a bin"),
         ("unloading", "unloading"),
+        ("taking bin_02 to the bay", "hauling a full bin"),
         ("driving to the queue", "driving"),
         ("", "resting"),
     ],

@@ -11,15 +11,15 @@ TIMELINE = "sim_time"
 PIN_RADIUS, PIN_RADIUS_PLAN = 0.7, -5.0  # m in space; below 0: points of the screen
 
 IN_SPACE = ["world/**", "canopy/**", "scans/**", "pins/**", "talk/**"]
-UNDER_THE_ROOF = ["world/**", "scans/**", "pins/**", "talk/**", "canopy/wires"]
+WITHOUT_ROOF = ["world/**", "scans/**", "pins/**", "talk/**", "canopy/wires", "canopy/fruit/**"]
 ON_THE_PLAN = ["world/**", "plan/**", "pins/**", "talk/**", "scans/**"]
 
 
 def blueprint(layout: Layout) -> rrb.Blueprint:
     """3-D above the plan and the states; figures and events beside them. A high orchard's plan gets a column of its own."""
     high, wide = plan_size(layout)
-    pictures = _stacked(layout, wide / high) if high < wide else _beside(layout)
-    figures = rrb.Vertical(_bins(), _robots(), _events(), row_shares=[3, 3, 4])
+    pictures = _stacked(layout) if high < wide else _beside(layout)
+    figures = rrb.Vertical(_plot("Bins", "metrics/bins"), _plot("Robots", "metrics/robots"), _events(), row_shares=[3, 3, 4])
     return rrb.Blueprint(
         rrb.Horizontal(pictures, figures, column_shares=[11, 4]),
         rrb.TimePanel(state=rrb.PanelState.Collapsed, timeline=TIMELINE, playback_speed=4.0),
@@ -30,7 +30,7 @@ def blueprint(layout: Layout) -> rrb.Blueprint:
     )
 
 
-def _stacked(layout: Layout, aspect: float) -> rrb.Container:
+def _stacked(layout: Layout) -> rrb.Container:
     below = rrb.Horizontal(_plan(), _states(), column_shares=[1, 1])
     return rrb.Vertical(_spaces(layout), below, row_shares=[13, 10])
 
@@ -41,24 +41,26 @@ def _beside(layout: Layout) -> rrb.Container:
 
 
 def _spaces(layout: Layout) -> rrb.Tabs:
-    """The orchard from outside; from below its roof; and the first picker's company."""
-    south = layout.tree_lines[-1]
-    middle = (TOP + south) / 2
-    high = south < -60.0
-    outside = (
-        _eye((52.0, south - 22.0, 24.0), (12.0, south + 22.0, 0.0))
-        if high
-        else _eye((45.0, south - 12.0, 10.0 + 0.08 * (TOP - south)), (4.0, min(middle, south + 17.0), -3.0))
-    )
-    inside = _eye((ROW_WEST - 9.0, layout.lanes[-1].y - 1.0, 2.6), (0.0, layout.lanes[-1].y + 6.0, 0.6))
+    """The orchard from outside; from below its roof; and the first picker's company, without the roof."""
     first = next(start for start in layout.starts if start.kind == "picker").name
-    company = _eye((ROW_WEST - 14.0, layout.lanes[0].y - 12.0, 9.0), (ROW_WEST, layout.lanes[0].y, 0.0), follow=f"world/pickers/{first}")
+    y = layout.lane(layout.blocks[first][0]).y
+    inside = _eye((ROW_WEST - 5.5, y - 1.2, 2.2), (ROW_WEST + 14.0, y + 0.4, 1.0))
+    company = _eye((ROW_WEST - 14.0, y - 12.0, 9.0), (ROW_WEST, y, 0.0), follow=f"world/pickers/{first}")
     return rrb.Tabs(
-        _space("Orchard", IN_SPACE, outside),
-        _space("Under the pergola", UNDER_THE_ROOF, inside),
-        _space(f"With {first}", UNDER_THE_ROOF, company),
+        _space("Orchard", IN_SPACE, _outside(layout)),
+        _space("Under the pergola", IN_SPACE, inside),
+        _space(f"With {first}", WITHOUT_ROOF, company),
         active_tab="Orchard",
     )
+
+
+def _outside(layout: Layout) -> rrb.EyeControls3D:
+    """From the south-east corner, low; from further away where the orchard is large and the view narrow."""
+    south, large = layout.tree_lines[-1], plan_size(layout)[0] > plan_size(layout)[1]
+    if large:
+        return _eye((52.0, south - 22.0, 24.0), (12.0, south + 22.0, 0.0))
+    middle = min((TOP + south) / 2, south + 17.0)
+    return _eye((45.0, south - 12.0, 10.0 + 0.08 * (TOP - south)), (4.0, middle, -3.0))
 
 
 def _eye(position: tuple[float, float, float], target: tuple[float, float, float], follow: str | None = None) -> rrb.EyeControls3D:
@@ -88,15 +90,14 @@ def _plan() -> rrb.Spatial2DView:
 
 
 def _states() -> rrb.StateTimelineView:
-    return rrb.StateTimelineView(name="What the robots do", origin="world", contents=["world/pickers/**", "world/carriers/**", "world/tractors/**"])
+    robots = ["world/pickers/**", "world/carriers/**", "world/tractors/**"]
+    return rrb.StateTimelineView(name="What the robots do", origin="world", contents=robots)
 
 
-def _bins() -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(name="Bins", origin="metrics/bins", plot_legend=rrb.Corner2D.LeftTop)
-
-
-def _robots() -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(name="Robots", origin="metrics/robots", plot_legend=rrb.Corner2D.LeftTop)
+def _plot(name: str, origin: str) -> rrb.TimeSeriesView:
+    """A plot of the whole run."""
+    ever = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
+    return rrb.TimeSeriesView(name=name, origin=origin, plot_legend=rrb.Corner2D.LeftTop, axis_x=rrb.TimeAxis(view_range=ever))
 
 
 def _events() -> rrb.TextLogView:

@@ -47,8 +47,8 @@ class Bodies:
             self._introduce(start)
 
     def _introduce(self, start: Start) -> None:
-        """What never changes about a body: its frame, shape, pin and the look of its scan."""
-        kind, path, frame = KINDS[start.kind], self.path[start.name], rr.CoordinateFrame(start.name)
+        """What never changes about a body: its frame, shape, pin and the look of its scan. (A weed's shape is not for ever.)"""
+        path, frame = self.path[start.name], rr.CoordinateFrame(start.name)
         self.rec.log(path, frame, static=True)
         if start.kind != "weed":
             self.rec.log(path, archetype(mesh_of(body(start.kind))), static=True)
@@ -104,8 +104,8 @@ class Bodies:
 
     def _bar(self, robot: Start, there: bool) -> None:
         kind = KINDS[robot.kind]
-        ends = [(-kind.length / 2 + 0.1, 0.0, 0.35), (-kind.tows + 0.4, 0.0, 0.35)]
-        strips = rr.LineStrips3D([ends] if there else [], colors=[palette.BAR], radii=[0.07])
+        ends = [(-kind.length / 2 + 0.1, 0.0, 0.42), (-kind.tows + 0.45, 0.0, 0.42)]
+        strips = rr.LineStrips3D([ends] if there else [], colors=[palette.BAR], radii=[0.09])
         self.rec.log(f"{self.path[robot.name]}/bar", rr.CoordinateFrame(robot.name), static=True)
         self.rec.log(f"{self.path[robot.name]}/bar", strips)
 

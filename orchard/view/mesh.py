@@ -49,7 +49,7 @@ def faceted(corners: np.ndarray, colours: np.ndarray) -> Mesh:
     """A mesh of (f, 3, 3) corners and (f, 3) face colours, each face a little darker the further it looks away from the sun."""
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
-    shade = 0.80 + 0.20 * np.clip(normals @ LIGHT, -0.8, 1.0)
+    shade = 0.90 + 0.10 * np.clip(normals @ LIGHT, -0.8, 1.0)
     painted = np.clip(colours * shade[:, None], 0, 255).astype(np.uint8)
     return Mesh(
         corners.reshape(-1, 3).astype(np.float32),

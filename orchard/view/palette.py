@@ -6,7 +6,7 @@ Colour = tuple[int, int, int]
 
 PICKING, DRIVING, WAITING = "picking", "driving", "waiting"
 STOPPED, CALLING, HANDLING = "stopped", "calling", "handling a bin"
-UNLOADING, RESTING = "unloading", "resting"
+HAULING, UNLOADING, RESTING = "hauling a full bin", "unloading", "resting"
 
 STATES: dict[str, Colour] = {
     PICKING: (76, 175, 80),
@@ -14,7 +14,8 @@ STATES: dict[str, Colour] = {
     WAITING: (255, 160, 20),
     STOPPED: (235, 50, 60),
     CALLING: (255, 90, 170),
-    HANDLING: (0, 190, 200),
+    HANDLING: (205, 220, 57),
+    HAULING: (0, 190, 200),
     UNLOADING: (165, 80, 220),
     RESTING: (150, 155, 160),
 }
@@ -29,6 +30,7 @@ WORDS: dict[str, str] = {  # else the one of these that comes first
     "walking": DRIVING,
     "wandering": DRIVING,
     "unload": UNLOADING,
+    "loaded": UNLOADING,
     "call": CALLING,
     "asking": CALLING,
     "wait": WAITING,
@@ -38,7 +40,7 @@ WORDS: dict[str, str] = {  # else the one of these that comes first
     "coupl": HANDLING,
     "uncoupl": HANDLING,
     "leav": HANDLING,
-    "taking": HANDLING,
+    "taking": HAULING,
     "rest": RESTING,
     "done": RESTING,
     "park": RESTING,
@@ -83,7 +85,13 @@ TALK: dict[str, Line] = {
     "here": _TOLD,
     "no": Line((170, 170, 170), 1.0, 0.05, 0),
 }
-QUIET = frozenset({"claim", "places", "state", "binstate", "confirm"})  # said all the time: logged as DEBUG, never drawn
+QUIET = frozenset({"claim", "places", "state", "binstate", "confirm", "no", "deedrefused"})  # said all the time: logged as DEBUG
+
+
+def plain(what: str) -> str:
+    """The key of an event's word in these tables."""
+    return what.lower().replace(" ", "").replace("_", "")
+
 
 GRASS, MEADOW, SOIL = (128, 168, 84), (146, 180, 104), (176, 148, 112)
 ROW_RIPE, ROW_PICKED = (84, 120, 58), (222, 198, 132)
@@ -92,5 +100,5 @@ BARK, POST, WIRE, FENCE, KERB = (98, 70, 48), (150, 130, 104), (200, 200, 205), 
 LEAVES: tuple[Colour, ...] = ((78, 142, 56), (92, 158, 62), (66, 128, 50), (108, 172, 72))
 VINE: tuple[Colour, ...] = ((124, 186, 76), (108, 172, 66), (138, 198, 88))
 KIWI, KIWI_FLESH = (124, 90, 46), (148, 178, 60)
-BAR = (60, 62, 68)
+BAR = (236, 236, 240)
 SKY = (206, 224, 238)

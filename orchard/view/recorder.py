@@ -12,7 +12,7 @@ import numpy as np
 import rerun as rr
 
 from orchard.config import TIME_STEP
-from orchard.frames import Frame
+from orchard.frames import Event, Frame
 from orchard.kinds import KINDS, LASER_RANGE, Laser
 from orchard.layout import ROW_LENGTH, Layout
 from orchard.view import palette
@@ -61,7 +61,7 @@ class Recorder:
         self._scanned = self.bodies.scanned(scanned)
         self._poses: list[tuple[int, np.ndarray]] = []
         self._scans: list[tuple[int, Sequence[np.ndarray | None]]] = []
-        self._events: list[tuple[int, tuple[str, str, str, str]]] = []
+        self._events: list[tuple[int, str, str]] = []  # tick, line, level
         self._last: np.ndarray | None = None
         self._doing: dict[str, str] = {}
         self._gauges: dict[str, float] = {}
@@ -105,7 +105,6 @@ class Recorder:
 
     def _keep(self, frame: Frame) -> None:
         self._poses.append((frame.tick, np.array(frame.poses, dtype=np.float64)))
-        self._events.extend((frame.tick, event) for event in frame.events)
         if frame.scans is not None and frame.tick % self._every == 0:
             self._scans.append((frame.tick, frame.scans))
 
@@ -135,10 +134,8 @@ class Recorder:
 
     def _send_events(self) -> None:
         if self._events:
-            texts = [line_of(*event) for _, event in self._events]
-            levels = [level_of(event[0]) for _, event in self._events]
-            columns = rr.TextLog.columns(text=texts, level=levels)
-            self.rec.send_columns("events", indexes=[_ticks(tick for tick, _ in self._events)], columns=columns)
+            ticks, texts, levels = zip(*self._events, strict=True)
+            self.rec.send_columns("events", indexes=[_ticks(ticks)], columns=rr.TextLog.columns(text=texts, level=levels))
             self._events.clear()
 
     # -- what changes seldom
@@ -158,8 +155,12 @@ class Recorder:
             if self._doing.get(name) != text:
                 self._doing[name] = text
                 self.bodies.doing(name, text)
-        fresh = self.talk.hear(frame.tick, frame.events)
-        self.talk.show(frame.tick, frame.poses, fresh)
+        news = []
+        for event in map(Event._make, frame.events):
+            is_news = self.talk.is_news(frame.tick, event)
+            news += [event] if is_news else []
+            self._events.append((frame.tick, line_of(*event), level_of(event.what) if is_news else "DEBUG"))
+        self.talk.show(frame.tick, frame.poses, fresh=self.talk.hear(frame.tick, news))
 
     def _figures(self, frame: Frame) -> None:
         if frame.tick % CHUNK_TICKS and frame.delivered == self._gauges.get("metrics/bins/delivered"):

@@ -1,5 +1,7 @@
 """Rows that are picked before one's eyes: fruit under the pergola that goes, and a strip of ground that turns pale."""
 
+from itertools import pairwise
+
 import numpy as np
 import rerun as rr
 
@@ -55,8 +57,8 @@ class Rows:
 def _strip(y: float, width: float) -> tuple[np.ndarray, np.ndarray]:
     """A lane's ground as CHUNKS pieces of four corners each, and its triangles."""
     edges, half = np.linspace(ROW_WEST, ROW_EAST, CHUNKS + 1), width / 2 - 0.6
-    corners = [[(w, y - half, ROW_Z), (e, y - half, ROW_Z), (e, y + half, ROW_Z), (w, y + half, ROW_Z)]
-               for w, e in zip(edges[:-1], edges[1:], strict=True)]  # fmt: skip
+    south, north = y - half, y + half
+    corners = [[(w, south, ROW_Z), (e, south, ROW_Z), (e, north, ROW_Z), (w, north, ROW_Z)] for w, e in pairwise(edges)]
     triangles = (4 * np.arange(CHUNKS)[:, None] + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3)
     return np.array(corners, np.float32).reshape(-1, 3), triangles.astype(np.uint32)
 

@@ -126,7 +126,7 @@ def _plan_canopy(rec: rr.RecordingStream, layout: Layout) -> None:
     crowns = [Part("drum", (5.5, 1.4, 0.02), (x, y, 3.4), palette.LEAVES[0]) for x, y, _ in _grid(field.TREES_X, layout.tree_lines)]
     _mesh(rec, "plan/pergola", mesh_of(patches), alpha=70)
     _mesh(rec, "plan/crowns", mesh_of(crowns), alpha=130)
-    numbers = [(field.ROW_WEST - 0.5, lane.y, 4.0) for lane in layout.lanes]
+    numbers = [(field.ROW_WEST - 2.5, lane.y, 4.0) for lane in layout.lanes]
     labels = [f"{lane.number}" for lane in layout.lanes]
     rec.log("plan/rows", rr.Points3D(numbers, labels=labels, radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True), static=True)
 

@@ -117,7 +117,11 @@ def _beast(colour: Colour, fat: float, leg: float) -> list[Part]:
     """Body, legs and head of a four-legged animal 1 m long; `fat` is its width, `leg` its legs' length, m."""
     dark = _darker(colour, 0.75)
     legs = [Part("stem", (0.12, 0.12, leg), (x, y * fat, leg / 2), dark) for x in (-0.26, 0.2) for y in (-0.34, 0.34)]
-    return [Part("box", (0.66, fat, 0.26), (-0.04, 0, leg + 0.1), colour), Part("ball", (0.32, 0.32, 0.3), (0.32, 0, leg + 0.26), colour), *legs]
+    return [
+        Part("box", (0.66, fat, 0.26), (-0.04, 0, leg + 0.1), colour),
+        Part("ball", (0.32, 0.32, 0.3), (0.32, 0, leg + 0.26), colour),
+        *legs,
+    ]
 
 
 def dog(colour: Colour) -> list[Part]:

@@ -12,13 +12,15 @@ from orchard.view import palette
 
 MOST_LINES = 40  # at once: when all call at once, who is sent counts more than who was asked
 RENEWED_TICKS = 5  # how often the lines follow the robots
+REPEAT_TICKS = 300
 BEADS = 9
 ALARMS = {"collision": "WARN", "refused": "WARN", "lost": "ERROR", "jam": "ERROR"}
 
 
 def level_of(what: str) -> str:
     """DEBUG for what is said all the time, WARN and ERROR for what should not be, INFO for the rest."""
-    return "DEBUG" if what.lower() in palette.QUIET else ALARMS.get(what.lower(), "INFO")
+    word = palette.plain(what)
+    return "DEBUG" if word in palette.QUIET else ALARMS.get(word, "INFO")
 
 
 def line_of(what: str, who: str, whom: str, text: str) -> str:
@@ -43,12 +45,18 @@ class Talk:
         self.rec, self.index = rec, layout.index
         self._lines: list[Drawn] = []
         self._there = False
+        self._said: dict[tuple[str, str, str, str], int] = {}  # what was said -> tick
+
+    def is_news(self, tick: int, event: tuple[str, str, str, str]) -> bool:
+        """Whether it was not said in the last half minute: agents ask again and again until they are heard."""
+        last, self._said[event] = self._said.get(event), tick
+        return last is None or tick - last > REPEAT_TICKS
 
     def hear(self, tick: int, events: Sequence[tuple[str, str, str, str]]) -> bool:
         """Remember what is to be drawn; whether there is anything new."""
         before = len(self._lines)
         for what, who, whom, _ in events:
-            look = palette.TALK.get(what.lower())
+            look = palette.TALK.get(palette.plain(what))
             if look and who in self.index and whom in self.index:
                 self._lines.append(Drawn(tick + round(look.seconds / TIME_STEP), self.index[who], self.index[whom], look))
         return len(self._lines) > before

@@ -7,6 +7,8 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from ctypes.util import find_library
 from pathlib import Path
 
@@ -301,11 +303,12 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-@pytest.fixture(scope="module")
-def viewer(recording: Path):
+@contextmanager
+def looking_at(path: Path) -> Iterator[ViewerClient]:
+    """A viewer without a window that has loaded a recording."""
     client = ViewerClient.spawn(headless=True, port=free_port(), hide_welcome_screen=True)
     try:
-        client.open(str(recording))
+        client.open(str(path))
         deadline = time.monotonic() + 60
         while not client.get_state().views or client.get_state().loading:
             assert time.monotonic() < deadline, "the viewer did not load the recording within 60 s"
@@ -313,6 +316,12 @@ def viewer(recording: Path):
         yield client
     finally:
         client.quit()
+
+
+@pytest.fixture(scope="module")
+def viewer(recording: Path) -> Iterator[ViewerClient]:
+    with looking_at(recording) as client:
+        yield client
 
 
 def picture(client: ViewerClient, seconds: float, view: str) -> np.ndarray:
@@ -341,6 +350,15 @@ class TestInTheViewer:
             column, row = on_the_plan(plan, layout, *frame.poses[layout.index[name]][:2])
             around = plan[row - 6 : row + 7, column - 6 : column + 7].reshape(-1, 3)
             assert np.abs(around - STATES["waiting"]).sum(axis=1).min() < 90, f"no waiting pin at {name}"
+
+    def test_the_largest_orchard_opens_well(self, tmp_path: Path) -> None:
+        recorder = Recorder(acted_layout(rows=20, pickers=20), "large", tmp_path / "large.rrd")
+        for frame in frames(recorder.layout, 2.0):
+            recorder.tick(frame)
+        recorder.close()
+        with looking_at(tmp_path / "large.rrd") as viewer:
+            assert picture(viewer, 1.0, "Orchard").std() > 20 and picture(viewer, 1.0, "Plan").std() > 20
+            assert [(view.name, report.summary) for view in viewer.get_state().views for report in view.reports] == []
 
 
 def on_the_plan(plan: np.ndarray, layout: Layout, x: float, y: float) -> tuple[int, int]:

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from orchard import starts
 from orchard.config import Animals, People, Scenario
 from orchard.geometry import HEADINGS, Pose
 from orchard.kinds import ANIMALS, KINDS, PEOPLE, kind_of, name_of
@@ -229,6 +230,13 @@ def test_a_given_place_in_the_queue_gives_way_to_the_nearest_free_one(name: str,
     moved = math.dist((x, y), given_place)
     to_the_edge = min(QUEUE.north - given_place[1], given_place[1] - QUEUE.south, abs(QUEUE.east - given_place[0]))
     assert 0.0 < moved <= max(to_the_edge, 0.0) + 0.571 + 0.5  # half a body, and the grid
+
+
+@pytest.mark.parametrize("place", [(-33.0, 10.75), (-30.0, 29.0), (0.0, 21.0)], ids=["ahead of a picker", "track", "queue"])
+def test_a_dog_is_not_put_where_robots_drive_off(place: tuple[float, float], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(starts.GIVEN, "dog", (place,))
+    x, y = places(Scenario())["dog_01"]
+    assert 0.0 < math.dist((x, y), place) < 5.0
 
 
 def test_animals_may_stand_in_rows_but_not_in_trees() -> None:

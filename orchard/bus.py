@@ -160,7 +160,7 @@ class Bus:
 
     def answer(self, key: str) -> None:
         """Be asked on a key: each query arrives as a Question."""
-        self._kept.append(self._session.declare_queryable(key, self._into(lambda query: Question(key, query))))
+        self._kept.append(self._session.declare_queryable(key, self._into(lambda query: _question(key, query))))
 
     def watch(self, tokens: str) -> None:
         """Hear of liveliness tokens, those included that are there already."""
@@ -173,6 +173,10 @@ class Bus:
     def _into(self, item_of: Callable[[Any], Item]) -> Callback:
         put = self.inbox.put
         return Callback(lambda arrived: put(item_of(arrived)), indirect=False)
+
+
+def _question(key: str, query: zenoh.Query) -> Question:
+    return Question(key, query)
 
 
 def _sample(sample: zenoh.Sample) -> Sample:

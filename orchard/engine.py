@@ -7,6 +7,7 @@ import numpy as np
 from orchard.agent import Action, Observation
 from orchard.config import Scenario
 from orchard.digest import RunDigest
+from orchard.doer import TRAFFIC
 from orchard.events import Event
 from orchard.layout import lay_out
 from orchard.messages import Deed
@@ -25,6 +26,7 @@ class Engine:
     def __init__(self, scenario: Scenario) -> None:
         self.layout = lay_out(scenario)
         self.world: World = new_world(self.layout)
+        self.agents = (*self.layout.names, TRAFFIC)  # every name that an agent can hold
         self.scans: list[np.ndarray] = []  # m, float32: of the tick that was last observed, one array per body
         self._scanner = Scanner(self.layout)
         self._digest = RunDigest()
@@ -51,8 +53,12 @@ class Engine:
     def advance(self, actions: Mapping[str, Action], mail_digests: Mapping[str, bytes]) -> list[Event]:
         """Apply the answers to this tick, 0.1 s long, and account for it: its scans and mail, and the state that came of it."""
         events = step(self.world, self._twists(actions), self._deeds(actions))
-        self._digest.update(self.world, self.scans, {name: digest for name, digest in sorted(mail_digests.items()) if digest})
+        self._digest.update(self.world, self.scans, self._heard(mail_digests))
         return events
+
+    def _heard(self, mail_digests: Mapping[str, bytes]) -> dict[str, bytes]:
+        """The digests of what was heard; what is written to nobody is not."""
+        return {name: mail_digests[name] for name in self.agents if mail_digests.get(name)}
 
     def _twists(self, actions: Mapping[str, Action]) -> np.ndarray:
         twists = np.zeros((len(self.layout.starts), 3))

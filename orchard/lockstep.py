@@ -5,6 +5,7 @@ and goes on to k + 1. A name that nobody holds is not waited for: it stands, unl
 """
 
 import logging
+import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
@@ -190,14 +191,19 @@ class Memories:
 class Pacer:
     """Spreads ticks over wall time: `speed` simulated seconds to a second; infinity does not wait."""
 
+    CATCH_UP = 0.25  # s of lost time that are made good
+
     def __init__(self, speed: float, clock: Callable[[], float] = time.monotonic) -> None:
         self._step = 0.1 / speed
         self._clock = clock
-        self._due = clock()
+        self._due = -math.inf
 
     def wait(self) -> float:
-        """Seconds until the next tick may begin; what was lost is caught up for a second at most."""
+        """Seconds until the next tick may begin."""
         return max(0.0, self._due - self._clock())
 
     def begin(self) -> None:
-        self._due = max(self._due, self._clock() - 1.0) + self._step
+        """A tick begins."""
+        now = self._clock()
+        earliest = now if self._due == -math.inf else now - self.CATCH_UP
+        self._due = max(self._due, earliest) + self._step

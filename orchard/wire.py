@@ -11,6 +11,7 @@ import numpy as np
 from msgspec import Meta
 
 from orchard.agent import Action, Hitch, Observation
+from orchard.frames import Frame
 from orchard.geometry import Twist
 from orchard.kinds import LASER_RANGE, Laser
 from orchard.messages import Answer, Deed, Request, unpack
@@ -273,6 +274,19 @@ class Done(Message):
     """The command is taken."""
 
 
+class Picture(Message):
+    """The whole orchard after the step that ends at this tick, for those who look on. `nil`: as before; every 5 s nothing is nil."""
+
+    poses: Annotated[bytes, Meta(description="x, y (m), yaw (rad) of every body, in the scenario's order, as little-endian float64")]
+    scans: Annotated[list[bytes] | None, Meta(description="twice a second: every body's ranges, m, as little-endian float32")]
+    doing: Annotated[dict[Name, str], Meta(description="name -> what it does; those that do something new")]
+    coupled: Annotated[list[int] | None, Meta(description="of every body, the number of the one at the other end of its bar, or -1")]
+    fill: Annotated[list[float] | None, Meta(description="of every bin, m of row in it; 0 of other bodies")]
+    alive: Annotated[list[bool] | None, Meta(description="false for a weed that is flattened")]
+    row_picked: Annotated[list[float] | None, Meta(description="m of every row that are picked, 0 to 70")]
+    delivered: Annotated[int, Meta(ge=0, description="bins unloaded so far")]
+
+
 class Figures(Message):
     """How the run goes."""
 
@@ -351,6 +365,30 @@ def observation_of(name: str, odometry: Odometry, scan: LaserScan) -> Observatio
     hitch = None if odometry.hitch is None else _heard_hitch(odometry.hitch, scan)
     twist = _heard_twist(odometry.twist)
     return Observation(name, odometry.tick, at.x, at.y, (turned.z, turned.w), twist, _ranges(scan), hitch, odometry.fill, odometry.full)
+
+
+def picture_of(run: str, frame: Frame) -> Picture:
+    """What travels of a frame, its events apart."""
+    scans = None if frame.scans is None else [np.asarray(scan, dtype="<f4").tobytes() for scan in frame.scans]
+    lists = {name: _listed(getattr(frame, name)) for name in ("coupled", "fill", "alive", "row_picked")}
+    poses = np.asarray(frame.poses, dtype="<f8").tobytes()
+    return Picture(run, frame.tick, poses, scans, dict(frame.doing), **lists, delivered=frame.delivered)
+
+
+def frame_of(picture: Picture) -> Frame:
+    """The frame that was sent."""
+    poses = np.frombuffer(picture.poses, dtype="<f8").reshape(-1, 3)
+    scans = None if picture.scans is None else [np.frombuffer(scan, dtype="<f4") for scan in picture.scans]
+    arrays = {name: _array(getattr(picture, name)) for name in ("coupled", "fill", "alive", "row_picked")}
+    return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered)
+
+
+def _listed(array: np.ndarray | None) -> list | None:
+    return None if array is None else array.tolist()
+
+
+def _array(values: list | None) -> np.ndarray | None:
+    return None if values is None else np.array(values)
 
 
 def velocity_of(run: str, tick: int, holder: str, action: Action, mail: bytes, memory: bytes | None) -> Velocity:

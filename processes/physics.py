@@ -21,8 +21,8 @@ import msgspec
 from orchard import wire
 from orchard.agent import Action, Observation
 from orchard.bus import LOOPBACK, Alive, Bus, BusError, Inbox, Item, Question, Sample, Signal, router
+from orchard.camera import Camera
 from orchard.config import TIME_STEP, Scenario, ScenarioError, load
-from orchard.doer import TRAFFIC
 from orchard.keys import PHYSICS, PREFIX, Keys
 from orchard.kinds import KINDS
 from orchard.layout import Layout
@@ -138,8 +138,8 @@ class Physics:
         self.bus, self.keys, self.engine, self.options = bus, keys, engine, options
         self.run_id = uuid.uuid4().hex[:16]
         self.announcer = Announcer(bus, keys, self.run_id, engine.layout)
-        self.account = Account(engine)
-        self.roster = Roster(agent_names(engine.layout))
+        self.account, self.camera = Account(engine), Camera(engine.world)
+        self.roster = Roster(engine.agents)
         self.answers, self.loose, self.memories = Answers(self.roster), Loose(), Memories()
         self.refusals = Refusals()
         self.pacer = Pacer(options.speed)
@@ -196,6 +196,7 @@ class Physics:
         events = self.engine.advance(actions, self.answers.digests())
         self.account.update(events, actions)
         self.announcer.happened(tick, events)
+        self.announcer.say("picture", wire.picture_of(self.run_id, self.camera.frame(self.engine.scans, actions, events)))
         if self.account.is_due():
             self.announcer.say("figures", self.account.message(self.run_id, dict(self.refusals.counts)))
 
@@ -310,11 +311,6 @@ class Physics:
         raise Stopped(f"{command.command}ped")
 
 
-def agent_names(layout: Layout) -> tuple[str, ...]:
-    """Every name that an agent can hold: the bodies', and traffic's, which has none."""
-    return (*layout.names, TRAFFIC)
-
-
 # -- the process
 
 
@@ -339,7 +335,7 @@ def _run(bus: Bus, keys: Keys, scenario: Scenario, arguments: argparse.Namespace
     from orchard.engine import Engine
 
     engine = Engine(scenario)
-    absent = chosen(agent_names(engine.layout), arguments.absent, []) if arguments.absent else []
+    absent = chosen(engine.agents, arguments.absent, []) if arguments.absent else []
     ticks = math.inf if arguments.duration is None else round(arguments.duration / TIME_STEP)
     physics = Physics(bus, keys, engine, Options(arguments.speed, ticks, arguments.patience, tuple(absent)))
     physics.listen()

@@ -1,0 +1,95 @@
+"""Agents for tests of the transport: they call each other a lot, and drive by what they heard. Some are slow, some break.
+
+Each function is a cast for `python -m processes.agents --agents callers:...`.
+"""
+
+import hashlib
+import random
+import time
+
+import msgspec
+
+from orchard import bus
+from orchard.agent import Action, Mail, Observation
+from orchard.doer import TRAFFIC
+from orchard.geometry import Twist
+from orchard.layout import Layout
+from orchard.messages import BinState, State
+
+
+class Counted(msgspec.Struct):
+    """What a caller remembers."""
+
+    heard: int = 0
+    replies: int = 0
+    unanswered: int = 0
+
+
+class Caller:
+    """Asks three others at every tick, one of whom does not exist; answers two of three; drives by all that it heard."""
+
+    Memory = Counted
+
+    def __init__(self, name: str, names: list[str]) -> None:
+        self.name, self.names = name, names
+
+    def tick(self, seen: Observation, mail: Mail, memory: Counted | None) -> Action:
+        memory = memory or Counted()
+        memory.heard += len(mail.requests)
+        memory.replies += sum(reply.body is not None for reply in mail.replies)
+        memory.unanswered += sum(reply.body is None for reply in mail.replies)
+        state = BinState(True, float(memory.heard), self.name)
+        answers = [(heard, state) for heard in mail.requests if self._draw(heard.sender, seen.tick) % 3]
+        requests = [(self.names[self._draw(f"to {i}", seen.tick) % len(self.names)], State()) for i in range(2)] + [("nobody", State())]
+        twist = Twist(0.01 * (memory.heard % 5), 0.0, 0.001 * (memory.replies % 7) - 0.001 * (memory.unanswered % 3))
+        return Action(twist, requests=requests, answers=answers, memory=memory, doing="calling", steps_done=seen.tick)
+
+    def _draw(self, what: str, tick: int) -> int:
+        return int.from_bytes(hashlib.blake2b(f"{self.name} {what} {tick}".encode(), digest_size=4).digest())
+
+
+def cast(layout: Layout) -> dict[str, Caller]:
+    names = sorted((*layout.names, TRAFFIC))
+    return {name: Caller(name, names) for name in names}
+
+
+class Slow:
+    """An agent that takes its time."""
+
+    def __init__(self, agent, seconds: float) -> None:
+        self._agent, self._seconds = agent, seconds
+        self.Memory = agent.Memory
+
+    def tick(self, seen: Observation, mail: Mail, memory: object) -> Action:
+        time.sleep(random.random() * self._seconds)
+        return self._agent.tick(seen, mail, memory)
+
+
+def slow(layout: Layout) -> dict[str, Slow]:
+    """Callers that are slow at random, in a process whose handlers are as well."""
+    for handler in ("_sample", "_alive", "_replied", "_question"):
+        setattr(bus, handler, _slowly(getattr(bus, handler)))
+    return {name: Slow(agent, 1e-3) for name, agent in cast(layout).items()}
+
+
+def _slowly(function):
+    def slow_function(*arguments):
+        if random.random() < 0.3:
+            time.sleep(random.random() * 1e-3)
+        return function(*arguments)
+
+    return slow_function
+
+
+class Broken:
+    """An agent with a mistake in it."""
+
+    Memory = dict
+
+    def tick(self, seen: Observation, mail: Mail, memory: object) -> Action:
+        raise LookupError("no such row")
+
+
+def broken(layout: Layout) -> dict[str, object]:
+    """Callers, and one picker with a mistake in it."""
+    return cast(layout) | {"picker_01": Broken()}

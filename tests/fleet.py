@@ -1,0 +1,143 @@
+"""Real processes for tests: physics, hosts of agents, and a bare Zenoh client. Every wait is bounded; nothing is left behind."""
+
+import json
+import os
+import queue
+import re
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import msgpack
+import zenoh
+
+from orchard.config import Scenario, to_yaml
+from orchard.keys import Keys
+
+ROOT = Path(__file__).parent.parent
+SECONDS = 40.0  # that any one wait may take on a busy machine
+
+
+class Process:
+    """One Python process of the program."""
+
+    def __init__(self, module: str, *arguments: str) -> None:
+        environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"}
+        command = [sys.executable, "-m", module, *arguments]
+        self._popen = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    def line(self) -> str:
+        """The next line that it prints."""
+        return self._line(self._popen.stdout)
+
+    def error(self) -> str:
+        """The next line that it complains."""
+        return self._line(self._popen.stderr)
+
+    @staticmethod
+    def _line(stream) -> str:
+        with selectors.DefaultSelector() as selector:
+            selector.register(stream, selectors.EVENT_READ)
+            assert selector.select(SECONDS), "the process says nothing"
+            return stream.readline()
+
+    def end(self, seconds: float = SECONDS) -> tuple[int, str, str]:
+        """Its exit code, and what it printed since, once it has ended by itself."""
+        out, err = self._popen.communicate(timeout=seconds)
+        return self._popen.returncode, out, err
+
+    def signal(self, number: signal.Signals) -> None:
+        self._popen.send_signal(number)
+
+    def kill(self) -> None:
+        if self._popen.poll() is None:
+            self._popen.kill()
+        self._popen.communicate()
+
+
+class Fleet:
+    """A physics process and its hosts."""
+
+    def __init__(self, folder: Path, stack: ExitStack) -> None:
+        self._folder, self._stack = folder, stack
+        self.hosts: list[Process] = []
+
+    def physics(self, scenario: Scenario, *arguments: str) -> None:
+        path = self._folder / "scenario.yaml"
+        path.write_text(to_yaml(scenario))
+        self.world = self._start("processes.physics", str(path), *arguments)
+        line = self.world.line()
+        found = re.match(r"listening on (\S+), prefix (\S+), run (\w+)", line)
+        assert found, line + self.world.end()[2]
+        self.endpoint, _, self.run = found.groups()
+
+    def host(self, *arguments: str, agents: str = "orchard.agents:cast") -> Process:
+        self.hosts.append(self._start("processes.agents", "--connect", self.endpoint, "--agents", agents, *arguments))
+        return self.hosts[-1]
+
+    def share(self, hosts: int, agents: str = "orchard.agents:cast") -> None:
+        for i in range(hosts):
+            self.host("--share", f"{i}/{hosts}", agents=agents)
+
+    def end(self) -> str:
+        """The hash, once physics and all hosts have ended well."""
+        code, out, err = self.world.end()
+        assert code == 0, out + err
+        for host in self.hosts:
+            assert host.end(10.0)[0] == 0
+        return re.search(r"hash (\w+)", out).group(1)
+
+    def client(self) -> "Client":
+        return self._stack.enter_context(Client.open(self.endpoint, self.run))
+
+    def _start(self, module: str, *arguments: str) -> Process:
+        process = Process(module, *arguments)
+        self._stack.callback(process.kill)
+        return process
+
+
+class Client:
+    """Someone who has only Zenoh, msgpack and keyspace.md."""
+
+    def __init__(self, session: zenoh.Session, run: str) -> None:
+        self.session, self.run, self.keys = session, run, Keys()
+
+    @classmethod
+    @contextmanager
+    def open(cls, endpoint: str, run: str):
+        config = zenoh.Config()
+        config.insert_json5("mode", '"client"')
+        config.insert_json5("scouting/multicast/enabled", "false")
+        config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+        with zenoh.open(config) as session:
+            yield cls(session, run)
+
+    def hear(self, key: str) -> queue.SimpleQueue:
+        """Everything that is put on a key from now on, unpacked."""
+        heard = queue.SimpleQueue()
+        self.session.declare_subscriber(key, lambda sample: heard.put(msgpack.unpackb(sample.payload.to_bytes())))
+        return heard
+
+    def put(self, key: str, **message) -> None:
+        self.session.put(key, msgpack.packb({"run": self.run} | message), congestion_control=zenoh.CongestionControl.BLOCK)
+
+    def drive(self, name: str, tick: int, x: float, **message) -> None:
+        self.put(self.keys.of("velocity", name), tick=tick, linear={"x": x}, angular={"z": 0.0}, **message)
+
+    def ask(self, key: str, payload: bytes = b"") -> list:
+        """All replies to a get: maps, or the texts of errors."""
+        replies = list(self.session.get(key, payload=payload, timeout=20.0, consolidation=zenoh.ConsolidationMode.NONE))
+        return [msgpack.unpackb(r.ok.payload.to_bytes()) if r.ok else r.err.payload.to_string() for r in replies]
+
+
+def until(heard: queue.SimpleQueue, wanted, seconds: float = SECONDS):
+    """The first message for which something is so."""
+    deadline = time.monotonic() + seconds
+    while True:
+        message = heard.get(timeout=max(0.01, deadline - time.monotonic()))
+        if wanted(message):
+            return message

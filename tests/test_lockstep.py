@@ -1,0 +1,265 @@
+"""Lockstep with a real router and real processes: the trajectory is that of local mode, whatever the network does."""
+
+import math
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+
+import callers
+import msgpack
+import pytest
+from fleet import ROOT, Fleet, until
+
+from orchard import bus
+from orchard.bus import BusError, Inbox, client, router
+from orchard.config import Animals, People, Scenario
+from orchard.layout import lay_out
+from orchard.local import Local
+
+SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)
+AGENTS = 9  # of the small scenario
+TICKS = 120
+TOY = "callers:cast"
+
+
+@pytest.fixture
+def fleet(tmp_path):
+    with ExitStack() as stack:
+        yield Fleet(tmp_path, stack)
+
+
+def local_hash(scenario, ticks, agents=None):
+    local = Local(scenario, agents)
+    for _ in range(ticks):
+        local.tick()
+    return local.engine.hash
+
+
+@pytest.fixture(scope="module")
+def callers_hash():
+    return local_hash(SMALL, TICKS, callers.cast(lay_out(SMALL)))
+
+
+# -- the same as local mode
+
+
+@pytest.mark.parametrize("hosts", [1, 2, AGENTS])
+def test_agents_that_call_each_other_do_as_in_local_mode(fleet, callers_hash, hosts):
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    fleet.share(hosts, TOY)
+    assert fleet.end() == callers_hash
+
+
+def test_slow_agents_and_slow_handlers_change_nothing(fleet, callers_hash):
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    fleet.share(2, "callers:slow")
+    assert fleet.end() == callers_hash
+
+
+def test_someone_who_hears_everything_changes_nothing(fleet, callers_hash):
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    everything = fleet.client().hear("**")
+    fleet.share(2, TOY)
+    assert fleet.end() == callers_hash
+    assert everything.qsize() > TICKS * 3 * (AGENTS - 1)  # pose, scan and velocity of each body
+
+
+def test_the_harvest_begins_as_in_local_mode(fleet):
+    scenario = Scenario(rows=3)
+    fleet.physics(scenario, "--duration", "60")
+    fleet.share(2)
+    assert fleet.end() == local_hash(scenario, 600)
+
+
+def test_another_seed_is_another_run():
+    assert local_hash(Scenario(rows=3), 50) != local_hash(Scenario(rows=3, seed=2), 50)
+
+
+# -- who drives
+
+
+def stop(fleet, someone):
+    """Ask the run to end, as a person does."""
+    (reply,) = someone.ask("orchard/command", msgpack.packb({"run": fleet.run, "command": "stop"}))
+    assert reply["run"] == fleet.run
+    fleet.end()
+
+
+def test_a_robot_stands_until_someone_drives_it(fleet):
+    fleet.physics(SMALL, "--absent", "picker_01", "--speed", "4")
+    someone = fleet.client()
+    poses = someone.hear("orchard/picker_01/pose")
+    fleet.host("--without", "picker_01")
+    pose = until(poses, lambda pose: pose["tick"] >= 10)
+    assert pose["pose"]["position"]["x"] == -35.5, "it stands"
+    while pose["pose"]["position"]["x"] < -34.5:
+        someone.drive("picker_01", pose["tick"], 0.5)
+        pose = until(poses, lambda pose: True)
+    standing = until(poses, lambda later: later["tick"] > pose["tick"] + 10 and later["twist"]["linear"]["x"] == 0.0)
+    assert standing["pose"]["position"]["x"] < -33.0, "half a second after the last velocity it stands"
+    stop(fleet, someone)
+
+
+def test_only_the_holder_drives_a_robot(fleet):
+    fleet.physics(SMALL, "--absent", "picker_02", "--speed", "20")
+    someone = fleet.client()
+    figures, clock = someone.hear("orchard/figures"), someone.hear("orchard/clock")
+    fleet.host("--without", "picker_02", agents=TOY)
+    tick = until(clock, lambda message: True)["tick"]
+    someone.drive("picker_01", tick, 1.0)
+    someone.drive("picker_02", tick, 1.0, holder="me")
+    someone.put("orchard/picker_02/velocity", tick=tick, linear={"x": 0.0, "y": 1.0}, angular={"z": 0.0})
+    someone.put("orchard/picker_02/velocity", tick=tick + 10**6, linear={"x": 0.0}, angular={"z": 0.0})
+    someone.put("orchard/picker_02/velocity", tick=tick, linear={"x": float("nan")}, angular={"z": 0.0})
+    someone.put("orchard/picker_99/velocity", tick=tick, linear={"x": 0.0}, angular={"z": 0.0})
+    someone.put("orchard/picker_02/velocity", run="another", tick=tick, linear={"x": 0.0}, angular={"z": 0.0})
+    wanted = {"not the holder", "not held", "out of bounds", "future tick", "malformed", "no such robot", "other run"}
+    refused = until(figures, lambda message: sum(message["messages_refused"].values()) >= len(wanted))["messages_refused"]
+    assert refused == dict.fromkeys(wanted, 1)
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+
+
+def test_a_bare_client_is_waited_for_in_lockstep(fleet):
+    fleet.physics(SMALL, "--duration", "3")
+    fleet.host("--without", "worker_01", agents=TOY)
+    someone = fleet.client()
+    poses, clock = someone.hear("orchard/worker_01/pose"), someone.hear("orchard/clock")
+    token = someone.session.liveliness().declare_token("orchard/alive/worker_01/me")
+    join = msgpack.packb({"run": fleet.run, "holder": "me", "names": ["worker_01"]})
+    assert someone.ask("orchard/join", join)[0]["memories"] == {"worker_01": None}
+    places = []
+    for tick in range(30):
+        until(clock, lambda message, tick=tick: message["tick"] == tick)
+        pose = until(poses, lambda message, tick=tick: message["tick"] == tick)["pose"]["position"]
+        places.append((pose["x"], pose["y"]))
+        someone.drive("worker_01", tick, 0.5, holder="me")
+    token.undeclare()
+    fleet.end()
+    assert math.dist(places[0], places[-1]) == pytest.approx(0.5 * 2.9)
+
+
+def test_a_name_that_is_taken_is_refused_by_name(fleet):
+    fleet.physics(SMALL, "--speed", "10")
+    clock = fleet.client().hear("orchard/clock")
+    first = fleet.host(agents=TOY)
+    until(clock, lambda message: True)
+    second = fleet.host("--only", "picker_01", agents=TOY)
+    code, _, err = second.end()
+    assert code == 2
+    assert "picker_01: it is taken" in err
+    fleet.hosts = [first]
+    fleet.world.signal(signal.SIGINT)
+    fleet.end()
+
+
+def test_the_robot_of_a_broken_agent_stands_and_the_others_go_on(fleet):
+    fleet.physics(SMALL, "--duration", "2")
+    host = fleet.host(agents="callers:broken")
+    code, _, err = fleet.world.end()
+    assert code == 0
+    code, _, err = host.end(10.0)
+    assert code == 0
+    assert err.count("picker_01 made a mistake at tick 0") == 1
+    assert "callers.py" in err
+
+
+# -- comings and goings
+
+
+def test_the_robot_of_a_killed_host_stands_and_a_new_host_takes_it_over(fleet):
+    fleet.physics(SMALL, "--patience", "0.5", "--speed", "10")
+    someone = fleet.client()
+    lost, poses, velocities = (someone.hear(f"orchard/{key}") for key in ("lost", "picker_01/pose", "picker_01/velocity"))
+    fleet.host("--without", "picker_01", agents=TOY)
+    killed = fleet.host("--only", "picker_01", agents=TOY)
+    before = until(velocities, lambda velocity: velocity["tick"] >= 5 and velocity["report"]["memory"])
+    killed.signal(signal.SIGKILL)
+    tick = until(lost, lambda message: message["names"] == ["picker_01"])["tick"]
+    until(poses, lambda pose: pose["tick"] > tick + 2 and pose["twist"]["linear"]["x"] == 0.0)
+    fleet.hosts.remove(killed)
+    fleet.host("--only", "picker_01", agents=TOY)
+    after = until(velocities, lambda velocity: velocity["tick"] > tick and velocity["report"]["memory"])
+    assert msgpack.unpackb(after["report"]["memory"])["heard"] >= msgpack.unpackb(before["report"]["memory"])["heard"]
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+
+
+def test_hosts_leave_when_physics_is_gone(fleet):
+    fleet.physics(SMALL, "--speed", "10")
+    clock = fleet.client().hear("orchard/clock")
+    host = fleet.host(agents=TOY)
+    until(clock, lambda message: message["tick"] == 3)
+    fleet.world.signal(signal.SIGKILL)
+    code, _, err = host.end(10.0)
+    assert code == 1
+    assert "physics is gone" in err
+
+
+def test_physics_names_who_is_missing_and_all_stop_when_asked(fleet):
+    fleet.physics(SMALL)
+    host = fleet.host("--without", "picker_02", agents=TOY)
+    assert fleet.world.error() == "physics: waiting for 1 agents: picker_02\n"
+    begun = time.monotonic()
+    host.signal(signal.SIGTERM)
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+    assert time.monotonic() - begun < 3.0
+
+
+# -- questions
+
+
+def test_bins_tell_their_state_and_nonsense_gets_an_error(fleet):
+    fleet.physics(SMALL, "--speed", "10")
+    someone = fleet.client()
+    states = someone.hear("orchard/bin_01/state")
+    fleet.host(agents=TOY)
+    published = until(states, lambda state: True)
+    assert (published["full"], published["fill"], published["coupled_to"]) == (False, 0.0, "picker_01")
+    assert someone.ask("orchard/bin_01/state")[0]["coupled_to"] == "picker_01"
+    for key in ("join", "command", "picker_01/mail"):
+        assert "malformed" in someone.ask(f"orchard/{key}", b"\x93nonsense")[0]
+    assert "other run" in someone.ask("orchard/command", msgpack.packb({"run": "another", "command": "stop"}))[0]
+    answer = someone.ask("orchard/scenario")[0]
+    assert answer["run"] == fleet.run
+    assert Scenario.model_validate(answer["scenario"]) == SMALL
+    stop(fleet, someone)
+
+
+# -- the network itself
+
+
+def test_an_endpoint_that_nobody_listens_on_is_named(monkeypatch):
+    monkeypatch.setattr(bus, "CONNECT_SECONDS", 0.3)
+    with pytest.raises(BusError, match=r"tcp/127\.0\.0\.1:9: nobody listens"), client("tcp/127.0.0.1:9"):
+        pass
+
+
+def test_an_endpoint_that_is_none_is_named():
+    with pytest.raises(BusError, match="nonsense: not an endpoint"), client("nonsense"):
+        pass
+
+
+def test_a_port_in_use_is_named(fleet):
+    with router() as taken:
+        process = fleet._start("processes.physics", "--listen", taken.endpoint)
+        code, _, err = process.end()
+    assert code == 2
+    assert f"{taken.endpoint}: cannot listen there; the port is in use" in err
+
+
+def test_a_get_that_nobody_answers_ends_without_a_reply():
+    inbox = Inbox()
+    with router(inbox=inbox) as alone:
+        alone.ask("orchard/nobody/mail", b"", "ticket")
+        assert inbox.take(5.0) == bus.Final("ticket")
+
+
+
+
+def test_agents_load_neither_the_compiler_nor_the_viewer():
+    code = "import sys, processes.agents, orchard.agents, processes.physics; print({'numba', 'rerun'} & set(sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=30).stdout == "set()\n"

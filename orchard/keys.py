@@ -49,6 +49,8 @@ TABLE: dict[str, Key] = {
                  "Whether the bin is full, and on whom. The same key can be queried, with an empty payload.", (wire.State,)),
     "events": Key("{prefix}/events", wire.Events, "physics", "in ticks in which something happens", NEVER_LOST,
                   "What happened in the step from this tick to the next. `what` is one of: " + ", ".join(get_args(What)) + "."),
+    "picture": Key("{prefix}/picture", wire.Picture, "physics", _EVERY_TICK, NEVER_LOST,
+                   "Everything that is to be seen, in one message, for the logger and whoever looks on."),
     "figures": Key("{prefix}/figures", wire.Figures, "physics", "twice a second of wall time", NEVER_LOST,
                    "How the run goes, and what each robot does."),
     "scenario": Key("{prefix}/scenario", None, "anyone", "when it comes to the run", QUERY,

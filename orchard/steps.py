@@ -17,6 +17,7 @@ from orchard.sense import Box
 
 EXACT = 1e-9  # m or rad: nearer than this is there
 CRUISE = 1.0  # m/s
+SELDOM = 50  # ticks between two questions whose answer changes nothing
 LOOK_AHEAD = 3.0  # m before a gate at which its places are asked for
 
 
@@ -209,7 +210,7 @@ class FetchEmpty(_Step, frozen=True):
 
     def act(self, me: Doer) -> bool:
         if not me.memory.offered:
-            answer = me.ask(me.memory.full_bin, EmptyBin())
+            answer = me.ask(me.memory.full_bin, EmptyBin(), every=SELDOM)
             me.memory.carrier = answer.carrier if isinstance(answer, Carrier) else me.memory.carrier
             return False
         if me.seen.hitch is None:

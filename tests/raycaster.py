@@ -35,16 +35,20 @@ def boxes_seen_by(world: World, me: int) -> list[tuple[float, float, float, floa
     return boxes
 
 
-def ranges_of(world: World, me: int, inflate: float = 0.0) -> np.ndarray:
-    """(beams,) float64 metres that a body measures, +inf beyond the range; every box grown by so much on all sides."""
+def bounds_of(world: World, me: int, slack: float) -> tuple[np.ndarray, np.ndarray]:
+    """The least and the most, (beams,) float64 metres, that a body may measure, +inf for no return.
+
+    A beam that grazes a box may hit or miss it: so each box counts as it is, and grown and shrunk by `slack` on all sides.
+    """
     kind = KINDS[world.layout.starts[me].kind]
     x, y, yaw = world.pose[me].tolist()
     x, y = x + kind.laser.ahead * np.cos(yaw), y + kind.laser.ahead * np.sin(yaw)
     angles = yaw + kind.laser.first + kind.laser.increment * np.arange(kind.laser.beams)
-    nearest = np.full(kind.laser.beams, np.inf)
+    least, most = np.full((2, kind.laser.beams), np.inf)
     for box in boxes_seen_by(world, me):
-        nearest = np.minimum(nearest, distance_to_box(x, y, angles, box, inflate))
-    return np.where(nearest <= LASER_RANGE, nearest, np.inf)
+        distances = [distance_to_box(x, y, angles, box, inflate) for inflate in (-slack, 0.0, slack)]
+        least, most = np.minimum(least, np.min(distances, axis=0)), np.minimum(most, np.max(distances, axis=0))
+    return np.where(least <= LASER_RANGE + slack, least - slack, np.inf), np.where(most <= LASER_RANGE - slack, most + slack, np.inf)
 
 
 def distance_to_box(x: float, y: float, angles: np.ndarray, box: tuple, inflate: float = 0.0) -> np.ndarray:
@@ -58,7 +62,7 @@ def distance_to_box(x: float, y: float, angles: np.ndarray, box: tuple, inflate:
         return np.zeros_like(angles)
     enter, leave = np.full_like(angles, -np.inf), np.full_like(angles, np.inf)
     for at, towards, half in ((along, np.cos(angles - yaw), half_length), (across, np.sin(angles - yaw), half_width)):
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             one, other = (-half - at) / towards, (half - at) / towards
         parallel_outside = (towards == 0.0) & (abs(at) > half)
         enter = np.fmax(enter, np.where(parallel_outside, np.inf, np.fmin(one, other)))

@@ -10,7 +10,7 @@ from orchard.kinds import KINDS, kind_of
 from orchard.layout import Layout
 from orchard.messages import Answer, BinState, Call, Carrier, Come, Confirm, EmptyBin, No, Offer, State, Yes
 
-CALL_AGAIN = 10  # ticks from a call that found nobody to the next one
+CALL_AGAIN = 20  # ticks from a call that found nobody to the next one
 ASK_AGAIN = 50  # ticks between two questions to a carrier whether it still comes
 GIVE_UP = 6  # questions in a row without an answer
 

@@ -1,0 +1,66 @@
+"""What a person sees in the terminal while a run goes on: a live table, or plain lines where the output is no terminal."""
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from orchard.kinds import kind_of
+
+LINE_SECONDS = 2.0  # of wall time between two plain lines
+SHOWN = ("picker", "carrier", "tractor", "bin")
+
+
+class Progress:
+    """Shows how a run goes; use it with `with`."""
+
+    def __init__(self, console: Console) -> None:
+        self.console = console
+        self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal else None
+        self._told = 0.0
+
+    def __enter__(self) -> "Progress":
+        if self._live:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live:
+            self._live.stop()
+
+    def show(self, figures: Mapping[str, Any], doing: Mapping[str, str], waits_for: Mapping[str, str]) -> None:
+        """Bring the picture up to date."""
+        if self._live:
+            self._live.update(Group(Text(headline(figures), style="bold"), robots(doing, waits_for, self.console.height)))
+        elif time.monotonic() - self._told >= LINE_SECONDS:
+            self._told = time.monotonic()
+            self.console.print(headline(figures), highlight=False)
+
+    def say(self, words: str) -> None:
+        """A line that stays."""
+        self.console.print(words, highlight=False, markup=False)
+
+
+def headline(figures: Mapping[str, Any]) -> str:
+    """The run in one line."""
+    return (
+        f"{figures['sim_seconds']:7.1f} s  {figures['times_real_time']:6.1f} x real time  "
+        f"rows picked {figures['rows_picked']}/{figures['rows']}  bins delivered {figures['bins_delivered']}/{figures['rows']}"
+    )
+
+
+def robots(doing: Mapping[str, str], waits_for: Mapping[str, str], height: int) -> Table:
+    """What each robot does; bins that just follow are left out first when there is no room."""
+    names = [name for kind in SHOWN for name in sorted(doing) if kind_of(name) == kind]
+    room = max(4, height - 5)
+    if len(names) > room:
+        names = [name for name in names if kind_of(name) != "bin"][:room]
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for name in names:
+        waits = waits_for.get(name)
+        table.add_row(name, doing[name], f"waits for {waits}" if waits else "", style="yellow" if waits else "")
+    return table

@@ -1,0 +1,78 @@
+"""The whole orchard in this process, without a network: local mode."""
+
+import math
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from orchard.camera import Camera, talk_of
+from orchard.config import TIME_STEP, Scenario
+from orchard.frames import Event, Frame
+from orchard.local import Local
+from orchard.lockstep import Pacer
+from processes.physics import Account
+
+SHOW_SECONDS = 0.5  # of wall time between two looks at the figures
+
+
+@contextmanager
+def interruptible() -> Iterator[Callable[[], bool]]:
+    """Within this, Ctrl-C and SIGTERM only say that it is time to stop."""
+    asked: list[int] = []
+    old = {number: signal.signal(number, lambda number, frame: asked.append(number)) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: bool(asked)
+    finally:
+        for number, handler in old.items():
+            signal.signal(number, handler)
+
+
+def run(
+    scenario: Scenario,
+    speed: float,
+    duration: float | None,
+    look: Callable[[Frame], None] | None,
+    show: Callable[[dict[str, Any], dict[str, str], dict[str, str]], None],
+) -> tuple[dict[str, Any], str]:
+    """Harvest; the summary, and why it ended. Every frame goes to `look`, the figures now and then to `show`."""
+    local = Local(scenario)
+    engine, account = local.engine, Account(local.engine)
+    camera, pacer = Camera(engine.world), Pacer(speed)
+    ticks = math.inf if duration is None else round(duration / TIME_STEP)
+    account.begin()
+    with interruptible() as is_stopped:
+        while not (why := _end(local, account, ticks, is_stopped())):
+            time.sleep(pacer.wait())
+            pacer.begin()
+            events = local.tick()
+            account.update(events, local.actions)
+            if look is not None:
+                frame = camera.frame(engine.scans, local.actions, events)
+                frame.events = [*frame.events, *_talk(local)]
+                look(frame)
+            if account.is_due():
+                message = account.message("", {})
+                show(message.figures, message.doing, message.waits_for)
+    summary = {"hash": engine.hash, "mode": "local", "hosts": 1} | account.figures()
+    return summary | {"messages_refused": {}, "finished": engine.over}, why
+
+
+def _end(local: Local, account: Account, ticks: float, stopped: bool) -> str:
+    """Why the run is over; '' if it is not."""
+    if local.engine.over:
+        return "harvested"
+    if local.engine.tick >= ticks:
+        return "duration"
+    if stopped:
+        return "stopped"
+    return "\n".join(["jammed", *account.jam]) if account.jam else ""
+
+
+def _talk(local: Local) -> list[Event]:
+    said = []
+    for name, action in local.actions.items():
+        if action.requests or action.answers:
+            said += talk_of(name, action.requests, [(heard.sender, body) for heard, body in action.answers])
+    return [Event._make(event) for event in said]

@@ -1,0 +1,108 @@
+"""The processes of one run on this machine: a table of them; start, watch, start again, stop."""
+
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+STARTS = 5  # how often a process that dies is started before it is given up
+
+
+@dataclass(frozen=True)
+class Program:
+    """One line of the table."""
+
+    name: str
+    module: str
+    arguments: Sequence[str]
+    again: bool = False  # start it again when it dies
+
+
+@dataclass
+class _Running:
+    program: Program
+    popen: subprocess.Popen
+    starts: int = 1
+
+
+@dataclass
+class Fleet:
+    """All processes of a run; use it with `with`, and none is left behind."""
+
+    say: Callable[[str], None]
+    running: dict[str, _Running] = field(default_factory=dict)
+
+    def __enter__(self) -> "Fleet":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop(0.0)
+
+    def start(self, program: Program) -> None:
+        self.running[program.name] = _Running(program, self._open(program))
+
+    def _open(self, program: Program) -> subprocess.Popen:
+        """A session of its own, so that Ctrl-C reaches run.py alone, which stops the others in order."""
+        command = [sys.executable, "-m", program.module, *program.arguments]
+        popen = subprocess.Popen(
+            command, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+        threading.Thread(target=self._pass_on, args=(program.name, popen), daemon=True).start()
+        return popen
+
+    def _pass_on(self, name: str, popen: subprocess.Popen) -> None:
+        assert popen.stderr is not None
+        for line in popen.stderr:
+            self.say(f"{name}: {line.rstrip()}")
+
+    def exit_code(self, name: str) -> int | None:
+        """None while a process runs, or was never started."""
+        return self.running[name].popen.poll() if name in self.running else None
+
+    def watch(self) -> None:
+        """Start again what has died and may be started again."""
+        for name, running in list(self.running.items()):
+            code = running.popen.poll()
+            if code is None or code == 0 or not running.program.again:
+                continue
+            if running.starts < STARTS:
+                self.say(f"{name} ended with code {code}; starting it again")
+                self.running[name] = _Running(running.program, self._open(running.program), running.starts + 1)
+            else:
+                self.say(f"{name} ended {STARTS} times; giving up on it")
+                del self.running[name]
+
+    def terminate(self, name: str) -> None:
+        if name in self.running and self.running[name].popen.poll() is None:
+            self.running[name].popen.terminate()
+
+    def wait(self, seconds: float) -> None:
+        """Until all have ended by themselves, but not longer."""
+        deadline = time.monotonic() + seconds
+        for running in self.running.values():
+            try:
+                running.popen.wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                return
+
+    def stop(self, seconds: float) -> None:
+        """Ask all to end, and end by force those that do not in time."""
+        for name in self.running:
+            self.terminate(name)
+        self.wait(seconds)
+        for running in self.running.values():
+            if running.popen.poll() is None:
+                running.popen.kill()
+            running.popen.wait()
+
+
+def free_port() -> int:
+    """A TCP port of the loopback that was free a moment ago."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

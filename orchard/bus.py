@@ -7,9 +7,12 @@ happens in the thread that reads the inbox. So no lock is needed, and none is he
 import json
 import logging
 import socket
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from math import inf
 from queue import Empty, SimpleQueue
+from time import monotonic
 from typing import Any, NamedTuple
 
 import zenoh
@@ -23,6 +26,13 @@ LISTEN_SECONDS = 1.0  # for how long a router tries to get its port
 LEASE_MS = 2000  # after which a silent neighbour counts as gone
 FULL_QUEUE_US = 300_000  # how long the router waits for a neighbour that takes nothing before it cuts it off
 GET_SECONDS = 60.0  # longer than any host is given to answer
+
+
+_ASKING = {
+    "target": zenoh.QueryTarget.ALL,
+    "consolidation": zenoh.ConsolidationMode.NONE,  # AUTO would hold the first reply back until the last
+    "congestion_control": zenoh.CongestionControl.BLOCK,
+}
 
 
 class BusError(Exception):
@@ -93,18 +103,40 @@ Item = Sample | Alive | Question | Replied | Final | Signal
 
 
 class Inbox:
-    """Everything that arrives, in its order. Putting is safe in any thread and in a signal handler."""
+    """Everything that arrives, in its order. Putting is safe in any thread and in a signal handler.
+
+    Waking a thread costs more than handling a message, so a reader that can do nothing before several quiet items are
+    there says how many it waits for.
+    """
+
+    POLL = 0.05  # s, after which a reader looks by itself
 
     def __init__(self) -> None:
-        self._items: SimpleQueue[Item] = SimpleQueue()
-        self.put = self._items.put
+        self._items: deque[Item] = deque()
+        self._bell: SimpleQueue[None] = SimpleQueue()
+        self._enough = 1
 
-    def take(self, seconds: float | None = None) -> Item | None:
+    def put(self, item: Item) -> None:
+        self._items.append(item)
+        self._bell.put(None)
+
+    def put_quietly(self, item: Item) -> None:
+        """Put without waking the reader, unless that is enough for it."""
+        self._items.append(item)
+        if len(self._items) >= self._enough:
+            self._bell.put(None)
+
+    def take(self, seconds: float = inf, enough: int = 1) -> Item | None:
         """The next item; None if none comes in time. At once with 0 seconds."""
-        try:
-            return self._items.get(seconds != 0, seconds or None)
-        except Empty:
-            return None
+        self._enough = enough
+        deadline = monotonic() + seconds
+        while not self._items:
+            left = deadline - monotonic()
+            if left <= 0.0:
+                return None
+            with suppress(Empty):
+                self._bell.get(timeout=min(left, self.POLL))
+        return self._items.popleft()
 
 
 @contextmanager
@@ -136,27 +168,28 @@ class Bus:
         """Never lost, in order: a subscriber that is slow is waited for."""
         if key not in self._publishers:
             self._publishers[key] = self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
-        with _shrugging(key):
+        try:
             self._publishers[key].put(payload)
+        except zenoh.ZError as error:
+            log.debug("%s was not sent: %s", key, error)
 
     def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
         """One get; its replies and its end arrive in the inbox with the ticket."""
         put = self.inbox.put
         handler = Callback(lambda reply: put(_replied(ticket, reply)), lambda: put(Final(ticket)), indirect=False)
-        self._session.get(
-            key,
-            handler,
-            target=zenoh.QueryTarget.ALL,
-            consolidation=zenoh.ConsolidationMode.NONE,  # AUTO would hold the first reply back until the last
-            timeout=seconds,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-            payload=payload,
-        )
+        try:
+            self._session.get(key, handler, payload=payload, timeout=seconds, **_ASKING)
+        except zenoh.ZError as error:
+            log.debug("%s was not asked: %s", key, error)
+            put(Final(ticket))
 
     # what to hear
 
-    def subscribe(self, keys: str) -> None:
-        self._kept.append(self._session.declare_subscriber(keys, self._into(_sample)))
+    def subscribe(self, keys: str, quietly: bool = False) -> None:
+        """Hear what is put on these keys; quietly, if something else wakes the reader when it is time."""
+        put = self.inbox.put_quietly if quietly else self.inbox.put
+        handler = Callback(lambda sample: put(_sample(sample)), indirect=False)
+        self._kept.append(self._session.declare_subscriber(keys, handler))
 
     def answer(self, key: str) -> None:
         """Be asked on a key: each query arrives as a Question."""

@@ -32,6 +32,7 @@ log = logging.getLogger("orchard")
 Factory = Callable[[Layout], dict[str, Agent]]
 
 ANSWER_SECONDS = 120.0  # for how long physics may take to answer a newcomer: it may be compiling
+MANY = 1 << 30  # poses and scans: the clock tells when they are all there
 AGAIN_SECONDS = 0.1  # between two tries, while nobody is there to answer
 TRIES = 80
 
@@ -129,8 +130,8 @@ class Host:
             self.bus.subscribe(self.keys.of(what))
         self.bus.watch(self.keys.of("alive", PHYSICS))
         for name in self.bodies:
-            self.bus.subscribe(self.keys.of("pose", name))
-            self.bus.subscribe(self.keys.of("scan", name))
+            self.bus.subscribe(self.keys.of("pose", name), quietly=True)  # the clock comes after them
+            self.bus.subscribe(self.keys.of("scan", name), quietly=True)
         for name in self.bins:
             self.bus.answer(self.keys.of("state", name))
         for name in self.performers:
@@ -197,7 +198,7 @@ class Host:
 
     def _wait(self, ready: Callable[[], bool]) -> None:
         while not ready():
-            item = self.bus.inbox.take()
+            item = self.bus.inbox.take(enough=MANY)
             if item is not None:
                 self.handle(item)
 

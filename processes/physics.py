@@ -147,7 +147,7 @@ class Physics:
         self._deadline = math.inf
 
     def listen(self) -> None:
-        self.bus.subscribe(self.keys.of("velocity"))
+        self.bus.subscribe(self.keys.of("velocity"), quietly=True)
         for what in ("scenario", "join", "command"):
             self.bus.answer(self.keys.of(what))
         self.bus.watch(self.keys.of("alive"))
@@ -209,7 +209,7 @@ class Physics:
     def _await_answers(self) -> None:
         self._wait_on()
         while self.answers.missing:
-            self._take(max(0.0, self._deadline - time.monotonic()))
+            self._take(max(0.0, self._deadline - time.monotonic()), len(self.answers.missing))
             if time.monotonic() >= self._deadline:
                 self.announcer.lost(self.answers.tick, self.roster.release(self.answers.missing))
                 self.answers.missing.clear()
@@ -234,9 +234,9 @@ class Physics:
 
     # -- what arrives
 
-    def _take(self, seconds: float) -> bool:
+    def _take(self, seconds: float, enough: int = 1) -> bool:
         """Handle one item; False if none came in time."""
-        item = self.bus.inbox.take(seconds)
+        item = self.bus.inbox.take(seconds, enough)
         if item is not None:
             try:
                 self._handle(item)

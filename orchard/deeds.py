@@ -77,7 +77,7 @@ def _flatten(world: World, weed: int) -> str:
     _refuse_if(not world.alive[weed], "it is flat")
     boxes = world.bodies.boxes.copy()
     place(world.pose, boxes)
-    mover = mover_near(weed, WEED_REACH, world.twist, world.bodies, boxes)
+    mover = mover_near(weed, WEED_REACH, world.twist, boxes)
     _refuse_if(mover == NOBODY, "nothing moves within 1 m")
     world.alive[weed] = False
     return world.layout.names[mover]

@@ -138,11 +138,11 @@ def _in_the_way(moved, me, bodies, boxes, walls, grid):
 
 
 @jit
-def mover_near(me, reach, twist, bodies, boxes):
-    """The first solid body that moved in the last step and is within `reach` metres of a body, edge to edge, or NOBODY."""
+def mover_near(me, reach, twist, boxes):
+    """The first body that moved in the last step (only solid ones can) and is within `reach` metres of a body, edge to edge, or NOBODY."""
     for j in range(len(boxes)):
         moves = twist[j, 0] != 0.0 or twist[j, 1] != 0.0 or twist[j, 2] != 0.0
-        if j != me and moves and bodies.solid[j] and gap(boxes[me], boxes[j]) <= reach:
+        if j != me and moves and gap(boxes[me], boxes[j]) <= reach:
             return j
     return NOBODY
 

@@ -76,15 +76,15 @@ def _wall(world: World, number: int) -> str:
 
 def _pick(world: World, before: np.ndarray) -> list[Event]:
     """Fill the bins with what the pickers drove over since they stood at `before`, (n, 3)."""
-    rows, done, full = _rows(world), world.row_picked >= ROW_LENGTH, world.fill >= ROW_LENGTH
-    picked_from = pick(world.pickers, before, world.pose, world.coupled, rows, world.fill)
-    events = []
-    names = world.layout.names
+    picked_from = pick(world.pickers, before, world.pose, world.coupled, _rows(world), world.fill)
+    events, names = [], world.layout.names
     for i, r in zip(world.pickers.tolist(), picked_from.tolist(), strict=True):
+        if r == NOBODY:
+            continue
         bin_ = int(world.coupled[i])
-        if r != NOBODY and world.row_picked[r] >= ROW_LENGTH and not done[r]:
+        if world.row_picked[r] >= ROW_LENGTH:
             events.append(Event(world.tick, "row picked", names[i], names[bin_], f"row {r + 1}"))
-        if r != NOBODY and world.fill[bin_] >= ROW_LENGTH and not full[bin_]:
+        if is_full(world, bin_):
             events.append(Event(world.tick, "bin full", names[bin_], names[i], f"row {r + 1}"))
     return events
 

@@ -103,6 +103,6 @@ def log(x: float) -> float:
         mantissa, exponent = mantissa * 2.0, exponent - 1
     z = (mantissa - 1.0) / (mantissa + 1.0)
     s = z * z
-    tail = 1.0 / 13.0 + s * (1.0 / 15.0 + s * (1.0 / 17.0 + s * (1.0 / 19.0 + s / 21.0)))
+    tail = 1.0 / 13.0 + s * (1.0 / 15.0 + s * (1.0 / 17.0 + s / 19.0))
     series = s * (1.0 / 3.0 + s * (1.0 / 5.0 + s * (1.0 / 7.0 + s * (1.0 / 9.0 + s * (1.0 / 11.0 + s * tail)))))
     return exponent * _LN2_HIGH + (2.0 * z + (2.0 * z * series + exponent * _LN2_LOW))

@@ -141,6 +141,12 @@ def test_nothing_is_faster_than_its_kind(kind, speed, eighths):
     assert fast.pose(f"{kind}_01").yaw == pytest.approx(0.1 * eighths * math.pi / 8)
 
 
+def test_a_bin_is_not_faster_askew_than_straight_on():
+    askew = picker_with_bin()
+    askew.drive(1, bin_02=Twist(-99.0, 99.0))
+    assert math.dist(askew.pose("bin_02")[:2], (ROW_WEST - 2.25, LANE)) == pytest.approx(0.3)
+
+
 def test_only_a_coupled_bin_moves_sideways_and_one_by_itself_not_at_all():
     side = picker_with_bin()
     side.drive(1, picker_01=Twist(y=1.0), bin_02=Twist(y=1.0))
@@ -364,7 +370,14 @@ def test_what_grows_in_the_row_goes_into_the_bin_and_driving_back_and_forth_adds
 def test_a_picker_that_begins_amid_a_row_picks_nothing():
     row = picker_with_bin(x=0.0)
     row.drive(100, **train(x=1.0))
-    assert row.world.row_picked[0] == 0.0
+    assert (row.world.row_picked[0], row.world.row_from[0]) == (0.0, 0)
+
+
+def test_a_picker_with_a_full_bin_begins_no_row():
+    row = picker_with_bin()
+    row.world.fill[1] = 70.0
+    row.drive(20, **train(x=1.0))
+    assert (row.world.row_picked[0], row.world.row_from[0]) == (0.0, 0)
 
 
 def test_a_second_bin_goes_on_where_the_first_one_ended_and_not_beyond_a_gap():
@@ -498,6 +511,10 @@ def test_a_bin_that_is_not_full_or_not_on_a_carrier_is_not_unloaded():
     loose.do("carrier_01", Uncouple())
     loose.drive(60)
     assert loose.world.delivered == 0
+    picker = picker_with_bin(x=BAY_X + 2.25, y=BAY_Y)
+    picker.world.fill[1] = 70.0
+    picker.drive(60)
+    assert picker.world.delivered == 0
 
 
 def test_one_bin_at_a_time_is_unloaded_and_who_began_goes_on():

@@ -6,14 +6,16 @@
 
 import math
 import os
+import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 from datetime import datetime
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -21,6 +23,10 @@ from rich.console import Console
 from orchard.config import Scenario, ScenarioError, load, to_yaml, with_changes
 from orchard.progress import Progress
 from orchard.summary import as_table, write
+
+if TYPE_CHECKING:
+    from orchard.bus import Bus
+    from processes.fleet import Fleet
 
 HERE = Path(__file__).parent
 RUNS = HERE / "runs"
@@ -33,7 +39,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=False, pretty_exceptions
 errors = Console(stderr=True, highlight=False)
 
 
-class Mode(str, Enum):
+class Mode(StrEnum):
     """How the program is run."""
 
     local = "local"
@@ -65,34 +71,52 @@ def _seconds(value: float | None) -> float | None:
     return value
 
 
+Speed = Annotated[float | None, typer.Option(parser=_speed, metavar="X|max", help="1 is real time. Default: max; 4 with --view.")]
+Hosts = Annotated[int | None, typer.Option(parser=_hosts, metavar="N|each", help="Agent processes. Default: one a core, at most 4.")]
+Duration = Annotated[float | None, typer.Option(callback=_seconds, help="Stop after so many simulated seconds.")]
+Record = Annotated[str | None, typer.Option(metavar="FILE.rrd|none", help="Where the recording goes. Default: a new file in runs/.")]
+
+
+@dataclass(frozen=True)
+class Wish:
+    """How a run shall be run."""
+
+    scenario: Scenario
+    speed: float  # simulated seconds to a second; infinity: as fast as it goes
+    hosts: int | None  # agent processes; 0: one each; None: a sensible few
+    duration: float | None  # s, simulated
+    recording: Path | None
+    view: bool
+
+
 @app.command()
 def harvest(
     scenario: Annotated[Path | None, typer.Argument(metavar="SCENARIO.yaml", show_default="config/orchard.yaml")] = None,
     rows: Annotated[int | None, typer.Option(help="Rows, 3 to 20.")] = None,
     pickers: Annotated[int | None, typer.Option(help="Pickers, 2 to rows.")] = None,
     row_width: Annotated[float | None, typer.Option(help="Width of a row, 5 to 12 m.")] = None,
-    carriers: Annotated[int | None, typer.Option(help="Carriers, 1 to 40; by default 7 for every 10 pickers.")] = None,
+    carriers: Annotated[int | None, typer.Option(help="Carriers, 1 to 40. Default: 7 for every 10 pickers.")] = None,
     seed: Annotated[int | None, typer.Option(help="The same seed gives the same run.")] = None,
     mode: Annotated[Mode, typer.Option(help="lockstep: processes over Zenoh; local: all in one.")] = Mode.lockstep,
-    speed: Annotated[float | None, typer.Option(parser=_speed, metavar="X|max", help="1 is real time.", show_default="max; 4 with --view")] = None,
-    hosts: Annotated[int | None, typer.Option(parser=_hosts, metavar="N|each", help="Agent processes.", show_default="as many as cores, at most 4")] = None,
-    duration: Annotated[float | None, typer.Option(callback=_seconds, help="Stop after so many simulated seconds.")] = None,
-    record: Annotated[str | None, typer.Option(metavar="FILE.rrd|none", help="Where the recording goes.", show_default="a new file in runs/")] = None,
+    speed: Speed = None,
+    hosts: Hosts = None,
+    duration: Duration = None,
+    record: Record = None,
     view: Annotated[bool, typer.Option("--view", help="Open the viewer, and watch live.")] = False,
     summary: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the summary.")] = None,
 ) -> None:
     """Harvest an orchard to the end."""
+    changes = {"rows": rows, "pickers": pickers, "row_width": row_width, "carriers": carriers, "seed": seed}
     try:
-        changes = {"rows": rows, "pickers": pickers, "row_width": row_width, "carriers": carriers, "seed": seed}
         chosen = with_changes(load(scenario or HERE / "config" / "orchard.yaml"), **{k: v for k, v in changes.items() if v is not None})
         recording = _recording(record)
-        _check_writable(summary)
+        _check_folder(summary)
     except (ScenarioError, OSError) as error:
-        errors.print(str(error), markup=False)
+        errors.print(str(error), markup=False, soft_wrap=True)
         raise typer.Exit(BAD_INPUT) from None
     pace = speed if speed is not None else LIVE_SPEED if view else math.inf
-    run = {Mode.local: _alone, Mode.lockstep: _together}[mode]
-    result, why = run(chosen, pace, hosts, duration, recording, view)
+    wish = Wish(chosen, pace, hosts, duration, recording, view)
+    result, why = {Mode.local: _alone, Mode.lockstep: _together}[mode](wish)
     raise typer.Exit(_tell(result, why, recording, summary))
 
 
@@ -104,9 +128,9 @@ def _recording(record: str | None) -> Path | None:
     return path
 
 
-def _check_writable(path: Path | None) -> None:
-    if path is not None and not path.parent.is_dir():
-        raise NotADirectoryError(f"--summary {path}: there is no directory {path.parent}")
+def _check_folder(summary: Path | None) -> None:
+    if summary is not None and not summary.parent.is_dir():
+        raise NotADirectoryError(f"--summary {summary}: there is no directory {summary.parent}")
 
 
 def _tell(result: dict[str, Any] | None, why: str, recording: Path | None, summary: Path | None) -> int:
@@ -122,7 +146,8 @@ def _tell(result: dict[str, Any] | None, why: str, recording: Path | None, summa
     if not good:
         errors.print(why, markup=False)
     if recording is not None and recording.exists():
-        console.print(f"To watch it: {_shown(Path(sys.executable))} {_shown(HERE / 'run.py')} view {_shown(recording)}", soft_wrap=True, markup=False)
+        command = f"{_shown(Path(sys.executable))} {_shown(HERE / 'run.py')} view {_shown(recording)}"
+        console.print(f"To watch it: {command}", soft_wrap=True, markup=False)
     return FINISHED if good else FAILED
 
 
@@ -135,75 +160,78 @@ def _shown(path: Path) -> str:
 # -- local mode
 
 
-def _alone(
-    scenario: Scenario, speed: float, hosts: int | None, duration: float | None, recording: Path | None, view: bool
-) -> tuple[dict[str, Any], str]:
+def _alone(wish: Wish) -> tuple[dict[str, Any], str]:
     """All in this process."""
     from processes.alone import run
 
-    recorder = _recorder(scenario, recording, view)
+    recorder = _recorder(wish)
     try:
         with Progress(Console(highlight=False)) as progress:
-            return run(scenario, speed, duration, recorder and recorder.tick, progress.show)
+            return run(wish.scenario, wish.speed, wish.duration, recorder and recorder.tick, progress.show)
     finally:
         if recorder is not None:
             recorder.close()
 
 
-def _recorder(scenario: Scenario, recording: Path | None, view: bool) -> Any:
-    if recording is None and not view:
+def _recorder(wish: Wish) -> Any:
+    """Where frames go; None where nobody wants them."""
+    if wish.recording is None and not wish.view:
         return None
     from orchard.layout import lay_out
     from orchard.view import Recorder
     from processes.fleet import free_port
 
-    recorder = Recorder(lay_out(scenario), f"seed {scenario.seed}", recording, serve=view, port=free_port() if view else 0)
-    if view:
+    recorder = Recorder(lay_out(wish.scenario), _run_name(wish), wish.recording, serve=wish.view, port=free_port() if wish.view else 0)
+    if wish.view:
         _open_viewer(recorder.uri)
     return recorder
+
+
+def _run_name(wish: Wish) -> str:
+    return f"{wish.scenario.rows} rows, seed {wish.scenario.seed}"
 
 
 # -- lockstep mode
 
 
-def _together(
-    scenario: Scenario, speed: float, hosts: int | None, duration: float | None, recording: Path | None, view: bool
-) -> tuple[dict[str, Any] | None, str]:
+def _together(wish: Wish) -> tuple[dict[str, Any] | None, str]:
     """Physics, agents and logger as processes of their own."""
     from processes.fleet import Fleet
 
     with TemporaryDirectory() as folder, Progress(Console(highlight=False)) as progress, Fleet(progress.say) as fleet:
         file = Path(folder) / "scenario.yaml"
-        file.write_text(to_yaml(scenario))
-        endpoint, viewer = _start(fleet, file, scenario, speed, hosts, duration, recording, view)
+        file.write_text(to_yaml(wish.scenario))
+        endpoint, viewer = _start(fleet, wish, file)
         summary, why = _follow(fleet, endpoint, progress)
-        if why == "stopped":
-            fleet.wait(STOP_SECONDS)
-            if viewer is not None:
-                viewer.terminate()
-        else:
-            fleet.wait(GOODBYE_SECONDS)
+        fleet.wait(STOP_SECONDS if why == "stopped" else GOODBYE_SECONDS)
+        if viewer is not None and why == "stopped":
+            viewer.terminate()
         return summary, why
 
 
-def _start(
-    fleet: Any, file: Path, scenario: Scenario, speed: float, hosts: int | None, duration: float | None, recording: Path | None, view: bool
-) -> tuple[str, subprocess.Popen | None]:
+def _start(fleet: "Fleet", wish: Wish, file: Path) -> tuple[str, subprocess.Popen | None]:
     """Start everything; the endpoint at which it meets, and the viewer."""
     from processes.fleet import Program, free_port
 
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    pace = ["--speed", "max" if math.isinf(speed) else str(speed)]
-    limit = [] if duration is None else ["--duration", str(duration)]
+    pace = ["--speed", "max" if math.isinf(wish.speed) else str(wish.speed)]
+    limit = [] if wish.duration is None else ["--duration", str(wish.duration)]
     fleet.start(Program("physics", "processes.physics", [str(file), "--listen", endpoint, *pace, *limit]))
-    for name, share in _shares(scenario, hosts):
+    for name, share in _shares(wish.scenario, wish.hosts):
         fleet.start(Program(name, "processes.agents", ["--connect", endpoint, *share], again=True))
-    if recording is None and not view:
-        return endpoint, None
+    return endpoint, _start_logger(fleet, wish, endpoint)
+
+
+def _start_logger(fleet: "Fleet", wish: Wish, endpoint: str) -> subprocess.Popen | None:
+    """Start the logger, if anything is to be recorded or seen; the viewer."""
+    from processes.fleet import Program, free_port
+
     port = free_port()
-    where = [*(["--record", str(recording.resolve())] if recording else []), *(["--serve", str(port)] if view else [])]
-    fleet.start(Program("logger", "processes.logger", ["--connect", endpoint, *where]))
-    return endpoint, _open_viewer(f"rerun+http://127.0.0.1:{port}/proxy") if view else None
+    file = [] if wish.recording is None else ["--record", str(wish.recording.resolve())]
+    live = ["--serve", str(port)] if wish.view else []
+    if file or live:
+        fleet.start(Program("logger", "processes.logger", ["--connect", endpoint, *file, *live]))
+    return _open_viewer(f"rerun+http://127.0.0.1:{port}/proxy") if wish.view else None
 
 
 def _shares(scenario: Scenario, hosts: int | None) -> list[tuple[str, list[str]]]:
@@ -217,39 +245,43 @@ def _shares(scenario: Scenario, hosts: int | None) -> list[tuple[str, list[str]]
     return [(f"agents {i + 1}", ["--share", f"{i}/{count}"]) for i in range(count)]
 
 
-def _follow(fleet: Any, endpoint: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
+def _follow(fleet: "Fleet", endpoint: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
     """Show how it goes until it is over; the summary, and why it ended."""
-    import signal
-
-    from orchard.bus import BusError, Inbox, Sample, Signal, client
+    from orchard.bus import BusError, Inbox, Signal, client
     from orchard.keys import Keys
-    from orchard.wire import End, Figures, read
 
     inbox, keys = Inbox(), Keys()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
     try:
         with client(endpoint, inbox) as bus:
-            bus.subscribe(keys.of("figures"))
-            bus.subscribe(keys.of("end"))
-            deadline = math.inf
-            while time.monotonic() < deadline:
-                item = inbox.take(0.2)
-                if isinstance(item, Signal):
-                    fleet.terminate("physics")
-                    deadline = min(deadline, time.monotonic() + STOP_SECONDS)
-                elif isinstance(item, Sample) and item.key == keys.of("end"):
-                    end = read(item.payload, End)
-                    return end.summary, end.why
-                elif isinstance(item, Sample):
-                    figures = read(item.payload, Figures)
-                    progress.show(figures.figures, figures.doing, figures.waits_for)
-                elif item is None and fleet.exit_code("physics") is not None:
-                    return None, f"physics ended with code {fleet.exit_code('physics')}"
-                fleet.watch()
-            return None, "stopped"
+            for what in ("figures", "end"):
+                bus.subscribe(keys.of(what))
+            return _listen(fleet, bus, keys.of("end"), progress)
     except BusError as error:
         return None, str(error)
+
+
+def _listen(fleet: "Fleet", bus: "Bus", end_key: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
+    from orchard.bus import Sample, Signal
+    from orchard.wire import End, Figures, read
+
+    deadline = math.inf
+    while time.monotonic() < deadline:
+        item = bus.inbox.take(0.2)
+        if isinstance(item, Signal):
+            fleet.terminate("physics")
+            deadline = min(deadline, time.monotonic() + STOP_SECONDS)
+        elif isinstance(item, Sample) and item.key == end_key:
+            end = read(item.payload, End)
+            return end.summary, end.why
+        elif isinstance(item, Sample):
+            figures = read(item.payload, Figures)
+            progress.show(figures.figures, figures.doing, figures.waits_for)
+        elif fleet.exit_code("physics") is not None:
+            return None, f"physics ended with code {fleet.exit_code('physics')}"
+        fleet.watch()
+    return None, "stopped"
 
 
 # -- looking at recordings

@@ -49,7 +49,7 @@ EXAMPLES: dict[type, wire.Part] = {
         wire.Letters(RUN, TICK, [wire.Sent("carrier_01", 0, Call(3, "east"))], []),
         wire.State(RUN, TICK, True, 70.0, ""),
         wire.Events(RUN, TICK, [{"tick": TICK, "what": "row picked", "who": "picker_01", "whom": "bin_01", "detail": "row 1"}]),
-        wire.Picture(RUN, TICK, np.array([[-23.5, 10.75, 0.0]]).tobytes(), None, {"picker_01": "picking row 1"}, None, None, None, [12.0], 0),
+        wire.Picture(RUN, TICK, np.array([[-23.5, 10.75, 0.0]]).tobytes(), None, {}, None, None, None, [12.0], 0),
         _figures(),
         wire.Newcomer(RUN, TICK, ["picker_01"], {"rows": 3}),
         wire.Join(RUN, SESSION, ["picker_01"]),

@@ -1,6 +1,6 @@
 """What travels: requests, answers and deeds as plain data, and how they become bytes. The one place for msgpack."""
 
-from typing import Any, Union
+from typing import Any
 
 import msgpack
 import msgspec
@@ -27,7 +27,7 @@ class Flatten(_Message):
     """A weed's: something moves within a metre of me."""
 
 
-Deed = Union[Couple, Uncouple, Flatten]
+Deed = Couple | Uncouple | Flatten
 
 # -- requests
 
@@ -73,7 +73,7 @@ class State(_Message):
     """Anyone's, to a bin: are you full, and on whom?"""
 
 
-Request = Union[Call, Come, Confirm, EmptyBin, Here, Claim, State]
+Request = Call | Come | Confirm | EmptyBin | Here | Claim | State
 
 # -- answers
 
@@ -118,7 +118,7 @@ class BinState(_Message):
     coupled_to: str  # '' when it stands by itself
 
 
-Answer = Union[Offer, Yes, No, Carrier, Places, BinState]
+Answer = Offer | Yes | No | Carrier | Places | BinState
 
 
 def pack(message: Any) -> bytes:

@@ -3,7 +3,7 @@
 import html
 
 from orchard.kinds import KINDS, kind_of
-from orchard.layout import BAY, DRIVEWAY, QUEUE, QUEUE_LINES, ROW_EAST, ROW_WEST, TOP_ROAD, TREES_X, X_MAX, Layout, TOP
+from orchard.layout import BAY, DRIVEWAY, QUEUE, QUEUE_LINES, ROW_EAST, ROW_WEST, TOP, TOP_ROAD, TREES_X, X_MAX, Layout
 from orchard.roads import (
     COUPLING,
     D_ROAD,

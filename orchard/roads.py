@@ -12,7 +12,18 @@ carriers' direction of travel, into x and y; all figures below are metres on the
 
 from dataclasses import dataclass
 
-from orchard.layout import BAY_STOP, QUEUE_HEAD, QUEUE_LINE_PLACES, QUEUE_LINES, ROW_EAST, ROW_WEST, TOP_ROAD, TREE_TOP_LINE, Layout, queue_place
+from orchard.layout import (
+    BAY_STOP,
+    QUEUE_HEAD,
+    QUEUE_LINE_PLACES,
+    QUEUE_LINES,
+    ROW_EAST,
+    ROW_WEST,
+    TOP_ROAD,
+    TREE_TOP_LINE,
+    Layout,
+    queue_place,
+)
 from orchard.sense import Box
 from orchard.steps import (
     Alone,

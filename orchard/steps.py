@@ -4,8 +4,6 @@ A step that acts sets the velocity of this tick, asks, or waits; it never rememb
 absolute, so a robot that was held up, or whose agent was started afresh, still ends where it should.
 """
 
-from typing import Union
-
 import msgspec
 
 from orchard.config import TIME_STEP
@@ -262,9 +260,10 @@ class Again(_Step, frozen=True):
         return True
 
 
-Step = Union[
-    Say, DriveTo, Face, Realign, Ahead, MoveTo, Wait, Need, Free, Alone, Deliver, TakeBin, LeaveBin, FetchEmpty, Unload, Confirmed, Home, Again
-]
+Step = (
+    Say | DriveTo | Face | Realign | Ahead | MoveTo | Wait | Need | Free
+    | Alone | Deliver | TakeBin | LeaveBin | FetchEmpty | Unload | Confirmed | Home | Again
+)
 
 
 class Plan(msgspec.Struct):

@@ -49,9 +49,8 @@ class Fleet:
     def _open(self, program: Program) -> subprocess.Popen:
         """A session of its own, so that Ctrl-C reaches run.py alone, which stops the others in order."""
         command = [sys.executable, "-m", program.module, *program.arguments]
-        popen = subprocess.Popen(
-            command, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
-        )
+        quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+        popen = subprocess.Popen(command, cwd=ROOT, **quiet, text=True, start_new_session=True)
         threading.Thread(target=self._pass_on, args=(program.name, popen), daemon=True).start()
         return popen
 

@@ -71,8 +71,8 @@ class Logger:
                 self._events = []
             case [name, "letters"]:
                 letters = understood(sample.payload, Letters, self.run_id)
-                said = talk_of(name, [(sent.to, sent.body) for sent in letters.requests], [(given.to, given.body) for given in letters.answers])
-                self._events += map(Event._make, said)
+                requests, answers = ([(sent.to, sent.body) for sent in said] for said in (letters.requests, letters.answers))
+                self._events += map(Event._make, talk_of(name, requests, answers))
             case ["events"]:
                 events = understood(sample.payload, Events, self.run_id).events
                 self._events += [Event(event["what"], event["who"], event["whom"], event["detail"]) for event in events]

@@ -35,7 +35,8 @@ class WalkerMemory(msgspec.Struct):
 
 def walk(seen: Observation, memory: WalkerMemory, seed: int, speed: float, kind: Kind, whim: Twist) -> tuple[Twist, str]:
     """The velocity of somebody who would follow a whim, at no more than a speed when something is near; and what that is called."""
-    twist = bump(seen, memory, seed) or break_out(seen, memory, seed, min(1.0, kind.speed), kind.turn) or avoid(seen, memory, speed, kind.turn)
+    twist = bump(seen, memory, seed) or break_out(seen, memory, seed, min(1.0, kind.speed), kind.turn)
+    twist = twist or avoid(seen, memory, speed, kind.turn)
     memory.moving = (twist or whim) != STILL
     return twist or whim, "turning away" if twist else ""
 

@@ -12,7 +12,7 @@ from orchard.agent import Action, Heard, Mail, Observation, Reply, without_body
 from orchard.lockstep import Refused, understood
 from orchard.messages import Answer, Request, pack
 from orchard.post import in_hearing_order
-from orchard.wire import Answered, Clock, Given, LaserScan, Letter, Letters, Odometry, Received, Sent, observation_of
+from orchard.wire import Answered, Clock, Given, LaserScan, Letter, Letters, Odometry, Received, Seen, Sent, observation_of
 
 
 class Sight:
@@ -41,6 +41,15 @@ class Sight:
 
     def clock(self, payload: bytes) -> None:
         if self._is_new(understood(payload, Clock, self._run).tick):
+            self._clock = True
+
+    def seen(self, payload: bytes) -> None:
+        """All of that at once."""
+        message = understood(payload, Seen, self._run)
+        for name, (pose, scan) in message.bodies.items():
+            self.pose(name, pose)
+            self.scan(name, scan)
+        if self._is_new(message.tick):
             self._clock = True
 
     def _is_new(self, tick: int) -> bool:

@@ -41,6 +41,8 @@ TABLE: dict[str, Key] = {
                 "What the robot's laser measures at this tick, and what its bin's does."),
     "clock": Key("{prefix}/clock", wire.Clock, "physics", _EVERY_TICK, NEVER_LOST,
                  "Simulated time. It is sent last: poses and scans of its tick are out."),
+    "seen": Key("{prefix}/hosts/{session}/seen", wire.Seen, "physics", _EVERY_TICK, NEVER_LOST,
+                "For a session that holds several agents: all their poses and scans of this tick, so that it need not subscribe to each."),
     "mail": Key("{prefix}/{robot}/mail", wire.Letter, "any agent", "when it asks", QUERY,
                 "A request to the robot's agent. The robot's host answers.", (wire.Received, wire.Answered)),
     "letters": Key("{prefix}/{robot}/letters", wire.Letters, "the robot's agent", "in ticks in which it asks or answers", NEVER_LOST,

@@ -42,6 +42,7 @@ EXAMPLES: dict[type, wire.Part] = {
         _velocity(),
         wire.odometry_of(RUN, _seen("picker_01", 180)),
         wire.scan_of(RUN, _seen("weed_01", 60), KINDS["weed"].laser, KINDS["bin"].laser),
+        wire.Seen(RUN, TICK, {"bin_01": (b"pose", b"scan")}),
         wire.Clock(RUN, TICK, wire.Stamp(12, 0)),
         wire.Letter(RUN, TICK, "bin_01", 0, Call(3, "east")),
         wire.Received(RUN, TICK),
@@ -110,6 +111,8 @@ def _type_name(type_: inspect.Type) -> str:
         return f"{_union_name(names)} or nil" if "nil" in names else _union_name(names)
     if isinstance(type_, inspect.ListType):
         return f"array of {_type_name(type_.item_type)}"
+    if isinstance(type_, inspect.TupleType):
+        return f"array of {len(type_.item_types)}: {', '.join(map(_type_name, type_.item_types))}"
     if isinstance(type_, inspect.LiteralType):
         return " or ".join(f"'{value}'" for value in type_.values)
     if isinstance(type_, inspect.StructType):

@@ -82,6 +82,14 @@ class Roster:
     def is_alive(self, name: str) -> bool:
         return (name, self.holders.get(name, "")) in self._alive
 
+    def by_holder(self) -> dict[str, list[str]]:
+        """Session id -> the names that it holds."""
+        names: dict[str, list[str]] = {}
+        for name in self.names:
+            if name in self.holders:
+                names.setdefault(self.holders[name], []).append(name)
+        return names
+
     def release(self, names: Iterable[str]) -> dict[str, list[str]]:
         """Wait for these no longer; session id -> its names among them."""
         released: dict[str, list[str]] = {}

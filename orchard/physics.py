@@ -10,7 +10,6 @@ from orchard.boxes import place
 from orchard.deeds import do_deeds
 from orchard.events import Event
 from orchard.geometry import EAST, angle_between
-from orchard.kinds import ANIMALS, KINDS, PEOPLE
 from orchard.layout import BAY, QUEUE, ROW_LENGTH
 from orchard.messages import Deed
 from orchard.move_kernel import Rows, finite, limit, move_all, pick, slow_pickers
@@ -147,13 +146,3 @@ def _waits_in_queue(world: World, carrier: int) -> bool:
     x, y, yaw = world.pose[carrier].tolist()
     queued = QUEUE.contains(x, y) and abs(angle_between(yaw, EAST)) <= FACING
     return queued and world.coupled[carrier] != NOBODY and is_at_rest(world, carrier)
-
-
-def collisions(world: World) -> int:
-    """Steps of robots, bins and tractor that something was in the way of."""
-    return sum(int(n) for n, start in zip(world.refused, world.layout.starts, strict=True) if KINDS[start.kind].robot)
-
-
-def refused_moves(world: World) -> int:
-    """Steps of people and animals that something was in the way of."""
-    return sum(int(n) for n, start in zip(world.refused, world.layout.starts, strict=True) if start.kind in PEOPLE + ANIMALS)

@@ -149,6 +149,12 @@ class Clock(Message):
     clock: Stamp
 
 
+class Seen(Message):
+    """All that the agents of one host see at this tick, in one message: it costs less than one for each, and says the same."""
+
+    bodies: Annotated[dict[Name, tuple[bytes, bytes]], Meta(description="name -> the payloads of its `pose` and its `scan`")]
+
+
 # -- agents to physics
 
 

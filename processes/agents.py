@@ -126,18 +126,26 @@ class Host:
 
     def listen(self) -> None:
         """Rule 10: tokens come last, after all that this host wants to hear."""
-        for what in ("clock", "lost", "end"):
+        for what in ("lost", "end"):
             self.bus.subscribe(self.keys.of(what))
         self.bus.watch(self.keys.of("alive", PHYSICS))
-        for name in self.bodies:
-            self.bus.subscribe(self.keys.of("pose", name), quietly=True)  # the clock comes after them
-            self.bus.subscribe(self.keys.of("scan", name), quietly=True)
+        self._look()
         for name in self.bins:
             self.bus.answer(self.keys.of("state", name))
         for name in self.performers:
             self.bus.answer(self.keys.of("mail", name))
         for name in self.performers:
             self.bus.declare_alive(self.keys.of("alive", name, self.bus.id))
+
+    def _look(self) -> None:
+        """One message with all that several agents see costs less than many; a single one looks by itself."""
+        if len(self.performers) > 1:
+            self.bus.subscribe(self.keys.of("seen", session=self.bus.id))
+            return
+        for name in self.bodies:
+            self.bus.subscribe(self.keys.of("pose", name), quietly=True)  # the clock comes after them
+            self.bus.subscribe(self.keys.of("scan", name), quietly=True)
+        self.bus.subscribe(self.keys.of("clock"))
 
     def join(self) -> None:
         """Hold the agents: from the present tick on physics waits for them."""
@@ -229,6 +237,8 @@ class Host:
                 self.sight.pose(name, sample.payload)
             case [name, "scan"]:
                 self.sight.scan(name, sample.payload)
+            case ["hosts", _, "seen"]:
+                self.sight.seen(sample.payload)
             case ["clock"]:
                 self.sight.clock(sample.payload)
             case ["end"]:

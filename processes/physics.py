@@ -12,7 +12,7 @@ import signal
 import sys
 import time
 import uuid
-from collections.abc import Iterable
+from collections.abc import Container
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ from orchard.bus import LOOPBACK, Alive, Bus, BusError, Inbox, Item, Question, S
 from orchard.camera import Camera
 from orchard.config import TIME_STEP, Scenario, ScenarioError, load
 from orchard.keys import PHYSICS, PREFIX, Keys
-from orchard.kinds import KINDS
+from orchard.kinds import KINDS, Laser
 from orchard.layout import Layout
 from orchard.lockstep import Answers, Loose, Memories, Pacer, Refusals, Refused, Roster, understood
 from orchard.messages import pack
@@ -62,15 +62,22 @@ class Announcer:
         self._bus, self._keys, self.run = bus, keys, run
         self._bodies = [(s.name, KINDS[s.kind].laser, keys.of("pose", s.name), keys.of("scan", s.name)) for s in layout.starts]
 
-    def look(self, tick: int, seen: dict[str, Observation], names: Iterable[str] | None = None) -> None:
-        """Poses and scans of a tick, of all bodies or some, and then the clock."""
-        wanted = seen.keys() if names is None else set(names)
-        for name, laser, pose_key, scan_key in self._bodies:
-            if name in wanted:
-                self._bus.publish(pose_key, pack(wire.odometry_of(self.run, seen[name])))
-                self._bus.publish(scan_key, pack(wire.scan_of(self.run, seen[name], laser, KINDS["bin"].laser)))
+    def look(self, tick: int, seen: dict[str, Observation], holders: dict[str, list[str]], names: Container[str] | None = None) -> None:
+        """Poses and scans of a tick, all or those of some, each on its key; all of a session's together; and then the clock."""
+        sent = {name: self._show(seen[name], *rest) for name, *rest in self._bodies if names is None or name in names}
+        for holder, held in holders.items():
+            if len(held) > 1:
+                bodies = {name: sent[name] for name in held if name in sent}
+                self._bus.publish(self._keys.of("seen", session=holder), pack(wire.Seen(self.run, tick, bodies)))
         sec, tenths = divmod(tick, 10)
         self.say("clock", wire.Clock(self.run, tick, wire.Stamp(sec, tenths * 10**8)))
+
+    def _show(self, seen: Observation, laser: Laser, pose_key: str, scan_key: str) -> tuple[bytes, bytes]:
+        pose = pack(wire.odometry_of(self.run, seen))
+        scan = pack(wire.scan_of(self.run, seen, laser, KINDS["bin"].laser))
+        self._bus.publish(pose_key, pose)
+        self._bus.publish(scan_key, scan)
+        return pose, scan
 
     def happened(self, tick: int, events: "list[Event]") -> None:
         if events:
@@ -189,7 +196,7 @@ class Physics:
         self._pause()
         self.loose.begin(tick)
         self.answers.open(tick)
-        self.announcer.look(tick, self._seen)
+        self.announcer.look(tick, self._seen, self.roster.by_holder())
         self._await_answers()
         actions = self.answers.actions() | self.loose.actions(tick)
         self.memories.keep(self.answers.velocities)
@@ -294,15 +301,16 @@ class Physics:
         for name in held:
             self.roster.join(name, join.holder)
         question.reply(pack(wire.Joined(self.run_id, self.engine.tick, {name: self.memories.of(name) for name in held}, refused)))
-        if self.answers.tick == self.engine.tick:
-            self._bring_up(held)
+        if held and self.answers.tick == self.engine.tick:
+            self._bring_up(join.holder, held)
 
-    def _bring_up(self, names: list[str]) -> None:
-        """Show newcomers the tick that is under way, and wait for them."""
-        for name in names:
+    def _bring_up(self, holder: str, joined: list[str]) -> None:
+        """Show a newcomer the tick that is under way, and wait for it."""
+        for name in joined:
             self.answers.expect(name)
         self._wait_on()
-        self.announcer.look(self.answers.tick, self._seen, names)
+        names = self.roster.by_holder()[holder]
+        self.announcer.look(self.answers.tick, self._seen, {holder: names}, names)
 
     def _obey(self, question: Question) -> None:
         command = understood(question.payload, wire.Command, self.run_id)

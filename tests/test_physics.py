@@ -15,8 +15,9 @@ from orchard.config import Scenario
 from orchard.geometry import EAST, NORTH, Pose, Twist
 from orchard.layout import BAY, ROW_EAST, ROW_WEST, lay_out
 from orchard.messages import Couple, Deed, Flatten, Uncouple
+from orchard.metrics import collisions, refused_moves
 from orchard.observe import observe
-from orchard.physics import collisions, harvest_is_over, is_full, refused_moves, step
+from orchard.physics import harvest_is_over, is_full, step
 from orchard.scan import Scanner
 from orchard.world import NOBODY, World, new_world
 

@@ -1,0 +1,201 @@
+"""run.py as a person uses it: one command, real processes."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import psutil
+import pytest
+from rerun.chunk import RrdReader
+from test_repeatable import run as hash_after
+
+from orchard.config import Scenario
+
+ROOT = Path(__file__).parent.parent
+SECONDS = 240.0  # that any one run may take on a busy machine
+FIRST_UNLOADING = 290  # s, simulated: the first bin of 3 rows and 2 pickers is unloaded before
+
+
+def orchard(*arguments: object, seconds: float = SECONDS) -> subprocess.CompletedProcess:
+    """Run it to its end."""
+    command = [sys.executable, "run.py", *map(str, arguments)]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=seconds, env=os.environ | {"COLUMNS": "200"})
+
+
+@contextmanager
+def running(*arguments: object):
+    """Run it, until its first line of progress; nothing is left behind."""
+    command = [sys.executable, "-u", "run.py", *map(str, arguments)]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+    try:
+        assert "real time" in process.stdout.readline()
+        yield process
+    finally:
+        for child in [*psutil.Process(process.pid).children(recursive=True)] if process.poll() is None else []:
+            child.kill()
+        process.kill()
+        process.communicate()
+
+
+def processes_of(run: subprocess.Popen) -> dict[str, psutil.Process]:
+    """The processes that a run has started, by the last word of their modules; of several the last."""
+    children = psutil.Process(run.pid).children(recursive=True)
+    return {word.removeprefix("processes."): child for child in children for word in child.cmdline() if word.startswith("processes.")}
+
+
+def summary_of(path: Path) -> dict:
+    return json.loads(path.read_text())
+
+
+# -- whole harvests
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory):
+    """A whole harvest in local mode."""
+    path = tmp_path_factory.mktemp("local") / "summary.json"
+    done = orchard("--rows", 3, "--mode", "local", "--record", "none", "--summary", path)
+    assert done.returncode == 0, done.stderr
+    return summary_of(path)
+
+
+@pytest.fixture(scope="module")
+def lockstep(tmp_path_factory):
+    """The same harvest in lockstep, recorded; its summary, its recording and what it printed."""
+    folder = tmp_path_factory.mktemp("lockstep")
+    done = orchard("--rows", 3, "--record", folder / "run.rrd", "--summary", folder / "summary.json")
+    assert done.returncode == 0, done.stderr
+    return summary_of(folder / "summary.json"), folder / "run.rrd", done.stdout
+
+
+def test_a_harvest_in_lockstep_is_that_of_local_mode(local, lockstep):
+    assert lockstep[0]["hash"] == local["hash"]
+    own = {"mode", "hosts", "wall_seconds", "times_real_time"}
+    assert {k: v for k, v in local.items() if k not in own} == {k: v for k, v in lockstep[0].items() if k not in own}
+
+
+def test_the_summary_tells_how_good_the_harvest_was(lockstep):
+    summary, _, printed = lockstep
+    assert summary["finished"] is True
+    assert summary["rows_picked"] == summary["bins_delivered"] == summary["rows"] == 3
+    assert summary["ticks"] == pytest.approx(10 * summary["sim_seconds"])
+    assert 0 < summary["bins_per_hour"] <= summary["bound_bins_per_hour"]
+    assert summary["bottleneck"] in ("pickers", "carriers", "unloading")
+    assert 0 < summary["carrier_utilisation"] < 1
+    assert 20 < summary["picker_waiting_seconds"] < 300
+    assert summary["distance_metres"]["picker"] > 3 * 70
+    assert {"hash", "mode", "seed", "wall_seconds", "agents", "hosts", "collisions", "refused_moves", "weeds_flattened"} <= summary.keys()
+    assert "bins delivered" in printed
+    assert summary["hash"] in printed
+
+
+def test_the_last_line_is_the_command_that_opens_the_recording(lockstep):
+    _, recording, printed = lockstep
+    last = printed.strip().splitlines()[-1]
+    assert re.fullmatch(r"To watch it: \S+ run\.py view \S+", last)
+    assert last.endswith(str(recording))
+
+
+def test_the_recording_holds_the_whole_run(lockstep):
+    summary, recording, _ = lockstep
+    assert seconds_of(recording) == pytest.approx(summary["sim_seconds"], abs=1.0)
+
+
+def seconds_of(recording: Path) -> float:
+    """How many simulated seconds are in a recording."""
+    latest = 0.0
+    for chunk in RrdReader(str(recording)).stream():
+        batch = chunk.to_record_batch()
+        if "sim_time" in batch.schema.names and batch.num_rows:
+            latest = max(latest, max(batch.column("sim_time").cast("int64").to_pylist()) / 1e9)
+    return latest
+
+
+# -- the hash of lockstep is that of local mode, for any number of agent processes
+
+
+@pytest.mark.parametrize(("hosts", "seed", "record"), [(1, 1, False), (5, 2, True), ("each", 1, False)])
+def test_the_hash_does_not_depend_on_processes(tmp_path, hosts, seed, record):
+    check_against_local(tmp_path, hosts, seed, tmp_path / "run.rrd" if record else "none", FIRST_UNLOADING)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("seed", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("hosts", [1, 2, 5, "each"])
+@pytest.mark.parametrize("record", [True, False])
+def test_soak_the_hash_does_not_depend_on_processes(tmp_path, hosts, seed, record):
+    check_against_local(tmp_path, hosts, seed, tmp_path / "run.rrd" if record else "none", FIRST_UNLOADING)
+
+
+def check_against_local(folder, hosts, seed, recording, seconds):
+    path = folder / "summary.json"
+    done = orchard("--rows", 3, "--seed", seed, "--hosts", hosts, "--record", recording, "--duration", seconds, "--summary", path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert summary_of(path)["bins_delivered"] >= 1
+    assert summary_of(path)["hash"] == hash_after(Scenario(rows=3, seed=seed), seconds * 10)
+
+
+# -- stopping, killing, jams
+
+
+def test_ctrl_c_stops_everything_within_three_seconds_and_closes_the_recording(tmp_path):
+    recording = tmp_path / "run.rrd"
+    with running("--rows", 3, "--record", recording, "--speed", 8) as run:
+        children = list(processes_of(run).values())
+        assert len(children) == 3, "physics, agents (two of one name), logger"
+        begun = time.monotonic()
+        run.send_signal(signal.SIGINT)
+        printed, _ = run.communicate(timeout=10)
+        assert time.monotonic() - begun < 3.0
+        assert run.returncode == 0
+        assert not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children)
+    assert "To watch it" in printed
+    assert seconds_of(recording) > 0.5
+
+
+def test_a_run_without_its_logger_goes_on(tmp_path):
+    path = tmp_path / "summary.json"
+    with running("--rows", 3, "--record", tmp_path / "run.rrd", "--duration", 150, "--summary", path) as run:
+        processes_of(run)["logger"].kill()
+        run.communicate(timeout=SECONDS)
+        assert run.returncode == 0
+    assert summary_of(path)["hash"] == hash_after(Scenario(rows=3), 1500)
+
+
+# -- bad input
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["--rows", "21"], "rows = 21"),
+        (["--rows", "3", "--pickers", "4"], "pickers"),
+        (["--row-width", "4.9", "--carriers", "0"], "carriers = 0"),
+        (["nothing.yaml"], "nothing.yaml: no such file"),
+        (["--speed", "0"], "--speed"),
+        (["--hosts", "0"], "--hosts"),
+        (["--duration", "-1"], "--duration"),
+        (["--summary", "/nowhere/at/all.json"], "/nowhere/at"),
+        (["--mode", "sideways"], "--mode"),
+        (["view", "nothing.rrd"], "nothing.rrd"),
+    ],
+)
+def test_bad_input_is_named_with_exit_code_2_and_no_traceback(arguments, named):
+    done = orchard(*arguments, seconds=30)
+    assert done.returncode == 2
+    assert named in done.stderr
+    assert "Traceback" not in done.stderr + done.stdout
+
+
+def test_all_errors_of_a_scenario_file_are_told_at_once(tmp_path):
+    file = tmp_path / "bad.yaml"
+    file.write_text("rows: 99\npikers: 3\npeople:\n  workers: many\n")
+    done = orchard(file, seconds=30)
+    assert done.returncode == 2
+    assert all(words in done.stderr for words in ("rows = 99", "pikers", "people.workers", "did you mean pickers"))

@@ -28,7 +28,7 @@ FULL_QUEUE_US = 300_000  # how long the router waits for a neighbour that takes 
 GET_SECONDS = 60.0  # longer than any host is given to answer
 
 
-_ASKING = {
+_ASKING: dict[str, Any] = {
     "target": zenoh.QueryTarget.ALL,
     "consolidation": zenoh.ConsolidationMode.NONE,  # AUTO would hold the first reply back until the last
     "congestion_control": zenoh.CongestionControl.BLOCK,
@@ -76,7 +76,7 @@ class Question:
 
     def drop(self) -> None:
         with _shrugging("the end of a query"):
-            self._query.drop()
+            self._query.drop()  # type: ignore[no-untyped-call]
 
 
 class Replied(NamedTuple):
@@ -176,7 +176,7 @@ class Bus:
     def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
         """One get; its replies and its end arrive in the inbox with the ticket."""
         put = self.inbox.put
-        handler = Callback(lambda reply: put(_replied(ticket, reply)), lambda: put(Final(ticket)), indirect=False)
+        handler: Callback[zenoh.Reply] = Callback(lambda reply: put(_replied(ticket, reply)), lambda: put(Final(ticket)), indirect=False)
         try:
             self._session.get(key, handler, payload=payload, timeout=seconds, **_ASKING)
         except zenoh.ZError as error:
@@ -188,7 +188,7 @@ class Bus:
     def subscribe(self, keys: str, quietly: bool = False) -> None:
         """Hear what is put on these keys; quietly, if something else wakes the reader when it is time."""
         put = self.inbox.put_quietly if quietly else self.inbox.put
-        handler = Callback(lambda sample: put(_sample(sample)), indirect=False)
+        handler: Callback[zenoh.Sample] = Callback(lambda sample: put(_sample(sample)), indirect=False)
         self._kept.append(self._session.declare_subscriber(keys, handler))
 
     def answer(self, key: str) -> None:
@@ -203,7 +203,7 @@ class Bus:
         """Tell that this process is here, until it is not. After all that it wants to hear."""
         self._kept.append(self._session.liveliness().declare_token(token))
 
-    def _into(self, item_of: Callable[[Any], Item]) -> Callback:
+    def _into(self, item_of: Callable[[Any], Item]) -> Callback[Any]:
         put = self.inbox.put
         return Callback(lambda arrived: put(item_of(arrived)), indirect=False)
 
@@ -251,7 +251,7 @@ def _session(mode: str, endpoint: str) -> Iterator[zenoh.Session]:
         yield session
     finally:
         try:
-            session.close()
+            session.close()  # type: ignore[no-untyped-call]
         except zenoh.ZError as error:
             log.warning("the session with %s did not close: %s", endpoint, error)
 

@@ -143,7 +143,7 @@ class Mailbox:
         self._held[key] = _Held(heard, question)
 
     def replied(self, asked: Asked, payload: bytes) -> None:
-        message = understood(payload, Received | Answered, self._run)
+        message: Received | Answered = understood(payload, Received | Answered, self._run)  # type: ignore[arg-type]
         if isinstance(message, Received):
             asked.received = True
         elif asked.received and message.tick == asked.tick + 1:

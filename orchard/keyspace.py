@@ -65,6 +65,12 @@ EXAMPLES: dict[type, wire.Part] = {
 # -- what a message says about its fields
 
 
+def _map(type_: type) -> inspect.StructType:
+    info = inspect.type_info(type_)
+    assert isinstance(info, inspect.StructType)
+    return info
+
+
 def _rows(struct: inspect.StructType, path: str = "") -> Iterator[tuple[str, str, str]]:
     """(path, type, meaning) of a map's fields, those of the maps in it included."""
     if struct.tag_field:
@@ -235,7 +241,7 @@ def _section(what: str, key: Key) -> str:
 
 
 def _message(role: str, type_: type) -> str:
-    rows = "\n".join(f"| `{path}` | {name} | {note} |" for path, name, note in _rows(inspect.type_info(type_)))
+    rows = "\n".join(f"| `{path}` | {name} | {note} |" for path, name, note in _rows(_map(type_)))
     title = f"{role} **{type_.__name__}**".strip()
     example = EXAMPLES[type_]
     doc = " ".join((type_.__doc__ or "").split())
@@ -253,13 +259,15 @@ def _readable(value: Any) -> Any:
     """Plain data with bytes as text, so that JSON can show it."""
     if isinstance(value, dict):
         return {key: _readable(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_readable(part) for part in value]
     return f"<{len(value)} bytes>" if isinstance(value, bytes) else value
 
 
 def _union(title: str, union: Any) -> str:
     rows = []
     for member in get_args(union):
-        info = inspect.type_info(member)
+        info = _map(member)
         fields = ", ".join(f"`{field.encode_name}` {_type_name(field.type)}" for field in info.fields)
         rows.append(f"| `{info.tag}` | {fields or 'none'} | {' '.join(member.__doc__.split())} |")
     lines = "\n".join(rows)

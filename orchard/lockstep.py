@@ -9,10 +9,12 @@ import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from orchard.agent import Action
-from orchard.wire import Velocity, action_of, read
+from orchard.wire import OfRun, Velocity, action_of, read
+
+M = TypeVar("M", bound=OfRun)
 
 log = logging.getLogger("orchard")
 
@@ -43,7 +45,7 @@ class Refusals:
             log.warning("refused on %s: %s", key, refusal)
 
 
-def understood(payload: bytes, type_: type, run: str):
+def understood(payload: bytes, type_: type[M], run: str) -> M:
     """The message in a payload, if it is one of this run; else Refused."""
     try:
         message = read(payload, type_)

@@ -37,10 +37,15 @@ class Part(msgspec.Struct, forbid_unknown_fields=True):
     """A map inside a message."""
 
 
-class Message(Part):
-    """A map with the run's id and the tick."""
+class OfRun(Part):
+    """A map with the run's id."""
 
     run: Run
+
+
+class Message(OfRun):
+    """A map with the run's id and the tick."""
+
     tick: Tick
 
 
@@ -233,10 +238,9 @@ class Newcomer(Message):
     scenario: Annotated[dict[str, Any], Meta(description="the scenario file as a map, defaults filled in")]
 
 
-class Join(Part):
+class Join(OfRun):
     """A host's wish to hold agents. Its liveliness tokens, its subscribers and its queryables must stand before it."""
 
-    run: Run
     holder: Holder
     names: Annotated[list[Name], Meta(max_length=10_000, description="the agents that it wants to hold: all or none")]
 
@@ -269,10 +273,9 @@ class State(Message):
     coupled_to: Annotated[str, Meta(description="the robot that tows it; '' when it stands by itself")]
 
 
-class Command(Part):
+class Command(OfRun):
     """What a person asks of the run."""
 
-    run: Run
     command: Annotated[Literal["stop"], Meta(description="end the run now")]
 
 
@@ -340,7 +343,7 @@ def odometry_of(run: str, seen: Observation) -> Odometry:
     return Odometry(run, seen.tick, pose, _twist(seen.twist), hitch, float(seen.fill), bool(seen.full))
 
 
-def _sweep(laser: Laser, scan: np.ndarray) -> tuple[float, float, float, float, bytes]:
+def _sweep(laser: Laser, scan: np.ndarray | None) -> tuple[float, float, float, float, bytes]:
     last = laser.first + (laser.beams - 1) * laser.increment
     return laser.first, last, laser.increment, LASER_RANGE, np.asarray(scan, dtype="<f4").tobytes()
 
@@ -389,11 +392,11 @@ def frame_of(picture: Picture) -> Frame:
     return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered)
 
 
-def _listed(array: np.ndarray | None) -> list | None:
+def _listed(array: np.ndarray | None) -> list[Any] | None:
     return None if array is None else array.tolist()
 
 
-def _array(values: list | None) -> np.ndarray | None:
+def _array(values: list[Any] | None) -> np.ndarray | None:
     return None if values is None else np.array(values)
 
 

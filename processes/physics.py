@@ -64,7 +64,7 @@ class Announcer:
 
     def look(self, tick: int, seen: dict[str, Observation], holders: dict[str, list[str]], names: Container[str] | None = None) -> None:
         """Poses and scans of a tick, all or those of some, each on its key; all of a session's together; and then the clock."""
-        sent = {name: self._show(seen[name], *rest) for name, *rest in self._bodies if names is None or name in names}
+        sent = {body[0]: self._show(seen[body[0]], *body[1:]) for body in self._bodies if names is None or body[0] in names}
         for holder, held in holders.items():
             if len(held) > 1:
                 bodies = {name: sent[name] for name in held if name in sent}

@@ -203,7 +203,7 @@ class Bus:
         """Tell that this process is here, until it is not. After all that it wants to hear."""
         self._kept.append(self._session.liveliness().declare_token(token))
 
-    def _into(self, item_of: Callable[[Any], Item]) -> Callback[Any]:
+    def _into(self, item_of: Callable[[Any], Item]) -> "Callback[Any]":
         put = self.inbox.put
         return Callback(lambda arrived: put(item_of(arrived)), indirect=False)
 

@@ -32,7 +32,7 @@ QUEUE_LINES = (24.5, 21.5, 18.5, 27.5)  # y of the queue's lines, in the order i
 QUEUE_HEAD = 35.4  # x of a line's first carrier
 QUEUE_PITCH = 4.0  # m from one waiting carrier to the next
 QUEUE_LINE_PLACES = 12
-QUEUE = Rect(-18.0, QUEUE_LINES[2] - 0.5, QUEUE_HEAD + 0.5, QUEUE_LINES[3] + 0.5)
+QUEUE = Rect(-18.0, min(QUEUE_LINES) - 0.75, QUEUE_HEAD + 0.9, max(QUEUE_LINES) + 0.75)  # all of the waiting carriers
 
 
 @dataclass(frozen=True)

@@ -47,8 +47,8 @@ class Process:
 
     def end(self, seconds: float = SECONDS) -> tuple[int, str, str]:
         """Its exit code, and what it printed since, once it has ended by itself."""
-        out, err = self._popen.communicate(timeout=seconds)
-        return self._popen.returncode, out, err
+        out, self.complaints = self._popen.communicate(timeout=seconds)
+        return self._popen.returncode, out, self.complaints
 
     def signal(self, number: signal.Signals) -> None:
         self._popen.send_signal(number)

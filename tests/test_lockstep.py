@@ -187,6 +187,23 @@ def test_the_robot_of_a_killed_host_stands_and_a_new_host_takes_it_over(fleet):
     fleet.end()
 
 
+def test_a_host_that_hangs_is_named_and_joins_again_when_it_wakes(fleet):
+    fleet.physics(SMALL, "--patience", "0.3", "--speed", "10")
+    someone = fleet.client()
+    lost, velocities = someone.hear("orchard/lost"), someone.hear("orchard/picker_01/velocity")
+    fleet.host("--without", "picker_01", agents=TOY)
+    hung = fleet.host("--only", "picker_01", agents=TOY)
+    until(velocities, lambda velocity: velocity["tick"] >= 3)
+    hung.signal(signal.SIGSTOP)
+    tick = until(lost, lambda message: message["names"] == ["picker_01"])["tick"]
+    hung.signal(signal.SIGCONT)
+    again = until(velocities, lambda velocity: velocity["tick"] > tick)
+    until(velocities, lambda velocity: velocity["tick"] > again["tick"] + 5)
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+    assert "joining again" in hung.complaints
+
+
 def test_hosts_leave_when_physics_is_gone(fleet):
     fleet.physics(SMALL, "--speed", "10")
     clock = fleet.client().hear("orchard/clock")

@@ -1,0 +1,49 @@
+"""The documents tell the truth: commands and code in them run, generated files are what their programs write."""
+
+import re
+import runpy
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text()
+CODE = re.findall(r"```python\n(.*?)```", README, re.S)
+COMMANDS = [line for block in re.findall(r"```sh\n(.*?)```", README, re.S) for line in block.splitlines()]
+SECONDS = 240
+
+
+@pytest.mark.parametrize("code", CODE, ids=range(len(CODE)))
+def test_the_code_in_the_readme_runs(code):
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=SECONDS)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_commands_in_the_readme_run(command, tmp_path):
+    """`make` only says what it would do: it would test itself. The others run for real, in this environment."""
+    words = shlex.split(command)
+    if words[0] == "make":
+        words.insert(1, "--dry-run")
+    else:
+        assert words[:2] == [".venv/bin/python", "run.py"]
+        words = [sys.executable, str(ROOT / "run.py"), *words[2:]]
+        words = [str(ROOT / word) if word.startswith("config/") else word for word in words]
+        words += [] if "--record" in words else ["--record", "run.rrd"]
+    cwd = ROOT if words[0] == "make" else tmp_path
+    done = subprocess.run(words, cwd=cwd, capture_output=True, text=True, timeout=SECONDS)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_files_that_the_readme_names_exist():
+    for name in re.findall(r"\]\(([^)#]+)\)", README):
+        assert (ROOT / name).exists(), name
+
+
+def test_the_drawings_are_what_the_layout_says():
+    for name, svg in runpy.run_path(str(ROOT / "docs" / "draw.py"))["drawings"]().items():
+        assert (ROOT / "docs" / name).read_text() == svg, f"docs/{name} is stale: make docs"

@@ -31,12 +31,12 @@ class Sight:
 
     def pose(self, name: str, payload: bytes) -> None:
         message = understood(payload, Odometry, self._run)
-        if self._is_new(message.tick):
+        if name in self._bodies and self._is_new(message.tick):
             self._poses[name] = message
 
     def scan(self, name: str, payload: bytes) -> None:
         message = understood(payload, LaserScan, self._run)
-        if self._is_new(message.tick):
+        if name in self._bodies and self._is_new(message.tick):
             self._scans[name] = message
 
     def clock(self, payload: bytes) -> None:

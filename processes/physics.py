@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("orchard")
 
 FIGURES_SECONDS = 0.5  # of wall time between two messages with figures
-NAG_SECONDS = 5.0  # between two lines that name who is missing
+NAG_SECONDS = 3.0  # between two lines that name who is missing
 FAREWELL_SECONDS = 2.0  # for how long the others may take to leave
 
 

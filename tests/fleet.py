@@ -83,9 +83,9 @@ class Fleet:
         for i in range(hosts):
             self.host("--share", f"{i}/{hosts}", agents=agents)
 
-    def end(self) -> str:
+    def end(self, seconds: float = SECONDS) -> str:
         """The hash, once physics and all hosts have ended well."""
-        code, out, err = self.world.end()
+        code, out, err = self.world.end(seconds)
         assert code == 0, out + err
         for host in self.hosts:
             assert host.end(10.0)[0] == 0

@@ -1,6 +1,7 @@
 """Lockstep with a real router and real processes: the trajectory is that of local mode, whatever the network does."""
 
 import math
+import random
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from fleet import ROOT, Fleet, until
 from orchard import bus
 from orchard.bus import BusError, Inbox, client, router
 from orchard.config import Animals, People, Scenario
+from orchard.keys import TABLE
 from orchard.layout import lay_out
 from orchard.local import Local
 
@@ -75,6 +77,19 @@ def test_the_harvest_begins_as_in_local_mode(fleet):
 
 def test_another_seed_is_another_run():
     assert local_hash(Scenario(rows=3), 50) != local_hash(Scenario(rows=3, seed=2), 50)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize("hosts", [1, 2, 5, 30])
+def test_whole_harvests_are_those_of_local_mode(fleet, seed, hosts):
+    scenario = Scenario(rows=3, seed=seed)
+    local = Local(scenario)
+    while not local.engine.over:
+        local.tick()
+    fleet.physics(scenario)
+    fleet.share(hosts)
+    assert fleet.end(400.0) == local.engine.hash
 
 
 # -- who drives
@@ -244,6 +259,24 @@ def test_bins_tell_their_state_and_nonsense_gets_an_error(fleet):
     assert answer["run"] == fleet.run
     assert Scenario.model_validate(answer["scenario"]) == SMALL
     stop(fleet, someone)
+
+
+def test_bad_bytes_on_every_key_change_nothing(fleet, callers_hash):
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    someone, chance = fleet.client(), random.Random(1)
+    fleet.share(2, TOY)
+    keys = [someone.keys.of(what, name, "me") for what in TABLE for name in ("picker_01", "bin_02", "traffic")]
+    heard = someone.hear("orchard/clock")
+    until(heard, lambda message: True)
+    for _ in range(5):
+        for key in keys:
+            someone.session.put(key, chance.randbytes(chance.randrange(60)))
+        someone.session.get("orchard/bin_02/mail", lambda reply: None, payload=chance.randbytes(20), timeout=5.0)
+    code, out, err = fleet.world.end()
+    assert code == 0
+    assert callers_hash in out
+    assert "refused on orchard/picker_01/velocity: malformed" in err
+    assert err.count("refused on orchard/picker_01/velocity") == 1, "logged once"
 
 
 # -- the network itself

@@ -79,19 +79,6 @@ def test_another_seed_is_another_run():
     assert local_hash(Scenario(rows=3), 50) != local_hash(Scenario(rows=3, seed=2), 50)
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("seed", range(1, 6))
-@pytest.mark.parametrize("hosts", [1, 2, 5, 30])
-def test_whole_harvests_are_those_of_local_mode(fleet, seed, hosts):
-    scenario = Scenario(rows=3, seed=seed)
-    local = Local(scenario)
-    while not local.engine.over:
-        local.tick()
-    fleet.physics(scenario)
-    fleet.share(hosts)
-    assert fleet.end(400.0) == local.engine.hash
-
-
 # -- who drives
 
 

@@ -123,3 +123,12 @@ def test_the_tractor_on_its_driveway_is_not_in_the_way_of_unloading():
     stage = Stage(empty_orchard(rows=5, pickers=5, tractor=True))
     stage.run_to_the_end()
     stage.assert_no_collisions()
+
+
+def test_two_carriers_that_meet_at_neighbouring_lanes_both_get_through():
+    stage = Stage(empty_orchard(rows=3, pickers=3, carriers=2))
+    stage.run_until(lambda: len([e for e in stage.happened("uncoupled") if e.who.startswith("carrier")]) == 2, 200)
+    both_at_work = [stage.pose(name)[1] for name in ("carrier_01", "carrier_02")]
+    assert abs(both_at_work[0] - both_at_work[1]) < 15, "they are at neighbouring lanes at the same time"
+    stage.run_until(lambda: stage.world.delivered == 2, 400)
+    stage.assert_no_collisions()

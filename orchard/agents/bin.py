@@ -22,6 +22,7 @@ class BinMemory(msgspec.Struct):
     coming: bool = False  # whether that one has agreed
     asked: int = -1000  # tick of its last question
     silent: int = 0  # questions since the last answer
+    shunned: list[str] = []  # carriers that did not answer when they were sent for, during this call
     picker: str = ""  # who left it
     done: int = 0  # calls that ended in an exchange
 
@@ -66,7 +67,7 @@ class Bin:
         if kind_of(hitch.name) == "picker":
             memory.picker = hitch.name
         elif memory.carrier:
-            memory.carrier, memory.coming, memory.done = "", False, memory.done + 1
+            memory.carrier, memory.coming, memory.shunned, memory.done = "", False, [], memory.done + 1
 
     # -- calling
 
@@ -76,9 +77,9 @@ class Bin:
         action.waits_for = memory.carrier or "a carrier"
         lane, side = self.where(seen.x, seen.y)
         self.hear(mail, memory, seen.tick)
-        offers = sorted((r.body.distance, r.sender) for r in mail.replies if isinstance(r.body, Offer))
+        offers = sorted((r.sender in memory.shunned, r.body.distance, r.sender) for r in mail.replies if isinstance(r.body, Offer))
         if not memory.carrier and offers:
-            memory.carrier, memory.silent = offers[0][1], 0
+            memory.carrier, memory.silent = offers[0][2], 0
             self.send_for(seen.tick, memory, action, lane, side)
         elif memory.carrier and seen.tick - memory.asked >= (ASK_AGAIN if memory.coming else CALL_AGAIN):
             self.send_for(seen.tick, memory, action, lane, side)
@@ -98,6 +99,7 @@ class Bin:
             if isinstance(reply.body, Yes):
                 memory.coming, memory.silent = True, 0
             elif reply.body is not None or memory.silent >= GIVE_UP:
+                memory.shunned += [memory.carrier] if reply.body is None and memory.carrier not in memory.shunned else []
                 memory.carrier, memory.coming, memory.asked = "", False, tick - CALL_AGAIN
 
     def where(self, x: float, y: float) -> tuple[int, str]:

@@ -45,7 +45,7 @@ def growing(robots: int) -> Field:
 def velocities(robots: int, steps: int) -> np.ndarray:
     """(steps, robots, 2): the forward speeds, m/s, and turning speeds, rad/s, that robots drive with; new ones every two seconds."""
     random = np.random.default_rng(SEED + 1)
-    drawn = random.uniform((0.2 * SPEED, -TURN), (SPEED, TURN), (steps // KEEP + 1, robots, 2))
+    drawn = random.uniform((-SPEED, -TURN), (SPEED, TURN), (steps // KEEP + 1, robots, 2))
     return np.repeat(drawn, KEEP, axis=0)[:steps]
 
 

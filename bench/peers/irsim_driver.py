@@ -1,0 +1,73 @@
+"""IR-SIM, or irsim-x, which takes its name, in the field of bench/field.py; no figure, no window, robots driven from outside.
+
+    python irsim_driver.py ROBOTS SECONDS   ->  one line of JSON: {"steps_per_second": ...}
+
+Fences, trunks and posts are static rectangles, robots are rectangles of the same size as ours. A robot that collides stops, the default.
+"""
+
+import math
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import irsim
+import yaml
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+import field  # noqa: E402
+from clocked import MOST_STEPS, run  # noqa: E402
+
+
+def world(place: field.Field) -> dict[str, Any]:
+    """IR-SIM's world file; its origin is a corner, at (-60 %, -60 %) of the field."""
+    walls = [_rectangle(x, y, 2 * half_x, 2 * half_y) for x, y, half_x, half_y in place.walls.tolist()]
+    return {
+        "world": {
+            "width": 1.2 * place.length,
+            "height": 1.2 * place.width,
+            "offset": [-0.6 * place.length, -0.6 * place.width],
+            "step_time": field.STEP,
+            "sample_time": field.STEP,
+            "collision_mode": "stop",
+        },
+        "robot": [_robot(*pose) for pose in place.starts.tolist()],
+        "obstacle": walls,
+    }
+
+
+def _rectangle(x: float, y: float, length: float, width: float) -> dict[str, Any]:
+    return {"shape": {"name": "rectangle", "length": length, "width": width}, "state": [x, y, 0]}
+
+
+def _robot(x: float, y: float, yaw: float) -> dict[str, Any]:
+    laser = {
+        "name": "lidar2d",
+        "range_min": 0,
+        "range_max": field.RANGE,
+        "angle_range": math.pi,
+        "number": field.BEAMS,
+        "offset": [field.ROBOT_LENGTH / 2, 0, 0],
+    }
+    return {
+        "kinematics": {"name": "diff"},
+        "shape": {"name": "rectangle", "length": field.ROBOT_LENGTH, "width": field.ROBOT_WIDTH},
+        "state": [x, y, yaw],
+        "goal": [1000, 1000, 0],
+        "vel_max": [field.SPEED, field.TURN],
+        "vel_min": [-field.SPEED, -field.TURN],
+        "sensors": [laser],
+    }
+
+
+def main(robots: int, seconds: float) -> None:
+    with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
+        yaml.safe_dump(world(field.field(robots)), file)
+        file.flush()
+        simulator = irsim.make(file.name, display=False, disable_all_plot=True, log_level="ERROR")
+    wanted = [list(step) for step in field.velocities(robots, MOST_STEPS)[:, :, :, None]]  # (robots) columns of two
+    ids = list(range(robots))
+    run(lambda k: simulator.step(wanted[k], ids), seconds)
+
+
+main(int(sys.argv[1]), float(sys.argv[2]))

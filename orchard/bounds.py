@@ -3,6 +3,7 @@
 Times in seconds, rates in bins per second. A bound counts the ways as the traffic plan lays them out, driven without a stop.
 """
 
+import math
 from dataclasses import dataclass
 
 from orchard.geometry import EAST, HEADINGS, Pose, angle_between
@@ -19,6 +20,7 @@ TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and the gap to the next one; for
 class Bounds:
     """The closed forms' terms for one scenario, and what follows from them."""
 
+    rows: int
     pickers: int
     carriers: int
     row_seconds: float  # T, to pick one row
@@ -26,6 +28,8 @@ class Bounds:
     approach_seconds: float  # A, from the queue's head until the picker has its empty bin, mean of all rows
     cycle_seconds: float  # C, from the queue's head around the orchard and back, mean of all rows
     bay_seconds: float  # t_bay, for which one carrier occupies the bay
+    least_approach_seconds: float  # A of the row where it is least
+    least_cycle_seconds: float  # C of the row where it is least
 
     @property
     def terms(self) -> dict[str, float]:
@@ -48,6 +52,14 @@ class Bounds:
         return 3600.0 * min(self.terms.values())
 
     @property
+    def harvest_seconds(self) -> float:
+        """No harvest of this scenario is over sooner, the carriers back in the queue."""
+        rounds, rows_each = math.ceil(self.rows / self.carriers), math.ceil(self.rows / self.pickers)
+        by_carriers = self.row_seconds + rounds * self.least_cycle_seconds
+        between = (rows_each - 1) * (self.crossing_seconds + self.least_approach_seconds)
+        return max(by_carriers, rows_each * self.row_seconds + between + self.least_cycle_seconds)
+
+    @property
     def enough_carriers(self) -> float:
         """The number of carriers beyond which more do not help."""
         return self.cycle_seconds * self.terms["pickers"]
@@ -56,14 +68,19 @@ class Bounds:
 def bounds_of(layout: Layout) -> Bounds:
     """The bounds of an orchard, averaged over its rows."""
     exchanges = [(row, EAST_SIDE if i % 2 == 0 else WEST_SIDE) for rows in layout.blocks.values() for i, row in enumerate(rows)]
+    approaches = [approach(layout, row, side) for row, side in exchanges]
+    cycles = [cycle(layout, row, side) for row, side in exchanges]
     return Bounds(
+        rows=layout.scenario.rows,
         pickers=layout.scenario.pickers,
         carriers=layout.scenario.carrier_count,
         row_seconds=ROW_LENGTH / layout.scenario.picking_speed,
         crossing_seconds=_mean([_crossing(layout, row, side) for row, side in exchanges if row < layout.scenario.rows]),
-        approach_seconds=_mean([approach(layout, row, side) for row, side in exchanges]),
-        cycle_seconds=_mean([cycle(layout, row, side) for row, side in exchanges]),
+        approach_seconds=_mean(approaches),
+        cycle_seconds=_mean(cycles),
         bay_seconds=UNLOADING + TRAIN,
+        least_approach_seconds=min(approaches),
+        least_cycle_seconds=min(cycles),
     )
 
 

@@ -96,6 +96,7 @@ def harvest_figures(world: World, figures: Figures) -> dict[str, Any]:
         "bins_delivered": world.delivered,
         "bins_per_hour": world.delivered / hours if hours else 0.0,
         "bound_bins_per_hour": bounds.bins_per_hour,
+        "bound_sim_seconds": bounds.harvest_seconds,
         "bottleneck": bounds.bottleneck,
         "collisions": collisions(world),
         "refused_moves": refused_moves(world),

@@ -11,6 +11,7 @@ UNITS = {
     "wall_seconds": "s",
     "bins_per_hour": "bins/h",
     "bound_bins_per_hour": "bins/h, no harvest can do more for long",
+    "bound_sim_seconds": "s, no harvest of this scenario is over sooner",
     "picker_waiting_seconds": "s, mean from full bin to empty one",
     "carrier_utilisation": "of the time outside the queue",
     "distance_metres": "m",

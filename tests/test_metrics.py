@@ -79,3 +79,10 @@ def test_a_carrier_that_nothing_holds_up_takes_as_long_as_the_closed_form_says()
     bounds = bounds_of(stage.world.layout)
     assert called > 70
     assert bounds.cycle_seconds - 20 < took < bounds.cycle_seconds + 20
+
+
+@pytest.mark.parametrize(("pickers", "carriers"), [(2, 1), (4, 4), (2, 6)])
+def test_no_harvest_is_over_sooner_than_the_bound(pickers, carriers):
+    stage = Stage(empty_orchard(rows=4, pickers=pickers, carriers=carriers))
+    bound = bounds_of(stage.world.layout).harvest_seconds
+    assert bound <= stage.run_to_the_end() < 1.6 * bound

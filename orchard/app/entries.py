@@ -1,0 +1,103 @@
+"""What the page asks for: every value of a scenario, with the limits and the words of its model."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from math import floor, log10
+from typing import Any, get_args
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from orchard.config import Scenario
+
+MOST_STEPS = 1e6  # beyond this a slider is of no use
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One value that a user may set."""
+
+    path: str  # dotted, as in the file
+    words: str  # what it is
+    kind: type  # int, float or bool
+    low: float | None
+    high: float | None
+    optional: bool  # whether it may be left to the program
+
+    @property
+    def label(self) -> str:
+        """Its name for people: 'Row width', 'Laser noise'."""
+        section, _, name = self.path.rpartition(".")
+        known = name.replace("_", " ")
+        return (f"{section} {known}" if section == "laser" else known).capitalize()
+
+    @property
+    def unit(self) -> str:
+        found = re.search(r", (m/s|m)(?=;|$)", self.words)
+        return found.group(1) if found else ""
+
+    @property
+    def step(self) -> float:
+        """Of the slider: a hundredth of the span, rounded up to 1, 2 or 5 times a power of ten; whole for whole numbers."""
+        if self.kind is int:
+            return 1
+        rough = (self.high - self.low) / 100
+        power = 10.0 ** floor(log10(rough))
+        return round(next(n * power for n in (1, 2, 5, 10) if n * power >= rough * 0.999), 10)
+
+    @property
+    def has_slider(self) -> bool:
+        return self.kind is not bool and (self.high - self.low) / self.step <= MOST_STEPS
+
+    @property
+    def limits(self) -> str:
+        return "" if self.low is None or not self.has_slider else f"{self.low:g} to {self.high:g}{' ' + self.unit if self.unit else ''}"
+
+
+@cache
+def entries() -> dict[str, Entry]:
+    """By path, in the order of the file."""
+    return {entry.path: entry for entry in _entries(Scenario)}
+
+
+def _entries(model: type[BaseModel], before: str = "") -> Iterator[Entry]:
+    for name, field in model.model_fields.items():
+        kind = field.annotation
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            yield from _entries(kind, f"{before}{name}.")
+        else:
+            yield _entry(before + name, field)
+
+
+def _entry(path: str, field: FieldInfo) -> Entry:
+    kinds = get_args(field.annotation) or (field.annotation,)
+    limits = {type(limit).__name__: limit for limit in field.metadata}
+    low, high = (limits["Ge"].ge, limits["Le"].le) if "Ge" in limits else (None, None)
+    return Entry(path, field.description or "", kinds[0], low, high, type(None) in kinds)
+
+
+def flat(scenario: Scenario) -> dict[str, Any]:
+    """A scenario's values by path."""
+    return dict(_flat(scenario.model_dump()))
+
+
+def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{before}{key}.")
+        else:
+            yield before + key, value
+
+
+def nested(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by path, as the file holds them."""
+    tree: dict[str, Any] = {}
+    for path, value in values.items():
+        *sections, key = path.split(".")
+        place = tree
+        for section in sections:
+            place = place.setdefault(section, {})
+        place[key] = value
+    return tree

@@ -1,0 +1,134 @@
+"""The page: the form on the left, on the right the run, the stage and the derived figures."""
+
+from pathlib import Path
+from typing import Any
+
+from nicegui import run, ui
+
+from orchard.app.draft import Draft
+from orchard.app.files import FileButtons, complain
+from orchard.app.form import Form
+from orchard.app.preview import FiguresView
+from orchard.app.runner import Run, Runner
+from orchard.app.stage import Stage
+from orchard.app.watch import ProgressView
+from orchard.app.wishes import Wishes
+from orchard.config import Scenario
+from orchard.layout import lay_out
+
+STYLE = Path(__file__).with_name("style.css")
+REDRAW_SECONDS = 0.1  # between two looks at whether something was changed
+WATCH_SECONDS = 0.3  # between two looks at the run
+
+
+class Page:
+    """One browser's view of the one runner."""
+
+    def __init__(self, runner: Runner, scenario: Scenario) -> None:
+        self.runner, self.draft = runner, Draft(scenario)
+        self._changed = True
+        self._run: Run | None = None  # the one that is on the stage
+        self._was_over = False
+        self._build()
+        self.form.show(self.draft.values)
+        ui.timer(REDRAW_SECONDS, self._redraw)
+        ui.timer(WATCH_SECONDS, self._watch)
+
+    # -- how it looks
+
+    def _build(self) -> None:
+        ui.add_css(STYLE)
+        ui.colors(primary="#3f7d3a", positive="#3f7d3a", warning="#c77700", negative="#b3261e")
+        with ui.header().classes("top"):
+            ui.label("Kiwifruit orchard").classes("top-title")
+            ui.element("div").classes("grow")
+            self.files = FileButtons(self._take, lambda: self.draft.scenario)
+        with ui.element("main").classes("page"):
+            with ui.element("aside").classes("form"):
+                self.form = Form(self._set)
+            with ui.element("div").classes("right"):
+                self._build_run()
+                with ui.element("div").classes("middle"):
+                    self.stage = Stage()
+                    with ui.element("div").classes("figures"):
+                        self.figures = FiguresView()
+
+    def _build_run(self) -> None:
+        with ui.element("div").classes("run-card"):
+            with ui.element("div").classes("wishes"):
+                self.wishes = Wishes(self._mark)
+                ui.element("div").classes("grow")
+                self.start_button = ui.button("Run", icon="play_arrow", on_click=self._start)
+                self.start_button.props("no-caps unelevated data-action=run")
+                self.stop_button = ui.button("Stop", icon="stop", on_click=self._stop)
+                self.stop_button.props("no-caps outline color=negative data-action=stop")
+            self.trouble = ui.label().classes("field-problem").props("data-view=trouble role=alert")
+            self.progress = ProgressView()
+
+    # -- what the user does
+
+    def _set(self, path: str, value: Any) -> None:
+        self.draft.set(path, value)
+        self._mark()
+
+    def _take(self, scenario: Scenario) -> None:
+        self.draft.take(scenario)
+        self.form.show(self.draft.values)
+        self._mark()
+
+    def _mark(self) -> None:
+        self._changed = True
+
+    def _start(self) -> None:
+        if self.draft.scenario is None or self.wishes.problem:
+            return
+        try:
+            self.runner.start(self.wishes.order(self.draft.scenario))
+        except (OSError, RuntimeError) as error:
+            complain("The harvest was not started", [str(error)])
+        self._watch()
+
+    def _stop(self) -> None:
+        if self.runner.run is not None:
+            self.runner.run.stop()
+        self._watch()
+
+    # -- what follows from it
+
+    async def _redraw(self) -> None:
+        """Bring plan, figures and messages up to date, if something was changed."""
+        if not self._changed:
+            return
+        self._changed = False
+        self.form.follow(self.draft)
+        self._allow()
+        if (scenario := self.draft.scenario) is None:
+            self.stage.plan.fade()
+            return
+        layout = await run.io_bound(lay_out, scenario)
+        self.stage.plan.show(layout)
+        self.figures.show(layout)
+
+    def _allow(self) -> None:
+        """Which buttons may be pressed, and why not."""
+        wrong = len(self.draft.problems)
+        fields = f"{wrong} field{'s' if wrong > 1 else ''} on the left cannot be used as entered" if wrong else ""
+        trouble = "; ".join(filter(None, [fields, self.wishes.problem]))
+        self.trouble.set_text(trouble)
+        self.trouble.set_visibility(bool(trouble))
+        self.start_button.set_enabled(not trouble and not self.runner.is_busy)
+        self.stop_button.set_enabled(self.runner.is_busy and not self.runner.run.asked_to_stop)
+        self.files.allow_saving(self.draft.scenario is not None)
+
+    def _watch(self) -> None:
+        """Bring what is seen of the run up to date."""
+        self._allow()
+        if (current := self.runner.run) is None or (current is self._run and self._was_over and self.stage.is_settled):
+            return
+        self.progress.show(current)
+        self.stage.show(current)
+        if current is not self._run:
+            self.stage.turn_to_run(current)
+        elif current.is_over and not self._was_over:
+            self.stage.turn_to_end()
+        self._run, self._was_over = current, current.is_over

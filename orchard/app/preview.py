@@ -1,0 +1,57 @@
+"""What a scenario looks like before it is run: the plan to scale, and the derived figures."""
+
+from nicegui import ui
+
+from orchard.app.figures import Figure, figures, terms
+from orchard.layout import Layout
+from orchard.plan import orchard_plan
+
+
+class PlanView:
+    """The plan from above."""
+
+    def __init__(self) -> None:
+        self._plan = ui.html("", sanitize=False).classes("plan").props("data-view=plan")
+
+    def show(self, layout: Layout) -> None:
+        self._plan.set_content(orchard_plan(layout))
+        self._plan.classes(remove="stale")
+
+    def fade(self) -> None:
+        """What is entered cannot be drawn: what is seen is of before."""
+        self._plan.classes("stale")
+
+
+class FiguresView:
+    """The derived figures, and what each part of the harvest allows, as bars."""
+
+    def __init__(self) -> None:
+        self._tiles = ui.element("div").classes("tiles")
+        self._bars = ui.element("div").classes("bars")
+
+    def show(self, layout: Layout) -> None:
+        self._tiles.clear()
+        with self._tiles:
+            for figure in figures(layout):
+                _tile(figure)
+        self._bars.clear()
+        with self._bars:
+            ui.label("What each part allows, bins/h").classes("bars-title")
+            _bars(terms(layout))
+
+
+def _tile(figure: Figure) -> None:
+    with ui.element("div").classes("tile").props(f"data-figure='{figure.name}'"):
+        ui.label(figure.name).classes("tile-name")
+        ui.label(figure.value).classes("tile-value")
+        ui.label(figure.note).classes("tile-note")
+
+
+def _bars(rates: dict[str, float]) -> None:
+    least, most = min(rates.values()), max(rates.values())
+    for name, rate in rates.items():
+        with ui.element("div").classes("bar least" if rate == least else "bar"):
+            ui.label(name).classes("bar-name")
+            with ui.element("div").classes("bar-track"):
+                ui.element("div").classes("bar-fill").style(f"width:{max(1.0, 100 * rate / most):.1f}%")
+            ui.label(f"{rate:.1f}").classes("bar-value")

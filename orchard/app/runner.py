@@ -1,0 +1,129 @@
+"""Starts `run.py`, follows what it says, and stops it: one run at a time, whoever looks."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import threading
+import time
+from collections import deque
+from datetime import datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from orchard.app.headline import Headline, of_summary, read_headline
+from orchard.app.order import ROOT, Files, Order, command
+from orchard.config import to_yaml
+from orchard.view.web import free_pair, serve_web
+
+KEPT_LINES = 500
+PATIENCE = 6.0  # s that a run may take to end after it was asked to; a sound one takes less than 3
+
+
+class State(StrEnum):
+    """What a run is doing."""
+
+    running = "running"
+    stopping = "stopping"
+    finished = "finished"
+    stopped = "stopped"
+    failed = "failed"
+
+
+class Run:
+    """One run of `run.py`."""
+
+    def __init__(self, order: Order, files: Files) -> None:
+        self.order, self.files, self.port = order, files, free_pair()
+        self.lines: deque[str] = deque(maxlen=KEPT_LINES)
+        self.told = 0  # lines so far, dropped ones among them
+        self.headline: Headline | None = None
+        self.summary: dict[str, Any] | None = None
+        self.asked_to_stop = False
+        self.begun = time.monotonic()
+        self._web: subprocess.Popen | None = None
+        files.scenario.write_text(to_yaml(order.scenario))
+        self._process = self._open()
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+
+    def _open(self) -> subprocess.Popen:
+        """A session of its own: Ctrl-C at the page's terminal reaches it through `stop`."""
+        pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+        wide = os.environ | {"COLUMNS": "200"}
+        line = command(self.order, self.files, self.port)
+        return subprocess.Popen(line, cwd=ROOT, env=wide, text=True, errors="replace", start_new_session=True, **pipes)
+
+    def _listen(self) -> None:
+        """Until it ends; the summary and the recording are there before `state` says that it has ended."""
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self.headline = read_headline(line) or self.headline
+            self.lines.append(line.rstrip())
+            self.told += 1
+        self._process.wait()
+        with contextlib.suppress(OSError, ValueError, KeyError):
+            self.summary = json.loads(self.files.summary.read_text())
+            self.headline = of_summary(self.summary)
+        if self.files.recording.exists():
+            self._web = serve_web(str(self.files.recording), self.port)
+
+    @property
+    def is_over(self) -> bool:
+        return not self._listener.is_alive()
+
+    @property
+    def state(self) -> State:
+        if not self.is_over:
+            return State.stopping if self.asked_to_stop else State.running
+        if self._process.returncode == 0 and self.summary is not None:
+            return State.stopped if self.asked_to_stop and not self.summary["finished"] else State.finished
+        return State.stopped if self.asked_to_stop else State.failed
+
+    def stop(self) -> None:
+        """Ask it to end; a second time is not needed, for one that does not listen is killed."""
+        if self.asked_to_stop or self.is_over:
+            return
+        self.asked_to_stop = True
+        self._process.send_signal(signal.SIGINT)
+        threading.Thread(target=self._insist, daemon=True).start()
+
+    def _insist(self) -> None:
+        try:
+            self._process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+
+    def close(self) -> None:
+        """End it, and what shows its recording."""
+        self.stop()
+        self._listener.join(PATIENCE + 2.0)
+        if self._web is not None:
+            self._web.terminate()
+            self._web.wait()
+
+
+class Runner:
+    """The run that goes on, or the last one."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.run: Run | None = None
+
+    @property
+    def is_busy(self) -> bool:
+        return self.run is not None and not self.run.is_over
+
+    def start(self, order: Order) -> None:
+        """Start a run. Raises OSError where its files cannot be written, and RuntimeError while another one goes on."""
+        if self.is_busy:
+            raise RuntimeError("another run goes on; stop it first")
+        self.close()
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.run = Run(order, Files(self.folder.resolve(), f"harvest-{datetime.now():%Y%m%d-%H%M%S}"))
+
+    def close(self) -> None:
+        if self.run is not None:
+            self.run.close()

@@ -1,0 +1,147 @@
+"""How a run goes, on the page: progress, what it prints, the picture, the summary."""
+
+import socket
+
+from nicegui import ui
+
+from orchard.app.runner import Run, State
+from orchard.summary import as_table
+from orchard.view.web import LOOPBACK, page_url
+
+BADGES = {
+    State.running: ("running", "primary"),
+    State.stopping: ("stopping", "warning"),
+    State.finished: ("finished", "positive"),
+    State.stopped: ("stopped", "warning"),
+    State.failed: ("failed", "negative"),
+}
+
+
+class ProgressView:
+    """State, bar and figures of a run."""
+
+    def __init__(self) -> None:
+        with ui.element("div").classes("progress") as self._box:
+            self._badge = ui.badge().props("data-view=state")
+            self._bar = ui.linear_progress(value=0, show_value=False, size="10px").props("rounded instant-feedback").classes("grow")
+            self._words = ui.label().classes("figure-line").props("data-view=progress")
+        self._box.set_visibility(False)
+
+    def show(self, run: Run) -> None:
+        text, colour = BADGES[run.state]
+        self._box.set_visibility(True)
+        self._badge.set_text(text)
+        self._badge.props(f"color={colour}")
+        known = run.headline
+        done = 1.0 if run.state is State.finished else known.fraction if known else 0.0
+        self._bar.set_value(done)
+        self._bar.props(f"color={colour}", remove="indeterminate" if known or run.is_over else "")
+        if not known and not run.is_over:
+            self._bar.props("indeterminate")
+        self._words.set_text(_progress(run))
+
+
+def _progress(run: Run) -> str:
+    if (known := run.headline) is None:
+        return "" if run.is_over else "starting"
+    minutes, seconds = divmod(round(known.sim_seconds), 60)
+    return (f"simulated {minutes}:{seconds:02d} min at {known.times_real_time:g} x real time, "
+            f"rows picked {known.rows_picked}/{known.rows}, bins delivered {known.bins_delivered}/{known.rows}")  # fmt: skip
+
+
+class MessagesView:
+    """The lines that a run prints."""
+
+    def __init__(self) -> None:
+        self._log = ui.log(max_lines=500).classes("messages").props("data-view=messages")
+        self._run: Run | None = None
+        self._shown = 0
+
+    def show(self, run: Run) -> None:
+        if run is not self._run:
+            self._log.clear()
+            self._run, self._shown = run, 0
+        new = run.told - self._shown
+        if new > 0:
+            for line in list(run.lines)[-new:]:
+                self._log.push(line)
+            self._shown += new
+
+
+class PictureView:
+    """Rerun's viewer in a frame, once there is one to show."""
+
+    def __init__(self) -> None:
+        self._hint = ui.label().classes("hint")
+        self._frame = ui.element("iframe").classes("picture").props("data-view=picture allow=fullscreen")
+        self._run: Run | None = None
+        self._is_vain = False
+        self.say("The live picture appears here when a harvest runs.")
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether it shows the run, or never will."""
+        return self._run is not None or self._is_vain
+
+    def say(self, words: str) -> None:
+        self._hint.set_text(words)
+        self._hint.set_visibility(bool(words))
+        self._frame.set_visibility(not words)
+
+    def show(self, run: Run) -> None:
+        """Point the frame at a run once both its servers answer; then leave it alone, or it would load anew."""
+        if run is self._run:
+            return
+        self._run = run if is_open(run.port) and is_open(run.port + 1) else None
+        if self._run is not None:
+            self._frame.props(f'src="{page_url(run.port)}"')
+        self.say("" if self._run is not None else _without_picture(run))
+        self._is_vain = self._run is None and run.is_over and not run.files.recording.exists()
+
+
+def _without_picture(run: Run) -> str:
+    if not run.is_over:
+        return "The picture is being prepared." if run.order.live else "Its recording appears here when it is over."
+    return "The recording is being opened." if run.files.recording.exists() else "No recording was made."
+
+
+def is_open(port: int) -> bool:
+    """Whether somebody listens on a port of the loopback."""
+    with socket.socket() as probe:
+        probe.settimeout(0.2)
+        return probe.connect_ex((LOOPBACK, port)) == 0
+
+
+class SummaryView:
+    """The summary of a run as a table."""
+
+    def __init__(self) -> None:
+        self._box = ui.element("div").classes("summary").props("data-view=summary")
+        self._run: Run | None = None
+        with self._box:
+            ui.label("The summary appears here when a harvest has ended.").classes("hint")
+
+    def show(self, run: Run) -> None:
+        """Once, when it is over."""
+        if not run.is_over or run is self._run:
+            return
+        self._run = run
+        self._box.clear()
+        with self._box:
+            if run.summary is None:
+                ui.label("There is no summary. What the run said:").classes("hint")
+                ui.label("\n".join(list(run.lines)[-12:])).classes("last-words")
+            else:
+                _table(run)
+
+
+def _table(run: Run) -> None:
+    with ui.element("table"):
+        names, values = (column.cells for column in as_table(run.summary or {}).columns)
+        for name, value in zip(names, values, strict=True):
+            with ui.element("tr"):
+                with ui.element("th"):
+                    ui.label(str(name))
+                with ui.element("td"):
+                    ui.label(str(value))
+    ui.label(f"Recording: {run.files.recording}").classes("path")

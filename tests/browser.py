@@ -1,0 +1,75 @@
+"""Headless Chromium for tests of the page: find, fill in, wait. Every wait is bounded."""
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from selenium import webdriver
+from selenium.common.exceptions import StaleElementReferenceException
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.remote.webelement import WebElement
+from selenium.webdriver.support.ui import WebDriverWait
+
+SECONDS = 15.0  # that the page may take to follow
+FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+         "--disable-component-update", "--disable-sync", "--window-size=1500,1000")  # fmt: skip
+
+
+def open_browser(chromium: str, driver: str, profile: str, downloads: str) -> webdriver.Chrome:
+    """A fresh browser that saves without asking."""
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for flag in (*FLAGS, f"--user-data-dir={profile}"):
+        options.add_argument(flag)
+    options.add_experimental_option("prefs", {"download.default_directory": downloads})
+    return webdriver.Chrome(options=options, service=Service(driver))
+
+
+class Browser:
+    """The page as its user sees it."""
+
+    def __init__(self, driver: webdriver.Chrome) -> None:
+        self.driver = driver
+
+    def until(self, holds: Callable[[], Any], what: str, seconds: float = SECONDS) -> Any:
+        """Wait until something holds."""
+        waiting = WebDriverWait(self.driver, seconds, poll_frequency=0.05, ignored_exceptions=(StaleElementReferenceException,))
+        return waiting.until(lambda _: holds(), what)
+
+    def one(self, css: str) -> WebElement:
+        return self.until(lambda: next(iter(self.driver.find_elements(By.CSS_SELECTOR, css)), None), f"{css} is on the page")
+
+    def view(self, name: str) -> WebElement:
+        return self.one(f"[data-view={name}]")
+
+    def field(self, path: str) -> WebElement:
+        return self.one(f"[data-field='{path}']")
+
+    def click(self, css: str) -> None:
+        """As soon as one can."""
+        self.until(lambda: self.one(css).is_displayed() and self.one(css).is_enabled(), f"{css} can be clicked")
+        self.one(css).click()
+
+    def press(self, action: str) -> None:
+        self.click(f"[data-action={action}]")
+
+    def fill(self, path: str, value: object) -> None:
+        self.field(path).send_keys(Keys.CONTROL, "a")
+        self.field(path).send_keys(str(value))
+
+    def problem(self, path: str) -> str:
+        """What the page says at a field."""
+        return self.one(f"[data-problem='{path}']").text
+
+    def figure(self, name: str) -> str:
+        return self.one(f"[data-figure='{name}'] .tile-value").text
+
+    def tree_lines(self) -> int:
+        """Lines of trees in the plan: the heights at which trees are drawn."""
+        svg = self.view("plan").get_attribute("innerHTML") or ""
+        return len(set(re.findall(r'<rect x="[^"]*" y="([^"]*)" width="66.0" height="12.0" style="fill:#7fae5d', svg)))
+
+    def tell_state(self, state: str, seconds: float = SECONDS) -> None:
+        self.until(lambda: self.view("state").text.lower() == state, f"the run is {state}", seconds)

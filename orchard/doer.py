@@ -30,12 +30,13 @@ class Doer:
         self._beside = ""
         self._turn = 0.0
         self._blind_to: list[Box] = []
+        self._queueing = False
 
     # -- what steps do
 
-    def move(self, twist: Twist, blind_to: list[Box]) -> None:
+    def move(self, twist: Twist, blind_to: list[Box], queueing: bool = False) -> None:
         """Drive with this velocity in this tick, unless something but these boxes is in the way."""
-        self.action.twist, self._blind_to = twist, blind_to
+        self.action.twist, self._blind_to, self._queueing = twist, blind_to, queueing
 
     def turn(self, rate: float, left: float, blind_to: list[Box]) -> None:
         """Turn at this rate (rad/s) in this tick, unless something is in the part of the turn that is left (rad)."""
@@ -104,7 +105,7 @@ class Doer:
         action = self.action
         self._mind_bump()
         if action.twist.x > 0 and something_ahead(self.seen, self._blind_to):
-            action.twist, action.waits_for = STILL, "an obstacle ahead"
+            action.twist, action.waits_for = STILL, "" if self._queueing else "an obstacle ahead"
         if action.twist.yaw and not turn_is_free(self.seen, self._turn, self._blind_to):
             action.twist, action.waits_for = STILL, "an obstacle in its turn"
         self.memory.moving = action.twist != STILL

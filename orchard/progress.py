@@ -1,5 +1,6 @@
 """What a person sees in the terminal while a run goes on: a live table, or plain lines where the output is no terminal."""
 
+import math
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -13,6 +14,7 @@ from orchard.kinds import kind_of
 
 LINE_SECONDS = 2.0  # of wall time between two plain lines
 SHOWN = ("picker", "carrier", "tractor", "bin")
+NARROWEST = 24  # characters of a column
 
 
 class Progress:
@@ -35,7 +37,8 @@ class Progress:
     def show(self, figures: Mapping[str, Any], doing: Mapping[str, str], waits_for: Mapping[str, str]) -> None:
         """Bring the picture up to date."""
         if self._live:
-            self._live.update(Group(Text(headline(figures), style="bold"), robots(doing, waits_for, self.console.height)))
+            table = robots(doing, waits_for, self.console.width, self.console.height)
+            self._live.update(Group(Text(headline(figures), style="bold"), table))
         elif time.monotonic() - self._told >= LINE_SECONDS:
             self._told = time.monotonic()
             self.console.print(headline(figures), highlight=False)
@@ -53,14 +56,25 @@ def headline(figures: Mapping[str, Any]) -> str:
     )
 
 
-def robots(doing: Mapping[str, str], waits_for: Mapping[str, str], height: int) -> Table:
-    """What each robot does; bins that just follow are left out first when there is no room."""
+def robots(doing: Mapping[str, str], waits_for: Mapping[str, str], width: int, height: int) -> Table:
+    """What each robot does, in as many columns as it takes to fit; bins that just follow are left out when there are many robots."""
     names = [name for kind in SHOWN for name in sorted(doing) if kind_of(name) == kind]
-    room = max(4, height - 5)
+    room = max(4, height - 3)
     if len(names) > room:
-        names = [name for name in names if kind_of(name) != "bin"][:room]
-    table = Table(box=None, pad_edge=False, show_header=False)
-    for name in names:
-        waits = waits_for.get(name)
-        table.add_row(name, doing[name], f"waits for {waits}" if waits else "", style="yellow" if waits else "")
+        names = [name for name in names if kind_of(name) != "bin"]
+    columns = min(math.ceil(len(names) / room), max(1, width // NARROWEST)) or 1
+    lines = min(room, math.ceil(len(names) / columns))
+    table = Table.grid(padding=(0, 1, 0, 0))
+    for _ in range(columns):
+        table.add_column(width=width // columns - 1, no_wrap=True, overflow="ellipsis")
+    for line in range(lines):
+        table.add_row(*(_line(name, doing, waits_for) for name in names[line::lines][:columns]))
     return table
+
+
+def _line(name: str, doing: Mapping[str, str], waits_for: Mapping[str, str]) -> Text:
+    """One robot: its name short where a column is narrow, what it does, and for whom it waits."""
+    kind, _, number = name.rpartition("_")
+    waits = waits_for.get(name)
+    words = f"{doing[name]} ({waits})" if waits and waits not in doing[name] else doing[name]
+    return Text.assemble((f"{kind[0].upper()}{number} ", "bold"), (words, "yellow" if waits else ""))

@@ -257,7 +257,7 @@ def go_home(line: int) -> list[Step]:
 
 def close_up() -> list[Step]:
     """Wait in the queue, and move up to the head of the line as the others leave."""
-    return [Say("waiting in the queue"), DriveTo(x=QUEUE_HEAD)]
+    return [Say("waiting in the queue"), DriveTo(x=QUEUE_HEAD, queueing=True)]
 
 
 def at_work(layout: Layout, lane: int, side: Side) -> list[Box]:

@@ -49,6 +49,7 @@ class DriveTo(_Step, frozen=True):
     needs: list[Gate] = []
     frees: list[Gate] = []
     blind_to: list[Box] = []
+    queueing: bool = False  # to stand behind others here is no trouble, and not told as such
 
     def act(self, me: Doer) -> bool:
         here, target = (me.pose.x, self.x) if self.x is not None else (me.pose.y, self.y)
@@ -59,7 +60,7 @@ class DriveTo(_Step, frozen=True):
         left = ahead * (self._limit(me, here, ahead, target) - here)
         if left <= EXACT:
             return ahead * (target - here) <= EXACT
-        me.move(Twist(x=min(self.speed, left / TIME_STEP)), self.blind_to)
+        me.move(Twist(x=min(self.speed, left / TIME_STEP)), self.blind_to, self.queueing)
         return False
 
     def _limit(self, me: Doer, here: float, ahead: float, target: float) -> float:

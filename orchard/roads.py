@@ -57,7 +57,7 @@ F_BOTTOM, D_BOTTOM = 3.5, 5.6  # the roads along the bottom, south of the last t
 CORNER_HOLD_X = -35.5  # x before which a carrier on the outer bottom road waits for the south-west corner
 TURN_OFF = -18.6  # x on the top road at which a carrier turns to its queue line
 TOP = "top"  # the place where the queue's lines meet the road of deliveries
-TOP_CLEAR = 14.75  # y at which a carrier has left it
+TOP_CLEAR = 3.75  # so far south of the southernmost line that is used a carrier has left it
 PICKER_BOX = (1.25, 0.75)  # half length and width, for what a carrier at work does not take for an obstacle
 BIN_BOX = (0.5, 0.5)
 
@@ -184,7 +184,7 @@ def leave_queue(layout: Layout) -> list[Step]:
 
 def go_to_lane(layout: Layout, lane: int, side: Side) -> list[Step]:
     """From the top of the east side, along the road of deliveries, to a lane; to the west side it leads around the bottom."""
-    top = [Gate([TOP], TOP_CLEAR)]
+    top = [Gate([TOP], top_clear(layout))]
     if side is EAST_SIDE:
         return [_along(layout, side, "D", _lanes_before(layout, side, lane), stop=side.y(layout.lane(lane).y, STOP), frees=top)]
     corner = inner_corner(layout)
@@ -266,6 +266,12 @@ def at_work(layout: Layout, lane: int, side: Side) -> list[Box]:
     return [Box(side.x(FULL_BIN), y, *BIN_BOX), Box(side.x(D_ROAD), y, *BIN_BOX), Box(side.x(WAITING), y, *PICKER_BOX)]
 
 
+def top_clear(layout: Layout) -> float:
+    """y at which a carrier is out of the way of those that turn in from other lines."""
+    lines = QUEUE_LINES[: line_of(layout.scenario.carrier_count) + 1]
+    return min(lines) - TOP_CLEAR
+
+
 def line_of(number: int) -> int:
     """The queue line of the number-th carrier (from 1): the one in which it starts."""
     return QUEUE_LINES.index(queue_place(number - 1).y)
@@ -317,4 +323,4 @@ def distance(layout: Layout, x: float, y: float, lane: int, side: Side) -> float
     return to_road + (y - bottom) + (D_ROAD - WEST_SIDE.x(D_ROAD)) + side.y(layout.lane(lane).y, STOP) - bottom
 
 
-assert QUEUE_LINES[0] == TOP_ROAD and TREE_TOP_LINE < TOP_CLEAR
+assert QUEUE_LINES[0] == TOP_ROAD and min(QUEUE_LINES) - TOP_CLEAR > TREE_TOP_LINE

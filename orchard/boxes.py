@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchard.compiled import jit, sin_cos
+from orchard.compiled import inlined, jit, sin_cos
 
 X, Y, HALF_LENGTH, HALF_WIDTH, COSINE, SINE, RADIUS = range(7)  # the columns: centre, half sizes, direction, circumscribed circle; m
 TOUCH = 1e-9  # m; boxes that overlap by no more than this only touch
@@ -17,42 +17,86 @@ def boxes_of(centres: np.ndarray, halves: np.ndarray) -> np.ndarray:
     return np.hstack([centres, halves, np.ones((n, 1)), np.zeros((n, 1)), radius])
 
 
-class Grid(NamedTuple):
-    """For every cell of the ground, the walls that are within a certain reach of a point in it."""
+WEST, SOUTH, CELL, COLUMNS, ROWS = range(5)  # the numbers of a grid's frame
 
-    west: float
-    south: float
-    cell: float  # m
-    columns: int
-    rows: int
-    begin: np.ndarray  # (columns x rows + 1,) int64: cell k's walls are begin[k] to begin[k + 1] of `members`
-    members: np.ndarray  # int64: indices of walls
+
+class Grid(NamedTuple):
+    """Square cells over the ground, row by row from the south-west, and what belongs to each."""
+
+    frame: np.ndarray  # (5,): west and south edge and a cell's side, m; how many columns and rows
+    begin: np.ndarray  # (columns x rows + 1,) int64: cell k's boxes are begin[k] to begin[k + 1] of `members`
+    members: np.ndarray  # int64: indices of boxes
+
+
+def frame_of(walls: np.ndarray, cell: float) -> np.ndarray:
+    """The frame of a grid that covers the ground between the outermost of walls, (w, 7) boxes that face east. Metres."""
+    x, y, hx, hy = walls[:, X], walls[:, Y], walls[:, HALF_LENGTH], walls[:, HALF_WIDTH]
+    west, south = float((x - hx).min()), float((y - hy).min())
+    return np.array([west, south, cell, int(((x + hx).max() - west) / cell) + 1, int(((y + hy).max() - south) / cell) + 1])
 
 
 def grid_of(walls: np.ndarray, reach: float, cell: float = 5.0) -> Grid:
-    """The grid over walls, (w, 7) boxes that face east; it covers the ground between the outermost of them. Metres."""
+    """For every cell the walls, (w, 7) boxes that face east, that are within a reach of some point in it. Metres."""
+    frame = frame_of(walls, cell)
     x, y, hx, hy = walls[:, X], walls[:, Y], walls[:, HALF_LENGTH], walls[:, HALF_WIDTH]
-    west, south = float((x - hx).min()), float((y - hy).min())
-    columns, rows = int(((x + hx).max() - west) / cell) + 1, int(((y + hy).max() - south) / cell) + 1
     near = []
-    for row in range(rows):
-        for column in range(columns):
-            dx = np.maximum(np.abs(x - west - (column + 0.5) * cell) - hx - cell / 2, 0.0)
-            dy = np.maximum(np.abs(y - south - (row + 0.5) * cell) - hy - cell / 2, 0.0)
+    for row in range(int(frame[ROWS])):
+        for column in range(int(frame[COLUMNS])):
+            dx = np.maximum(np.abs(x - frame[WEST] - (column + 0.5) * cell) - hx - cell / 2, 0.0)
+            dy = np.maximum(np.abs(y - frame[SOUTH] - (row + 0.5) * cell) - hy - cell / 2, 0.0)
             near.append(np.flatnonzero(dx * dx + dy * dy <= reach * reach + TOUCH))
     begin = np.cumsum([0] + [len(members) for members in near], dtype=np.int64)
-    return Grid(west, south, cell, columns, rows, begin, np.concatenate(near).astype(np.int64))
+    return Grid(frame, begin, np.concatenate(near).astype(np.int64))
 
 
-@jit
+@inlined
+def column_and_row(frame, x, y):
+    """Where in a grid a point is; a point outside counts to the nearest cell."""
+    column = min(max(int((x - frame[WEST]) / frame[CELL]), 0), int(frame[COLUMNS]) - 1)
+    row = min(max(int((y - frame[SOUTH]) / frame[CELL]), 0), int(frame[ROWS]) - 1)
+    return column, row
+
+
+@inlined
 def cell_of(grid, x, y):
     """The grid's cell at a point; of a point outside, the nearest cell, which holds all that is within its reach."""
-    column = min(max(int((x - grid.west) / grid.cell), 0), grid.columns - 1)
-    row = min(max(int((y - grid.south) / grid.cell), 0), grid.rows - 1)
-    return row * grid.columns + column
+    column, row = column_and_row(grid.frame, x, y)
+    return row * int(grid.frame[COLUMNS]) + column
 
 
 @jit
+def sort_into_cells(boxes, solid, frame):
+    """The Grid of the solid boxes by their centres, in ascending order within a cell (a counting sort).
+
+    What is within a cell's side of a point is in the point's cell or in one of the eight around it, for whoever is outside, too:
+    moving a point to the nearest cell brings no two further apart.
+    """
+    columns = int(frame[COLUMNS])
+    cells = np.empty(len(boxes), np.int64)
+    begin = np.zeros(columns * int(frame[ROWS]) + 2, np.int64)
+    for i in range(len(boxes)):
+        column, row = column_and_row(frame, boxes[i, X], boxes[i, Y])
+        cells[i] = row * columns + column
+        begin[cells[i] + 2] += solid[i]
+    for cell in range(2, len(begin)):
+        begin[cell] += begin[cell - 1]
+    members = np.empty(begin[-1], np.int64)
+    for i in range(len(boxes)):
+        if solid[i]:
+            members[begin[cells[i] + 1]] = i
+            begin[cells[i] + 1] += 1
+    return Grid(frame, begin[:-1], members)
+
+
+@inlined
+def strip(grid, column, row):
+    """First and last + 1 of the members in a cell and the two beside it in its row."""
+    columns = int(grid.frame[COLUMNS])
+    west, east = max(column - 1, 0), min(column + 1, columns - 1)
+    return grid.begin[row * columns + west], grid.begin[row * columns + east + 1]
+
+
+@inlined
 def circles_meet(box, boxes, k):
     """Whether the circumscribed circles of a box and of the k-th of others meet: if not, nor do the boxes."""
     dx, dy = boxes[k, X] - box[X], boxes[k, Y] - box[Y]
@@ -71,7 +115,7 @@ def place(pose, boxes):
         boxes[i, SINE] = s
 
 
-@jit
+@inlined
 def overlap(a, b):
     """Whether two boxes overlap by more than TOUCH: no side of either has the whole other box beyond it (separating axes)."""
     dx, dy = b[X] - a[X], b[Y] - a[Y]
@@ -80,7 +124,7 @@ def overlap(a, b):
     return _meet_along(a, b, dx, dy, cosine, sine) and _meet_along(b, a, dx, dy, cosine, sine)
 
 
-@jit
+@inlined
 def _meet_along(a, b, dx, dy, cosine, sine):
     """Whether the shadows of two boxes on both axes of the first overlap; cosine and sine are those between them, positive."""
     ahead = abs(a[COSINE] * dx + a[SINE] * dy) - a[HALF_LENGTH] - cosine * b[HALF_LENGTH] - sine * b[HALF_WIDTH]

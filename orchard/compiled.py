@@ -30,6 +30,8 @@ _keep_kernels_by_source()
 
 jit = partial(njit, cache=True, nogil=True, error_model="numpy")  # no fastmath: it would change the bits
 
+inlined = partial(jit, forceinline=True)  # for what inner loops call: its arrays, seven words each, need not be passed
+
 for _inner in (trig.sine_series, trig.cosine_series, trig.arctan_unit):
     register_jitable(_inner)
 

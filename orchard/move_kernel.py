@@ -4,8 +4,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchard.boxes import COSINE, SINE, TOUCH, X, Y, cell_of, circles_meet, gap, overlap
-from orchard.compiled import jit, sin_cos, wrap
+from orchard.boxes import (
+    COSINE,
+    ROWS,
+    SINE,
+    TOUCH,
+    Grid,
+    X,
+    Y,
+    cell_of,
+    circles_meet,
+    column_and_row,
+    gap,
+    overlap,
+    place,
+    sort_into_cells,
+    strip,
+)
+from orchard.compiled import inlined, jit, sin_cos, wrap
 from orchard.config import TIME_STEP
 from orchard.layout import ROW_EAST, ROW_LENGTH, ROW_WEST
 
@@ -47,20 +63,19 @@ def finite(wanted):
 
 
 @jit
-def limit(wanted, top, coupled, bodies):
-    """The twists, (n, 3), that bodies can do of those they want; top (n,) m/s is how fast each may go now."""
-    twists = np.zeros_like(wanted)
+def limit(wanted, top, coupled, turn, sideways, twists):
+    """Write into twists, (n, 3), what bodies can do of what they want; top (n,) m/s and turn (n,) rad/s: how fast each may be now."""
     for i in range(len(wanted)):
-        if bodies.sideways[i] and coupled[i] == NOBODY:
+        if sideways[i] and coupled[i] == NOBODY:
+            twists[i, :] = 0.0
             continue
         forward = min(max(wanted[i, 0], -top[i]), top[i])
-        left = min(max(wanted[i, 1], -top[i]), top[i]) if bodies.sideways[i] else 0.0
+        left = min(max(wanted[i, 1], -top[i]), top[i]) if sideways[i] else 0.0
         speed = np.sqrt(forward * forward + left * left)
         share = top[i] / speed if speed > top[i] else 1.0
         twists[i, 0] = forward * share
         twists[i, 1] = left * share
-        twists[i, 2] = min(max(wanted[i, 2], -bodies.turn[i]), bodies.turn[i])
-    return twists
+        twists[i, 2] = min(max(wanted[i, 2], -turn[i]), turn[i])
 
 
 @jit
@@ -76,62 +91,87 @@ def arc(x, y, yaw, forward, left, turn, seconds):
 
 
 @jit
-def move_all(twist, pose, coupled, bodies, walls, grid, boxes, distance, refused, held):
+def move_all(
+    twist, pose, coupled, shapes, tows, solid, walls, wall_frame, wall_begin, wall_members, body_frame, distance, refused, held, blocked
+):
     """Move every body with its twist for one time step, one after another, where nothing solid is in the way.
 
-    boxes (n, 7) are the bodies as they stand, walls (w, 7); grid tells which walls are near.
+    shapes (n, 7) and walls (w, 7): boxes; wall_...: the Grid of walls that are near; body_frame: that of a grid for the bodies.
     A body that cannot move keeps its pose, and its twist becomes 0.
-    Returns (n,) int64: what was in the way of each: a body's index, n + a wall's index, or NOBODY.
+    Returns the collisions that begin, (c, 2) int64: a body's index, and what is in its way: a body's index, or n + a wall's.
     """
-    n = len(pose)
-    obstacles = np.full(n, NOBODY)
+    n, boxes, wall_grid = len(pose), shapes.copy(), Grid(wall_frame, wall_begin, wall_members)
+    place(pose, boxes)
+    body_grid = sort_into_cells(boxes, solid, body_frame)
+    begun, count, moved = np.empty((n, 2), np.int64), 0, np.empty(boxes.shape[1])
     for i in range(n):
-        forward, left, turn = twist[i]
-        if forward == 0.0 and left == 0.0 and turn == 0.0:
-            continue
-        x, y, yaw = arc(pose[i, 0], pose[i, 1], pose[i, 2], forward, left, turn, TIME_STEP)
-        moved = _moved(boxes[i], x, y, yaw)
-        if _leaves_its_bin(moved, i, coupled, bodies, boxes):
-            held[i] += 1
-            twist[i, :] = 0.0
-            continue
-        obstacles[i] = _in_the_way(moved, i, bodies, boxes, walls, grid)
-        if obstacles[i] != NOBODY:
-            refused[i] += 1
-            twist[i, :] = 0.0
-            continue
-        boxes[i] = moved
-        pose[i, 0], pose[i, 1], pose[i, 2] = x, y, yaw
-        distance[i] += np.sqrt(forward * forward + left * left) * TIME_STEP
-    return obstacles
+        obstacle = _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused, held, moved)
+        if obstacle != NOBODY and not blocked[i]:
+            begun[count, 0], begun[count, 1] = i, obstacle
+            count += 1
+        blocked[i] = obstacle != NOBODY
+    return begun[:count]
 
 
-@jit
-def _moved(box, x, y, yaw):
-    moved = box.copy()
+@inlined
+def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused, held, moved):
+    """Move one body, if it can; what is in its way, or NOBODY. In `moved`, (7,), it is tried where it would stand."""
+    forward, left, turn = twist[i]
+    if forward == 0.0 and left == 0.0 and turn == 0.0:
+        return NOBODY
+    x, y, yaw = arc(pose[i, 0], pose[i, 1], pose[i, 2], forward, left, turn, TIME_STEP)
+    _put(boxes[i], x, y, yaw, moved)
+    if _leaves_its_bin(moved, i, coupled, tows, boxes):
+        held[i] += 1
+        twist[i, :] = 0.0
+        return NOBODY
+    obstacle = _in_the_way(moved, i, boxes, body_grid, walls, wall_grid)
+    if obstacle != NOBODY:
+        refused[i] += 1
+        twist[i, :] = 0.0
+        return obstacle
+    boxes[i] = moved
+    pose[i, 0], pose[i, 1], pose[i, 2] = x, y, yaw
+    distance[i] += np.sqrt(forward * forward + left * left) * TIME_STEP
+    return NOBODY
+
+
+@inlined
+def _put(box, x, y, yaw, moved):
+    """Write a box into `moved`, at another pose."""
+    moved[:] = box
     s, c = sin_cos(yaw)
     moved[X], moved[Y], moved[COSINE], moved[SINE] = x, y, c, s
-    return moved
 
 
-@jit
-def _leaves_its_bin(moved, me, coupled, bodies, boxes):
+@inlined
+def _leaves_its_bin(moved, me, coupled, tows, boxes):
     """Whether a robot, once moved, would have its coupled bin too far off its place."""
-    if bodies.tows[me] == 0.0 or coupled[me] == NOBODY:
+    if tows[me] == 0.0 or coupled[me] == NOBODY:
         return False
-    off_x = boxes[coupled[me], X] - (moved[X] - bodies.tows[me] * moved[COSINE])
-    off_y = boxes[coupled[me], Y] - (moved[Y] - bodies.tows[me] * moved[SINE])
+    off_x = boxes[coupled[me], X] - (moved[X] - tows[me] * moved[COSINE])
+    off_y = boxes[coupled[me], Y] - (moved[Y] - tows[me] * moved[SINE])
     return off_x * off_x + off_y * off_y > BAR * BAR + TOUCH
 
 
-@jit
-def _in_the_way(moved, me, bodies, boxes, walls, grid):
-    """The first solid thing that a moved body would overlap: a body's index, n + a wall's, or NOBODY."""
-    for j in range(len(boxes)):
-        if j != me and bodies.solid[j] and circles_meet(moved, boxes, j) and overlap(moved, boxes[j]):
-            return j
-    cell = cell_of(grid, moved[X], moved[Y])
-    for k in grid.members[grid.begin[cell] : grid.begin[cell + 1]]:
+@inlined
+def _in_the_way(moved, me, boxes, body_grid, walls, wall_grid):
+    """The first solid thing that a moved body would overlap: a body's index, n + a wall's, or NOBODY.
+
+    The bodies' grid was made before anything moved; its cells leave room for that.
+    """
+    first = len(boxes)
+    column, row = column_and_row(body_grid.frame, moved[X], moved[Y])
+    for near in range(max(row - 1, 0), min(row + 2, int(body_grid.frame[ROWS]))):
+        begin, end = strip(body_grid, column, near)
+        for k in range(begin, end):
+            j = body_grid.members[k]
+            if j < first and j != me and circles_meet(moved, boxes, j) and overlap(moved, boxes[j]):
+                first = j
+    if first < len(boxes):
+        return first
+    cell = cell_of(wall_grid, moved[X], moved[Y])
+    for k in wall_grid.members[wall_grid.begin[cell] : wall_grid.begin[cell + 1]]:
         if circles_meet(moved, walls, k) and overlap(moved, walls[k]):
             return len(boxes) + k
     return NOBODY
@@ -157,8 +197,9 @@ def row_at(y, rows):
 
 
 @jit
-def slow_pickers(pickers, pose, coupled, fill, rows, picking_speed, top):
-    """Lower the top speed, (n,) m/s, of the pickers that are in an unpicked part of a row, with a bin that is not full."""
+def top_speeds(speed, pickers, pose, coupled, fill, row_y, row_picked, row_from, picking_speed):
+    """(n,) m/s: how fast bodies may go now: `speed`; pickers in an unpicked part of a row, with a bin that is not full, slower."""
+    rows, top = Rows(row_y, row_picked, row_from), speed.copy()
     for i in pickers:
         if coupled[i] == NOBODY or fill[coupled[i]] >= ROW_LENGTH or pose[i, 0] < ROW_WEST or pose[i, 0] > ROW_EAST:
             continue
@@ -168,15 +209,16 @@ def slow_pickers(pickers, pose, coupled, fill, rows, picking_speed, top):
         done = pose[i, 0] - ROW_WEST if rows.begun[r] < 0 else ROW_EAST - pose[i, 0]
         if rows.begun[r] == 0 or done >= rows.picked[r] - _FRONTIER:
             top[i] = min(top[i], picking_speed)
+    return top
 
 
 @jit
-def pick(pickers, before, pose, coupled, rows, fill):
+def pick(pickers, before, pose, coupled, row_y, row_picked, row_from, fill):
     """Pick what the pickers drove over in this step, `before` (n, 3) being the poses at its beginning.
 
     Returns for each picker the index of the row that it picked from, or NOBODY.
     """
-    picked_from = np.full(len(pickers), NOBODY)
+    rows, picked_from = Rows(row_y, row_picked, row_from), np.full(len(pickers), NOBODY)
     for k in range(len(pickers)):
         i = pickers[k]
         start, end = before[i, 0], pose[i, 0]

@@ -6,13 +6,12 @@ Rules and figures: reference.md, 'Towing', 'The behaviours', 'The work'.
 
 import numpy as np
 
-from orchard.boxes import place
 from orchard.deeds import do_deeds
 from orchard.events import Event
 from orchard.geometry import EAST, angle_between
 from orchard.layout import BAY, QUEUE, ROW_LENGTH
 from orchard.messages import Deed
-from orchard.move_kernel import Rows, finite, limit, move_all, pick, slow_pickers
+from orchard.move_kernel import finite, limit, move_all, pick, top_speeds
 from orchard.world import NOBODY, World
 
 UNLOADING_TICKS = 50  # 5.0 s
@@ -28,7 +27,7 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
     wanted = finite(twists)
     events = do_deeds(world, wanted, deeds)
     before = world.pose.copy()
-    world.twist[:] = limit(wanted, _top_speeds(world), world.coupled, world.bodies)
+    _limit(world, wanted)
     events += _move(world)
     events += _pick(world, before)
     events += _unload(world)
@@ -36,28 +35,25 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
     return events
 
 
-def _rows(world: World) -> Rows:
-    return Rows(world.lane_y, world.row_picked, world.row_from)
+def _rows(world: World) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What the kernels must know of the rows: their y, how far they are picked, and from where."""
+    return world.lane_y, world.row_picked, world.row_from
 
 
-def _top_speeds(world: World) -> np.ndarray:
-    """(n,) m/s: how fast each body may go now; a picker that picks goes at the picking speed."""
-    top = world.bodies.speed.copy()
-    slow_pickers(world.pickers, world.pose, world.coupled, world.fill, _rows(world), world.layout.scenario.picking_speed, top)
-    return top
+def _limit(world: World, wanted: np.ndarray) -> None:
+    """Let every body drive as fast as it wants and can; a picker that picks goes at the picking speed."""
+    bodies, picking_speed = world.bodies, world.layout.scenario.picking_speed
+    top = top_speeds(bodies.speed, world.pickers, world.pose, world.coupled, world.fill, *_rows(world), picking_speed)
+    limit(wanted, top, world.coupled, bodies.turn, bodies.sideways, world.twist)
 
 
 def _move(world: World) -> list[Event]:
     """Move all bodies, in body order; a collision is told when it begins."""
-    boxes = world.bodies.boxes.copy()
-    place(world.pose, boxes)
-    obstacles = move_all(
-        world.twist, world.pose, world.coupled, world.bodies, world.walls, world.wall_grid, boxes, world.distance, world.refused, world.held
+    bodies, counts = world.bodies, (world.distance, world.refused, world.held, world.blocked)
+    begun = move_all(
+        world.twist, world.pose, world.coupled, bodies.boxes, bodies.tows, bodies.solid, world.walls, *world.wall_grid, world.frame, *counts
     )
-    blocked = obstacles != NOBODY
-    events = [_collision(world, int(i), int(obstacles[i])) for i in np.flatnonzero(blocked & ~world.blocked)]
-    world.blocked[:] = blocked
-    return events
+    return [_collision(world, *pair) for pair in begun.tolist()]
 
 
 def _collision(world: World, i: int, obstacle: int) -> Event:
@@ -75,7 +71,7 @@ def _wall(world: World, number: int) -> str:
 
 def _pick(world: World, before: np.ndarray) -> list[Event]:
     """Fill the bins with what the pickers drove over since they stood at `before`, (n, 3)."""
-    picked_from = pick(world.pickers, before, world.pose, world.coupled, _rows(world), world.fill)
+    picked_from = pick(world.pickers, before, world.pose, world.coupled, *_rows(world), world.fill)
     events, names = [], world.layout.names
     for i, r in zip(world.pickers.tolist(), picked_from.tolist(), strict=True):
         if r == NOBODY:
@@ -90,7 +86,7 @@ def _pick(world: World, before: np.ndarray) -> list[Event]:
 
 def _unload(world: World) -> list[Event]:
     """Count the ticks of the one full bin that is at rest in the bay, and empty it when they are enough."""
-    waiting = [i for i in np.flatnonzero(world.fill >= ROW_LENGTH).tolist() if _rests_in_bay(world, i)]
+    waiting = [i for i in (world.fill >= ROW_LENGTH).nonzero()[0].tolist() if _rests_in_bay(world, i)]
     begun = [i for i in waiting if world.bay_ticks[i] > 0]
     ticks = int(world.bay_ticks[begun[0]]) if begun else 0
     world.bay_ticks[:] = 0

@@ -8,10 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
-from orchard.boxes import RADIUS, Grid, boxes_of, grid_of
+from orchard.boxes import RADIUS, Grid, boxes_of, frame_of, grid_of
+from orchard.config import TIME_STEP
 from orchard.kinds import KINDS
 from orchard.layout import Layout
 from orchard.move_kernel import NOBODY, Bodies
+
+CELL = 10.0  # m, at least: smaller ones are more work than they save
 
 __all__ = ["NOBODY", "World", "half_sizes", "new_world"]
 
@@ -57,7 +60,18 @@ class World:
     @cached_property
     def wall_grid(self) -> Grid:
         """Where the walls are that a body could touch."""
-        return grid_of(self.walls, float(self.bodies.boxes[:, RADIUS].max(initial=0.0)))
+        return grid_of(self.walls, self._radius)
+
+    @cached_property
+    def frame(self) -> np.ndarray:
+        """The frame of a grid for bodies: two that could touch within a step are in neighbouring cells, or in the same."""
+        step = float(self.bodies.speed.max(initial=0.0)) * TIME_STEP
+        return frame_of(self.walls, max(CELL, 2.0 * (self._radius + step)))
+
+    @property
+    def _radius(self) -> float:
+        """m, of the circle around the largest body."""
+        return float(self.bodies.boxes[:, RADIUS].max(initial=0.0))
 
     @cached_property
     def pickers(self) -> np.ndarray:

@@ -15,8 +15,8 @@ import irsim
 import yaml
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-import field  # noqa: E402
-from clocked import MOST_STEPS, run  # noqa: E402
+import field
+from clocked import MOST_STEPS, run
 
 
 def world(place: field.Field) -> dict[str, Any]:

@@ -14,8 +14,8 @@ from pathlib import Path
 from navground import core, sim
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-import field  # noqa: E402
-from clocked import MOST_STEPS, run  # noqa: E402
+import field
+from clocked import MOST_STEPS, run
 
 RADIUS = math.sqrt(field.ROBOT_LENGTH * field.ROBOT_WIDTH / math.pi)  # m
 

@@ -52,6 +52,15 @@ class Browser:
         self.until(lambda: self.one(css).is_displayed() and self.one(css).is_enabled(), f"{css} can be clicked")
         self.one(css).click()
 
+    def switch(self, path: str, on: bool) -> None:
+        """A switch or a check box, whatever it was before."""
+        if self.field(path).get_attribute("aria-checked") != str(on).lower():
+            self.click(f"[data-field='{path}']")
+
+    def turn_to(self, view: str) -> None:
+        """Choose what is on the stage."""
+        next(button for button in self.driver.find_elements(By.CSS_SELECTOR, "[data-field=stage] button") if button.text == view).click()
+
     def press(self, action: str) -> None:
         self.click(f"[data-action={action}]")
 

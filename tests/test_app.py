@@ -4,26 +4,34 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
 import urllib.request
 from pathlib import Path
 
+import psutil
 import pytest
 
 from orchard.app.draft import Draft
 from orchard.app.entries import entries, flat, nested
 from orchard.app.headline import read_headline
+from orchard.app.order import HAS_WEB
 from orchard.config import Scenario, check, load
 from orchard.progress import headline
+from orchard.view.web import data_uri, free_pair, page_url, serve_web
 from processes.fleet import free_port
 
 ROOT = Path(__file__).parent.parent
 PROGRAMS = [shutil.which("chromium"), shutil.which("chromedriver")]
 RUN_SECONDS = 60.0  # that a small run may take on a busy machine
 
-pytest.importorskip("nicegui", reason="the page needs the extra `app`") if not os.environ.get("CI") else __import__("nicegui")
+ON_CI = os.environ.get("CI") == "true"  # where nothing is skipped
+
+if not ON_CI:
+    for package in ("nicegui", "selenium"):
+        pytest.importorskip(package, reason=f"{package} is missing: pip install 'orchard[app,dev]'")
 
 
 # -- without a browser
@@ -85,8 +93,6 @@ def page(*arguments: object) -> list[str]:
 
 
 def test_a_port_that_is_taken_is_named_with_exit_code_2():
-    import socket
-
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         done = subprocess.run(page("--port", port), cwd=ROOT, capture_output=True, text=True, timeout=30)
@@ -121,6 +127,18 @@ def wait_for(process: subprocess.Popen, address: str, seconds: float = 30.0) -> 
     raise AssertionError(f"{address} does not answer")
 
 
+def test_the_web_viewer_is_on_the_loopback_only():
+    port = free_pair()
+    viewer = serve_web(data_uri(port), port)
+    try:
+        wait_for(viewer, page_url(port))
+        listening = [one.laddr for one in psutil.Process(viewer.pid).net_connections("inet") if one.status == psutil.CONN_LISTEN]
+        assert {(address.ip, address.port) for address in listening} == {("127.0.0.1", port)}
+    finally:
+        viewer.terminate()
+        viewer.wait(10)
+
+
 # -- in the browser
 
 
@@ -132,7 +150,7 @@ def downloads(tmp_path_factory):
 @pytest.fixture(scope="module")
 def chromium(tmp_path_factory, downloads):
     if None in PROGRAMS:
-        (pytest.fail if os.environ.get("CI") == "true" else pytest.skip)("chromium and chromedriver are missing (.ci/apt-packages.txt)")
+        (pytest.fail if ON_CI else pytest.skip)("chromium and chromedriver are missing (.ci/apt-packages.txt)")
     from browser import Browser, open_browser
 
     driver = open_browser(*PROGRAMS, str(tmp_path_factory.mktemp("profile")), str(downloads))
@@ -164,7 +182,8 @@ def test_the_plan_and_the_figures_follow_every_change(browser):
 
 def test_a_slider_moves_its_field(browser):
     browser.one(".field .q-slider").click()
-    rows = browser.until(lambda: browser.field("rows").get_attribute("value") in ("11", "12") and browser.field("rows"), "rows in the middle")
+    rows = browser.field("rows")
+    browser.until(lambda: rows.get_attribute("value") in ("11", "12"), "rows in the middle")
     browser.until(lambda: browser.tree_lines() == int(rows.get_attribute("value")) + 1, "a plan of as many")
 
 
@@ -223,15 +242,17 @@ def test_a_bad_file_is_explained_and_changes_nothing(browser, tmp_path):
 
 @pytest.fixture
 def small(browser):
-    """The page with a small orchard, as fast as it goes, in one process."""
+    """The page with a small orchard, in one process, eight times as fast as life, and nobody watches."""
     browser.fill("rows", 3)
     browser.until(lambda: browser.tree_lines() == 4, "a plan of 3 rows")
     browser.one("[data-field=mode] button:last-child").click()
+    browser.switch("fastest", False)
+    browser.switch("live", False)
     return browser
 
 
 def test_a_small_orchard_is_run_to_its_end(small, server):
-    small.click("[data-field=fastest]")
+    small.switch("fastest", True)
     small.press("run")
     small.tell_state("running")
     small.tell_state("finished", RUN_SECONDS)
@@ -240,6 +261,30 @@ def test_a_small_orchard_is_run_to_its_end(small, server):
     assert re.search(r"finished\s+True", summary)
     assert len(list(server[1].glob("*.rrd"))) == 1
     assert "bins delivered 3/3" in small.view("progress").text
+    small.turn_to("Picture")
+    picture = small.until(lambda: small.view("picture").get_attribute("src"), "the recording, in Rerun's viewer")
+    assert urllib.request.urlopen(picture, timeout=10).status == 200
+
+
+@pytest.mark.skipif(not HAS_WEB, reason="run.py does not serve the live picture yet")
+def test_a_run_is_seen_live(small):
+    small.switch("live", True)
+    small.press("run")
+    small.until(lambda: small.view("picture").is_displayed(), "the live picture", RUN_SECONDS)
+    small.tell_state("running")
+    small.driver.switch_to.frame(small.view("picture"))
+    small.one("canvas")
+    small.driver.switch_to.default_content()
+    small.press("stop")
+    small.tell_state("stopped")
+
+
+def test_a_run_that_is_stopped_at_once_is_no_mistake(small):
+    small.press("run")
+    small.press("stop")
+    small.tell_state("stopped")
+    small.turn_to("Summary")
+    assert "Traceback" not in small.view("summary").text
 
 
 def test_a_run_is_still_there_after_a_reload_and_can_be_stopped(small):
@@ -248,7 +293,7 @@ def test_a_run_is_still_there_after_a_reload_and_can_be_stopped(small):
     small.driver.refresh()
     small.tell_state("running")
     assert small.field("rows").get_attribute("value") == "3"
-    assert not small.one("[data-action=run]").is_enabled()
+    assert not small.one("[data-action=run]").is_displayed()
     begun = time.monotonic()
     small.press("stop")
     small.tell_state("stopped")

@@ -10,7 +10,7 @@ from orchard.app.order import ROOT
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m orchard.app", description="Set an orchard up in the browser, run it, and watch it.")
     parser.add_argument("--port", type=int, default=8080, help="where the page is served")
-    parser.add_argument("--host", default="127.0.0.1", help="the loopback unless told otherwise; whoever reaches it may start runs")
+    parser.add_argument("--host", default="127.0.0.1", help="whoever reaches it may start runs; pictures stay on the loopback")
     parser.add_argument("--runs", type=Path, default=ROOT / "runs", metavar="DIRECTORY", help="where recordings and summaries go")
     parser.add_argument("--quiet", action="store_true", help="do not open a browser")
     arguments = parser.parse_args(argv)

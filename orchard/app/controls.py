@@ -22,11 +22,15 @@ class Control:
                 ui.tooltip(entry.words).props("anchor='center right' self='center left' delay=400")
             with ui.element("div").classes("field-body"):
                 self._build()
+            self._build_more()
             self._problem = ui.label().classes("field-problem").props(f"data-problem={entry.path} role=alert")
         self.complain("")
 
     def _build(self) -> None:
         raise NotImplementedError
+
+    def _build_more(self) -> None:
+        """What stands below."""
 
     def show(self, value: Any) -> None:
         """Bring the control to a value."""
@@ -65,9 +69,9 @@ class NumberControl(Control):
 class AutomaticControl(NumberControl):
     """A number that may be left to the program."""
 
-    def _build(self) -> None:
-        self._automatic = ui.checkbox("automatic", on_change=self._entered).props(f"dense data-field={self.entry.path}-automatic")
-        super()._build()
+    def _build_more(self) -> None:
+        self._automatic = ui.checkbox("automatic", on_change=self._entered).classes("field-more")
+        self._automatic.props(f"dense size=sm data-field={self.entry.path}-automatic")
 
     def show(self, value: Any) -> None:
         self._automatic.set_value(value is None)

@@ -56,12 +56,12 @@ class Page:
     def _build_run(self) -> None:
         with ui.element("div").classes("run-card"):
             with ui.element("div").classes("wishes"):
-                self.wishes = Wishes(self._mark)
+                self.wishes = Wishes(self._mark, self.runner.run.order if self.runner.run else None)
                 ui.element("div").classes("grow")
                 self.start_button = ui.button("Run", icon="play_arrow", on_click=self._start)
                 self.start_button.props("no-caps unelevated data-action=run")
                 self.stop_button = ui.button("Stop", icon="stop", on_click=self._stop)
-                self.stop_button.props("no-caps outline color=negative data-action=stop")
+                self.stop_button.props("no-caps unelevated color=negative data-action=stop")
             self.trouble = ui.label().classes("field-problem").props("data-view=trouble role=alert")
             self.progress = ProgressView()
 
@@ -116,8 +116,11 @@ class Page:
         trouble = "; ".join(filter(None, [fields, self.wishes.problem]))
         self.trouble.set_text(trouble)
         self.trouble.set_visibility(bool(trouble))
-        self.start_button.set_enabled(not trouble and not self.runner.is_busy)
-        self.stop_button.set_enabled(self.runner.is_busy and not self.runner.run.asked_to_stop)
+        busy = self.runner.is_busy
+        self.start_button.set_visibility(not busy)
+        self.start_button.set_enabled(not trouble)
+        self.stop_button.set_visibility(busy)
+        self.stop_button.set_enabled(busy and not self.runner.run.asked_to_stop)
         self.files.allow_saving(self.draft.scenario is not None)
 
     def _watch(self) -> None:
@@ -125,10 +128,10 @@ class Page:
         self._allow()
         if (current := self.runner.run) is None or (current is self._run and self._was_over and self.stage.is_settled):
             return
-        self.progress.show(current)
-        self.stage.show(current)
         if current is not self._run:
             self.stage.turn_to_run(current)
         elif current.is_over and not self._was_over:
             self.stage.turn_to_end()
         self._run, self._was_over = current, current.is_over
+        self.progress.show(current)
+        self.stage.show(current)

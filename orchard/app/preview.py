@@ -3,8 +3,9 @@
 from nicegui import ui
 
 from orchard.app.figures import Figure, figures, terms
+from orchard.kinds import KINDS
 from orchard.layout import Layout
-from orchard.plan import orchard_plan
+from orchard.plan import COLOURS, orchard_plan
 
 
 class PlanView:
@@ -12,6 +13,11 @@ class PlanView:
 
     def __init__(self) -> None:
         self._plan = ui.html("", sanitize=False).classes("plan").props("data-view=plan")
+        with ui.element("div").classes("legend"):
+            for name, colour in _legend():
+                with ui.element("div").classes("legend-entry"):
+                    ui.element("div").classes("legend-mark").style(f"background:{colour}")
+                    ui.label(name)
 
     def show(self, layout: Layout) -> None:
         self._plan.set_content(orchard_plan(layout))
@@ -20,6 +26,13 @@ class PlanView:
     def fade(self) -> None:
         """What is entered cannot be drawn: what is seen is of before."""
         self._plan.classes("stale")
+
+
+def _legend() -> list[tuple[str, str]]:
+    """What the plan's colours mean; those of the bodies are their kinds'."""
+    kinds = [(name, "rgb({},{},{})".format(*kind.colour)) for name, kind in KINDS.items()]
+    places = {"tree": "tree", "driveway": "driveway", "bay": "unloading bay", "D": "road of deliveries", "F": "road of full bins"}
+    return kinds + [(words, COLOURS[name]) for name, words in places.items()]
 
 
 class FiguresView:

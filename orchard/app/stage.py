@@ -32,6 +32,7 @@ class Stage:
 
     def show(self, run: Run) -> None:
         """Bring all that is seen of a run up to date."""
+        self._panels["Picture"].is_seen = self._choice.value == "Picture"
         for name in VIEWS[1:]:
             self._panels[name].show(run)
 

@@ -73,9 +73,11 @@ class PictureView:
 
     def __init__(self) -> None:
         self._hint = ui.label().classes("hint")
+        self._link = ui.link("Open in a window of its own", "", new_tab=True).classes("picture-link")
         self._frame = ui.element("iframe").classes("picture").props("data-view=picture allow=fullscreen")
         self._run: Run | None = None
         self._is_vain = False
+        self.is_seen = False  # the viewer is large: it is not loaded before somebody looks
         self.say("The live picture appears here when a harvest runs.")
 
     @property
@@ -86,15 +88,17 @@ class PictureView:
     def say(self, words: str) -> None:
         self._hint.set_text(words)
         self._hint.set_visibility(bool(words))
-        self._frame.set_visibility(not words)
+        for element in (self._frame, self._link):
+            element.set_visibility(not words)
 
     def show(self, run: Run) -> None:
         """Point the frame at a run once both its servers answer; then leave it alone, or it would load anew."""
-        if run is self._run:
+        if run is self._run or not self.is_seen:
             return
         self._run = run if is_open(run.port) and is_open(run.port + 1) else None
         if self._run is not None:
             self._frame.props(f'src="{page_url(run.port)}"')
+            self._link.props(f'href="{page_url(run.port)}"')
         self.say("" if self._run is not None else _without_picture(run))
         self._is_vain = self._run is None and run.is_over and not run.files.recording.exists()
 
@@ -128,11 +132,13 @@ class SummaryView:
         self._run = run
         self._box.clear()
         with self._box:
-            if run.summary is None:
+            if run.summary is not None:
+                _table(run)
+            elif run.state is State.stopped:
+                ui.label("It was stopped before there was anything to sum up.").classes("hint")
+            else:
                 ui.label("There is no summary. What the run said:").classes("hint")
                 ui.label("\n".join(list(run.lines)[-12:])).classes("last-words")
-            else:
-                _table(run)
 
 
 def _table(run: Run) -> None:

@@ -14,7 +14,8 @@ AT_FIRST = 8.0
 class Wishes:
     """The controls above the stage."""
 
-    def __init__(self, change: Callable[[], None]) -> None:
+    def __init__(self, change: Callable[[], None], last: Order | None) -> None:
+        """They begin with those of the last run, if there was one."""
         with ui.element("div").classes("wish"):
             ui.label("Mode").classes("field-label")
             self._mode = ui.toggle(list(MODES), value="lockstep").props("dense no-caps unelevated data-field=mode")
@@ -25,7 +26,17 @@ class Wishes:
             ui.label("End after").classes("field-label")
             self._duration = ui.number(placeholder="all rows", suffix="s", step=10, on_change=change).classes("number wide")
             self._duration.props("dense outlined clearable data-field=duration input-class=figure")
+            self._duration.tooltip("simulated seconds; empty: the whole harvest")
         self._live = ui.switch("Live picture", value=True).props("dense data-field=live")
+        if last is not None:
+            self._show(last)
+
+    def _show(self, order: Order) -> None:
+        self._mode.set_value(order.mode)
+        self._fastest.set_value(order.speed is None)
+        self._speed.set_value(order.speed or AT_FIRST)
+        self._duration.set_value(order.duration)
+        self._live.set_value(order.live)
 
     def _speeds(self, change: Callable[[], None]) -> None:
         with ui.element("div").classes("wish"):
@@ -34,7 +45,8 @@ class Wishes:
             self._slider.on("update:model-value", lambda event: self._speed.set_value(event.args), throttle=0.05)
             self._speed = ui.number(value=AT_FIRST, step=1, suffix="x", on_change=change).classes("number")
             self._speed.props("dense outlined data-field=speed input-class=figure").on_value_change(self._follow)
-            self._fastest = ui.checkbox("as fast as it goes", on_change=change).props("dense data-field=fastest")
+            self._fastest = ui.checkbox("fastest", on_change=change).props("dense data-field=fastest")
+            self._fastest.tooltip("as fast as this machine can")
             for element in (self._slider, self._speed):
                 element.bind_enabled_from(self._fastest, "value", backward=lambda fastest: not fastest)
 

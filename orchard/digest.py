@@ -9,23 +9,24 @@ from orchard.world import World
 
 
 class RunDigest:
-    """SHA-256 over everything that a run decides, tick by tick."""
+    """SHA-256 over everything that a run decides, tick by tick: each tick's hash takes in the one before, so 32 bytes hold it all."""
 
-    def __init__(self) -> None:
-        self._sha = hashlib.sha256()
+    def __init__(self, state: bytes = bytes(32)) -> None:
+        self.state = state
 
     def update(self, world: World, scans: Sequence[np.ndarray], mail_digests: Mapping[str, bytes]) -> None:
         """Take one tick in: the world, the scans given to the agents (float32), and name -> digest of the mail it heard."""
-        sha = self._sha
+        sha = hashlib.sha256(self.state)
         sha.update(b"%d %d %d\n" % (world.tick, world.delivered, len(mail_digests)))
         for array in (world.pose, world.coupled, world.fill, world.row_picked, world.alive, *scans):
             sha.update(_little_endian(array))
         for name in sorted(mail_digests):
             sha.update(b"%d %d " % (len(name.encode()), len(mail_digests[name])) + name.encode() + mail_digests[name])
+        self.state = sha.digest()
 
     def hexdigest(self) -> str:
         """64 hexadecimal digits, of all ticks so far."""
-        return self._sha.hexdigest()
+        return self.state.hex()
 
 
 def _little_endian(array: np.ndarray) -> memoryview:

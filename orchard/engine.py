@@ -23,13 +23,17 @@ class Engine:
     A body without an action stands still. Actions count by name and are applied in the layout's order, never in that of arrival.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        self.layout = lay_out(scenario)
-        self.world: World = new_world(self.layout)
+    def __init__(self, world: World, digest: bytes = bytes(32)) -> None:
+        self.world, self.layout = world, world.layout
         self.agents = (*self.layout.names, TRAFFIC)  # every name that an agent can hold
         self.scans: list[np.ndarray] = []  # m, float32: of the tick that was last observed, one array per body
         self._scanner = Scanner(self.layout)
-        self._digest = RunDigest()
+        self._digest = RunDigest(digest)
+
+    @classmethod
+    def begin(cls, scenario: Scenario) -> "Engine":
+        """An orchard at tick 0."""
+        return cls(new_world(lay_out(scenario)))
 
     @property
     def tick(self) -> int:
@@ -39,6 +43,11 @@ class Engine:
     def over(self) -> bool:
         """Every row is picked, every full bin unloaded, and the carriers are back in the queue."""
         return harvest_is_over(self.world)
+
+    @property
+    def digest(self) -> bytes:
+        """What the hash must remember."""
+        return self._digest.state
 
     @property
     def hash(self) -> str:

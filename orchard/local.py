@@ -7,18 +7,37 @@ from orchard.agents import cast
 from orchard.config import Scenario
 from orchard.engine import Engine
 from orchard.events import Event
+from orchard.messages import pack, unpack
 from orchard.post import PostOffice, digest_of
+from orchard.snapshot import Snapshot, world_as_data, world_from
 
 
 class Local:
     """An orchard with all its agents in one process, without a network: `tick()` until `engine.over`."""
 
     def __init__(self, scenario: Scenario, agents: dict[str, Agent] | None = None) -> None:
-        self.engine = Engine(scenario)
+        self.engine = Engine.begin(scenario)
         self.agents = agents if agents is not None else cast(self.engine.layout)
         self.memories: dict[str, Any] = {}
         self.actions: dict[str, Action] = {}
         self.post = PostOffice()
+
+    @classmethod
+    def resume(cls, snapshot: Snapshot) -> "Local":
+        """The run of a snapshot, from its tick on; as often as one likes, to try what would have been."""
+        world = world_from(snapshot)
+        local = cls(world.layout.scenario)
+        local.engine, local.post = Engine(world, snapshot.digest), PostOffice(dict(snapshot.letters))
+        memories = {name: memory for name, memory in snapshot.memories.items() if memory is not None}
+        local.memories = {name: unpack(memory, local.agents[name].Memory) for name, memory in memories.items()}
+        return local
+
+    def snapshot(self) -> Snapshot:
+        """The run between two ticks, as data."""
+        engine = self.engine
+        memories = {name: None if memory is None else pack(memory) for name, memory in self.memories.items()}
+        scenario = engine.layout.scenario.model_dump()
+        return Snapshot("", scenario, world_as_data(engine.world), engine.digest, memories, list(self.post.written.items()), {})
 
     def tick(self) -> list[Event]:
         """One tenth of a second; what happened in it."""

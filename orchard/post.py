@@ -5,6 +5,10 @@ the asker hears of it in tick k + 2, with an answer or without. Physics knows no
 """
 
 import hashlib
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import msgspec
 
 from orchard.agent import Action, Heard, Mail, Reply
 from orchard.messages import Answer, Request, pack
@@ -24,33 +28,59 @@ def digest_of(mail: Mail) -> bytes:
     return hashlib.blake2b(pack([heard, replies]), digest_size=16).digest()
 
 
+class Given(NamedTuple):
+    """An answer to somebody's request of (tick, number)."""
+
+    to: str
+    tick: int
+    number: int
+    body: Answer
+
+
+class Written(msgspec.Struct):
+    """What one agent wrote at one tick."""
+
+    requests: list[tuple[str, Request]]  # to whom, what; numbered from 0
+    answers: list[Given]
+
+
 class PostOffice:
-    """Carries mail within one process, as the bus does between several."""
+    """Carries mail within one process, as the bus does between several.
 
-    def __init__(self) -> None:
-        self._asked: dict[str, list[tuple[int, int, str, Request]]] = {}  # sender -> (tick, number, to, request), of the last two ticks
-        self._requests: dict[str, list[Heard]] = {}  # recipient -> what it hears next
-        self._answers: dict[tuple[str, int, int], Answer] = {}  # (sender, tick, number) -> answer
+    All that it must remember is what was written in the last two ticks: from that follows what is heard at the next one.
+    """
 
-    def deliver(self, tick: int) -> dict[str, Mail]:
-        """Everybody's mail at a tick; those without any are absent."""
-        mail: dict[str, Mail] = {}
-        for recipient, requests in self._requests.items():
-            mail.setdefault(recipient, Mail()).requests = in_hearing_order(requests)
-        self._requests = {}
-        for sender, asked in self._asked.items():
-            due = [entry for entry in asked if entry[0] == tick - 2]
-            if due:
-                mail.setdefault(sender, Mail()).replies = [
-                    Reply(to, number, request, self._answers.pop((sender, asked_at, number), None)) for asked_at, number, to, request in due
-                ]
-            self._asked[sender] = [entry for entry in asked if entry[0] > tick - 2]
-        return mail
+    def __init__(self, written: dict[int, dict[str, Written]] | None = None) -> None:
+        self.written = written or {}  # tick -> sender -> what it wrote
 
     def collect(self, sender: str, tick: int, action: Action) -> None:
         """Take what an agent has written at a tick."""
-        for number, (to, request) in enumerate(action.requests):
-            self._asked.setdefault(sender, []).append((tick, number, to, request))
-            self._requests.setdefault(to, []).append(Heard(sender, tick, number, request))
-        for heard, answer in action.answers:
-            self._answers[heard.sender, heard.tick, heard.number] = answer
+        if action.requests or action.answers:
+            answers = [Given(heard.sender, heard.tick, heard.number, answer) for heard, answer in action.answers]
+            self.written.setdefault(tick, {})[sender] = Written(action.requests, answers)
+
+    def deliver(self, tick: int) -> dict[str, Mail]:
+        """Everybody's mail at a tick; those without any are absent."""
+        self.written = {at: letters for at, letters in self.written.items() if at >= tick - 2}
+        mail: dict[str, Mail] = {}
+        for recipient, requests in self._requests(tick - 1).items():
+            mail[recipient] = Mail(requests=in_hearing_order(requests))
+        answers = {(to, at, number): body for letters in self._at(tick - 1) for to, at, number, body in letters.answers}
+        for sender, letters in self.written.get(tick - 2, {}).items():
+            if letters.requests:
+                mail.setdefault(sender, Mail()).replies = [
+                    Reply(to, number, request, answers.get((sender, tick - 2, number)))
+                    for number, (to, request) in enumerate(letters.requests)
+                ]
+        return mail
+
+    def _at(self, tick: int) -> Iterable[Written]:
+        return self.written.get(tick, {}).values()
+
+    def _requests(self, tick: int) -> dict[str, list[Heard]]:
+        """Recipient -> what was asked of it at a tick."""
+        asked: dict[str, list[Heard]] = {}
+        for sender, letters in self.written.get(tick, {}).items():
+            for number, (to, request) in enumerate(letters.requests):
+                asked.setdefault(to, []).append(Heard(sender, tick, number, request))
+        return asked

@@ -1,0 +1,122 @@
+"""A whole run as data, and as a file: everything that is needed to go on from a tick with the hash of a run never interrupted.
+
+A file begins with a line that names what it is and the version, then a line with the SHA-256 of the rest; it is written beside its
+place and moved there, so that a kill leaves the old file or the new one, never half of one.
+"""
+
+import hashlib
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from orchard.config import ScenarioError, check
+from orchard.layout import lay_out
+from orchard.messages import pack, unpack
+from orchard.post import Written
+from orchard.world import World, new_world
+
+VERSION = 1
+HEAD = b"orchard snapshot %d\n"
+KEPT = 2  # files: the newest, and the one before it
+
+
+class SnapshotError(Exception):
+    """A snapshot that cannot be used; the text names it and says why."""
+
+
+class Snapshot(msgspec.Struct):
+    """A run between two ticks."""
+
+    run: str  # its id
+    scenario: dict[str, Any]
+    world: dict[str, Any]  # field of World -> a number, or an array's bytes
+    digest: bytes  # the run's hash so far
+    memories: dict[str, bytes | None]  # name -> what its agent remembers, as it sent it
+    letters: list[tuple[int, dict[str, Written]]]  # (tick, sender -> what it wrote) of the last two ticks
+    figures: dict[str, Any]  # the run's figures so far
+
+    @property
+    def tick(self) -> int:
+        return int(self.world["tick"])
+
+
+def world_as_data(world: World) -> dict[str, Any]:
+    """Every field of a world but its layout."""
+    values = {field.name: getattr(world, field.name) for field in fields(world) if field.name != "layout"}
+    return {name: value.tobytes() if isinstance(value, np.ndarray) else value for name, value in values.items()}
+
+
+def world_from(snapshot: Snapshot) -> World:
+    """The world of a snapshot. Raises SnapshotError for one that does not fit its scenario."""
+    try:
+        world = new_world(lay_out(check(snapshot.scenario, "the snapshot's scenario")))
+        for field in fields(world):
+            if field.name != "layout":
+                setattr(world, field.name, _like(getattr(world, field.name), snapshot.world[field.name]))
+    except (ScenarioError, KeyError, ValueError, TypeError) as error:
+        raise SnapshotError(f"the snapshot of tick {snapshot.world.get('tick')} does not fit together: {error}") from error
+    return world
+
+
+def _like(old: Any, value: Any) -> Any:
+    """A field's value, in the type and shape that it has at the beginning."""
+    return np.frombuffer(value, old.dtype).reshape(old.shape).copy() if isinstance(old, np.ndarray) else type(old)(value)
+
+
+# -- files
+
+
+def write(snapshot: Snapshot, folder: Path) -> Path:
+    """Write a snapshot into a folder, and remove those that are no longer needed. Raises OSError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"tick-{snapshot.tick:09d}.snapshot"
+    payload = pack(snapshot)
+    beside = path.with_suffix(".new")
+    with beside.open("wb") as file:
+        file.write(HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
+        file.flush()
+        os.fsync(file.fileno())
+    beside.replace(path)
+    for old in list(_newest_first(folder))[KEPT:]:
+        old.unlink()
+    return path
+
+
+def read(path: Path) -> Snapshot:
+    """The snapshot in a file. Raises SnapshotError, naming the file and what is wrong with it."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise SnapshotError(f"{path}: {error.strerror}") from error
+    found = re.match(rb"orchard snapshot (\d{1,9})\n([0-9a-f]{64})\n", data)
+    if not found:
+        raise SnapshotError(f"{path}: not a snapshot of an orchard")
+    if int(found[1]) != VERSION:
+        raise SnapshotError(f"{path}: version {int(found[1])}; this program reads version {VERSION}")
+    payload = data[found.end() :]
+    if hashlib.sha256(payload).hexdigest().encode() != found[2]:
+        raise SnapshotError(f"{path}: torn or changed: its checksum does not fit")
+    try:
+        return unpack(payload, Snapshot)
+    except ValueError as error:
+        raise SnapshotError(f"{path}: {error}") from error
+
+
+def newest(folder: Path, refused: list[str]) -> Snapshot:
+    """The newest snapshot in a folder that can be read; why newer ones could not goes into `refused`. Raises SnapshotError."""
+    for path in _newest_first(folder):
+        try:
+            return read(path)
+        except SnapshotError as error:
+            refused.append(str(error))
+    raise SnapshotError("; ".join([*refused, f"{folder}: no snapshot there that can be used"]))
+
+
+def _newest_first(folder: Path) -> Iterator[Path]:
+    yield from sorted(folder.glob("tick-*.snapshot"), reverse=True)

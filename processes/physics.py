@@ -342,7 +342,7 @@ def _run(bus: Bus, keys: Keys, scenario: Scenario, arguments: argparse.Namespace
     # Late, because numba takes seconds to load on a busy machine, and meanwhile the others can find the router.
     from orchard.engine import Engine
 
-    engine = Engine(scenario)
+    engine = Engine.begin(scenario)
     absent = chosen(engine.agents, arguments.absent, []) if arguments.absent else []
     ticks = math.inf if arguments.duration is None else round(arguments.duration / TIME_STEP)
     physics = Physics(bus, keys, engine, Options(arguments.speed, ticks, arguments.patience, tuple(absent)))

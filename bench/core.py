@@ -1,9 +1,11 @@
 """Our own core in the peers' field: physics, scan and collisions, with robots that drive without agents."""
 
 import time
+from statistics import median
 
 import numpy as np
 
+from bench.clocked import MOST_STEPS
 from bench.field import STEP, Field, velocities
 from orchard.config import TIME_STEP, Animals, People, Scenario
 from orchard.geometry import Pose
@@ -31,13 +33,24 @@ def twists(robots: int, steps: int) -> np.ndarray:
     return np.insert(forward_and_turn, 1, 0.0, axis=2)
 
 
-def seconds(place: Field, steps: int) -> float:
-    """How long so many steps take: each a scan of all robots, and their movement."""
-    world = world_of(place)
-    scanner, wanted = Scanner(world.layout), twists(len(place.starts), steps)
-    scanner.scan(world), step(world, wanted[0], [])  # what is compiled is loaded
-    begun = time.perf_counter()
-    for twist in wanted:
+def drive(world: World, scanner: Scanner, steps: int) -> None:
+    """So many steps: each a scan of all robots, and their movement."""
+    for twist in twists(len(world.pose), steps):
         scanner.scan(world)
         step(world, twist, [])
-    return time.perf_counter() - begun
+
+
+def steps_per_second(place: Field, seconds: float, repeats: int = 5) -> float:
+    """The median of some stretches of so many seconds in all."""
+    world = world_of(place)
+    scanner, wanted = Scanner(world.layout), twists(len(place.starts), MOST_STEPS)
+    drive(world, scanner, 3)  # what is compiled is loaded
+    rates, k = [], 0
+    for _ in range(repeats):
+        begun, first = time.perf_counter(), k
+        while k == first or time.perf_counter() - begun < seconds / repeats:
+            scanner.scan(world)
+            step(world, wanted[k % MOST_STEPS], [])
+            k += 1
+        rates.append((k - first) / (time.perf_counter() - begun))
+    return median(rates)

@@ -1,0 +1,135 @@
+"""The floor under lockstep: the same number and size of messages between the same number of processes, over bare Zenoh, and nothing else.
+
+    python -m bench.floor ENDPOINT NUMBER BACK SIZE   (started by `ticks_per_second`)
+
+The hub is the router, as physics is. At each tick it sends every client what physics sends it, and waits until all have sent all that
+agents send. Nothing is packed, unpacked, checked or computed.
+"""
+
+import json
+import socket
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from queue import SimpleQueue
+
+import zenoh
+from zenoh.handlers import Callback
+
+WARM_UP = 50  # ticks
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """What travels at every tick."""
+
+    clients: int
+    ahead: tuple[int, ...]  # bytes of the messages to each client, before the one that wakes it
+    last: int  # bytes of the one that wakes it
+    shared: bool  # whether that last one is the same message for all, on one key
+    back: int  # messages from each client
+    size: int  # bytes of each of those
+
+
+def ticks_per_second(traffic: Traffic, seconds: float) -> float:
+    """Start the clients, and tick with them."""
+    endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    with zenoh.open(_config("router", "listen", endpoint)) as session:
+        arrived: SimpleQueue[None] = SimpleQueue()
+        counter = _Counter(traffic.clients * traffic.back, arrived)
+        ready: SimpleQueue[None] = SimpleQueue()
+        kept = [
+            session.declare_subscriber("floor/back/*/*", Callback(counter.count, indirect=False)),
+            session.liveliness().declare_subscriber("floor/ready/*", Callback(lambda sample: ready.put(None), indirect=False), history=True),
+        ]
+        clients = [_start(endpoint, i, traffic) for i in range(traffic.clients)]
+        try:
+            for _ in clients:
+                ready.get(timeout=60)
+            return _tick(session, traffic, arrived, seconds)
+        finally:
+            session.put("floor/end", b"")
+            for client in clients:
+                client.wait(timeout=20)
+            del kept
+
+
+class _Counter:
+    """Rings once for so many messages."""
+
+    def __init__(self, enough: int, bell: "SimpleQueue[None]") -> None:
+        self.enough, self.bell, self.seen = enough, bell, 0
+
+    def count(self, sample: zenoh.Sample) -> None:
+        sample.payload.to_bytes()
+        self.seen += 1
+        if self.seen == self.enough:
+            self.seen = 0
+            self.bell.put(None)
+
+
+def _tick(session: zenoh.Session, traffic: Traffic, arrived: "SimpleQueue[None]", seconds: float) -> float:
+    ahead = [[(_publisher(session, f"floor/ahead/{i}/{k}"), bytes(n)) for k, n in enumerate(traffic.ahead)] for i in range(traffic.clients)]
+    lasts = [_publisher(session, "floor/last/all")] if traffic.shared else []
+    lasts = lasts or [_publisher(session, f"floor/last/{i}") for i in range(traffic.clients)]
+    payload = bytes(traffic.last)
+
+    def tick() -> None:
+        for messages in ahead:
+            for publisher, message in messages:
+                publisher.put(message)
+        for publisher in lasts:
+            publisher.put(payload)
+        arrived.get(timeout=20)
+
+    for _ in range(WARM_UP):
+        tick()
+    begun, ticks = time.perf_counter(), 0
+    while time.perf_counter() - begun < seconds:
+        tick()
+        ticks += 1
+    return ticks / (time.perf_counter() - begun)
+
+
+def _client(endpoint: str, number: int, back: int, size: int) -> None:
+    """Answer every waking message with so many others."""
+    awake: SimpleQueue[bool] = SimpleQueue()
+    with zenoh.open(_config("client", "connect", endpoint)) as session:
+        publishers, payload = [_publisher(session, f"floor/back/{number}/{k}") for k in range(back)], bytes(size)
+        kept = [
+            session.declare_subscriber(f"floor/ahead/{number}/*", Callback(lambda sample: sample.payload.to_bytes(), indirect=False)),
+            session.declare_subscriber("floor/end", Callback(lambda sample: awake.put(False), indirect=False)),
+        ]
+        for key in (f"floor/last/{number}", "floor/last/all"):
+            kept.append(session.declare_subscriber(key, Callback(lambda sample: awake.put(bool(sample.payload.to_bytes())), indirect=False)))
+        kept.append(session.liveliness().declare_token(f"floor/ready/{number}"))
+        while awake.get():
+            for publisher in publishers:
+                publisher.put(payload)
+
+
+def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    return session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
+
+
+def _start(endpoint: str, number: int, traffic: Traffic) -> subprocess.Popen:
+    return subprocess.Popen([sys.executable, "-m", "bench.floor", endpoint, str(number), str(traffic.back), str(traffic.size)])
+
+
+def _config(mode: str, side: str, endpoint: str) -> zenoh.Config:
+    config = zenoh.Config()
+    settings = {"mode": mode, f"{side}/endpoints": [endpoint], "scouting/multicast/enabled": False, "scouting/gossip/enabled": False}
+    for key, value in (settings | {"transport/shared_memory/enabled": False}).items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+if __name__ == "__main__":
+    _client(sys.argv[1], *map(int, sys.argv[2:]))

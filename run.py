@@ -44,6 +44,7 @@ class Mode(StrEnum):
 
     local = "local"
     lockstep = "lockstep"
+    realtime = "realtime"
 
 
 def _speed(text: str) -> float:
@@ -71,7 +72,7 @@ def _seconds(value: float | None) -> float | None:
     return value
 
 
-Speed = Annotated[float | None, typer.Option(parser=_speed, metavar="X|max", help="1 is real time. Default: max; 4 with --view.")]
+Speed = Annotated[float | None, typer.Option(parser=_speed, metavar="X|max", help="1 is real time. Default: max; --view: 4; realtime: 1.")]
 Hosts = Annotated[int | None, typer.Option(parser=_hosts, metavar="N|each", help="Agent processes. Default: one a core, at most 4.")]
 Duration = Annotated[float | None, typer.Option(callback=_seconds, help="Stop after so many simulated seconds.")]
 Record = Annotated[str | None, typer.Option(metavar="FILE.rrd|none", help="Where the recording goes. Default: a new file in runs/.")]
@@ -82,6 +83,7 @@ class Wish:
     """How a run shall be run."""
 
     scenario: Scenario
+    mode: Mode
     speed: float  # simulated seconds to a second; infinity: as fast as it goes
     hosts: int | None  # agent processes; 0: one each; None: a sensible few
     duration: float | None  # s, simulated
@@ -97,7 +99,7 @@ def harvest(
     row_width: Annotated[float | None, typer.Option(help="Width of a row, 5 to 12 m.")] = None,
     carriers: Annotated[int | None, typer.Option(help="Carriers, 1 to 40. Default: 7 for every 10 pickers.")] = None,
     seed: Annotated[int | None, typer.Option(help="The same seed gives the same run.")] = None,
-    mode: Annotated[Mode, typer.Option(help="lockstep: processes over Zenoh; local: all in one.")] = Mode.lockstep,
+    mode: Annotated[Mode, typer.Option(help="lockstep or realtime: processes; local: one.")] = Mode.lockstep,
     speed: Speed = None,
     hosts: Hosts = None,
     duration: Duration = None,
@@ -114,10 +116,18 @@ def harvest(
     except (ScenarioError, OSError) as error:
         errors.print(str(error), markup=False, soft_wrap=True)
         raise typer.Exit(BAD_INPUT) from None
-    pace = speed if speed is not None else LIVE_SPEED if view else math.inf
-    wish = Wish(chosen, pace, hosts, duration, recording, view)
-    result, why = {Mode.local: _alone, Mode.lockstep: _together}[mode](wish)
+    wish = Wish(chosen, mode, _pace(mode, speed, view), hosts, duration, recording, view)
+    result, why = (_alone if mode == Mode.local else _together)(wish)
     raise typer.Exit(_tell(result, why, recording, summary))
+
+
+def _pace(mode: Mode, speed: float | None, view: bool) -> float:
+    """Simulated seconds to a second."""
+    if mode != Mode.realtime:
+        return speed if speed is not None else LIVE_SPEED if view else math.inf
+    if speed is not None and math.isinf(speed):
+        raise typer.BadParameter("max: in realtime the wall clock sets the pace; wanted is a number, 1 for real time", param_hint="--speed")
+    return speed or 1.0
 
 
 def _recording(record: str | None) -> Path | None:
@@ -191,7 +201,7 @@ def _run_name(wish: Wish) -> str:
     return f"{wish.scenario.rows} rows, seed {wish.scenario.seed}"
 
 
-# -- lockstep mode
+# -- lockstep and realtime
 
 
 def _together(wish: Wish) -> tuple[dict[str, Any] | None, str]:
@@ -214,7 +224,7 @@ def _start(fleet: "Fleet", wish: Wish, file: Path) -> tuple[str, subprocess.Pope
     from processes.fleet import Program, free_port
 
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    pace = ["--speed", "max" if math.isinf(wish.speed) else str(wish.speed)]
+    pace = ["--mode", wish.mode.value, "--speed", "max" if math.isinf(wish.speed) else str(wish.speed)]
     limit = [] if wish.duration is None else ["--duration", str(wish.duration)]
     fleet.start(Program("physics", "processes.physics", [str(file), "--listen", endpoint, *pace, *limit]))
     for name, share in _shares(wish.scenario, wish.hosts):

@@ -116,6 +116,9 @@ class Inbox:
         self._bell: SimpleQueue[None] = SimpleQueue()
         self._enough = 1
 
+    def __len__(self) -> int:
+        return len(self._items)
+
     def put(self, item: Item) -> None:
         self._items.append(item)
         self._bell.put(None)
@@ -234,14 +237,14 @@ def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None) -> Iterator[Bus
     """A session that routes for others. Port 0 takes a free one; `bus.endpoint` tells which."""
     endpoint = _with_port(endpoint)
     with _session("router", endpoint) as session:
-        yield Bus(session, inbox or Inbox(), endpoint)
+        yield Bus(session, Inbox() if inbox is None else inbox, endpoint)
 
 
 @contextmanager
 def client(endpoint: str, inbox: Inbox | None = None) -> Iterator[Bus]:
     """A session that talks through a router."""
     with _session("client", endpoint) as session:
-        yield Bus(session, inbox or Inbox(), endpoint)
+        yield Bus(session, Inbox() if inbox is None else inbox, endpoint)
 
 
 @contextmanager

@@ -1,11 +1,11 @@
-"""The agents' side of lockstep, without a network: what is seen of a tick, and mail that is repeatable although it travels.
+"""The agents' side of the bus, without a network: what is seen of a tick, and mail that in lockstep is repeatable although it travels.
 
 The rules by number are design.md's. A request of tick k is a query; it is heard at k + 1, its answer at k + 2, in an order
 that no network decides.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from orchard.agent import Action, Heard, Mail, Observation, Reply, without_body
@@ -15,8 +15,18 @@ from orchard.post import in_hearing_order
 from orchard.wire import Answered, Clock, Given, LaserScan, Letter, Letters, Odometry, Received, Seen, Sent, observation_of
 
 
+@dataclass
+class _Look:
+    """What has come of one tick."""
+
+    tick: int = -1
+    clock: bool = False
+    poses: dict[str, Odometry] = field(default_factory=dict)
+    scans: dict[str, LaserScan] = field(default_factory=dict)
+
+
 class Sight:
-    """What physics sends of one tick, until it is complete: pose and scan of each body, and last of all the clock."""
+    """The newest tick of which all is there: pose and scan of each body, and last of all the clock."""
 
     def __init__(self, run: str, names: Iterable[str], bodies: Iterable[str]) -> None:
         self._run = run
@@ -24,24 +34,28 @@ class Sight:
         self.forget()
 
     def forget(self) -> None:
-        self.tick = -1
-        self._clock = False
-        self._poses: dict[str, Odometry] = {}
-        self._scans: dict[str, LaserScan] = {}
+        self._newest, self._complete = _Look(), _Look()
+
+    @property
+    def tick(self) -> int:
+        """The newest complete one; -1 before the first."""
+        return self._complete.tick
 
     def pose(self, name: str, payload: bytes) -> None:
         message = understood(payload, Odometry, self._run)
-        if name in self._bodies and self._is_new(message.tick):
-            self._poses[name] = message
+        if name in self._bodies:
+            self._of(message.tick).poses[name] = message
+            self._check()
 
     def scan(self, name: str, payload: bytes) -> None:
         message = understood(payload, LaserScan, self._run)
-        if name in self._bodies and self._is_new(message.tick):
-            self._scans[name] = message
+        if name in self._bodies:
+            self._of(message.tick).scans[name] = message
+            self._check()
 
     def clock(self, payload: bytes) -> None:
-        if self._is_new(understood(payload, Clock, self._run).tick):
-            self._clock = True
+        self._of(understood(payload, Clock, self._run).tick).clock = True
+        self._check()
 
     def seen(self, payload: bytes) -> None:
         """All of that at once."""
@@ -49,27 +63,30 @@ class Sight:
         for name, (pose, scan) in message.bodies.items():
             self.pose(name, pose)
             self.scan(name, scan)
-        if self._is_new(message.tick):
-            self._clock = True
+        self._of(message.tick).clock = True
+        self._check()
 
-    def _is_new(self, tick: int) -> bool:
-        """Whether a message belongs to the newest tick; a newer one begins it."""
-        if tick > self.tick:
-            self.forget()
-            self.tick = tick
-        return tick == self.tick
+    def _of(self, tick: int) -> _Look:
+        """Where a message belongs; a newer tick begins a new look."""
+        if tick < self._newest.tick:
+            raise Refused("past tick", f"{tick}; {self._newest.tick} has begun")
+        if tick > self._newest.tick:
+            self._newest = _Look(tick)
+        return self._newest
 
-    @property
-    def complete(self) -> bool:
-        return self._clock and len(self._poses) == len(self._scans) == len(self._bodies)
+    def _check(self) -> None:
+        new = self._newest
+        if new.clock and len(new.poses) == len(new.scans) == len(self._bodies):
+            self._complete = new
 
     def observations(self) -> dict[str, Observation]:
+        """What each agent sees at that tick."""
         return {name: self._observation(name) for name in self._names}
 
     def _observation(self, name: str) -> Observation:
         if name not in self._bodies:
             return without_body(name, self.tick)
-        return observation_of(name, self._poses[name], self._scans[name])
+        return observation_of(name, self._complete.poses[name], self._complete.scans[name])
 
 
 @dataclass(eq=False)
@@ -84,6 +101,9 @@ class Asked:
     received: bool = False  # it will be heard
     final: bool = False  # nothing more will be known
     answer: Answer | None = None
+
+
+STALE_TICKS = 50  # realtime: how far apart the ticks of two hosts may be whose agents talk
 
 
 class Question(Protocol):
@@ -105,7 +125,7 @@ class _Held:
 
 
 class Mailbox:
-    """The mail of one host's agents."""
+    """The mail of one host's agents in lockstep. In realtime it is a `LiveMailbox`."""
 
     def __init__(self, run: str) -> None:
         self._run = run
@@ -128,7 +148,7 @@ class Mailbox:
         except Refused as refusal:
             question.refuse(str(refusal))
             raise
-        if letter.tick not in (self.last, self.last + 1):
+        if not self._is_timely(letter.tick):
             question.drop()
             raise Refused("past tick" if letter.tick < self.last else "future tick", f"a request of {letter.tick}; {self.last} is done")
         self._hold(recipient, letter, question)
@@ -146,12 +166,24 @@ class Mailbox:
         message: Received | Answered = understood(payload, Received | Answered, self._run)  # type: ignore[arg-type]
         if isinstance(message, Received):
             asked.received = True
-        elif asked.received and message.tick == asked.tick + 1:
+        elif asked.received and self._answers_in_time(message.tick, asked.tick):
             asked.answer = message.body
         else:
             raise Refused("past tick", f"an answer of {message.tick} to a request of {asked.tick}")
 
+    def _is_timely(self, tick: int) -> bool:
+        """Rule 7, of a request: stamped with my last tick or the next."""
+        return tick in (self.last, self.last + 1)
+
+    def _answers_in_time(self, tick: int, asked: int) -> bool:
+        """Whether an answer has the right stamp."""
+        return tick == asked + 1
+
     # one tick
+
+    def follows(self, tick: int) -> bool:
+        """Rule 1: whether a tick can be the next one."""
+        return tick == self.last + 1
 
     def is_settled(self, tick: int) -> bool:
         """Rule 2: every get of two ticks ago is final."""
@@ -161,20 +193,27 @@ class Mailbox:
         """Rule 3: what was asked in the last tick, and what was answered in it. Those without any mail are absent."""
         mail: dict[str, Mail] = {}
         for (recipient, *_), held in self._held.items():
-            if held.heard.tick == tick - 1:
+            if self._is_heard(held.heard.tick, tick):
                 mail.setdefault(recipient, Mail()).requests.append(held.heard)
         for heard in mail.values():
             heard.requests = in_hearing_order(heard.requests)
-        for asked in self._asked.pop(tick - 2, ()):
+        for asked in self._take_known(tick):
             mail.setdefault(asked.sender, Mail()).replies.append(Reply(asked.to, asked.number, asked.request, asked.answer))
         self.last = tick
         return mail
+
+    def _is_heard(self, asked: int, tick: int) -> bool:
+        return asked == tick - 1
+
+    def _take_known(self, tick: int) -> list[Asked]:
+        """The requests of which is known what became of them."""
+        return self._asked.pop(tick - 2, [])
 
     def write(self, name: str, action: Action) -> list[Asked]:
         """Answer what an agent answers; the requests that must now be asked."""
         for heard, body in action.answers:
             held = self._held.get((name, heard.sender, heard.tick, heard.number))
-            if held is not None and heard.tick == self.last - 1:
+            if held is not None and self._is_heard(heard.tick, self.last):
                 held.question.reply(pack(Answered(self._run, self.last, body)))
         asked = [Asked(name, self.last, number, to, request) for number, (to, request) in enumerate(action.requests)]
         self._asked.setdefault(self.last, []).extend(asked)
@@ -185,12 +224,50 @@ class Mailbox:
 
     def close(self) -> None:
         """Rule 3: drop every query that was heard in this tick or before."""
-        for key in [key for key, held in self._held.items() if held.heard.tick < self.last]:
+        for key in [key for key, held in self._held.items() if self._is_done(held.heard.tick)]:
             self._held.pop(key).question.drop()
+
+    def _is_done(self, asked: int) -> bool:
+        return asked < self.last
 
     def is_sent(self) -> bool:
         """Rule 6: each request of this tick has arrived, or never will."""
         return all(asked.received or asked.final for asked in self._asked.get(self.last, ()))
+
+
+class LiveMailbox(Mailbox):
+    """The mail of one host's agents while nobody waits: ticks may be left out, and each hears what has come by then."""
+
+    def follows(self, tick: int) -> bool:
+        return tick > self.last
+
+    def _is_timely(self, tick: int) -> bool:
+        """The sender may be some ticks behind or ahead."""
+        return abs(tick - self.last) <= STALE_TICKS
+
+    def _answers_in_time(self, tick: int, asked: int) -> bool:
+        return asked - STALE_TICKS <= tick <= asked + STALE_TICKS
+
+    def is_settled(self, tick: int) -> bool:
+        return True
+
+    def is_sent(self) -> bool:
+        return True
+
+    def _is_heard(self, asked: int, tick: int) -> bool:
+        return True
+
+    def _is_done(self, asked: int) -> bool:
+        return True
+
+    def _take_known(self, tick: int) -> list[Asked]:
+        """Those that are final, and those that nobody has answered for long."""
+        known = [a for asked in self._asked.values() for a in asked if a.final or tick - a.tick > STALE_TICKS]
+        self._asked = {t: left for t, asked in self._asked.items() if (left := [a for a in asked if a not in known])}
+        return known
+
+
+MAILBOXES = {"lockstep": Mailbox, "realtime": LiveMailbox}
 
 
 def letters_of(run: str, tick: int, action: Action) -> Letters | None:

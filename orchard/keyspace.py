@@ -10,10 +10,12 @@ from msgspec import inspect
 from orchard import wire
 from orchard.agent import Observation
 from orchard.geometry import Twist
+from orchard.hosting import STALE_TICKS
 from orchard.keys import QUERY, TABLE, Key, Keys
 from orchard.kinds import KINDS
 from orchard.lockstep import WATCHDOG, WATCHDOG_TICKS
 from orchard.messages import Answer, Call, Deed, Offer, Request, pack
+from orchard.realtime import SLACK
 
 RUN = "5f0c2a9e4b7d4c11"
 SESSION = "a1b2c3d4"
@@ -52,7 +54,7 @@ EXAMPLES: dict[type, wire.Part] = {
         wire.Events(RUN, TICK, [{"tick": TICK, "what": "row picked", "who": "picker_01", "whom": "bin_01", "detail": "row 1"}]),
         wire.Picture(RUN, TICK, np.array([[-23.5, 10.75, 0.0]]).tobytes(), None, {}, None, None, None, [12.0], 0),
         _figures(),
-        wire.Newcomer(RUN, TICK, ["picker_01"], {"rows": 3}),
+        wire.Newcomer(RUN, TICK, "lockstep", ["picker_01"], {"rows": 3}),
         wire.Join(RUN, SESSION, ["picker_01"]),
         wire.Joined(RUN, TICK, {"picker_01": None}, {}),
         wire.Lost(RUN, TICK, ["picker_01"], SESSION),
@@ -180,8 +182,16 @@ a newer one comes, but at most for {watchdog} s and {ticks} ticks, whichever is 
 4. Query `{{prefix}}/join` with `run`, `holder` (the session id) and `names`. The answer tells the present tick, or under `refused` why you cannot hold them:
    a name that is taken is never given twice.
 5. For each tick there comes one `pose` and one `scan` of the robot, and then `clock`. Put exactly one velocity with that very `tick` and with `holder`. Until it comes, the whole run waits.
+   In realtime (`mode` in the answer to the scenario query) nothing waits, and late answers count as well: see below.
 6. If `lost` names your session, physics has waited for longer than its patience (15 s unless set): the robot stands. Join again.
 7. At `end` undeclare the token and close the session.
+
+**In realtime** physics keeps to the wall clock. A tick's answers have until the next tick is due ({slack} s longer where the machine hiccups, which later ticks make good);
+then physics goes on without those that are missing. Of each held robot the newest velocity counts: its `tick` may be the present one or an earlier one, newer than that of the last
+one that counted, and no older than {watchdog} s and {ticks} ticks, whichever is later. It drives the robot until a newer one comes, and as long as it is no older than that; then the robot stands.
+With `once` it drives for one step only, and only if the robot has not moved since the pose of its `tick`: that is for agents that end exactly where they want, and the orchard's
+own use it. Deeds are done once. Ticks may be left out: answer the newest whose `clock` has come. Mail is heard at whatever tick comes next, up to {stale} ticks apart, and a velocity need
+not wait for `received`. A robot whose token is gone stands at once.
 
 **The scan** is raw bytes: `ranges` holds 4 bytes a beam, little-endian float32, metres; +inf where nothing returns within `range_max`. Beam i points to
 `angle_min + i * angle_increment`, radians, counter-clockwise, 0 straight ahead. In Python: `numpy.frombuffer(scan["ranges"], "<f4")`.
@@ -199,12 +209,12 @@ Refused means: not applied, counted (`messages_refused` in `figures` and in the 
 | --- | --- |
 | malformed | no msgpack, an unknown or missing field, a wrong type, NaN or infinity, a value out of the bounds below, more than {most} bytes |
 | other run | `run` is not this run's id |
-| past tick, future tick | of a held agent: not the present tick; of others: older than {watchdog} s and {ticks} ticks, older than the last one that counted, or ahead of physics |
+| past tick, future tick | of a held agent in lockstep: not the present tick; of others, and in realtime: older than {watchdog} s and {ticks} ticks, older than the last one that counted, or ahead of physics |
 | not the holder | someone else holds this agent |
 | not held | `holder` is set, but nobody holds the agent: join first |
-| answered already | a second velocity for one tick |
+| answered already | a second velocity of a held agent for one tick |
 | no such robot | nothing of that name has a body |
-| out of bounds | `linear.y` other than 0 of what cannot move sideways; only a bin can |
+| out of bounds | `linear.y` other than 0 of what cannot move sideways, held or not; only a bin can |
 
 ## The robots
 
@@ -222,7 +232,8 @@ def document() -> str:
     """keyspace.md."""
     table = "\n".join(map(_table_row, TABLE.values()))
     kinds = "\n".join(f"| {name} | {kind.speed:g} | {kind.turn:.6g} | {kind.laser.beams} |" for name, kind in KINDS.items())
-    head = HEAD.format(table=table, kinds=kinds, watchdog=WATCHDOG, ticks=WATCHDOG_TICKS, most=wire.MAX_PAYLOAD)
+    limits = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "most": wire.MAX_PAYLOAD, "slack": SLACK, "stale": STALE_TICKS}
+    head = HEAD.format(table=table, kinds=kinds, **limits)
     return "\n".join([head, *(_section(what, key) for what, key in TABLE.items()), *(_union(*item) for item in UNIONS.items())])
 
 

@@ -105,27 +105,42 @@ class Roster:
 
 
 class Answers:
-    """The velocities that are in for one tick."""
+    """The velocities that are in for one tick: in lockstep physics waits until none is missing. `realtime.Live` is its counterpart."""
 
-    def __init__(self, roster: Roster) -> None:
-        self._roster = roster
+    mode = "lockstep"
+    releases_at_once = False  # who is gone may come back, or another in its place, while its patience lasts
+
+    def __init__(self, roster: Roster, patience: float = 15.0, clock: Callable[[], float] = time.monotonic) -> None:
+        self._roster, self._patience, self._clock = roster, patience, clock
         self.tick = -1
+        self.deadline = math.inf  # on the clock: until then the missing are waited for
         self.missing: set[str] = set()
         self.velocities: dict[str, Velocity] = {}
 
-    def open(self, tick: int) -> None:
-        """Wait for everyone who is held, at a new tick."""
+    def open(self, tick: int, lag: float = 0.0) -> None:
+        """Wait for everyone who is held, at a new tick, which begins so many seconds after it was due."""
         self.tick, self.missing, self.velocities = tick, set(self._roster.holders), {}
+        self.deadline = self._clock() + self._patience
 
     def expect(self, name: str) -> None:
         """Somebody new holds an agent: what its predecessor answered to this tick does not count."""
         self.velocities.pop(name, None)
         self.missing.add(name)
+        self.deadline = self._clock() + self._patience
+
+    def give_up(self) -> set[str]:
+        """The deadline is over: go on without the missing. Those who lose their agents by it."""
+        lost, self.missing = self.missing, set()
+        return lost
+
+    def release(self, name: str) -> None:
+        """Nobody holds this agent any more."""
+        self.missing.discard(name)
 
     def take(self, name: str, velocity: Velocity) -> None:
         if velocity.holder != self._roster.holders[name]:
             raise Refused("not the holder", WHOSE["not the holder"])
-        _refuse_other_tick(velocity.tick, self.tick, self.tick)
+        refuse_other_tick(velocity.tick, self.tick, self.tick)
         if name not in self.missing:
             raise Refused("answered already", f"tick {velocity.tick}")
         self.velocities[name] = velocity
@@ -138,15 +153,47 @@ class Answers:
     def digests(self) -> dict[str, bytes]:
         return {name: velocity.report.mail for name, velocity in self.velocities.items() if velocity.report is not None}
 
+    def figures(self) -> dict[str, int]:
+        """What the summary holds of it."""
+        return {}
 
-def _refuse_other_tick(tick: int, first: int, last: int) -> None:
+
+def refuse_other_tick(tick: int, first: int, last: int) -> None:
     if tick < first:
         raise Refused("past tick", f"{tick}; it is {last} now")
     if tick > last:
         raise Refused("future tick", f"{tick}; it is {last} now")
 
 
-class _Put(NamedTuple):
+class Recent:
+    """The ticks of the last half second, and of the last five: how old a velocity may be that still drives a robot."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self.clock = clock
+        self._begun: deque[tuple[int, float]] = deque([(0, clock())])  # (tick, when it was published)
+
+    def begin(self, tick: int) -> None:
+        """A new tick is published."""
+        self._begun.append((tick, self.clock()))
+        while self.is_over(*self._begun[0], tick):
+            self._begun.popleft()
+
+    @property
+    def oldest(self) -> int:
+        return self._begun[0][0]
+
+    @property
+    def newest(self) -> int:
+        return self._begun[-1][0]
+
+    def is_over(self, tick: int, at: float, now: int) -> bool:
+        """Whether a velocity for a tick, which came at some time, drives no longer at the tick `now`."""
+        return now - tick >= WATCHDOG_TICKS and self.clock() - at >= WATCHDOG
+
+
+class Put(NamedTuple):
+    """A velocity, and when it came."""
+
     velocity: Velocity
     at: float  # s, monotonic
 
@@ -155,32 +202,28 @@ class Loose:
     """Robots that no agent holds: the newest velocity drives them, for half a second."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
-        self._puts: dict[str, _Put] = {}
-        self._begun: deque[tuple[int, float]] = deque([(0, clock())])  # (tick, when it was published), of the last half second
+        self._recent = Recent(clock)
+        self._puts: dict[str, Put] = {}
 
     def begin(self, tick: int) -> None:
         """A new tick is published."""
-        self._begun.append((tick, self._clock()))
-        while self._is_over(*self._begun[0], tick):
-            self._begun.popleft()
+        self._recent.begin(tick)
 
     def take(self, name: str, velocity: Velocity) -> None:
         if velocity.holder:
             raise Refused("not held", WHOSE["not held"])
-        _refuse_other_tick(velocity.tick, self._oldest(name), self._begun[-1][0])
-        self._puts[name] = _Put(velocity, self._clock())
+        newest_put = self._puts[name].velocity.tick if name in self._puts else 0
+        refuse_other_tick(velocity.tick, max(self._recent.oldest, newest_put), self._recent.newest)
+        self._puts[name] = Put(velocity, self._recent.clock())
+
+    def drives(self, name: str) -> bool:
+        """Whether somebody has driven it lately."""
+        return name in self._puts
 
     def actions(self, tick: int) -> dict[str, Action]:
-        self._puts = {name: put for name, put in self._puts.items() if not self._is_over(put.velocity.tick, put.at, tick)}
+        is_over = self._recent.is_over
+        self._puts = {name: put for name, put in self._puts.items() if not is_over(put.velocity.tick, put.at, tick)}
         return {name: Action(action_of(put.velocity).twist) for name, put in self._puts.items()}
-
-    def _oldest(self, name: str) -> int:
-        newest_put = self._puts[name].velocity.tick if name in self._puts else 0
-        return max(self._begun[0][0], newest_put)
-
-    def _is_over(self, tick: int, at: float, now: int) -> bool:
-        return now - tick >= WATCHDOG_TICKS and self._clock() - at >= WATCHDOG
 
 
 class Memories:
@@ -212,8 +255,9 @@ class Pacer:
         """Seconds until the next tick may begin."""
         return max(0.0, self._due - self._clock())
 
-    def begin(self) -> None:
-        """A tick begins."""
+    def begin(self) -> float:
+        """A tick begins; so many seconds after it was due."""
         now = self._clock()
-        earliest = now if self._due == -math.inf else now - self.CATCH_UP
-        self._due = max(self._due, earliest) + self._step
+        due = now if self._due == -math.inf else self._due
+        self._due = max(due, now - self.CATCH_UP) + self._step
+        return max(0.0, now - due)

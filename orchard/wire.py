@@ -180,6 +180,9 @@ class Velocity(Message):
     linear: Linear
     angular: Angular
     holder: Holder = ""
+    once: Annotated[
+        bool, Meta(description="realtime: it drives for one step, and only from the pose that it answers; else until a newer one comes")
+    ] = False
     report: Annotated[Report | None, Meta(description="the agent's report; who only drives leaves it out")] = None
 
 
@@ -231,9 +234,13 @@ class Letters(Message):
 # -- the run
 
 
+Mode = Literal["lockstep", "realtime"]
+
+
 class Newcomer(Message):
     """What a newcomer must know: the answer to the scenario query."""
 
+    mode: Annotated[Mode, Meta(description="whether physics waits for its agents, or keeps to the wall clock")]
     agents: Annotated[list[Name], Meta(description="every name that an agent can hold")]
     scenario: Annotated[dict[str, Any], Meta(description="the scenario file as a map, defaults filled in")]
 
@@ -404,7 +411,7 @@ def velocity_of(run: str, tick: int, holder: str, action: Action, mail: bytes, m
     """What travels of an action, its mail apart."""
     twist = _twist(action.twist)
     report = Report(action.deeds, action.doing[:200], action.waits_for[:200], action.steps_done, mail, memory)
-    return Velocity(run, tick, twist.linear, twist.angular, holder, report)
+    return Velocity(run, tick, twist.linear, twist.angular, holder, True, report)
 
 
 def action_of(velocity: Velocity) -> Action:

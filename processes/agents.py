@@ -1,4 +1,4 @@
-"""Hosts any number of agents over one session: sees what they see, ticks them, carries their mail, sends their velocities.
+"""Hosts any number of agents over one session.
 
     python -m processes.agents --connect tcp/127.0.0.1:7447 --only picker --only bin_03
 
@@ -10,274 +10,20 @@ import importlib
 import logging
 import signal
 import sys
-import time
-import traceback
 from collections.abc import Callable, Iterable
-from typing import Any
 
-from orchard.agent import Action, Agent, Mail, Observation
-from orchard.bus import Alive, Bus, BusError, Final, Inbox, Item, Question, Replied, Sample, Signal, client
+from orchard.agent import Agent
+from orchard.bus import Bus, BusError, Inbox, Item, Signal, client
 from orchard.config import ScenarioError, check
-from orchard.hosting import Asked, Mailbox, Sight, letters_of
-from orchard.keys import PHYSICS, PREFIX, Keys
+from orchard.host import Ended, Host, told
+from orchard.keys import PREFIX, Keys
 from orchard.kinds import kind_of
 from orchard.layout import Layout, lay_out
-from orchard.lockstep import Refusals, Refused, understood
-from orchard.messages import pack, unpack
-from orchard.post import digest_of
-from orchard.wire import End, Join, Joined, Lost, Newcomer, State, read, velocity_of
+from orchard.wire import Newcomer, read
 
 log = logging.getLogger("orchard")
 
 Factory = Callable[[Layout], dict[str, Agent]]
-
-ANSWER_SECONDS = 120.0  # for how long physics may take to answer a newcomer: it may be compiling
-MANY = 1 << 30  # poses and scans: the clock tells when they are all there
-AGAIN_SECONDS = 0.1  # between two tries, while nobody is there to answer
-TRIES = 80
-
-
-class Ended(Exception):
-    """The run is over for this host; with its exit code."""
-
-    def __init__(self, code: int, why: str) -> None:
-        super().__init__(why)
-        self.code = code
-
-
-class _JoinAgain(Exception):
-    """Physics waits no longer for this host, or has gone on without it."""
-
-
-class Performer:
-    """One agent, and what it remembers."""
-
-    def __init__(self, name: str, agent: Agent) -> None:
-        self.name = name
-        self._agent = agent
-        self._failed = False
-        self.memory: Any = None
-        self._sent: bytes | None = None  # the memory that physics has
-
-    def resume(self, memory: bytes | None) -> None:
-        self.memory = None if memory is None else unpack(memory, self._agent.Memory)
-        self._sent = memory
-
-    def act(self, seen: Observation, mail: Mail) -> Action:
-        """What the agent does; nothing, where it is broken, and the others go on."""
-        try:
-            action = self._agent.tick(seen, mail, self.memory)
-        except Exception:
-            self._report(seen.tick)
-            action = Action(memory=self.memory, doing="broken")
-        self.memory = action.memory
-        return action
-
-    def _report(self, tick: int) -> None:
-        if not self._failed:
-            log.error("%s made a mistake at tick %d; it stands.\n%s", self.name, tick, traceback.format_exc(limit=-3))
-        self._failed = True
-
-    def news(self) -> bytes | None:
-        """The memory, if it is not what physics has."""
-        memory = None if self.memory is None else pack(self.memory)
-        if memory == self._sent:
-            return None
-        self._sent = memory
-        return memory
-
-
-class StateBoard:
-    """The bins' states: published when they change, told to those who ask."""
-
-    def __init__(self, bus: Bus, keys: Keys, run: str) -> None:
-        self._bus, self._keys, self._run = bus, keys, run
-        self._states: dict[str, State] = {}
-
-    def update(self, seen: Observation) -> None:
-        state = State(self._run, seen.tick, seen.full, seen.fill, seen.hitch.name if seen.hitch else "")
-        old = self._states.get(seen.name)
-        self._states[seen.name] = state
-        if old is None or (old.full, old.coupled_to) != (state.full, state.coupled_to):
-            self._bus.publish(self._keys.of("state", seen.name), pack(state))
-
-    def tell(self, name: str, question: Question) -> None:
-        if name not in self._states:
-            question.refuse("not known before the first tick")
-            return
-        question.reply(pack(self._states[name]))
-        question.drop()
-
-
-class Host:
-    """Some agents, from joining the run to its end."""
-
-    def __init__(self, bus: Bus, keys: Keys, run: str, layout: Layout, agents: dict[str, Agent]) -> None:
-        self.bus, self.keys, self.run_id = bus, keys, run
-        self.performers = {name: Performer(name, agent) for name, agent in sorted(agents.items())}
-        self.bodies = [name for name in self.performers if name in layout.index]
-        self.bins = [name for name in self.bodies if kind_of(name) == "bin"]
-        self.sight = Sight(run, self.performers, self.bodies)
-        self.mailbox = Mailbox(run)
-        self.states = StateBoard(bus, keys, run)
-        self.refusals = Refusals()
-
-    # -- joining
-
-    def listen(self) -> None:
-        """Rule 10: tokens come last, after all that this host wants to hear."""
-        for what in ("lost", "end"):
-            self.bus.subscribe(self.keys.of(what))
-        self.bus.watch(self.keys.of("alive", PHYSICS))
-        self._look()
-        for name in self.bins:
-            self.bus.answer(self.keys.of("state", name))
-        for name in self.performers:
-            self.bus.answer(self.keys.of("mail", name))
-        for name in self.performers:
-            self.bus.declare_alive(self.keys.of("alive", name, self.bus.id))
-
-    def _look(self) -> None:
-        """One message with all that several agents see costs less than many; a single one looks by itself."""
-        if len(self.performers) > 1:
-            self.bus.subscribe(self.keys.of("seen", session=self.bus.id))
-            return
-        for name in self.bodies:
-            self.bus.subscribe(self.keys.of("pose", name), quietly=True)  # the clock comes after them
-            self.bus.subscribe(self.keys.of("scan", name), quietly=True)
-        self.bus.subscribe(self.keys.of("clock"))
-
-    def join(self) -> None:
-        """Hold the agents: from the present tick on physics waits for them."""
-        request = pack(Join(self.run_id, self.bus.id, list(self.performers)))
-        joined = read(told(self.bus, self.keys.of("join"), request, self.handle), Joined)
-        if joined.refused:
-            raise Ended(2, "; ".join(f"{name}: {reason}" for name, reason in sorted(joined.refused.items())))
-        self.mailbox.join(joined.tick)
-        self.sight.forget()
-        for name, memory in joined.memories.items():
-            self.performers[name].resume(memory)
-
-    # -- one tick
-
-    def run(self) -> None:
-        """Tick after tick, until Ended is raised."""
-        while True:
-            try:
-                self.join()
-                while True:
-                    self.tick()
-            except _JoinAgain:
-                log.warning("joining again after tick %d", self.mailbox.last)
-
-    def tick(self) -> None:
-        self._wait(self._may_tick)
-        tick = self.sight.tick
-        if tick != self.mailbox.last + 1:
-            raise _JoinAgain
-        mail, seen = self.mailbox.deliver(tick), self.sight.observations()
-        actions = {name: performer.act(seen[name], mail.get(name) or Mail()) for name, performer in self.performers.items()}
-        for name, action in actions.items():
-            self._write(name, tick, action)
-        self.mailbox.close()
-        for name in self.bins:
-            self.states.update(seen[name])
-        self._wait(self.mailbox.is_sent)
-        for name, action in actions.items():
-            self._drive(name, tick, action, mail.get(name))
-
-    def _may_tick(self) -> bool:
-        """Rule 2: the newest tick is complete, and nothing of it is still on its way."""
-        return self.sight.complete and self.sight.tick > self.mailbox.last and self.mailbox.is_settled(self.sight.tick)
-
-    def _write(self, name: str, tick: int, action: Action) -> None:
-        for asked in self.mailbox.write(name, action):
-            self.bus.ask(self.keys.of("mail", asked.to), self.mailbox.letter(asked), asked)
-        letters = letters_of(self.run_id, tick, action)
-        if letters is not None:
-            self.bus.publish(self.keys.of("letters", name), pack(letters))
-
-    def _drive(self, name: str, tick: int, action: Action, mail: Mail | None) -> None:
-        digest = b"" if mail is None else digest_of(mail)
-        velocity = velocity_of(self.run_id, tick, self.bus.id, action, digest, self.performers[name].news())
-        self.bus.publish(self.keys.of("velocity", name), pack(velocity))
-
-    # -- what arrives
-
-    def _wait(self, ready: Callable[[], bool]) -> None:
-        while not ready():
-            item = self.bus.inbox.take(enough=MANY)
-            if item is not None:
-                self.handle(item)
-
-    def handle(self, item: Item) -> None:
-        try:
-            self._handle(item)
-        except Refused as refusal:
-            self.refusals.note(getattr(item, "key", "a reply"), refusal)
-
-    def _handle(self, item: Item) -> None:
-        if isinstance(item, Sample):
-            self._hear(item)
-        elif isinstance(item, Question):
-            self._asked(item)
-        elif isinstance(item, Replied) and isinstance(item.ticket, Asked):
-            if not item.error:
-                self.mailbox.replied(item.ticket, item.payload)
-        elif isinstance(item, Final) and isinstance(item.ticket, Asked):
-            item.ticket.final = True
-        elif isinstance(item, Signal):
-            raise Ended(0, "asked to stop")
-        elif isinstance(item, Alive) and not item.up:
-            raise Ended(1, "physics is gone")
-
-    def _hear(self, sample: Sample) -> None:
-        match self.keys.parts(sample.key):
-            case [name, "pose"]:
-                self.sight.pose(name, sample.payload)
-            case [name, "scan"]:
-                self.sight.scan(name, sample.payload)
-            case ["hosts", _, "seen"]:
-                self.sight.seen(sample.payload)
-            case ["clock"]:
-                self.sight.clock(sample.payload)
-            case ["end"]:
-                raise Ended(0, understood(sample.payload, End, self.run_id).why)
-            case ["lost"]:
-                if understood(sample.payload, Lost, self.run_id).holder == self.bus.id:
-                    raise _JoinAgain
-
-    def _asked(self, question: Question) -> None:
-        name, what = self.keys.parts(question.key)
-        if what == "state":
-            self.states.tell(name, question)
-        else:
-            self.mailbox.hear(name, question)
-
-
-def told(bus: Bus, key: str, payload: bytes, handle: Callable[[Item], None]) -> bytes:
-    """The first reply to a get; asked again while nobody is there. Whatever else arrives is handled."""
-    for _ in range(TRIES):
-        ticket = object()
-        bus.ask(key, payload, ticket, ANSWER_SECONDS)
-        reply = _reply_to(bus, ticket, handle)
-        if reply is not None and reply.error:
-            raise BusError(f"{key}: {reply.error}")
-        if reply is not None:
-            return reply.payload
-        time.sleep(AGAIN_SECONDS)
-    raise BusError(f"{key}: nobody answers; is the physics process running, with the same prefix?")
-
-
-def _reply_to(bus: Bus, ticket: object, handle: Callable[[Item], None]) -> Replied | None:
-    while True:
-        item = bus.inbox.take()
-        if isinstance(item, Replied) and item.ticket is ticket:
-            return item
-        if isinstance(item, Final) and item.ticket is ticket:
-            return None
-        if item is not None:
-            handle(item)
 
 
 def _only_signals(item: Item) -> None:
@@ -344,7 +90,7 @@ def _host(bus: Bus, options: argparse.Namespace) -> Host:
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     agents = factory(options.agents)(layout)
     names = chosen(sorted(agents), options.only, options.without, options.share)
-    host = Host(bus, keys, run.run, layout, {name: agents[name] for name in names})
+    host = Host(bus, keys, run.run, run.mode, layout, {name: agents[name] for name in names})
     host.listen()
     return host
 

@@ -12,7 +12,7 @@ from orchard.config import TIME_STEP, Scenario
 from orchard.frames import Event, Frame
 from orchard.local import Local
 from orchard.lockstep import Pacer
-from processes.physics import Account
+from processes.account import Account
 
 SHOW_SECONDS = 0.5  # of wall time between two looks at the figures
 

@@ -16,12 +16,12 @@ from orchard.bus import Alive, Bus, BusError, Inbox, Item, Sample, Signal, clien
 from orchard.camera import talk_of
 from orchard.config import ScenarioError, check
 from orchard.frames import Event
+from orchard.host import Ended, told
 from orchard.keys import PHYSICS, PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.lockstep import Refusals, Refused, understood
 from orchard.view import Recorder, optimize
 from orchard.wire import End, Events, Letters, Lost, Newcomer, Picture, frame_of, read
-from processes.agents import Ended, told
 
 log = logging.getLogger("orchard")
 
@@ -55,7 +55,7 @@ class Logger:
     def _handle(self, item: Item) -> None:
         if isinstance(item, Signal):
             raise Ended(0, "asked to stop")
-        if isinstance(item, Alive) and not item.up:
+        if isinstance(item, Alive) and not item.up and self.keys.parts(item.key)[2] == self.run_id:
             raise Ended(0, "physics is gone")
         if isinstance(item, Sample):
             try:

@@ -2,7 +2,8 @@
 
     python -m processes.physics config/orchard.yaml --listen tcp/127.0.0.1:7447
 
-It is the router for the others. There is no agent in it: a robot that nobody drives stands still.
+It is the router for the others. There is no agent in it: a robot that nobody drives stands still. In realtime it waits no longer
+than the clock allows: `lockstep.Answers` and `realtime.Live` decide when a tick's answers are in.
 """
 
 import argparse
@@ -12,31 +13,28 @@ import signal
 import sys
 import time
 import uuid
-from collections.abc import Container
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
-
-import msgspec
+from typing import TYPE_CHECKING
 
 from orchard import wire
-from orchard.agent import Action, Observation
+from orchard.agent import Observation
 from orchard.bus import LOOPBACK, Alive, Bus, BusError, Inbox, Item, Question, Sample, Signal, router
 from orchard.camera import Camera
 from orchard.config import TIME_STEP, Scenario, ScenarioError, load
 from orchard.keys import PHYSICS, PREFIX, Keys
-from orchard.kinds import KINDS, Laser
-from orchard.layout import Layout
+from orchard.kinds import KINDS
 from orchard.lockstep import Answers, Loose, Memories, Pacer, Refusals, Refused, Roster, understood
 from orchard.messages import pack
+from orchard.realtime import Live
+from processes.account import Account
 from processes.agents import chosen
+from processes.announcer import Announcer
 
 if TYPE_CHECKING:
     from orchard.engine import Engine
-    from orchard.events import Event
 
 log = logging.getLogger("orchard")
 
-FIGURES_SECONDS = 0.5  # of wall time between two messages with figures
 NAG_SECONDS = 3.0  # between two lines that name who is missing
 FAREWELL_SECONDS = 2.0  # for how long the others may take to leave
 
@@ -45,6 +43,7 @@ FAREWELL_SECONDS = 2.0  # for how long the others may take to leave
 class Options:
     """How a run is run."""
 
+    mode: str = "lockstep"
     speed: float = math.inf  # simulated seconds to one second of wall time
     ticks: float = math.inf  # after which it ends
     patience: float = 15.0  # s, for how long an agent may be silent
@@ -55,87 +54,9 @@ class Stopped(Exception):
     """Somebody ended the run."""
 
 
-class Announcer:
-    """What physics says."""
-
-    def __init__(self, bus: Bus, keys: Keys, run: str, layout: Layout) -> None:
-        self._bus, self._keys, self.run = bus, keys, run
-        self._bodies = [(s.name, KINDS[s.kind].laser, keys.of("pose", s.name), keys.of("scan", s.name)) for s in layout.starts]
-
-    def look(self, tick: int, seen: dict[str, Observation], holders: dict[str, list[str]], names: Container[str] | None = None) -> None:
-        """Poses and scans of a tick, all or those of some, each on its key; all of a session's together; and then the clock."""
-        sent = {body[0]: self._show(seen[body[0]], *body[1:]) for body in self._bodies if names is None or body[0] in names}
-        for holder, held in holders.items():
-            if len(held) > 1:
-                bodies = {name: sent[name] for name in held if name in sent}
-                self._bus.publish(self._keys.of("seen", session=holder), pack(wire.Seen(self.run, tick, bodies)))
-        sec, tenths = divmod(tick, 10)
-        self.say("clock", wire.Clock(self.run, tick, wire.Stamp(sec, tenths * 10**8)))
-
-    def _show(self, seen: Observation, laser: Laser, pose_key: str, scan_key: str) -> tuple[bytes, bytes]:
-        pose = pack(wire.odometry_of(self.run, seen))
-        scan = pack(wire.scan_of(self.run, seen, laser, KINDS["bin"].laser))
-        self._bus.publish(pose_key, pose)
-        self._bus.publish(scan_key, scan)
-        return pose, scan
-
-    def happened(self, tick: int, events: "list[Event]") -> None:
-        if events:
-            self.say("events", wire.Events(self.run, tick, msgspec.to_builtins(events)))
-
-    def lost(self, tick: int, released: dict[str, list[str]]) -> None:
-        for holder, names in released.items():
-            log.warning("no answer to tick %d from %s: no longer waited for", tick, ", ".join(names))
-            self.say("lost", wire.Lost(self.run, tick, names, holder))
-
-    def say(self, what: str, message: wire.Message) -> None:
-        self._bus.publish(self._keys.of(what), pack(message))
-
-
-class Account:
-    """The run in figures, for those who watch it and for the summary."""
-
-    def __init__(self, engine: "Engine") -> None:
-        from orchard.metrics import Figures
-
-        self._world = engine.world
-        self._figures = Figures()
-        self.actions: dict[str, Action] = {}
-        self._begun = self._told = time.monotonic()
-
-    def begin(self) -> None:
-        self._begun = time.monotonic()
-
-    def update(self, events: "list[Event]", actions: dict[str, Action]) -> None:
-        self.actions = actions
-        self._figures.update(self._world, events, actions)
-
-    @property
-    def jam(self) -> list[str]:
-        """Who waits for whom, one line each, when nothing has gone on for ten minutes; else nothing."""
-        from orchard.metrics import who_waits
-
-        return (who_waits(self.actions) or ["nobody waits for anybody"]) if self._figures.jammed(self._world) else []
-
-    def figures(self) -> dict[str, Any]:
-        from orchard.metrics import harvest_figures
-
-        wall = time.monotonic() - self._begun
-        times = self._world.tick * TIME_STEP / wall if wall else 0.0
-        return harvest_figures(self._world, self._figures) | {"wall_seconds": round(wall, 3), "times_real_time": round(times, 1)}
-
-    def message(self, run: str, refused: dict[str, int]) -> wire.Figures:
-        doing = {name: action.doing for name, action in self.actions.items() if action.doing}
-        waits = {name: action.waits_for for name, action in self.actions.items() if action.waits_for}
-        return wire.Figures(run, self._world.tick, self.figures(), doing, waits, refused)
-
-    def is_due(self) -> bool:
-        """Whether half a second has passed since this last said so."""
-        now = time.monotonic()
-        if now - self._told < FIGURES_SECONDS:
-            return False
-        self._told = now
-        return True
+def _answers(roster: Roster, options: Options) -> Answers | Live:
+    """Who decides when a tick's answers are in."""
+    return Live(roster, TIME_STEP / options.speed) if options.mode == "realtime" else Answers(roster, options.patience)
 
 
 class Physics:
@@ -147,11 +68,11 @@ class Physics:
         self.announcer = Announcer(bus, keys, self.run_id, engine.layout)
         self.account, self.camera = Account(engine), Camera(engine.world)
         self.roster = Roster(engine.agents)
-        self.answers, self.loose, self.memories = Answers(self.roster), Loose(), Memories()
+        self.answers: Answers | Live = _answers(self.roster, options)
+        self.loose, self.memories = Loose(), Memories()
         self.refusals = Refusals()
         self.pacer = Pacer(options.speed)
         self._seen: dict[str, Observation] = {}
-        self._deadline = math.inf
 
     def listen(self) -> None:
         self.bus.subscribe(self.keys.of("velocity"), quietly=True)
@@ -193,9 +114,9 @@ class Physics:
     def _tick(self) -> None:
         tick = self.engine.tick
         self._seen = self.engine.observe()
-        self._pause()
+        lag = self._pause()
         self.loose.begin(tick)
-        self.answers.open(tick)
+        self.answers.open(tick, lag)
         self.announcer.look(tick, self._seen, self.roster.by_holder())
         self._await_answers()
         actions = self.answers.actions() | self.loose.actions(tick)
@@ -207,31 +128,35 @@ class Physics:
         if self.account.is_due():
             self.announcer.say("figures", self.account.message(self.run_id, dict(self.refusals.counts)))
 
-    def _pause(self) -> None:
-        """Until the tick's time has come."""
+    def _pause(self) -> float:
+        """Until the tick's time has come; so many seconds after it."""
         while self._take(self.pacer.wait()) or self.pacer.wait():
             pass
-        self.pacer.begin()
+        return self.pacer.begin()
 
     def _await_answers(self) -> None:
-        self._wait_on()
-        while self.answers.missing:
-            self._take(max(0.0, self._deadline - time.monotonic()), len(self.answers.missing))
-            if time.monotonic() >= self._deadline:
-                self.announcer.lost(self.answers.tick, self.roster.release(self.answers.missing))
-                self.answers.missing.clear()
+        answers = self.answers
+        while answers.missing:
+            self._take(max(0.0, answers.deadline - time.monotonic()), len(answers.missing))
+            if time.monotonic() >= answers.deadline:
+                self._release(answers.give_up())
 
-    def _wait_on(self) -> None:
-        self._deadline = time.monotonic() + self.options.patience
+    def _release(self, names: set[str]) -> None:
+        """Nobody holds these agents any more."""
+        for name in names:
+            self.answers.release(name)
+        self.announcer.lost(self.engine.tick, self.roster.release(names))
 
     def _summary(self, why: str) -> wire.End:
-        engine, run = self.engine, {"mode": "lockstep", "hosts": len(set(self.roster.holders.values()))}
-        summary = {"hash": engine.hash} | run | self.account.figures() | {"messages_refused": dict(self.refusals.counts)}
+        engine, run = self.engine, {"mode": self.answers.mode, "hosts": len(set(self.roster.holders.values()))}
+        figures = self.account.figures() | self.answers.figures()
+        summary = {"hash": engine.hash} | run | figures | {"messages_refused": dict(self.refusals.counts)}
         summary["finished"] = engine.over
         return wire.End(self.run_id, engine.tick, engine.over, why, engine.hash, summary)
 
     def _farewell(self) -> None:
         """Stay until all others have gone, so that the last message reaches them, but not for long."""
+        self.roster.holders.clear()
         deadline = time.monotonic() + FAREWELL_SECONDS
         while self.roster.anybody() and (left := deadline - time.monotonic()) > 0:
             try:
@@ -255,25 +180,33 @@ class Physics:
         if isinstance(item, Sample):
             self._drive(self.keys.parts(item.key)[0], item.payload)
         elif isinstance(item, Alive):
-            _, name, holder = self.keys.parts(item.key)
-            if name != PHYSICS:
-                self.roster.token(name, holder, item.up)
+            self._token(item)
         elif isinstance(item, Question):
             self._reply(item)
         elif isinstance(item, Signal):
             raise Stopped("stopped")
 
+    def _token(self, alive: Alive) -> None:
+        _, name, holder = self.keys.parts(alive.key)
+        if name == PHYSICS:
+            return
+        self.roster.token(name, holder, alive.up)
+        if self.answers.releases_at_once and not alive.up and self.roster.holders.get(name) == holder:
+            self._release({name})
+
     def _drive(self, name: str, payload: bytes) -> None:
         velocity = understood(payload, wire.Velocity, self.run_id)
+        self._refuse_what_cannot_be(name, velocity)
         if name in self.roster.holders:
             self.answers.take(name, velocity)
-            return
-        self._refuse_what_cannot_be(name, velocity)
-        self.loose.take(name, velocity)
+        else:
+            self.loose.take(name, velocity)
 
     def _refuse_what_cannot_be(self, name: str, velocity: wire.Velocity) -> None:
         layout = self.engine.layout
         if name not in layout.index:
+            if name in self.roster.holders:
+                return
             raise Refused("no such robot", name)
         kind = layout.starts[layout.index[name]].kind
         if velocity.linear.y and not KINDS[kind].sideways:
@@ -291,7 +224,7 @@ class Physics:
 
     def _tell(self, question: Question) -> None:
         scenario = self.engine.layout.scenario.model_dump()
-        question.reply(pack(wire.Newcomer(self.run_id, self.engine.tick, list(self.roster.names), scenario)))
+        question.reply(pack(wire.Newcomer(self.run_id, self.engine.tick, self.answers.mode, list(self.roster.names), scenario)))
 
     def _join(self, question: Question) -> None:
         """Let a host hold all the agents that it names, or none."""
@@ -308,7 +241,6 @@ class Physics:
         """Show a newcomer the tick that is under way, and wait for it."""
         for name in joined:
             self.answers.expect(name)
-        self._wait_on()
         names = self.roster.by_holder()[holder]
         self.announcer.look(self.answers.tick, self._seen, {holder: names}, names)
 
@@ -345,7 +277,7 @@ def _run(bus: Bus, keys: Keys, scenario: Scenario, arguments: argparse.Namespace
     engine = Engine.begin(scenario)
     absent = chosen(engine.agents, arguments.absent, []) if arguments.absent else []
     ticks = math.inf if arguments.duration is None else round(arguments.duration / TIME_STEP)
-    physics = Physics(bus, keys, engine, Options(arguments.speed, ticks, arguments.patience, tuple(absent)))
+    physics = Physics(bus, keys, engine, Options(arguments.mode, _pace(arguments), ticks, arguments.patience, tuple(absent)))
     physics.listen()
     print(f"listening on {bus.endpoint}, prefix {keys.prefix}, run {physics.run_id}", flush=True)
     end = physics.run()
@@ -357,6 +289,14 @@ def _speed(text: str) -> float:
     speed = math.inf if text == "max" else float(text)
     if not speed > 0:
         raise ValueError
+    return speed
+
+
+def _pace(arguments: argparse.Namespace) -> float:
+    """Simulated seconds to a second, which realtime needs to know."""
+    speed = arguments.speed if arguments.speed is not None else 1.0 if arguments.mode == "realtime" else math.inf
+    if arguments.mode == "realtime" and math.isinf(speed):
+        raise ValueError("--speed max: in realtime the wall clock sets the pace; wanted is a number, 1 for real time")
     return speed
 
 
@@ -372,7 +312,8 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("scenario", nargs="?", metavar="SCENARIO.yaml", help="default: the built-in scenario")
     parser.add_argument("--listen", default=LOOPBACK, metavar="ENDPOINT", help="default: a free port of 127.0.0.1")
     parser.add_argument("--prefix", default=PREFIX, help="first part of every key")
-    parser.add_argument("--speed", type=_speed, default=math.inf, metavar="X|max", help="simulated seconds to a second; default max")
+    parser.add_argument("--mode", choices=["lockstep", "realtime"], default="lockstep", help="wait for all agents, or for none")
+    parser.add_argument("--speed", type=_speed, metavar="X|max", help="simulated seconds to a second; default max, in realtime 1")
     parser.add_argument("--duration", type=_positive, metavar="SECONDS", help="simulated seconds after which the run ends")
     parser.add_argument("--patience", type=_positive, default=15.0, metavar="SECONDS", help="how long an agent may be silent")
     parser.add_argument("--absent", action="append", default=[], metavar="KIND|NAME", help="do not wait for these (repeatable)")

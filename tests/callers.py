@@ -93,3 +93,16 @@ class Broken:
 def broken(layout: Layout) -> dict[str, object]:
     """Callers, and one picker with a mistake in it."""
     return cast(layout) | {"picker_01": Broken()}
+
+
+class Steady:
+    """Walks on."""
+
+    Memory = dict
+
+    def tick(self, seen: Observation, mail: Mail, memory: object) -> Action:
+        return Action(Twist(0.5), memory=memory, doing="walking")
+
+
+def steady(layout: Layout) -> dict[str, Steady]:
+    return {name: Steady() for name in layout.names}

@@ -1,0 +1,127 @@
+"""The physics side of realtime, without a network: the wall clock goes on, and the newest velocity counts.
+
+The counterpart of `lockstep.Answers`, with the same methods. A tick's answers have until the next tick is due; where the machine
+hiccups they have a moment longer, which the ticks after it make good. Then the step is done without those that are missing.
+"""
+
+import time
+from collections.abc import Callable
+
+import msgspec
+
+from orchard.agent import Action
+from orchard.geometry import STILL
+from orchard.lockstep import WHOSE, Put, Recent, Refused, Roster, refuse_other_tick
+from orchard.wire import Velocity, action_of
+
+SLACK = 0.2  # s beyond the tick's own time, for answers of those who answered the last tick in time; less than Pacer.CATCH_UP
+SHARE = 0.5  # of a tick's time, that the others have, and everybody where the clock is behind
+LATE = 0.5  # of a tick's time: a tick that begins later than this after its time is a late one
+
+
+class Live:
+    """The newest velocity of each agent that is held."""
+
+    mode = "realtime"
+    releases_at_once = True  # the robot of one who is gone stands, and waits for nobody
+
+    def __init__(self, roster: Roster, step: float, clock: Callable[[], float] = time.monotonic) -> None:
+        """`step`: s of wall time from one tick to the next."""
+        self._roster, self._step, self._clock = roster, step, clock
+        self._recent = Recent(clock)
+        self._newest: dict[str, Put] = {}
+        self._fresh: dict[str, Velocity] = {}  # those that no step has used
+        self._moved: dict[str, int] = {}  # name -> the last tick at which it was driven
+        self._tardy: set[str] = set()  # who missed the last tick
+        self._begun = self._patient = clock()
+        self._late = self._missed = 0
+        self.tick = -1
+        self.missing: set[str] = set()
+        self.velocities: dict[str, Velocity] = {}  # those that the last step was the first to use
+
+    # -- what arrives
+
+    def open(self, tick: int, lag: float = 0.0) -> None:
+        """A new tick begins, so many seconds after it was due."""
+        self._recent.begin(tick)
+        self.tick, self.missing, self._begun = tick, set(self._roster.holders), self._clock()
+        self._patient = self._begun + max(self._step + SLACK - lag, self._step * SHARE)
+        self._late += lag > self._step * LATE
+
+    @property
+    def deadline(self) -> float:
+        """Until when the missing are waited for: those who were late before do not hold up the others."""
+        return self._patient if self.missing - self._tardy else self._begun + self._step * SHARE
+
+    def expect(self, name: str) -> None:
+        """Somebody new holds an agent."""
+        self.release(name)
+        self.missing.add(name)
+
+    def release(self, name: str) -> None:
+        """Nobody holds this agent any more: it stands."""
+        self._newest.pop(name, None)
+        self._fresh.pop(name, None)
+        self.missing.discard(name)
+        self._tardy.discard(name)
+
+    def take(self, name: str, velocity: Velocity) -> None:
+        if velocity.holder != self._roster.holders[name]:
+            raise Refused("not the holder", WHOSE["not the holder"])
+        last = self._newest[name].velocity.tick if name in self._newest else -1
+        if velocity.tick == last:
+            raise Refused("answered already", f"tick {velocity.tick}")
+        refuse_other_tick(velocity.tick, max(self._recent.oldest, last), self.tick)
+        self._fresh[name] = _with_what_was_said(self._fresh.get(name), velocity)
+        self._newest[name] = Put(velocity, self._clock())
+        if velocity.tick == self.tick:
+            self.missing.discard(name)
+
+    def give_up(self) -> set[str]:
+        """The deadline is over: go on without the missing, who lose nothing by it."""
+        self.missing = set()
+        return set()
+
+    # -- one step
+
+    def actions(self) -> dict[str, Action]:
+        """What to apply, in the order of names; each deed once."""
+        held = sorted(self._roster.holders)
+        self._tardy = {name for name in held if name not in self._newest or self._newest[name].velocity.tick != self.tick}
+        self._missed += len(self._tardy)
+        self.velocities, self._fresh = self._fresh, {}
+        return {name: self._action(name, put) for name, put in sorted(self._newest.items()) if self._counts(put)}
+
+    def _counts(self, put: Put) -> bool:
+        return not self._recent.is_over(put.velocity.tick, put.at, self.tick)
+
+    def _action(self, name: str, put: Put) -> Action:
+        action = action_of(self.velocities.get(name, put.velocity))
+        if name not in self.velocities:
+            action.deeds = []
+        if put.velocity.once and not self._is_for_now(name, put.velocity.tick):
+            action.twist = STILL
+        if action.twist != STILL:
+            self._moved[name] = self.tick
+        return action
+
+    def _is_for_now(self, name: str, tick: int) -> bool:
+        """Whether the robot has not moved since the pose that an answer was given to."""
+        return self._moved.get(name, -1) < tick
+
+    def digests(self) -> dict[str, bytes]:
+        return {name: velocity.report.mail for name, velocity in self.velocities.items() if velocity.report is not None}
+
+    def figures(self) -> dict[str, int]:
+        """What the summary holds of it."""
+        return {"ticks_late": self._late, "velocities_missed": self._missed}
+
+
+def _with_what_was_said(before: Velocity | None, velocity: Velocity) -> Velocity:
+    """A velocity with the memory and the deeds of the one whose place it takes, which no step has used."""
+    if before is None or before.report is None:
+        return velocity
+    report = velocity.report or before.report
+    memory = before.report.memory if report.memory is None else report.memory
+    deeds = [deed for deed in before.report.deeds if deed not in report.deeds] + report.deeds
+    return msgspec.structs.replace(velocity, report=msgspec.structs.replace(report, memory=memory, deeds=deeds[:16]))

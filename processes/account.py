@@ -1,0 +1,60 @@
+"""The run in figures, as it goes and when it is over."""
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from orchard import wire
+from orchard.agent import Action
+from orchard.config import TIME_STEP
+
+if TYPE_CHECKING:
+    from orchard.engine import Engine
+    from orchard.events import Event
+
+FIGURES_SECONDS = 0.5  # of wall time between two messages with figures
+
+
+class Account:
+    """The run in figures, for those who watch it and for the summary."""
+
+    def __init__(self, engine: "Engine") -> None:
+        from orchard.metrics import Figures
+
+        self._world = engine.world
+        self._figures = Figures()
+        self.actions: dict[str, Action] = {}
+        self._begun = self._told = time.monotonic()
+
+    def begin(self) -> None:
+        self._begun = time.monotonic()
+
+    def update(self, events: "list[Event]", actions: dict[str, Action]) -> None:
+        self.actions = actions
+        self._figures.update(self._world, events, actions)
+
+    @property
+    def jam(self) -> list[str]:
+        """Who waits for whom, one line each, when nothing has gone on for ten minutes; else nothing."""
+        from orchard.metrics import who_waits
+
+        return (who_waits(self.actions) or ["nobody waits for anybody"]) if self._figures.jammed(self._world) else []
+
+    def figures(self) -> dict[str, Any]:
+        from orchard.metrics import harvest_figures
+
+        wall = time.monotonic() - self._begun
+        times = self._world.tick * TIME_STEP / wall if wall else 0.0
+        return harvest_figures(self._world, self._figures) | {"wall_seconds": round(wall, 3), "times_real_time": round(times, 1)}
+
+    def message(self, run: str, refused: dict[str, int]) -> wire.Figures:
+        doing = {name: action.doing for name, action in self.actions.items() if action.doing}
+        waits = {name: action.waits_for for name, action in self.actions.items() if action.waits_for}
+        return wire.Figures(run, self._world.tick, self.figures(), doing, waits, refused)
+
+    def is_due(self) -> bool:
+        """Whether half a second has passed since this last said so."""
+        now = time.monotonic()
+        if now - self._told < FIGURES_SECONDS:
+            return False
+        self._told = now
+        return True

@@ -1,0 +1,253 @@
+"""Realtime: the clock goes on, the newest velocity counts, and who falls silent stands. The rules without a network, and real processes."""
+
+import signal
+import time
+from contextlib import ExitStack
+
+import pytest
+from fleet import Fleet, until
+from test_mail import RUN, Clock, Query, heard_at, letter, roster
+from test_run import orchard, summary_of
+
+from orchard import wire
+from orchard.agent import Action
+from orchard.config import Animals, People, Scenario
+from orchard.geometry import Twist
+from orchard.hosting import STALE_TICKS, LiveMailbox, Sight
+from orchard.lockstep import Refused
+from orchard.messages import Couple, State, Yes, pack
+from orchard.realtime import SLACK, Live
+
+SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)
+STEP = 0.125  # s of wall time to a tick
+COUPLE = Couple("bin_01")
+
+
+# -- whose velocity counts
+
+
+def live(*held):
+    clock = Clock()
+    return Live(roster(*held or [("picker_01", "a")]), STEP, clock), clock
+
+
+def velocity(tick, x=1.0, once=False, deeds=(), memory=None, holder="a"):
+    report = wire.Report(deeds=list(deeds), memory=memory)
+    return wire.Velocity(RUN, tick, wire.Linear(x), wire.Angular(0.0), holder, once, report)
+
+
+def driven(one, clock, ticks):
+    """The forward velocities of picker_01 in the next ticks, in which nothing new comes."""
+    speeds = []
+    for _ in range(ticks):
+        action = one.actions().get("picker_01", Action())
+        speeds.append(action.twist.x)
+        clock.now += STEP
+        one.open(one.tick + 1)
+    return speeds
+
+
+def test_a_velocity_drives_on_until_its_half_second_is_over():
+    one, clock = live()
+    one.open(0)
+    one.take("picker_01", velocity(0))
+    assert driven(one, clock, 8) == [1.0] * 5 + [0.0] * 3
+
+
+def test_the_newest_velocity_counts_although_it_is_late():
+    one, clock = live()
+    for tick in range(3):
+        one.open(tick)
+        clock.now += STEP
+    one.take("picker_01", velocity(1, 0.5))
+    assert one.actions()["picker_01"].twist == Twist(0.5)
+    one.take("picker_01", velocity(2, 0.7))
+    assert one.actions()["picker_01"].twist == Twist(0.7)
+    for wrong, reason in [(velocity(1), "past tick"), (velocity(2), "answered already"), (velocity(9), "future tick")]:
+        with pytest.raises(Refused, match=reason):
+            one.take("picker_01", wrong)
+    with pytest.raises(Refused, match="not the holder"):
+        one.take("picker_01", velocity(2, holder="b"))
+
+
+def test_what_is_older_than_half_a_second_is_refused():
+    one, clock = live()
+    for tick in range(10):
+        one.open(tick)
+        clock.now += STEP
+    with pytest.raises(Refused, match="past tick"):
+        one.take("picker_01", velocity(3))
+
+
+def test_an_exact_velocity_drives_one_step_and_only_from_the_pose_that_it_answers():
+    one, clock = live()
+    one.open(0)
+    one.take("picker_01", velocity(0, once=True))
+    assert driven(one, clock, 2) == [1.0, 0.0]
+    one.take("picker_01", velocity(1, 0.5, once=True))
+    assert driven(one, clock, 2) == [0.5, 0.0], "late, but the robot has stood since"
+    one.take("picker_01", velocity(2, 0.5, once=True))
+    assert driven(one, clock, 1) == [0.0], "late, and the robot has moved since"
+
+
+def test_deeds_are_done_once_and_nothing_that_was_said_is_lost():
+    one, clock = live()
+    one.open(0)
+    one.take("picker_01", velocity(0, deeds=[COUPLE], memory=b"old"))
+    clock.now += STEP
+    one.open(1)
+    one.take("picker_01", velocity(1))
+    assert one.actions()["picker_01"].deeds == [COUPLE]
+    assert one.velocities["picker_01"].report.memory == b"old"
+    one.open(2)
+    assert one.actions()["picker_01"].deeds == []
+    assert one.velocities == {}
+
+
+def test_who_answers_in_time_has_a_moment_longer_than_the_tick_and_who_was_late_has_less():
+    one, clock = live(("picker_01", "a"), ("bin_01", "b"))
+    one.open(0)
+    assert one.deadline == pytest.approx(clock.now + STEP + SLACK)
+    one.take("picker_01", velocity(0))
+    assert one.give_up() == set()
+    one.actions()
+    clock.now += STEP
+    one.open(1, lag=0.15)
+    assert one.deadline == pytest.approx(clock.now + STEP + SLACK - 0.15)
+    one.take("picker_01", velocity(1))
+    assert one.deadline == pytest.approx(clock.now + STEP / 2)
+    one.actions()
+    one.open(2, lag=10.0)
+    assert one.deadline == pytest.approx(clock.now + STEP / 2), "the clock does not wait"
+    assert one.figures() == {"ticks_late": 2, "velocities_missed": 2}
+
+
+def test_the_robot_of_one_who_is_gone_stands_at_once():
+    one, _ = live()
+    one.open(0)
+    one.take("picker_01", velocity(0))
+    one.release("picker_01")
+    assert one.actions() == {}
+
+
+# -- mail, and ticks that are left out
+
+
+def test_mail_is_heard_at_the_next_tick_whichever_that_is():
+    box, query = LiveMailbox(RUN), Query(letter(tick=7))
+    box.join(5)
+    box.hear("picker_01", query)
+    (heard,) = heard_at(box, 9)
+    box.write("picker_01", Action(answers=[(heard, Yes())]))
+    box.close()
+    assert query.replies == [wire.Received(RUN, 7), wire.Answered(RUN, 9, Yes())]
+    assert query.dropped
+    assert heard_at(box, 10) == []
+
+
+def test_answers_come_when_they_come_and_silence_ends():
+    box = LiveMailbox(RUN)
+    box.join(5)
+    box.deliver(5)
+    one, _ = box.write("bin_01", Action(requests=[("picker_01", State()), ("picker_02", State())]))
+    assert box.is_sent(), "a velocity waits for nobody"
+    box.replied(one, pack(wire.Received(RUN, 5)))
+    box.replied(one, pack(wire.Answered(RUN, 11, Yes())))
+    one.final = True
+    assert [reply.body for reply in box.deliver(12)["bin_01"].replies] == [Yes()]
+    assert box.deliver(5 + STALE_TICKS) == {}
+    assert [reply.body for reply in box.deliver(6 + STALE_TICKS)["bin_01"].replies] == [None]
+    with pytest.raises(Refused, match="past tick"):
+        box.hear("bin_01", Query(letter(tick=1)))
+
+
+def test_a_tick_that_has_begun_does_not_hide_the_one_that_is_complete():
+    sight = Sight(RUN, ["traffic"], [])
+    sight.clock(pack(wire.Clock(RUN, 3, wire.Stamp(0, 0))))
+    sight.clock(pack(wire.Clock(RUN, 5, wire.Stamp(0, 0))))
+    assert sight.tick == 5
+    with pytest.raises(Refused, match="past tick"):
+        sight.clock(pack(wire.Clock(RUN, 4, wire.Stamp(0, 0))))
+
+
+# -- real processes
+
+
+@pytest.fixture
+def fleet(tmp_path):
+    with ExitStack() as stack:
+        yield Fleet(tmp_path, stack)
+
+
+def test_the_clock_goes_on_while_a_host_hangs_and_its_robot_stands(fleet):
+    fleet.physics(SMALL, "--mode", "realtime", "--speed", "2")
+    someone = fleet.client()
+    clock, poses = someone.hear("orchard/clock"), someone.hear("orchard/worker_01/pose")
+    fleet.host("--without", "worker_01", agents="callers:cast")
+    hung = fleet.host("--only", "worker_01", agents="callers:steady")
+    until(poses, lambda pose: pose["twist"]["linear"]["x"] == 0.5)
+    hung.signal(signal.SIGSTOP)
+    begun, first = time.monotonic(), until(clock, lambda message: clock.empty())["tick"]
+    last = until(clock, lambda message: message["tick"] >= first + 25)["tick"]
+    assert (last - first) / 20 == pytest.approx(time.monotonic() - begun, abs=1.0)
+    until(poses, lambda pose: pose["tick"] >= last - 5 and pose["twist"]["linear"]["x"] == 0.0)
+    hung.signal(signal.SIGCONT)
+    until(poses, lambda pose: pose["tick"] > last and pose["twist"]["linear"]["x"] == 0.5)
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+
+
+def test_the_robot_of_a_killed_host_stands_and_a_new_host_takes_it_over(fleet):
+    fleet.physics(SMALL, "--mode", "realtime", "--speed", "2")
+    someone = fleet.client()
+    lost, velocities = someone.hear("orchard/lost"), someone.hear("orchard/picker_01/velocity")
+    fleet.host("--without", "picker_01", agents="callers:cast")
+    killed = fleet.host("--only", "picker_01", agents="callers:cast")
+    before = until(velocities, lambda velocity: velocity["tick"] >= 5)["tick"]
+    killed.signal(signal.SIGKILL)
+    until(lost, lambda message: message["names"] == ["picker_01"])
+    fleet.hosts.remove(killed)
+    fleet.host("--only", "picker_01", agents="callers:cast")
+    until(velocities, lambda velocity: velocity["tick"] > before + 10)
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+
+
+def test_a_part_of_a_harvest_with_a_process_for_each_agent(tmp_path):
+    """After 10 s, paced by the wall clock, the pickers are well within their rows."""
+    path = tmp_path / "summary.json"
+    done = orchard("--rows", 3, "--mode", "realtime", "--hosts", "each", "--record", "none", "--duration", 10, "--summary", path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    summary = summary_of(path)
+    assert summary["mode"] == "realtime"
+    assert summary["wall_seconds"] > 9.0
+    assert summary["distance_metres"]["picker"] > 10.0
+    assert {"ticks_late", "velocities_missed"} <= summary.keys()
+
+
+def test_the_exchange_of_bins_works_in_realtime(tmp_path):
+    """At speed 10, up to the first exchanges; where the machine does not keep up, it takes longer."""
+    path = tmp_path / "summary.json"
+    arguments = ["--rows", 3, "--mode", "realtime", "--speed", 10, "--hosts", 1, "--record", "none", "--summary", path]
+    done = orchard(*arguments, "--duration", 330)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert summary_of(path)["bins_delivered"] >= 1
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(("speed", "hosts"), [(1, "each"), (5, "each"), (20, 2)])
+def test_soak_a_whole_harvest_in_realtime(tmp_path, speed, hosts):
+    path = tmp_path / "summary.json"
+    arguments = ["--rows", 3, "--mode", "realtime", "--speed", speed, "--hosts", hosts, "--record", "none", "--summary", path]
+    done = orchard(*arguments, seconds=3000)
+    assert done.returncode == 0, done.stdout + done.stderr
+    summary = summary_of(path)
+    assert summary["finished"], summary
+    assert summary["bins_delivered"] == 3
+
+
+def test_realtime_without_a_pace_is_refused():
+    done = orchard("--mode", "realtime", "--speed", "max", seconds=30)
+    assert done.returncode == 2
+    assert "--speed" in done.stderr
+    assert "wall clock" in done.stderr

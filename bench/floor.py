@@ -11,6 +11,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from queue import SimpleQueue
 
@@ -40,8 +41,8 @@ def ticks_per_second(traffic: Traffic, seconds: float) -> float:
         counter = _Counter(traffic.clients * traffic.back, arrived)
         ready: SimpleQueue[None] = SimpleQueue()
         kept = [
-            session.declare_subscriber("floor/back/*/*", Callback(counter.count, indirect=False)),
-            session.liveliness().declare_subscriber("floor/ready/*", Callback(lambda sample: ready.put(None), indirect=False), history=True),
+            session.declare_subscriber("floor/back/*/*", _calling(counter.count)),
+            session.liveliness().declare_subscriber("floor/ready/*", _calling(lambda sample: ready.put(None)), history=True),
         ]
         clients = [_start(endpoint, i, traffic) for i in range(traffic.clients)]
         try:
@@ -98,15 +99,20 @@ def _client(endpoint: str, number: int, back: int, size: int) -> None:
     with zenoh.open(_config("client", "connect", endpoint)) as session:
         publishers, payload = [_publisher(session, f"floor/back/{number}/{k}") for k in range(back)], bytes(size)
         kept = [
-            session.declare_subscriber(f"floor/ahead/{number}/*", Callback(lambda sample: sample.payload.to_bytes(), indirect=False)),
-            session.declare_subscriber("floor/end", Callback(lambda sample: awake.put(False), indirect=False)),
+            session.declare_subscriber(f"floor/ahead/{number}/*", _calling(lambda sample: sample.payload.to_bytes())),
+            session.declare_subscriber("floor/end", _calling(lambda sample: awake.put(False))),
         ]
         for key in (f"floor/last/{number}", "floor/last/all"):
-            kept.append(session.declare_subscriber(key, Callback(lambda sample: awake.put(bool(sample.payload.to_bytes())), indirect=False)))
+            kept.append(session.declare_subscriber(key, _calling(lambda sample: awake.put(bool(sample.payload.to_bytes())))))
         kept.append(session.liveliness().declare_token(f"floor/ready/{number}"))
         while awake.get():
             for publisher in publishers:
                 publisher.put(payload)
+
+
+def _calling(function: Callable[[zenoh.Sample], object]) -> Callback:
+    """In zenoh's own thread, as the bus does it."""
+    return Callback(function, indirect=False)
 
 
 def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:

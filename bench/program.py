@@ -58,7 +58,7 @@ def lockstep_ticks_per_second(words: list[str], hosts: str, ticks: int, record: 
     with TemporaryDirectory() as folder:
         summary = Path(folder) / "summary.json"
         recording = str(Path(folder) / "run.rrd") if record else "none"
-        command = _run(words, hosts, ticks) + ["--record", recording, "--summary", str(summary)]
+        command = [*_run(words, hosts, ticks), "--record", recording, "--summary", str(summary)]
         subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
         return ticks / float(json.loads(summary.read_text())["wall_seconds"])
 

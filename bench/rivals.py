@@ -12,7 +12,7 @@ PACKAGES = {"IR-SIM": "ir-sim==2.12.0", "irsim-x": "irsim-x==1.1.4", "navground"
 ALSO = ("numpy==2.4.6", "pyyaml==6.0.3")  # for the drivers
 START_SECONDS = 90.0  # a thousand robots take a while to be made
 
-# Steps/s as the issue quotes them for 10, 30, 100, 300 and 1000 robots: another run, and for a simulator that is not to be had here, all there is.
+# Steps/s as issue 6 quotes them for 10, 30, 100, 300 and 1000 robots: of another run; of Stage, which no registry has, there is no other.
 QUOTED: dict[str, tuple[float, ...]] = {
     "Stage 4.3 at 0.02 m": (411, 94, 24, 7.0, 2.8),
     "Stage 4.3 at 0.1 m": (2111, 649, 120, 40, 16),

@@ -1,0 +1,32 @@
+"""Measure everything, print the tables and write docs/benchmarks.md: `python -m bench`, in less than ten minutes."""
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from bench.measure import STEPS, measure
+from bench.report import markdown
+
+TARGET = Path(__file__).parents[1] / "docs" / "benchmarks.md"
+
+
+def main() -> None:
+    console = Console(stderr=True, highlight=False)
+    columns = (BarColumn(30), TimeElapsedColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task("", total=STEPS)
+
+        def say(what: str) -> None:
+            progress.update(task, advance=1, description=what)
+            if not console.is_terminal:
+                console.print(what)
+
+        text = markdown(measure(say))
+    TARGET.write_text(text)
+    print(text)
+    console.print(f"written to {TARGET.relative_to(Path.cwd()) if TARGET.is_relative_to(Path.cwd()) else TARGET}")
+
+
+if __name__ == "__main__":
+    main()

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from orchard.app.entries import entries
 from orchard.bounds import bounds_of
 from orchard.layout import TOP, TREES_X, X_MAX, Layout
 
@@ -26,11 +27,16 @@ def figures(layout: Layout) -> list[Figure]:
         Figure("Bound", f"{bounds.bins_per_hour:.1f} bins/h", "no harvest of this orchard can do more for long"),
         Figure("Bottleneck", bounds.bottleneck, "the part that allows least"),
         Figure("Carriers", str(scenario.carrier_count), "as set" if scenario.carriers else "7 for every 10 pickers"),
-        Figure("Enough carriers", str(enough), "more would not speed up the harvest"),
+        Figure("Enough carriers", str(enough), _enough_note(enough)),
         Figure("Bins", str(bins), f"one for each robot; {scenario.rows} are to be filled"),
         Figure("Trees", str(trees), f"{len(layout.tree_lines)} lines of {len(TREES_X)}"),
         Figure("Harvest field", f"{2 * X_MAX:.0f} x {TOP - layout.bottom:.1f} m", "from fence to fence"),
     ]
+
+
+def _enough_note(enough: int) -> str:
+    most = entries()["carriers"].high
+    return "more would not speed up the harvest" if enough <= most else f"more would not help; at most {most} can be set"
 
 
 def terms(layout: Layout) -> dict[str, float]:

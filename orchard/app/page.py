@@ -105,7 +105,8 @@ class Page:
         if (scenario := self.draft.scenario) is None:
             self.stage.plan.fade()
             return
-        layout = await run.io_bound(lay_out, scenario)
+        if (layout := await run.io_bound(lay_out, scenario)) is None:
+            return  # the server is about to end
         self.stage.plan.show(layout)
         self.figures.show(layout)
 

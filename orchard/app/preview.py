@@ -1,6 +1,7 @@
 """What a scenario looks like before it is run: the plan to scale, and the derived figures."""
 
 from nicegui import ui
+from nicegui.events import ValueChangeEventArguments
 
 from orchard.app.figures import Figure, figures, terms
 from orchard.kinds import KINDS
@@ -13,6 +14,7 @@ class PlanView:
 
     def __init__(self) -> None:
         self._plan = ui.html("", sanitize=False).classes("plan").props("data-view=plan")
+        ui.switch("Full width", on_change=self._widen).classes("corner").props("dense size=sm data-field=full-width")
         with ui.element("div").classes("legend"):
             for name, colour in _legend():
                 with ui.element("div").classes("legend-entry"):
@@ -22,6 +24,10 @@ class PlanView:
     def show(self, layout: Layout) -> None:
         self._plan.set_content(orchard_plan(layout))
         self._plan.classes(remove="stale")
+
+    def _widen(self, event: ValueChangeEventArguments) -> None:
+        """A long orchard is small where all of it is to be seen at once."""
+        self._plan.classes(**{"add" if event.value else "remove": "wide"})
 
     def fade(self) -> None:
         """What is entered cannot be drawn: what is seen is of before."""

@@ -41,7 +41,7 @@ class Run:
         self.told = 0  # lines so far, dropped ones among them
         self.headline: Headline | None = None
         self.summary: dict[str, Any] | None = None
-        self.asked_to_stop = False
+        self.asked_to_stop = self._is_hushed = False
         self.begun = time.monotonic()
         self._web: subprocess.Popen | None = None
         files.scenario.write_text(to_yaml(order.scenario))
@@ -60,15 +60,21 @@ class Run:
         """Until it ends; the summary and the recording are there before `state` says that it has ended."""
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            self.headline = read_headline(line) or self.headline
-            self.lines.append(line.rstrip())
-            self.told += 1
+            self._hear(line)
         self._process.wait()
         with contextlib.suppress(OSError, ValueError, KeyError):
             self.summary = json.loads(self.files.summary.read_text())
             self.headline = of_summary(self.summary)
         if self.files.recording.exists():
             self._web = serve_web(str(self.files.recording), self.port)
+
+    def _hear(self, line: str) -> None:
+        """Keep a line; where Python was interrupted while it started is nobody's business."""
+        self._is_hushed = self._is_hushed or (self.asked_to_stop and line.startswith("Traceback"))
+        if not self._is_hushed:
+            self.headline = read_headline(line) or self.headline
+            self.lines.append(line.rstrip())
+            self.told += 1
 
     @property
     def is_over(self) -> bool:

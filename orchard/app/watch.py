@@ -69,38 +69,43 @@ class MessagesView:
 
 
 class PictureView:
-    """Rerun's viewer in a frame, once there is one to show."""
+    """Rerun's viewer in a frame, once there is something to show: first the live picture, at the end the recording."""
 
     def __init__(self) -> None:
         self._hint = ui.label().classes("hint")
-        self._link = ui.link("Open in a window of its own", "", new_tab=True).classes("picture-link")
+        self._link = ui.link("Open in a window of its own", "", new_tab=True).classes("corner")
         self._frame = ui.element("iframe").classes("picture").props("data-view=picture allow=fullscreen")
-        self._run: Run | None = None
+        self._shown: tuple[Run, bool] | None = None  # and whether it was over
         self._is_vain = False
         self.is_seen = False  # the viewer is large: it is not loaded before somebody looks
-        self.say("The live picture appears here when a harvest runs.")
+        self._say("The live picture appears here when a harvest runs.")
 
     @property
     def is_settled(self) -> bool:
-        """Whether it shows the run, or never will."""
-        return self._run is not None or self._is_vain
+        """Whether it shows the recording of a run that is over, or never will."""
+        return self._is_vain or (self._shown is not None and self._shown[1])
 
-    def say(self, words: str) -> None:
+    def show(self, run: Run) -> None:
+        """Point the frame at a run once its servers answer; then leave it alone, for it would load anew."""
+        now = (run, run.is_over)
+        if now == self._shown or not self.is_seen:
+            return
+        ready = is_open(run.port) and is_open(run.port + 1)
+        if ready:
+            self._point_to(page_url(run.port) + ("&recording=1" if run.is_over else ""))
+        self._shown = now if ready else None
+        self._say("" if ready else _without_picture(run))
+        self._is_vain = not ready and run.is_over and not run.files.recording.exists()
+
+    def _point_to(self, url: str) -> None:
+        self._frame.props(f'src="{url}"')
+        self._link.props(f'href="{url}"')
+
+    def _say(self, words: str) -> None:
         self._hint.set_text(words)
         self._hint.set_visibility(bool(words))
         for element in (self._frame, self._link):
             element.set_visibility(not words)
-
-    def show(self, run: Run) -> None:
-        """Point the frame at a run once both its servers answer; then leave it alone, or it would load anew."""
-        if run is self._run or not self.is_seen:
-            return
-        self._run = run if is_open(run.port) and is_open(run.port + 1) else None
-        if self._run is not None:
-            self._frame.props(f'src="{page_url(run.port)}"')
-            self._link.props(f'href="{page_url(run.port)}"')
-        self.say("" if self._run is not None else _without_picture(run))
-        self._is_vain = self._run is None and run.is_over and not run.files.recording.exists()
 
 
 def _without_picture(run: Run) -> str:

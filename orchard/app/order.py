@@ -7,7 +7,7 @@ from pathlib import Path
 from orchard.config import Scenario
 
 ROOT = Path(__file__).parent.parent.parent
-HAS_WEB = '"--web"' in (ROOT / "run.py").read_text()  # until run.py serves the live picture: then this line goes
+HAS_WEB = "web: Annotated[" in (ROOT / "run.py").read_text()  # until run.py serves the live picture: then this line goes
 MODES = {"lockstep": "processes over Zenoh, as on separate machines", "local": "all in one process, without a network"}
 
 

@@ -204,7 +204,7 @@ def _raise(first, last, a, b, fan, inverse):
         inverse[k] = found if found > inverse[k] else inverse[k]
 
 
-@jit
+@inlined
 def _paint_inside(along, across, axis_x, axis_y, box, fan, inverse):
     """Raise the 1/t of all beams of a sensor inside a box to those of the faces by which they leave it."""
     ahead, behind = box[HALF_LENGTH] - along, box[HALF_LENGTH] + along
@@ -212,11 +212,11 @@ def _paint_inside(along, across, axis_x, axis_y, box, fan, inverse):
     if min(min(ahead, behind), min(on_left, on_right)) <= TOUCH:
         inverse[:] = np.inf
         return
-    last = len(inverse) - 1
-    _raise(0, last, axis_x / ahead, axis_y / ahead, fan, inverse)
-    _raise(0, last, -axis_x / behind, -axis_y / behind, fan, inverse)
-    _raise(0, last, -axis_y / on_left, axis_x / on_left, fan, inverse)
-    _raise(0, last, axis_y / on_right, -axis_x / on_right, fan, inverse)
+    for k in range(len(inverse)):
+        c, s = fan.cosine[k], fan.sine[k]
+        by_an_end = max(axis_x / ahead * c + axis_y / ahead * s, -axis_x / behind * c - axis_y / behind * s)
+        by_a_side = max(axis_x / on_left * s - axis_y / on_left * c, axis_y / on_right * c - axis_x / on_right * s)
+        inverse[k] = max(inverse[k], max(by_an_end, by_a_side))
 
 
 @jit

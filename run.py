@@ -6,32 +6,23 @@
 
 import math
 import os
-import signal
 import subprocess
 import sys
-import time
-from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
-from orchard.config import Scenario, ScenarioError, load, to_yaml, with_changes
+from orchard.config import ScenarioError, load, with_changes
 from orchard.progress import Progress
 from orchard.summary import as_table, write
-
-if TYPE_CHECKING:
-    from orchard.bus import Bus
-    from processes.fleet import Fleet
+from processes.wish import Wish
 
 HERE = Path(__file__).parent
 RUNS = HERE / "runs"
-STOP_SECONDS = 2.0  # for which the processes may close what they have open, after Ctrl-C
-GOODBYE_SECONDS = 60.0  # for which the logger may pack its recording, after a run that ended by itself
 LIVE_SPEED = 4.0  # with --view, unless another is given
 FINISHED, FAILED, BAD_INPUT = 0, 1, 2
 
@@ -78,17 +69,10 @@ Duration = Annotated[float | None, typer.Option(callback=_seconds, help="Stop af
 Record = Annotated[str | None, typer.Option(metavar="FILE.rrd|none", help="Where the recording goes. Default: a new file in runs/.")]
 
 
-@dataclass(frozen=True)
-class Wish:
-    """How a run shall be run."""
-
-    scenario: Scenario
-    mode: Mode
-    speed: float  # simulated seconds to a second; infinity: as fast as it goes
-    hosts: int | None  # agent processes; 0: one each; None: a sensible few
-    duration: float | None  # s, simulated
-    recording: Path | None
-    view: bool
+Listen = Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Where others may join: tcp/0.0.0.0:7447.")]
+Connect = Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Meet at a router elsewhere: tcp/192.168.1.10:7447.")]
+Without = Annotated[list[str] | None, typer.Option(metavar="KIND|NAME", help="Leave these to others, and wait for them (repeatable).")]
+Only = Annotated[list[str] | None, typer.Option(metavar="KIND|NAME", help="Run just these agents of a run elsewhere (repeatable).")]
 
 
 @app.command()
@@ -106,8 +90,15 @@ def harvest(
     record: Record = None,
     view: Annotated[bool, typer.Option("--view", help="Open the viewer, and watch live.")] = False,
     summary: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the summary.")] = None,
+    listen: Listen = None,
+    connect: Connect = None,
+    without: Without = None,
+    only: Only = None,
 ) -> None:
     """Harvest an orchard to the end."""
+    _check_places(mode, listen, connect, without, only)
+    if only and connect:
+        raise typer.Exit(_visit(connect, only, without or [], hosts))
     changes = {"rows": rows, "pickers": pickers, "row_width": row_width, "carriers": carriers, "seed": seed}
     try:
         chosen = with_changes(load(scenario or HERE / "config" / "orchard.yaml"), **{k: v for k, v in changes.items() if v is not None})
@@ -116,9 +107,19 @@ def harvest(
     except (ScenarioError, OSError) as error:
         errors.print(str(error), markup=False, soft_wrap=True)
         raise typer.Exit(BAD_INPUT) from None
-    wish = Wish(chosen, mode, _pace(mode, speed, view), hosts, duration, recording, view)
+    wish = Wish(chosen, mode.value, _pace(mode, speed, view), hosts, duration, recording, view, listen, connect, tuple(without or ()))
     result, why = (_alone if mode == Mode.local else _together)(wish)
     raise typer.Exit(_tell(result, why, recording, summary))
+
+
+def _check_places(mode: Mode, listen: str | None, connect: str | None, without: list[str] | None, only: list[str] | None) -> None:
+    """Options that contradict each other. With --only nothing else than --connect, --without and --hosts means anything."""
+    if mode == Mode.local and (listen or connect or without or only):
+        raise typer.BadParameter("local mode is one process; leave out --listen, --connect, --without and --only", param_hint="--mode")
+    if listen and connect:
+        raise typer.BadParameter("either be where others meet, or go where they do: --listen or --connect", param_hint="--listen")
+    if only and not connect:
+        raise typer.BadParameter("run these agents of which run? --connect ENDPOINT tells", param_hint="--only")
 
 
 def _pace(mode: Mode, speed: float | None, view: bool) -> float:
@@ -189,11 +190,11 @@ def _recorder(wish: Wish) -> Any:
         return None
     from orchard.layout import lay_out
     from orchard.view import Recorder
-    from processes.fleet import free_port
+    from processes.fleet import free_port, open_viewer
 
     recorder = Recorder(lay_out(wish.scenario), _run_name(wish), wish.recording, serve=wish.view, port=free_port() if wish.view else 0)
     if wish.view:
-        _open_viewer(recorder.uri)
+        open_viewer(recorder.uri)
     return recorder
 
 
@@ -206,99 +207,31 @@ def _run_name(wish: Wish) -> str:
 
 def _together(wish: Wish) -> tuple[dict[str, Any] | None, str]:
     """Physics, agents and logger as processes of their own."""
-    from processes.fleet import Fleet
+    from orchard.bus import BusError
+    from processes.together import run
 
-    with TemporaryDirectory() as folder, Progress(Console(highlight=False)) as progress, Fleet(progress.say) as fleet:
-        file = Path(folder) / "scenario.yaml"
-        file.write_text(to_yaml(wish.scenario))
-        endpoint, viewer = _start(fleet, wish, file)
-        summary, why = _follow(fleet, endpoint, progress)
-        fleet.wait(STOP_SECONDS if why == "stopped" else GOODBYE_SECONDS)
-        if viewer is not None and why == "stopped":
-            viewer.terminate()
-        return summary, why
-
-
-def _start(fleet: "Fleet", wish: Wish, file: Path) -> tuple[str, subprocess.Popen | None]:
-    """Start everything; the endpoint at which it meets, and the viewer."""
-    from processes.fleet import Program, free_port
-
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    pace = ["--mode", wish.mode.value, "--speed", "max" if math.isinf(wish.speed) else str(wish.speed)]
-    limit = [] if wish.duration is None else ["--duration", str(wish.duration)]
-    fleet.start(Program("physics", "processes.physics", [str(file), "--listen", endpoint, *pace, *limit]))
-    for name, share in _shares(wish.scenario, wish.hosts):
-        fleet.start(Program(name, "processes.agents", ["--connect", endpoint, *share], again=True))
-    return endpoint, _start_logger(fleet, wish, endpoint)
-
-
-def _start_logger(fleet: "Fleet", wish: Wish, endpoint: str) -> subprocess.Popen | None:
-    """Start the logger, if anything is to be recorded or seen; the viewer."""
-    from processes.fleet import Program, free_port
-
-    port = free_port()
-    file = [] if wish.recording is None else ["--record", str(wish.recording.resolve())]
-    live = ["--serve", str(port)] if wish.view else []
-    if file or live:
-        fleet.start(Program("logger", "processes.logger", ["--connect", endpoint, *file, *live]))
-    return _open_viewer(f"rerun+http://127.0.0.1:{port}/proxy") if wish.view else None
-
-
-def _shares(scenario: Scenario, hosts: int | None) -> list[tuple[str, list[str]]]:
-    """(name of an agent process, which agents it hosts)."""
-    if hosts == 0:
-        from orchard.agents import cast
-        from orchard.layout import lay_out
-
-        return [(name, ["--only", name]) for name in cast(lay_out(scenario))]
-    count = hosts or min(4, os.cpu_count() or 1)
-    return [(f"agents {i + 1}", ["--share", f"{i}/{count}"]) for i in range(count)]
-
-
-def _follow(fleet: "Fleet", endpoint: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
-    """Show how it goes until it is over; the summary, and why it ended."""
-    from orchard.bus import BusError, Inbox, Signal, client
-    from orchard.keys import Keys
-
-    inbox, keys = Inbox(), Keys()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
     try:
-        with client(endpoint, inbox) as bus:
-            for what in ("figures", "end"):
-                bus.subscribe(keys.of(what))
-            return _listen(fleet, bus, keys.of("end"), progress)
-    except BusError as error:
-        return None, str(error)
+        with Progress(Console(highlight=False)) as progress:
+            return run(wish, progress)
+    except (BusError, ValueError) as error:
+        errors.print(str(error), markup=False, soft_wrap=True)
+        raise typer.Exit(BAD_INPUT) from None
 
 
-def _listen(fleet: "Fleet", bus: "Bus", end_key: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
-    from orchard.bus import Sample, Signal
-    from orchard.wire import End, Figures, read
+def _visit(endpoint: str, only: list[str], without: list[str], hosts: int | None) -> int:
+    """Run these agents of a run elsewhere; the exit code."""
+    from orchard.bus import BusError
+    from processes.together import visit
 
-    deadline = math.inf
-    while time.monotonic() < deadline:
-        item = bus.inbox.take(0.2)
-        if isinstance(item, Signal):
-            fleet.terminate("physics")
-            deadline = min(deadline, time.monotonic() + STOP_SECONDS)
-        elif isinstance(item, Sample) and item.key == end_key:
-            end = read(item.payload, End)
-            return end.summary, end.why
-        elif isinstance(item, Sample):
-            figures = read(item.payload, Figures)
-            progress.show(figures.figures, figures.doing, figures.waits_for)
-        elif fleet.exit_code("physics") is not None:
-            return None, f"physics ended with code {fleet.exit_code('physics')}"
-        fleet.watch()
-    return None, "stopped"
+    try:
+        with Progress(Console(highlight=False)) as progress:
+            return visit(endpoint, only, without, hosts, progress)
+    except (BusError, ValueError) as error:
+        errors.print(str(error), markup=False, soft_wrap=True)
+        return BAD_INPUT
 
 
 # -- looking at recordings
-
-
-def _open_viewer(what: str) -> subprocess.Popen:
-    return subprocess.Popen([sys.executable, "-m", "rerun", what], start_new_session=True)
 
 
 @app.command()

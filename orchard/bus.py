@@ -21,7 +21,7 @@ from zenoh.handlers import Callback
 log = logging.getLogger("orchard.bus")
 
 LOOPBACK = "tcp/127.0.0.1:0"
-CONNECT_SECONDS = 8.0  # for how long a client looks for its router
+CONNECT_SECONDS = 7.0  # for how long a client looks for its router
 LISTEN_SECONDS = 1.0  # for how long a router tries to get its port
 LEASE_MS = 2000  # after which a silent neighbour counts as gone
 FULL_QUEUE_US = 300_000  # how long the router waits for a neighbour that takes nothing before it cuts it off
@@ -33,6 +33,10 @@ _ASKING: dict[str, Any] = {
     "consolidation": zenoh.ConsolidationMode.NONE,  # AUTO would hold the first reply back until the last
     "congestion_control": zenoh.CongestionControl.BLOCK,
 }
+
+
+_NO_ENDPOINT = "not an endpoint; an endpoint is like tcp/127.0.0.1:7447"
+_IN_USE = "cannot listen there; the port is in use, or the address is not this machine's"
 
 
 class BusError(Exception):
@@ -235,21 +239,21 @@ def _replied(ticket: Any, reply: zenoh.Reply) -> Replied:
 @contextmanager
 def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None) -> Iterator[Bus]:
     """A session that routes for others. Port 0 takes a free one; `bus.endpoint` tells which."""
-    endpoint = _with_port(endpoint)
+    endpoint = with_port(endpoint)
     with _session("router", endpoint) as session:
         yield Bus(session, Inbox() if inbox is None else inbox, endpoint)
 
 
 @contextmanager
-def client(endpoint: str, inbox: Inbox | None = None) -> Iterator[Bus]:
-    """A session that talks through a router."""
-    with _session("client", endpoint) as session:
+def client(endpoint: str, inbox: Inbox | None = None, seconds: float | None = None) -> Iterator[Bus]:
+    """A session that talks through a router, for which it looks that long."""
+    with _session("client", endpoint, CONNECT_SECONDS if seconds is None else seconds) as session:
         yield Bus(session, Inbox() if inbox is None else inbox, endpoint)
 
 
 @contextmanager
-def _session(mode: str, endpoint: str) -> Iterator[zenoh.Session]:
-    session = _open(mode, endpoint)
+def _session(mode: str, endpoint: str, seconds: float = 0.0) -> Iterator[zenoh.Session]:
+    session = _open(mode, endpoint, seconds)
     try:
         yield session
     finally:
@@ -259,22 +263,22 @@ def _session(mode: str, endpoint: str) -> Iterator[zenoh.Session]:
             log.warning("the session with %s did not close: %s", endpoint, error)
 
 
-def _open(mode: str, endpoint: str) -> zenoh.Session:
+def _open(mode: str, endpoint: str, seconds: float) -> zenoh.Session:
     try:
-        return zenoh.open(_config(mode, endpoint))
+        return zenoh.open(_config(mode, endpoint, seconds))
     except zenoh.ZError as error:
-        raise BusError(_explain(mode, endpoint, str(error))) from error
+        raise BusError(_explain(mode, endpoint, seconds, str(error))) from error
 
 
-def _explain(mode: str, endpoint: str, error: str) -> str:
+def _explain(mode: str, endpoint: str, seconds: float, error: str) -> str:
     if "must be of the form" in error:
-        return f"{endpoint}: not an endpoint; an endpoint is like tcp/127.0.0.1:7447"
+        return f"{endpoint}: {_NO_ENDPOINT}"
     if mode == "client":
-        return f"{endpoint}: nobody listens there; tried for {CONNECT_SECONDS:g} s"
-    return f"{endpoint}: cannot listen there; the port is in use, or the address is not this machine's"
+        return f"{endpoint}: nobody listens there; tried for {seconds:g} s"
+    return f"{endpoint}: {_IN_USE}"
 
 
-def _config(mode: str, endpoint: str) -> zenoh.Config:
+def _config(mode: str, endpoint: str, seconds: float) -> zenoh.Config:
     settings = {
         "mode": mode,
         "scouting/multicast/enabled": False,
@@ -282,7 +286,7 @@ def _config(mode: str, endpoint: str) -> zenoh.Config:
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
     }
-    settings |= _listening(endpoint) if mode == "router" else _connecting(endpoint)
+    settings |= _listening(endpoint) if mode == "router" else _connecting(endpoint, seconds)
     config = zenoh.Config()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
@@ -298,16 +302,39 @@ def _listening(endpoint: str) -> dict[str, Any]:
     }
 
 
-def _connecting(endpoint: str) -> dict[str, Any]:
+def _connecting(endpoint: str, seconds: float) -> dict[str, Any]:
     return {
         "connect/endpoints": [endpoint],
-        "connect/timeout_ms": int(CONNECT_SECONDS * 1000),
+        "connect/timeout_ms": int(seconds * 1000),
         "connect/exit_on_failure": True,
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
     }
 
 
-def _with_port(endpoint: str) -> str:
+def check_free(endpoint: str) -> None:
+    """BusError where a router could not listen. Only TCP is looked at."""
+    protocol, _, address = endpoint.partition("/")
+    host, _, port = address.rpartition(":")
+    if not (protocol and host and port):
+        raise BusError(f"{endpoint}: {_NO_ENDPOINT}")
+    if protocol != "tcp" or not port.isdecimal() or int(port) > 65535:
+        return
+    family = socket.AF_INET6 if host.startswith("[") else socket.AF_INET
+    try:
+        with socket.socket(family) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((host.strip("[]"), int(port)))
+            probe.listen()
+    except OSError as error:
+        raise BusError(f"{endpoint}: {_IN_USE}") from error
+
+
+def reachable(endpoint: str) -> str:
+    """The endpoint by which this machine reaches itself, where a router listens on all of its addresses."""
+    return endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
+
+
+def with_port(endpoint: str) -> str:
     """The endpoint itself, or with a port that was free a moment ago in the place of port 0: zenoh does not tell which one it took."""
     if not endpoint.endswith(":0"):
         return endpoint

@@ -22,7 +22,7 @@ log = logging.getLogger("orchard")
 ANSWER_SECONDS = 120.0  # for how long physics may take to answer a newcomer: it may be compiling
 MANY = 1 << 30  # poses and scans: the clock tells when they are all there
 AGAIN_SECONDS = 0.1  # between two tries, while nobody is there to answer
-TRIES = 80
+TRIES = 300  # half a minute: physics starts slowly on a busy machine
 
 
 class Ended(Exception):

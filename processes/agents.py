@@ -10,15 +10,15 @@ import importlib
 import logging
 import signal
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 from orchard.agent import Agent
 from orchard.bus import Bus, BusError, Inbox, Item, Signal, client
 from orchard.config import ScenarioError, check
 from orchard.host import Ended, Host, told
 from orchard.keys import PREFIX, Keys
-from orchard.kinds import kind_of
 from orchard.layout import Layout, lay_out
+from orchard.names import chosen
 from orchard.wire import Newcomer, read
 
 log = logging.getLogger("orchard")
@@ -32,24 +32,6 @@ def _only_signals(item: Item) -> None:
 
 
 # -- which agents
-
-
-def chosen(names: Iterable[str], only: list[str], without: list[str], share: str = "0/1") -> list[str]:
-    """Those of the names that these words choose: kinds or names, and every n-th of what is left."""
-    names = list(names)
-    for word in [*only, *without]:
-        if not any(word in (name, kind_of(name)) for name in names):
-            raise ValueError(f"{word}: no such agent or kind; there are {', '.join(sorted({kind_of(name) for name in names}))}")
-    first, of = _share(share)
-    kept = [name for name in names if not only or name in only or kind_of(name) in only]
-    return [name for name in kept if name not in without and kind_of(name) not in without][first::of]
-
-
-def _share(text: str) -> tuple[int, int]:
-    first, _, of = text.partition("/")
-    if not (first.isdecimal() and of.isdecimal() and int(first) < int(of)):
-        raise ValueError(f"share {text}: wanted is I/N, with I from 0 to N - 1")
-    return int(first), int(of)
 
 
 def factory(path: str) -> Factory:

@@ -63,6 +63,10 @@ class Fleet:
         """None while a process runs, or was never started."""
         return self.running[name].popen.poll() if name in self.running else None
 
+    def exit_codes(self) -> list[int | None]:
+        """Of all; None of one that runs."""
+        return [running.popen.poll() for running in self.running.values()]
+
     def watch(self) -> None:
         """Start again what has died and may be started again."""
         for name, running in list(self.running.items()):
@@ -105,3 +109,8 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+def open_viewer(what: str) -> subprocess.Popen:
+    """Rerun's own window, which stays when this process has ended."""
+    return subprocess.Popen([sys.executable, "-m", "rerun", what], start_new_session=True)

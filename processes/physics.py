@@ -18,16 +18,16 @@ from typing import TYPE_CHECKING
 
 from orchard import wire
 from orchard.agent import Observation
-from orchard.bus import LOOPBACK, Alive, Bus, BusError, Inbox, Item, Question, Sample, Signal, router
+from orchard.bus import LOOPBACK, Alive, Bus, BusError, Inbox, Item, Question, Sample, Signal, client, router
 from orchard.camera import Camera
 from orchard.config import TIME_STEP, Scenario, ScenarioError, load
 from orchard.keys import PHYSICS, PREFIX, Keys
 from orchard.kinds import KINDS
 from orchard.lockstep import Answers, Loose, Memories, Pacer, Refusals, Refused, Roster, understood
 from orchard.messages import pack
+from orchard.names import chosen
 from orchard.realtime import Live
 from processes.account import Account
-from processes.agents import chosen
 from processes.announcer import Announcer
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ class Options:
     ticks: float = math.inf  # after which it ends
     patience: float = 15.0  # s, for how long an agent may be silent
     absent: tuple[str, ...] = ()  # agents that are not waited for at the beginning
+    run: str = ""  # the run's id; '': one is made
 
 
 class Stopped(Exception):
@@ -64,7 +65,7 @@ class Physics:
 
     def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: Options) -> None:
         self.bus, self.keys, self.engine, self.options = bus, keys, engine, options
-        self.run_id = uuid.uuid4().hex[:16]
+        self.run_id = options.run or uuid.uuid4().hex[:16]
         self.announcer = Announcer(bus, keys, self.run_id, engine.layout)
         self.account, self.camera = Account(engine), Camera(engine.world)
         self.roster = Roster(engine.agents)
@@ -263,7 +264,8 @@ def main(argv: list[str] | None = None) -> int:
     try:
         scenario = load(arguments.scenario) if arguments.scenario else Scenario()
         keys = Keys(arguments.prefix)
-        with router(arguments.listen, inbox) as bus:
+        meeting = client(arguments.connect, inbox) if arguments.connect else router(arguments.listen, inbox)
+        with meeting as bus:
             return _run(bus, keys, scenario, arguments)
     except (BusError, ScenarioError, ValueError) as error:
         log.error("%s", error)
@@ -277,9 +279,10 @@ def _run(bus: Bus, keys: Keys, scenario: Scenario, arguments: argparse.Namespace
     engine = Engine.begin(scenario)
     absent = chosen(engine.agents, arguments.absent, []) if arguments.absent else []
     ticks = math.inf if arguments.duration is None else round(arguments.duration / TIME_STEP)
-    physics = Physics(bus, keys, engine, Options(arguments.mode, _pace(arguments), ticks, arguments.patience, tuple(absent)))
+    physics = Physics(bus, keys, engine, Options(arguments.mode, _pace(arguments), ticks, arguments.patience, tuple(absent), arguments.run))
     physics.listen()
-    print(f"listening on {bus.endpoint}, prefix {keys.prefix}, run {physics.run_id}", flush=True)
+    where = "connected to" if arguments.connect else "listening on"
+    print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.run_id}", flush=True)
     end = physics.run()
     print(f"{end.why}: tick {end.tick}, {end.summary['wall_seconds']} s, hash {end.hash}", flush=True)
     return 1 if end.why.startswith("jammed") else 0
@@ -310,7 +313,10 @@ def _positive(text: str) -> float:
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m processes.physics", description="Own the world and the clock of an orchard.")
     parser.add_argument("scenario", nargs="?", metavar="SCENARIO.yaml", help="default: the built-in scenario")
-    parser.add_argument("--listen", default=LOOPBACK, metavar="ENDPOINT", help="default: a free port of 127.0.0.1")
+    place = parser.add_mutually_exclusive_group()
+    place.add_argument("--listen", default=LOOPBACK, metavar="ENDPOINT", help="default: a free port of 127.0.0.1")
+    place.add_argument("--connect", metavar="ENDPOINT", help="that of a router elsewhere")
+    parser.add_argument("--run", default="", metavar="ID", help="the run's id; default: a new one")
     parser.add_argument("--prefix", default=PREFIX, help="first part of every key")
     parser.add_argument("--mode", choices=["lockstep", "realtime"], default="lockstep", help="wait for all agents, or for none")
     parser.add_argument("--speed", type=_speed, metavar="X|max", help="simulated seconds to a second; default max, in realtime 1")

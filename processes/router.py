@@ -1,0 +1,40 @@
+"""A router of its own, where physics and all others meet as clients: for several machines.
+
+    python -m processes.router --listen tcp/0.0.0.0:7447
+
+It carries every run that comes along, and stays until it is stopped.
+"""
+
+import argparse
+import logging
+import signal
+import sys
+
+from orchard.bus import BusError, Inbox, Signal, check_free, router, with_port
+
+log = logging.getLogger("orchard")
+
+
+def main(argv: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="python -m processes.router", description="Route for an orchard's processes.")
+    parser.add_argument("--listen", default="tcp/127.0.0.1:7447", metavar="ENDPOINT", help="default: tcp/127.0.0.1:7447")
+    arguments = parser.parse_args(argv)
+    logging.basicConfig(level=logging.WARNING, format="router: %(message)s")
+    inbox = Inbox()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
+    try:
+        endpoint = with_port(arguments.listen)
+        check_free(endpoint)
+        with router(endpoint, inbox) as bus:
+            print(f"listening on {bus.endpoint}", flush=True)
+            while not isinstance(inbox.take(), Signal):
+                pass
+    except BusError as error:
+        log.error("%s", error)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

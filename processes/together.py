@@ -1,0 +1,175 @@
+"""A run in many processes: start those of this machine, follow them, stop them. And the guest, who runs agents of a run elsewhere."""
+
+import math
+import os
+import signal
+import subprocess
+import time
+import uuid
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from orchard.bus import Bus, BusError, Inbox, Sample, Signal, check_free, client, reachable, with_port
+from orchard.config import to_yaml
+from orchard.host import told
+from orchard.keys import Keys
+from orchard.layout import lay_out
+from orchard.lockstep import Refusals, Refused, understood
+from orchard.names import chosen
+from orchard.progress import Progress
+from orchard.wire import End, Figures, Newcomer, read
+from processes.fleet import Fleet, Program, free_port, open_viewer
+from processes.wish import Wish
+
+STOP_SECONDS = 2.0  # for which the processes may close what they have open, after Ctrl-C
+GOODBYE_SECONDS = 60.0  # for which the logger may pack its recording, after a run that ended by itself
+LOOK_SECONDS = 5.0  # for how long somebody must answer at an endpoint that a user gave
+GIVEN_UP = 2  # exit code of a process whose order cannot be carried out: starting it again does not help
+
+
+def run(wish: Wish, progress: Progress) -> tuple[dict[str, Any] | None, str]:
+    """A whole run; its summary, and why it ended. Raises BusError where the endpoint is of no use."""
+    names = local_names(wish)
+    endpoint = _meeting(wish)
+    with TemporaryDirectory() as folder, Fleet(progress.say) as fleet:
+        file = Path(folder) / "scenario.yaml"
+        file.write_text(to_yaml(wish.scenario))
+        run_id = uuid.uuid4().hex[:16]
+        viewer = _start(fleet, wish, file, endpoint, names, run_id)
+        if wish.without:
+            progress.say(f"{', '.join(wish.without)}: left to others, who connect to {endpoint}")
+        summary, why = _follow(fleet, reachable(endpoint), run_id, progress)
+        fleet.wait(STOP_SECONDS if why == "stopped" else GOODBYE_SECONDS)
+        if viewer is not None and why == "stopped":
+            viewer.terminate()
+        return summary, why
+
+
+def local_names(wish: Wish) -> list[str]:
+    """The agents that are hosted on this machine. Raises ValueError for words that name none."""
+    from orchard.doer import TRAFFIC
+
+    return chosen(sorted([*lay_out(wish.scenario).names, TRAFFIC]), [], list(wish.without))
+
+
+def _meeting(wish: Wish) -> str:
+    """The endpoint at which all meet, after a look whether it can be used."""
+    if wish.connect:
+        with client(wish.connect, seconds=LOOK_SECONDS):
+            return wish.connect
+    endpoint = with_port(wish.listen or f"tcp/127.0.0.1:{free_port()}")
+    check_free(endpoint)
+    return endpoint
+
+
+def _start(fleet: Fleet, wish: Wish, file: Path, endpoint: str, names: list[str], run_id: str) -> subprocess.Popen | None:
+    """Start everything; the viewer."""
+    pace = ["--mode", wish.mode, "--speed", "max" if math.isinf(wish.speed) else str(wish.speed)]
+    limit = [] if wish.duration is None else ["--duration", str(wish.duration)]
+    where = ["--connect" if wish.connect else "--listen", endpoint]
+    fleet.start(Program("physics", "processes.physics", [str(file), *where, "--run", run_id, *pace, *limit]))
+    start_hosts(fleet, reachable(endpoint), names, wish.hosts)
+    return _start_logger(fleet, wish, reachable(endpoint))
+
+
+def start_hosts(fleet: Fleet, endpoint: str, names: list[str], hosts: int | None) -> None:
+    """Agent processes that share these agents."""
+    for name, share in _shares(names, hosts):
+        only = [word for agent in share for word in ("--only", agent)]
+        fleet.start(Program(name, "processes.agents", ["--connect", endpoint, *only], again=True))
+
+
+def _shares(names: Sequence[str], hosts: int | None) -> list[tuple[str, Sequence[str]]]:
+    """(name of an agent process, which agents it hosts)."""
+    if hosts == 0:
+        return [(name, [name]) for name in names]
+    count = min(len(names), hosts or min(4, os.cpu_count() or 1))
+    return [(f"agents {i + 1}", names[i::count]) for i in range(count)]
+
+
+def _start_logger(fleet: Fleet, wish: Wish, endpoint: str) -> subprocess.Popen | None:
+    """Start the logger, if anything is to be recorded or seen; the viewer."""
+    port = free_port()
+    file = [] if wish.recording is None else ["--record", str(wish.recording.resolve())]
+    live = ["--serve", str(port)] if wish.view else []
+    if file or live:
+        fleet.start(Program("logger", "processes.logger", ["--connect", endpoint, *file, *live]))
+    return open_viewer(f"rerun+http://127.0.0.1:{port}/proxy") if wish.view else None
+
+
+# -- following a run
+
+
+def _signalled(inbox: Inbox) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
+
+
+def _follow(fleet: Fleet, endpoint: str, run_id: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
+    """Show how it goes until it is over; the summary, and why it ended."""
+    inbox, keys = Inbox(), Keys()
+    _signalled(inbox)
+    try:
+        with client(endpoint, inbox) as bus:
+            for what in ("figures", "end"):
+                bus.subscribe(keys.of(what))
+            return _listen(fleet, bus, run_id, progress)
+    except BusError as error:
+        return None, str(error)
+
+
+def _listen(fleet: Fleet, bus: Bus, run_id: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
+    deadline, refusals = math.inf, Refusals()
+    while time.monotonic() < deadline:
+        item = bus.inbox.take(0.2)
+        if isinstance(item, Signal):
+            fleet.terminate("physics")
+            deadline = min(deadline, time.monotonic() + STOP_SECONDS)
+        elif isinstance(item, Sample):
+            try:
+                if end := _hear(item, run_id, progress):
+                    return end.summary, end.why
+            except Refused as refusal:
+                refusals.note(item.key, refusal)
+        elif fleet.exit_code("physics") is not None:
+            return None, f"physics ended with code {fleet.exit_code('physics')}"
+        fleet.watch()
+    return None, "stopped"
+
+
+def _hear(sample: Sample, run_id: str, progress: Progress) -> End | None:
+    """Show the figures; the end, once it has come."""
+    if sample.key.endswith("/end"):
+        return understood(sample.payload, End, run_id)
+    message = understood(sample.payload, Figures, run_id)
+    progress.show(message.figures, message.doing, message.waits_for)
+    return None
+
+
+# -- the guest
+
+
+def visit(endpoint: str, only: list[str], without: list[str], hosts: int | None, progress: Progress) -> int:
+    """Host these agents of a run that goes on elsewhere, until it ends; the exit code."""
+    names = chosen(_names_of(endpoint), only, without)
+    inbox = Inbox()
+    _signalled(inbox)
+    with Fleet(progress.say) as fleet:
+        start_hosts(fleet, endpoint, names, hosts)
+        progress.say(f"hosting {', '.join(names)} at {endpoint}")
+        while (codes := fleet.exit_codes()) and None in codes:
+            if isinstance(inbox.take(0.2), Signal):
+                fleet.stop(STOP_SECONDS)
+                return 0
+            if GIVEN_UP in codes:
+                return GIVEN_UP
+            fleet.watch()
+        return max(code or 0 for code in fleet.exit_codes())
+
+
+def _names_of(endpoint: str) -> list[str]:
+    """Every agent of the run that goes on there."""
+    with client(endpoint, seconds=LOOK_SECONDS) as bus:
+        return read(told(bus, Keys().of("scenario"), b"", lambda item: None), Newcomer).agents

@@ -1,0 +1,54 @@
+"""Machines for tests: network namespaces with cables between them, on this one. Needs root and iproute2."""
+
+import os
+import shutil
+import subprocess
+from contextlib import contextmanager
+
+import pytest
+
+
+def why_not() -> str:
+    """Why there can be no machines here; '' if there can. In CI there must be."""
+    if os.environ.get("CI") == "true":
+        return ""
+    if shutil.which("ip") is None:
+        return "iproute2 is not installed"
+    return "" if os.geteuid() == 0 else "network namespaces need root"
+
+
+needs_machines = pytest.mark.skipif(bool(why_not()), reason=why_not() or "never")
+
+
+def _ip(*words: str) -> None:
+    subprocess.run(["ip", *words], check=True, timeout=20)
+
+
+@contextmanager
+def machines(*guests: str):
+    """A host and its guests: (names of all, the host first). The host is 192.168.<n>.10 to its n-th guest, which is .11 there."""
+    base = f"o{os.getpid()}"
+    names = [f"{base}h", *(f"{base}{guest}" for guest in guests)]
+    try:
+        for name in names:
+            _ip("netns", "add", name)
+            _ip("-n", name, "link", "set", "lo", "up")
+        for n, guest in enumerate(names[1:], 1):
+            _plug(names[0], guest, n)
+        yield names
+    finally:
+        for name in names:
+            subprocess.run(["ip", "netns", "del", name], timeout=20, stderr=subprocess.DEVNULL)
+
+
+def _plug(host: str, guest: str, n: int) -> None:
+    """A cable between two machines."""
+    _ip("link", "add", f"v{n}", "netns", host, "type", "veth", "peer", "name", "eth0", "netns", guest)
+    for name, end, address in ((host, f"v{n}", 10), (guest, "eth0", 11)):
+        _ip("-n", name, "address", "add", f"192.168.{n}.{address}/24", "dev", end)
+        _ip("-n", name, "link", "set", end, "up")
+
+
+def within(name: str) -> list[str]:
+    """What comes before a command, so that it runs on that machine."""
+    return ["ip", "netns", "exec", name]

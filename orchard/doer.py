@@ -4,11 +4,14 @@ The memory of such a robot is its plan and the place in it. What this class adds
 granted, do steps until one wants time, and last of all stop for what is in the way, whatever the step said.
 """
 
+import math
 from typing import TYPE_CHECKING
 
 from orchard.agent import Action, Mail, Observation
+from orchard.bystanders import Bystander, Sighting, doubts, sweep_radius
 from orchard.geometry import STILL, Pose, Twist
-from orchard.messages import Answer, Claim, Couple, Places, Request, Uncouple
+from orchard.kinds import KINDS, kind_of
+from orchard.messages import Answer, Claim, Couple, Places, Position, Request, Uncouple, Where
 from orchard.sense import Box, something_ahead, turn_is_free
 
 if TYPE_CHECKING:
@@ -22,8 +25,8 @@ RECOVERY = 10  # ticks for which a robot stands after a step that was refused
 class Doer:
     """One robot at one tick."""
 
-    def __init__(self, seen: Observation, mail: Mail, memory: "Plan") -> None:
-        self.seen, self.mail, self.memory = seen, mail, memory
+    def __init__(self, seen: Observation, mail: Mail, memory: "Plan", bystanders: tuple[Bystander, ...] = ()) -> None:
+        self.seen, self.mail, self.memory, self._bystanders = seen, mail, memory, bystanders
         self.pose: Pose = seen.pose
         self.action = Action(memory=memory)
         self.wanting: list[str] = []
@@ -92,6 +95,7 @@ class Doer:
     def follow(self) -> None:
         """Do the plan's steps until one of them wants time."""
         self._hear_traffic()
+        self._hear_bystanders()
         while self.memory.plan and self.memory.plan[0].act(self):
             del self.memory.plan[0]
             self.memory.done += 1
@@ -108,6 +112,8 @@ class Doer:
             action.twist, action.waits_for = STILL, "" if self._queueing else "an obstacle ahead"
         if action.twist.yaw and not turn_is_free(self.seen, self._turn, self._blind_to):
             action.twist, action.waits_for = STILL, "an obstacle in its turn"
+        if self._turn and (near := self._near_the_turn()):
+            action.twist, action.waits_for = STILL, ", ".join(near[:3])
         self.memory.moving = action.twist != STILL
         action.doing, action.steps_done = self.memory.doing, self.memory.done
         return action
@@ -128,6 +134,20 @@ class Doer:
                 self.memory.agreed, self.memory.alone = reply.body.held, reply.body.alone
                 if reply.body.blockers:
                     self.action.waits_for = ", ".join(reply.body.blockers)
+
+    def _hear_bystanders(self) -> None:
+        """Note where those are that were asked; one that does not answer is noted as such."""
+        for reply in self.mail.replies:
+            if isinstance(reply.request, Where):
+                here = (reply.body.x, reply.body.y) if isinstance(reply.body, Position) else (math.inf, math.inf)
+                self.memory.sighted[reply.sender] = Sighting(self.seen.tick - 1, *here)
+
+    def _near_the_turn(self) -> list[str]:
+        """Who is, or may be, within what the turn sweeps; those of whom that is not certain for long are asked."""
+        radius = sweep_radius(KINDS[kind_of(self.seen.name)], self.seen.hitch is not None)
+        near, to_ask = doubts(self._bystanders, self.memory.sighted, self.seen.tick, self.pose.x, self.pose.y, radius)
+        self.action.requests += [(name, Where()) for name in to_ask]
+        return near
 
     def _claim(self) -> None:
         """Tell traffic what is kept and wanted: at once when something was given back, and again while something is wanted."""

@@ -73,7 +73,11 @@ class State(_Message):
     """Anyone's, to a bin: are you full, and on whom?"""
 
 
-Request = Call | Come | Confirm | EmptyBin | Here | Claim | State
+class Where(_Message):
+    """A robot's, before and while it turns, to people and animals that its lasers may not see: where are you?"""
+
+
+Request = Call | Come | Confirm | EmptyBin | Here | Claim | State | Where
 
 # -- answers
 
@@ -118,7 +122,14 @@ class BinState(_Message):
     coupled_to: str  # '' when it stands by itself
 
 
-Answer = Offer | Yes | No | Carrier | Places | BinState
+class Position(_Message):
+    """Where somebody is, in the orchard's frame."""
+
+    x: float  # m
+    y: float  # m
+
+
+Answer = Offer | Yes | No | Carrier | Places | BinState | Position
 
 
 def pack(message: Any) -> bytes:

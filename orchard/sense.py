@@ -132,6 +132,21 @@ def nearest_in_path(seen: Observation, reach: float) -> float:
     return float((seen.scan[chosen] * cosines[chosen]).min())
 
 
+def free_directions(seen: Observation, reach: float, count: int = 13) -> list[float]:
+    """Those of some directions from right to left, rad from straight ahead, in which a walker finds nothing in its path up to a reach."""
+    kind = KINDS[kind_of(seen.name)]
+    points = _returns(seen.scan, kind.laser, seen.scan < reach + kind.width)
+    angles = [trig.PI * (i / (count - 1) - 0.5) for i in range(count)]
+    return [angle for angle in angles if not _in_path(points, angle, kind.width / 2 + SIDE_MARGIN, reach)]
+
+
+def _in_path(points: np.ndarray, angle: float, half_width: float, reach: float) -> bool:
+    """Whether any point lies in a path from the origin in some direction."""
+    s, c = trig.sin_cos(angle)
+    ahead, left = c * points[:, 0] + s * points[:, 1], c * points[:, 1] - s * points[:, 0]
+    return bool(((ahead > 0.0) & (ahead < reach) & (np.abs(left) < half_width)).any())
+
+
 def freer_side(seen: Observation, reach: float) -> int:
     """+1 where there is more room to the left, -1 to the right: beams that return within a reach are counted."""
     near = seen.scan < reach

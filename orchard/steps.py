@@ -6,6 +6,7 @@ absolute, so a robot that was held up, or whose agent was started afresh, still 
 
 import msgspec
 
+from orchard.bystanders import Sighting
 from orchard.config import TIME_STEP
 from orchard.doer import PATIENCE, RECOVERY, Doer
 from orchard.geometry import HEADINGS, Twist, angle_between, nearest_heading
@@ -280,4 +281,5 @@ class Plan(msgspec.Struct):
     claimed: int = -PATIENCE  # tick of its last word to traffic
     moving: bool = False  # whether it wanted to move in the last tick
     bumped: int = -RECOVERY  # tick at which it last found that it could not
+    sighted: dict[str, Sighting] = {}  # where people and animals said that they were
     asked: dict[str, int] = {}  # question -> tick in which the present step last asked it

@@ -62,10 +62,10 @@ def assert_every_bin_was_taken_once(stage: Stage, rows: int) -> None:
     assert stage.world.delivered == rows
 
 
-def test_the_nearest_carrier_by_road_is_sent_which_is_the_head_of_the_queue():
-    stage = Stage(empty_orchard(rows=3, pickers=2, carriers=5))
+def test_the_nearest_carrier_by_road_is_sent_which_is_the_head_of_the_nearest_line():
+    stage = Stage(empty_orchard(rows=3, pickers=2, carriers=25))
     stage.run_until(lambda: bool(exchanges(stage)), 200)
-    assert exchanges(stage)[0][0] == "carrier_01"
+    assert exchanges(stage)[0][0] == "carrier_25", "its line is the southernmost; it is the last by name"
 
 
 def test_two_bins_that_call_at_the_same_tick_get_two_carriers():
@@ -89,12 +89,20 @@ def test_a_call_that_nobody_answers_is_repeated():
     assert_every_bin_was_taken_once(stage, 3)
 
 
-def test_a_carrier_that_does_not_answer_when_it_is_sent_is_given_up_for_another():
-    stage = stage_with(lambda name, agent: HardOfHearing(agent, Come, until=30000 if name == "carrier_01" else 0), carriers=3)
-    stage.put("carrier_01", -8.0, 18.5)  # where it holds up nobody ...
-    stage.run_until(lambda: stage.world.delivered == 3, 3000)
-    assert {carrier for carrier, _ in exchanges(stage)} == {"carrier_02", "carrier_03"}
+def test_a_carrier_that_does_not_answer_when_it_is_sent_is_given_up_for_the_head_of_another_line():
+    stage = stage_with(lambda name, agent: HardOfHearing(agent, Come, until=60000 if name == "carrier_13" else 0), carriers=13)
+    stage.run_until(lambda: stage.world.delivered == 1, 1000)
+    assert stage.pose("carrier_13")[0] == 35.4, "nearest by road, but it never answers"
+    stage.run_to_the_end()
     assert_every_bin_was_taken_once(stage, 3)
+
+
+def test_only_the_head_of_a_line_is_sent_so_that_nobody_who_stays_stands_before_it():
+    stage = Stage(empty_orchard(rows=6, pickers=6, carriers=6))
+    stage.run_to_the_end()
+    order = [event.who for event in stage.happened("uncoupled") if event.who.startswith("carrier")]
+    assert sorted(order) == [f"carrier_{i + 1:02d}" for i in range(6)]
+    assert_every_bin_was_taken_once(stage, 6)
 
 
 def test_a_carrier_that_came_although_its_answer_was_lost_is_still_the_only_one():

@@ -1,14 +1,18 @@
 """Nothing jams: the ledger of places, and the meetings for which it is there."""
 
+import random
+
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from stage import Driven, Stage, Standing, empty_orchard
 
 from orchard.agents.traffic import Ledger, grant, note
-from orchard.config import Animals, People, Scenario
+from orchard.config import Animals, Laser, People, Scenario
 from orchard.geometry import Twist
 from orchard.messages import Claim
+from orchard.roads import D_ROAD, EAST_SIDE, F_ROAD, WEST_SIDE
 
 PLACES = st.lists(st.sampled_from(["D/1", "D/2", "F/1", "F/2"]), max_size=3, unique=True)
 CLAIMS = st.lists(st.tuples(st.sampled_from(["a", "b", "c", "d"]), st.sets(st.integers(0, 3)), PLACES), max_size=40)
@@ -81,13 +85,52 @@ def test_all_of_twenty_pickers_call_at_once_and_all_are_served():
     stage.assert_no_collisions()
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_harvest_among_people_and_animals_ends(seed):
-    stage = Stage(Scenario(rows=5, pickers=3, seed=seed))
+@pytest.mark.parametrize(("rows", "pickers", "seed"), [(3, 2, 1), (5, 2, 1), (5, 5, 1), (8, 3, 1), (12, 6, 1), (5, 2, 3)])
+def test_a_harvest_among_people_and_animals_ends_without_a_collision(rows, pickers, seed):
+    stage = Stage(Scenario(rows=rows, pickers=pickers, seed=seed))
     stage.run_to_the_end()
-    assert stage.world.delivered == 5
-    robots = [e for e in stage.happened("collision") if e.who.startswith(("picker", "carrier", "bin"))]
-    assert len(robots) <= 2, "only what comes from where no laser looks"
+    assert stage.world.delivered == rows
+    stage.assert_no_collisions()
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(("rows", "pickers"), [(20, 10), (20, 20)])
+def test_soak_a_large_harvest_ends_without_a_collision(rows, pickers):
+    test_a_harvest_among_people_and_animals_ends_without_a_collision(rows, pickers, 1)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("number", range(200))
+def test_soak_a_random_legal_scenario_ends_with_all_bins_delivered(number):
+    scenario = random_scenario(number)
+    print(f"scenario {number} of seed {RANDOM_SEED}: {scenario}")
+    stage = Stage(scenario)
+    slow = 70 * scenario.rows / scenario.pickers / scenario.picking_speed
+    stage.run_to_the_end(seconds=3 * slow + 1200 * scenario.rows)
+    assert stage.world.delivered == scenario.rows
+    stage.assert_no_collisions()
+
+
+RANDOM_SEED = 20260  # of the soak's scenarios
+
+
+def random_scenario(number: int) -> Scenario:
+    """One of the legal scenarios, any number of anything; picking not so slow that a run takes hours."""
+    chance = random.Random(f"{RANDOM_SEED}/{number}")
+    rows = chance.randint(3, 20)
+    return Scenario(
+        rows=rows,
+        pickers=chance.randint(2, rows),
+        row_width=round(chance.uniform(5.0, 12.0), 2),
+        carriers=chance.choice([None, chance.randint(1, 40)]),
+        picking_speed=round(chance.uniform(0.2, 1.0), 3),
+        seed=chance.randint(0, 10**6),
+        people=People(workers=chance.randint(0, 25), visitors=chance.randint(0, 25)),
+        animals=Animals(dogs=chance.randint(0, 10), cats=chance.randint(0, 10)),
+        weeds=chance.randint(0, 50),
+        tractor=chance.random() < 0.8,
+        laser=Laser(noise=chance.choice([0.0, 0.0, 0.01, 0.02])),
+    )
 
 
 # -- meetings
@@ -132,3 +175,38 @@ def test_two_carriers_that_meet_at_neighbouring_lanes_both_get_through():
     assert abs(both_at_work[0] - both_at_work[1]) < 15, "they are at neighbouring lanes at the same time"
     stage.run_until(lambda: stage.world.delivered == 2, 400)
     stage.assert_no_collisions()
+
+
+# -- what the plan rests on
+
+
+def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
+    """(side, road, lane) of every place on a road in which a carrier or its bin is at this moment, while it drives along the road."""
+    x, y, _ = stage.pose(carrier)
+    facing = stage.world.pose[stage.world.index[carrier], 2]
+    touched = []
+    for side, along in ((EAST_SIDE, -1), (WEST_SIDE, 1)):
+        if abs(facing - along * np.pi / 2) > 0.1:
+            continue
+        for road, road_x in (("D", D_ROAD), ("F", F_ROAD)):
+            if abs(x - side.x(road_x)) > 0.01:
+                continue
+            front, tail = 0.9, -2.4 if stage.bin_of(carrier) else -0.9
+            for lane in stage.world.layout.lanes:
+                here = along * (y - lane.y)  # metres past the lane
+                if here + front > -2.6 and here + tail < 3.2:  # where others turn, cross and deliver at that lane
+                    touched.append((side.name, road, lane.number))
+    return touched
+
+
+@pytest.mark.parametrize(("rows", "pickers", "row_width"), [(5, 3, 5.0), (4, 2, 9.0)])
+def test_a_carrier_on_a_road_holds_every_place_that_it_or_its_bin_is_in(rows, pickers, row_width):
+    stage = Stage(empty_orchard(rows=rows, pickers=pickers, row_width=row_width, carriers=4))
+    carriers = [f"carrier_{i + 1:02d}" for i in range(4)]
+    while not stage.local.engine.over:
+        stage.tick()
+        for carrier in carriers:
+            held = stage.local.memories[carrier].held
+            for side, road, lane in lanes_touched(stage, carrier):
+                place = f"{side}/{road}/{lane}"
+                assert place in held, f"{carrier} at {stage.pose(carrier)} is in {place} and holds {held}"

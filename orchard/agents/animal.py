@@ -1,7 +1,7 @@
 """Animals, cats and dogs: every 3 s a new direction and a new speed, at random; they turn away from obstacles too."""
 
 from orchard.agent import Action, Mail, Observation
-from orchard.agents.walker import WalkerMemory, walk
+from orchard.agents.walker import WalkerMemory, tell_where, walk
 from orchard.draw import draw
 from orchard.geometry import Twist
 from orchard.kinds import KINDS, kind_of
@@ -33,7 +33,8 @@ class Animal:
             self.change_mind(seen, memory)
         whim = Twist(x=memory.speed, yaw=memory.rate if seen.tick < memory.turning_until else 0.0)
         twist, evading = walk(seen, memory, self.seed, min(memory.speed, 1.0), self.kind, whim)
-        return Action(twist=twist, memory=memory, doing=evading or ("wandering" if memory.speed >= SLOW else "standing"))
+        doing = evading or ("wandering" if memory.speed >= SLOW else "standing")
+        return Action(twist=twist, answers=tell_where(seen, mail), memory=memory, doing=doing)
 
     def change_mind(self, seen: Observation, memory: AnimalMemory) -> None:
         """A turn of up to 2 pi rad/s to either side, for up to a second, and a speed of up to 3 m/s."""

@@ -3,8 +3,9 @@
 import msgspec
 
 from orchard.agent import Action, Heard, Mail, Observation
+from orchard.bystanders import bystanders_of
 from orchard.doer import Doer
-from orchard.layout import Layout
+from orchard.layout import QUEUE_HEAD, QUEUE_PITCH, Layout
 from orchard.messages import Answer, Call, Come, No, Offer, Yes
 from orchard.roads import SIDES, close_up, distance, fetch, line_of
 from orchard.steps import Plan, Realign
@@ -32,10 +33,10 @@ class Carrier:
     Memory = CarrierMemory
 
     def __init__(self, layout: Layout, name: str) -> None:
-        self.layout, self.line = layout, line_of(int(name.rsplit("_", 1)[1]))
+        self.layout, self.line, self.bystanders = layout, line_of(int(name.rsplit("_", 1)[1])), bystanders_of(layout)
 
     def tick(self, seen: Observation, mail: Mail, memory: CarrierMemory | None) -> Action:
-        me = Doer(seen, mail, memory or CarrierMemory(plan=[Realign(), *close_up()]))
+        me = Doer(seen, mail, memory or CarrierMemory(plan=[Realign(), *close_up()]), self.bystanders)
         for heard in mail.requests:
             me.action.answers.append((heard, self.answer(me, heard)))
         me.follow()
@@ -50,11 +51,18 @@ class Carrier:
             return No("a carrier knows nothing of that")
         if job:
             return No(f"busy with {job.bin}")
+        if isinstance(body, Call) and not self.is_next(me):
+            return No("another one of my line goes first")
         if isinstance(body, Call):
             x, y = me.pose.x, me.pose.y
             return Offer(x, y, distance(self.layout, x, y, body.lane, SIDES[body.side]))
         self.accept(me, heard.sender, body)
         return Yes()
+
+    def is_next(self, me: Doer) -> bool:
+        """Whether it is at the head of its line, or on its way into that place: nobody stands before it who could stay there."""
+        behind = QUEUE_HEAD - me.pose.x
+        return behind < 0.1 or (behind < QUEUE_PITCH + 0.2 and me.seen.twist.x > 0.0)
 
     def accept(self, me: Doer, bin_name: str, come: Come) -> None:
         me.memory.job = Job(bin_name, come.lane, come.side, come.picker)

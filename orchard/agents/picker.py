@@ -1,6 +1,7 @@
 """The picker: drives its rows, fills its bin, leaves it when it is full, and fetches an empty one for the next row."""
 
 from orchard.agent import Action, Heard, Mail, Observation
+from orchard.bystanders import bystanders_of
 from orchard.doer import Doer
 from orchard.layout import Layout
 from orchard.messages import Answer, Here, No, Yes
@@ -23,10 +24,10 @@ class Picker:
     Memory = PickerMemory
 
     def __init__(self, layout: Layout, name: str) -> None:
-        self.layout, self.rows = layout, layout.blocks[name]
+        self.layout, self.rows, self.bystanders = layout, layout.blocks[name], bystanders_of(layout)
 
     def tick(self, seen: Observation, mail: Mail, memory: PickerMemory | None) -> Action:
-        me = Doer(seen, mail, memory or PickerMemory(plan=[Realign(), *harvest(self.layout, self.rows)]))
+        me = Doer(seen, mail, memory or PickerMemory(plan=[Realign(), *harvest(self.layout, self.rows)]), self.bystanders)
         for heard in mail.requests:
             me.action.answers.append((heard, self.answer(me, heard)))
         me.follow()

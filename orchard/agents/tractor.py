@@ -1,6 +1,7 @@
 """The tractor: drives up and down the driveway, waits at each end, turns about, and stops for whatever is in its way."""
 
 from orchard.agent import Action, Mail, Observation
+from orchard.bystanders import bystanders_of
 from orchard.doer import Doer
 from orchard.layout import Layout
 from orchard.steps import Again, DriveTo, Face, Plan, Realign, Say, Step, Wait
@@ -30,9 +31,9 @@ class Tractor:
     Memory = Plan
 
     def __init__(self, layout: Layout, name: str) -> None:
-        pass
+        self.bystanders = bystanders_of(layout)
 
     def tick(self, seen: Observation, mail: Mail, memory: Plan | None) -> Action:
-        me = Doer(seen, mail, memory or Plan(plan=[Realign(), Again(ROUND)]))
+        me = Doer(seen, mail, memory or Plan(plan=[Realign(), Again(ROUND)]), self.bystanders)
         me.follow()
         return me.finish()

@@ -2,12 +2,14 @@
 
 import msgspec
 
-from orchard.agent import Observation
+from orchard.agent import Heard, Mail, Observation
+from orchard.config import TIME_STEP
 from orchard.draw import draw
 from orchard.geometry import STILL, Twist, angle_between
 from orchard.kinds import Kind
-from orchard.sense import freer_side, nearest_in_path
-from orchard.trig import PI, TURN, wrap
+from orchard.messages import Answer, No, Position, Where
+from orchard.sense import free_directions, freer_side, nearest_in_path
+from orchard.trig import PI, wrap
 
 STEER_WITHIN = 4.0  # m (reference.md)
 TURN_WITHIN = 1.0  # m
@@ -15,8 +17,10 @@ STEER = PI / 8  # rad/s while it walks on
 BACK, LEFT, RIGHT, ON = Twist(x=-0.5), Twist(yaw=PI / 4), Twist(yaw=-PI / 4), Twist(x=0.5)
 WAYS = (BACK, BACK, BACK, LEFT, RIGHT, ON)  # what one tries that bumped into something
 RECOVERY = 12  # ticks for which it tries
-LINGER = 3.0  # m: it leaves every circle of this radius ...
-LINGER_TICKS = 300  # ... within a minute; after half of one it breaks out
+LINGER = 6.0  # m: who has come no farther than this from a place, and so may still be within a circle of 3 m, ...
+LINGER_TICKS = 200  # ... after a third of a minute breaks out of it
+OUT_TICKS = 80  # for which it walks in one direction to get out
+FREE = (3.0, 1.5)  # m that it wants to find free, or at least
 
 
 class WalkerMemory(msgspec.Struct):
@@ -31,6 +35,12 @@ class WalkerMemory(msgspec.Struct):
     recovers_until: int = 0  # tick
     out: float | None = None  # yaw in which it breaks out
     until: int = 0  # tick at which breaking out ends
+
+
+def tell_where(seen: Observation, mail: Mail) -> list[tuple[Heard, Answer]]:
+    """The answers to robots that ask where it is; nothing else concerns it."""
+    here = Position(seen.x, seen.y)
+    return [(heard, here if isinstance(heard.body, Where) else No("I only walk here")) for heard in mail.requests]
 
 
 def walk(seen: Observation, memory: WalkerMemory, seed: int, speed: float, kind: Kind, whim: Twist) -> tuple[Twist, str]:
@@ -60,17 +70,27 @@ def avoid(seen: Observation, memory: WalkerMemory, speed: float, most_turn: floa
 
 
 def break_out(seen: Observation, memory: WalkerMemory, seed: int, speed: float, most_turn: float) -> Twist | None:
-    """The velocity with which one that lingers leaves, in a random direction that is free; None for one that does not."""
+    """The velocity with which one that lingers leaves, towards a side that is free; None for one that does not linger."""
     if (seen.x - memory.x) ** 2 + (seen.y - memory.y) ** 2 > LINGER**2:
         memory.x, memory.y, memory.since, memory.out = seen.x, seen.y, seen.tick, None
     if seen.tick - memory.since < LINGER_TICKS:
         return None
     if memory.out is None or seen.tick >= memory.until:
-        memory.out, memory.until = wrap(TURN * draw(seed, seen.name, seen.tick)[0]), seen.tick + 40
+        memory.out = wrap(seen.pose.yaw + way_out(seen, draw(seed, seen.name, seen.tick)[0]))
+        memory.until = seen.tick + OUT_TICKS
     left = angle_between(seen.pose.yaw, memory.out)
     if abs(left) > 1e-9:
-        return Twist(yaw=max(-most_turn, min(most_turn, left / 0.1)))
+        return Twist(yaw=max(-most_turn, min(most_turn, left / TIME_STEP)))
     if nearest_in_path(seen, TURN_WITHIN) < TURN_WITHIN / 2:
         memory.out = None
         return Twist()
     return Twist(x=speed)
+
+
+def way_out(seen: Observation, chance: float) -> float:
+    """The angle to one of the directions in which the way is free, by chance (0 to 1); where none is, somewhere behind its back."""
+    for reach in FREE:
+        free = free_directions(seen, reach)
+        if free:
+            return free[int(chance * len(free))]
+    return PI / 2 + chance * PI

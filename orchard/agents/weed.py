@@ -1,5 +1,7 @@
 """The weed: notices something moving within a metre of itself, and asks to be flattened."""
 
+import math
+
 import msgspec
 import numpy as np
 
@@ -7,13 +9,14 @@ from orchard.agent import Action, Mail, Observation
 from orchard.layout import Layout
 from orchard.messages import Flatten
 
-NEAR = 1.0 + 0.5  # m from its centre: a metre from its edge, and as far again as its corner is from the centre
+NEAR = 1.36  # m from its centre: a metre from its farthest point, its corner at 0.354 m; physics decides what is near enough
+SURE = 5.0  # standard deviations of the lasers' noise by which what it sees must change
 
 
 class WeedMemory(msgspec.Struct):
     """What it saw."""
 
-    silhouette: int = 0  # sum over the beams of how far each reaches into the near ring, mm
+    silhouette: int = 0  # mm, sum over the beams of how far what they hit is inside the near ring
 
 
 class Weed:
@@ -22,16 +25,16 @@ class Weed:
     Memory = WeedMemory
 
     def __init__(self, layout: Layout, name: str) -> None:
-        pass
+        self.noise = layout.scenario.laser.noise
 
     def tick(self, seen: Observation, mail: Mail, memory: WeedMemory | None) -> Action:
-        before = memory.silhouette if memory else None
-        now = silhouette(seen.scan)
-        moving = before is not None and now != before
+        now, beams = silhouette(seen.scan)
+        change = abs(now - memory.silhouette) if memory else 0
+        moving = change > 1000 * SURE * self.noise * math.sqrt(beams)
         return Action(deeds=[Flatten()] if moving else [], memory=WeedMemory(now), doing="growing")
 
 
-def silhouette(scan: np.ndarray) -> int:
-    """A number that changes when something near moves, and is 0 when nothing is near; whole millimetres, so that sums are exact."""
+def silhouette(scan: np.ndarray) -> tuple[int, int]:
+    """What is near, as a number that changes when it moves, and on how many beams; whole millimetres, so that sums are exact."""
     near = scan[scan < NEAR]
-    return int(((NEAR - near) * 1000).astype(np.int64).sum()) if near.size else 0
+    return (int(((NEAR - near) * 1000).astype(np.int64).sum()) if near.size else 0), near.size

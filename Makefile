@@ -3,7 +3,7 @@ PYTHON ?= python3.11
 VENV := .venv
 RUN := $(VENV)/bin/python
 
-.PHONY: run test soak view plan docs clean
+.PHONY: run test soak view docs pictures clean
 .DEFAULT_GOAL := run
 
 $(VENV)/ready: pyproject.toml
@@ -28,6 +28,9 @@ docs: $(VENV)/ready  ## all generated files: keyspace.md, the schema, the drawin
 	$(RUN) -m orchard.keys
 	$(RUN) -m orchard.config
 	$(RUN) docs/draw.py
+
+pictures: $(VENV)/ready  ## docs/orchard.png, by the viewer itself; needs .ci/apt-packages.txt
+	$(RUN) docs/pictures.py
 
 clean:
 	rm -rf $(VENV) runs .pytest_cache .hypothesis

@@ -32,8 +32,8 @@ is packed, checked or computed (`bench/floor.py`). Lockstep runs are `run.py` wi
   from Python, one by one, since no behaviour of its own reads a laser; that costs a microsecond or two of some two hundred.
 - Stage is not in the package registry: its figures are those of issue 6, from another run on such a machine. At 0.02 m it is wrong by
   3 cm on hits on average, at 0.1 m by 12 cm; ours and IR-SIM are exact.
-- The lockstep runs have fewer than 30 robots with a 180-beam laser (the default scenario has 14 such bodies and 16 others), but all
-  their agents, mail and messages too.
+- The lockstep runs of the default scenario have 15 bodies with a laser of 180 beams and 14 with one of 60, and all their agents, mail
+  and messages; the peers' N = 30 have 30 lasers of 180 beams and nobody who looks at what they measure.
 
 ## To measure again
 

@@ -194,7 +194,7 @@ def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
             front, tail = 0.9, -2.4 if stage.bin_of(carrier) else -0.9
             for lane in stage.world.layout.lanes:
                 here = along * (y - lane.y)  # metres past the lane
-                if here + front > -2.6 and here + tail < 3.2:  # where others turn, cross and deliver at that lane
+                if here + front > -2.6 and here + tail < 3.0:  # where others turn, cross and deliver at that lane
                     touched.append((side.name, road, lane.number))
     return touched
 

@@ -68,7 +68,7 @@ class Animals(_Section):
 class Laser(_Section):
     """What all lasers have in common."""
 
-    noise: Annotated[float, Field(ge=0.0, le=0.1, description="standard deviation of a measured range, m")] = 0.0
+    noise: Annotated[float, Field(ge=0.0, le=0.02, description="standard deviation of a measured range, m")] = 0.0
 
 
 class Scenario(_Section):

@@ -45,7 +45,7 @@ def test_the_page_asks_for_every_value_of_a_scenario():
 def test_limits_and_steps_come_from_the_model():
     rows, noise, seed = (entries()[path] for path in ("rows", "laser.noise", "seed"))
     assert (rows.low, rows.high, rows.step, rows.limits) == (3, 20, 1, "3 to 20")
-    assert (noise.step, noise.limits, noise.label) == (0.001, "0 to 0.1 m", "Laser noise")
+    assert (noise.step, noise.limits, noise.label) == (0.001, "0 to 0.02 m", "Laser noise")
     assert not seed.has_slider, "a browser's numbers do not hold it"
 
 
@@ -59,7 +59,7 @@ def test_limits_and_steps_come_from_the_model():
         ({"people.workers": 30.0, "people.visitors": 30.0}, {"people.workers": "at most 50 together", "people.visitors": "at most 50"}),
         ({"seed": "many"}, {"seed": "a whole number"}),
         ({"seed": "9223372036854775808"}, {"seed": "to 9223372036854775807"}),
-        ({"rows": 2.0, "laser.noise": 1.0}, {"rows": "from 3", "laser.noise": "to 0.1"}),
+        ({"rows": 2.0, "laser.noise": 1.0}, {"rows": "from 3", "laser.noise": "to 0.02"}),
     ],
 )
 def test_what_is_wrong_is_told_at_its_field(changes, told):

@@ -3,7 +3,7 @@ PYTHON ?= python3.11
 VENV := .venv
 RUN := $(VENV)/bin/python
 
-.PHONY: run test soak view docs pictures clean
+.PHONY: run lint test soak view docs pictures clean
 .DEFAULT_GOAL := run
 
 $(VENV)/ready: pyproject.toml
@@ -17,8 +17,11 @@ run: $(VENV)/ready  ## the default orchard, from start to summary
 view: $(VENV)/ready  ## open the newest recording
 	$(RUN) run.py view
 
-test: $(VENV)/ready  ## everything that is checked before a change lands
+lint: $(VENV)/ready  ## style and types
 	$(VENV)/bin/ruff check .
+	$(VENV)/bin/mypy
+
+test: $(VENV)/ready  ## all tests but the long matrix
 	$(RUN) -m pytest
 
 soak: $(VENV)/ready  ## the long matrix of equal hashes
@@ -33,4 +36,4 @@ pictures: $(VENV)/ready  ## docs/orchard.png, by the viewer itself; needs .ci/ap
 	$(RUN) docs/pictures.py
 
 clean:
-	rm -rf $(VENV) runs .pytest_cache .hypothesis
+	rm -rf $(VENV) runs .pytest_cache .mypy_cache .hypothesis

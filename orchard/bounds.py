@@ -111,7 +111,7 @@ def duration(steps: list[Step], start: Pose) -> float:
             seconds += abs(angle_between(yaw, HEADINGS[step.heading])) / EIGHTH
             yaw = HEADINGS[step.heading]
         elif isinstance(step, DriveTo):
-            to_x, to_y = (step.x, y) if step.x is not None else (x, step.y)
+            to_x, to_y = x if step.x is None else step.x, y if step.y is None else step.y
             seconds += (abs(to_x - x) + abs(to_y - y)) / step.speed
             x, y = to_x, to_y
     return seconds

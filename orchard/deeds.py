@@ -80,7 +80,7 @@ def _flatten(world: World, weed: int) -> str:
     mover = mover_near(weed, WEED_REACH, world.twist, boxes)
     _refuse_if(mover == NOBODY, "nothing moves within 1 m")
     world.alive[weed] = False
-    return world.layout.names[mover]
+    return world.layout.names[int(mover)]
 
 
 def _refuse_unless_both_stand(world: World, wanted: np.ndarray, robot: int, bin_: int) -> None:

@@ -39,7 +39,8 @@ class Drawing:
     """SVG elements in metres, y north."""
 
     def __init__(self, west: float, south: float, east: float, north: float) -> None:
-        self.west, self.north, self.elements = west, north, []
+        self.west, self.north = west, north
+        self.elements: list[str] = []
         self.width, self.height = (east - west) * PIXELS, (north - south) * PIXELS
 
     def x(self, x: float) -> float:

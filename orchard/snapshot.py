@@ -103,9 +103,10 @@ def read(path: Path) -> Snapshot:
     if hashlib.sha256(payload).hexdigest().encode() != found[2]:
         raise SnapshotError(f"{path}: torn or changed: its checksum does not fit")
     try:
-        return unpack(payload, Snapshot)
+        snapshot: Snapshot = unpack(payload, Snapshot)
     except ValueError as error:
         raise SnapshotError(f"{path}: {error}") from error
+    return snapshot
 
 
 def newest(folder: Path, refused: list[str]) -> Snapshot:

@@ -179,4 +179,5 @@ def _steps(first: float, last: float) -> np.ndarray:
 def _squared(beside: np.ndarray, along: np.ndarray) -> np.ndarray:
     """The square of the distance to a box that is so far away along x and along y (negative: abreast of it)."""
     beside, along = np.maximum(beside, 0.0), np.maximum(along, 0.0)
-    return beside * beside + along * along
+    squared: np.ndarray = beside * beside + along * along
+    return squared

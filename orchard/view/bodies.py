@@ -6,7 +6,8 @@ import numpy as np
 import rerun as rr
 
 from orchard.kinds import ANIMALS, KINDS, PEOPLE
-from orchard.layout import ROW_LENGTH, Layout, Start
+from orchard.layout import ROW_LENGTH, Layout
+from orchard.starts import Start
 from orchard.view import palette
 from orchard.view.mesh import Part, mesh_of
 from orchard.view.scenery import archetype

@@ -1,6 +1,6 @@
 """Low-poly meshes out of tables of parts: boxes, wheels, posts, balls. Metres; x ahead, y to the left, z up. No rerun in here."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
@@ -60,7 +60,8 @@ def faceted(corners: np.ndarray, colours: np.ndarray) -> Mesh:
 
 def _placed(part: Part) -> np.ndarray:
     """(f, 3, 3): the corners of a part's triangles where they belong."""
-    return FORMS[part.form]() * np.array(part.size) @ _turn(part.pitch, part.yaw).T + np.array(part.at)
+    placed: np.ndarray = FORMS[part.form]() * np.array(part.size) @ _turn(part.pitch, part.yaw).T + np.array(part.at)
+    return placed
 
 
 def _turn(pitch: float, yaw: float) -> np.ndarray:
@@ -68,13 +69,14 @@ def _turn(pitch: float, yaw: float) -> np.ndarray:
     a, b = np.radians(-pitch), np.radians(yaw)
     tilt = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
     swing = np.array([[np.cos(b), -np.sin(b), 0], [np.sin(b), np.cos(b), 0], [0, 0, 1]])
-    return swing @ tilt
+    turn: np.ndarray = swing @ tilt
+    return turn
 
 
 # -- forms: (f, 3, 3) corners of triangles, counter-clockwise from outside, within a cube of 1 m around the origin
 
 
-def _hull(points: Sequence[Sequence[float]], faces: Sequence[Sequence[int]]) -> np.ndarray:
+def _hull(points: np.ndarray | Sequence[Sequence[float]], faces: Sequence[Sequence[int]]) -> np.ndarray:
     """Triangles of flat faces, turned so that each looks away from the middle."""
     p = np.array(points, float)
     fans = np.array([(p[f[0]], p[f[i]], p[f[i + 1]]) for f in faces for i in range(1, len(f) - 1)])
@@ -125,10 +127,11 @@ def _bush() -> np.ndarray:
     fine = np.concatenate([np.stack(corner, axis=1) for corner in corners])
     direction = fine / np.linalg.norm(fine, axis=2, keepdims=True)
     uneven = 1 + 0.14 * np.sin(7 * direction[..., :1] + 5 * direction[..., 1:2]) * np.cos(6 * direction[..., 2:])
-    return 0.45 * direction * uneven
+    bush: np.ndarray = 0.45 * direction * uneven
+    return bush
 
 
-FORMS = {
+FORMS: dict[str, Callable[[], np.ndarray]] = {
     "box": lambda: _tapered(1.0, 1.0),
     "hood": lambda: _tapered(0.8, 0.85, -0.1),
     "cab": lambda: _tapered(0.85, 0.85),

@@ -110,7 +110,9 @@ class Recorder:
 
     def _send_poses(self) -> None:
         """Those that have changed, all in one entity: each row names the body's frame."""
-        times, places, frames = [], [], []
+        times: list[np.ndarray] = []
+        places: list[np.ndarray] = []
+        frames: list[str] = []
         for tick, poses in self._poses:
             moved = np.arange(len(poses)) if self._last is None else np.flatnonzero((poses != self._last).any(axis=1))
             self._last = poses

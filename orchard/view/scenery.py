@@ -136,7 +136,8 @@ def _camera(rec: rr.RecordingStream, layout: Layout) -> None:
     height, width = plan_size(layout)
     scale = FOCAL / CAMERA_UP
     middle = (0.0, (field.TOP + layout.bottom) / 2, CAMERA_UP)
-    down = rr.Transform3D(translation=middle, quaternion=(1.0, 0.0, 0.0, 0.0), child_frame="plan_eye", parent_frame=WORLD_FRAME)
+    about = rr.Quaternion(xyzw=(1.0, 0.0, 0.0, 0.0))
+    down = rr.Transform3D(translation=middle, quaternion=about, child_frame="plan_eye", parent_frame=WORLD_FRAME)
     image = rr.Pinhole(focal_length=FOCAL, width=width * scale, height=height * scale, child_frame="plan_image", parent_frame="plan_eye")
     rec.log("plan/eye", down, static=True)
     rec.log(PLAN_CAMERA, image, rr.CoordinateFrame("plan_image"), static=True)  # without names of its own it finds no named frame

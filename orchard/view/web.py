@@ -33,10 +33,10 @@ def command(what: str, port: int) -> list[str]:
     return [str(program), "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), "--port", str(port + 1), what]
 
 
-def serve_web(what: str, port: int) -> subprocess.Popen:
+def serve_web(what: str, port: int) -> subprocess.Popen[bytes]:
     """Serve the viewer at `page_url(port)`; `terminate()` what it gives when it is no longer wanted."""
-    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen(command(what, port), env=_environment(), start_new_session=True, **quiet)
+    line, null = command(what, port), subprocess.DEVNULL
+    return subprocess.Popen(line, env=_environment(), start_new_session=True, stdin=null, stdout=null, stderr=null)
 
 
 def free_pair() -> int:

@@ -5,6 +5,7 @@ import runpy
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -47,3 +48,17 @@ def test_the_files_that_the_readme_names_exist():
 def test_the_drawings_are_what_the_layout_says():
     for name, svg in runpy.run_path(str(ROOT / "docs" / "draw.py"))["drawings"]().items():
         assert (ROOT / "docs" / name).read_text() == svg, f"docs/{name} is stale: make docs"
+
+
+def test_the_map_of_the_code_names_every_module():
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    modules = [path for folder in ("orchard", "processes") for path in ROOT.glob(f"{folder}/**/*.py") if path.name != "__init__.py"]
+    assert [path.name for path in modules if not re.search(rf"[`/]{path.name}`", text)] == []
+
+
+def test_every_dependency_has_a_reason():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = [*project["dependencies"], *(line for extra in project["optional-dependencies"].values() for line in extra)]
+    table = (ROOT / "CONTRIBUTING.md").read_text().split("## Dependencies, and why")[1]
+    named = {name for line in table.splitlines() if line.startswith("| ") for name in line.split("|")[1].strip().split(", ")}
+    assert {re.split(r"[=<>\[]", line)[0] for line in wanted} <= named

@@ -134,7 +134,8 @@ Answer = Offer | Yes | No | Carrier | Places | BinState | Position
 
 def pack(message: Any) -> bytes:
     """Msgpack bytes of plain data; the same data give the same bytes."""
-    return msgpack.packb(msgspec.to_builtins(message, builtin_types=(bytes,)))
+    packed: bytes = msgpack.packb(msgspec.to_builtins(message, builtin_types=(bytes,)))
+    return packed
 
 
 def unpack(data: bytes, type_: Any) -> Any:

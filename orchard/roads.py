@@ -217,7 +217,7 @@ def loop_to_full_bin(layout: Layout, lane: int, side: Side) -> list[Step]:
 def go_to_bay(layout: Layout, lane: int, side: Side) -> list[Step]:
     """With the full bin along the road of full bins, around the bottom from the east side, to the bay."""
     blind = at_work(layout, lane, side)
-    out = [DriveTo(x=side.x(F_ROAD), blind_to=blind), Face(side.heading("SOUTH"), blind)]
+    out: list[Step] = [DriveTo(x=side.x(F_ROAD), blind_to=blind), Face(side.heading("SOUTH"), blind)]
     y = layout.lane(lane).y
     if side is WEST_SIDE:
         return [*out, *_north_to_bay(layout, _lanes_after(layout, side, lane), y)]
@@ -245,7 +245,7 @@ def _north_to_bay(layout: Layout, lanes: list[int], joined_at: float | None) -> 
 def go_home(line: int) -> list[Step]:
     """From the bay to the tail of its line of the queue, and up."""
     y = QUEUE_LINES[line]
-    aside = [] if y == TOP_ROAD else [Face("SOUTH" if y < TOP_ROAD else "NORTH"), DriveTo(y=y), Face("EAST")]
+    aside: list[Step] = [] if y == TOP_ROAD else [Face("SOUTH" if y < TOP_ROAD else "NORTH"), DriveTo(y=y), Face("EAST")]
     return [
         Say("returning to the queue"),
         DriveTo(x=TURN_OFF),

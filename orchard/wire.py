@@ -395,7 +395,7 @@ def frame_of(picture: Picture) -> Frame:
     """The frame that was sent."""
     poses = np.frombuffer(picture.poses, dtype="<f8").reshape(-1, 3)
     scans = None if picture.scans is None else [np.frombuffer(scan, dtype="<f4") for scan in picture.scans]
-    arrays = {name: _array(getattr(picture, name)) for name in ("coupled", "fill", "alive", "row_picked")}
+    arrays: dict[str, Any] = {name: _array(getattr(picture, name)) for name in ("coupled", "fill", "alive", "row_picked")}
     return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered)
 
 

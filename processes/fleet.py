@@ -26,7 +26,7 @@ class Program:
 @dataclass
 class _Running:
     program: Program
-    popen: subprocess.Popen
+    popen: subprocess.Popen[str]
     starts: int = 1
 
 
@@ -46,15 +46,15 @@ class Fleet:
     def start(self, program: Program) -> None:
         self.running[program.name] = _Running(program, self._open(program))
 
-    def _open(self, program: Program) -> subprocess.Popen:
+    def _open(self, program: Program) -> subprocess.Popen[str]:
         """A session of its own, so that Ctrl-C reaches run.py alone, which stops the others in order."""
         command = [sys.executable, "-m", program.module, *program.arguments]
-        quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
-        popen = subprocess.Popen(command, cwd=ROOT, **quiet, text=True, start_new_session=True)
+        null, pipe = subprocess.DEVNULL, subprocess.PIPE
+        popen = subprocess.Popen(command, cwd=ROOT, stdin=null, stdout=null, stderr=pipe, text=True, start_new_session=True)
         threading.Thread(target=self._pass_on, args=(program.name, popen), daemon=True).start()
         return popen
 
-    def _pass_on(self, name: str, popen: subprocess.Popen) -> None:
+    def _pass_on(self, name: str, popen: subprocess.Popen[str]) -> None:
         assert popen.stderr is not None
         for line in popen.stderr:
             self.say(f"{name}: {line.rstrip()}")
@@ -111,6 +111,6 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def open_viewer(what: str) -> subprocess.Popen:
+def open_viewer(what: str) -> subprocess.Popen[bytes]:
     """Rerun's own window, which stays when this process has ended."""
     return subprocess.Popen([sys.executable, "-m", "rerun", what], start_new_session=True)

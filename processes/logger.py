@@ -71,7 +71,8 @@ class Logger:
                 self._events = []
             case [name, "letters"]:
                 letters = understood(sample.payload, Letters, self.run_id)
-                requests, answers = ([(sent.to, sent.body) for sent in said] for said in (letters.requests, letters.answers))
+                requests = [(sent.to, sent.body) for sent in letters.requests]
+                answers = [(sent.to, sent.body) for sent in letters.answers]
                 self._events += map(Event._make, talk_of(name, requests, answers))
             case ["events"]:
                 events = understood(sample.payload, Events, self.run_id).events

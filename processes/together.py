@@ -64,7 +64,7 @@ def _meeting(wish: Wish) -> str:
     return endpoint
 
 
-def _start(fleet: Fleet, wish: Wish, file: Path, endpoint: str, names: list[str], run_id: str) -> subprocess.Popen | None:
+def _start(fleet: Fleet, wish: Wish, file: Path, endpoint: str, names: list[str], run_id: str) -> subprocess.Popen[bytes] | None:
     """Start everything; the viewer."""
     pace = ["--mode", wish.mode, "--speed", "max" if math.isinf(wish.speed) else str(wish.speed)]
     limit = [] if wish.duration is None else ["--duration", str(wish.duration)]
@@ -89,7 +89,7 @@ def _shares(names: Sequence[str], hosts: int | None) -> list[tuple[str, Sequence
     return [(f"agents {i + 1}", names[i::count]) for i in range(count)]
 
 
-def _start_logger(fleet: Fleet, wish: Wish, endpoint: str) -> subprocess.Popen | None:
+def _start_logger(fleet: Fleet, wish: Wish, endpoint: str) -> subprocess.Popen[bytes] | None:
     """Start the logger, if anything is to be recorded or seen; the viewer."""
     port = free_port()
     file = [] if wish.recording is None else ["--record", str(wish.recording.resolve())]

@@ -41,7 +41,7 @@ class Observation:
     y: float
     orientation: tuple[float, float]  # quaternion z, w
     twist: Twist  # what it was driven with in the last step
-    scan: np.ndarray | None  # ranges, m: (180,) or, of bins and weeds, (60,) float32; +inf where nothing returns (REP-117)
+    scan: np.ndarray  # ranges, m: (180,) or, of bins and weeds, (60,) float32; +inf where nothing returns (REP-117)
     hitch: Hitch | None = None
     fill: float = 0.0  # of a bin: metres of row that are in it, 0 to 70
     full: bool = False  # of a bin
@@ -53,7 +53,7 @@ class Observation:
 
 def without_body(name: str, tick: int) -> Observation:
     """What an agent without a body is told: the tick."""
-    return Observation(name, tick, math.nan, math.nan, (0.0, 1.0), STILL, None)
+    return Observation(name, tick, math.nan, math.nan, (0.0, 1.0), STILL, None)  # type: ignore[arg-type]  # those with a body need not ask
 
 
 class Heard(NamedTuple):
@@ -99,6 +99,7 @@ class Action:
 class Agent(Protocol):
     """Anything with this one method drives a robot. `Memory` is the type of its memory, so that bytes become one again."""
 
-    Memory: type
+    @property
+    def Memory(self) -> type: ...
 
-    def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action: ...
+    def tick(self, observation: Observation, mail: Mail, memory: Any, /) -> Action: ...

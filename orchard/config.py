@@ -28,7 +28,7 @@ SCHEMA = Path("config/scenario.schema.json")
 Lines = dict[tuple[str, ...], int]  # path in the file -> its line, from 1
 
 
-def _count(what: str) -> FieldInfo:
+def _count(what: str) -> Any:
     return Field(ge=0, le=MOST_GUESTS, description=what)
 
 
@@ -150,7 +150,7 @@ def to_yaml(scenario: Scenario) -> str:
     return yaml.safe_dump(scenario.model_dump(), sort_keys=False)
 
 
-def json_schema() -> dict:
+def json_schema() -> dict[str, Any]:
     """The JSON schema of a scenario file. What several fields allow together is not in it."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
 
@@ -183,11 +183,11 @@ def _plain(values: Any, levels: int = 2) -> Any:
     return {_key(key): _plain(value, levels - 1) for key, value in values.items()}
 
 
-def _errors(values: dict) -> list[dict]:
+def _errors(values: dict[str, Any]) -> list[dict[str, Any]]:
     """All errors. Pydantic tries a rule about several fields only where each is right by itself: so what is wrong is
     set back to its default and the rest is tried again, until no rule is left that was not tried."""
-    found: list[dict] = []
-    wrong: set[tuple] = set()
+    found: list[dict[str, Any]] = []
+    wrong: set[tuple[str, ...]] = set()
     while errors := _failures(values):
         found += [error for error in errors if not wrong & _fields(error)]
         if any(error["loc"] == () for error in errors):
@@ -197,25 +197,25 @@ def _errors(values: dict) -> list[dict]:
     return found
 
 
-def _failures(values: dict) -> list[dict]:
+def _failures(values: dict[str, Any]) -> list[dict[str, Any]]:
     try:
         Scenario.model_validate(values)
     except ValidationError as failure:
-        return failure.errors(include_url=False)
+        return [dict(error) for error in failure.errors(include_url=False)]
     return []
 
 
-def _fields(error: dict) -> set[tuple]:
+def _fields(error: dict[str, Any]) -> set[tuple[str, ...]]:
     """The paths of the fields that an error is about."""
     return {(*error["loc"], field) for field in error["ctx"]["fields"]} if error["type"] == "rule" else {error["loc"]}
 
 
-def _without(values: dict, paths: set[tuple], at: tuple = ()) -> dict:
+def _without(values: dict[str, Any], paths: set[tuple[str, ...]], at: tuple[str, ...] = ()) -> dict[str, Any]:
     kept = {key: value for key, value in values.items() if (*at, key) not in paths}
     return {key: _without(value, paths, (*at, key)) if isinstance(value, dict) else value for key, value in kept.items()}
 
 
-def _problem(error: dict, source: str, lines: Lines) -> Problem:
+def _problem(error: dict[str, Any], source: str, lines: Lines) -> Problem:
     loc, value = error["loc"], _show(error["input"])
     if error["type"] == "rule":
         fields = [(*loc, field) for field in error["ctx"]["fields"]]
@@ -225,18 +225,19 @@ def _problem(error: dict, source: str, lines: Lines) -> Problem:
     return Problem(source, text, _dotted(loc), value, lines.get(loc, 0))
 
 
-def _wanted(path: tuple) -> str:
+def _wanted(path: tuple[str, ...]) -> str:
     """What a field may hold: 'a number from 5.0 to 12.0 (width of a row between its trees, m)'."""
     field = _keys(path[:-1])[path[-1]]
     if section := _section(field):
         return f"a map with some of the keys {', '.join(section.model_fields)}"
     limits = {type(limit).__name__: limit for limit in field.metadata}
-    kind = {bool: "true or false", float: "a number", int: "a whole number"}.get(field.annotation, "null or a whole number")
+    kinds: dict[Any, str] = {bool: "true or false", float: "a number", int: "a whole number"}
+    kind = kinds.get(field.annotation, "null or a whole number")
     span = f" from {limits['Ge'].ge} to {limits['Le'].le}" if "Ge" in limits else ""
     return f"{kind}{span} ({field.description})"
 
 
-def _unknown(path: tuple) -> str:
+def _unknown(path: tuple[str, ...]) -> str:
     """That there is no such key, the known one that is closest, and all that there are."""
     here = _keys(path[:-1])
     sections = {name: _section(field) for name, field in Scenario.model_fields.items()}
@@ -248,12 +249,13 @@ def _unknown(path: tuple) -> str:
     return f"unknown key{f'; did you mean {guess}?' if guess else ';'} known here: {', '.join(here)}"
 
 
-def _keys(path: tuple) -> dict[str, FieldInfo]:
+def _keys(path: tuple[str, ...]) -> dict[str, FieldInfo]:
     """The fields of the section at a path."""
     model: Any = Scenario
     for part in path:
         model = model.model_fields[part].annotation
-    return model.model_fields
+    fields: dict[str, FieldInfo] = model.model_fields
+    return fields
 
 
 def _section(field: FieldInfo) -> type[_Section] | None:
@@ -265,7 +267,7 @@ def _nested(keys: list[str], value: Any) -> Any:
     return {keys[0]: _nested(keys[1:], value)} if keys else value
 
 
-def _merge(values: dict, changes: dict) -> None:
+def _merge(values: dict[str, Any], changes: dict[str, Any]) -> None:
     for key, change in changes.items():
         if isinstance(change, dict) and isinstance(values.get(key), dict):
             _merge(values[key], change)
@@ -277,7 +279,7 @@ def _key(key: Any) -> str:
     return key if isinstance(key, str) and key.isprintable() and key else _show(key)
 
 
-def _dotted(path: tuple) -> str:
+def _dotted(path: tuple[str, ...]) -> str:
     return ".".join(part if len(part) <= 60 else part[:57] + "..." for part in path)
 
 
@@ -313,7 +315,7 @@ def _read(path: str | Path, source: str) -> str:
 class _Loader(yaml.SafeLoader):
     """Plain data only, after YAML 1.2: 010 is not 8, 1:30 is not 90, `on` is not true, 1e-1 is a number."""
 
-    yaml_implicit_resolvers: dict = {}  # noqa: RUF012 - as yaml wants it
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - as yaml wants it
 
 
 for _tag, _pattern, _first in (
@@ -355,7 +357,7 @@ def _refuse_what_is_not_plain(text: str, source: str) -> None:
             raise ScenarioError([_at(event.start_mark, source, f"{what}: not allowed in a scenario")])
 
 
-def _at(mark: yaml.Mark | None, source: str, text: str) -> Problem:
+def _at(mark: Any, source: str, text: str) -> Problem:
     """A problem with a place in the text."""
     if mark is None:
         return Problem(source, text)

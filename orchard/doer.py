@@ -5,7 +5,7 @@ granted, do steps until one wants time, and last of all stop for what is in the 
 """
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from orchard.agent import Action, Mail, Observation
 from orchard.bystanders import Bystander, Sighting, doubts, sweep_radius
@@ -26,7 +26,8 @@ class Doer:
     """One robot at one tick."""
 
     def __init__(self, seen: Observation, mail: Mail, memory: "Plan", bystanders: tuple[Bystander, ...] = ()) -> None:
-        self.seen, self.mail, self.memory, self._bystanders = seen, mail, memory, bystanders
+        self.seen, self.mail, self._bystanders = seen, mail, bystanders
+        self.memory: Any = memory  # what each kind adds to a Plan is known to its own steps alone
         self.pose: Pose = seen.pose
         self.action = Action(memory=memory)
         self.wanting: list[str] = []

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypeVar
 
 from orchard.agent import Action
-from orchard.wire import OfRun, Velocity, action_of, read
+from orchard.wire import Mode, OfRun, Velocity, action_of, read
 
 M = TypeVar("M", bound=OfRun)
 
@@ -107,7 +107,7 @@ class Roster:
 class Answers:
     """The velocities that are in for one tick: in lockstep physics waits until none is missing. `realtime.Live` is its counterpart."""
 
-    mode = "lockstep"
+    mode: Mode = "lockstep"
     releases_at_once = False  # who is gone may come back, or another in its place, while its patience lasts
 
     def __init__(self, roster: Roster, patience: float = 15.0, clock: Callable[[], float] = time.monotonic) -> None:

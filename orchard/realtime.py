@@ -12,7 +12,7 @@ import msgspec
 from orchard.agent import Action
 from orchard.geometry import STILL
 from orchard.lockstep import WHOSE, Put, Recent, Refused, Roster, refuse_other_tick
-from orchard.wire import Velocity, action_of
+from orchard.wire import Mode, Velocity, action_of
 
 SLACK = 0.2  # s beyond the tick's own time, for answers of those who answered the last tick in time; less than Pacer.CATCH_UP
 SHARE = 0.5  # of a tick's time, that the others have, and everybody where the clock is behind
@@ -22,7 +22,7 @@ LATE = 0.5  # of a tick's time: a tick that begins later than this after its tim
 class Live:
     """The newest velocity of each agent that is held."""
 
-    mode = "realtime"
+    mode: Mode = "realtime"
     releases_at_once = True  # the robot of one who is gone stands, and waits for nobody
 
     def __init__(self, roster: Roster, step: float, clock: Callable[[], float] = time.monotonic) -> None:

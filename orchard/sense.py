@@ -4,7 +4,7 @@ Points are in the agent's own frame: metres ahead of its centre, metres to its l
 """
 
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -41,7 +41,8 @@ def corridor(half_width: float, ahead: float) -> np.ndarray:
     """(180,): the range below which a forward beam ends inside a corridor of a half width, so far ahead of the front edge."""
     cosines, sines = beams(KINDS["picker"].laser)
     with np.errstate(divide="ignore"):
-        return np.minimum(ahead / np.maximum(cosines, 1e-12), half_width / np.abs(sines))
+        ranges: np.ndarray = np.minimum(ahead / np.maximum(cosines, 1e-12), half_width / np.abs(sines))
+    return ranges
 
 
 def corridor_half_width(kind: Kind, towing: bool) -> float:
@@ -94,7 +95,8 @@ def _points_around(seen: Observation, kind: Kind, radius: float) -> np.ndarray:
 
 
 def _behind(seen: Observation, hitch: Hitch, kind: Kind, radius: float) -> np.ndarray:
-    points = _returns(hitch.scan, AROUND, hitch.scan < radius)
+    scan = cast(np.ndarray, hitch.scan)
+    points = _returns(scan, AROUND, scan < radius)
     pose, bin_pose = seen.pose, hitch.pose
     x, y = to_frame(pose, bin_pose.x, bin_pose.y)
     s, c = trig.sin_cos(bin_pose.yaw - pose.yaw)

@@ -4,6 +4,8 @@ A step that acts sets the velocity of this tick, asks, or waits; it never rememb
 absolute, so a robot that was held up, or whose agent was started afresh, still ends where it should.
 """
 
+from typing import cast
+
 import msgspec
 
 from orchard.bystanders import Sighting
@@ -53,7 +55,7 @@ class DriveTo(_Step, frozen=True):
     queueing: bool = False  # to stand behind others here is no trouble, and not told as such
 
     def act(self, me: Doer) -> bool:
-        here, target = (me.pose.x, self.x) if self.x is not None else (me.pose.y, self.y)
+        here, target = (me.pose.x, self.x) if self.x is not None else (me.pose.y, cast(float, self.y))
         ahead = 1.0 if nearest_heading(me.pose.yaw) in ("EAST", "NORTH") else -1.0
         for gate in self.frees:
             if ahead * (here - gate.at) > -EXACT:
@@ -133,7 +135,7 @@ class Wait(_Step, frozen=True):
     seconds: float
 
     def act(self, me: Doer) -> bool:
-        return (me.seen.tick - me.memory.since) * TIME_STEP >= self.seconds - EXACT
+        return bool((me.seen.tick - me.memory.since) * TIME_STEP >= self.seconds - EXACT)
 
 
 class Need(_Step, frozen=True):

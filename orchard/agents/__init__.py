@@ -1,5 +1,7 @@
 """The agents of an orchard: one for every body, and traffic, which has none."""
 
+from collections.abc import Callable
+
 from orchard.agent import Agent
 from orchard.agents.animal import Animal
 from orchard.agents.bin import Bin
@@ -12,7 +14,7 @@ from orchard.agents.weed import Weed
 from orchard.doer import TRAFFIC
 from orchard.layout import Layout
 
-ROLES = {
+ROLES: dict[str, Callable[[Layout, str], Agent]] = {
     "picker": Picker,
     "carrier": Carrier,
     "bin": Bin,

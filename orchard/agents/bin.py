@@ -40,7 +40,7 @@ class Bin:
         memory = memory or BinMemory()
         action = Action(memory=memory, answers=[(heard, self.answer(seen, memory, heard)) for heard in mail.requests])
         if seen.hitch is not None:
-            self.follow(seen, memory, action)
+            self.follow(seen, seen.hitch, memory, action)
         elif seen.full:
             self.call(seen, mail, memory, action)
         else:
@@ -59,9 +59,8 @@ class Bin:
 
     # -- following
 
-    def follow(self, seen: Observation, memory: BinMemory, action: Action) -> None:
+    def follow(self, seen: Observation, hitch: Hitch, memory: BinMemory, action: Action) -> None:
         """Move to where its place behind the robot will be after this tick, if the robot keeps its velocity."""
-        hitch = seen.hitch
         action.twist = twist_to(seen.pose, place_behind(hitch, seen.pose.yaw))
         action.doing = f"{'full' if seen.full else 'empty'}, on {hitch.name}"
         if kind_of(hitch.name) == "picker":

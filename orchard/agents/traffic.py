@@ -7,8 +7,8 @@ to two partners in an exchange of bins. Every word of a robot is complete, so wo
 
 import msgspec
 
-from orchard.agent import Action, Mail, Observation
-from orchard.messages import Claim, Places
+from orchard.agent import Action, Heard, Mail, Observation
+from orchard.messages import Answer, Claim, Places
 
 FORGET = 30  # ticks after which a wish that is not repeated is dropped
 
@@ -36,13 +36,13 @@ class Traffic:
 
     def tick(self, seen: Observation, mail: Mail, memory: Ledger | None) -> Action:
         ledger = memory or Ledger()
-        claims = [heard for heard in mail.requests if isinstance(heard.body, Claim)]
-        for heard in claims:
-            note(ledger, heard.sender, heard.body, seen.tick)
+        claims = [(heard, heard.body) for heard in mail.requests if isinstance(heard.body, Claim)]
+        for heard, claim in claims:
+            note(ledger, heard.sender, claim, seen.tick)
         if claims:
             ledger.wishes = {name: wish for name, wish in ledger.wishes.items() if seen.tick - wish.heard <= FORGET}
             grant(ledger)
-        answers = [(heard, answer(ledger, heard.sender)) for heard in claims]
+        answers: list[tuple[Heard, Answer]] = [(heard, answer(ledger, heard.sender)) for heard, _ in claims]
         return Action(answers=answers, memory=ledger, doing=f"{sum(map(len, ledger.holds.values()))} places held")
 
 

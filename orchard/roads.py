@@ -1,6 +1,6 @@
 """The traffic plan: the roads around the rows, the places on them, and the drives that robots make there.
 
-docs/traffic.md says why it is so and that it cannot deadlock; `make plan` draws it to scale. On either side of the rows lie,
+docs/traffic.md says why it is so and that it cannot deadlock; `make docs` draws it to scale. On either side of the rows lie,
 outwards: the full bins in the lanes' mouths, the road of full bins (F), the road of deliveries (D), the pickers' waiting
 places and their way to the next row. Everybody drives one way: south on the east side, north on the west side, which is the
 east side turned by half a turn about x = -1.5.

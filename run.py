@@ -17,6 +17,8 @@ import typer
 from rich.console import Console
 
 from orchard.config import ScenarioError, load, with_changes
+from orchard.guard import replaced
+from orchard.layout import lay_out
 from orchard.progress import Progress
 from orchard.summary import as_table, write
 from processes.wish import Wish
@@ -102,9 +104,10 @@ def harvest(
     changes = {"rows": rows, "pickers": pickers, "row_width": row_width, "carriers": carriers, "seed": seed}
     try:
         chosen = with_changes(load(scenario or HERE / "config" / "orchard.yaml"), **{k: v for k, v in changes.items() if v is not None})
+        replaced(lay_out(chosen))
         recording = _recording(record)
         _check_folder(summary)
-    except (ScenarioError, OSError) as error:
+    except (ScenarioError, OSError, ValueError) as error:
         errors.print(str(error), markup=False, soft_wrap=True)
         raise typer.Exit(BAD_INPUT) from None
     wish = Wish(chosen, mode.value, _pace(mode, speed, view), hosts, duration, recording, view, listen, connect, tuple(without or ()))
@@ -188,7 +191,6 @@ def _recorder(wish: Wish) -> Any:
     """Where frames go; None where nobody wants them."""
     if wish.recording is None and not wish.view:
         return None
-    from orchard.layout import lay_out
     from orchard.view import Recorder
     from processes.fleet import free_port, open_viewer
 
@@ -249,6 +251,7 @@ def main() -> None:
     """`harvest` is the command that need not be named."""
     named = {"view", "harvest"}
     arguments = sys.argv[1:]
+    sys.path.append(os.getcwd())  # where a user's own classes are
     app(arguments if arguments and arguments[0] in named else ["harvest", *arguments])
 
 

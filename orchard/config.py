@@ -71,6 +71,11 @@ class Laser(_Section):
     noise: Annotated[float, Field(ge=0.0, le=0.02, description="standard deviation of a measured range, m")] = 0.0
 
 
+_NAME = "[A-Za-z_][A-Za-z0-9_]*"
+ClassPath = Annotated[str, Field(pattern=rf"^{_NAME}(\.{_NAME})*[.:]{_NAME}$", max_length=200)]
+Classes = Annotated[dict[str, ClassPath], Field(max_length=200, description="kind or name -> module.Class that drives in place of ours")]
+
+
 class Scenario(_Section):
     """An orchard, its machines and its guests. Figures: reference.md, from the manual."""
 
@@ -85,6 +90,7 @@ class Scenario(_Section):
     weeds: Annotated[int, _count("weeds above and below the rows, number")] = 10
     tractor: Annotated[bool, Field(description="whether a tractor drives up and down the driveway")] = True
     laser: Annotated[Laser, Field(description="the range finders of all that moves")] = Laser()
+    agents: Classes = {}
 
     @property
     def carrier_count(self) -> int:
@@ -227,6 +233,8 @@ def _problem(error: dict[str, Any], source: str, lines: Lines) -> Problem:
 
 def _wanted(path: tuple[str, ...]) -> str:
     """What a field may hold: 'a number from 5.0 to 12.0 (width of a row between its trees, m)'."""
+    if path[0] == "agents":
+        return "a map of kinds or names and the classes that drive them: {picker: my_package.MyPicker}"
     field = _keys(path[:-1])[path[-1]]
     if section := _section(field):
         return f"a map with some of the keys {', '.join(section.model_fields)}"

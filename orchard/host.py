@@ -2,12 +2,12 @@
 
 import logging
 import time
-import traceback
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NoReturn
 
 from orchard.agent import Action, Agent, Mail, Observation
 from orchard.bus import Alive, Bus, BusError, Final, Item, Question, Replied, Sample, Signal
+from orchard.guard import Guarded
 from orchard.hosting import MAILBOXES, Asked, Sight, letters_of
 from orchard.keys import PHYSICS, Keys
 from orchard.kinds import kind_of
@@ -15,7 +15,7 @@ from orchard.layout import Layout
 from orchard.lockstep import Refusals, Refused, understood
 from orchard.messages import pack, unpack
 from orchard.post import digest_of
-from orchard.wire import End, Join, Joined, Lost, State, read, velocity_of
+from orchard.wire import End, Join, Joined, Lost, RefusedThere, State, read, velocity_of
 
 log = logging.getLogger("orchard")
 
@@ -42,33 +42,31 @@ class Performer:
 
     def __init__(self, name: str, agent: Agent) -> None:
         self.name = name
-        self._agent = agent
-        self._failed = False
+        self._agent = agent if isinstance(agent, Guarded) else Guarded(name, agent)
         self.memory: Any = None
         self._sent: bytes | None = None  # the memory that physics has
 
     def resume(self, memory: bytes | None) -> None:
-        self.memory = None if memory is None else unpack(memory, self._agent.Memory)
+        self.memory = None if memory is None else self._understood(memory)
         self._sent = memory
+
+    def _understood(self, memory: bytes) -> Any:
+        """What it remembers; nothing, where another class left the memory."""
+        try:
+            return unpack(memory, self._agent.Memory)
+        except ValueError as error:
+            log.warning("%s begins anew; its memory is not of its class: %s", self.name, error)
+            return None
 
     def act(self, seen: Observation, mail: Mail) -> Action:
         """What the agent does; nothing, where it is broken, and the others go on."""
-        try:
-            action = self._agent.tick(seen, mail, self.memory)
-        except Exception:
-            self._report(seen.tick)
-            action = Action(memory=self.memory, doing="broken")
+        action = self._agent.tick(seen, mail, self.memory)
         self.memory = action.memory
         return action
 
-    def _report(self, tick: int) -> None:
-        if not self._failed:
-            log.error("%s made a mistake at tick %d; it stands.\n%s", self.name, tick, traceback.format_exc(limit=-3))
-        self._failed = True
-
     def news(self) -> bytes | None:
         """The memory, if it is not what physics has."""
-        memory = None if self.memory is None else pack(self.memory)
+        memory = self._agent.packed
         if memory == self._sent:
             return None
         self._sent = memory
@@ -90,6 +88,9 @@ class StateBoard:
             self._bus.publish(self._keys.of("state", seen.name), pack(state))
 
     def tell(self, name: str, question: Question) -> None:
+        if question.payload:
+            question.refuse("malformed: the query of a state has no payload")
+            raise Refused("malformed", "the query of a state has no payload")
         if name not in self._states:
             question.refuse("not known before the first tick")
             return
@@ -148,7 +149,7 @@ class Host:
 
     # -- one tick
 
-    def run(self) -> None:
+    def run(self) -> NoReturn:
         """Tick after tick, until Ended is raised."""
         while True:
             try:
@@ -171,6 +172,7 @@ class Host:
         for name in self.bins:
             self.states.update(seen[name])
         self._wait(self.mailbox.is_sent)
+        tell_refusals(self.bus, self.keys, self.run_id, self.refusals)
         for name, action in actions.items():
             self._drive(name, tick, action, mail.get(name))
 
@@ -247,6 +249,12 @@ class Host:
             self.states.tell(name, question)
         else:
             self.mailbox.hear(name, question)
+
+
+def tell_refusals(bus: Bus, keys: Keys, run: str, refusals: Refusals) -> None:
+    """Physics counts what all refuse."""
+    if refusals.is_news():
+        bus.publish(keys.of("refused", session=bus.id), pack(RefusedThere(run, dict(refusals.counts))))
 
 
 def told(bus: Bus, key: str, payload: bytes, handle: Callable[[Item], None]) -> bytes:

@@ -55,6 +55,8 @@ TABLE: dict[str, Key] = {
                    "Everything that is to be seen, in one message, for the logger and whoever looks on."),
     "figures": Key("{prefix}/figures", wire.Figures, "physics", "twice a second of wall time", NEVER_LOST,
                    "How the run goes, and what each robot does."),
+    "refused": Key("{prefix}/hosts/{session}/refused", wire.RefusedThere, "a host, the logger", "in ticks in which it refused something",
+                   NEVER_LOST, "How many messages it refused, by reason. Physics adds them up."),
     "scenario": Key("{prefix}/scenario", None, "anyone", "when it comes to the run", QUERY,
                     "The run's id and present tick, its agents, its scenario. The payload is empty; physics answers.", (wire.Newcomer,)),
     "join": Key("{prefix}/join", wire.Join, "an agent's host", "when it begins", QUERY,

@@ -54,6 +54,7 @@ EXAMPLES: dict[type, wire.Part] = {
         wire.Events(RUN, TICK, [{"tick": TICK, "what": "row picked", "who": "picker_01", "whom": "bin_01", "detail": "row 1"}]),
         wire.Picture(RUN, TICK, np.array([[-23.5, 10.75, 0.0]]).tobytes(), None, {}, None, None, None, [12.0], 0),
         _figures(),
+        wire.RefusedThere(RUN, {"malformed": 3}),
         wire.Newcomer(RUN, TICK, "lockstep", ["picker_01"], {"rows": 3}),
         wire.Join(RUN, SESSION, ["picker_01"]),
         wire.Joined(RUN, TICK, {"picker_01": None}, {}),
@@ -203,7 +204,8 @@ than the present one.
 
 ## What is refused
 
-Refused means: not applied, counted (`messages_refused` in `figures` and in the summary, by reason) and logged once for each key and reason. Queries get an error reply with the reason.
+Refused means: not applied, counted (`messages_refused` in `figures` and in the summary, by reason, of physics, hosts
+and logger together) and logged once for each key and reason. Queries get an error reply with the reason.
 
 | reason | what |
 | --- | --- |

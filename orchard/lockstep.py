@@ -37,6 +37,12 @@ class Refusals:
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter()
         self._told: set[tuple[str, str]] = set()
+        self._reported = 0
+
+    def is_news(self) -> bool:
+        """Whether there are more than when this last said so."""
+        before, self._reported = self._reported, self.counts.total()
+        return self._reported > before
 
     def note(self, key: str, refusal: Refused) -> None:
         self.counts[refusal.reason] += 1

@@ -312,6 +312,14 @@ class Figures(Message):
     messages_refused: Annotated[dict[str, int], Meta(description="reason -> how many, since the beginning")]
 
 
+class RefusedThere(OfRun):
+    """What one host, or the logger, has refused."""
+
+    counts: Annotated[
+        dict[Text, Annotated[int, Meta(ge=0, lt=2**53)]], Meta(max_length=32, description="reason -> how many, since it began")
+    ]
+
+
 class End(Message):
     """The last message of a run."""
 

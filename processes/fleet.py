@@ -1,5 +1,6 @@
 """The processes of one run on this machine: a table of them; start, watch, start again, stop."""
 
+import os
 import socket
 import subprocess
 import sys
@@ -50,7 +51,9 @@ class Fleet:
         """A session of its own, so that Ctrl-C reaches run.py alone, which stops the others in order."""
         command = [sys.executable, "-m", program.module, *program.arguments]
         null, pipe = subprocess.DEVNULL, subprocess.PIPE
-        popen = subprocess.Popen(command, cwd=ROOT, stdin=null, stdout=null, stderr=pipe, text=True, start_new_session=True)
+        popen = subprocess.Popen(
+            command, cwd=ROOT, env=_with_own_modules(), stdin=null, stdout=null, stderr=pipe, text=True, start_new_session=True
+        )
         threading.Thread(target=self._pass_on, args=(program.name, popen), daemon=True).start()
         return popen
 
@@ -102,6 +105,12 @@ class Fleet:
             if running.popen.poll() is None:
                 running.popen.kill()
             running.popen.wait()
+
+
+def _with_own_modules() -> dict[str, str]:
+    """The environment, in which also modules of the user's present directory are found."""
+    paths = [os.environ.get("PYTHONPATH", ""), os.getcwd()]
+    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
 
 
 def free_port() -> int:

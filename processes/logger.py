@@ -16,7 +16,7 @@ from orchard.bus import Alive, Bus, BusError, Inbox, Item, Sample, Signal, clien
 from orchard.camera import talk_of
 from orchard.config import ScenarioError, check
 from orchard.frames import Event
-from orchard.host import Ended, told
+from orchard.host import Ended, tell_refusals, told
 from orchard.keys import PHYSICS, PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.lockstep import Refusals, Refused, understood
@@ -62,6 +62,7 @@ class Logger:
                 self._hear(item)
             except Refused as refusal:
                 self.refusals.note(item.key, refusal)
+                tell_refusals(self.bus, self.keys, self.run_id, self.refusals)
 
     def _hear(self, sample: Sample) -> None:
         match self.keys.parts(sample.key):

@@ -13,6 +13,7 @@ import signal
 import sys
 import time
 import uuid
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("orchard")
 
 NAG_SECONDS = 3.0  # between two lines that name who is missing
+MOST_SESSIONS = 1000  # whose refusals are added up
 FAREWELL_SECONDS = 2.0  # for how long the others may take to leave
 
 
@@ -72,11 +74,13 @@ class Physics:
         self.answers: Answers | Live = _answers(self.roster, options)
         self.loose, self.memories = Loose(), Memories()
         self.refusals = Refusals()
+        self._refused_there: dict[str, dict[str, int]] = {}  # session -> what it refused
         self.pacer = Pacer(options.speed)
         self._seen: dict[str, Observation] = {}
 
     def listen(self) -> None:
         self.bus.subscribe(self.keys.of("velocity"), quietly=True)
+        self.bus.subscribe(self.keys.of("refused"))
         for what in ("scenario", "join", "command"):
             self.bus.answer(self.keys.of(what))
         self.bus.watch(self.keys.of("alive"))
@@ -100,9 +104,12 @@ class Physics:
 
     def _gather(self) -> None:
         """Wait for all agents that are expected."""
-        while missing := [name for name in self.roster.names if name not in self.roster.holders and name not in self.options.absent]:
+        while missing := [name for name in self.roster.names if not self._is_expected_no_more(name)]:
             if not self._take(NAG_SECONDS):
                 log.warning("waiting for %d agents: %s", len(missing), ", ".join(missing))
+
+    def _is_expected_no_more(self, name: str) -> bool:
+        return name in self.roster.holders or name in self.options.absent or self.loose.drives(name)
 
     def _end(self) -> str:
         """Why the run is over; '' if it is not."""
@@ -127,7 +134,7 @@ class Physics:
         self.announcer.happened(tick, events)
         self.announcer.say("picture", wire.picture_of(self.run_id, self.camera.frame(self.engine.scans, actions, events)))
         if self.account.is_due():
-            self.announcer.say("figures", self.account.message(self.run_id, dict(self.refusals.counts)))
+            self.announcer.say("figures", self.account.message(self.run_id, self._refused()))
 
     def _pause(self) -> float:
         """Until the tick's time has come; so many seconds after it."""
@@ -151,7 +158,7 @@ class Physics:
     def _summary(self, why: str) -> wire.End:
         engine, run = self.engine, {"mode": self.answers.mode, "hosts": len(set(self.roster.holders.values()))}
         figures = self.account.figures() | self.answers.figures()
-        summary = {"hash": engine.hash} | run | figures | {"messages_refused": dict(self.refusals.counts)}
+        summary = {"hash": engine.hash} | run | figures | {"messages_refused": self._refused()}
         summary["finished"] = engine.over
         return wire.End(self.run_id, engine.tick, engine.over, why, engine.hash, summary)
 
@@ -179,13 +186,29 @@ class Physics:
 
     def _handle(self, item: Item) -> None:
         if isinstance(item, Sample):
-            self._drive(self.keys.parts(item.key)[0], item.payload)
+            self._hear(item)
         elif isinstance(item, Alive):
             self._token(item)
         elif isinstance(item, Question):
             self._reply(item)
         elif isinstance(item, Signal):
             raise Stopped("stopped")
+
+    def _hear(self, sample: Sample) -> None:
+        match self.keys.parts(sample.key):
+            case ["hosts", session, "refused"]:
+                counts = understood(sample.payload, wire.RefusedThere, self.run_id).counts
+                if len(self._refused_there) < MOST_SESSIONS or session in self._refused_there:
+                    self._refused_there[session] = counts
+            case [name, "velocity"]:
+                self._drive(name, sample.payload)
+
+    def _refused(self) -> dict[str, int]:
+        """What all have refused, by reason."""
+        total = Counter(self.refusals.counts)
+        for counts in self._refused_there.values():
+            total.update(counts)
+        return dict(sorted(total.items()))
 
     def _token(self, alive: Alive) -> None:
         _, name, holder = self.keys.parts(alive.key)
@@ -224,6 +247,8 @@ class Physics:
         question.drop()
 
     def _tell(self, question: Question) -> None:
+        if question.payload:
+            raise Refused("malformed", "the scenario query has no payload")
         scenario = self.engine.layout.scenario.model_dump()
         question.reply(pack(wire.Newcomer(self.run_id, self.engine.tick, self.answers.mode, list(self.roster.names), scenario)))
 

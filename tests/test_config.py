@@ -87,7 +87,7 @@ def test_every_field_is_described_and_limited() -> None:
     for name, field in found.items():
         assert field["description"], name
         limited = field["anyOf"][0] if "anyOf" in field else field
-        assert field.get("type") == "boolean" or {"minimum", "maximum"} <= set(limited), name
+        assert field.get("type") in ("boolean", "object") or {"minimum", "maximum"} <= set(limited), name
 
 
 @pytest.mark.parametrize(("pickers", "carriers"), [(2, 2), (3, 3), (5, 4), (10, 7), (11, 8), (20, 14)])
@@ -221,7 +221,7 @@ def test_an_unknown_key_tells_the_closest(text: str, path: str, guess: str) -> N
 
 def test_an_unknown_key_tells_the_known_ones() -> None:
     assert refusal("xyzzy: 1").endswith(
-        "unknown key; known here: rows, pickers, row_width, carriers, picking_speed, seed, people, animals, weeds, tractor, laser"
+        "unknown key; known here: rows, pickers, row_width, carriers, picking_speed, seed, people, animals, weeds, tractor, laser, agents"
     )
 
 

@@ -12,6 +12,7 @@ from orchard.agents.tractor import Tractor
 from orchard.agents.traffic import Traffic
 from orchard.agents.weed import Weed
 from orchard.doer import TRAFFIC
+from orchard.guard import configured
 from orchard.layout import Layout
 
 ROLES: dict[str, Callable[[Layout, str], Agent]] = {
@@ -28,7 +29,8 @@ ROLES: dict[str, Callable[[Layout, str], Agent]] = {
 
 
 def cast(layout: Layout) -> dict[str, Agent]:
-    """Every agent of an orchard by its name, in the order of names."""
-    agents: dict[str, Agent] = {start.name: ROLES[start.kind](layout, start.name) for start in layout.starts}
+    """Every agent of an orchard by its name, in the order of names; where the scenario names a class, one of that."""
+    agents: dict[str, Agent] = {**configured(layout)}
+    agents |= {start.name: ROLES[start.kind](layout, start.name) for start in layout.starts if start.name not in agents}
     agents[TRAFFIC] = Traffic()
     return dict(sorted(agents.items()))

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from math import floor, log10
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -67,7 +67,7 @@ def _entries(model: type[BaseModel], before: str = "") -> Iterator[Entry]:
         kind = field.annotation
         if isinstance(kind, type) and issubclass(kind, BaseModel):
             yield from _entries(kind, f"{before}{name}.")
-        else:
+        elif get_origin(kind) is not dict:  # which classes drive is no matter for a form
             yield _entry(before + name, field)
 
 

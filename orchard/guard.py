@@ -1,0 +1,117 @@
+"""Agents that may have mistakes in them: a mistake is told with its place, its robot stands, and the others go on."""
+
+import importlib
+import inspect
+import logging
+import math
+import traceback
+from typing import Any
+
+from orchard.agent import Action, Agent, Mail, Observation
+from orchard.geometry import Twist
+from orchard.kinds import KINDS, kind_of
+from orchard.layout import Layout
+from orchard.messages import Answer, Deed, Request, pack
+from orchard.names import chosen
+
+log = logging.getLogger("orchard")
+
+FASTEST = 100.0  # m/s and rad/s: what no velocity can mean
+
+
+class Guarded:
+    """An agent whose actions are looked at before they count."""
+
+    def __init__(self, name: str, agent: Agent) -> None:
+        self.name = name
+        self.Memory = getattr(agent, "Memory", dict)
+        self.packed: bytes | None = None  # its memory, as it travels
+        self._agent = agent
+        self._failed = False
+
+    def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
+        try:
+            action = self._agent.tick(observation, mail, memory)
+            _check(self.name, action)
+            self.packed = None if action.memory is None else pack(action.memory)
+        except Exception:
+            self._tell(observation.tick)
+            return Action(memory=memory, doing="broken")
+        return action
+
+    def _tell(self, tick: int) -> None:
+        if not self._failed:
+            log.error("%s made a mistake at tick %d; it stands.\n%s", self.name, tick, traceback.format_exc(limit=-3))
+        self._failed = True
+
+
+class Broken:
+    """What stands in for an agent that could not be made."""
+
+    Memory = dict
+
+    def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
+        return Action(memory=memory, doing="broken")
+
+
+def _check(name: str, action: Any) -> None:
+    """Raises TypeError or ValueError for what is no action."""
+    if not isinstance(action, Action):
+        raise TypeError(f"tick gave {type(action).__name__} back; wanted is an Action")
+    twist = action.twist = Twist(*map(float, action.twist))
+    if not all(math.isfinite(part) and abs(part) <= FASTEST for part in twist):
+        raise ValueError(f"{twist}: wanted are numbers from {-FASTEST:g} to {FASTEST:g}")
+    kind = KINDS.get(kind_of(name))
+    if twist.y and kind is not None and not kind.sideways:
+        raise ValueError(f"{twist}: a {kind_of(name)} does not move sideways")
+    said = [(deed, Deed) for deed in action.deeds] + [(body, Request) for _, body in action.requests]
+    for message, type_ in [*said, *((body, Answer) for _, body in action.answers)]:
+        if not isinstance(message, type_):
+            raise TypeError(f"{message!r} is none of the messages in orchard/messages.py")
+
+
+# -- classes that a scenario names
+
+
+def replaced(layout: Layout) -> dict[str, str]:
+    """name -> the class that the scenario names for it; a name counts more than a kind. Raises ValueError for a word that is neither."""
+    classes = layout.scenario.agents
+    paths: dict[str, str] = {}
+    for word in sorted(classes, key=lambda word: word in layout.index):
+        try:
+            paths |= dict.fromkeys(chosen(layout.names, [word], []), classes[word])
+        except ValueError as error:
+            raise ValueError(f"agents.{error}") from None
+    return paths
+
+
+def configured(layout: Layout) -> dict[str, Guarded]:
+    """The agents whose classes the scenario names."""
+    return {name: Guarded(name, _make(path, layout, name)) for name, path in replaced(layout).items()}
+
+
+def _make(path: str, layout: Layout, name: str) -> Any:
+    try:
+        module, _, class_ = path.replace(":", ".").rpartition(".")
+        agent = getattr(importlib.import_module(module), class_)(layout, name)
+        if not callable(getattr(agent, "tick", None)):
+            raise TypeError(f"it has no method tick(observation, mail, memory){_place_of(type(agent))}")
+    except Exception as error:
+        log.error("%s: its class %s is of no use, it stands: %s: %s%s", name, path, type(error).__name__, error, _place(error))
+        return Broken()
+    return agent
+
+
+def _place(error: Exception) -> str:
+    """Where in the user's files it happened; '' if it was not there."""
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename != __file__ and "importlib" not in f.filename]
+    if isinstance(error, SyntaxError):
+        return f" ({error.filename}, line {error.lineno})"
+    return f" ({frames[-1].filename}, line {frames[-1].lineno})" if frames else ""
+
+
+def _place_of(class_: type) -> str:
+    try:
+        return f" ({inspect.getsourcefile(class_)}, line {inspect.getsourcelines(class_)[1]})"
+    except (OSError, TypeError):
+        return ""

@@ -1,0 +1,51 @@
+"""Drive robots of a run that goes on elsewhere with an agent of your own.
+
+    with connect("tcp/127.0.0.1:7447") as orchard:
+        orchard.play("picker_01", MyAgent())
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from orchard.agent import Agent
+from orchard.bus import Bus, BusError, Inbox, client
+from orchard.config import check
+from orchard.host import Ended, Host, told
+from orchard.keys import PREFIX, Keys
+from orchard.layout import lay_out
+from orchard.wire import Newcomer, read
+
+
+class Remote:
+    """A run, as one sees it who comes along. `layout` tells where everything stands, `names` whom an agent can drive."""
+
+    def __init__(self, bus: Bus, keys: Keys, newcomer: Newcomer) -> None:
+        self._bus, self._keys = bus, keys
+        self.run, self.mode, self.names = newcomer.run, newcomer.mode, newcomer.agents
+        self.layout = lay_out(check(newcomer.scenario, "the scenario that physics sent"))
+
+    def play(self, name: str, agent: Agent) -> str:
+        """Drive a robot until the run ends; why it did. Raises BusError where the robot is somebody else's, or physics is gone."""
+        if name not in self.names:
+            raise BusError(f"{name}: no such agent; there are {', '.join(self.names)}")
+        host = Host(self._bus, self._keys, self.run, self.mode, self.layout, {name: agent})
+        host.listen()
+        end = _end_of(host)
+        if end.code:
+            raise BusError(str(end))
+        return str(end)
+
+
+def _end_of(host: Host) -> Ended:
+    try:
+        host.run()
+    except Ended as end:
+        return end
+
+
+@contextmanager
+def connect(endpoint: str, prefix: str = PREFIX) -> Iterator[Remote]:
+    """The run that goes on at an endpoint. Raises BusError where nobody listens, or no run is."""
+    keys = Keys(prefix)
+    with client(endpoint, Inbox()) as bus:
+        yield Remote(bus, keys, read(told(bus, keys.of("scenario"), b"", lambda item: None), Newcomer))

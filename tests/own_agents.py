@@ -1,0 +1,58 @@
+"""Agents as users write them, good ones and bad ones, for scenarios that name them."""
+
+import math
+
+from orchard.agent import Action
+from orchard.geometry import Twist
+
+
+class Eastward:
+    """Drives on."""
+
+    Memory = dict
+
+    def __init__(self, layout, name):
+        self.name = name
+
+    def tick(self, observation, mail, memory):
+        return Action(twist=Twist(x=0.25), memory=memory, doing="driving on")
+
+
+class Forgetful:
+    """Has no tick."""
+
+    def __init__(self, layout, name):
+        pass
+
+
+class Unmakeable:
+    """Breaks when it is made."""
+
+    def __init__(self, layout, name):
+        raise LookupError("no map")
+
+
+class Wrong(Eastward):
+    """Gives something back at tick 3 that is no velocity."""
+
+    wrong = Twist(x=math.nan)
+
+    def tick(self, observation, mail, memory):
+        good = super().tick(observation, mail, memory)
+        return Action(twist=self.wrong, memory=memory) if observation.tick >= 3 else good
+
+
+class Sideways(Wrong):
+    wrong = Twist(0.0, 1.0)
+
+
+class Silent(Eastward):
+    def tick(self, observation, mail, memory):
+        return None
+
+
+class Secretive(Eastward):
+    """Its memory cannot travel."""
+
+    def tick(self, observation, mail, memory):
+        return Action(twist=Twist(x=0.25), memory=object())

@@ -1,0 +1,136 @@
+"""Robots that others drive: the README's own agent, a client that knows only keyspace.md, and classes that a scenario names."""
+
+import re
+import subprocess
+import sys
+from contextlib import ExitStack
+
+import pytest
+from fleet import ROOT, SECONDS, Fleet
+from test_lockstep import SMALL, local_hash
+
+from orchard.agents import cast
+from orchard.config import Scenario, ScenarioError, parse
+from orchard.layout import lay_out
+from orchard.local import Local
+
+README = (ROOT / "README.md").read_text()
+
+
+@pytest.fixture
+def fleet(tmp_path):
+    with ExitStack() as stack:
+        yield Fleet(tmp_path, stack)
+
+
+def readme(tag):
+    """A block of the README, with the endpoint in it."""
+    return re.search(rf"```python {tag}\n(.*?)```", README, re.S).group(1)
+
+
+def foreign(fleet, *command):
+    done = subprocess.run([sys.executable, *command], capture_output=True, text=True, timeout=SECONDS, cwd=ROOT)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def with_picker_01(agent_class):
+    """The hash of local mode with another agent for picker_01."""
+    layout = lay_out(SMALL)
+    return local_hash(SMALL, 40, cast(layout) | {"picker_01": agent_class(layout, "picker_01")})
+
+
+def test_the_readmes_agent_drives_a_picker(fleet):
+    fleet.physics(SMALL, "--duration", "4")
+    fleet.host("--without", "picker_01")
+    code = readme("own agent")
+    assert len(code.splitlines()) <= 18
+    foreign(fleet, "-c", code.replace("tcp/127.0.0.1:7447", fleet.endpoint))
+    assert fleet.end() != local_hash(SMALL, 40)
+
+
+def test_the_readmes_bare_client_drives_a_picker(fleet):
+    fleet.physics(SMALL, "--duration", "4")
+    fleet.host("--without", "picker_01")
+    code = readme("bare zenoh")
+    assert "orchard." not in code.replace("orchard/", "")
+    assert len(code.splitlines()) <= 24
+    foreign(fleet, "-c", code.replace("tcp/127.0.0.1:7447", fleet.endpoint))
+    fleet.end()
+
+
+def test_a_client_that_knows_only_keyspace_drives_a_picker(fleet):
+    fleet.physics(SMALL, "--duration", "4")
+    fleet.host("--without", "picker_01")
+    assert foreign(fleet, str(ROOT / "tests" / "foreign_client.py"), fleet.endpoint, "picker_01") == "40 ticks answered\n"
+    fleet.end()
+
+
+def test_a_name_that_is_taken_is_refused_to_an_own_agent_as_well(fleet):
+    fleet.physics(SMALL, "--speed", "10", "--duration", "60")
+    fleet.host()
+    code = readme("own agent").replace("tcp/127.0.0.1:7447", fleet.endpoint)
+    clock = fleet.client().hear("orchard/clock")
+    clock.get(timeout=SECONDS)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=SECONDS, cwd=ROOT)
+    assert done.returncode != 0
+    assert "picker_01: it is taken" in done.stderr
+
+
+# -- classes that a scenario names
+
+
+def scenario(**classes):
+    return SMALL.model_copy(update={"agents": {kind: f"own_agents.{name}" for kind, name in classes.items()}})
+
+
+def test_a_class_of_the_scenario_drives_alike_in_every_mode(fleet):
+    own = scenario(picker="Eastward")
+    local = Local(own)
+    for _ in range(40):
+        local.tick()
+    assert local.actions["picker_01"].doing == local.actions["picker_02"].doing == "driving on"
+    fleet.physics(own, "--duration", "4")
+    fleet.share(2)
+    assert fleet.end() == local.engine.hash != local_hash(SMALL, 40)
+
+
+def test_a_name_counts_more_than_a_kind():
+    local = Local(scenario(picker_01="Eastward", picker="Forgetful"))
+    local.tick()
+    assert [local.actions[name].doing for name in ("picker_01", "picker_02")] == ["driving on", "broken"]
+
+
+@pytest.mark.parametrize(
+    ("class_", "said"),
+    [
+        ("own_agents.Forgetful", r"no method tick.*own_agents\.py, line \d+"),
+        ("own_agents:Unmakeable", r"LookupError: no map \(.*own_agents\.py, line \d+"),
+        ("own_agents.Nowhere", "has no attribute 'Nowhere'"),
+        ("nowhere_at_all.Agent", "No module named 'nowhere_at_all'"),
+        ("own_agents.Wrong", "wanted are numbers"),
+        ("own_agents.Sideways", "a picker does not move sideways"),
+        ("own_agents.Silent", "tick gave NoneType back"),
+        ("own_agents.Secretive", "made a mistake at tick 0"),
+    ],
+)
+def test_a_mistake_is_told_with_its_place_the_robot_stands_and_the_others_go_on(class_, said, caplog):
+    local = Local(SMALL.model_copy(update={"agents": {"picker_01": class_}}))
+    for _ in range(10):
+        local.tick()
+    (record,) = [record for record in caplog.records if "picker_01" in record.getMessage()]
+    assert re.search(said, record.getMessage())
+    assert local.actions["picker_01"].doing == "broken"
+    assert local.engine.observe()["picker_01"].twist.x == 0.0
+    assert local.actions["picker_02"].doing != "broken"
+
+
+def test_who_is_not_there_cannot_be_replaced():
+    with pytest.raises(ValueError, match=r"agents\.piker: no such agent or kind"):
+        cast(lay_out(Scenario(rows=3, agents={"piker": "own_agents.Eastward"})))
+
+
+@pytest.mark.parametrize("text", ["agents: 5", "agents: {picker: 5}", "agents: {picker: MyPicker}", "agents: {picker: 'a b.C'}"])
+def test_what_is_no_class_is_named(text):
+    with pytest.raises(ScenarioError, match="a map of kinds or names and the classes that drive them"):
+        parse(text)

@@ -45,7 +45,7 @@ def test_the_page_asks_for_every_value_of_a_scenario():
 def test_limits_and_steps_come_from_the_model():
     rows, noise, seed = (entries()[path] for path in ("rows", "laser.noise", "seed"))
     assert (rows.low, rows.high, rows.step, rows.limits) == (3, 20, 1, "3 to 20")
-    assert (noise.step, noise.limits, noise.label) == (0.001, "0 to 0.02 m", "Laser noise")
+    assert (noise.step, noise.limits, noise.label) == (0.0002, "0 to 0.02 m", "Laser noise")
     assert not seed.has_slider, "a browser's numbers do not hold it"
 
 

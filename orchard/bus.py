@@ -171,10 +171,14 @@ class Bus:
 
     # put and get
 
-    def publish(self, key: str, payload: bytes) -> None:
-        """Never lost, in order: a subscriber that is slow is waited for."""
+    def publish(self, key: str, payload: bytes, newest_wins: bool = False) -> None:
+        """Never lost, in order: a subscriber that is slow is waited for; or, if the newest wins, it gets what it can take.
+
+        Which of both it is, is settled by the first message on a key.
+        """
         if key not in self._publishers:
-            self._publishers[key] = self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
+            control = zenoh.CongestionControl.DROP if newest_wins else zenoh.CongestionControl.BLOCK
+            self._publishers[key] = self._session.declare_publisher(key, congestion_control=control)
         try:
             self._publishers[key].put(payload)
         except zenoh.ZError as error:

@@ -11,6 +11,7 @@ from orchard.events import What
 
 NEVER_LOST = "never lost"  # reliable, in order; a sender waits for a slow subscriber
 QUERY = "query"  # a Zenoh get, answered by a queryable
+NEWEST = "never lost; newest wins in realtime"  # there a slow subscriber misses some, and holds nobody up
 LIVELINESS = "liveliness"  # a Zenoh liveliness token
 
 PREFIX = "orchard"
@@ -35,13 +36,13 @@ _EVERY_TICK = "once per tick, 10 a simulated second"
 TABLE: dict[str, Key] = {
     "velocity": Key("{prefix}/{robot}/velocity", wire.Velocity, "the robot's agent, or whoever drives it", _EVERY_TICK, NEVER_LOST,
                     "How the robot shall move in the step from this tick to the next."),
-    "pose": Key("{prefix}/{robot}/pose", wire.Odometry, "physics", _EVERY_TICK, NEVER_LOST,
+    "pose": Key("{prefix}/{robot}/pose", wire.Odometry, "physics", _EVERY_TICK, NEWEST,
                 "Where the robot is at this tick, how it moved in the last step, and what is coupled to it."),
-    "scan": Key("{prefix}/{robot}/scan", wire.LaserScan, "physics", _EVERY_TICK, NEVER_LOST,
+    "scan": Key("{prefix}/{robot}/scan", wire.LaserScan, "physics", _EVERY_TICK, NEWEST,
                 "What the robot's laser measures at this tick, and what its bin's does."),
-    "clock": Key("{prefix}/clock", wire.Clock, "physics", _EVERY_TICK, NEVER_LOST,
+    "clock": Key("{prefix}/clock", wire.Clock, "physics", _EVERY_TICK, NEWEST,
                  "Simulated time. It is sent last: poses and scans of its tick are out."),
-    "seen": Key("{prefix}/hosts/{session}/seen", wire.Seen, "physics", _EVERY_TICK, NEVER_LOST,
+    "seen": Key("{prefix}/hosts/{session}/seen", wire.Seen, "physics", _EVERY_TICK, NEWEST,
                 "For a session that holds several agents: all their poses and scans of this tick, so that it need not subscribe to each."),
     "mail": Key("{prefix}/{robot}/mail", wire.Letter, "any agent", "when it asks", QUERY,
                 "A request to the robot's agent. The robot's host answers.", (wire.Received, wire.Answered)),

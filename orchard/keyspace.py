@@ -161,7 +161,7 @@ and puts, hears, asks and answers on the keys below. `{{prefix}}` is `orchard` u
 - **Every message carries `run`**, the run's id, **and `tick`**, the number of the time step: 0.1 s of simulated time each, from 0 (join and command: the run only).
 - **Frames** (REP-103, REP-105): `map` is x east, y north, z up, metres; yaw is 0 to the east, counter-clockwise positive. `base_link` is the body's:
   x forward, y to the left. Names and meanings of fields are ROS's.
-- **Delivery**: "never lost" is put with congestion control BLOCK; a query is a get with target ALL, consolidation NONE.
+- **Delivery**: "never lost" is put with congestion control BLOCK, "newest wins" with DROP; a query is a get with target ALL, consolidation NONE.
 
 | key | message | sender | rate | delivery |
 | --- | --- | --- | --- | --- |

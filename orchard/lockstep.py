@@ -114,6 +114,7 @@ class Answers:
     """The velocities that are in for one tick: in lockstep physics waits until none is missing. `realtime.Live` is its counterpart."""
 
     mode: Mode = "lockstep"
+    newest_wins = False  # every tick must reach every agent
     releases_at_once = False  # who is gone may come back, or another in its place, while its patience lasts
 
     def __init__(self, roster: Roster, patience: float = 15.0, clock: Callable[[], float] = time.monotonic) -> None:

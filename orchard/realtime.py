@@ -23,6 +23,7 @@ class Live:
     """The newest velocity of each agent that is held."""
 
     mode: Mode = "realtime"
+    newest_wins = True  # an old tick is of no use to anybody
     releases_at_once = True  # the robot of one who is gone stands, and waits for nobody
 
     def __init__(self, roster: Roster, step: float, clock: Callable[[], float] = time.monotonic) -> None:

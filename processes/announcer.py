@@ -23,8 +23,10 @@ log = logging.getLogger("orchard")
 class Announcer:
     """What physics says."""
 
-    def __init__(self, bus: Bus, keys: Keys, run: str, layout: Layout) -> None:
+    def __init__(self, bus: Bus, keys: Keys, run: str, layout: Layout, newest_wins: bool = False) -> None:
+        """With `newest_wins` a tick's poses, scans and clock hold nobody up: who is slow misses some."""
         self._bus, self._keys, self.run = bus, keys, run
+        self._newest_wins = newest_wins
         self._bodies = [(s.name, KINDS[s.kind].laser, keys.of("pose", s.name), keys.of("scan", s.name)) for s in layout.starts]
 
     def look(self, tick: int, seen: dict[str, Observation], holders: dict[str, list[str]], names: Container[str] | None = None) -> None:
@@ -33,15 +35,16 @@ class Announcer:
         for holder, held in holders.items():
             if len(held) > 1:
                 bodies = {name: sent[name] for name in held if name in sent}
-                self._bus.publish(self._keys.of("seen", session=holder), pack(wire.Seen(self.run, tick, bodies)))
+                self._bus.publish(self._keys.of("seen", session=holder), pack(wire.Seen(self.run, tick, bodies)), self._newest_wins)
         sec, tenths = divmod(tick, 10)
-        self.say("clock", wire.Clock(self.run, tick, wire.Stamp(sec, tenths * 10**8)))
+        clock = wire.Clock(self.run, tick, wire.Stamp(sec, tenths * 10**8))
+        self._bus.publish(self._keys.of("clock"), pack(clock), self._newest_wins)
 
     def _show(self, seen: Observation, laser: Laser, pose_key: str, scan_key: str) -> tuple[bytes, bytes]:
         pose = pack(wire.odometry_of(self.run, seen))
         scan = pack(wire.scan_of(self.run, seen, laser, KINDS["bin"].laser))
-        self._bus.publish(pose_key, pose)
-        self._bus.publish(scan_key, scan)
+        self._bus.publish(pose_key, pose, self._newest_wins)
+        self._bus.publish(scan_key, scan, self._newest_wins)
         return pose, scan
 
     def happened(self, tick: int, events: "list[Event]") -> None:

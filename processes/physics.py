@@ -68,10 +68,10 @@ class Physics:
     def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: Options) -> None:
         self.bus, self.keys, self.engine, self.options = bus, keys, engine, options
         self.run_id = options.run or uuid.uuid4().hex[:16]
-        self.announcer = Announcer(bus, keys, self.run_id, engine.layout)
         self.account, self.camera = Account(engine), Camera(engine.world)
         self.roster = Roster(engine.agents)
         self.answers: Answers | Live = _answers(self.roster, options)
+        self.announcer = Announcer(bus, keys, self.run_id, engine.layout, self.answers.newest_wins)
         self.loose, self.memories = Loose(), Memories()
         self.refusals = Refusals()
         self._refused_there: dict[str, dict[str, int]] = {}  # session -> what it refused
@@ -213,10 +213,16 @@ class Physics:
     def _token(self, alive: Alive) -> None:
         _, name, holder = self.keys.parts(alive.key)
         if name == PHYSICS:
+            self._refuse_another_run(alive.up, holder)
             return
         self.roster.token(name, holder, alive.up)
         if self.answers.releases_at_once and not alive.up and self.roster.holders.get(name) == holder:
             self._release({name})
+
+    def _refuse_another_run(self, up: bool, run: str) -> None:
+        """Before the first tick: at one router there is one run to a prefix."""
+        if up and run != self.run_id and self.answers.tick < 0:
+            raise BusError(f"{self.bus.endpoint}: run {run} goes on there, with prefix {self.keys.prefix}; choose another router or prefix")
 
     def _drive(self, name: str, payload: bytes) -> None:
         velocity = understood(payload, wire.Velocity, self.run_id)

@@ -136,6 +136,18 @@ def test_what_cannot_be_is_named_within_ten_seconds(arguments, named):
     assert "Traceback" not in done.stderr
 
 
+def test_a_second_run_at_one_router_is_refused(tmp_path):
+    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
+    with router() as middle, ExitStack() as stack:
+        for _ in range(2):
+            physics = Process("processes.physics", f"{tmp_path}/scenario.yaml", "--connect", middle.endpoint)
+            stack.callback(physics.kill)
+            assert physics.line().startswith("connected to")
+        code, _, err = physics.end()
+        assert code == 2
+        assert f"{middle.endpoint}: run" in err
+
+
 def test_a_port_in_use_is_named():
     with router() as taken:
         done = orchard("--rows", 3, "--record", "none", "--listen", taken.endpoint, seconds=30)

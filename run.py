@@ -99,9 +99,11 @@ def harvest(
 ) -> None:
     """Harvest an orchard to the end."""
     _check_places(mode, listen, connect, without, only)
-    if only and connect:
-        raise typer.Exit(_visit(connect, only, without or [], hosts))
     changes = {"rows": rows, "pickers": pickers, "row_width": row_width, "carriers": carriers, "seed": seed}
+    if only and connect:
+        others = {"scenario": scenario, "speed": speed, "duration": duration, "record": record, "view": view, "summary": summary}
+        _check_guest(changes | others)
+        raise typer.Exit(_visit(connect, only, without or [], hosts))
     try:
         chosen = with_changes(load(scenario or HERE / "config" / "orchard.yaml"), **{k: v for k, v in changes.items() if v is not None})
         replaced(lay_out(chosen))
@@ -123,6 +125,13 @@ def _check_places(mode: Mode, listen: str | None, connect: str | None, without: 
         raise typer.BadParameter("either be where others meet, or go where they do: --listen or --connect", param_hint="--listen")
     if only and not connect:
         raise typer.BadParameter("run these agents of which run? --connect ENDPOINT tells", param_hint="--only")
+
+
+def _check_guest(others: dict[str, Any]) -> None:
+    """With --only the rest is settled where the run is."""
+    given = [f"--{name.replace('_', '-')}" for name, value in others.items() if value]
+    if given:
+        raise typer.BadParameter(f"leave out {', '.join(given)}: that is settled where the run is", param_hint="--only")
 
 
 def _pace(mode: Mode, speed: float | None, view: bool) -> float:

@@ -121,7 +121,8 @@ def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
     ("arguments", "named"),
     [
         (["--connect", "tcp/127.0.0.1:9", "--only", "carrier"], "tcp/127.0.0.1:9: nobody listens there"),
-        (["--connect", "tcp/127.0.0.1:9"], "tcp/127.0.0.1:9: nobody listens there"),
+        (["--connect", "tcp/127.0.0.1:9", "--record", "none"], "tcp/127.0.0.1:9: nobody listens there"),
+        (["--connect", "tcp/127.0.0.1:9", "--only", "carrier", "--rows", "3"], "leave out --rows"),
         (["--listen", "nonsense"], "nonsense: not an endpoint"),
         (["--without", "carier"], "carier: no such agent or kind"),
         (["--only", "carrier"], "--connect"),
@@ -130,7 +131,7 @@ def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
     ],
 )
 def test_what_cannot_be_is_named_within_ten_seconds(arguments, named):
-    done = orchard("--rows", 3, "--record", "none", *arguments, seconds=10)
+    done = orchard(*arguments, seconds=10)
     assert done.returncode == 2, done.stdout + done.stderr
     assert named in done.stderr
     assert "Traceback" not in done.stderr

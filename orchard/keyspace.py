@@ -174,6 +174,7 @@ Query `{{prefix}}/scenario` (no payload): the answer tells the run's id, and eve
 **A robot that no agent holds** (started so that its agent is absent, or its agent was lost) is driven by whoever puts a velocity on its key: subscribe to
 `{{prefix}}/picker_01/pose`, and put a velocity with the `run` and the `tick` of the newest pose on `{{prefix}}/picker_01/velocity`. The newest one counts. It drives the robot until
 a newer one comes, but at most for {watchdog} s and {ticks} ticks, whichever is later; then the robot stands. `linear.x` and `angular.z` beyond what the kind can do are cut to that.
+Before tick 0 there are no poses: physics waits until every agent that was left to others is held or driven. A velocity for tick 0 is enough to begin.
 
 **An agent in lockstep** is waited for: physics goes on to tick k + 1 only when each agent that is held has answered tick k. To hold one:
 

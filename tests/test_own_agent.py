@@ -66,6 +66,14 @@ def test_a_client_that_knows_only_keyspace_drives_a_picker(fleet):
     fleet.end()
 
 
+def test_who_only_drives_begins_with_a_velocity_for_tick_0(fleet):
+    fleet.physics(SMALL, "--duration", "2")
+    fleet.host("--without", "picker_01")
+    assert any(fleet.world.error() == "physics: waiting for 1 agents: picker_01\n" for _ in range(10))
+    fleet.client().drive("picker_01", 0, 0.5)
+    fleet.end()
+
+
 def test_a_name_that_is_taken_is_refused_to_an_own_agent_as_well(fleet):
     fleet.physics(SMALL, "--speed", "10", "--duration", "60")
     fleet.host()

@@ -3,16 +3,19 @@ PYTHON ?= python3.11
 VENV := .venv
 RUN := $(VENV)/bin/python
 
-.PHONY: run lint test soak view docs pictures clean
+.PHONY: run app lint test soak bench view docs pictures clean
 .DEFAULT_GOAL := run
 
 $(VENV)/ready: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet --editable '.[dev]'
+	$(VENV)/bin/pip install --quiet --editable '.[app,dev]'
 	touch $@
 
 run: $(VENV)/ready  ## the default orchard, from start to summary
 	$(RUN) run.py
+
+app: $(VENV)/ready  ## the page in the browser
+	$(RUN) -m orchard.app
 
 view: $(VENV)/ready  ## open the newest recording
 	$(RUN) run.py view
@@ -26,6 +29,9 @@ test: $(VENV)/ready  ## all tests but the long matrix
 
 soak: $(VENV)/ready  ## the long matrix of equal hashes
 	$(RUN) -m pytest -m soak
+
+bench: $(VENV)/ready  ## how fast it is, beside what else one could use: docs/benchmarks.md
+	$(RUN) -m bench
 
 docs: $(VENV)/ready  ## all generated files: keyspace.md, the schema, the drawings
 	$(RUN) -m orchard.keys

@@ -35,6 +35,7 @@ def test_the_commands_in_the_readme_run(command, tmp_path):
         words = [sys.executable, str(ROOT / "run.py"), *words[2:]]
         words = [str(ROOT / word) if word.startswith("config/") else word for word in words]
         words += [] if "--record" in words else ["--record", "run.rrd"]
+        words += [] if "--duration" in words else ["--duration", "60"]  # as they stand they only take longer
     cwd = ROOT if words[0] == "make" else tmp_path
     done = subprocess.run(words, cwd=cwd, capture_output=True, text=True, timeout=SECONDS)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -11,6 +11,7 @@ OWNERS = {
     "msgpack": ["orchard/messages.py"],
     "yaml": ["orchard/config.py"],
     "rerun": ["orchard/view/"],
+    "nicegui": ["orchard/app/"],
     "numba": ["orchard/compiled.py", "orchard/laser_kernel.py", "orchard/move_kernel.py", "orchard/boxes.py"],
 }
 SOURCES = sorted([*ROOT.glob("orchard/**/*.py"), *ROOT.glob("processes/*.py"), ROOT / "run.py"])

@@ -2,6 +2,7 @@
 
     python run.py [SCENARIO.yaml] [--rows 5 --pickers 2 ...]
     python run.py view [FILE.rrd]
+    python run.py app [--port 8080]
 """
 
 import math
@@ -91,6 +92,7 @@ def harvest(
     duration: Duration = None,
     record: Record = None,
     view: Annotated[bool, typer.Option("--view", help="Open the viewer, and watch live.")] = False,
+    web: Annotated[int | None, typer.Option(min=1024, max=65534, metavar="PORT", help="Watch live in a browser of this machine.")] = None,
     summary: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the summary.")] = None,
     listen: Listen = None,
     connect: Connect = None,
@@ -101,8 +103,8 @@ def harvest(
     _check_places(mode, listen, connect, without, only)
     changes = {"rows": rows, "pickers": pickers, "row_width": row_width, "carriers": carriers, "seed": seed}
     if only and connect:
-        others = {"scenario": scenario, "speed": speed, "duration": duration, "record": record, "view": view, "summary": summary}
-        _check_guest(changes | others)
+        others = {"scenario": scenario, "speed": speed, "duration": duration, "record": record, "summary": summary}
+        _check_guest(changes | others | {"view": view, "web": web})
         raise typer.Exit(_visit(connect, only, without or [], hosts))
     try:
         chosen = with_changes(load(scenario or HERE / "config" / "orchard.yaml"), **{k: v for k, v in changes.items() if v is not None})
@@ -112,7 +114,8 @@ def harvest(
     except (ScenarioError, OSError, ValueError) as error:
         errors.print(str(error), markup=False, soft_wrap=True)
         raise typer.Exit(BAD_INPUT) from None
-    wish = Wish(chosen, mode.value, _pace(mode, speed, view), hosts, duration, recording, view, listen, connect, tuple(without or ()))
+    pace = _pace(mode, speed, view or web is not None)
+    wish = Wish(chosen, mode.value, pace, hosts, duration, recording, view, listen, connect, tuple(without or ()), web)
     result, why = (_alone if mode == Mode.local else _together)(wish)
     raise typer.Exit(_tell(result, why, recording, summary))
 
@@ -134,10 +137,10 @@ def _check_guest(others: dict[str, Any]) -> None:
         raise typer.BadParameter(f"leave out {', '.join(given)}: that is settled where the run is", param_hint="--only")
 
 
-def _pace(mode: Mode, speed: float | None, view: bool) -> float:
+def _pace(mode: Mode, speed: float | None, live: bool) -> float:
     """Simulated seconds to a second."""
     if mode != Mode.realtime:
-        return speed if speed is not None else LIVE_SPEED if view else math.inf
+        return speed if speed is not None else LIVE_SPEED if live else math.inf
     if speed is not None and math.isinf(speed):
         raise typer.BadParameter("max: in realtime the wall clock sets the pace; wanted is a number, 1 for real time", param_hint="--speed")
     return speed or 1.0
@@ -187,23 +190,36 @@ def _alone(wish: Wish) -> tuple[dict[str, Any], str]:
     """All in this process."""
     from processes.alone import run
 
-    recorder = _recorder(wish)
+    recorder, browser = _recorder(wish), _web_viewer(wish)
     try:
         with Progress(Console(highlight=False)) as progress:
             return run(wish.scenario, wish.speed, wish.duration, recorder and recorder.tick, progress.show)
     finally:
         if recorder is not None:
             recorder.close()
+        if browser is not None:
+            browser.terminate()
+
+
+def _web_viewer(wish: Wish) -> Any:
+    """The process that serves browsers; None where nobody asked for it."""
+    if wish.web is None:
+        return None
+    from orchard.view.web import page_url, serve_web
+
+    Console(highlight=False).print(f"Live: {page_url(wish.web)}", soft_wrap=True)
+    return serve_web(wish.uri, wish.web)
 
 
 def _recorder(wish: Wish) -> Any:
     """Where frames go; None where nobody wants them."""
-    if wish.recording is None and not wish.view:
+    if wish.recording is None and not wish.is_live:
         return None
     from orchard.view import Recorder
-    from processes.fleet import free_port, open_viewer
+    from processes.fleet import open_viewer
 
-    recorder = Recorder(lay_out(wish.scenario), _run_name(wish), wish.recording, serve=wish.view, port=free_port() if wish.view else 0)
+    port = wish.data_port if wish.is_live else 0
+    recorder = Recorder(lay_out(wish.scenario), _run_name(wish), wish.recording, serve=wish.is_live, port=port)
     if wish.view:
         open_viewer(recorder.uri)
     return recorder
@@ -256,10 +272,19 @@ def view(recording: Annotated[Path | None, typer.Argument(metavar="FILE.rrd", sh
     raise typer.Exit(subprocess.run([sys.executable, "-m", "rerun", str(path)]).returncode)
 
 
+def _page(arguments: list[str]) -> int:
+    """Serve the page in the browser, which is an extra of the package; the exit code."""
+    from orchard.app.__main__ import main as serve
+
+    return serve(arguments)
+
+
 def main() -> None:
     """`harvest` is the command that need not be named."""
     named = {"view", "harvest"}
     arguments = sys.argv[1:]
+    if arguments[:1] == ["app"]:
+        raise SystemExit(_page(arguments[1:]))
     sys.path.append(os.getcwd())  # where a user's own classes are
     app(arguments if arguments and arguments[0] in named else ["harvest", *arguments])
 

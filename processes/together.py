@@ -25,6 +25,7 @@ from processes.wish import Wish
 
 STOP_SECONDS = 2.0  # for which the processes may close what they have open, after Ctrl-C
 GOODBYE_SECONDS = 60.0  # for which the logger may pack its recording, after a run that ended by itself
+WEB_VIEWER = "web viewer"  # its name among the processes; it never ends by itself
 LOOK_SECONDS = 5.0  # for how long somebody must answer at an endpoint that a user gave
 GIVEN_UP = 2  # exit code of a process whose order cannot be carried out: starting it again does not help
 
@@ -41,6 +42,7 @@ def run(wish: Wish, progress: Progress) -> tuple[dict[str, Any] | None, str]:
         if wish.without:
             progress.say(f"{', '.join(wish.without)}: left to others, who connect to {endpoint}")
         summary, why = _follow(fleet, reachable(endpoint), run_id, progress)
+        fleet.terminate(WEB_VIEWER)
         fleet.wait(STOP_SECONDS if why == "stopped" else GOODBYE_SECONDS)
         if viewer is not None and why == "stopped":
             viewer.terminate()
@@ -91,12 +93,16 @@ def _shares(names: Sequence[str], hosts: int | None) -> list[tuple[str, Sequence
 
 def _start_logger(fleet: Fleet, wish: Wish, endpoint: str) -> subprocess.Popen[bytes] | None:
     """Start the logger, if anything is to be recorded or seen; the viewer."""
-    port = free_port()
     file = [] if wish.recording is None else ["--record", str(wish.recording.resolve())]
-    live = ["--serve", str(port)] if wish.view else []
+    live = ["--serve", str(wish.data_port)] if wish.is_live else []
     if file or live:
         fleet.start(Program("logger", "processes.logger", ["--connect", endpoint, *file, *live]))
-    return open_viewer(f"rerun+http://127.0.0.1:{port}/proxy") if wish.view else None
+    if wish.web is not None:
+        from orchard.view.web import page_url
+
+        fleet.start(Program(WEB_VIEWER, "orchard.view.web", [wish.uri, "--port", str(wish.web)]))
+        fleet.say(f"Live: {page_url(wish.web)}")
+    return open_viewer(wish.uri) if wish.view else None
 
 
 # -- following a run

@@ -1,9 +1,11 @@
 """What a user of run.py asks for."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from orchard.config import Scenario
+from processes.fleet import free_port
 
 
 @dataclass(frozen=True)
@@ -20,3 +22,19 @@ class Wish:
     listen: str | None = None  # the endpoint at which others may join; None: a free port of 127.0.0.1
     connect: str | None = None  # that of a router elsewhere, through which all talk
     without: tuple[str, ...] = ()  # kinds and names that others run
+    web: int | None = None  # the port at which browsers find the live picture
+
+    @property
+    def is_live(self) -> bool:
+        """Whether anybody watches while it runs."""
+        return self.view or self.web is not None
+
+    @cached_property
+    def data_port(self) -> int:
+        """Where viewers find the data: next to the page's port, or on any free one."""
+        return free_port() if self.web is None else self.web + 1
+
+    @property
+    def uri(self) -> str:
+        """What a viewer is told to open."""
+        return f"rerun+http://127.0.0.1:{self.data_port}/proxy"

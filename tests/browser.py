@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 from selenium import webdriver
@@ -27,6 +28,21 @@ def open_browser(chromium: str, driver: str, profile: str, downloads: str) -> we
     return webdriver.Chrome(options=options, service=Service(driver))
 
 
+def fresh(look: Callable[..., Any]) -> Callable[..., Any]:
+    """Look again when the page has drawn itself anew between finding a thing and reading it."""
+
+    @wraps(look)
+    def again(*arguments: Any) -> Any:
+        for _ in range(20):
+            try:
+                return look(*arguments)
+            except StaleElementReferenceException:
+                continue
+        return look(*arguments)
+
+    return again
+
+
 class Browser:
     """The page as its user sees it."""
 
@@ -47,16 +63,19 @@ class Browser:
     def field(self, path: str) -> WebElement:
         return self.one(f"[data-field='{path}']")
 
+    @fresh
     def click(self, css: str) -> None:
         """As soon as one can."""
         self.until(lambda: self.one(css).is_displayed() and self.one(css).is_enabled(), f"{css} can be clicked")
         self.one(css).click()
 
+    @fresh
     def switch(self, path: str, on: bool) -> None:
         """A switch or a check box, whatever it was before."""
         if self.field(path).get_attribute("aria-checked") != str(on).lower():
             self.click(f"[data-field='{path}']")
 
+    @fresh
     def turn_to(self, view: str) -> None:
         """Choose what is on the stage."""
         next(button for button in self.driver.find_elements(By.CSS_SELECTOR, "[data-field=stage] button") if button.text == view).click()
@@ -64,17 +83,21 @@ class Browser:
     def press(self, action: str) -> None:
         self.click(f"[data-action={action}]")
 
+    @fresh
     def fill(self, path: str, value: object) -> None:
         self.field(path).send_keys(Keys.CONTROL, "a")
         self.field(path).send_keys(str(value))
 
+    @fresh
     def problem(self, path: str) -> str:
         """What the page says at a field."""
         return self.one(f"[data-problem='{path}']").text
 
+    @fresh
     def figure(self, name: str) -> str:
         return self.one(f"[data-figure='{name}'] .tile-value").text
 
+    @fresh
     def tree_lines(self) -> int:
         """Lines of trees in the plan: the heights at which trees are drawn."""
         svg = self.view("plan").get_attribute("innerHTML") or ""

@@ -17,7 +17,6 @@ import pytest
 from orchard.app.draft import Draft
 from orchard.app.entries import entries, flat, nested
 from orchard.app.headline import read_headline
-from orchard.app.order import HAS_WEB
 from orchard.config import Scenario, check, load
 from orchard.progress import headline
 from orchard.view.web import data_uri, free_pair, page_url, serve_web
@@ -266,7 +265,6 @@ def test_a_small_orchard_is_run_to_its_end(small, server):
     assert urllib.request.urlopen(picture, timeout=10).status == 200
 
 
-@pytest.mark.skipif(not HAS_WEB, reason="run.py does not serve the live picture yet")
 def test_a_run_is_seen_live(small):
     small.switch("live", True)
     small.press("run")

@@ -7,7 +7,6 @@ from pathlib import Path
 from orchard.config import Scenario
 
 ROOT = Path(__file__).parent.parent.parent
-HAS_WEB = "web: Annotated[" in (ROOT / "run.py").read_text()  # until run.py serves the live picture: then this line goes
 MODES = {"lockstep": "processes over Zenoh, as on separate machines", "local": "all in one process, without a network"}
 
 
@@ -46,7 +45,7 @@ def command(order: Order, files: Files, web_port: int) -> list[str]:
     """`run.py` and its options; the live picture is served on `web_port`, its data on the next one."""
     speed = "max" if order.speed is None else f"{order.speed:g}"
     duration = [] if order.duration is None else ["--duration", f"{order.duration:g}"]
-    live = ["--web", str(web_port)] if order.live and HAS_WEB else []
+    live = ["--web", str(web_port)] if order.live else []
     where = ["--record", str(files.recording), "--summary", str(files.summary)]
     program = [sys.executable, "-u", str(ROOT / "run.py"), str(files.scenario)]
     return [*program, "--mode", order.mode, "--speed", speed, *duration, *live, *where]

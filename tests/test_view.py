@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun_cli
 from PIL import Image
 from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
@@ -29,6 +30,7 @@ from orchard.view.scenery import plan_size
 from orchard.view.talk import level_of, line_of
 
 SECONDS = 90.0
+VIEWER = str(Path(rerun_cli.__file__).with_name("rerun"))  # it is in no PATH unless the virtual environment is activated
 LAYERS = {"world", "canopy", "scans", "pins", "plan", "metrics", "events", "talk", "tf"}
 
 
@@ -306,7 +308,7 @@ def free_port() -> int:
 @contextmanager
 def looking_at(path: Path) -> Iterator[ViewerClient]:
     """A viewer without a window that has loaded a recording."""
-    client = ViewerClient.spawn(headless=True, port=free_port(), hide_welcome_screen=True)
+    client = ViewerClient.spawn(headless=True, port=free_port(), hide_welcome_screen=True, executable_path=VIEWER)
     try:
         client.open(str(path))
         deadline = time.monotonic() + 60

@@ -35,6 +35,7 @@ _ASKING: dict[str, Any] = {
 }
 
 
+_OTHERS = zenoh.Locality.REMOTE  # a session does not hear itself
 _NO_ENDPOINT = "not an endpoint; an endpoint is like tcp/127.0.0.1:7447"
 _IN_USE = "cannot listen there; the port is in use, or the address is not this machine's"
 
@@ -167,6 +168,7 @@ class Bus:
         self.id = str(session.zid())
         self._session = session
         self._publishers: dict[str, zenoh.Publisher] = {}
+        self._listeners: dict[str, zenoh.Publisher] = {}  # publishers that only look who listens
         self._kept: list[Any] = []  # what zenoh forgets when nobody refers to it
 
     # put and get
@@ -178,11 +180,17 @@ class Bus:
         """
         if key not in self._publishers:
             control = zenoh.CongestionControl.DROP if newest_wins else zenoh.CongestionControl.BLOCK
-            self._publishers[key] = self._session.declare_publisher(key, congestion_control=control)
+            self._publishers[key] = self._session.declare_publisher(key, congestion_control=control, allowed_destination=_OTHERS)
         try:
             self._publishers[key].put(payload)
         except zenoh.ZError as error:
             log.debug("%s was not sent: %s", key, error)
+
+    def is_heard(self, keys: str) -> bool:
+        """Whether another session listens to any of these keys."""
+        if keys not in self._listeners:
+            self._listeners[keys] = self._session.declare_publisher(keys, allowed_destination=_OTHERS)
+        return bool(self._listeners[keys].matching_status.matching)  # type: ignore[attr-defined]  # zenoh's stub is wrong
 
     def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
         """One get; its replies and its end arrive in the inbox with the ticket."""

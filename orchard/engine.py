@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from orchard.agent import Action, Observation
+from orchard.agent import Action
 from orchard.config import Scenario
 from orchard.digest import RunDigest
 from orchard.doer import TRAFFIC
@@ -14,6 +14,7 @@ from orchard.messages import Deed
 from orchard.observe import observe
 from orchard.physics import harvest_is_over, step
 from orchard.scan import Scanner
+from orchard.sights import Sights
 from orchard.world import World, new_world
 
 
@@ -54,8 +55,8 @@ class Engine:
         """SHA-256 over all ticks so far."""
         return self._digest.hexdigest()
 
-    def observe(self) -> dict[str, Observation]:
-        """What each agent sees at this tick."""
+    def observe(self) -> Sights:
+        """What each body sees at this tick."""
         self.scans = self._scanner.scan(self.world)
         return observe(self.world, self.scans)
 

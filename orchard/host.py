@@ -1,6 +1,7 @@
 """Hosts any number of agents over one session: sees what they see, ticks them, carries their mail, sends their velocities."""
 
 import logging
+import math
 import time
 from collections.abc import Callable
 from typing import Any, NoReturn
@@ -8,19 +9,21 @@ from typing import Any, NoReturn
 from orchard.agent import Action, Agent, Mail, Observation
 from orchard.bus import Alive, Bus, BusError, Final, Item, Question, Replied, Sample, Signal
 from orchard.guard import Guarded
-from orchard.hosting import MAILBOXES, Asked, Sight, letters_of
+from orchard.hosting import MAILBOXES, Asked, Sight
 from orchard.keys import PHYSICS, Keys
 from orchard.kinds import kind_of
 from orchard.layout import Layout
-from orchard.lockstep import Refusals, Refused, understood
+from orchard.lockstep import NO_TOKEN, Refusals, Refused, understood
 from orchard.messages import pack, unpack
-from orchard.post import digest_of
-from orchard.wire import End, Join, Joined, Lost, RefusedThere, State, read, velocity_of
+from orchard.post import PostOffice, digest_of
+from orchard.wire import Drive, End, Join, Joined, Lost, Recall, Recalled, RefusedThere, State, Velocities, drive_of, read
 
 log = logging.getLogger("orchard")
 
 ANSWER_SECONDS = 120.0  # for how long physics may take to answer a newcomer: it may be compiling
-MANY = 1 << 30  # poses and scans: the clock tells when they are all there
+DOUBT_SECONDS = 1.0  # after which a request of which nothing is heard counts as lost: physics has a copy
+GONE_SECONDS = 20.0  # for how long physics may be gone: it is started again, or its router is
+JOIN_TRIES = 50  # 5 s: the network may know of a token later than of a join
 AGAIN_SECONDS = 0.1  # between two tries, while nobody is there to answer
 TRIES = 300  # half a minute: physics starts slowly on a busy machine
 
@@ -34,7 +37,7 @@ class Ended(Exception):
 
 
 class _JoinAgain(Exception):
-    """Physics waits no longer for this host, or has gone on without it."""
+    """Physics waits no longer for this host, has gone on without it, or has come back."""
 
 
 class Performer:
@@ -101,8 +104,11 @@ class StateBoard:
 class Host:
     """Some agents, from joining the run to its end."""
 
-    def __init__(self, bus: Bus, keys: Keys, run: str, mode: str, layout: Layout, agents: dict[str, Agent]) -> None:
-        self.bus, self.keys, self.run_id = bus, keys, run
+    def __init__(
+        self, bus: Bus, keys: Keys, run: str, mode: str, layout: Layout, agents: dict[str, Agent], patience: float = GONE_SECONDS
+    ) -> None:
+        """`patience`: s for which physics may be gone."""
+        self.bus, self.keys, self.run_id, self._patience = bus, keys, run, patience
         self.performers = {name: Performer(name, agent) for name, agent in sorted(agents.items())}
         self.bodies = [name for name in self.performers if name in layout.index]
         self.bins = [name for name in self.bodies if kind_of(name) == "bin"]
@@ -110,6 +116,8 @@ class Host:
         self.mailbox = MAILBOXES[mode](run)
         self.states = StateBoard(bus, keys, run)
         self.refusals = Refusals()
+        self._answer = b""  # to the tick that was last ticked
+        self._gone_until = math.inf  # on the clock: when physics counts as gone for ever
 
     # -- joining
 
@@ -118,7 +126,7 @@ class Host:
         for what in ("lost", "end"):
             self.bus.subscribe(self.keys.of(what))
         self.bus.watch(self.keys.of("alive", PHYSICS))
-        self._look()
+        self.bus.subscribe(self.keys.of("seen", session=self.bus.id))
         for name in self.bins:
             self.bus.answer(self.keys.of("state", name))
         for name in self.performers:
@@ -126,26 +134,25 @@ class Host:
         for name in self.performers:
             self.bus.declare_alive(self.keys.of("alive", name, self.bus.id))
 
-    def _look(self) -> None:
-        """One message with all that several agents see costs less than many; a single one looks by itself."""
-        if len(self.performers) > 1:
-            self.bus.subscribe(self.keys.of("seen", session=self.bus.id))
-            return
-        for name in self.bodies:
-            self.bus.subscribe(self.keys.of("pose", name), quietly=True)  # the clock comes after them
-            self.bus.subscribe(self.keys.of("scan", name), quietly=True)
-        self.bus.subscribe(self.keys.of("clock"))
-
     def join(self) -> None:
         """Hold the agents: from the present tick on physics waits for them."""
-        request = pack(Join(self.run_id, self.bus.id, list(self.performers)))
-        joined = read(told(self.bus, self.keys.of("join"), request, self.handle), Joined)
+        joined = self._joined()
         if joined.refused:
             raise Ended(2, "; ".join(f"{name}: {reason}" for name, reason in sorted(joined.refused.items())))
         self.mailbox.join(joined.tick)
         self.sight.forget()
         for name, memory in joined.memories.items():
             self.performers[name].resume(memory)
+
+    def _joined(self) -> Joined:
+        """What physics says to the wish."""
+        request = pack(Join(self.run_id, self.bus.id, list(self.performers)))
+        for _ in range(JOIN_TRIES):
+            joined = read(told(self.bus, self.keys.of("join"), request, self.handle, self._check_gone), Joined)
+            if NO_TOKEN not in joined.refused.values():
+                break
+            time.sleep(AGAIN_SECONDS)
+        return joined
 
     # -- one tick
 
@@ -160,51 +167,66 @@ class Host:
                 log.warning("joining again after tick %d", self.mailbox.last)
 
     def tick(self) -> None:
-        self._wait(self._may_tick)
+        self._wait(lambda: self.sight.tick > self.mailbox.last)
         tick = self.sight.tick
         if not self.mailbox.follows(tick):
             raise _JoinAgain
-        mail, seen = self.mailbox.deliver(tick), self.sight.observations()
+        self._wait(lambda: self.mailbox.is_settled(tick), DOUBT_SECONDS)
+        mail, seen = self._mail(tick), self.sight.observations()
         actions = {name: performer.act(seen[name], mail.get(name) or Mail()) for name, performer in self.performers.items()}
         for name, action in actions.items():
-            self._write(name, tick, action)
+            for asked in self.mailbox.write(name, action):
+                self.bus.ask(self.keys.of("mail", asked.to), self.mailbox.letter(asked), asked)
         self.mailbox.close()
         for name in self.bins:
             self.states.update(seen[name])
-        self._wait(self.mailbox.is_sent)
         tell_refusals(self.bus, self.keys, self.run_id, self.refusals)
-        for name, action in actions.items():
-            self._drive(name, tick, action, mail.get(name))
+        drives = {name: self._drive(name, action, mail.get(name)) for name, action in actions.items()}
+        self._wait(self.mailbox.is_sent, DOUBT_SECONDS)
+        self._answer = pack(Velocities(self.run_id, tick, self.bus.id, drives, self.mailbox.is_undelivered()))
+        self._send()
 
-    def _may_tick(self) -> bool:
-        """Rule 2: a newer tick is complete, and nothing of it is still on its way."""
-        return self.sight.tick > self.mailbox.last and self.mailbox.is_settled(self.sight.tick)
+    def _mail(self, tick: int) -> dict[str, Mail]:
+        """Everybody's mail of a tick: what has arrived, or, where some may be missing, what physics knows of it."""
+        doubts = self.sight.recall or self.mailbox.doubts(tick)
+        mail = self.mailbox.deliver(tick)
+        if not doubts:
+            return mail
+        request = pack(Recall(self.run_id, tick))
+        recalled = read(told(self.bus, self.keys.of("recall"), request, self.handle, self._check_gone), Recalled)
+        if recalled.tick != tick:
+            raise _JoinAgain
+        return PostOffice(dict(recalled.letters)).deliver(tick)
 
-    def _write(self, name: str, tick: int, action: Action) -> None:
-        for asked in self.mailbox.write(name, action):
-            self.bus.ask(self.keys.of("mail", asked.to), self.mailbox.letter(asked), asked)
-        letters = letters_of(self.run_id, tick, action)
-        if letters is not None:
-            self.bus.publish(self.keys.of("letters", name), pack(letters))
+    def _drive(self, name: str, action: Action, mail: Mail | None) -> Drive:
+        return drive_of(action, b"" if mail is None else digest_of(mail), self.performers[name].news())
 
-    def _drive(self, name: str, tick: int, action: Action, mail: Mail | None) -> None:
-        digest = b"" if mail is None else digest_of(mail)
-        velocity = velocity_of(self.run_id, tick, self.bus.id, action, digest, self.performers[name].news())
-        self.bus.publish(self.keys.of("velocity", name), pack(velocity))
+    def _send(self) -> None:
+        self.bus.publish(self.keys.of("velocities", session=self.bus.id), self._answer)
 
     # -- what arrives
 
-    def _wait(self, ready: Callable[[], bool]) -> None:
-        """Handle what arrives until something is so; what is there already comes first, so that no old tick is taken for the newest."""
-        for _ in range(len(self.bus.inbox)):
-            self._handle_next()
-        while not ready():
-            self._handle_next()
+    def _wait(self, ready: Callable[[], bool], seconds: float = math.inf) -> None:
+        """Handle what arrives until something is so, or the time is over.
 
-    def _handle_next(self) -> None:
-        item = self.bus.inbox.take(enough=MANY)
+        What is there already comes first, so that no old tick is taken for the newest.
+        """
+        for _ in range(len(self.bus.inbox)):
+            self._handle_next(0.0)
+        deadline = time.monotonic() + seconds
+        while not ready() and (left := deadline - time.monotonic()) > 0.0:
+            self._handle_next(min(left, self._gone_until - time.monotonic()))
+
+    def _handle_next(self, seconds: float) -> None:
+        item = self.bus.inbox.take(seconds)
         if item is not None:
             self.handle(item)
+        else:
+            self._check_gone()
+
+    def _check_gone(self) -> None:
+        if time.monotonic() >= self._gone_until:
+            raise Ended(1, f"physics is gone; waited for {self._patience:g} s")
 
     def handle(self, item: Item) -> None:
         try:
@@ -224,19 +246,23 @@ class Host:
             item.ticket.final = True
         elif isinstance(item, Signal):
             raise Ended(0, "asked to stop")
-        elif isinstance(item, Alive) and not item.up and self.keys.parts(item.key)[2] == self.run_id:
-            raise Ended(1, "physics is gone")
+        elif isinstance(item, Alive) and self.keys.parts(item.key)[2] == self.run_id:
+            self._physics(item.up)
+
+    def _physics(self, up: bool) -> None:
+        """Physics, or the way to it, is gone, or there again."""
+        was_gone, self._gone_until = self._gone_until < math.inf, math.inf
+        if not up:
+            log.warning("physics is gone; waiting for it")
+            self._gone_until = time.monotonic() + self._patience
+        elif was_gone:
+            raise _JoinAgain
 
     def _hear(self, sample: Sample) -> None:
         match self.keys.parts(sample.key):
-            case [name, "pose"]:
-                self.sight.pose(name, sample.payload)
-            case [name, "scan"]:
-                self.sight.scan(name, sample.payload)
             case ["hosts", _, "seen"]:
-                self.sight.seen(sample.payload)
-            case ["clock"]:
-                self.sight.clock(sample.payload)
+                if not self.sight.seen(sample.payload) and self.sight.tick == self.mailbox.last:
+                    self._send()
             case ["end"]:
                 raise Ended(0, understood(sample.payload, End, self.run_id).why)
             case ["lost"]:
@@ -257,9 +283,14 @@ def tell_refusals(bus: Bus, keys: Keys, run: str, refusals: Refusals) -> None:
         bus.publish(keys.of("refused", session=bus.id), pack(RefusedThere(run, dict(refusals.counts))))
 
 
-def told(bus: Bus, key: str, payload: bytes, handle: Callable[[Item], None]) -> bytes:
-    """The first reply to a get; asked again while nobody is there. Whatever else arrives is handled."""
+def _go_on() -> None:
+    """What is done between two tries, where there is nothing to do."""
+
+
+def told(bus: Bus, key: str, payload: bytes, handle: Callable[[Item], None], between: Callable[[], None] = _go_on) -> bytes:
+    """The first reply to a get; asked again while nobody is there, with something between. Whatever else arrives is handled."""
     for _ in range(TRIES):
+        between()
         ticket = object()
         bus.ask(key, payload, ticket, ANSWER_SECONDS)
         reply = _reply_to(bus, ticket, handle)

@@ -1,32 +1,23 @@
 """The agents' side of the bus, without a network: what is seen of a tick, and mail that in lockstep is repeatable although it travels.
 
 The rules by number are design.md's. A request of tick k is a query; it is heard at k + 1, its answer at k + 2, in an order
-that no network decides.
+that no network decides. Whatever happens to a query, a copy of each letter is with physics: a host that may have missed some
+(it has just joined, or an answer did not come) does not guess, but recalls all mail of the tick from there.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 from orchard.agent import Action, Heard, Mail, Observation, Reply, without_body
 from orchard.lockstep import Refused, understood
 from orchard.messages import Answer, Request, pack
 from orchard.post import in_hearing_order
-from orchard.wire import Answered, Clock, Given, LaserScan, Letter, Letters, Odometry, Received, Seen, Sent, observation_of
-
-
-@dataclass
-class _Look:
-    """What has come of one tick."""
-
-    tick: int = -1
-    clock: bool = False
-    poses: dict[str, Odometry] = field(default_factory=dict)
-    scans: dict[str, LaserScan] = field(default_factory=dict)
+from orchard.wire import Answered, Letter, Received, Seen, sights_of
 
 
 class Sight:
-    """The newest tick of which all is there: pose and scan of each body, and last of all the clock."""
+    """What the agents of a host see at the newest tick."""
 
     def __init__(self, run: str, names: Iterable[str], bodies: Iterable[str]) -> None:
         self._run = run
@@ -34,59 +25,29 @@ class Sight:
         self.forget()
 
     def forget(self) -> None:
-        self._newest, self._complete = _Look(), _Look()
+        self.tick = -1  # -1: nothing is seen yet
+        self.recall = False  # whether mail may not have arrived
+        self._seen: dict[str, Observation] = {}
 
-    @property
-    def tick(self) -> int:
-        """The newest complete one; -1 before the first."""
-        return self._complete.tick
-
-    def pose(self, name: str, payload: bytes) -> None:
-        message = understood(payload, Odometry, self._run)
-        if name in self._bodies:
-            self._of(message.tick).poses[name] = message
-            self._check()
-
-    def scan(self, name: str, payload: bytes) -> None:
-        message = understood(payload, LaserScan, self._run)
-        if name in self._bodies:
-            self._of(message.tick).scans[name] = message
-            self._check()
-
-    def clock(self, payload: bytes) -> None:
-        self._of(understood(payload, Clock, self._run).tick).clock = True
-        self._check()
-
-    def seen(self, payload: bytes) -> None:
-        """All of that at once."""
+    def seen(self, payload: bytes) -> bool:
+        """Take what has come; False if it is a repetition of what is known."""
         message = understood(payload, Seen, self._run)
-        for name, (pose, scan) in message.bodies.items():
-            self.pose(name, pose)
-            self.scan(name, scan)
-        self._of(message.tick).clock = True
-        self._check()
-
-    def _of(self, tick: int) -> _Look:
-        """Where a message belongs; a newer tick begins a new look."""
-        if tick < self._newest.tick:
-            raise Refused("past tick", f"{tick}; {self._newest.tick} has begun")
-        if tick > self._newest.tick:
-            self._newest = _Look(tick)
-        return self._newest
-
-    def _check(self) -> None:
-        new = self._newest
-        if new.clock and len(new.poses) == len(new.scans) == len(self._bodies):
-            self._complete = new
+        if message.tick < self.tick:
+            raise Refused("past tick", f"{message.tick}; {self.tick} has begun")
+        if message.tick == self.tick:
+            return False
+        if not self._bodies.issubset(message.names):
+            raise Refused("not all", "bodies are missing in it")
+        try:
+            self._seen = sights_of(message).observations()
+        except ValueError as error:
+            raise Refused("malformed", str(error)) from error
+        self.tick, self.recall = message.tick, message.recall
+        return True
 
     def observations(self) -> dict[str, Observation]:
         """What each agent sees at that tick."""
-        return {name: self._observation(name) for name in self._names}
-
-    def _observation(self, name: str) -> Observation:
-        if name not in self._bodies:
-            return without_body(name, self.tick)
-        return observation_of(name, self._complete.poses[name], self._complete.scans[name])
+        return {name: self._seen[name] if name in self._bodies else without_body(name, self.tick) for name in self._names}
 
 
 @dataclass(eq=False)
@@ -100,6 +61,7 @@ class Asked:
     request: Request
     received: bool = False  # it will be heard
     final: bool = False  # nothing more will be known
+    answered: bool = False  # it was heard, and this is what became of it:
     answer: Answer | None = None
 
 
@@ -130,6 +92,7 @@ class Mailbox:
     def __init__(self, run: str) -> None:
         self._run = run
         self.last = -1  # the tick that was last ticked
+        self._joined = 0
         self._held: dict[tuple[str, str, int, int], _Held] = {}  # (recipient, sender, tick, number) ->
         self._asked: dict[int, list[Asked]] = {}  # tick -> in the order of asking
 
@@ -137,7 +100,7 @@ class Mailbox:
         """Rule 1: a tick that is not the next: forget all mail."""
         for held in self._held.values():
             held.question.drop()
-        self._held, self._asked, self.last = {}, {}, tick - 1
+        self._held, self._asked, self.last, self._joined = {}, {}, tick - 1, tick
 
     # what arrives
 
@@ -167,7 +130,7 @@ class Mailbox:
         if isinstance(message, Received):
             asked.received = True
         elif asked.received and self._answers_in_time(message.tick, asked.tick):
-            asked.answer = message.body
+            asked.answered, asked.answer = True, message.body
         else:
             raise Refused("past tick", f"an answer of {message.tick} to a request of {asked.tick}")
 
@@ -188,6 +151,10 @@ class Mailbox:
     def is_settled(self, tick: int) -> bool:
         """Rule 2: every get of two ticks ago is final."""
         return all(asked.final for asked in self._asked.get(tick - 2, ()))
+
+    def doubts(self, tick: int) -> bool:
+        """Whether mail of a tick may have been missed: it began while nobody was here, or of a request is not known what became of it."""
+        return tick <= self._joined + 1 or not all(asked.answered for asked in self._asked.get(tick - 2, ()))
 
     def deliver(self, tick: int) -> dict[str, Mail]:
         """Rule 3: what was asked in the last tick, and what was answered in it. Those without any mail are absent."""
@@ -212,9 +179,9 @@ class Mailbox:
     def write(self, name: str, action: Action) -> list[Asked]:
         """Answer what an agent answers; the requests that must now be asked."""
         for heard, body in action.answers:
-            held = self._held.get((name, heard.sender, heard.tick, heard.number))
-            if held is not None and self._is_heard(heard.tick, self.last):
-                held.question.reply(pack(Answered(self._run, self.last, body)))
+            key = (name, heard.sender, heard.tick, heard.number)
+            if key in self._held and self._is_heard(heard.tick, self.last):
+                self._end(self._held.pop(key), body)
         asked = [Asked(name, self.last, number, to, request) for number, (to, request) in enumerate(action.requests)]
         self._asked.setdefault(self.last, []).extend(asked)
         return asked
@@ -223,9 +190,13 @@ class Mailbox:
         return pack(Letter(self._run, asked.tick, asked.sender, asked.number, asked.request))
 
     def close(self) -> None:
-        """Rule 3: drop every query that was heard in this tick or before."""
+        """Rule 3: every query that was heard in this tick or before, and has no answer, gets none."""
         for key in [key for key, held in self._held.items() if self._is_done(held.heard.tick)]:
-            self._held.pop(key).question.drop()
+            self._end(self._held.pop(key), None)
+
+    def _end(self, held: _Held, body: Answer | None) -> None:
+        held.question.reply(pack(Answered(self._run, self.last, body)))
+        held.question.drop()
 
     def _is_done(self, asked: int) -> bool:
         return asked < self.last
@@ -233,6 +204,10 @@ class Mailbox:
     def is_sent(self) -> bool:
         """Rule 6: each request of this tick has arrived, or never will."""
         return all(asked.received or asked.final for asked in self._asked.get(self.last, ()))
+
+    def is_undelivered(self) -> bool:
+        """Whether a request of this tick may not have arrived."""
+        return not all(asked.received for asked in self._asked.get(self.last, ()))
 
 
 class LiveMailbox(Mailbox):
@@ -251,8 +226,14 @@ class LiveMailbox(Mailbox):
     def is_settled(self, tick: int) -> bool:
         return True
 
+    def doubts(self, tick: int) -> bool:
+        return False
+
     def is_sent(self) -> bool:
         return True
+
+    def is_undelivered(self) -> bool:
+        return False
 
     def _is_heard(self, asked: int, tick: int) -> bool:
         return True
@@ -268,12 +249,3 @@ class LiveMailbox(Mailbox):
 
 
 MAILBOXES = {"lockstep": Mailbox, "realtime": LiveMailbox}
-
-
-def letters_of(run: str, tick: int, action: Action) -> Letters | None:
-    """What the logger hears of an agent's mail; None when it wrote nothing."""
-    if not action.requests and not action.answers:
-        return None
-    requests = [Sent(to, number, request) for number, (to, request) in enumerate(action.requests)]
-    answers = [Given(heard.sender, heard.tick, heard.number, body) for heard, body in action.answers]
-    return Letters(run, tick, requests, answers)

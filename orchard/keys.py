@@ -16,6 +16,7 @@ LIVELINESS = "liveliness"  # a Zenoh liveliness token
 
 PREFIX = "orchard"
 PHYSICS = "physics"  # the name in the liveliness token of the process that owns the world
+LOGGER = "logger"  # the name in that of a process that records
 _PREFIX = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*")
 
 
@@ -32,27 +33,35 @@ class Key(NamedTuple):
 
 
 _EVERY_TICK = "once per tick, 10 a simulated second"
+IF_HEARD = ", while somebody listens"
 
 TABLE: dict[str, Key] = {
-    "velocity": Key("{prefix}/{robot}/velocity", wire.Velocity, "the robot's agent, or whoever drives it", _EVERY_TICK, NEVER_LOST,
-                    "How the robot shall move in the step from this tick to the next."),
-    "pose": Key("{prefix}/{robot}/pose", wire.Odometry, "physics", _EVERY_TICK, NEWEST,
+    "velocity": Key("{prefix}/{robot}/velocity", wire.Velocity, "whoever drives the robot, or its agent", _EVERY_TICK, NEVER_LOST,
+                    "How the robot shall move in the step from this tick to the next. "
+                    "What comes in `velocities` physics puts here as well, while somebody listens."),
+    "velocities": Key("{prefix}/hosts/{session}/velocities", wire.Velocities, "a session that holds agents", _EVERY_TICK, NEVER_LOST,
+                      "The same for all agents of a session at once: the answer to `seen`."),
+    "pose": Key("{prefix}/{robot}/pose", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                 "Where the robot is at this tick, how it moved in the last step, and what is coupled to it."),
-    "scan": Key("{prefix}/{robot}/scan", wire.LaserScan, "physics", _EVERY_TICK, NEWEST,
+    "scan": Key("{prefix}/{robot}/scan", wire.LaserScan, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                 "What the robot's laser measures at this tick, and what its bin's does."),
-    "clock": Key("{prefix}/clock", wire.Clock, "physics", _EVERY_TICK, NEWEST,
+    "clock": Key("{prefix}/clock", wire.Clock, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                  "Simulated time. It is sent last: poses and scans of its tick are out."),
-    "seen": Key("{prefix}/hosts/{session}/seen", wire.Seen, "physics", _EVERY_TICK, NEWEST,
-                "For a session that holds several agents: all their poses and scans of this tick, so that it need not subscribe to each."),
+    "seen": Key("{prefix}/hosts/{session}/seen", wire.Seen, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+                "For a session that holds agents: all their poses and scans of this tick, so that it need not subscribe to each. "
+                "It comes again while an answer is missing, and is then to be answered again."),
     "mail": Key("{prefix}/{robot}/mail", wire.Letter, "any agent", "when it asks", QUERY,
                 "A request to the robot's agent. The robot's host answers.", (wire.Received, wire.Answered)),
-    "letters": Key("{prefix}/{robot}/letters", wire.Letters, "the robot's agent", "in ticks in which it asks or answers", NEVER_LOST,
-                   "A copy of the requests and answers that the agent sent at this tick, for those who look on."),
+    "letters": Key("{prefix}/letters", wire.Letters, "physics", "in ticks in which somebody asks or answers" + IF_HEARD, NEVER_LOST,
+                   "A copy of all requests and answers of a tick, for those who look on."),
+    "recall": Key("{prefix}/recall", wire.Recall, "an agent's host, in lockstep", "when it may have missed mail", QUERY,
+                  "Which mail was for this tick? Physics answers with a copy of what was asked and answered at the two ticks before it.",
+                  (wire.Recalled,)),
     "state": Key("{prefix}/{bin}/state", wire.State, "the bin's agent", "when full or coupled_to changes", NEVER_LOST,
                  "Whether the bin is full, and on whom. The same key can be queried, with an empty payload.", (wire.State,)),
     "events": Key("{prefix}/events", wire.Events, "physics", "in ticks in which something happens", NEVER_LOST,
                   "What happened in the step from this tick to the next. `what` is one of: " + ", ".join(get_args(What)) + "."),
-    "picture": Key("{prefix}/picture", wire.Picture, "physics", _EVERY_TICK, NEVER_LOST,
+    "picture": Key("{prefix}/picture", wire.Picture, "physics", _EVERY_TICK + IF_HEARD, NEVER_LOST,
                    "Everything that is to be seen, in one message, for the logger and whoever looks on."),
     "figures": Key("{prefix}/figures", wire.Figures, "physics", "twice a second of wall time", NEVER_LOST,
                    "How the run goes, and what each robot does."),

@@ -13,9 +13,10 @@ from orchard.geometry import Twist
 from orchard.hosting import STALE_TICKS
 from orchard.keys import QUERY, TABLE, Key, Keys
 from orchard.kinds import KINDS
-from orchard.lockstep import WATCHDOG, WATCHDOG_TICKS
-from orchard.messages import Answer, Call, Deed, Offer, Request, pack
+from orchard.lockstep import AGAIN_SECONDS, WATCHDOG, WATCHDOG_TICKS
+from orchard.messages import Answer, Call, Deed, Offer, Request, Written, pack
 from orchard.realtime import SLACK
+from orchard.sights import Sights
 
 RUN = "5f0c2a9e4b7d4c11"
 SESSION = "a1b2c3d4"
@@ -28,6 +29,14 @@ def _seen(name: str, beams: int) -> Observation:
     ranges = np.full(beams, np.inf, dtype="<f4")
     ranges[0] = 2.5
     return Observation(name, TICK, -23.5, 10.75, (0.0, 1.0), Twist(1.0), ranges)
+
+
+def _sights() -> Sights:
+    seen = _seen("bin_01", 60)
+    return Sights(TICK, ["bin_01"], np.array([[seen.x, seen.y, *seen.orientation, *seen.twist]]), [seen.scan], {}, {"bin_01": 12.5}, set())
+
+
+WRITTEN = Written([("carrier_01", Call(3, "east"))], [])
 
 
 def _velocity() -> wire.Velocity:
@@ -44,12 +53,15 @@ EXAMPLES: dict[type, wire.Part] = {
         _velocity(),
         wire.odometry_of(RUN, _seen("picker_01", 180)),
         wire.scan_of(RUN, _seen("weed_01", 60), KINDS["weed"].laser, KINDS["bin"].laser),
-        wire.Seen(RUN, TICK, {"bin_01": (b"pose", b"scan")}),
+        wire.seen_of(RUN, _sights(), [0], False),
+        wire.Velocities(RUN, TICK, SESSION, {"picker_01": wire.Drive(wire.Linear(1.0), wire.Angular(0.0), True, wire.Report())}),
         wire.Clock(RUN, TICK, wire.Stamp(12, 0)),
         wire.Letter(RUN, TICK, "bin_01", 0, Call(3, "east")),
         wire.Received(RUN, TICK),
         wire.Answered(RUN, TICK + 1, Offer(35.4, 24.5, 51.0)),
-        wire.Letters(RUN, TICK, [wire.Sent("carrier_01", 0, Call(3, "east"))], []),
+        wire.Letters(RUN, TICK, {"bin_01": WRITTEN}),
+        wire.Recall(RUN, TICK),
+        wire.Recalled(RUN, TICK, [(TICK - 1, {"bin_01": WRITTEN})]),
         wire.State(RUN, TICK, True, 70.0, ""),
         wire.Events(RUN, TICK, [{"tick": TICK, "what": "row picked", "who": "picker_01", "whom": "bin_01", "detail": "row 1"}]),
         wire.Picture(RUN, TICK, np.array([[-23.5, 10.75, 0.0]]).tobytes(), None, {}, None, None, None, [12.0], 0),
@@ -120,6 +132,8 @@ def _type_name(type_: inspect.Type) -> str:
         return f"{_union_name(names)} or nil" if "nil" in names else _union_name(names)
     if isinstance(type_, inspect.ListType):
         return f"array of {_type_name(type_.item_type)}"
+    if isinstance(type_, inspect.NamedTupleType):
+        return f"array {type_.cls.__name__}: {', '.join(_type_name(field.type) for field in type_.fields)}"
     if isinstance(type_, inspect.TupleType):
         return f"array of {len(type_.item_types)}: {', '.join(map(_type_name, type_.item_types))}"
     if isinstance(type_, inspect.LiteralType):
@@ -179,12 +193,15 @@ Before tick 0 there are no poses: physics waits until every agent that was left 
 **An agent in lockstep** is waited for: physics goes on to tick k + 1 only when each agent that is held has answered tick k. To hold one:
 
 1. Choose a session id, letters and digits that nobody else uses.
-2. Subscribe to the robot's `pose` and `scan`, to `clock`, `lost` and `end`. Declare a queryable on its `mail` if it shall hear requests.
+2. Subscribe to the robot's `pose` and `scan` and to `clock` (or, which is cheaper for many, to `seen` of your session), to `lost` and `end`. Declare a queryable on its
+   `mail` if it shall hear requests.
 3. Declare the liveliness token `{{prefix}}/alive/picker_01/<session id>`. Keep it: when it goes, the robot is given to others.
 4. Query `{{prefix}}/join` with `run`, `holder` (the session id) and `names`. The answer tells the present tick, or under `refused` why you cannot hold them:
    a name that is taken is never given twice.
 5. For each tick there comes one `pose` and one `scan` of the robot, and then `clock`. Put exactly one velocity with that very `tick` and with `holder`. Until it comes, the whole run waits.
+   While it is missing, pose, scan and clock come again every {again} s: put the same velocity again, if you have put it before.
    In realtime (`mode` in the answer to the scenario query) nothing waits, and late answers count as well: see below.
+   Who holds many puts one message for all on `velocities` of its session.
 6. If `lost` names your session, physics has waited for longer than its patience (15 s unless set): the robot stands. Join again.
 7. At `end` undeclare the token and close the session.
 
@@ -200,8 +217,9 @@ not wait for `received`. A robot whose token is gone stands at once.
 
 **Requests**: a get on `{{prefix}}/<name>/mail`, stamped with the tick in which it is asked, numbered from 0 in each tick. The first reply, `received`, comes at once;
 do not send the velocity of that tick before it, or before the get has ended. It is heard at the next tick, and answered in that tick or never: the answer is the second reply,
-stamped asked + 1. The asker acts on it at asked + 2. Who answers must reply `received` at once, hold the query, reply at most once more, and drop every query that it heard in an earlier tick
-than the present one.
+stamped asked + 1, with nil where there is none. The asker acts on it at asked + 2. Who answers must reply `received` at once, hold the query, and reply once more in the tick in which
+it is heard. In lockstep nothing depends on a query's luck: a copy of each letter goes to physics with the velocity (`report.letters`). Who has just joined, who got no second reply, and
+who is told so (`recall` in `seen`) asks physics on `{{prefix}}/recall` for the mail of the tick and hears that instead.
 
 ## What is refused
 
@@ -235,7 +253,7 @@ def document() -> str:
     """keyspace.md."""
     table = "\n".join(map(_table_row, TABLE.values()))
     kinds = "\n".join(f"| {name} | {kind.speed:g} | {kind.turn:.6g} | {kind.laser.beams} |" for name, kind in KINDS.items())
-    limits = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "most": wire.MAX_PAYLOAD, "slack": SLACK, "stale": STALE_TICKS}
+    limits = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "most": wire.MAX_PAYLOAD, "slack": SLACK, "stale": STALE_TICKS, "again": AGAIN_SECONDS}
     head = HEAD.format(table=table, kinds=kinds, **limits)
     return "\n".join([head, *(_section(what, key) for what, key in TABLE.items()), *(_union(*item) for item in UNIONS.items())])
 
@@ -286,5 +304,3 @@ def _union(title: str, union: Any) -> str:
         rows.append(f"| `{info.tag}` | {fields or 'none'} | {' '.join(member.__doc__.split())} |")
     lines = "\n".join(rows)
     return f"### The {title}\n\nA map with `type` and these fields.\n\n| `type` | fields | meaning |\n| --- | --- | --- |\n{lines}\n"
-
-

@@ -41,7 +41,7 @@ class Local:
 
     def tick(self) -> list[Event]:
         """One tenth of a second; what happened in it."""
-        tick, seen, mail = self.engine.tick, self.engine.observe(), self.post.deliver(self.engine.tick)
+        tick, seen, mail = self.engine.tick, self.engine.observe().observations(), self.post.deliver(self.engine.tick)
         for name, agent in self.agents.items():
             observation = seen.get(name) or without_body(name, tick)
             self.actions[name] = agent.tick(observation, mail.get(name) or Mail(), self.memories.get(name))

@@ -8,18 +8,22 @@ import logging
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple, TypeVar
 
 from orchard.agent import Action
+from orchard.messages import Written
 from orchard.wire import Mode, OfRun, Velocity, action_of, read
 
 M = TypeVar("M", bound=OfRun)
+Letters = Iterable[tuple[int, dict[str, Written]]]  # (tick, sender -> what it wrote)
 
 log = logging.getLogger("orchard")
 
+AGAIN_SECONDS = 0.5  # after which who is silent is shown a tick again
 WATCHDOG = 0.5  # s: for how long one velocity drives a robot that nobody holds; of the clock that is slower, simulated or wall
 WATCHDOG_TICKS = 5
+NO_TOKEN = "its liveliness token is missing"
 WHOSE = {"not the holder": "someone else holds this agent", "not held": "join before you answer as a holder"}
 
 
@@ -79,7 +83,7 @@ class Roster:
         if name not in self.names:
             return "there is no such agent"
         if (name, holder) not in self._alive:
-            return "its liveliness token is missing"
+            return NO_TOKEN
         if self.is_alive(name) and self.holders[name] != holder:
             return f"it is taken, by session {self.holders[name]}"
         return ""
@@ -89,6 +93,10 @@ class Roster:
 
     def is_alive(self, name: str) -> bool:
         return (name, self.holders.get(name, "")) in self._alive
+
+    def is_there(self, name: str) -> bool:
+        """Whether anybody's token of that name stands."""
+        return any(there == name for there, _ in self._alive)
 
     def by_holder(self) -> dict[str, list[str]]:
         """Session id -> the names that it holds."""
@@ -123,10 +131,11 @@ class Answers:
         self.deadline = math.inf  # on the clock: until then the missing are waited for
         self.missing: set[str] = set()
         self.velocities: dict[str, Velocity] = {}
+        self._before: dict[str, Velocity] = {}  # those of the last tick
 
     def open(self, tick: int, lag: float = 0.0) -> None:
         """Wait for everyone who is held, at a new tick, which begins so many seconds after it was due."""
-        self.tick, self.missing, self.velocities = tick, set(self._roster.holders), {}
+        self.tick, self.missing, self.velocities, self._before = tick, set(self._roster.holders), {}, self.velocities
         self.deadline = self._clock() + self._patience
 
     def expect(self, name: str) -> None:
@@ -147,6 +156,8 @@ class Answers:
     def take(self, name: str, velocity: Velocity) -> None:
         if velocity.holder != self._roster.holders[name]:
             raise Refused("not the holder", WHOSE["not the holder"])
+        if velocity in (self.velocities.get(name), self._before.get(name)):
+            return  # sent again, in case it was lost
         refuse_other_tick(velocity.tick, self.tick, self.tick)
         if name not in self.missing:
             raise Refused("answered already", f"tick {velocity.tick}")
@@ -233,19 +244,26 @@ class Loose:
         return {name: Action(action_of(put.velocity).twist) for name, put in self._puts.items()}
 
 
-class Memories:
-    """What each agent must remember, unread: the newest that it sent."""
+class Ledger:
+    """What a newcomer must know, unread: of each agent the newest memory that it sent, and the letters of the last two ticks."""
 
-    def __init__(self) -> None:
-        self._bytes: dict[str, bytes] = {}
+    def __init__(self, memories: Mapping[str, bytes | None] | None = None, letters: Letters = ()) -> None:
+        self.memories = dict(memories or {})
+        self.letters: dict[int, dict[str, Written]] = dict(letters)  # tick -> sender -> what it wrote
 
-    def keep(self, velocities: dict[str, Velocity]) -> None:
+    def keep(self, tick: int, velocities: Mapping[str, Velocity]) -> None:
+        """Take what came with the velocities of a tick, the last one that was stepped."""
+        written = {}
         for name, velocity in velocities.items():
-            if velocity.report is not None and velocity.report.memory is not None:
-                self._bytes[name] = velocity.report.memory
-
-    def of(self, name: str) -> bytes | None:
-        return self._bytes.get(name)
+            if velocity.report is None:
+                continue
+            if velocity.report.memory is not None:
+                self.memories[name] = velocity.report.memory
+            if velocity.report.letters is not None:
+                written[name] = velocity.report.letters
+        self.letters = {at: letters for at, letters in self.letters.items() if at >= tick - 1}
+        if written:
+            self.letters[tick] = written
 
 
 class Pacer:

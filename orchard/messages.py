@@ -1,9 +1,10 @@
 """What travels: requests, answers and deeds as plain data, and how they become bytes. The one place for msgpack."""
 
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
-import msgpack
 import msgspec
+from msgspec.msgpack import Decoder, Encoder
 
 
 class _Message(msgspec.Struct, frozen=True, tag_field="type", tag=str.lower):
@@ -132,18 +133,46 @@ class Position(_Message):
 Answer = Offer | Yes | No | Carrier | Places | BinState | Position
 
 
+# -- both, as they are kept: one who was not there to hear them reads them afterwards
+
+
+class Given(NamedTuple):
+    """An answer to somebody's request of (tick, number)."""
+
+    to: str
+    tick: int
+    number: int
+    body: Answer
+
+
+class Written(msgspec.Struct):
+    """What one agent wrote at one tick."""
+
+    requests: list[tuple[str, Request]]  # to whom, what; numbered from 0
+    answers: list[Given]
+
+
+# -- bytes
+
+_encoder = Encoder()
+
+
+@cache
+def _decoder(type_: Any) -> "Decoder[Any]":
+    return Decoder(type_)
+
+
 def pack(message: Any) -> bytes:
     """Msgpack bytes of plain data; the same data give the same bytes."""
-    packed: bytes = msgpack.packb(msgspec.to_builtins(message, builtin_types=(bytes,)))
-    return packed
+    return _encoder.encode(message)
 
 
 def unpack(data: bytes, type_: Any) -> Any:
     """The data of msgpack bytes, checked against a type.
 
-    Raises ValueError (msgspec's ValidationError is one), saying what is wrong and where in the message.
+    Raises ValueError (msgspec's errors are some), saying what is wrong and where in the message.
     """
     try:
-        return msgspec.convert(msgpack.unpackb(data), type_)
-    except (msgpack.UnpackException, ValueError, TypeError) as error:
-        raise ValueError(str(error) or type(error).__name__) from error
+        return _decoder(type_).decode(data)
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error

@@ -1,26 +1,27 @@
-"""What physics tells each body at a tick."""
+"""What physics lets each body see at a tick."""
 
 import numpy as np
 
-from orchard.agent import Hitch, Observation
+from orchard.agent import Hitch
 from orchard.geometry import Twist
 from orchard.layout import ROW_LENGTH
 from orchard.move_kernel import quaternions
+from orchard.sights import Sights
 from orchard.world import World
 
 
-def observe(world: World, scans: list[np.ndarray]) -> dict[str, Observation]:
-    """Name -> what that body sees now; scans as the scanner gives them, one a body, in body order."""
-    tick, names = world.tick, world.layout.names
-    poses, orientations = world.pose.tolist(), list(map(tuple, quaternions(world.pose).tolist()))
-    twists = list(map(Twist._make, world.twist.tolist()))
-    coupled, fills, robots = world.coupled.tolist(), world.fill.tolist(), (world.bodies.tows > 0.0).tolist()
-    seen = {}
-    for i, name in enumerate(names):
-        x, y, _ = poses[i]
-        hitch, j = None, coupled[i]
-        if j >= 0:
-            hitch = Hitch(names[j], poses[j][0], poses[j][1], orientations[j], twists[j], scans[j] if robots[i] else None)
-        fill = fills[i]
-        seen[name] = Observation(name, tick, x, y, orientations[i], twists[i], scans[i], hitch, fill, fill >= ROW_LENGTH)
-    return seen
+def observe(world: World, scans: list[np.ndarray]) -> Sights:
+    """What all bodies see now, in body order; scans as the scanner gives them."""
+    names = world.layout.names
+    states = np.concatenate((world.pose[:, :2], quaternions(world.pose), world.twist), axis=1)
+    coupled = np.flatnonzero(world.coupled >= 0).tolist()
+    robots = world.bodies.tows > 0.0
+    hitches = {names[i]: _hitch(world, states, scans, int(world.coupled[i]), bool(robots[i])) for i in coupled}
+    fills = {names[i]: float(world.fill[i]) for i in np.flatnonzero(world.fill).tolist()}
+    return Sights(world.tick, names, states, scans, hitches, fills, {name for name, fill in fills.items() if fill >= ROW_LENGTH})
+
+
+def _hitch(world: World, states: np.ndarray, scans: list[np.ndarray], other: int, tows: bool) -> Hitch:
+    """The other end of a body's bar, with its scan if the body tows it."""
+    x, y, z, w, vx, vy, turn = states[other].tolist()
+    return Hitch(world.layout.names[other], x, y, (z, w), Twist(vx, vy, turn), scans[other] if tows else None)

@@ -6,12 +6,9 @@ the asker hears of it in tick k + 2, with an answer or without. Physics knows no
 
 import hashlib
 from collections.abc import Iterable
-from typing import NamedTuple
-
-import msgspec
 
 from orchard.agent import Action, Heard, Mail, Reply
-from orchard.messages import Answer, Request, pack
+from orchard.messages import Given, Written, pack
 
 
 def in_hearing_order(requests: list[Heard]) -> list[Heard]:
@@ -28,20 +25,11 @@ def digest_of(mail: Mail) -> bytes:
     return hashlib.blake2b(pack([heard, replies]), digest_size=16).digest()
 
 
-class Given(NamedTuple):
-    """An answer to somebody's request of (tick, number)."""
-
-    to: str
-    tick: int
-    number: int
-    body: Answer
-
-
-class Written(msgspec.Struct):
-    """What one agent wrote at one tick."""
-
-    requests: list[tuple[str, Request]]  # to whom, what; numbered from 0
-    answers: list[Given]
+def written_by(action: Action) -> Written | None:
+    """The letters of an action; None when there are none."""
+    if not action.requests and not action.answers:
+        return None
+    return Written(action.requests, [Given(heard.sender, heard.tick, heard.number, answer) for heard, answer in action.answers])
 
 
 class PostOffice:
@@ -55,9 +43,12 @@ class PostOffice:
 
     def collect(self, sender: str, tick: int, action: Action) -> None:
         """Take what an agent has written at a tick."""
-        if action.requests or action.answers:
-            answers = [Given(heard.sender, heard.tick, heard.number, answer) for heard, answer in action.answers]
-            self.written.setdefault(tick, {})[sender] = Written(action.requests, answers)
+        if (written := written_by(action)) is not None:
+            self.keep(sender, tick, written)
+
+    def keep(self, sender: str, tick: int, written: Written) -> None:
+        """The same, as it was sent."""
+        self.written.setdefault(tick, {})[sender] = written
 
     def deliver(self, tick: int) -> dict[str, Mail]:
         """Everybody's mail at a tick; those without any are absent."""

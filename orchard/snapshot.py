@@ -17,8 +17,7 @@ import numpy as np
 
 from orchard.config import ScenarioError, check
 from orchard.layout import lay_out
-from orchard.messages import pack, unpack
-from orchard.post import Written
+from orchard.messages import Written, pack, unpack
 from orchard.world import World, new_world
 
 VERSION = 1

@@ -4,6 +4,7 @@ Whatever arrives goes through `read`, which refuses (with the reason) what is to
 or out of bounds.
 """
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
@@ -13,8 +14,10 @@ from msgspec import Meta
 from orchard.agent import Action, Hitch, Observation
 from orchard.frames import Frame
 from orchard.geometry import Twist
-from orchard.kinds import LASER_RANGE, Laser
-from orchard.messages import Answer, Deed, Request, unpack
+from orchard.kinds import KINDS, LASER_RANGE, Laser, kind_of
+from orchard.messages import Answer, Deed, Request, Written, unpack
+from orchard.post import written_by
+from orchard.sights import STATE, Sights
 
 MAX_PAYLOAD = 1 << 20  # bytes
 FASTEST = 100.0  # m/s and rad/s: what no velocity can mean
@@ -29,6 +32,10 @@ Zero = Annotated[float, Meta(ge=0.0, le=0.0, description="0")]
 Unit = Annotated[float, Meta(ge=-1.001, le=1.001)]
 Ranges = Annotated[
     bytes, Meta(max_length=4096, description="m, as little-endian float32, 4 bytes a beam; +inf where nothing returns (REP-117)")
+]
+Fill = Annotated[float, Meta(ge=0.0, le=1e3)]
+Once = Annotated[
+    bool, Meta(description="realtime: it drives for one step, and only from the pose that it answers; else until a newer one comes")
 ]
 Holder = Annotated[str, Meta(max_length=64, description="the session id in the sender's liveliness token; '' from one who holds no agent")]
 
@@ -154,10 +161,32 @@ class Clock(Message):
     clock: Stamp
 
 
-class Seen(Message):
-    """All that the agents of one host see at this tick, in one message: it costs less than one for each, and says the same."""
+class OtherSeen(Part):
+    """What is coupled to a body."""
 
-    bodies: Annotated[dict[Name, tuple[bytes, bytes]], Meta(description="name -> the payloads of its `pose` and its `scan`")]
+    name: Annotated[Name, Meta(description="its name")]
+    state: Annotated[tuple[Metres, Metres, Unit, Unit, Speed, Speed, Speed], Meta(description="its seven numbers, as in `states`")]
+    ranges: Annotated[Ranges | None, Meta(description="of a robot that tows: its bin's sweep; else nil")] = None
+
+
+class Seen(Message):
+    """What the agents of one session see at this tick: what `pose` and `scan` say, as arrays; cheaper than a message for each."""
+
+    names: Annotated[list[Name], Meta(max_length=10_000, description="the bodies, in the order of the arrays")]
+    states: Annotated[
+        bytes,
+        Meta(
+            description="seven little-endian float64 a body: x, y (m), z, w of the quaternion, "
+            "and of the last step linear.x, linear.y (m/s), angular.z (rad/s)"
+        ),
+    ]
+    ranges: Annotated[
+        bytes, Meta(description="m, as little-endian float32: of each body as many as its kind has beams; +inf where nothing returns")
+    ]
+    hitches: Annotated[dict[Name, OtherSeen], Meta(description="name -> the other end of its bar; of those that are coupled")]
+    fills: Annotated[dict[Name, Fill], Meta(description="name -> m of row in it; of bins that are not empty")]
+    full: Annotated[list[Name], Meta(max_length=10_000, description="the bins that are full")]
+    recall: Annotated[bool, Meta(description="mail of this tick may not have arrived: ask `recall` for it")] = False
 
 
 # -- agents to physics
@@ -172,6 +201,24 @@ class Report(Part):
     steps_done: Annotated[int, Meta(ge=0, lt=2**53, description="steps of its plan that it has finished")] = 0
     mail: Annotated[bytes, Meta(max_length=64, description="digest of the mail that was delivered at this tick; empty for none")] = b""
     memory: Annotated[bytes | None, Meta(description="the agent's memory, for whoever runs it next; nil: as before")] = None
+    letters: Annotated[Written | None, Meta(description="a copy of what it asked and answered at this tick; nil: nothing")] = None
+
+
+class Drive(Part):
+    """A velocity among several."""
+
+    linear: Linear
+    angular: Angular
+    once: Once = False
+    report: Annotated[Report | None, Meta(description="the agent's report")] = None
+
+
+class Velocities(Message):
+    """The velocities of all agents of one session: its answer to what it has seen of this tick."""
+
+    holder: Holder
+    velocities: Annotated[dict[Name, Drive], Meta(max_length=10_000, description="name -> its velocity")]
+    undelivered: Annotated[bool, Meta(description="a request of this tick may not have arrived: its recipient must recall it")] = False
 
 
 class Velocity(Message):
@@ -180,9 +227,7 @@ class Velocity(Message):
     linear: Linear
     angular: Angular
     holder: Holder = ""
-    once: Annotated[
-        bool, Meta(description="realtime: it drives for one step, and only from the pose that it answers; else until a newer one comes")
-    ] = False
+    once: Once = False
     report: Annotated[Report | None, Meta(description="the agent's report; who only drives leaves it out")] = None
 
 
@@ -202,33 +247,27 @@ class Received(Message, tag_field="type", tag="received"):
 
 
 class Answered(Message, tag_field="type", tag="answered"):
-    """Second reply to a request, stamped with the tick in which it was heard (asked + 1). None comes if nobody answers."""
+    """Second reply to a request, stamped with the tick in which it was heard (asked + 1)."""
 
-    body: Annotated[Answer, Meta(description="see below, 'The answers'")]
-
-
-class Sent(Part):
-    """A request, as the logger hears of it."""
-
-    to: Name
-    number: int
-    body: Request
-
-
-class Given(Part):
-    """An answer, as the logger hears of it, to the sender's request of (tick, number)."""
-
-    to: Name
-    tick: int
-    number: int
-    body: Answer
+    body: Annotated[Answer | None, Meta(description="see below, 'The answers'; nil: it was heard and gets no answer")]
 
 
 class Letters(Message):
-    """All that one agent asked and answered at one tick."""
+    """All that was asked and answered at one tick."""
 
-    requests: Annotated[list[Sent], Meta(description="maps of `to`, `number`, `body`")]
-    answers: Annotated[list[Given], Meta(description="maps of `to`, `tick` and `number` (of the request), `body`")]
+    letters: Annotated[
+        dict[Name, Written], Meta(description="name -> `requests`, numbered from 0: [to, request]; `answers`: [to, tick, number, answer]")
+    ]
+
+
+class Recall(Message):
+    """Which mail was for this tick? From one who was not there to hear it."""
+
+
+class Recalled(Message):
+    """All that was asked and answered at the two ticks before."""
+
+    letters: Annotated[list[tuple[Tick, dict[Name, Written]]], Meta(description="[tick, name -> as in `letters`]")]
 
 
 # -- the run
@@ -369,26 +408,46 @@ def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> Las
     return LaserScan(run, seen.tick, *_sweep(laser, seen.scan), rear)
 
 
-def _heard_twist(twist: TwistPart) -> Twist:
-    return Twist(twist.linear.x, twist.linear.y, twist.angular.z)
+def seen_of(run: str, seen: Sights, bodies: Sequence[int], recall: bool) -> Seen:
+    """What travels to the holder of these bodies, given by number."""
+    names = [seen.names[body] for body in bodies]
+    ranges = np.concatenate([seen.scans[body] for body in bodies]) if bodies else np.zeros(0)
+    hitches = {name: _other_seen(seen.hitches[name]) for name in names if name in seen.hitches}
+    fills = {name: seen.fills[name] for name in names if name in seen.fills}
+    full = [name for name in fills if name in seen.full]
+    states = seen.states[bodies].astype("<f8", copy=False).tobytes()
+    return Seen(run, seen.tick, names, states, ranges.astype("<f4", copy=False).tobytes(), hitches, fills, full, recall)
 
 
-def _ranges(beams: LaserScan | Beams) -> np.ndarray:
-    return np.frombuffer(beams.ranges, dtype="<f4")
+def _other_seen(hitch: Hitch) -> OtherSeen:
+    ranges = None if hitch.scan is None else hitch.scan.astype("<f4", copy=False).tobytes()
+    return OtherSeen(hitch.name, (hitch.x, hitch.y, *hitch.orientation, *hitch.twist), ranges)
 
 
-def _heard_hitch(other: OtherEnd, scan: LaserScan) -> Hitch:
-    at, turned = other.pose.position, other.pose.orientation
-    rear = None if scan.rear is None else _ranges(scan.rear)
-    return Hitch(other.name, at.x, at.y, (turned.z, turned.w), _heard_twist(other.twist), rear)
+def sights_of(seen: Seen) -> Sights:
+    """What was to be seen, to the last bit. Raises ValueError for arrays that do not fit the names, or hold what is no number."""
+    beams = [_beams_of(name) for name in seen.names]
+    states, ranges = np.frombuffer(seen.states, "<f8"), np.frombuffer(seen.ranges, "<f4")
+    if len(states) != len(beams) * STATE or len(ranges) != sum(beams):
+        raise ValueError(f"states and ranges do not fit {len(beams)} names")
+    if not np.isfinite(states).all() or np.isnan(ranges).any():
+        raise ValueError("not a number")
+    scans = np.split(ranges, np.cumsum(beams[:-1])) if beams else []
+    hitches = {name: _hitch_seen(other) for name, other in seen.hitches.items()}
+    return Sights(seen.tick, seen.names, states.reshape(-1, STATE), scans, hitches, seen.fills, seen.full)
 
 
-def observation_of(name: str, odometry: Odometry, scan: LaserScan) -> Observation:
-    """The observation that was sent, to the last bit."""
-    at, turned = odometry.pose.position, odometry.pose.orientation
-    hitch = None if odometry.hitch is None else _heard_hitch(odometry.hitch, scan)
-    twist = _heard_twist(odometry.twist)
-    return Observation(name, odometry.tick, at.x, at.y, (turned.z, turned.w), twist, _ranges(scan), hitch, odometry.fill, odometry.full)
+def _beams_of(name: str) -> int:
+    kind = KINDS.get(kind_of(name))
+    if kind is None:
+        raise ValueError(f"{name}: there is no such kind")
+    return kind.laser.beams
+
+
+def _hitch_seen(other: OtherSeen) -> Hitch:
+    x, y, z, w, vx, vy, turn = other.state
+    scan = None if other.ranges is None else np.frombuffer(other.ranges, "<f4")
+    return Hitch(other.name, x, y, (z, w), Twist(vx, vy, turn), scan)
 
 
 def picture_of(run: str, frame: Frame) -> Picture:
@@ -415,11 +474,18 @@ def _array(values: list[Any] | None) -> np.ndarray | None:
     return None if values is None else np.array(values)
 
 
-def velocity_of(run: str, tick: int, holder: str, action: Action, mail: bytes, memory: bytes | None) -> Velocity:
-    """What travels of an action, its mail apart."""
-    twist = _twist(action.twist)
-    report = Report(action.deeds, action.doing[:200], action.waits_for[:200], action.steps_done, mail, memory)
-    return Velocity(run, tick, twist.linear, twist.angular, holder, True, report)
+def drive_of(action: Action, mail: bytes, memory: bytes | None) -> Drive:
+    """What travels of an action."""
+    x, y, turn = action.twist
+    doing, waits_for = action.doing[:200], action.waits_for[:200]
+    report = Report(action.deeds, doing, waits_for, action.steps_done, mail, memory, written_by(action))
+    return Drive(Linear(x, y), Angular(turn), True, report)
+
+
+def velocity_of(velocities: Velocities, name: str) -> Velocity:
+    """One of several, as if it had come on its own."""
+    drive = velocities.velocities[name]
+    return Velocity(velocities.run, velocities.tick, drive.linear, drive.angular, velocities.holder, drive.once, drive.report)
 
 
 def action_of(velocity: Velocity) -> Action:
@@ -427,5 +493,3 @@ def action_of(velocity: Velocity) -> Action:
     twist = Twist(velocity.linear.x, velocity.linear.y, velocity.angular.z)
     report = velocity.report or Report()
     return Action(twist, report.deeds, doing=report.doing, waits_for=report.waits_for, steps_done=report.steps_done)
-
-

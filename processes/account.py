@@ -26,7 +26,8 @@ class Account:
         self._begun = self._told = time.monotonic()
 
     def begin(self) -> None:
-        self._begun = time.monotonic()
+        """The first tick begins now."""
+        self._begun = self._told = time.monotonic()
 
     def update(self, events: "list[Event]", actions: dict[str, Action]) -> None:
         self.actions = actions

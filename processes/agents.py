@@ -15,7 +15,7 @@ from collections.abc import Callable
 from orchard.agent import Agent
 from orchard.bus import Bus, BusError, Inbox, Item, Signal, client
 from orchard.config import ScenarioError, check
-from orchard.host import Ended, Host, told
+from orchard.host import GONE_SECONDS, Ended, Host, told
 from orchard.keys import PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.names import chosen
@@ -72,7 +72,7 @@ def _host(bus: Bus, options: argparse.Namespace) -> Host:
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     agents = factory(options.agents)(layout)
     names = chosen(sorted(agents), options.only, options.without, options.share)
-    host = Host(bus, keys, run.run, run.mode, layout, {name: agents[name] for name in names})
+    host = Host(bus, keys, run.run, run.mode, layout, {name: agents[name] for name in names}, options.patience)
     host.listen()
     return host
 
@@ -84,6 +84,7 @@ def _options(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--only", action="append", default=[], metavar="KIND|NAME", help="host these (repeatable)")
     parser.add_argument("--without", action="append", default=[], metavar="KIND|NAME", help="host all but these (repeatable)")
     parser.add_argument("--share", default="0/1", metavar="I/N", help="of those, host the I-th (from 0) and every N-th after it")
+    parser.add_argument("--patience", type=float, default=GONE_SECONDS, metavar="SECONDS", help="how long physics may be gone")
     parser.add_argument("--agents", default="orchard.agents:cast", metavar="MODULE:FUNCTION", help="layout -> {name: agent}")
     return parser.parse_args(argv)
 

@@ -17,15 +17,13 @@ from orchard.camera import talk_of
 from orchard.config import ScenarioError, check
 from orchard.frames import Event
 from orchard.host import Ended, tell_refusals, told
-from orchard.keys import PHYSICS, PREFIX, Keys
+from orchard.keys import LOGGER, PHYSICS, PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.lockstep import Refusals, Refused, understood
 from orchard.view import Recorder, optimize
 from orchard.wire import End, Events, Letters, Lost, Newcomer, Picture, frame_of, read
 
 log = logging.getLogger("orchard")
-
-LOGGER = "logger"  # its name among the liveliness tokens
 
 
 class Logger:
@@ -70,11 +68,10 @@ class Logger:
                 frame = frame_of(understood(sample.payload, Picture, self.run_id))
                 self.recorder.tick(replace(frame, events=self._events))
                 self._events = []
-            case [name, "letters"]:
-                letters = understood(sample.payload, Letters, self.run_id)
-                requests = [(sent.to, sent.body) for sent in letters.requests]
-                answers = [(sent.to, sent.body) for sent in letters.answers]
-                self._events += map(Event._make, talk_of(name, requests, answers))
+            case ["letters"]:
+                for name, written in understood(sample.payload, Letters, self.run_id).letters.items():
+                    answers = [(given.to, given.body) for given in written.answers]
+                    self._events += map(Event._make, talk_of(name, written.requests, answers))
             case ["events"]:
                 events = understood(sample.payload, Events, self.run_id).events
                 self._events += [Event(event["what"], event["who"], event["whom"], event["detail"]) for event in events]

@@ -14,30 +14,34 @@ import sys
 import time
 import uuid
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from orchard import wire
-from orchard.agent import Observation
+from orchard.agent import Action
 from orchard.bus import LOOPBACK, Alive, Bus, BusError, Inbox, Item, Question, Sample, Signal, client, router
 from orchard.camera import Camera
 from orchard.config import TIME_STEP, Scenario, ScenarioError, load
-from orchard.keys import PHYSICS, PREFIX, Keys
+from orchard.keys import LOGGER, PHYSICS, PREFIX, Keys
 from orchard.kinds import KINDS
-from orchard.lockstep import Answers, Loose, Memories, Pacer, Refusals, Refused, Roster, understood
+from orchard.lockstep import AGAIN_SECONDS, Answers, Ledger, Loose, Pacer, Refusals, Refused, Roster, refuse_other_tick, understood
 from orchard.messages import pack
 from orchard.names import chosen
 from orchard.realtime import Live
+from orchard.sights import Sights
 from processes.account import Account
 from processes.announcer import Announcer
 
 if TYPE_CHECKING:
     from orchard.engine import Engine
+    from orchard.events import Event
 
 log = logging.getLogger("orchard")
 
 NAG_SECONDS = 3.0  # between two lines that name who is missing
 MOST_SESSIONS = 1000  # whose refusals are added up
+LOGGER_SECONDS = 10.0  # for how long the first tick waits for a logger
 FAREWELL_SECONDS = 2.0  # for how long the others may take to leave
 
 
@@ -51,6 +55,15 @@ class Options:
     patience: float = 15.0  # s, for how long an agent may be silent
     absent: tuple[str, ...] = ()  # agents that are not waited for at the beginning
     run: str = ""  # the run's id; '': one is made
+    recorded: bool = False  # a logger comes: wait for it, but not for long
+
+
+class Step(NamedTuple):
+    """What was done at a tick, and what happened."""
+
+    tick: int
+    events: "list[Event]"
+    actions: dict[str, Action]
 
 
 class Stopped(Exception):
@@ -72,16 +85,20 @@ class Physics:
         self.roster = Roster(engine.agents)
         self.answers: Answers | Live = _answers(self.roster, options)
         self.announcer = Announcer(bus, keys, self.run_id, engine.layout, self.answers.newest_wins)
-        self.loose, self.memories = Loose(), Memories()
+        self.loose, self.ledger = Loose(), Ledger()
         self.refusals = Refusals()
         self._refused_there: dict[str, dict[str, int]] = {}  # session -> what it refused
         self.pacer = Pacer(options.speed)
-        self._seen: dict[str, Observation] = {}
+        self._seen: Sights | None = None
+        self._undelivered = False  # whether a request of this tick may not have arrived
+        self._recall = False  # whether one of the last tick did not
+        self._stepped: Step | None = None  # that is not yet accounted for
 
     def listen(self) -> None:
+        self.bus.subscribe(self.keys.of("velocities"), quietly=True)
         self.bus.subscribe(self.keys.of("velocity"), quietly=True)
         self.bus.subscribe(self.keys.of("refused"))
-        for what in ("scenario", "join", "command"):
+        for what in ("scenario", "join", "recall", "command"):
             self.bus.answer(self.keys.of(what))
         self.bus.watch(self.keys.of("alive"))
         self.bus.declare_alive(self.keys.of("alive", PHYSICS, self.run_id))
@@ -95,6 +112,7 @@ class Physics:
                 self._tick()
         except Stopped as stop:
             why = str(stop)
+        self._account()
         end = self._summary(why)
         self.announcer.say("end", end)
         self._farewell()
@@ -103,10 +121,13 @@ class Physics:
     # -- the ticks
 
     def _gather(self) -> None:
-        """Wait for all agents that are expected."""
+        """Wait for all agents that are expected, and for the logger, so that the recording begins with the run."""
         while missing := [name for name in self.roster.names if not self._is_expected_no_more(name)]:
             if not self._take(NAG_SECONDS):
                 log.warning("waiting for %d agents: %s", len(missing), ", ".join(missing))
+        deadline = time.monotonic() + LOGGER_SECONDS
+        while self.options.recorded and not self.roster.is_there(LOGGER) and (left := deadline - time.monotonic()) > 0.0:
+            self._take(left)
 
     def _is_expected_no_more(self, name: str) -> bool:
         return name in self.roster.holders or name in self.options.absent or self.loose.drives(name)
@@ -120,19 +141,33 @@ class Physics:
         return "\n".join(["jammed", *self.account.jam]) if self.account.jam else ""
 
     def _tick(self) -> None:
+        """Show the tick; while the agents think, account for the last one; take their answers; step."""
         tick = self.engine.tick
         self._seen = self.engine.observe()
         lag = self._pause()
         self.loose.begin(tick)
         self.answers.open(tick, lag)
-        self.announcer.look(tick, self._seen, self.roster.by_holder())
+        self._recall, self._undelivered = self._undelivered, False
+        self.announcer.look(self._seen, self.roster.by_holder(), self._recall)
+        self._account()
         self._await_answers()
+        self._advance(tick)
+
+    def _advance(self, tick: int) -> None:
         actions = self.answers.actions() | self.loose.actions(tick)
-        self.memories.keep(self.answers.velocities)
-        events = self.engine.advance(actions, self.answers.digests())
+        self.ledger.keep(tick, self.answers.velocities)
+        self._stepped = Step(tick, self.engine.advance(actions, self.answers.digests()), actions)
+
+    def _account(self) -> None:
+        """Tell and count what came of the last step."""
+        if self._stepped is None:
+            return
+        (tick, events, actions), self._stepped = self._stepped, None
         self.account.update(events, actions)
         self.announcer.happened(tick, events)
-        self.announcer.say("picture", wire.picture_of(self.run_id, self.camera.frame(self.engine.scans, actions, events)))
+        self.announcer.wrote(tick, self.ledger.letters.get(tick, {}))
+        if self.announcer.is_heard("picture"):
+            self.announcer.say("picture", wire.picture_of(self.run_id, self.camera.frame(self.engine.scans, actions, events)))
         if self.account.is_due():
             self.announcer.say("figures", self.account.message(self.run_id, self._refused()))
 
@@ -143,11 +178,27 @@ class Physics:
         return self.pacer.begin()
 
     def _await_answers(self) -> None:
-        answers = self.answers
+        """Until all are in, or their time is over. Whoever is silent is shown the tick again: it may have been lost."""
+        answers, again = self.answers, time.monotonic() + AGAIN_SECONDS
         while answers.missing:
-            self._take(max(0.0, answers.deadline - time.monotonic()), len(answers.missing))
-            if time.monotonic() >= answers.deadline:
+            until = min(answers.deadline, again)
+            self._take(max(0.0, until - time.monotonic()), len(self._silent()))
+            now = time.monotonic()
+            if now >= answers.deadline:
                 self._release(answers.give_up())
+            elif now >= again:
+                again = now + AGAIN_SECONDS
+                self._show(self._silent())
+
+    def _silent(self) -> set[str]:
+        """The sessions whose answers are missing."""
+        return {self.roster.holders[name] for name in self.answers.missing}
+
+    def _show(self, holders: Collection[str]) -> None:
+        """Show the tick that is under way, again or to newcomers."""
+        assert self._seen is not None
+        by_holder = self.roster.by_holder()
+        self.announcer.look(self._seen, {holder: by_holder[holder] for holder in sorted(holders)}, self._recall)
 
     def _release(self, names: set[str]) -> None:
         """Nobody holds these agents any more."""
@@ -201,7 +252,25 @@ class Physics:
                 if len(self._refused_there) < MOST_SESSIONS or session in self._refused_there:
                     self._refused_there[session] = counts
             case [name, "velocity"]:
-                self._drive(name, sample.payload)
+                self._drive(name, understood(sample.payload, wire.Velocity, self.run_id))
+            case ["hosts", _, "velocities"]:
+                self._drive_all(sample)
+
+    def _drive_all(self, sample: Sample) -> None:
+        """Each velocity of a session counts, or is refused, for itself."""
+        velocities = understood(sample.payload, wire.Velocities, self.run_id)
+        for name in velocities.velocities:
+            try:
+                self._drive(name, wire.velocity_of(velocities, name))
+            except Refused as refusal:
+                self.refusals.note(sample.key, refusal)
+        self._undelivered |= velocities.undelivered and self._are_held(velocities)
+        self.announcer.driven(velocities)
+
+    def _are_held(self, velocities: wire.Velocities) -> bool:
+        """Whether any of the requests in it is to somebody who is held, and hears it."""
+        letters = [drive.report.letters for drive in velocities.velocities.values() if drive.report and drive.report.letters]
+        return any(to in self.roster.holders for written in letters for to, _ in written.requests)
 
     def _refused(self) -> dict[str, int]:
         """What all have refused, by reason."""
@@ -224,8 +293,7 @@ class Physics:
         if up and run != self.run_id and self.answers.tick < 0:
             raise BusError(f"{self.bus.endpoint}: run {run} goes on there, with prefix {self.keys.prefix}; choose another router or prefix")
 
-    def _drive(self, name: str, payload: bytes) -> None:
-        velocity = understood(payload, wire.Velocity, self.run_id)
+    def _drive(self, name: str, velocity: wire.Velocity) -> None:
         self._refuse_what_cannot_be(name, velocity)
         if name in self.roster.holders:
             self.answers.take(name, velocity)
@@ -244,7 +312,8 @@ class Physics:
 
     def _reply(self, question: Question) -> None:
         """Answer a query; nonsense gets an error."""
-        reply = {"scenario": self._tell, "join": self._join, "command": self._obey}[self.keys.parts(question.key)[0]]
+        replies = {"scenario": self._tell, "join": self._join, "recall": self._recall_mail, "command": self._obey}
+        reply = replies[self.keys.parts(question.key)[0]]
         try:
             reply(question)
         except Refused as refusal:
@@ -265,16 +334,18 @@ class Physics:
         held = [] if refused else join.names
         for name in held:
             self.roster.join(name, join.holder)
-        question.reply(pack(wire.Joined(self.run_id, self.engine.tick, {name: self.memories.of(name) for name in held}, refused)))
+        memories = {name: self.ledger.memories.get(name) for name in held}
+        question.reply(pack(wire.Joined(self.run_id, self.engine.tick, memories, refused)))
         if held and self.answers.tick == self.engine.tick:
-            self._bring_up(join.holder, held)
+            for name in held:
+                self.answers.expect(name)
+            self._show([join.holder])
 
-    def _bring_up(self, holder: str, joined: list[str]) -> None:
-        """Show a newcomer the tick that is under way, and wait for it."""
-        for name in joined:
-            self.answers.expect(name)
-        names = self.roster.by_holder()[holder]
-        self.announcer.look(self.answers.tick, self._seen, {holder: names}, names)
+    def _recall_mail(self, question: Question) -> None:
+        """Tell a host the letters of the last two ticks."""
+        recall = understood(question.payload, wire.Recall, self.run_id)
+        refuse_other_tick(recall.tick, self.engine.tick, self.engine.tick)
+        question.reply(pack(wire.Recalled(self.run_id, recall.tick, sorted(self.ledger.letters.items()))))
 
     def _obey(self, question: Question) -> None:
         command = understood(question.payload, wire.Command, self.run_id)
@@ -310,7 +381,8 @@ def _run(bus: Bus, keys: Keys, scenario: Scenario, arguments: argparse.Namespace
     engine = Engine.begin(scenario)
     absent = chosen(engine.agents, arguments.absent, []) if arguments.absent else []
     ticks = math.inf if arguments.duration is None else round(arguments.duration / TIME_STEP)
-    physics = Physics(bus, keys, engine, Options(arguments.mode, _pace(arguments), ticks, arguments.patience, tuple(absent), arguments.run))
+    options = Options(arguments.mode, _pace(arguments), ticks, arguments.patience, tuple(absent), arguments.run, arguments.recorded)
+    physics = Physics(bus, keys, engine, options)
     physics.listen()
     where = "connected to" if arguments.connect else "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.run_id}", flush=True)
@@ -354,6 +426,7 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--duration", type=_positive, metavar="SECONDS", help="simulated seconds after which the run ends")
     parser.add_argument("--patience", type=_positive, default=15.0, metavar="SECONDS", help="how long an agent may be silent")
     parser.add_argument("--absent", action="append", default=[], metavar="KIND|NAME", help="do not wait for these (repeatable)")
+    parser.add_argument("--recorded", action="store_true", help="begin when a logger is there, or after 10 s")
     return parser.parse_args(argv)
 
 

@@ -70,6 +70,7 @@ def _start(fleet: Fleet, wish: Wish, file: Path, endpoint: str, names: list[str]
     """Start everything; the viewer."""
     pace = ["--mode", wish.mode, "--speed", "max" if math.isinf(wish.speed) else str(wish.speed)]
     limit = [] if wish.duration is None else ["--duration", str(wish.duration)]
+    limit += ["--recorded"] if wish.recording is not None or wish.is_live else []
     where = ["--connect" if wish.connect else "--listen", endpoint]
     fleet.start(Program("physics", "processes.physics", [str(file), *where, "--run", run_id, *pace, *limit]))
     start_hosts(fleet, reachable(endpoint), names, wish.hosts)

@@ -209,7 +209,7 @@ def test_a_host_that_hangs_is_named_and_joins_again_when_it_wakes(fleet):
 def test_hosts_leave_when_physics_is_gone(fleet):
     fleet.physics(SMALL, "--speed", "10")
     clock = fleet.client().hear("orchard/clock")
-    host = fleet.host(agents=TOY)
+    host = fleet.host("--patience", "1", agents=TOY)
     until(clock, lambda message: message["tick"] == 3)
     fleet.world.signal(signal.SIGKILL)
     code, _, err = host.end(10.0)

@@ -6,8 +6,8 @@ from orchard import wire
 from orchard.agent import Action, Heard
 from orchard.geometry import Twist
 from orchard.hosting import Mailbox
-from orchard.lockstep import Answers, Loose, Pacer, Refused, Roster
-from orchard.messages import State, Yes, pack
+from orchard.lockstep import Answers, Ledger, Loose, Pacer, Refused, Roster
+from orchard.messages import State, Written, Yes, pack
 
 RUN = "run1"
 
@@ -66,13 +66,13 @@ def test_requests_are_heard_in_one_order_whatever_the_order_of_arrival():
     assert [(heard.sender, heard.number) for heard in heard_at(box, 5)] == [("bin_01", 3), ("bin_02", 0), ("bin_02", 1), ("bin_03", 0)]
 
 
-def test_a_query_that_nobody_answers_is_dropped_in_the_tick_in_which_it_is_heard():
+def test_a_query_that_nobody_answers_is_told_so_in_the_tick_in_which_it_is_heard():
     box, query = mailbox(), Query(letter(tick=4))
     box.hear("picker_01", query)
     box.deliver(5)
     box.close()
+    assert query.replies[1:] == [wire.Answered(RUN, 5, None)]
     assert query.dropped
-    assert len(query.replies) == 1
 
 
 @pytest.mark.parametrize("tick", [0, 3, 6, 99])
@@ -106,7 +106,7 @@ def test_an_answer_to_what_was_heard_earlier_goes_nowhere():
     box.close()
     box.deliver(6)
     box.write("picker_01", Action(answers=[(heard, Yes()), (Heard("bin_09", 5, 0, State()), Yes())]))
-    assert len(query.replies) == 1
+    assert query.replies[1:] == [wire.Answered(RUN, 5, None)]
 
 
 # -- rules 2, 4, 6 and 8: who asks
@@ -206,8 +206,8 @@ def test_the_released_are_told_by_holder():
     assert one.holders == {}
 
 
-def velocity(tick=3, holder="", x=1.0):
-    return wire.Velocity(RUN, tick, wire.Linear(x), wire.Angular(0.0), holder)
+def velocity(tick=3, holder="", x=1.0, report=None):
+    return wire.Velocity(RUN, tick, wire.Linear(x), wire.Angular(0.0), holder, report=report)
 
 
 def test_a_tick_takes_one_answer_from_each_holder():
@@ -218,8 +218,58 @@ def test_a_tick_takes_one_answer_from_each_holder():
             answers.take("picker_01", wrong)
     answers.take("picker_01", velocity(holder="a"))
     with pytest.raises(Refused, match="answered already"):
-        answers.take("picker_01", velocity(holder="a"))
+        answers.take("picker_01", velocity(holder="a", x=0.5))
     assert answers.missing == {"bin_01"}
+
+
+def test_an_answer_that_is_sent_again_counts_once_and_is_no_mistake():
+    answers = Answers(roster(("picker_01", "a")))
+    for tick in (3, 4):
+        answers.open(tick)
+        answers.take("picker_01", velocity(tick, "a"))
+        answers.take("picker_01", velocity(tick, "a"))
+    answers.take("picker_01", velocity(3, "a"))
+    assert answers.actions()["picker_01"].twist == Twist(1.0)
+    with pytest.raises(Refused, match="past tick"):
+        answers.take("picker_01", velocity(3, "a", x=0.5))
+
+
+# -- mail that may have been missed
+
+
+def test_who_has_just_joined_was_not_there_to_hear_the_mail_of_two_ticks():
+    box = mailbox(5)
+    assert [box.doubts(tick) for tick in (5, 6, 7)] == [True, True, False]
+
+
+def test_a_get_that_ends_without_a_word_leaves_a_doubt_and_one_that_was_told_leaves_none():
+    box = mailbox(3)
+    for tick in (3, 4):
+        box.deliver(tick)
+    asked = ask(box)
+    asked.final = True
+    box.deliver(6)
+    assert box.is_settled(7) and box.doubts(7)
+    box.replied(asked, pack(wire.Received(RUN, 5)))
+    box.replied(asked, pack(wire.Answered(RUN, 6, None)))
+    assert not box.doubts(7)
+
+
+def test_a_request_that_was_not_received_is_undelivered():
+    box = mailbox()
+    asked = ask(box)
+    assert box.is_undelivered()
+    box.replied(asked, pack(wire.Received(RUN, 5)))
+    assert not box.is_undelivered()
+
+
+def test_the_ledger_keeps_the_newest_memories_and_the_letters_of_two_ticks():
+    ledger = Ledger()
+    written = Written([("bin_01", State())], [])
+    for tick, memory in enumerate([b"a", None, b"c", None]):
+        ledger.keep(tick, {"picker_01": velocity(tick, report=wire.Report(memory=memory, letters=written if tick != 2 else None))})
+    assert ledger.memories == {"picker_01": b"c"}
+    assert ledger.letters == {3: {"picker_01": written}}
 
 
 def test_answers_are_applied_in_one_order():

@@ -161,13 +161,23 @@ def test_answers_come_when_they_come_and_silence_ends():
         box.hear("bin_01", Query(letter(tick=1)))
 
 
-def test_a_tick_that_has_begun_does_not_hide_the_one_that_is_complete():
+def test_the_newest_tick_is_what_is_seen_and_a_repetition_is_no_news():
     sight = Sight(RUN, ["traffic"], [])
-    sight.clock(pack(wire.Clock(RUN, 3, wire.Stamp(0, 0))))
-    sight.clock(pack(wire.Clock(RUN, 5, wire.Stamp(0, 0))))
+    assert [sight.seen(pack(nothing_at(tick))) for tick in (3, 5, 5)] == [True, True, False]
     assert sight.tick == 5
     with pytest.raises(Refused, match="past tick"):
-        sight.clock(pack(wire.Clock(RUN, 4, wire.Stamp(0, 0))))
+        sight.seen(pack(nothing_at(4)))
+
+
+def test_what_is_seen_without_a_body_that_is_held_is_refused():
+    sight = Sight(RUN, ["picker_01"], ["picker_01"])
+    with pytest.raises(Refused, match="bodies are missing"):
+        sight.seen(pack(nothing_at(3)))
+    assert sight.tick == -1
+
+
+def nothing_at(tick):
+    return wire.Seen(RUN, tick, [], b"", b"", {}, {}, [])
 
 
 # -- real processes

@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 OWNERS = {
     "zenoh": ["orchard/bus.py"],
-    "msgpack": ["orchard/messages.py"],
+    "msgspec.msgpack": ["orchard/messages.py"],
     "yaml": ["orchard/config.py"],
     "rerun": ["orchard/view/"],
     "nicegui": ["orchard/app/"],
@@ -30,7 +30,7 @@ def imports_of(path: Path) -> set[str]:
 
 @pytest.mark.parametrize("package", OWNERS)
 def test_each_foreign_package_enters_through_one_place(package):
-    users = {path.relative_to(ROOT).as_posix() for path in SOURCES if any(m.split(".")[0] == package for m in imports_of(path))}
+    users = {path.relative_to(ROOT).as_posix() for path in SOURCES if any(f"{m}.".startswith(f"{package}.") for m in imports_of(path))}
     assert all(any(user.startswith(owner) for owner in OWNERS[package]) for user in users), users
     assert users
 

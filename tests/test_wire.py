@@ -3,6 +3,7 @@
 import math
 
 import msgpack
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,6 +15,7 @@ from orchard.geometry import Twist
 from orchard.kinds import AROUND, KINDS
 from orchard.lockstep import Refused, understood
 from orchard.messages import Call, Couple, Offer, Uncouple, pack
+from orchard.sights import Sights
 
 RUN = "run1"
 
@@ -40,12 +42,31 @@ def same_scan(one, other):
     return (one is None and other is None) or one.tobytes() == other.tobytes()
 
 
-@given(seen)
+def sights_of(observations):
+    """What several bodies see at one tick, as physics puts it together."""
+    states = np.array([(seen.x, seen.y, *seen.orientation, *seen.twist) for seen in observations])
+    hitches = {seen.name: seen.hitch for seen in observations if seen.hitch}
+    fills = {seen.name: seen.fill for seen in observations if seen.fill}
+    full = {seen.name for seen in observations if seen.fill and seen.full}
+    names = [seen.name for seen in observations]
+    return Sights(7, names, states, [seen.scan for seen in observations], hitches, fills, full)
+
+
+@given(st.lists(seen, min_size=1, max_size=4))
 @settings(max_examples=60, deadline=None)
-def test_an_observation_arrives_to_the_last_bit(observation):
-    odometry = wire.read(pack(wire.odometry_of(RUN, observation)), wire.Odometry)
-    scan = wire.read(pack(wire.scan_of(RUN, observation, KINDS["picker"].laser, AROUND)), wire.LaserScan)
-    heard = wire.observation_of("picker_01", odometry, scan)
+def test_what_is_seen_arrives_to_the_last_bit(several):
+    for number, observation in enumerate(several):
+        observation.name, observation.tick = f"picker_{number:02d}", 7
+        observation.full = observation.full and observation.fill > 0.0
+    sent = sights_of(several)
+    bodies = list(range(len(several)))[::2]
+    heard = wire.sights_of(wire.read(pack(wire.seen_of(RUN, sent, bodies, False)), wire.Seen)).observations()
+    assert list(heard) == [sent.names[body] for body in bodies]
+    for body in bodies:
+        assert_same(heard[sent.names[body]], several[body])
+
+
+def assert_same(heard, observation):
     for field in ("name", "tick", "x", "y", "orientation", "twist", "fill", "full"):
         assert repr(getattr(heard, field)) == repr(getattr(observation, field))  # repr tells -0.0 from 0.0
     assert same_scan(heard.scan, observation.scan)
@@ -55,11 +76,43 @@ def test_an_observation_arrives_to_the_last_bit(observation):
         assert same_scan(heard.hitch.scan, observation.hitch.scan)
 
 
+def seen_message():
+    observation = Observation("picker_01", 7, 1.0, 2.0, (0.0, 1.0), Twist(), np.zeros(180, dtype=np.float32))
+    return wire.seen_of(RUN, sights_of([observation]), [0], False)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"states": bytes(55)}, {"states": np.full(7, np.nan).tobytes()}, {"ranges": bytes(4 * 179)}, {"names": []}, {"names": ["pear_01"]}],
+    ids=["short", "no numbers", "a beam too few", "nobody's", "no such kind"],
+)
+def test_arrays_that_do_not_fit_are_refused(change):
+    with pytest.raises(ValueError, match=r"fit|number|kind|multiple"):
+        wire.sights_of(msgspec.structs.replace(seen_message(), **change))
+
+
+@given(seen)
+@settings(max_examples=60, deadline=None)
+def test_pose_and_scan_of_one_robot_say_the_same(observation):
+    pose = msgpack.unpackb(pack(wire.odometry_of(RUN, observation)))
+    scan = msgpack.unpackb(pack(wire.scan_of(RUN, observation, KINDS["picker"].laser, AROUND)))
+    position, orientation = pose["pose"]["position"], pose["pose"]["orientation"]
+    assert (position["x"], position["y"], position["z"]) == (observation.x, observation.y, 0.0)
+    assert (orientation["z"], orientation["w"]) == observation.orientation
+    assert pose["twist"]["linear"]["x"] == observation.twist.x
+    assert scan["ranges"] == observation.scan.tobytes()
+    assert (pose["hitch"] is None) == (observation.hitch is None)
+    if observation.hitch is not None:
+        assert pose["hitch"]["name"] == observation.hitch.name
+        assert (scan["rear"] and scan["rear"]["ranges"]) == (None if observation.hitch.scan is None else observation.hitch.scan.tobytes())
+
+
 @given(twists, st.lists(st.sampled_from([Couple("bin_01"), Uncouple()]), max_size=3), st.binary(max_size=64), st.none() | st.binary())
 @settings(max_examples=60, deadline=None)
 def test_an_action_arrives_to_the_last_bit(twist, deeds, mail, memory):
     action = Action(twist, deeds, doing="picking row 1", waits_for="bin_01", steps_done=7)
-    velocity = wire.read(pack(wire.velocity_of(RUN, 3, "a1", action, mail, memory)), wire.Velocity)
+    sent = wire.Velocities(RUN, 3, "a1", {"picker_01": wire.drive_of(action, mail, memory)})
+    velocity = wire.velocity_of(wire.read(pack(sent), wire.Velocities), "picker_01")
     assert wire.action_of(velocity) == action
     assert (velocity.run, velocity.tick, velocity.holder) == (RUN, 3, "a1")
     assert (velocity.report.mail, velocity.report.memory) == (mail, memory)
@@ -119,7 +172,7 @@ def test_what_is_too_big_is_not_even_read():
         understood(bytes(wire.MAX_PAYLOAD + 1), wire.Velocity, RUN)
 
 
-MESSAGES = (wire.Velocity, wire.Odometry, wire.LaserScan, wire.Letter, wire.Join, wire.Command, wire.Received | wire.Answered)
+MESSAGES = (wire.Velocity, wire.Velocities, wire.Seen, wire.Recall, wire.Recalled, wire.Letter, wire.Join, wire.Command)
 
 
 @given(st.binary(max_size=200), st.sampled_from(MESSAGES))
@@ -127,6 +180,8 @@ MESSAGES = (wire.Velocity, wire.Odometry, wire.LaserScan, wire.Letter, wire.Join
 def test_random_bytes_are_refused(payload, type_):
     with pytest.raises(Refused):
         understood(payload, type_, RUN)
+    with pytest.raises(Refused):
+        understood(payload, wire.Received | wire.Answered, RUN)
 
 
 @given(st.data())

@@ -1,0 +1,40 @@
+"""What bodies see at one tick, as arrays: physics makes it of the world, it travels to a host in one piece, and agents are told of it."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchard.agent import Hitch, Observation
+from orchard.geometry import Twist
+
+STATE = 7  # numbers in a body's state
+
+
+@dataclass(slots=True)
+class Sights:
+    """Of n bodies."""
+
+    tick: int
+    names: Sequence[str]
+    states: np.ndarray  # (n, 7) float64: x, y (m), the quaternion's z, w, and the last step's linear x, y (m/s), angular z (rad/s)
+    scans: Sequence[np.ndarray]  # n sweeps, m: (180,) or, of bins and weeds, (60,) float32
+    hitches: Mapping[str, Hitch]  # of those that are coupled
+    fills: Mapping[str, float]  # m of row, of bins that are not empty
+    full: Collection[str]  # bins
+
+    def observations(self) -> dict[str, Observation]:
+        """Name -> what that body's agent is told."""
+        rows = zip(self.names, self.states.tolist(), self.scans, strict=True)
+        return {name: self._observation(name, scan, *state) for name, state, scan in rows}
+
+    def _observation(
+        self, name: str, scan: np.ndarray, x: float, y: float, z: float, w: float, vx: float, vy: float, turn: float
+    ) -> Observation:
+        hitch, fill = self.hitches.get(name), self.fills.get(name, 0.0)
+        return Observation(name, self.tick, x, y, (z, w), Twist(vx, vy, turn), scan, hitch, fill, name in self.full)
+
+    def __getitem__(self, name: str) -> Observation:
+        """What the agent of one body is told. Raises ValueError for a name that is not there."""
+        body = self.names.index(name)
+        return self._observation(name, self.scans[body], *self.states[body].tolist())

@@ -253,8 +253,8 @@ def document() -> str:
     """keyspace.md."""
     table = "\n".join(map(_table_row, TABLE.values()))
     kinds = "\n".join(f"| {name} | {kind.speed:g} | {kind.turn:.6g} | {kind.laser.beams} |" for name, kind in KINDS.items())
-    limits = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "most": wire.MAX_PAYLOAD, "slack": SLACK, "stale": STALE_TICKS, "again": AGAIN_SECONDS}
-    head = HEAD.format(table=table, kinds=kinds, **limits)
+    times = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "slack": SLACK, "stale": STALE_TICKS, "again": AGAIN_SECONDS}
+    head = HEAD.format(table=table, kinds=kinds, most=wire.MAX_PAYLOAD, **times)
     return "\n".join([head, *(_section(what, key) for what, key in TABLE.items()), *(_union(*item) for item in UNIONS.items())])
 
 

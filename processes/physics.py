@@ -215,13 +215,16 @@ class Physics:
 
     def _farewell(self) -> None:
         """Stay until all others have gone, so that the last message reaches them, but not for long."""
-        self.roster.holders.clear()
         deadline = time.monotonic() + FAREWELL_SECONDS
         while self.roster.anybody() and (left := deadline - time.monotonic()) > 0:
-            try:
-                self._take(left)
-            except Stopped:
+            item = self.bus.inbox.take(left)
+            if isinstance(item, Signal):
                 return
+            if isinstance(item, Question):
+                item.drop()
+            elif isinstance(item, Alive):
+                _, name, holder = self.keys.parts(item.key)
+                self.roster.token(name, holder, item.up)
 
     # -- what arrives
 

@@ -43,6 +43,11 @@ def running(*arguments: object):
         process.communicate()
 
 
+def wait_until_simulated(run: subprocess.Popen, seconds: float) -> None:
+    """Read its lines of progress until so much time has been simulated."""
+    assert any(float(line.split(" s ")[0]) >= seconds for line in run.stdout if "real time" in line)
+
+
 def processes_of(run: subprocess.Popen) -> dict[str, psutil.Process]:
     """The processes that a run has started, by the last word of their modules; of several the last."""
     children = psutil.Process(run.pid).children(recursive=True)
@@ -149,6 +154,7 @@ def test_ctrl_c_stops_everything_within_three_seconds_and_closes_the_recording(t
     with running("--rows", 3, "--record", recording, "--speed", 8) as run:
         children = list(processes_of(run).values())
         assert len(children) == 3, "physics, agents (two of one name), logger"
+        wait_until_simulated(run, 1.0)
         begun = time.monotonic()
         run.send_signal(signal.SIGINT)
         printed, _ = run.communicate(timeout=10)

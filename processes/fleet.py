@@ -1,5 +1,6 @@
 """The processes of one run on this machine: a table of them; start, watch, start again, stop."""
 
+import math
 import os
 import socket
 import subprocess
@@ -11,7 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-STARTS = 5  # how often a process that dies is started before it is given up
+QUICK_SECONDS = 10.0  # who lives shorter than this has died quickly
+DEATHS = 5  # quick ones in a row, after which a process is given up
+BACK_OFF = 0.2  # s before the second start again, and twice as long before each further one
 
 
 @dataclass(frozen=True)
@@ -22,13 +25,25 @@ class Program:
     module: str
     arguments: Sequence[str]
     again: bool = False  # start it again when it dies
+    afterwards: Sequence[str] = ()  # further arguments when it is started again
 
 
 @dataclass
 class _Running:
     program: Program
     popen: subprocess.Popen[str]
-    starts: int = 1
+    begun: float  # on the clock
+    deaths: int = 0  # quick ones in a row
+    due: float = math.inf  # on the clock: when it is started again
+
+    def is_dead(self) -> bool:
+        """Whether it has ended although it should not have, and shall be started again."""
+        return self.program.again and self.popen.poll() not in (None, 0)
+
+    def mourn(self, now: float) -> None:
+        """Count a death, and settle when it is started again."""
+        self.deaths = self.deaths + 1 if now - self.begun < QUICK_SECONDS else 1
+        self.due = now + (BACK_OFF * 2 ** (self.deaths - 2) if self.deaths > 1 else 0.0)
 
 
 @dataclass
@@ -37,6 +52,8 @@ class Fleet:
 
     say: Callable[[str], None]
     running: dict[str, _Running] = field(default_factory=dict)
+    clock: Callable[[], float] = time.monotonic
+    given_up: list[str] = field(default_factory=list)  # names of processes that died again and again
 
     def __enter__(self) -> "Fleet":
         return self
@@ -45,11 +62,11 @@ class Fleet:
         self.stop(0.0)
 
     def start(self, program: Program) -> None:
-        self.running[program.name] = _Running(program, self._open(program))
+        self.running[program.name] = _Running(program, self._open(program, program.arguments), self.clock())
 
-    def _open(self, program: Program) -> subprocess.Popen[str]:
+    def _open(self, program: Program, arguments: Sequence[str]) -> subprocess.Popen[str]:
         """A session of its own, so that Ctrl-C reaches run.py alone, which stops the others in order."""
-        command = [sys.executable, "-m", program.module, *program.arguments]
+        command = [sys.executable, "-m", program.module, *arguments]
         null, pipe = subprocess.DEVNULL, subprocess.PIPE
         popen = subprocess.Popen(
             command, cwd=ROOT, env=_with_own_modules(), stdin=null, stdout=null, stderr=pipe, text=True, start_new_session=True
@@ -71,17 +88,27 @@ class Fleet:
         return [running.popen.poll() for running in self.running.values()]
 
     def watch(self) -> None:
-        """Start again what has died and may be started again."""
+        """Start again what has died: at once, and then ever later. What dies quickly again and again is given up."""
         for name, running in list(self.running.items()):
-            code = running.popen.poll()
-            if code is None or code == 0 or not running.program.again:
+            if not running.is_dead():
                 continue
-            if running.starts < STARTS:
-                self.say(f"{name} ended with code {code}; starting it again")
-                self.running[name] = _Running(running.program, self._open(running.program), running.starts + 1)
-            else:
-                self.say(f"{name} ended {STARTS} times; giving up on it")
-                del self.running[name]
+            if running.due == math.inf:
+                self._mourn(name, running)
+            if self.clock() >= running.due:
+                program = running.program
+                popen = self._open(program, [*program.arguments, *program.afterwards])
+                self.running[name] = _Running(program, popen, self.clock(), running.deaths)
+
+    def _mourn(self, name: str, running: _Running) -> None:
+        running.mourn(self.clock())
+        code = running.popen.returncode
+        if running.deaths < DEATHS:
+            self.say(f"{name} ended with code {code}; starting it again")
+            return
+        self.say(f"{name} ended with code {code}, {DEATHS} times in a row; giving up on it")
+        self.given_up.append(name)
+        del self.running[name]
+        running.due = math.inf
 
     def terminate(self, name: str) -> None:
         if name in self.running and self.running[name].popen.poll() is None:

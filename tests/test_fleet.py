@@ -1,0 +1,91 @@
+"""Who dies is started again: at once, then ever later, and not for ever. In virtual time, with processes that are only said to die."""
+
+import pytest
+
+from processes.fleet import DEATHS, QUICK_SECONDS, Fleet, Program
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+class Child:
+    """A process that runs until it is told to die."""
+
+    def __init__(self, arguments):
+        self.arguments, self.returncode = arguments, None
+
+    def poll(self):
+        return self.returncode
+
+    def die(self, code=-9):
+        self.returncode = code
+
+
+@pytest.fixture
+def clock():
+    return Clock()
+
+
+class Watched(Fleet):
+    """A fleet whose processes are children in name only."""
+
+    def __init__(self, clock):
+        super().__init__(say=lambda line: self.said.append(line), clock=clock)
+        self.said, self.children = [], []
+
+    def _open(self, program, arguments):
+        self.children.append(Child(list(arguments)))
+        return self.children[-1]
+
+
+@pytest.fixture
+def fleet(clock):
+    fleet = Watched(clock)
+    fleet.start(Program("agents 1", "processes.agents", ["--only", "picker"], again=True, afterwards=["--resume"]))
+    return fleet
+
+
+def test_who_dies_is_started_again_at_once_with_what_it_is_told_afterwards(fleet, clock):
+    clock.now += 60.0
+    fleet.children[0].die()
+    fleet.watch()
+    assert [child.arguments for child in fleet.children] == [["--only", "picker"], ["--only", "picker", "--resume"]]
+    assert fleet.said == ["agents 1 ended with code -9; starting it again"]
+
+
+def test_who_ends_well_or_need_not_live_is_left_alone(fleet):
+    fleet.start(Program("viewer", "rerun", []))
+    fleet.children[0].die(code=0)
+    fleet.children[1].die()
+    fleet.watch()
+    assert len(fleet.children) == 2
+
+
+def waits(fleet, clock):
+    """For how long the fleet waits before it starts the last one again, which dies at once."""
+    fleet.children[-1].die()
+    begun, count = clock.now, len(fleet.children)
+    while True:
+        fleet.watch()
+        if len(fleet.children) > count or fleet.given_up:
+            return round(clock.now - begun, 2)
+        clock.now = round(clock.now + 0.1, 3)
+
+
+def test_quick_deaths_are_followed_by_ever_longer_waits_and_by_giving_up_by_name(fleet, clock):
+    assert [waits(fleet, clock) for _ in range(DEATHS)] == [0.0, 0.2, 0.4, 0.8, 0.0]
+    assert fleet.given_up == ["agents 1"]
+    assert "agents 1" in fleet.said[-1] and "giving up" in fleet.said[-1]
+    fleet.watch()
+    assert len(fleet.children) == DEATHS
+
+
+def test_deaths_that_are_far_apart_are_not_in_a_row(fleet, clock):
+    for _ in range(3 * DEATHS):
+        clock.now += QUICK_SECONDS
+        assert waits(fleet, clock) == 0.0
+    assert fleet.given_up == []

@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 QUICK_SECONDS = 10.0  # who lives shorter than this has died quickly
 DEATHS = 5  # quick ones in a row, after which a process is given up
-BACK_OFF = 0.2  # s before the second start again, and twice as long before each further one
+BACK_OFF = 0.25  # s before the second start again, and twice as long before each further one
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from orchard.observe import observe
 from orchard.physics import harvest_is_over, step
 from orchard.scan import Scanner
 from orchard.sights import Sights
+from orchard.snapshot import Snapshot, world_from
 from orchard.world import World, new_world
 
 
@@ -35,6 +36,11 @@ class Engine:
     def begin(cls, scenario: Scenario) -> "Engine":
         """An orchard at tick 0."""
         return cls(new_world(lay_out(scenario)))
+
+    @classmethod
+    def resume(cls, snapshot: Snapshot) -> "Engine":
+        """The orchard of a snapshot."""
+        return cls(world_from(snapshot), snapshot.digest)
 
     @property
     def tick(self) -> int:

@@ -9,7 +9,7 @@ from orchard.engine import Engine
 from orchard.events import Event
 from orchard.messages import pack, unpack
 from orchard.post import PostOffice, digest_of
-from orchard.snapshot import Snapshot, world_as_data, world_from
+from orchard.snapshot import Snapshot, world_as_data
 
 
 class Local:
@@ -25,9 +25,9 @@ class Local:
     @classmethod
     def resume(cls, snapshot: Snapshot) -> "Local":
         """The run of a snapshot, from its tick on; as often as one likes, to try what would have been."""
-        world = world_from(snapshot)
-        local = cls(world.layout.scenario)
-        local.engine, local.post = Engine(world, snapshot.digest), PostOffice(dict(snapshot.letters))
+        engine = Engine.resume(snapshot)
+        local = cls(engine.layout.scenario)
+        local.engine, local.post = engine, PostOffice(dict(snapshot.letters))
         memories = {name: memory for name, memory in snapshot.memories.items() if memory is not None}
         local.memories = {name: unpack(memory, local.agents[name].Memory) for name, memory in memories.items()}
         return local

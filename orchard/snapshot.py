@@ -39,6 +39,7 @@ class Snapshot(msgspec.Struct):
     memories: dict[str, bytes | None]  # name -> what its agent remembers, as it sent it
     letters: list[tuple[int, dict[str, Written]]]  # (tick, sender -> what it wrote) of the last two ticks
     figures: dict[str, Any]  # the run's figures so far
+    held: list[str] = []  # the agents that somebody held
 
     @property
     def tick(self) -> int:

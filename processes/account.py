@@ -1,7 +1,10 @@
 """The run in figures, as it goes and when it is over."""
 
 import time
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
+
+import msgspec
 
 from orchard import wire
 from orchard.agent import Action
@@ -17,13 +20,23 @@ FIGURES_SECONDS = 0.5  # of wall time between two messages with figures
 class Account:
     """The run in figures, for those who watch it and for the summary."""
 
-    def __init__(self, engine: "Engine") -> None:
+    def __init__(self, engine: "Engine", before: Mapping[str, Any] | None = None) -> None:
+        """`before`: what `as_data` gave, of a run that goes on."""
         from orchard.metrics import Figures
 
         self._world = engine.world
-        self._figures = Figures()
+        before = before or {}
+        self._figures = msgspec.convert(before.get("harvest", {}), Figures)
+        self._wall_before = float(before.get("wall_seconds", 0.0))
         self.actions: dict[str, Action] = {}
         self._begun = self._told = time.monotonic()
+
+    def as_data(self) -> dict[str, Any]:
+        """All that must be known to go on with it."""
+        return {"harvest": msgspec.to_builtins(self._figures), "wall_seconds": self._wall()}
+
+    def _wall(self) -> float:
+        return self._wall_before + time.monotonic() - self._begun
 
     def begin(self) -> None:
         """The first tick begins now."""
@@ -43,7 +56,7 @@ class Account:
     def figures(self) -> dict[str, Any]:
         from orchard.metrics import harvest_figures
 
-        wall = time.monotonic() - self._begun
+        wall = self._wall()
         times = self._world.tick * TIME_STEP / wall if wall else 0.0
         return harvest_figures(self._world, self._figures) | {"wall_seconds": round(wall, 3), "times_real_time": round(times, 1)}
 

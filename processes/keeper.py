@@ -4,7 +4,7 @@ import logging
 import time
 from pathlib import Path
 
-from orchard.snapshot import Snapshot, SnapshotError, newest, write
+from orchard.snapshot import Snapshot, newest, write
 
 log = logging.getLogger("orchard")
 
@@ -43,6 +43,3 @@ def last(folder: Path) -> Snapshot | None:
     finally:
         for why in refused:
             log.warning("not used: %s", why)
-
-
-__all__ = ["Keeper", "SnapshotError", "last"]

@@ -16,6 +16,7 @@ import uuid
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from orchard import wire
@@ -30,8 +31,10 @@ from orchard.messages import pack
 from orchard.names import chosen
 from orchard.realtime import Live
 from orchard.sights import Sights
+from orchard.snapshot import Snapshot, SnapshotError, world_as_data
 from processes.account import Account
 from processes.announcer import Announcer
+from processes.keeper import Keeper, last
 
 if TYPE_CHECKING:
     from orchard.engine import Engine
@@ -39,6 +42,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("orchard")
 
+SNAPSHOT_SECONDS = 2.0  # of wall time between two snapshots
 NAG_SECONDS = 3.0  # between two lines that name who is missing
 MOST_SESSIONS = 1000  # whose refusals are added up
 LOGGER_SECONDS = 10.0  # for how long the first tick waits for a logger
@@ -56,6 +60,8 @@ class Options:
     absent: tuple[str, ...] = ()  # agents that are not waited for at the beginning
     run: str = ""  # the run's id; '': one is made
     recorded: bool = False  # a logger comes: wait for it, but not for long
+    snapshots: Path | None = None  # the folder for them
+    snapshot_every: float = SNAPSHOT_SECONDS  # s of wall time
 
 
 class Step(NamedTuple):
@@ -78,15 +84,18 @@ def _answers(roster: Roster, options: Options) -> Answers | Live:
 class Physics:
     """One run, from the first agent to the last message."""
 
-    def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: Options) -> None:
+    def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: Options, before: Snapshot | None = None) -> None:
+        """`before`: the snapshot that the engine was made of."""
         self.bus, self.keys, self.engine, self.options = bus, keys, engine, options
-        self.run_id = options.run or uuid.uuid4().hex[:16]
-        self.account, self.camera = Account(engine), Camera(engine.world)
+        self.run_id = options.run or (before.run if before else uuid.uuid4().hex[:16])
+        self.account, self.camera = Account(engine, before.figures if before else {}), Camera(engine.world)
         self.roster = Roster(engine.agents)
         self.answers: Answers | Live = _answers(self.roster, options)
         self.announcer = Announcer(bus, keys, self.run_id, engine.layout, self.answers.newest_wins)
-        self.loose, self.ledger = Loose(), Ledger()
+        self.loose, self.ledger = Loose(), Ledger(before.memories, before.letters) if before else Ledger()
+        self.keeper = Keeper(options.snapshots, options.snapshot_every)
         self.refusals = Refusals()
+        self._held_before = before.held if before else None
         self._refused_there: dict[str, dict[str, int]] = {}  # session -> what it refused
         self.pacer = Pacer(options.speed)
         self._seen: Sights | None = None
@@ -113,6 +122,8 @@ class Physics:
         except Stopped as stop:
             why = str(stop)
         self._account()
+        if why == "stopped":
+            self.keeper.keep(self.snapshot())
         end = self._summary(why)
         self.announcer.say("end", end)
         self._farewell()
@@ -121,9 +132,14 @@ class Physics:
     # -- the ticks
 
     def _gather(self) -> None:
-        """Wait for all agents that are expected, and for the logger, so that the recording begins with the run."""
-        while missing := [name for name in self.roster.names if not self._is_expected_no_more(name)]:
-            if not self._take(NAG_SECONDS):
+        """Wait for all agents that are expected, and for the logger, so that the recording begins with the run.
+
+        Those that were held in a run that goes on have some time to come back.
+        """
+        names = self.roster.names if self._held_before is None else tuple(self._held_before)
+        end = math.inf if self._held_before is None else time.monotonic() + self.options.patience
+        while (missing := [name for name in names if not self._is_expected_no_more(name)]) and (left := end - time.monotonic()) > 0.0:
+            if not self._take(min(left, NAG_SECONDS)):
                 log.warning("waiting for %d agents: %s", len(missing), ", ".join(missing))
         deadline = time.monotonic() + LOGGER_SECONDS
         while self.options.recorded and not self.roster.is_there(LOGGER) and (left := deadline - time.monotonic()) > 0.0:
@@ -150,8 +166,19 @@ class Physics:
         self._recall, self._undelivered = self._undelivered, False
         self.announcer.look(self._seen, self.roster.by_holder(), self._recall)
         self._account()
+        if self.keeper.is_due():
+            self.keeper.keep(self.snapshot())
         self._await_answers()
         self._advance(tick)
+
+    def snapshot(self) -> Snapshot:
+        """The run between two ticks, as data."""
+        engine, ledger = self.engine, self.ledger
+        scenario, held = engine.layout.scenario.model_dump(), sorted(self.roster.holders)
+        letters = sorted(ledger.letters.items())
+        return Snapshot(
+            self.run_id, scenario, world_as_data(engine.world), engine.digest, ledger.memories, letters, self.account.as_data(), held
+        )
 
     def _advance(self, tick: int) -> None:
         actions = self.answers.actions() | self.loose.actions(tick)
@@ -367,25 +394,27 @@ def main(argv: list[str] | None = None) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
     try:
-        scenario = load(arguments.scenario) if arguments.scenario else Scenario()
+        before = last(arguments.snapshots) if arguments.resume else None
         keys = Keys(arguments.prefix)
         meeting = client(arguments.connect, inbox) if arguments.connect else router(arguments.listen, inbox)
         with meeting as bus:
-            return _run(bus, keys, scenario, arguments)
-    except (BusError, ScenarioError, ValueError) as error:
+            return _run(bus, keys, before, arguments)
+    except (BusError, ScenarioError, SnapshotError, ValueError) as error:
         log.error("%s", error)
         return 2
 
 
-def _run(bus: Bus, keys: Keys, scenario: Scenario, arguments: argparse.Namespace) -> int:
+def _run(bus: Bus, keys: Keys, before: Snapshot | None, arguments: argparse.Namespace) -> int:
     # Late, because numba takes seconds to load on a busy machine, and meanwhile the others can find the router.
     from orchard.engine import Engine
 
-    engine = Engine.begin(scenario)
+    scenario = load(arguments.scenario) if arguments.scenario else Scenario()
+    engine = Engine.begin(scenario) if before is None else Engine.resume(before)
     absent = chosen(engine.agents, arguments.absent, []) if arguments.absent else []
     ticks = math.inf if arguments.duration is None else round(arguments.duration / TIME_STEP)
-    options = Options(arguments.mode, _pace(arguments), ticks, arguments.patience, tuple(absent), arguments.run, arguments.recorded)
-    physics = Physics(bus, keys, engine, options)
+    pace, kept = _pace(arguments), (arguments.snapshots, arguments.snapshot_every)
+    options = Options(arguments.mode, pace, ticks, arguments.patience, tuple(absent), arguments.run, arguments.recorded, *kept)
+    physics = Physics(bus, keys, engine, options, before)
     physics.listen()
     where = "connected to" if arguments.connect else "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.run_id}", flush=True)
@@ -430,6 +459,9 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--patience", type=_positive, default=15.0, metavar="SECONDS", help="how long an agent may be silent")
     parser.add_argument("--absent", action="append", default=[], metavar="KIND|NAME", help="do not wait for these (repeatable)")
     parser.add_argument("--recorded", action="store_true", help="begin when a logger is there, or after 10 s")
+    parser.add_argument("--snapshots", type=Path, metavar="DIR", help="keep snapshots of the run there")
+    parser.add_argument("--snapshot-every", type=_positive, default=SNAPSHOT_SECONDS, metavar="SECONDS", help="wall time; default 2")
+    parser.add_argument("--resume", action="store_true", help="go on from the newest snapshot in there, if there is one")
     return parser.parse_args(argv)
 
 

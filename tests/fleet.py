@@ -70,14 +70,14 @@ class Fleet:
     def physics(self, scenario: Scenario, *arguments: str) -> None:
         path = self._folder / "scenario.yaml"
         path.write_text(to_yaml(scenario))
-        self.world = self._start("processes.physics", str(path), *arguments)
+        self.world = self.start("processes.physics", str(path), *arguments)
         line = self.world.line()
-        found = re.match(r"listening on (\S+), prefix (\S+), run (\w+)", line)
+        found = re.match(r"(?:listening on|connected to) (\S+), prefix (\S+), run (\w+)", line)
         assert found, line + self.world.end()[2]
         self.endpoint, _, self.run = found.groups()
 
     def host(self, *arguments: str, agents: str = "orchard.agents:cast") -> Process:
-        self.hosts.append(self._start("processes.agents", "--connect", self.endpoint, "--agents", agents, *arguments))
+        self.hosts.append(self.start("processes.agents", "--connect", self.endpoint, "--agents", agents, *arguments))
         return self.hosts[-1]
 
     def share(self, hosts: int, agents: str = "orchard.agents:cast") -> None:
@@ -95,7 +95,7 @@ class Fleet:
     def client(self) -> "Client":
         return self._stack.enter_context(Client.open(self.endpoint, self.run))
 
-    def _start(self, module: str, *arguments: str) -> Process:
+    def start(self, module: str, *arguments: str) -> Process:
         process = Process(module, *arguments)
         self._stack.callback(process.kill)
         return process

@@ -1,0 +1,132 @@
+"""Kill it, freeze it, cut it off: lockstep waits, goes on, and has the hash of a run that nothing happened to."""
+
+import signal
+from contextlib import ExitStack
+
+import callers
+import pytest
+from fleet import Fleet, until
+from test_lockstep import SMALL, TICKS, TOY, local_hash
+
+from orchard.layout import lay_out
+from processes.fleet import free_port
+
+PACE = ("--speed", "15", "--duration", str(TICKS / 10))  # slow enough that a fault meets the run where it shall
+
+
+@pytest.fixture
+def fleet(tmp_path):
+    with ExitStack() as stack:
+        yield Fleet(tmp_path, stack)
+
+
+@pytest.fixture(scope="module")
+def undisturbed():
+    return local_hash(SMALL, TICKS, callers.cast(lay_out(SMALL)))
+
+
+def wait_for_tick(fleet, tick):
+    until(fleet.client().hear("orchard/clock"), lambda message: message["tick"] >= tick)
+
+
+def end(process):
+    """Kill it, with nobody at hand."""
+    process.signal(signal.SIGKILL)
+    process.end()
+
+
+# -- agents
+
+
+@pytest.mark.parametrize("tick", [1, 2, 17, 60])
+@pytest.mark.parametrize("killed", [1, 2])
+def test_hosts_that_are_killed_at_any_tick_and_started_again_change_nothing(fleet, undisturbed, killed, tick):
+    fleet.physics(SMALL, *PACE)
+    fleet.share(2, TOY)
+    wait_for_tick(fleet, tick)
+    for host in fleet.hosts[:killed]:
+        end(host)
+    fleet.hosts = fleet.hosts[killed:]
+    for number in range(killed):
+        fleet.host("--share", f"{number}/2", agents=TOY)
+    assert fleet.end() == undisturbed
+
+
+def test_a_host_that_is_killed_again_and_again_changes_nothing(fleet, undisturbed):
+    fleet.physics(SMALL, *PACE)
+    fleet.share(2, TOY)
+    for tick in (10, 25, 26, 50, 80):
+        wait_for_tick(fleet, tick)
+        end(fleet.hosts.pop(0))
+        fleet.hosts.insert(0, fleet.host("--share", "0/2", agents=TOY))
+        fleet.hosts.pop()
+    assert fleet.end() == undisturbed
+
+
+def test_a_host_that_sleeps_for_a_while_changes_nothing(fleet, undisturbed):
+    fleet.physics(SMALL, *PACE, "--patience", "30")
+    fleet.share(2, TOY)
+    clock = fleet.client().hear("orchard/clock")
+    until(clock, lambda message: message["tick"] >= 20)
+    fleet.hosts[0].signal(signal.SIGSTOP)
+    seen_again = fleet.client().hear("orchard/hosts/*/seen")
+    first = seen_again.get(timeout=20)
+    until(seen_again, lambda message: message["tick"] == first["tick"])  # physics asks again, for it is not answered
+    fleet.hosts[0].signal(signal.SIGCONT)
+    assert fleet.end() == undisturbed
+
+
+# -- physics
+
+
+@pytest.mark.parametrize("tick", [3, 40])
+def test_physics_that_is_killed_goes_on_from_its_last_snapshot_to_the_same_hash(fleet, undisturbed, tmp_path, tick):
+    keeping = ("--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "0.2")
+    fleet.physics(SMALL, *PACE, *keeping)
+    fleet.share(2, TOY)
+    wait_for_tick(fleet, tick)
+    end(fleet.world)
+    fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
+    assert fleet.end() == undisturbed
+
+
+def test_physics_and_a_host_that_are_killed_together_change_nothing(fleet, undisturbed, tmp_path):
+    keeping = ("--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "0.2")
+    fleet.physics(SMALL, *PACE, *keeping)
+    fleet.share(2, TOY)
+    wait_for_tick(fleet, 30)
+    end(fleet.hosts.pop())
+    end(fleet.world)
+    fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
+    fleet.host("--share", "1/2", agents=TOY)
+    assert fleet.end() == undisturbed
+
+
+def test_a_torn_snapshot_is_named_and_the_one_before_it_is_used(fleet, undisturbed, tmp_path):
+    folder = tmp_path / "snapshots"
+    keeping = ("--snapshots", str(folder), "--snapshot-every", "0.1")
+    fleet.physics(SMALL, *PACE, *keeping)
+    fleet.share(2, TOY)
+    wait_for_tick(fleet, 30)
+    end(fleet.world)
+    torn = max(folder.iterdir())
+    torn.write_bytes(torn.read_bytes()[:1000])
+    fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
+    assert torn.name in fleet.world.error()
+    assert fleet.end() == undisturbed
+
+
+# -- the router
+
+
+def test_a_router_that_is_killed_and_started_again_changes_nothing(fleet, undisturbed):
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    router = fleet.start("processes.router", "--listen", endpoint)
+    router.line()
+    fleet.physics(SMALL, *PACE, "--connect", endpoint)
+    fleet.share(2, TOY)
+    wait_for_tick(fleet, 30)
+    end(router)
+    again = fleet.start("processes.router", "--listen", endpoint)
+    assert "listening" in again.line()
+    assert fleet.end() == undisturbed

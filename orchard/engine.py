@@ -1,6 +1,7 @@
 """The step that every mode shares: look, act, account. Local mode and the physics process differ only in who brings the actions."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,8 @@ from orchard.observe import observe
 from orchard.physics import harvest_is_over, step
 from orchard.scan import Scanner
 from orchard.sights import Sights
-from orchard.snapshot import Snapshot, world_from
+from orchard.snapshot import Snapshot
+from orchard.thaw import world_as_data, world_from
 from orchard.world import World, new_world
 
 
@@ -41,6 +43,10 @@ class Engine:
     def resume(cls, snapshot: Snapshot) -> "Engine":
         """The orchard of a snapshot."""
         return cls(world_from(snapshot), snapshot.digest)
+
+    def as_data(self) -> dict[str, Any]:
+        """The world, as a snapshot holds it."""
+        return world_as_data(self.world)
 
     @property
     def tick(self) -> int:

@@ -3,7 +3,6 @@
 import importlib
 import inspect
 import logging
-import math
 import traceback
 from typing import Any
 
@@ -25,6 +24,8 @@ class Guarded:
     def __init__(self, name: str, agent: Agent) -> None:
         self.name = name
         self.Memory = getattr(agent, "Memory", dict)
+        kind = KINDS.get(kind_of(name))
+        self._sideways = kind is None or kind.sideways
         self.packed: bytes | None = None  # its memory, as it travels
         self._agent = agent
         self._failed = False
@@ -32,7 +33,9 @@ class Guarded:
     def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
         try:
             action = self._agent.tick(observation, mail, memory)
-            _check(self.name, action)
+            _check(action)
+            if action.twist.y and not self._sideways:
+                raise ValueError(f"{action.twist}: a {kind_of(self.name)} does not move sideways")
             self.packed = None if action.memory is None else pack(action.memory)
         except Exception:
             self._tell(observation.tick)
@@ -54,16 +57,14 @@ class Broken:
         return Action(memory=memory, doing="broken")
 
 
-def _check(name: str, action: Any) -> None:
+def _check(action: Any) -> None:
     """Raises TypeError or ValueError for what is no action."""
     if not isinstance(action, Action):
         raise TypeError(f"tick gave {type(action).__name__} back; wanted is an Action")
-    twist = action.twist = Twist(*map(float, action.twist))
-    if not all(math.isfinite(part) and abs(part) <= FASTEST for part in twist):
+    x, y, yaw = map(float, action.twist)
+    action.twist = twist = Twist(x, y, yaw)
+    if not (abs(x) <= FASTEST and abs(y) <= FASTEST and abs(yaw) <= FASTEST):  # not so of what is not a number
         raise ValueError(f"{twist}: wanted are numbers from {-FASTEST:g} to {FASTEST:g}")
-    kind = KINDS.get(kind_of(name))
-    if twist.y and kind is not None and not kind.sideways:
-        raise ValueError(f"{twist}: a {kind_of(name)} does not move sideways")
     said = [(deed, Deed) for deed in action.deeds] + [(body, Request) for _, body in action.requests]
     for message, type_ in [*said, *((body, Answer) for _, body in action.answers)]:
         if not isinstance(message, type_):

@@ -9,7 +9,7 @@ from orchard.engine import Engine
 from orchard.events import Event
 from orchard.messages import pack, unpack
 from orchard.post import PostOffice, digest_of
-from orchard.snapshot import Snapshot, world_as_data
+from orchard.snapshot import Snapshot
 
 
 class Local:
@@ -37,7 +37,7 @@ class Local:
         engine = self.engine
         memories = {name: None if memory is None else pack(memory) for name, memory in self.memories.items()}
         scenario = engine.layout.scenario.model_dump()
-        return Snapshot("", scenario, world_as_data(engine.world), engine.digest, memories, list(self.post.written.items()), {})
+        return Snapshot("", scenario, engine.as_data(), engine.digest, memories, list(self.post.written.items()), {})
 
     def tick(self) -> list[Event]:
         """One tenth of a second; what happened in it."""

@@ -5,6 +5,7 @@ or out of bounds.
 """
 
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
@@ -426,13 +427,13 @@ def _other_seen(hitch: Hitch) -> OtherSeen:
 
 def sights_of(seen: Seen) -> Sights:
     """What was to be seen, to the last bit. Raises ValueError for arrays that do not fit the names, or hold what is no number."""
-    beams = [_beams_of(name) for name in seen.names]
+    ends = list(accumulate(_beams_of(name) for name in seen.names))
     states, ranges = np.frombuffer(seen.states, "<f8"), np.frombuffer(seen.ranges, "<f4")
-    if len(states) != len(beams) * STATE or len(ranges) != sum(beams):
-        raise ValueError(f"states and ranges do not fit {len(beams)} names")
+    if len(states) != len(ends) * STATE or len(ranges) != (ends[-1] if ends else 0):
+        raise ValueError(f"states and ranges do not fit {len(ends)} names")
     if not np.isfinite(states).all() or np.isnan(ranges).any():
         raise ValueError("not a number")
-    scans = np.split(ranges, np.cumsum(beams[:-1])) if beams else []
+    scans = [ranges[begin:end] for begin, end in zip([0, *ends], ends, strict=False)]
     hitches = {name: _hitch_seen(other) for name, other in seen.hitches.items()}
     return Sights(seen.tick, seen.names, states.reshape(-1, STATE), scans, hitches, seen.fills, seen.full)
 

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("orchard")
 
-ANY = "*"
-
-
 class Announcer:
     """What physics says."""
 
@@ -29,6 +26,8 @@ class Announcer:
         """With `newest_wins` a tick's poses, scans and clock hold nobody up: who is slow misses some."""
         self._bus, self._keys, self.run, self._layout = bus, keys, run, layout
         self._newest_wins = newest_wins
+        self._robots = f"{keys.prefix}/*/*"
+        self._robots_heard = False  # whether anybody listens to any robot's key, at the present tick
 
     # -- a tick
 
@@ -36,19 +35,17 @@ class Announcer:
         """What is to be seen: to each session what concerns its agents; each pose and scan to whoever listens; and then the clock."""
         for holder, names in holders.items():
             self._show(seen, holder, names, recall)
-        for what in ("pose", "scan"):
-            if self.is_heard(what):
-                for body, name in enumerate(seen.names):
-                    self._show_alone(what, seen, body, name)
+        self._robots_heard = self._bus.is_heard(self._robots)
+        for what in ("pose", "scan") if self._robots_heard else ():
+            for body, name in enumerate(seen.names):
+                self._show_alone(what, seen, body, name)
         if self.is_heard("clock"):
             sec, tenths = divmod(seen.tick, 10)
             self._put(self._keys.of("clock"), wire.Clock(self.run, seen.tick, wire.Stamp(sec, tenths * 10**8)))
 
     def _show(self, seen: Sights, holder: str, names: Iterable[str], recall: bool) -> None:
-        key = self._keys.of("seen", session=holder)
-        if self._bus.is_heard(key):
-            bodies = [self._layout.index[name] for name in names if name in self._layout.index]
-            self._put(key, wire.seen_of(self.run, seen, bodies, recall))
+        bodies = [self._layout.index[name] for name in names if name in self._layout.index]
+        self._put(self._keys.of("seen", session=holder), wire.seen_of(self.run, seen, bodies, recall))
 
     def _show_alone(self, what: str, seen: Sights, body: int, name: str) -> None:
         key = self._keys.of(what, name)
@@ -62,7 +59,7 @@ class Announcer:
 
     def driven(self, velocities: wire.Velocities) -> None:
         """Each velocity of a session to those who listen on its robot's key."""
-        if self.is_heard("velocity"):
+        if self._robots_heard:
             for name in velocities.velocities:
                 key = self._keys.of("velocity", name)
                 if self._bus.is_heard(key):

@@ -31,7 +31,7 @@ from orchard.messages import pack
 from orchard.names import chosen
 from orchard.realtime import Live
 from orchard.sights import Sights
-from orchard.snapshot import Snapshot, SnapshotError, world_as_data
+from orchard.snapshot import Snapshot, SnapshotError
 from processes.account import Account
 from processes.announcer import Announcer
 from processes.keeper import Keeper, last
@@ -177,7 +177,7 @@ class Physics:
         scenario, held = engine.layout.scenario.model_dump(), sorted(self.roster.holders)
         letters = sorted(ledger.letters.items())
         return Snapshot(
-            self.run_id, scenario, world_as_data(engine.world), engine.digest, ledger.memories, letters, self.account.as_data(), held
+            self.run_id, scenario, engine.as_data(), engine.digest, ledger.memories, letters, self.account.as_data(), held
         )
 
     def _advance(self, tick: int) -> None:

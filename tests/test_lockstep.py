@@ -282,7 +282,7 @@ def test_an_endpoint_that_is_none_is_named():
 
 def test_a_port_in_use_is_named(fleet):
     with router() as taken:
-        process = fleet._start("processes.physics", "--listen", taken.endpoint)
+        process = fleet.start("processes.physics", "--listen", taken.endpoint)
         code, _, err = process.end()
     assert code == 2
     assert f"{taken.endpoint}: cannot listen there; the port is in use" in err

@@ -12,7 +12,8 @@ from test_repeatable import TICKS, undisturbed
 from orchard.config import Scenario
 from orchard.local import Local
 from orchard.messages import pack, unpack
-from orchard.snapshot import HEAD, KEPT, VERSION, Snapshot, SnapshotError, newest, read, world_from, write
+from orchard.snapshot import HEAD, KEPT, VERSION, Snapshot, SnapshotError, newest, read, write
+from orchard.thaw import world_from
 
 
 def local_at(tick: int) -> Local:

@@ -5,6 +5,7 @@
     python run.py app [--port 8080]
 """
 
+import itertools
 import math
 import os
 import subprocess
@@ -20,6 +21,7 @@ from rich.console import Console
 from orchard.config import ScenarioError, load, with_changes
 from orchard.guard import replaced
 from orchard.layout import lay_out
+from orchard.parts import is_further_part, parts_of, remove_further_parts
 from orchard.progress import Progress
 from orchard.summary import as_table, write
 from processes.wish import Wish
@@ -151,6 +153,7 @@ def _recording(record: str | None) -> Path | None:
         return None
     path = Path(record) if record else RUNS / f"harvest-{datetime.now():%Y%m%d-%H%M%S}.rrd"
     path.parent.mkdir(parents=True, exist_ok=True)
+    remove_further_parts(path)
     return path
 
 
@@ -165,6 +168,10 @@ def _tell(result: dict[str, Any] | None, why: str, recording: Path | None, summa
     if result is None:
         errors.print(why, markup=False)
         return FAILED
+    if recording is not None:
+        from orchard.view.parts import missing  # late: Rerun takes half a second to load
+
+        result |= missing(recording, result["ticks"])
     console.print(as_table(result))
     if summary is not None:
         write(result, summary)
@@ -263,13 +270,13 @@ def _visit(endpoint: str, only: list[str], without: list[str], hosts: int | None
 
 @app.command()
 def view(recording: Annotated[Path | None, typer.Argument(metavar="FILE.rrd", show_default="the newest in runs/")] = None) -> None:
-    """Open a recording in the Rerun viewer."""
-    newest = max(RUNS.glob("*.rrd"), key=lambda path: path.stat().st_mtime, default=None)
+    """Open a recording in the Rerun viewer, all its parts together."""
+    newest = max(itertools.filterfalse(is_further_part, RUNS.glob("*.rrd")), key=lambda path: path.stat().st_mtime, default=None)
     path = recording or newest
     if path is None or not path.is_file():
         errors.print(f"{path or RUNS}: no recording there; `make run` makes one", markup=False)
         raise typer.Exit(BAD_INPUT)
-    raise typer.Exit(subprocess.run([sys.executable, "-m", "rerun", str(path)]).returncode)
+    raise typer.Exit(subprocess.run([sys.executable, "-m", "rerun", *map(str, parts_of(path))]).returncode)
 
 
 def _page(arguments: list[str]) -> int:

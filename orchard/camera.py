@@ -29,7 +29,7 @@ class Camera:
         """The world as it is now, after the step in which these actions were done and these events happened."""
         world = self._world
         if world.tick % WHOLE_TICKS == 0:
-            self._shown, self._doing = {}, {}
+            self.forget()
         return Frame(
             tick=world.tick,
             poses=world.pose.copy(),
@@ -42,6 +42,10 @@ class Camera:
             delivered=world.delivered,
             events=[(event.what, event.who, event.whom, event.detail) for event in events],
         )
+
+    def forget(self) -> None:
+        """The next frame says everything."""
+        self._shown, self._doing = {}, {}
 
     def _if_changed(self, what: str, now: np.ndarray) -> np.ndarray | None:
         if what in self._shown and (self._shown[what] == now).all():

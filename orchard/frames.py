@@ -1,7 +1,7 @@
 """What the picture is made of: one plain frame a tick, from whoever runs the orchard to whoever shows it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,9 @@ class Event(NamedTuple):
     who: str
     whom: str
     text: str
+
+
+SELDOM = ("coupled", "fill", "alive", "row_picked")  # what a frame may leave out because it is as before
 
 
 @dataclass(slots=True)
@@ -31,3 +34,16 @@ class Frame:
     delivered: int = 0  # bins unloaded so far
     events: Sequence[tuple[str, str, str, str]] = ()  # see Event
     figures: Mapping[str, float] = field(default_factory=dict)  # name -> value; go to metrics/
+    left_out: int = 0  # frames before it that it stands for
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether nothing is as before: one can begin with it."""
+        return all(getattr(self, name) is not None for name in SELDOM)
+
+
+def merged(old: Frame, new: Frame) -> Frame:
+    """One frame in the place of two: the newer one, with what else changed in the older."""
+    kept = {name: getattr(old, name) for name in SELDOM if getattr(new, name) is None}
+    doing, figures, events = {**old.doing, **new.doing}, {**old.figures, **new.figures}, [*old.events, *new.events]
+    return replace(new, doing=doing, figures=figures, events=events, left_out=old.left_out + new.left_out + 1, **kept)

@@ -331,7 +331,8 @@ class Done(Message):
 
 
 class Picture(Message):
-    """The whole orchard after the step that ends at this tick, for those who look on. `nil`: as before; every 5 s nothing is nil."""
+    """The whole orchard after the step that ends at this tick, for those who look on. `nil`: as before; every 5 s, and when a logger
+    comes, nothing is nil."""
 
     poses: Annotated[bytes, Meta(description="x, y (m), yaw (rad) of every body, in the scenario's order, as little-endian float64")]
     scans: Annotated[list[bytes] | None, Meta(description="twice a second: every body's ranges, m, as little-endian float32")]

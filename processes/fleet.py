@@ -114,6 +114,14 @@ class Fleet:
         if name in self.running and self.running[name].popen.poll() is None:
             self.running[name].popen.terminate()
 
+    def pid(self, name: str) -> int | None:
+        return self.running[name].popen.pid if name in self.running else None
+
+    def kill(self, name: str) -> None:
+        """End it by force, also when it is frozen."""
+        if name in self.running:
+            self.running[name].popen.kill()
+
     def wait(self, seconds: float) -> None:
         """Until all have ended by themselves, but not longer."""
         deadline = time.monotonic() + seconds

@@ -2,59 +2,78 @@
 
     python -m processes.logger --connect tcp/127.0.0.1:7447 --record runs/harvest.rrd
 
-It only listens. What arrives waits in its inbox, so that a slow disk holds up nobody; killing it disturbs no run.
+It only listens: one thread hears, another writes, and between them wait so many pictures at most (pages.py), so that a slow disk
+holds up nobody. Killing it disturbs no run. Started again with the same file it goes on in a further part of the recording.
 """
 
 import argparse
 import logging
 import signal
 import sys
-from dataclasses import replace
+from collections.abc import Iterable
 from pathlib import Path
 
 from orchard.bus import Alive, Bus, BusError, Inbox, Item, Sample, Signal, client
 from orchard.camera import talk_of
 from orchard.config import ScenarioError, check
-from orchard.frames import Event
+from orchard.frames import Event, Frame
 from orchard.host import Ended, tell_refusals, told
 from orchard.keys import LOGGER, PHYSICS, PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.lockstep import Refusals, Refused, understood
 from orchard.view import Recorder, optimize
+from orchard.view.parts import next_part
 from orchard.wire import End, Events, Letters, Lost, Newcomer, Picture, frame_of, read
+from processes.pages import Page, Pages, Writer
 
 log = logging.getLogger("orchard")
 
+LOOK_SECONDS = 0.5  # between two looks whether the writer still writes
+
 
 class Logger:
-    """One run's pictures and words, on their way to the recorder."""
+    """One run's pictures and words, on their way to the writer."""
 
-    def __init__(self, bus: Bus, keys: Keys, run: str, recorder: Recorder) -> None:
-        self.bus, self.keys, self.run_id, self.recorder = bus, keys, run, recorder
+    def __init__(self, bus: Bus, keys: Keys, run: str, pages: Pages) -> None:
+        self.bus, self.keys, self.run_id, self.pages = bus, keys, run, pages
         self.refusals = Refusals()
-        self._events: list[Event] = []  # those that wait for the next picture
+        self._notes: list[tuple[int, Event]] = []  # those that wait for the next picture, with their ticks
+        self._tick: int | None = None  # of the newest picture that is of use
 
-    def listen(self) -> None:
+    def listen(self, session: str) -> None:
+        """Physics sends a whole picture once the token is there."""
         for what in ("picture", "events", "letters", "lost", "end"):
             self.bus.subscribe(self.keys.of(what))
         self.bus.watch(self.keys.of("alive", PHYSICS))
-        self.bus.declare_alive(self.keys.of("alive", LOGGER, self.bus.id))
+        self.bus.declare_alive(self.keys.of("alive", LOGGER, session))
 
-    def run(self) -> None:
-        """Record until the run ends, or somebody says stop."""
+    def run(self, writer: Writer) -> int:
+        """Record until the run ends, or somebody says stop; the exit code. Raises what went wrong with the writing."""
+        code = self._hear_all(writer)
+        self.pages.close()
+        writer.join()
+        if writer.error is not None:
+            raise writer.error
+        if self.pages.left_out:
+            log.warning("%d pictures came faster than they could be recorded, and are left out", self.pages.left_out)
+        return code
+
+    def _hear_all(self, writer: Writer) -> int:
         try:
-            while True:
-                item = self.bus.inbox.take()
+            while writer.error is None:
+                item = self.bus.inbox.take(LOOK_SECONDS)
                 if item is not None:
                     self._handle(item)
         except Ended as end:
             log.info("%s", end)
+            return end.code
+        return 0
 
     def _handle(self, item: Item) -> None:
         if isinstance(item, Signal):
             raise Ended(0, "asked to stop")
         if isinstance(item, Alive) and not item.up and self.keys.parts(item.key)[2] == self.run_id:
-            raise Ended(0, "physics is gone")
+            raise Ended(1, "physics is gone")
         if isinstance(item, Sample):
             try:
                 self._hear(item)
@@ -65,21 +84,30 @@ class Logger:
     def _hear(self, sample: Sample) -> None:
         match self.keys.parts(sample.key):
             case ["picture"]:
-                frame = frame_of(understood(sample.payload, Picture, self.run_id))
-                self.recorder.tick(replace(frame, events=self._events))
-                self._events = []
+                self._see(frame_of(understood(sample.payload, Picture, self.run_id)))
             case ["letters"]:
-                for name, written in understood(sample.payload, Letters, self.run_id).letters.items():
+                letters = understood(sample.payload, Letters, self.run_id)
+                for name, written in letters.letters.items():
                     answers = [(given.to, given.body) for given in written.answers]
-                    self._events += map(Event._make, talk_of(name, written.requests, answers))
+                    self._note(letters.tick, map(Event._make, talk_of(name, written.requests, answers)))
             case ["events"]:
-                events = understood(sample.payload, Events, self.run_id).events
-                self._events += [Event(event["what"], event["who"], event["whom"], event["detail"]) for event in events]
+                events = understood(sample.payload, Events, self.run_id)
+                self._note(events.tick, (Event(event["what"], event["who"], event["whom"], event["detail"]) for event in events.events))
             case ["lost"]:
                 lost = understood(sample.payload, Lost, self.run_id)
-                self._events += [Event("lost", name, "", "its agent does not answer; it stands") for name in lost.names]
+                self._note(lost.tick, (Event("lost", name, "", "its agent does not answer; it stands") for name in lost.names))
             case ["end"]:
                 raise Ended(0, understood(sample.payload, End, self.run_id).why)
+
+    def _note(self, tick: int, events: Iterable[Event]) -> None:
+        self._notes += [(tick, event) for event in events]
+
+    def _see(self, frame: Frame) -> None:
+        """Pass a picture on; after one that was missed only a whole one, because others tell only what has changed."""
+        if frame.is_whole or (self._tick is not None and frame.tick == self._tick + 1):
+            self._tick = frame.tick
+            self.pages.put(Page(frame, self._notes))
+            self._notes = []
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -90,44 +118,53 @@ def main(argv: list[str] | None = None) -> int:
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
     try:
         with client(arguments.connect, inbox) as bus:
-            _record(bus, arguments)
+            code, file = _record(bus, arguments)
     except Ended as end:
         return end.code
-    except (BusError, ScenarioError, ValueError, OSError) as error:
+    except (BusError, ScenarioError, ValueError, OSError, RuntimeError) as error:
         log.error("%s", error)
         return 2
-    if arguments.record is not None:
-        optimize(arguments.record)
-    return 0
+    if file is not None and code == 0:
+        optimize(file)
+    return code
 
 
-def _record(bus: Bus, arguments: argparse.Namespace) -> None:
+def _record(bus: Bus, arguments: argparse.Namespace) -> tuple[int, Path | None]:
+    """The exit code, and the part that was written."""
     keys = Keys(arguments.prefix)
     run = read(told(bus, keys.of("scenario"), b"", lambda item: None), Newcomer)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
-    recorder = _recorder(layout, run.run, arguments)
-    logger = Logger(bus, keys, run.run, recorder)
-    logger.listen()
-    print("recording", recorder.uri or arguments.record, flush=True)
-    try:
-        logger.run()
-    finally:
-        recorder.close()
+    opening, logger = Opening(layout, run.run, arguments.record, arguments.serve), Logger(bus, keys, run.run, Pages())
+    logger.listen(arguments.session or bus.id)
+    writer = Writer(logger.pages, opening.begin)
+    writer.start()
+    return logger.run(writer), opening.file
 
 
-def _recorder(layout: Layout, run: str, arguments: argparse.Namespace) -> Recorder:
-    if arguments.record is not None:
-        arguments.record.parent.mkdir(parents=True, exist_ok=True)
-    serve = {} if arguments.serve is None else {"serve": True, "port": arguments.serve}
-    return Recorder(layout, run, arguments.record, **serve)
+class Opening:
+    """How a recording begins, or goes on: what is there of this run is read, while the logger hears already what comes next."""
+
+    def __init__(self, layout: Layout, run: str, file: Path | None, port: int | None) -> None:
+        self.layout, self.run_id, self.file, self.port = layout, run, file, port
+
+    def begin(self) -> tuple[Recorder, int | None]:
+        """The recorder, and the last tick that was recorded before; None where there is no file to tell it."""
+        last = None
+        if self.file is not None:
+            self.file.parent.mkdir(parents=True, exist_ok=True)
+            self.file, last = next_part(self.file, self.run_id)
+        recorder = Recorder(self.layout, self.run_id, self.file, serve=self.port is not None, port=self.port or 0)
+        print("recording", recorder.uri or self.file, flush=True)
+        return recorder, last
 
 
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m processes.logger", description="Record a run for Rerun.")
     parser.add_argument("--connect", required=True, metavar="ENDPOINT", help="where physics or a router listens: tcp/127.0.0.1:7447")
     parser.add_argument("--prefix", default=PREFIX, help="first part of every key")
-    parser.add_argument("--record", type=Path, metavar="FILE.rrd", help="write a recording")
+    parser.add_argument("--record", type=Path, metavar="FILE.rrd", help="write a recording, or a further part of one of the same run")
     parser.add_argument("--serve", type=int, metavar="PORT", help="serve live viewers on this port of 127.0.0.1")
+    parser.add_argument("--session", default="", metavar="ID", help="letters and digits that name it in its liveliness token")
     return parser.parse_args(argv)
 
 

@@ -314,6 +314,8 @@ class Physics:
         if name == PHYSICS:
             self._refuse_another_run(alive.up, holder)
             return
+        if name == LOGGER and alive.up:
+            self.camera.forget()
         self.roster.token(name, holder, alive.up)
         if self.answers.releases_at_once and not alive.up and self.roster.holders.get(name) == holder:
             self._release({name})

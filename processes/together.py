@@ -11,16 +11,17 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from orchard.bus import Bus, BusError, Inbox, Sample, Signal, check_free, client, reachable, with_port
+from orchard.bus import Alive, Bus, BusError, Inbox, Sample, Signal, check_free, client, reachable, with_port
 from orchard.config import to_yaml
 from orchard.host import told
-from orchard.keys import Keys
+from orchard.keys import LOGGER, Keys
 from orchard.layout import lay_out
 from orchard.lockstep import Refusals, Refused, understood
 from orchard.names import chosen
 from orchard.progress import Progress
 from orchard.wire import End, Figures, Newcomer, read
 from processes.fleet import Fleet, Program, free_port, open_viewer
+from processes.watchdog import Watchdog
 from processes.wish import Wish
 
 STOP_SECONDS = 2.0  # for which the processes may close what they have open, after Ctrl-C
@@ -41,7 +42,10 @@ def run(wish: Wish, progress: Progress) -> tuple[dict[str, Any] | None, str]:
         viewer = _start(fleet, wish, file, endpoint, names, run_id)
         if wish.without:
             progress.say(f"{', '.join(wish.without)}: left to others, who connect to {endpoint}")
-        summary, why = _follow(fleet, reachable(endpoint), run_id, progress)
+        watchdog = Watchdog(fleet, LOGGER)
+        summary, why = _follow(fleet, watchdog, reachable(endpoint), run_id, progress)
+        if summary is not None:
+            watchdog.end()
         fleet.terminate(WEB_VIEWER)
         fleet.wait(STOP_SECONDS if why == "stopped" else GOODBYE_SECONDS)
         if viewer is not None and why == "stopped":
@@ -74,7 +78,7 @@ def _start(fleet: Fleet, wish: Wish, file: Path, endpoint: str, names: list[str]
     where = ["--connect" if wish.connect else "--listen", endpoint]
     fleet.start(Program("physics", "processes.physics", [str(file), *where, "--run", run_id, *pace, *limit]))
     start_hosts(fleet, reachable(endpoint), names, wish.hosts)
-    return _start_logger(fleet, wish, reachable(endpoint))
+    return _start_logger(fleet, wish, reachable(endpoint), run_id)
 
 
 def start_hosts(fleet: Fleet, endpoint: str, names: list[str], hosts: int | None) -> None:
@@ -92,12 +96,12 @@ def _shares(names: Sequence[str], hosts: int | None) -> list[tuple[str, Sequence
     return [(f"agents {i + 1}", names[i::count]) for i in range(count)]
 
 
-def _start_logger(fleet: Fleet, wish: Wish, endpoint: str) -> subprocess.Popen[bytes] | None:
+def _start_logger(fleet: Fleet, wish: Wish, endpoint: str, session: str) -> subprocess.Popen[bytes] | None:
     """Start the logger, if anything is to be recorded or seen; the viewer."""
     file = [] if wish.recording is None else ["--record", str(wish.recording.resolve())]
     live = ["--serve", str(wish.data_port)] if wish.is_live else []
     if file or live:
-        fleet.start(Program("logger", "processes.logger", ["--connect", endpoint, *file, *live]))
+        fleet.start(Program(LOGGER, "processes.logger", ["--connect", endpoint, "--session", session, *file, *live], again=True))
     if wish.web is not None:
         from orchard.view.web import page_url
 
@@ -114,7 +118,7 @@ def _signalled(inbox: Inbox) -> None:
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
 
 
-def _follow(fleet: Fleet, endpoint: str, run_id: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
+def _follow(fleet: Fleet, watchdog: Watchdog, endpoint: str, run_id: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
     """Show how it goes until it is over; the summary, and why it ended."""
     inbox, keys = Inbox(), Keys()
     _signalled(inbox)
@@ -122,18 +126,21 @@ def _follow(fleet: Fleet, endpoint: str, run_id: str, progress: Progress) -> tup
         with client(endpoint, inbox) as bus:
             for what in ("figures", "end"):
                 bus.subscribe(keys.of(what))
-            return _listen(fleet, bus, run_id, progress)
+            bus.watch(keys.of("alive", LOGGER, run_id))
+            return _listen(fleet, watchdog, bus, run_id, progress)
     except BusError as error:
         return None, str(error)
 
 
-def _listen(fleet: Fleet, bus: Bus, run_id: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
+def _listen(fleet: Fleet, watchdog: Watchdog, bus: Bus, run_id: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
     deadline, refusals = math.inf, Refusals()
     while time.monotonic() < deadline:
         item = bus.inbox.take(0.2)
         if isinstance(item, Signal):
             fleet.terminate("physics")
             deadline = min(deadline, time.monotonic() + STOP_SECONDS)
+        elif isinstance(item, Alive):
+            watchdog.hear(item.up)
         elif isinstance(item, Sample):
             try:
                 if end := _hear(item, run_id, progress):
@@ -142,6 +149,7 @@ def _listen(fleet: Fleet, bus: Bus, run_id: str, progress: Progress) -> tuple[di
                 refusals.note(item.key, refusal)
         elif fleet.exit_code("physics") is not None:
             return None, f"physics ended with code {fleet.exit_code('physics')}"
+        watchdog.look()
         fleet.watch()
     return None, "stopped"
 

@@ -42,8 +42,9 @@ class Bodies:
         self.path = {start.name: path_of(start) for start in layout.starts}
         self._said: dict[str, dict[str, palette.Colour]] = {name: {} for name in layout.names}
         self._level = dict.fromkeys((s.name for s in layout.starts if s.kind == "bin"), -1)
-        self._barred = dict.fromkeys((i for i, s in enumerate(layout.starts) if KINDS[s.kind].tows), False)
-        self._weeds = {i: False for i, s in enumerate(layout.starts) if s.kind == "weed"}
+        # None: unknown, for a further part of a recording begins with what was to be seen at the end of the part before.
+        self._barred: dict[int, bool | None] = dict.fromkeys(i for i, s in enumerate(layout.starts) if KINDS[s.kind].tows)
+        self._weeds: dict[int, bool | None] = dict.fromkeys(i for i, s in enumerate(layout.starts) if s.kind == "weed")
         for start in layout.starts:
             self._introduce(start)
 
@@ -116,7 +117,7 @@ class Bodies:
             now, path = bool(alive[i]), self.path[self.layout.names[i]]
             if now and not grown:
                 self.rec.log(path, archetype(mesh_of(body("weed"))))
-            if grown and not now:
+            if not now and grown is not False:
                 self.rec.log(path, rr.Clear(recursive=False))
             self._weeds[i] = now
 

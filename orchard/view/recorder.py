@@ -3,8 +3,6 @@
 Moving things go out in chunks of a second; what changes seldom goes out when it changes. Time is `sim_time`, seconds.
 """
 
-import subprocess
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -18,6 +16,7 @@ from orchard.layout import ROW_LENGTH, Layout
 from orchard.view import palette
 from orchard.view.blueprint import TIMELINE, blueprint
 from orchard.view.bodies import Bodies
+from orchard.view.parts import LEFT_OUT, MISSING, SINCE
 from orchard.view.rows import Rows
 from orchard.view.scenery import log_scenery
 from orchard.view.talk import Talk, level_of, line_of
@@ -63,8 +62,11 @@ class Recorder:
         self._scans: list[tuple[int, Sequence[np.ndarray | None]]] = []
         self._events: list[tuple[int, str, str]] = []  # tick, line, level
         self._last: np.ndarray | None = None
+        self._newest = 0  # tick
         self._doing: dict[str, str] = {}
         self._gauges: dict[str, float] = {}
+        self._second, self._sweep = -1, -1  # the chunks that went out last
+        self._left_out = 0  # frames of which the recording has not yet told that it lacks them
 
     def _open(self, path: str | Path | None, serve: bool, port: int) -> str:
         """Choose the sinks; the address for a viewer, or ''."""
@@ -77,21 +79,48 @@ class Recorder:
     def tick(self, frame: Frame) -> None:
         """Take one tick. Frames come in order; ticks may be left out."""
         self.rec.set_time(TIMELINE, duration=frame.tick * TIME_STEP)
+        is_due = frame.tick // CHUNK_TICKS > self._second
         self._keep(frame)
         self._changes(frame)
         self._words(frame)
-        self._figures(frame)
-        if frame.tick % CHUNK_TICKS == 0:
-            self._send_poses()
-            self._send_events()
-            if frame.tick % self._scan_chunk == 0:
-                self._send_scans()
-            if not self.uri:
-                self.rec.flush()  # into the file, 0.3 ms: what a kill loses is a second, of the scans five
+        self._figures(frame, is_due)
+        if is_due:
+            self._send_chunk(frame.tick)
+
+    def gap(self, since: int, until: int, why: str) -> None:
+        """Tell that nothing is recorded between two ticks, and why. Before the first frame after it, which must be a whole one."""
+        self.rec.set_time(TIMELINE, duration=until * TIME_STEP)
+        self.rec.log(MISSING, rr.AnyValues(True, **{SINCE: since}))
+        words = f"nothing recorded from {since * TIME_STEP:.1f} s to {until * TIME_STEP:.1f} s: {why}"
+        self.tell(until, Event("nothing recorded", "logger", "", words))
+        self.talk.forget()
+
+    def tell(self, tick: int, event: Event) -> None:
+        """Log an event of a tick of which there is no frame."""
+        self._events.append((tick, line_of(*event), level_of(event.what)))
+
+    def _send_chunk(self, tick: int) -> None:
+        self._second = tick // CHUNK_TICKS
+        self._send_poses()
+        self._tell_what_was_left_out(tick)
+        self._send_events()
+        if tick // self._scan_chunk > self._sweep:
+            self._sweep = tick // self._scan_chunk
+            self._send_scans()
+        if not self.uri:
+            self.rec.flush()  # into the file, 0.3 ms: what a kill loses is a second, of the scans five
+
+    def _tell_what_was_left_out(self, tick: int) -> None:
+        if self._left_out:
+            self.rec.log(MISSING, rr.AnyValues(True, **{LEFT_OUT: self._left_out}))
+            words = f"left out {self._left_out} pictures, which came faster than they can be recorded"
+            self.tell(tick, Event("left out", "logger", "", words))
+            self._left_out = 0
 
     def flush(self) -> None:
         """Write everything that is still held back, and wait until it is written."""
         self._send_poses()
+        self._tell_what_was_left_out(self._newest)
         self._send_events()
         self._send_scans()
         self.rec.flush()
@@ -104,17 +133,21 @@ class Recorder:
     # -- what gathers
 
     def _keep(self, frame: Frame) -> None:
+        self._newest = frame.tick
+        self._left_out += frame.left_out
         self._poses.append((frame.tick, np.array(frame.poses, dtype=np.float64)))
         if frame.scans is not None and frame.tick % self._every == 0:
             self._scans.append((frame.tick, frame.scans))
 
     def _send_poses(self) -> None:
-        """Those that have changed, all in one entity: each row names the body's frame."""
+        """Those that have changed, all in one entity: each row names the body's frame. At the last tick one in any case: so far it goes."""
         times: list[np.ndarray] = []
         places: list[np.ndarray] = []
         frames: list[str] = []
         for tick, poses in self._poses:
-            moved = np.arange(len(poses)) if self._last is None else np.flatnonzero((poses != self._last).any(axis=1))
+            changed = np.ones(len(poses), bool) if self._last is None else (poses != self._last).any(axis=1)
+            changed[0] |= tick == self._newest
+            moved = np.flatnonzero(changed)
             self._last = poses
             times.append(np.full(len(moved), tick * TIME_STEP))
             places.append(poses[moved])
@@ -164,8 +197,8 @@ class Recorder:
             self._events.append((frame.tick, line_of(*event), level_of(event.what) if is_news else "DEBUG"))
         self.talk.show(frame.tick, frame.poses, fresh=self.talk.hear(frame.tick, news))
 
-    def _figures(self, frame: Frame) -> None:
-        if frame.tick % CHUNK_TICKS and frame.delivered == self._gauges.get("metrics/bins/delivered"):
+    def _figures(self, frame: Frame, is_due: bool) -> None:
+        if not is_due and frame.delivered == self._gauges.get("metrics/bins/delivered"):
             return
         gauges = {"metrics/bins/delivered": float(frame.delivered), **self._robots(), **self._rows_and_bins(frame)}
         for name, value in frame.figures.items():
@@ -195,15 +228,6 @@ def hits(ranges: np.ndarray, laser: Laser, every: int) -> np.ndarray:
     flat = np.stack([laser.ahead + ranges[seen] * np.cos(angles), ranges[seen] * np.sin(angles)], axis=1)
     points = np.concatenate([np.round(flat * SCAN_GRID) / SCAN_GRID, np.full((len(seen), 1), 0.25)], axis=1)
     return points.astype(np.float32)
-
-
-def optimize(path: str | Path) -> None:
-    """Pack a finished recording, in place: half its size, and it opens faster. Mends one that a kill has torn."""
-    path = Path(path)
-    packed = path.with_suffix(".packed.rrd")
-    command = [sys.executable, "-m", "rerun", "rrd", "optimize", "--continue-on-error", str(path), "-o", str(packed)]
-    subprocess.run(command, check=True, capture_output=True, timeout=600)
-    packed.replace(path)
 
 
 def _transforms(places: np.ndarray, frames: list[str]) -> rr.ComponentColumnList:

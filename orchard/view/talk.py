@@ -14,7 +14,7 @@ MOST_LINES = 40  # at once: when all call at once, who is sent counts more than 
 RENEWED_TICKS = 5  # how often the lines follow the robots
 REPEAT_TICKS = 300
 BEADS = 9
-ALARMS = {"collision": "WARN", "refused": "WARN", "lost": "ERROR", "jam": "ERROR"}
+ALARMS = {"collision": "WARN", "refused": "WARN", "lost": "ERROR", "jam": "ERROR", "nothing recorded": "WARN", "left out": "WARN"}
 
 
 def level_of(what: str) -> str:
@@ -45,6 +45,7 @@ class Talk:
         self.rec, self.index = rec, layout.index
         self._lines: list[Drawn] = []
         self._there = False
+        self._renewed = -1  # the half second in which they were drawn last
         self._said: dict[tuple[str, str, str, str], int] = {}  # what was said -> tick
 
     def is_news(self, tick: int, event: tuple[str, str, str, str]) -> bool:
@@ -61,10 +62,15 @@ class Talk:
                 self._lines.append(Drawn(tick + round(look.seconds / TIME_STEP), self.index[who], self.index[whom], look))
         return len(self._lines) > before
 
+    def forget(self) -> None:
+        """Something was missed: what is still to be seen of it goes with the next arcs."""
+        self._there, self._lines = True, []
+
     def show(self, tick: int, poses: np.ndarray, fresh: bool) -> None:
         """Draw the arcs anew when there is a `fresh` one, and every half second while there are any."""
-        if not fresh and tick % RENEWED_TICKS:
+        if not fresh and tick // RENEWED_TICKS == self._renewed:
             return
+        self._renewed = tick // RENEWED_TICKS
         self._lines = [line for line in self._lines if line.until > tick]
         seen = sorted(self._lines, key=lambda line: (-line.look.rank, -line.until))[:MOST_LINES]
         if seen or self._there:

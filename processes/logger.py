@@ -10,7 +10,7 @@ import argparse
 import logging
 import signal
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from orchard.bus import Alive, Bus, BusError, Inbox, Item, Sample, Signal, client
@@ -22,7 +22,7 @@ from orchard.keys import LOGGER, PHYSICS, PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.lockstep import Refusals, Refused, understood
 from orchard.view import Recorder, optimize
-from orchard.view.parts import next_part
+from orchard.view.parts import before
 from orchard.wire import End, Events, Letters, Lost, Newcomer, Picture, frame_of, read
 from processes.pages import Page, Pages, Writer
 
@@ -149,11 +149,13 @@ class Opening:
 
     def begin(self) -> tuple[Recorder, int | None]:
         """The recorder, and the last tick that was recorded before; None where there is no file to tell it."""
-        last = None
+        last: int | None = None
+        said: Mapping[str, list[str]] = {}
         if self.file is not None:
             self.file.parent.mkdir(parents=True, exist_ok=True)
-            self.file, last = next_part(self.file, self.run_id)
+            self.file, last, said = before(self.file, self.run_id)
         recorder = Recorder(self.layout, self.run_id, self.file, serve=self.port is not None, port=self.port or 0)
+        recorder.bodies.remember(said)
         print("recording", recorder.uri or self.file, flush=True)
         return recorder, last
 

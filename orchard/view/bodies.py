@@ -1,6 +1,6 @@
 """The bodies: their shapes, and what changes about them from time to time: state, bin's fill, bar, weeds."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import rerun as rr
@@ -47,6 +47,11 @@ class Bodies:
         self._weeds: dict[int, bool | None] = dict.fromkeys(i for i, s in enumerate(layout.starts) if s.kind == "weed")
         for start in layout.starts:
             self._introduce(start)
+
+    def remember(self, said: Mapping[str, Sequence[str]]) -> None:
+        """What they were said to do in the parts of the recording before, by their paths: its colours stay."""
+        for name, path in self.path.items():
+            self._said[name] = {words: palette.colour_of(words) for words in said.get(f"/{path}", ())}
 
     def _introduce(self, start: Start) -> None:
         """What never changes about a body: its frame, shape, pin and the look of its scan. (A weed's shape is not for ever.)"""

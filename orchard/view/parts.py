@@ -7,8 +7,7 @@ end of a file whose writer was killed may be torn off.
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterator
-from itertools import count
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,6 +18,8 @@ from orchard.parts import part, parts_of
 
 POSES = "/tf"  # the entity that tells how far a part reaches
 MISSING = "recording/missing"  # and the one that tells what is not in it
+UNREADABLE = (RuntimeError, ValueError, Warning)  # what Rerun's reader raises: torn, no recording in it, no end to it
+WORDS = "StateConfiguration:values"
 SINCE, LEFT_OUT = "since", "left_out"  # its values: the last tick before a gap, told where the gap ends; how many pictures
 
 
@@ -29,20 +30,27 @@ class Part(NamedTuple):
     last: int  # the last tick that is in it; 0 for none
     gaps: tuple[tuple[int, int], ...]  # (last tick before, first tick after)
     left_out: int  # pictures that it lacks besides, because its writer was too slow
+    said: dict[str, list[str]]  # entity -> all that it is said to do
 
 
-def next_part(path: Path, run: str) -> tuple[Path, int]:
-    """Where a run's recording goes on, and the last tick that is in it: (path, 0) for a new one.
+class Before(NamedTuple):
+    """What a recording goes on from."""
+
+    file: Path  # where to write
+    last: int  # the last tick that is in the parts before; 0 if there are none
+    said: Mapping[str, list[str]]
+
+
+def before(path: Path, run: str) -> Before:
+    """What there is of a run's recording.
 
     Torn parts are mended and packed. One in which no picture can be read is written anew, as one of another run is.
     """
-    last = 0
-    for number in count(1):
-        found = read_part(part(path, number))
-        if found is None or found.run != run or not found.last:
-            return part(path, number), last
-        last = found.last
-    raise AssertionError("unreachable")
+    known, number = Before(path, 0, {}), 1
+    while (found := read_part(known.file)) is not None and found.run == run and found.last:
+        number += 1
+        known = Before(part(path, number), found.last, {**known.said, **found.said})
+    return known
 
 
 def read_part(path: Path) -> Part | None:
@@ -51,11 +59,11 @@ def read_part(path: Path) -> Part | None:
         return None
     try:
         return _read(path)
-    except (RuntimeError, Warning):  # torn, or cut off where a message ended
+    except UNREADABLE:  # torn, or cut off where a message ended
         optimize(path)
     try:
         return _read(path)
-    except (RuntimeError, Warning, LookupError):
+    except UNREADABLE:
         return None
 
 
@@ -81,19 +89,22 @@ def missing(path: Path, ticks: int) -> dict[str, Any]:
 
 
 def _read(path: Path) -> Part:
-    """Raises RuntimeError or a Warning where not all of a file can be read, LookupError where no recording is in it."""
+    """Raises one of UNREADABLE where not all of a file can be read."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         reader = RrdReader(path)
         last, left_out = 0, 0
         gaps: list[tuple[int, int]] = []
-        for chunk in reader.stream().filter(content=[f"+ {POSES}", f"+ /{MISSING}"]):
+        said: dict[str, list[str]] = {}
+        for chunk in reader.stream().filter(content=[f"+ {POSES}", f"+ /{MISSING}", "+ /world/**"]):
             if chunk.entity_path == POSES:
                 last = max(last, *_ticks(chunk))
-            else:
+            elif chunk.is_static:
+                said.update((chunk.entity_path, words) for words in _words(chunk))
+            elif chunk.entity_path == f"/{MISSING}":
                 gaps += _values(chunk, SINCE)
                 left_out += sum(value for value, _ in _values(chunk, LEFT_OUT))
-        return Part(reader.recordings()[0].recording_id, last, tuple(sorted(gaps)), left_out)
+        return Part(reader.recordings()[0].recording_id, last, tuple(sorted(gaps)), left_out, said)
 
 
 def _ticks(chunk: Chunk) -> list[int]:
@@ -108,6 +119,12 @@ def _values(chunk: Chunk, name: str) -> Iterator[tuple[int, int]]:
         for value, tick in zip(batch[name].to_pylist(), _ticks(chunk), strict=True):
             if value:
                 yield int(value[0]), tick
+
+
+def _words(chunk: Chunk) -> list[list[str]]:
+    """The lists of words in a chunk, the longest at the end."""
+    batch = chunk.to_record_batch()
+    return sorted(filter(None, batch[WORDS].to_pylist()), key=len) if WORDS in batch.schema.names else []
 
 
 def _seconds(tick: int) -> float:

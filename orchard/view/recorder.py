@@ -40,7 +40,7 @@ SERIES: dict[str, tuple[str, palette.Colour, float]] = {
 
 
 class Recorder:
-    """Writes one run. Feed it every tick, in order; `close()` when it is over."""
+    """Writes one run, or a further part of one. Feed it every tick, in order; `close()` when it is over."""
 
     def __init__(self, layout: Layout, run_name: str, path: str | Path | None = None, serve: bool = False, port: int = 9876,
                  scanned: Iterable[str] = SCANNED, full_scans: bool = False) -> None:  # fmt: skip

@@ -215,7 +215,7 @@ def _web_viewer(wish: Wish) -> Any:
     from orchard.view.web import page_url, serve_web
 
     Console(highlight=False).print(f"Live: {page_url(wish.web)}", soft_wrap=True)
-    return serve_web(wish.uri, wish.web)
+    return serve_web(wish.web, wish.uri)
 
 
 def _recorder(wish: Wish) -> Any:

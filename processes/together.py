@@ -4,9 +4,11 @@ import math
 import os
 import signal
 import subprocess
+import threading
 import time
 import uuid
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -46,6 +48,8 @@ def run(wish: Wish, progress: Progress) -> tuple[dict[str, Any] | None, str]:
         summary, why = _follow(fleet, watchdog, reachable(endpoint), run_id, progress)
         if summary is not None:
             watchdog.end()
+        if wish.recording is not None:  # what was recorded is read next, and Rerun takes half a second to load
+            threading.Thread(target=import_module, args=("orchard.view.parts",), daemon=True).start()
         fleet.terminate(WEB_VIEWER)
         fleet.wait(STOP_SECONDS if why == "stopped" else GOODBYE_SECONDS)
         if viewer is not None and why == "stopped":

@@ -128,7 +128,7 @@ def wait_for(process: subprocess.Popen, address: str, seconds: float = 30.0) -> 
 
 def test_the_web_viewer_is_on_the_loopback_only():
     port = free_pair()
-    viewer = serve_web(data_uri(port), port)
+    viewer = serve_web(port, data_uri(port))
     try:
         wait_for(viewer, page_url(port))
         listening = [one.laddr for one in psutil.Process(viewer.pid).net_connections("inet") if one.status == psutil.CONN_LISTEN]

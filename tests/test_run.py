@@ -81,7 +81,7 @@ def lockstep(tmp_path_factory):
 
 def test_a_harvest_in_lockstep_is_that_of_local_mode(local, lockstep):
     assert lockstep[0]["hash"] == local["hash"]
-    own = {"mode", "hosts", "wall_seconds", "times_real_time"}
+    own = {"mode", "hosts", "wall_seconds", "times_real_time", "recording_parts", "recording_gaps", "messages_dropped"}
     assert {k: v for k, v in local.items() if k not in own} == {k: v for k, v in lockstep[0].items() if k not in own}
 
 
@@ -110,6 +110,8 @@ def test_the_last_line_is_the_command_that_opens_the_recording(lockstep):
 def test_the_recording_holds_the_whole_run(lockstep):
     summary, recording, _ = lockstep
     assert seconds_of(recording) == pytest.approx(summary["sim_seconds"], abs=1.0)
+    lacks = {key: summary[key] for key in ("recording_parts", "recording_gaps", "messages_dropped")}
+    assert lacks == {"recording_parts": ["run.rrd"], "recording_gaps": [], "messages_dropped": 0}
 
 
 def seconds_of(recording: Path) -> float:

@@ -16,6 +16,7 @@ from typing import Any
 from orchard.app.headline import Headline, of_summary, read_headline
 from orchard.app.order import ROOT, Files, Order, command
 from orchard.config import to_yaml
+from orchard.parts import parts_of
 from orchard.view.web import free_pair, serve_web
 
 KEPT_LINES = 500
@@ -66,7 +67,7 @@ class Run:
             self.summary = json.loads(self.files.summary.read_text())
             self.headline = of_summary(self.summary)
         if self.files.recording.exists():
-            self._web = serve_web(str(self.files.recording), self.port)
+            self._web = serve_web(self.port, *map(str, parts_of(self.files.recording)))
 
     def _hear(self, line: str) -> None:
         """Keep a line; where Python was interrupted while it started is nobody's business."""

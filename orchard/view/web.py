@@ -14,6 +14,7 @@ from urllib.parse import urlencode
 import rerun_cli
 
 LOOPBACK = "127.0.0.1"
+PROGRAM = str(Path(rerun_cli.__file__).with_name("rerun"))  # Rerun's own, found also where the virtual environment is not activated
 
 
 def data_uri(port: int) -> str:
@@ -27,15 +28,14 @@ def page_url(port: int) -> str:
     return f"http://{LOOPBACK}:{port}/?{urlencode(wishes)}"
 
 
-def command(what: str, port: int) -> list[str]:
-    """The server's command line. `what` is the address of live data, or a recording, which it then serves on the next port."""
-    program = Path(rerun_cli.__file__).with_name("rerun")
-    return [str(program), "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), "--port", str(port + 1), what]
+def command(port: int, *what: str) -> list[str]:
+    """The server's command line. `what` is the address of live data, or a recording's parts, which it then serves on the next port."""
+    return [PROGRAM, "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), "--port", str(port + 1), *what]
 
 
-def serve_web(what: str, port: int) -> subprocess.Popen[bytes]:
+def serve_web(port: int, *what: str) -> subprocess.Popen[bytes]:
     """Serve the viewer at `page_url(port)`; `terminate()` what it gives when it is no longer wanted."""
-    line, null = command(what, port), subprocess.DEVNULL
+    line, null = command(port, *what), subprocess.DEVNULL
     return subprocess.Popen(line, env=_environment(), start_new_session=True, stdin=null, stdout=null, stderr=null)
 
 
@@ -62,7 +62,7 @@ def main() -> None:
     parser.add_argument("what", help="the address of live data, or a recording")
     parser.add_argument("--port", type=int, default=9090, help="of the viewer; its data are expected on the next one")
     arguments = parser.parse_args()
-    line = command(arguments.what, arguments.port)
+    line = command(arguments.port, arguments.what)
     os.execve(line[0], line, _environment())
 
 

@@ -178,6 +178,28 @@ def test_every_tick_counts_when_pictures_are_left_out(tmp_path):
     recorder.close()
 
 
+def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
+    """A weed, a bar, the fruit of a row: the part before says that they are there."""
+    path, poses = tmp_path / "run.rrd", np.array([start.pose for start in LAYOUT.starts])
+    weed, picker = LAYOUT.index["weed_01"], LAYOUT.index["picker_01"]
+    alive, coupled = np.ones(len(poses), bool), np.full(len(poses), -1)
+    coupled[picker] = LAYOUT.index["bin_01"]
+    early = Frame(1, poses, coupled=coupled.copy(), fill=np.zeros(len(poses)), alive=alive.copy(), row_picked=np.zeros(3))
+    alive[weed], coupled[picker] = False, -1
+    late = Frame(60, poses, coupled=coupled, fill=np.zeros(len(poses)), alive=alive, row_picked=np.array([70.0, 0.0, 0.0]))
+    recorder = Recorder(LAYOUT, "a", path)
+    recorder.tick(early)
+    recorder.close()
+    further = Recorder(LAYOUT, "a", before(path, "a").file)
+    further.gap(1, 60, "the logger was away")
+    further.tick(late)
+    further.close()
+    seen, then = seen_at(path, 6.0), seen_at(path, 1.0)
+    assert ("/world/weeds/weed_01", "Mesh3D:vertex_positions") in then.keys() - seen.keys()
+    assert ("/world/pickers/picker_01/bar", "LineStrips3D:strips") in then.keys() - seen.keys()
+    assert ("/canopy/fruit/row_01", "Points3D:positions") in then.keys() - seen.keys()
+
+
 # -- a frozen one
 
 

@@ -8,6 +8,7 @@
 import itertools
 import math
 import os
+import shutil
 import subprocess
 import sys
 from datetime import datetime
@@ -18,16 +19,18 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from orchard.config import ScenarioError, load, with_changes
+from orchard.config import Scenario, ScenarioError, check, load, with_changes
 from orchard.guard import replaced
 from orchard.layout import lay_out
 from orchard.parts import is_further_part, parts_of, remove_further_parts
 from orchard.progress import Progress
+from orchard.snapshot import Snapshot, SnapshotError, newest
 from orchard.summary import as_table, write
 from processes.wish import Wish
 
 HERE = Path(__file__).parent
 RUNS = HERE / "runs"
+LAST = "last"  # of all runs: the one that went on most recently
 LIVE_SPEED = 4.0  # with --view, unless another is given
 FINISHED, FAILED, BAD_INPUT = 0, 1, 2
 
@@ -78,6 +81,7 @@ Listen = Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Where othe
 Connect = Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Meet at a router elsewhere: tcp/192.168.1.10:7447.")]
 Without = Annotated[list[str] | None, typer.Option(metavar="KIND|NAME", help="Leave these to others, and wait for them (repeatable).")]
 Only = Annotated[list[str] | None, typer.Option(metavar="KIND|NAME", help="Run just these agents of a run elsewhere (repeatable).")]
+Resume = Annotated[str | None, typer.Option(metavar="DIR|last", help="Go on with a run from its newest snapshot.")]
 
 
 @app.command()
@@ -100,6 +104,7 @@ def harvest(
     connect: Connect = None,
     without: Without = None,
     only: Only = None,
+    resume: Resume = None,
 ) -> None:
     """Harvest an orchard to the end."""
     _check_places(mode, listen, connect, without, only)
@@ -109,17 +114,56 @@ def harvest(
         _check_guest(changes | others | {"view": view, "web": web})
         raise typer.Exit(_visit(connect, only, without or [], hosts))
     try:
-        chosen = with_changes(load(scenario or HERE / "config" / "orchard.yaml"), **{k: v for k, v in changes.items() if v is not None})
+        before = None if resume is None else _snapshot(resume, changes | {"scenario": scenario})
+        chosen = _scenario(scenario, changes) if before is None else check(before.scenario, "the snapshot's scenario")
         replaced(lay_out(chosen))
         recording = _recording(record)
         _check_folder(summary)
-    except (ScenarioError, OSError, ValueError) as error:
+    except (ScenarioError, SnapshotError, OSError, ValueError) as error:
         errors.print(str(error), markup=False, soft_wrap=True)
         raise typer.Exit(BAD_INPUT) from None
     pace = _pace(mode, speed, view or web is not None)
-    wish = Wish(chosen, mode.value, pace, hosts, duration, recording, view, listen, connect, tuple(without or ()), web)
+    snapshots = Path(resume) if resume not in (None, LAST) else RUNS / f"harvest-{datetime.now():%Y%m%d-%H%M%S}.snapshots"
+    snapshots = _newest_snapshots() if resume == LAST else snapshots
+    wish = Wish(chosen, mode.value, pace, hosts, duration, recording, view, snapshots, before, listen, connect, tuple(without or ()), web)
     result, why = (_alone if mode == Mode.local else _together)(wish)
-    raise typer.Exit(_tell(result, why, recording, summary))
+    code = _tell(result, why, recording, summary)
+    _tell_of_snapshots(snapshots, why)
+    raise typer.Exit(code)
+
+
+def _scenario(path: Path | None, changes: dict[str, Any]) -> Scenario:
+    """The file's scenario, with what is given on the command line."""
+    return with_changes(load(path or HERE / "config" / "orchard.yaml"), **{k: v for k, v in changes.items() if v is not None})
+
+
+def _snapshot(where: str, others: dict[str, Any]) -> Snapshot:
+    """The newest one that can be used; why newer ones cannot is told. Raises SnapshotError; ValueError for options that it settles."""
+    given = [f"--{name.replace('_', '-')}" for name, value in others.items() if value is not None]
+    if given:
+        raise ValueError(f"--resume: leave out {', '.join(given)}: that is in the snapshot")
+    refused: list[str] = []
+    found = newest(_newest_snapshots() if where == LAST else Path(where), refused)
+    for why in refused:
+        errors.print(f"not used: {why}", markup=False, soft_wrap=True)
+    return found
+
+
+def _newest_snapshots() -> Path:
+    """The folder of the last run that can go on."""
+    folder = max(RUNS.glob("*.snapshots"), key=lambda path: path.stat().st_mtime, default=None)
+    if folder is None:
+        raise SnapshotError(f"{RUNS}: no run there that could go on; one leaves its snapshots there when it is stopped")
+    return folder
+
+
+def _tell_of_snapshots(folder: Path, why: str) -> None:
+    """A run that is over needs none; another can go on."""
+    if why == "harvested":
+        shutil.rmtree(folder, ignore_errors=True)
+    elif folder.is_dir():
+        command = f"{_shown(Path(sys.executable))} {_shown(HERE / 'run.py')} --resume {_shown(folder)}"
+        Console(highlight=False).print(f"To go on: {command}", soft_wrap=True, markup=False)
 
 
 def _check_places(mode: Mode, listen: str | None, connect: str | None, without: list[str] | None, only: list[str] | None) -> None:
@@ -200,7 +244,7 @@ def _alone(wish: Wish) -> tuple[dict[str, Any], str]:
     recorder, browser = _recorder(wish), _web_viewer(wish)
     try:
         with Progress(Console(highlight=False)) as progress:
-            return run(wish.scenario, wish.speed, wish.duration, recorder and recorder.tick, progress.show)
+            return run(wish, recorder and recorder.tick, progress.show)
     finally:
         if recorder is not None:
             recorder.close()

@@ -8,11 +8,14 @@ from contextlib import contextmanager
 from typing import Any
 
 from orchard.camera import Camera, talk_of
-from orchard.config import TIME_STEP, Scenario
+from orchard.config import TIME_STEP
 from orchard.frames import Event, Frame
 from orchard.local import Local
 from orchard.lockstep import Pacer
+from orchard.snapshot import Snapshot
 from processes.account import Account
+from processes.keeper import SNAPSHOT_SECONDS, Keeper
+from processes.wish import Wish
 
 SHOW_SECONDS = 0.5  # of wall time between two looks at the figures
 
@@ -30,20 +33,18 @@ def interruptible() -> Iterator[Callable[[], bool]]:
 
 
 def run(
-    scenario: Scenario,
-    speed: float,
-    duration: float | None,
-    look: Callable[[Frame], None] | None,
-    show: Callable[[dict[str, Any], dict[str, str], dict[str, str]], None],
+    wish: Wish, look: Callable[[Frame], None] | None, show: Callable[[dict[str, Any], dict[str, str], dict[str, str]], None]
 ) -> tuple[dict[str, Any], str]:
     """Harvest; the summary, and why it ended. Every frame goes to `look`, the figures now and then to `show`."""
-    local = Local(scenario)
-    engine, account = local.engine, Account(local.engine)
-    camera, pacer = Camera(engine.world), Pacer(speed)
-    ticks = math.inf if duration is None else round(duration / TIME_STEP)
+    local = Local(wish.scenario) if wish.resumed is None else Local.resume(wish.resumed)
+    engine, account = local.engine, Account(local.engine, wish.resumed.figures if wish.resumed else {})
+    camera, pacer, keeper = Camera(engine.world), Pacer(wish.speed), Keeper(wish.snapshots, SNAPSHOT_SECONDS)
+    ticks = math.inf if wish.duration is None else round(wish.duration / TIME_STEP)
     account.begin()
     with interruptible() as is_stopped:
         while not (why := _end(local, account, ticks, is_stopped())):
+            if keeper.is_due():
+                keeper.keep(_snapshot(local, account))
             time.sleep(pacer.wait())
             pacer.begin()
             events = local.tick()
@@ -55,8 +56,15 @@ def run(
             if account.is_due():
                 message = account.message("", {})
                 show(message.figures, message.doing, message.waits_for)
+    keeper.keep(_snapshot(local, account))
     summary = {"hash": engine.hash, "mode": "local", "hosts": 1} | account.figures()
     return summary | {"messages_refused": {}, "finished": engine.over}, why
+
+
+def _snapshot(local: Local, account: Account) -> Snapshot:
+    snapshot = local.snapshot()
+    snapshot.figures |= account.as_data()
+    return snapshot
 
 
 def _end(local: Local, account: Account, ticks: float, stopped: bool) -> str:

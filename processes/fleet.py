@@ -26,6 +26,7 @@ class Program:
     arguments: Sequence[str]
     again: bool = False  # start it again when it dies
     afterwards: Sequence[str] = ()  # further arguments when it is started again
+    final: Sequence[int] = (0,)  # exit codes with which it ends by itself, and for good
 
 
 @dataclass
@@ -38,7 +39,7 @@ class _Running:
 
     def is_dead(self) -> bool:
         """Whether it has ended although it should not have, and shall be started again."""
-        return self.program.again and self.popen.poll() not in (None, 0)
+        return self.program.again and self.popen.poll() not in (None, *self.program.final)
 
     def mourn(self, now: float) -> None:
         """Count a death, and settle when it is started again."""

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from orchard.snapshot import Snapshot, newest, write
 
+SNAPSHOT_SECONDS = 2.0  # of wall time between two snapshots
+
 log = logging.getLogger("orchard")
 
 

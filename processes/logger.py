@@ -8,8 +8,10 @@ holds up nobody. Killing it disturbs no run. Started again with the same file it
 
 import argparse
 import logging
+import math
 import signal
 import sys
+import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from orchard.bus import Alive, Bus, BusError, Inbox, Item, Sample, Signal, clien
 from orchard.camera import talk_of
 from orchard.config import ScenarioError, check
 from orchard.frames import Event, Frame
-from orchard.host import Ended, tell_refusals, told
+from orchard.host import GONE_SECONDS, Ended, tell_refusals, told
 from orchard.keys import LOGGER, PHYSICS, PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.lockstep import Refusals, Refused, understood
@@ -38,6 +40,7 @@ class Logger:
         self.bus, self.keys, self.run_id, self.pages = bus, keys, run, pages
         self.refusals = Refusals()
         self._notes: list[tuple[int, Event]] = []  # those that wait for the next picture, with their ticks
+        self._gone_until = math.inf  # on the clock: when physics, which is gone, counts as gone for ever
         self._tick: int | None = None  # of the newest picture that is of use
 
     def listen(self, session: str) -> None:
@@ -60,20 +63,20 @@ class Logger:
 
     def _hear_all(self, writer: Writer) -> int:
         try:
-            while writer.error is None:
+            while writer.error is None and time.monotonic() < self._gone_until:
                 item = self.bus.inbox.take(LOOK_SECONDS)
                 if item is not None:
                     self._handle(item)
         except Ended as end:
             log.info("%s", end)
             return end.code
-        return 0
+        return 1 if self._gone_until < math.inf else 0
 
     def _handle(self, item: Item) -> None:
         if isinstance(item, Signal):
             raise Ended(0, "asked to stop")
-        if isinstance(item, Alive) and not item.up and self.keys.parts(item.key)[2] == self.run_id:
-            raise Ended(1, "physics is gone")
+        if isinstance(item, Alive) and self.keys.parts(item.key)[2] == self.run_id:
+            self._gone_until = math.inf if item.up else time.monotonic() + GONE_SECONDS
         if isinstance(item, Sample):
             try:
                 self._hear(item)

@@ -34,7 +34,7 @@ from orchard.sights import Sights
 from orchard.snapshot import Snapshot, SnapshotError
 from processes.account import Account
 from processes.announcer import Announcer
-from processes.keeper import Keeper, last
+from processes.keeper import SNAPSHOT_SECONDS, Keeper, last
 
 if TYPE_CHECKING:
     from orchard.engine import Engine
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("orchard")
 
-SNAPSHOT_SECONDS = 2.0  # of wall time between two snapshots
 NAG_SECONDS = 3.0  # between two lines that name who is missing
 MOST_SESSIONS = 1000  # whose refusals are added up
 LOGGER_SECONDS = 10.0  # for how long the first tick waits for a logger

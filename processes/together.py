@@ -16,7 +16,7 @@ from typing import Any
 from orchard.bus import Alive, Bus, BusError, Inbox, Sample, Signal, check_free, client, reachable, with_port
 from orchard.config import to_yaml
 from orchard.host import told
-from orchard.keys import LOGGER, Keys
+from orchard.keys import LOGGER, PHYSICS, Keys
 from orchard.layout import lay_out
 from orchard.lockstep import Refusals, Refused, understood
 from orchard.names import chosen
@@ -30,6 +30,7 @@ STOP_SECONDS = 2.0  # for which the processes may close what they have open, aft
 GOODBYE_SECONDS = 60.0  # for which the logger may pack its recording, after a run that ended by itself
 WEB_VIEWER = "web viewer"  # its name among the processes; it never ends by itself
 LOOK_SECONDS = 5.0  # for how long somebody must answer at an endpoint that a user gave
+ENDED = (0, 1, 2)  # exit codes with which physics ends by itself
 GIVEN_UP = 2  # exit code of a process whose order cannot be carried out: starting it again does not help
 
 
@@ -40,12 +41,12 @@ def run(wish: Wish, progress: Progress) -> tuple[dict[str, Any] | None, str]:
     with TemporaryDirectory() as folder, Fleet(progress.say) as fleet:
         file = Path(folder) / "scenario.yaml"
         file.write_text(to_yaml(wish.scenario))
-        run_id = uuid.uuid4().hex[:16]
+        run_id = (wish.resumed.run if wish.resumed else "") or uuid.uuid4().hex[:16]
         viewer = _start(fleet, wish, file, endpoint, names, run_id)
         if wish.without:
             progress.say(f"{', '.join(wish.without)}: left to others, who connect to {endpoint}")
         watchdog = Watchdog(fleet, LOGGER)
-        summary, why = _follow(fleet, watchdog, reachable(endpoint), run_id, progress)
+        summary, why = _follow(wish, fleet, watchdog, reachable(endpoint), run_id, progress)
         if summary is not None:
             watchdog.end()
         if wish.recording is not None:  # what was recorded is read next, and Rerun takes half a second to load
@@ -80,7 +81,9 @@ def _start(fleet: Fleet, wish: Wish, file: Path, endpoint: str, names: list[str]
     limit = [] if wish.duration is None else ["--duration", str(wish.duration)]
     limit += ["--recorded"] if wish.recording is not None or wish.is_live else []
     where = ["--connect" if wish.connect else "--listen", endpoint]
-    fleet.start(Program("physics", "processes.physics", [str(file), *where, "--run", run_id, *pace, *limit]))
+    keep = ["--snapshots", str(wish.snapshots.resolve()), *(["--resume"] if wish.resumed else [])]
+    order = [str(file), *where, "--run", run_id, *pace, *limit, *keep]
+    fleet.start(Program("physics", "processes.physics", order, again=True, afterwards=["--resume"], final=ENDED))
     start_hosts(fleet, reachable(endpoint), names, wish.hosts)
     return _start_logger(fleet, wish, reachable(endpoint), run_id)
 
@@ -122,7 +125,9 @@ def _signalled(inbox: Inbox) -> None:
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
 
 
-def _follow(fleet: Fleet, watchdog: Watchdog, endpoint: str, run_id: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
+def _follow(
+    wish: Wish, fleet: Fleet, watchdog: Watchdog, endpoint: str, run_id: str, progress: Progress
+) -> tuple[dict[str, Any] | None, str]:
     """Show how it goes until it is over; the summary, and why it ended."""
     inbox, keys = Inbox(), Keys()
     _signalled(inbox)
@@ -131,12 +136,13 @@ def _follow(fleet: Fleet, watchdog: Watchdog, endpoint: str, run_id: str, progre
             for what in ("figures", "end"):
                 bus.subscribe(keys.of(what))
             bus.watch(keys.of("alive", LOGGER, run_id))
-            return _listen(fleet, watchdog, bus, run_id, progress)
+            bus.watch(keys.of("alive", PHYSICS, run_id))
+            return _listen(wish, fleet, watchdog, bus, run_id, progress)
     except BusError as error:
         return None, str(error)
 
 
-def _listen(fleet: Fleet, watchdog: Watchdog, bus: Bus, run_id: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
+def _listen(wish: Wish, fleet: Fleet, watchdog: Watchdog, bus: Bus, run_id: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
     deadline, refusals = math.inf, Refusals()
     while time.monotonic() < deadline:
         item = bus.inbox.take(0.2)
@@ -144,15 +150,18 @@ def _listen(fleet: Fleet, watchdog: Watchdog, bus: Bus, run_id: str, progress: P
             fleet.terminate("physics")
             deadline = min(deadline, time.monotonic() + STOP_SECONDS)
         elif isinstance(item, Alive):
-            watchdog.hear(item.up)
+            hear = watchdog.hear if f"/{LOGGER}/" in item.key else watchdog.hear_of_physics
+            hear(item.up)
         elif isinstance(item, Sample):
             try:
                 if end := _hear(item, run_id, progress):
                     return end.summary, end.why
             except Refused as refusal:
                 refusals.note(item.key, refusal)
-        elif fleet.exit_code("physics") is not None:
+        elif fleet.exit_code("physics") in ENDED:
             return None, f"physics ended with code {fleet.exit_code('physics')}"
+        elif "physics" in fleet.given_up:
+            return None, f"physics died again and again; to go on: python run.py --resume {wish.snapshots}"
         watchdog.look()
         fleet.watch()
     return None, "stopped"
@@ -185,7 +194,7 @@ def visit(endpoint: str, only: list[str], without: list[str], hosts: int | None,
             if GIVEN_UP in codes:
                 return GIVEN_UP
             fleet.watch()
-        return max(code or 0 for code in fleet.exit_codes())
+        return max([1 for _ in fleet.given_up] + [code or 0 for code in fleet.exit_codes()])
 
 
 def _names_of(endpoint: str) -> list[str]:

@@ -15,6 +15,7 @@ class Watchdog:
         self._fleet, self._name, self._clock = fleet, name, clock
         self._known: int | None = None  # the process whose token this is
         self._gone: float | None = 0.0  # since when it is gone; None while it is there
+        self._is_known = True  # whether anybody could know: without physics all tokens are gone
 
     def hear(self, up: bool) -> None:
         """The token came or went."""
@@ -22,9 +23,15 @@ class Watchdog:
         if up:
             self._known = self._fleet.pid(self._name)
 
+    def hear_of_physics(self, up: bool) -> None:
+        """Physics, through which all tokens are heard of, came or went."""
+        self._is_known = up
+        if self._gone is not None:
+            self._gone = self._clock()
+
     def look(self) -> None:
         """End the process if it is time."""
-        is_frozen = self._gone is not None and self._clock() - self._gone >= SECONDS
+        is_frozen = self._is_known and self._gone is not None and self._clock() - self._gone >= SECONDS
         if is_frozen and self._known is not None and self._known == self._fleet.pid(self._name):
             self._known = None
             self._fleet.kill(self._name)

@@ -5,6 +5,7 @@ from functools import cached_property
 from pathlib import Path
 
 from orchard.config import Scenario
+from orchard.snapshot import Snapshot
 from processes.fleet import free_port
 
 
@@ -19,6 +20,8 @@ class Wish:
     duration: float | None  # s, simulated
     recording: Path | None
     view: bool
+    snapshots: Path  # the folder for snapshots
+    resumed: Snapshot | None = None  # from which a run goes on
     listen: str | None = None  # the endpoint at which others may join; None: a free port of 127.0.0.1
     connect: str | None = None  # that of a router elsewhere, through which all talk
     without: tuple[str, ...] = ()  # kinds and names that others run

@@ -1,0 +1,67 @@
+"""Kill any process of run.py's, with nobody at hand: the same run goes on, and its hash is that of one that nothing happened to."""
+
+import json
+import re
+import signal
+import subprocess
+
+import psutil
+import pytest
+from test_repeatable import run as hash_after
+from test_run import ROOT, orchard, running, summary_of, wait_until_simulated
+
+from orchard.config import Scenario
+
+SECONDS = 60.0  # simulated
+PACE = ("--rows", 3, "--speed", 10, "--duration", SECONDS)
+
+
+@pytest.fixture(scope="module")
+def undisturbed():
+    return hash_after(Scenario(rows=3), round(SECONDS * 10))
+
+
+def process_of(run: subprocess.Popen, word: str) -> psutil.Process:
+    return next(child for child in psutil.Process(run.pid).children(recursive=True) if f"processes.{word}" in child.cmdline())
+
+
+def end(run: subprocess.Popen) -> str:
+    """What it printed, once it has ended well."""
+    printed, _ = run.communicate(timeout=120)
+    assert run.returncode == 0, printed
+    return printed
+
+
+@pytest.mark.parametrize("word", ["physics", "agents", "logger"])
+def test_whatever_is_killed_the_same_run_goes_on(tmp_path, undisturbed, word):
+    path = tmp_path / "summary.json"
+    with running(*PACE, "--record", tmp_path / "run.rrd", "--summary", path) as run:
+        wait_until_simulated(run, 5.0)
+        process_of(run, word).kill()
+        printed = end(run)
+    assert re.search(rf"{word}.* ended with code -9; starting it again", printed)
+    assert summary_of(path)["hash"] == undisturbed
+
+
+def test_a_run_that_is_stopped_goes_on_where_it_was(tmp_path, undisturbed):
+    with running(*PACE, "--record", "none") as run:
+        wait_until_simulated(run, 5.0)
+        run.send_signal(signal.SIGINT)
+        printed = end(run)
+    folder = re.search(r"To go on: .* --resume (\S+)", printed).group(1)
+    first = min(int(path.stem.removeprefix("tick-")) for path in (ROOT / folder).iterdir())
+    assert first > 0
+    for mode in ("local", "lockstep"):
+        path = tmp_path / f"{mode}.json"
+        done = orchard("--resume", folder, "--mode", mode, "--duration", SECONDS, "--record", "none", "--summary", path)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert json.loads(path.read_text())["hash"] == undisturbed
+
+
+def test_resuming_nothing_or_with_other_options_is_told(tmp_path):
+    nothing = orchard("--resume", tmp_path)
+    assert nothing.returncode == 2
+    assert f"{tmp_path}: no snapshot there" in nothing.stderr
+    both = orchard("--resume", tmp_path, "--rows", 3)
+    assert both.returncode == 2
+    assert "leave out --rows" in both.stderr

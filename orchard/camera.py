@@ -9,6 +9,7 @@ from orchard.agent import Action
 from orchard.events import Event
 from orchard.frames import Frame
 from orchard.messages import Answer, Call, Come, Here, Offer, Request
+from orchard.stops import STOPPED, as_shown
 
 if TYPE_CHECKING:
     from orchard.world import World
@@ -33,7 +34,7 @@ class Camera:
         return Frame(
             tick=world.tick,
             poses=world.pose.copy(),
-            doing=self._news_of(actions),
+            doing=self._news_of(as_shown(world, actions)),
             scans=list(scans) if world.tick % SCAN_TICKS == 0 else None,
             coupled=self._if_changed("coupled", world.coupled),
             fill=self._if_changed("fill", world.fill),
@@ -54,7 +55,8 @@ class Camera:
         return self._shown[what]
 
     def _news_of(self, actions: Mapping[str, Action]) -> dict[str, str]:
-        said = {name: words_of(action) for name, action in actions.items() if action.doing}
+        said = {name: "standing" for name, words in self._doing.items() if words == STOPPED}  # unless it has an agent, which knows more
+        said |= {name: words_of(action) for name, action in actions.items() if action.doing}
         news = {name: words for name, words in said.items() if self._doing.get(name) != words}
         self._doing |= news
         return news

@@ -12,7 +12,9 @@ from numba.extending import register_jitable
 from orchard import trig
 
 _HERE = Path(__file__).parent
-_SOURCES = ("boxes", "compiled", "config", "kinds", "laser_kernel", "layout", "move_kernel", "trig")  # all that kernels are made from
+_SOURCES = (  # all that kernels are made from
+    "boxes", "compiled", "config", "kinds", "laser_kernel", "layout", "move_kernel", "trig", "watch_kernel",
+)  # fmt: skip
 
 
 def _keep_kernels_by_source() -> None:

@@ -20,8 +20,11 @@ class Refused(Exception):
 
 
 def do_deeds(world: World, wanted: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
-    """Do the deeds, (body index, deed) in body order, or tell why not; wanted (n, 3): the twists wanted for this step."""
-    return [_do_one(world, wanted, i, deed) for i, deed in deeds]
+    """Do the deeds, (body index, deed) in body order, or tell why not; wanted (n, 3): the twists wanted for this step.
+
+    Those of stopped bodies are left out, without a word at every tick: that they are stopped was told.
+    """
+    return [_do_one(world, wanted, i, deed) for i, deed in deeds if not world.stopped[i]]
 
 
 def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
@@ -46,6 +49,7 @@ def _couple(world: World, wanted: np.ndarray, robot: int, bin_name: str) -> str:
     _refuse_if(bin_ == NOBODY or world.layout.starts[bin_].kind != "bin", "no such bin")
     _refuse_if(world.coupled[robot] != NOBODY, "it has a bin")
     _refuse_if(world.coupled[bin_] != NOBODY, "the bin is coupled")
+    _refuse_if(bool(world.stopped[bin_]), "the bin is stopped")
     _refuse_unless_both_stand(world, wanted, robot, bin_)
     _refuse_unless_in_place(world, robot, bin_)
     world.coupled[robot], world.coupled[bin_] = bin_, robot

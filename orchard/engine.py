@@ -1,15 +1,18 @@
 """The step that every mode shares: look, act, account. Local mode and the physics process differ only in who brings the actions."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import msgspec
 import numpy as np
 
+from orchard import stops
 from orchard.agent import Action
 from orchard.config import Scenario
 from orchard.digest import RunDigest
 from orchard.doer import TRAFFIC
 from orchard.events import Event
+from orchard.invariants import Invariants
 from orchard.layout import lay_out
 from orchard.messages import Deed
 from orchard.observe import observe
@@ -17,6 +20,7 @@ from orchard.physics import harvest_is_over, step
 from orchard.scan import Scanner
 from orchard.sights import Sights
 from orchard.snapshot import Snapshot
+from orchard.states import StateTimes
 from orchard.thaw import world_as_data, world_from
 from orchard.world import World, new_world
 
@@ -27,12 +31,17 @@ class Engine:
     A body without an action stands still. Actions count by name and are applied in the layout's order, never in that of arrival.
     """
 
-    def __init__(self, world: World, digest: bytes = bytes(32)) -> None:
+    def __init__(self, world: World, digest: bytes = bytes(32), before: Mapping[str, Any] | None = None) -> None:
+        """`before`: what `figures_as_data` gave, of a run that goes on."""
         self.world, self.layout = world, world.layout
         self.agents = (*self.layout.names, TRAFFIC)  # every name that an agent can hold
         self.scans: list[np.ndarray] = []  # m, float32: of the tick that was last observed, one array per body
         self._scanner = Scanner(self.layout)
+        before = before or {}
+        self.invariants = Invariants(world, before.get("invariants"))
+        self.states = StateTimes(world, before.get("states"))
         self._digest = RunDigest(digest)
+        self._news = msgspec.convert(before.get("news", []), list[Event])  # of stops, for the next step to tell
 
     @classmethod
     def begin(cls, scenario: Scenario) -> "Engine":
@@ -42,7 +51,12 @@ class Engine:
     @classmethod
     def resume(cls, snapshot: Snapshot) -> "Engine":
         """The orchard of a snapshot."""
-        return cls(world_from(snapshot), snapshot.digest)
+        return cls(world_from(snapshot), snapshot.digest, snapshot.figures)
+
+    def figures_as_data(self) -> dict[str, Any]:
+        """What it must remember besides the world and the hash, plain: for a snapshot's figures."""
+        news = msgspec.to_builtins(self._news)
+        return {"invariants": self.invariants.as_data(), "states": self.states.as_data(), "news": news}
 
     def as_data(self) -> dict[str, Any]:
         """The world, as a snapshot holds it."""
@@ -74,9 +88,27 @@ class Engine:
 
     def advance(self, actions: Mapping[str, Action], mail_digests: Mapping[str, bytes]) -> list[Event]:
         """Apply the answers to this tick, 0.1 s long, and account for it: its scans and mail, and the state that came of it."""
-        events = step(self.world, self._twists(actions), self._deeds(actions))
+        events, self._news = self._news + step(self.world, self._twists(actions), self._deeds(actions)), []
         self._digest.update(self.world, self.scans, self._heard(mail_digests))
+        self.invariants.update(self.world, events)
+        self.states.update(self.world)
         return events
+
+    def violations(self) -> list[str]:
+        """Which invariants the run has broken, now that it is over; a sentence each."""
+        return self.invariants.end(self.world, self.over) + self.states.faults(self.world)
+
+    def stop(self, words: Sequence[str] = ()) -> list[str]:
+        """Stop these robots, or all, until they are reset; see `stops.stop`. Those that were not stopped before."""
+        changed = stops.stop(self.world, words)
+        self._news += [Event(self.tick, "stopped", name) for name in changed]
+        return changed
+
+    def reset(self, words: Sequence[str] = ()) -> list[str]:
+        """Let these robots, or all, go on; see `stops.reset`. Those that were stopped before."""
+        changed = stops.reset(self.world, words)
+        self._news += [Event(self.tick, "reset", name) for name in changed]
+        return changed
 
     def _heard(self, mail_digests: Mapping[str, bytes]) -> dict[str, bytes]:
         """The digests of what was heard; what is written to nobody is not."""

@@ -4,7 +4,9 @@ from typing import Literal
 
 import msgspec
 
-What = Literal["coupled", "uncoupled", "row picked", "bin full", "unloaded", "weed flattened", "deed refused", "collision"]
+What = Literal[
+    "coupled", "uncoupled", "row picked", "bin full", "unloaded", "weed flattened", "deed refused", "collision", "stopped", "reset"
+]
 
 
 class Event(msgspec.Struct, frozen=True):

@@ -76,6 +76,10 @@ TABLE: dict[str, Key] = {
                 "Agents that were silent for too long: their robots stand. Their holder may join again."),
     "command": Key("{prefix}/command", wire.Command, "anyone", "when a person wishes", QUERY,
                    "Stop the run. Physics answers and ends it.", (wire.Done,)),
+    "stop": Key("{prefix}/stop", wire.Stop, "whoever may stop robots", "in an emergency", QUERY,
+                "Stop robots, or reset them. It outranks every velocity and every deed, whoever sends them, and outlasts the agents. "
+                "A robot and the bin on its bar are stopped and reset together. People and animals walk on; unloading goes on. "
+                "Physics answers at once; a name that is no robot's is refused, and then nobody is stopped.", (wire.Stopped,)),
     "end": Key("{prefix}/end", wire.End, "physics", "once", NEVER_LOST,
                "The run is over. Physics waits for two seconds at most until all liveliness tokens are gone."),
     "alive": Key("{prefix}/alive/{name}/{session}", None, "each host, for each agent; physics and logger for themselves", "while it lives",

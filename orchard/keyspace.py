@@ -70,6 +70,8 @@ EXAMPLES: dict[type, wire.Part] = {
         wire.Newcomer(RUN, TICK, "lockstep", ["picker_01"], {"rows": 3}),
         wire.Join(RUN, SESSION, ["picker_01"]),
         wire.Joined(RUN, TICK, {"picker_01": None}, {}),
+        wire.Stop(RUN, True, ["picker_01"]),
+        wire.Stopped(RUN, TICK, ["bin_01", "picker_01"], ["bin_01", "picker_01"]),
         wire.Lost(RUN, TICK, ["picker_01"], SESSION),
         wire.Command(RUN, "stop"),
         wire.Done(RUN, TICK),
@@ -172,7 +174,7 @@ and puts, hears, asks and answers on the keys below. `{{prefix}}` is `orchard` u
 
 - **Payloads** are msgpack: a map with text keys. `float` is float 64 (whole numbers are read as well), `bin` is msgpack's bin, not text.
   Fields called optional may be left out. Unknown fields are refused.
-- **Every message carries `run`**, the run's id, **and `tick`**, the number of the time step: 0.1 s of simulated time each, from 0 (join and command: the run only).
+- **Every message carries `run`**, the run's id, **and `tick`**, the number of the time step: 0.1 s of simulated time each, from 0 (join, command and stop: the run only).
 - **Frames** (REP-103, REP-105): `map` is x east, y north, z up, metres; yaw is 0 to the east, counter-clockwise positive. `base_link` is the body's:
   x forward, y to the left. Names and meanings of fields are ROS's.
 - **Delivery**: "never lost" is put with congestion control BLOCK, "newest wins" with DROP; a query is a get with target ALL, consolidation NONE.
@@ -234,7 +236,7 @@ and logger together) and logged once for each key and reason. Queries get an err
 | not the holder | someone else holds this agent |
 | not held | `holder` is set, but nobody holds the agent: join first |
 | answered already | a second velocity of a held agent for one tick |
-| no such robot | nothing of that name has a body |
+| no such robot | nothing of that name has a body; of a stop: the name is no robot's or kind's |
 | out of bounds | `linear.y` other than 0 of what cannot move sideways, held or not; only a bin can |
 
 ## The robots

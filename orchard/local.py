@@ -36,8 +36,8 @@ class Local:
         """The run between two ticks, as data."""
         engine = self.engine
         memories = {name: None if memory is None else pack(memory) for name, memory in self.memories.items()}
-        scenario = engine.layout.scenario.model_dump()
-        return Snapshot("", scenario, engine.as_data(), engine.digest, memories, list(self.post.written.items()), {}, sorted(self.agents))
+        scenario, letters = engine.layout.scenario.model_dump(), list(self.post.written.items())
+        return Snapshot("", scenario, engine.as_data(), engine.digest, memories, letters, engine.figures_as_data(), sorted(self.agents))
 
     def tick(self) -> list[Event]:
         """One tenth of a second; what happened in it."""

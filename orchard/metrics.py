@@ -25,17 +25,16 @@ class Figures:
     busy_ticks: int = 0  # of all carriers, outside the queue
     weeds_flattened: int = 0
     progress: float = 0.0  # metres picked and steps of work done
-    progress_tick: int = 0  # when it last grew
+    progress_tick: int = 0  # when it last grew, or somebody was stopped
 
     def update(self, world: World, events: list[Event], actions: Mapping[str, Action]) -> None:
         """Account for the tick that has just ended."""
         for event in events:
             self._count(event)
-        carriers = [i for name, i in world.layout.index.items() if kind_of(name) == "carrier"]
-        self.busy_ticks += sum(not QUEUE.contains(float(world.pose[i, 0]), float(world.pose[i, 1])) for i in carriers)
-        steps = sum(actions[name].steps_done for name in sorted(actions) if kind_of(name) in ("picker", "carrier"))
+        self.busy_ticks += sum(not QUEUE.contains(x, y) for x, y, _ in world.pose[world.carriers].tolist())
+        steps = sum(action.steps_done for name, action in actions.items() if kind_of(name) in ("picker", "carrier"))
         progress = steps + float(world.row_picked.sum())
-        if progress != self.progress:
+        if progress != self.progress or world.stopped.any():
             self.progress, self.progress_tick = progress, world.tick
 
     def _count(self, event: Event) -> None:
@@ -47,7 +46,7 @@ class Figures:
             self.weeds_flattened += 1
 
     def jammed(self, world: World) -> bool:
-        """Nobody has picked a metre or finished a step of its work for ten minutes."""
+        """Nobody has picked a metre or finished a step of its work for ten minutes, in which no robot was stopped."""
         return (world.tick - self.progress_tick) * TIME_STEP >= JAM_SECONDS
 
 

@@ -53,11 +53,11 @@ class Rows(NamedTuple):
 
 
 @jit
-def finite(wanted):
-    """Twists, (n, 3), with those that are not finite replaced by standing still."""
+def allowed(wanted, stopped):
+    """Twists, (n, 3), with those that are not finite, and those of stopped bodies, (n,) bool, replaced by standing still."""
     twists = wanted.copy()
     for i in range(len(twists)):
-        if not (np.isfinite(twists[i, 0]) and np.isfinite(twists[i, 1]) and np.isfinite(twists[i, 2])):
+        if stopped[i] or not (np.isfinite(twists[i, 0]) and np.isfinite(twists[i, 1]) and np.isfinite(twists[i, 2])):
             twists[i, :] = 0.0
     return twists
 

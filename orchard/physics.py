@@ -11,7 +11,7 @@ from orchard.events import Event
 from orchard.geometry import EAST, angle_between
 from orchard.layout import BAY, QUEUE, ROW_LENGTH
 from orchard.messages import Deed
-from orchard.move_kernel import finite, limit, move_all, pick, top_speeds
+from orchard.move_kernel import allowed, limit, move_all, pick, top_speeds
 from orchard.world import NOBODY, World
 
 UNLOADING_TICKS = 50  # 5.0 s
@@ -19,12 +19,12 @@ FACING = 1e-6  # rad
 
 
 def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
-    """Move the world on by one tick, in place, and tell what happened.
+    """Move the world on by one tick, in place, and tell what happened. A stopped body stands, and does no deed, whatever is wanted.
 
     twists: (n, 3) float64, the velocities wanted, each in its body's frame, m/s and rad/s.
     deeds: (body index, deed), in body order.
     """
-    wanted = finite(twists)
+    wanted = allowed(twists, world.stopped)
     events = do_deeds(world, wanted, deeds)
     before = world.pose.copy()
     _limit(world, wanted)

@@ -15,6 +15,8 @@ UNITS = {
     "picker_waiting_seconds": "s, mean from full bin to empty one",
     "carrier_utilisation": "of the time outside the queue",
     "distance_metres": "m",
+    "state_seconds": "s",
+    "stopped_seconds": "s",
 }
 
 
@@ -31,9 +33,9 @@ def as_table(summary: dict[str, Any]) -> Table:
 def _words(key: str, value: Any) -> str:
     unit = f" {UNITS[key]}" if key in UNITS else ""
     if isinstance(value, dict):
-        return ", ".join(f"{name} {_words('', part)}" for name, part in value.items()) + unit
+        return ", ".join(f"{name} {_words('', part)}" for name, part in value.items()) + unit if value else "none"
     if isinstance(value, list):
-        return "\n".join(map(str, value))
+        return "\n".join(map(str, value)) or "none"
     if isinstance(value, float):
         return f"{value:,.2f}{unit}"
     return f"{value}{unit}"

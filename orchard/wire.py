@@ -330,6 +330,20 @@ class Done(Message):
     """The command is taken."""
 
 
+class Stop(OfRun):
+    """An emergency stop, or its end."""
+
+    stop: Annotated[bool, Meta(description="true: they stand, from the step under way on, until they are reset; false: they are reset")]
+    names: Annotated[list[Text], Meta(max_length=10_000, description="robots, or kinds of them: 'picker_01', 'carrier'; none: all robots")]
+
+
+class Stopped(Message):
+    """The stop, or reset, holds from the step from this tick to the next on."""
+
+    changed: Annotated[list[Name], Meta(description="robots that were stopped, or reset, by this; those that were so before are left out")]
+    stopped: Annotated[list[Name], Meta(description="all robots that are stopped now")]
+
+
 class Picture(Message):
     """The whole orchard after the step that ends at this tick, for those who look on. `nil`: as before; every 5 s, and when a logger
     comes, nothing is nil."""

@@ -38,6 +38,7 @@ class World:
     refused: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (n,) int64: steps that would have overlapped
     held: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (n,) int64: steps that the bar held back
     blocked: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n,) bool: the last step was refused
+    stopped: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n,) bool: latched by an emergency stop; see stops.py
 
     @property
     def index(self) -> dict[str, int]:
@@ -76,7 +77,15 @@ class World:
     @cached_property
     def pickers(self) -> np.ndarray:
         """The indices of the pickers."""
-        return np.array([i for i, start in enumerate(self.layout.starts) if start.kind == "picker"], dtype=np.int64)
+        return self._all_of("picker")
+
+    @cached_property
+    def carriers(self) -> np.ndarray:
+        """The indices of the carriers."""
+        return self._all_of("carrier")
+
+    def _all_of(self, kind: str) -> np.ndarray:
+        return np.array([i for i, start in enumerate(self.layout.starts) if start.kind == kind], dtype=np.int64)
 
     @cached_property
     def lane_y(self) -> np.ndarray:
@@ -107,6 +116,7 @@ def new_world(layout: Layout) -> World:
         refused=np.zeros(n, dtype=np.int64),
         held=np.zeros(n, dtype=np.int64),
         blocked=np.zeros(n, dtype=bool),
+        stopped=np.zeros(n, dtype=bool),
     )
 
 

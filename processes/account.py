@@ -9,6 +9,7 @@ import msgspec
 from orchard import wire
 from orchard.agent import Action
 from orchard.config import TIME_STEP
+from orchard.stops import as_shown
 
 if TYPE_CHECKING:
     from orchard.engine import Engine
@@ -24,7 +25,7 @@ class Account:
         """`before`: what `as_data` gave, of a run that goes on."""
         from orchard.metrics import Figures
 
-        self._world = engine.world
+        self._engine, self._world = engine, engine.world
         before = before or {}
         self._figures = msgspec.convert(before.get("harvest", {}), Figures)
         self._wall_before = float(before.get("wall_seconds", 0.0))
@@ -33,7 +34,7 @@ class Account:
 
     def as_data(self) -> dict[str, Any]:
         """All that must be known to go on with it."""
-        return {"harvest": msgspec.to_builtins(self._figures), "wall_seconds": self._wall()}
+        return {"harvest": msgspec.to_builtins(self._figures), "wall_seconds": self._wall()} | self._engine.figures_as_data()
 
     def _wall(self) -> float:
         return self._wall_before + time.monotonic() - self._begun
@@ -58,11 +59,13 @@ class Account:
 
         wall = self._wall()
         times = self._world.tick * TIME_STEP / wall if wall else 0.0
-        return harvest_figures(self._world, self._figures) | {"wall_seconds": round(wall, 3), "times_real_time": round(times, 1)}
+        speed = {"wall_seconds": round(wall, 3), "times_real_time": round(times, 1)}
+        return harvest_figures(self._world, self._figures) | self._engine.states.figures() | speed
 
     def message(self, run: str, refused: dict[str, int]) -> wire.Figures:
-        doing = {name: action.doing for name, action in self.actions.items() if action.doing}
-        waits = {name: action.waits_for for name, action in self.actions.items() if action.waits_for}
+        actions = as_shown(self._world, self.actions)
+        doing = {name: action.doing for name, action in actions.items() if action.doing}
+        waits = {name: action.waits_for for name, action in actions.items() if action.waits_for}
         return wire.Figures(run, self._world.tick, self.figures(), doing, waits, refused)
 
     def is_due(self) -> bool:

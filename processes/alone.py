@@ -58,7 +58,7 @@ def run(
                 show(message.figures, message.doing, message.waits_for)
     keeper.keep(_snapshot(local, account))
     summary = {"hash": engine.hash, "mode": "local", "hosts": 1} | account.figures()
-    return summary | {"messages_refused": {}, "finished": engine.over}, why
+    return summary | {"messages_refused": {}, "finished": engine.over, "violations": engine.violations()}, why
 
 
 def _snapshot(local: Local, account: Account) -> Snapshot:

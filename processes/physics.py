@@ -32,6 +32,7 @@ from orchard.names import chosen
 from orchard.realtime import Live
 from orchard.sights import Sights
 from orchard.snapshot import Snapshot, SnapshotError
+from orchard.stops import stopped
 from processes.account import Account
 from processes.announcer import Announcer
 from processes.keeper import SNAPSHOT_SECONDS, Keeper, last
@@ -106,7 +107,7 @@ class Physics:
         self.bus.subscribe(self.keys.of("velocities"), quietly=True)
         self.bus.subscribe(self.keys.of("velocity"), quietly=True)
         self.bus.subscribe(self.keys.of("refused"))
-        for what in ("scenario", "join", "recall", "command"):
+        for what in ("scenario", "join", "recall", "stop", "command"):
             self.bus.answer(self.keys.of(what))
         self.bus.watch(self.keys.of("alive"))
         self.bus.declare_alive(self.keys.of("alive", PHYSICS, self.run_id))
@@ -236,7 +237,7 @@ class Physics:
         engine, run = self.engine, {"mode": self.answers.mode, "hosts": len(set(self.roster.holders.values()))}
         figures = self.account.figures() | self.answers.figures()
         summary = {"hash": engine.hash} | run | figures | {"messages_refused": self._refused()}
-        summary["finished"] = engine.over
+        summary |= {"finished": engine.over, "violations": engine.violations()}
         return wire.End(self.run_id, engine.tick, engine.over, why, engine.hash, summary)
 
     def _farewell(self) -> None:
@@ -343,7 +344,7 @@ class Physics:
 
     def _reply(self, question: Question) -> None:
         """Answer a query; nonsense gets an error."""
-        replies = {"scenario": self._tell, "join": self._join, "recall": self._recall_mail, "command": self._obey}
+        replies = {"scenario": self._tell, "join": self._join, "recall": self._recall_mail, "stop": self._stop, "command": self._obey}
         reply = replies[self.keys.parts(question.key)[0]]
         try:
             reply(question)
@@ -377,6 +378,18 @@ class Physics:
         recall = understood(question.payload, wire.Recall, self.run_id)
         refuse_other_tick(recall.tick, self.engine.tick, self.engine.tick)
         question.reply(pack(wire.Recalled(self.run_id, recall.tick, sorted(self.ledger.letters.items()))))
+
+    def _stop(self, question: Question) -> None:
+        """Latch or reset an emergency stop; the engine sees to it that nothing outranks it. A run that goes on from a snapshot knows it."""
+        wish = understood(question.payload, wire.Stop, self.run_id)
+        self._account()
+        try:
+            changed = self.engine.stop(wish.names) if wish.stop else self.engine.reset(wish.names)
+        except ValueError as error:
+            raise Refused("no such robot", str(error)) from error
+        if self.answers.tick >= 0:
+            self.keeper.keep(self.snapshot())
+        question.reply(pack(wire.Stopped(self.run_id, self.engine.tick, changed, stopped(self.engine.world))))
 
     def _obey(self, question: Question) -> None:
         command = understood(question.payload, wire.Command, self.run_id)
@@ -421,7 +434,9 @@ def _run(bus: Bus, keys: Keys, before: Snapshot | None, arguments: argparse.Name
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.run_id}", flush=True)
     end = physics.run()
     print(f"{end.why}: tick {end.tick}, {end.summary['wall_seconds']} s, hash {end.hash}", flush=True)
-    return 1 if end.why.startswith("jammed") else 0
+    for violation in end.summary["violations"]:
+        print(f"violated: {violation}", flush=True)
+    return 1 if end.why.startswith("jammed") or end.summary["violations"] else 0
 
 
 def _speed(text: str) -> float:

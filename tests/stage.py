@@ -9,6 +9,7 @@ from orchard.geometry import HEADINGS, STILL, Twist, angle_between
 from orchard.local import Local
 from orchard.metrics import collisions
 from orchard.world import NOBODY
+from processes.account import Account
 
 NOBODY_ABOUT = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0}
 
@@ -45,6 +46,7 @@ class Stage:
     def __init__(self, scenario: Scenario, **agents: Agent) -> None:
         self.local = Local(scenario)
         self.local.agents |= agents
+        self.account = Account(self.local.engine)
         self.events: list[Event] = []
 
     @property
@@ -71,7 +73,9 @@ class Stage:
         self.local.memories[name] = agent.Memory(plan=list(steps), **memory)
 
     def tick(self) -> None:
-        self.events += self.local.tick()
+        events = self.local.tick()
+        self.account.update(events, self.local.actions)
+        self.events += events
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds * 10)):
@@ -86,7 +90,9 @@ class Stage:
         return (self.world.tick - start) / 10
 
     def run_to_the_end(self, seconds: float = 4000.0) -> float:
-        return self.run_until(lambda: self.local.engine.over, seconds)
+        took = self.run_until(lambda: self.local.engine.over, seconds)
+        assert self.local.engine.violations() == []
+        return took
 
     def who_is_where(self) -> str:
         lines = [f"{n} at {tuple(self.pose(n))}: {a.doing}, waits for {a.waits_for or 'nobody'}" for n, a in self.local.actions.items()

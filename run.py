@@ -3,6 +3,8 @@
     python run.py [SCENARIO.yaml] [--rows 5 --pickers 2 ...]
     python run.py view [FILE.rrd]
     python run.py app [--port 8080]
+    python run.py stop [ROBOT ...]
+    python run.py reset [ROBOT ...]
 """
 
 import itertools
@@ -123,9 +125,10 @@ def harvest(
         errors.print(str(error), markup=False, soft_wrap=True)
         raise typer.Exit(BAD_INPUT) from None
     pace = _pace(mode, speed, view or web is not None)
-    snapshots = Path(resume) if resume not in (None, LAST) else RUNS / f"harvest-{datetime.now():%Y%m%d-%H%M%S}.snapshots"
+    snapshots = Path(resume) if resume not in (None, LAST) else RUNS / f"harvest-{datetime.now():%Y%m%d-%H%M%S}-{os.getpid()}.snapshots"
     snapshots = _newest_snapshots() if resume == LAST else snapshots
-    wish = Wish(chosen, mode.value, pace, hosts, duration, recording, view, snapshots, before, listen, connect, tuple(without or ()), web)
+    place = (listen, connect, tuple(without or ()), web, RUNS)
+    wish = Wish(chosen, mode.value, pace, hosts, duration, recording, view, snapshots, before, *place)
     result, why = (_alone if mode == Mode.local else _together)(wish)
     code = _tell(result, why, recording, summary)
     _tell_of_snapshots(snapshots, why)
@@ -222,10 +225,12 @@ def _tell(result: dict[str, Any] | None, why: str, recording: Path | None, summa
     good = why in ("harvested", "duration", "stopped")
     if not good:
         errors.print(why, markup=False)
+    for violation in result["violations"]:
+        errors.print(f"violated: {violation}", markup=False, soft_wrap=True)
     if recording is not None and recording.exists():
         command = f"{_shown(Path(sys.executable))} {_shown(HERE / 'run.py')} view {_shown(recording)}"
         console.print(f"To watch it: {command}", soft_wrap=True, markup=False)
-    return FINISHED if good else FAILED
+    return FINISHED if good and not result["violations"] else FAILED
 
 
 def _shown(path: Path) -> str:
@@ -309,6 +314,42 @@ def _visit(endpoint: str, only: list[str], without: list[str], hosts: int | None
         return BAD_INPUT
 
 
+# -- the emergency stop
+
+Robots = Annotated[list[str] | None, typer.Argument(metavar="[ROBOT|KIND]...", help="picker_01, carrier; default: all robots.")]
+There = Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Of a run elsewhere: tcp/192.168.1.10:7447. Default: the one here.")]
+
+
+@app.command()
+def stop(robots: Robots = None, connect: There = None) -> None:
+    """Stop robots of a run that goes on, each with its bin; they stand until they are reset."""
+    raise typer.Exit(_switch(robots or [], connect, True))
+
+
+@app.command()
+def reset(robots: Robots = None, connect: There = None) -> None:
+    """Let stopped robots go on."""
+    raise typer.Exit(_switch(robots or [], connect, False))
+
+
+def _switch(robots: list[str], connect: str | None, stop: bool) -> int:
+    """Stop or reset, and tell what came of it; the exit code."""
+    from orchard.bus import BusError
+    from processes.stopping import switch, the_run
+
+    try:
+        answer = switch(the_run(RUNS, connect), robots, stop)
+    except (BusError, ValueError) as error:
+        errors.print(str(error), markup=False, soft_wrap=True)
+        return BAD_INPUT
+    console = Console(highlight=False, soft_wrap=True)
+    before = [name for name in answer.stopped if name not in answer.changed]
+    console.print(f"{'stopped' if stop else 'reset'}: {', '.join(answer.changed) or 'nobody more'}", markup=False)
+    if before:
+        console.print(f"{'stopped before' if stop else 'still stopped'}: {', '.join(before)}", markup=False)
+    return FINISHED
+
+
 # -- looking at recordings
 
 
@@ -332,7 +373,7 @@ def _page(arguments: list[str]) -> int:
 
 def main() -> None:
     """`harvest` is the command that need not be named."""
-    named = {"view", "harvest"}
+    named = {"view", "harvest", "stop", "reset"}
     arguments = sys.argv[1:]
     if arguments[:1] == ["app"]:
         raise SystemExit(_page(arguments[1:]))

@@ -7,7 +7,8 @@ import subprocess
 import threading
 import time
 import uuid
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,6 +24,7 @@ from orchard.names import chosen
 from orchard.progress import Progress
 from orchard.wire import End, Figures, Newcomer, read
 from processes.fleet import Fleet, Program, free_port, open_viewer
+from processes.running import Going, noted
 from processes.watchdog import Watchdog
 from processes.wish import Wish
 
@@ -38,10 +40,10 @@ def run(wish: Wish, progress: Progress) -> tuple[dict[str, Any] | None, str]:
     """A whole run; its summary, and why it ended. Raises BusError where the endpoint is of no use."""
     names = local_names(wish)
     endpoint = _meeting(wish)
-    with TemporaryDirectory() as folder, Fleet(progress.say) as fleet:
+    run_id = (wish.resumed.run if wish.resumed else "") or uuid.uuid4().hex[:16]
+    with TemporaryDirectory() as folder, Fleet(progress.say) as fleet, _noted(wish, Going(run_id, reachable(endpoint)), progress):
         file = Path(folder) / "scenario.yaml"
         file.write_text(to_yaml(wish.scenario))
-        run_id = (wish.resumed.run if wish.resumed else "") or uuid.uuid4().hex[:16]
         viewer = _start(fleet, wish, file, endpoint, names, run_id)
         if wish.without:
             progress.say(f"{', '.join(wish.without)}: left to others, who connect to {endpoint}")
@@ -73,6 +75,18 @@ def _meeting(wish: Wish) -> str:
     endpoint = with_port(wish.listen or f"tcp/127.0.0.1:{free_port()}")
     check_free(endpoint)
     return endpoint
+
+
+@contextmanager
+def _noted(wish: Wish, going: Going, progress: Progress) -> Iterator[None]:
+    """Within this, run.py stop finds the run; where no note can be written, it must be told the endpoint."""
+    with ExitStack() as stack:
+        try:
+            if wish.notes is not None:
+                stack.enter_context(noted(wish.notes, going))
+        except OSError as error:
+            progress.say(f"{error}; to stop robots of this run: run.py stop --connect {going.endpoint}")
+        yield
 
 
 def _start(fleet: Fleet, wish: Wish, file: Path, endpoint: str, names: list[str], run_id: str) -> subprocess.Popen[bytes] | None:

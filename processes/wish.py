@@ -26,6 +26,7 @@ class Wish:
     connect: str | None = None  # that of a router elsewhere, through which all talk
     without: tuple[str, ...] = ()  # kinds and names that others run
     web: int | None = None  # the port at which browsers find the live picture
+    notes: Path | None = None  # where a note tells others on this machine how to reach the run
 
     @property
     def is_live(self) -> bool:

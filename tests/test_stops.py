@@ -1,0 +1,325 @@
+"""The emergency stop outranks motion: in the engine, over the bus, and from the command line of a run that goes on."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import msgpack
+import psutil
+import pytest
+from fleet import Client, Fleet, until
+from stage import Driven, Stage, Standing, empty_orchard
+from test_repeatable import TICKS, undisturbed
+from test_run import summary_of
+
+from orchard.bus import BusError
+from orchard.camera import Camera
+from orchard.config import Animals, People, Scenario
+from orchard.geometry import Twist
+from orchard.kinds import kind_of
+from orchard.local import Local
+from orchard.messages import Couple, pack, unpack
+from orchard.snapshot import Snapshot
+from processes.running import Going, all_going, noted
+from processes.stopping import the_run
+
+ROOT = Path(__file__).parent.parent
+README = [
+    line.split()[2:] for line in re.search(r"```sh emergency stop\n(.*?)```", (ROOT / "README.md").read_text(), re.S).group(1).splitlines()
+]
+ROBOTS = ("picker", "carrier", "bin", "tractor")
+MOVERS = (*ROBOTS, "worker", "visitor", "dog", "cat")
+FORWARD = Twist(x=0.5)
+
+
+# -- the latch
+
+
+@pytest.fixture
+def driven() -> Stage:
+    """A picker whose agent drives it, come what may."""
+    stage = Stage(empty_orchard(), picker_01=Driven(FORWARD))
+    stage.run(3.0)
+    return stage
+
+
+@pytest.mark.parametrize(("stopped", "reset"), [("picker_01", "picker_01"), ("picker_01", "bin_01"), ("bin_01", "picker_01")])
+def test_a_robot_and_its_bin_stand_though_their_agents_drive_until_they_are_reset(driven, stopped, reset):
+    assert sorted(driven.local.engine.stop([stopped])) == ["bin_01", "picker_01"]
+    where = driven.pose("picker_01"), driven.pose("bin_01")
+    driven.run(5.0)
+    assert driven.local.actions["picker_01"].twist == FORWARD, "its agent drives"
+    assert (driven.pose("picker_01"), driven.pose("bin_01")) == where
+    driven.local.engine.reset([reset])
+    driven.run(4.0)
+    assert driven.pose("picker_01")[0] == pytest.approx(where[0][0] + 2.0)
+    assert driven.pose("bin_01")[0] == pytest.approx(where[1][0] + 2.0)
+
+
+def test_all_robots_stand_and_people_and_animals_walk_on():
+    stage = Stage(Scenario(rows=3))
+    stage.run(5.0)
+    stage.local.engine.stop()
+    where = {name: stage.pose(name) for name in stage.world.index}
+    stage.run(20.0)
+    moved = {kind_of(name) for name in where if stage.pose(name) != where[name]}
+    assert not moved & set(ROBOTS)
+    assert moved == set(MOVERS) - set(ROBOTS)
+    stage.local.engine.reset()
+    stage.run(20.0)
+    assert stage.pose("picker_01") != where["picker_01"]
+    assert stage.pose("tractor_01") != where["tractor_01"]
+
+
+@pytest.mark.parametrize("word", ["picker_99", "worker", "worker_01", "traffic", ""])
+def test_a_word_that_means_no_robot_is_refused_and_nobody_is_stopped(driven, word):
+    with pytest.raises(ValueError, match="no such agent or kind; there are bin, carrier, picker"):
+        driven.local.engine.stop(["picker_01", word])
+    assert not driven.world.stopped.any()
+
+
+def test_who_is_stopped_already_is_not_stopped_again_and_a_reset_of_others_does_not_concern_it(driven):
+    engine = driven.local.engine
+    engine.stop(["picker"])
+    assert engine.stop(["picker_01"]) == []
+    assert sorted(engine.reset(["picker_02"])) == ["bin_02", "picker_02"]
+    assert driven.world.stopped[driven.world.index["picker_01"]]
+
+
+def test_a_stop_in_the_middle_of_coupling_ends_well_when_it_is_reset():
+    stage = Stage(empty_orchard())
+    stage.run_until(lambda: bool(stage.happened("uncoupled", "carrier_01")), 300)
+    offered = stage.happened("uncoupled", "carrier_01")[0].whom
+    stage.local.engine.stop(["picker_01"])
+    stage.run(10.0)
+    assert stage.local.memories["picker_01"].offered == offered
+    assert stage.local.actions["picker_01"].deeds == [Couple(offered)], "its agent asks for it"
+    assert stage.bin_of("picker_01") == ""
+    stage.local.engine.stop([offered])
+    stage.local.engine.reset(["picker_01"])
+    stage.run(3.0)
+    assert stage.bin_of("picker_01") == "", "the bin is stopped now"
+    assert stage.happened("deed refused", "picker_01")[-1].detail == "couple: the bin is stopped"
+    stage.local.engine.reset([offered])
+    stage.run_until(lambda: stage.bin_of("picker_01") == offered, 5)
+    stage.run_to_the_end()
+    assert stage.world.delivered == 3
+
+
+def test_an_orchard_that_is_stopped_for_long_is_not_jammed_and_one_that_was_is_again():
+    stage = Stage(empty_orchard(), **{name: Standing() for name in ("carrier_01", "carrier_02")})
+    stage.run(100)
+    stage.local.engine.stop()
+    stage.run(700)
+    assert stage.account.jam == []
+    stage.local.engine.reset()
+    stage.run(590)
+    assert stage.account.jam == []
+    stage.run_until(lambda: stage.account.jam != [], 20)
+
+
+def test_what_people_are_told_and_the_figures(driven):
+    camera = Camera(driven.world)
+    driven.local.engine.stop(["picker_01"])
+    driven.run(2.0)
+    assert {event.who for event in driven.happened("stopped")} == {"picker_01", "bin_01"}
+    assert driven.account.message("", {}).doing["picker_01"] == "stopped"
+    assert camera.frame([], driven.local.actions, []).doing["picker_01"] == "stopped"
+    assert driven.account.figures()["stopped_seconds"] == {"bin_01": 2.0, "picker_01": 2.0}
+    driven.local.engine.reset()
+    driven.run(1.0)
+    assert {event.who for event in driven.happened("reset")} == {"picker_01", "bin_01"}
+    assert camera.frame([], driven.local.actions, []).doing["picker_01"] != "stopped"
+    assert driven.account.figures()["stopped_seconds"] == {"bin_01": 2.0, "picker_01": 2.0}
+    assert driven.account.figures()["state_seconds"]["picker"]["stopped"] == 2.0
+
+
+def test_a_run_that_goes_on_from_a_snapshot_is_still_stopped():
+    local = Local(Scenario(rows=3))
+    local.engine.stop(["picker_01"])
+    resumed = Local.resume(unpack(pack(local.snapshot()), Snapshot))
+    where = resumed.engine.world.pose[0].copy()
+    for _ in range(50):
+        resumed.tick()
+    i = resumed.engine.world.index["picker_01"]
+    assert resumed.engine.world.distance[i] == 0.0
+    assert resumed.engine.world.distance[resumed.engine.world.index["picker_02"]] > 1.0
+    assert (resumed.engine.world.pose[0] == where).all()
+
+
+def test_a_stop_that_is_reset_before_the_next_step_changes_nothing():
+    local = Local(Scenario(rows=3))
+    for tick in range(TICKS):
+        if tick % 100 == 7:
+            local.engine.stop()
+            local.engine.reset()
+        local.tick()
+    assert local.engine.hash == undisturbed()
+
+
+# -- over the bus
+
+SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)
+
+
+@pytest.fixture
+def fleet(tmp_path):
+    with ExitStack() as stack:
+        yield Fleet(tmp_path, stack)
+
+
+def ask(someone: Client, stop: bool, *names: str, **changes) -> object:
+    """The one reply to a stop or a reset."""
+    (reply,) = someone.ask("orchard/stop", msgpack.packb({"run": someone.run, "stop": stop, "names": list(names)} | changes))
+    return reply
+
+
+def end(fleet: Fleet) -> None:
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+
+
+def assert_stands(poses, ticks: int = 20) -> dict:
+    """A robot does not move for so many ticks; its last pose."""
+    first = until(poses, lambda pose: not any([*pose["twist"]["linear"].values(), *pose["twist"]["angular"].values()]))
+    last = until(poses, lambda pose: pose["pose"] != first["pose"] or pose["tick"] >= first["tick"] + ticks)
+    assert last["pose"] == first["pose"]
+    return last
+
+
+def assert_goes_on(poses) -> None:
+    standing = until(poses, lambda pose: True)
+    until(poses, lambda pose: pose["pose"] != standing["pose"])
+
+
+def test_a_foreign_clients_velocity_moves_no_stopped_robot(fleet):
+    fleet.physics(SMALL, "--absent", "picker_01", "--speed", "10")
+    someone = fleet.client()
+    poses = someone.hear("orchard/picker_01/pose")
+    fleet.host("--without", "picker_01")
+    pose = until(poses, lambda pose: True)
+    while pose["twist"]["linear"]["x"] == 0.0:
+        someone.drive("picker_01", pose["tick"], 0.5)
+        pose = until(poses, lambda pose: True)
+    told = ask(someone, True, "picker_01")
+    assert sorted(told["changed"]) == sorted(told["stopped"]) == ["bin_01", "picker_01"]
+    stands = until(poses, lambda pose: pose["tick"] == told["tick"] + 1)
+    for _ in range(30):
+        someone.drive("picker_01", stands["tick"], 0.5)
+        pose = until(poses, lambda pose: True)
+        assert pose["pose"] == stands["pose"]
+    assert ask(someone, False)["stopped"] == []
+    while pose["pose"] == stands["pose"]:
+        someone.drive("picker_01", pose["tick"], 0.5)
+        pose = until(poses, lambda pose: True)
+    end(fleet)
+
+
+def test_what_is_refused_is_answered_with_the_reason_and_stops_nobody(fleet):
+    fleet.physics(SMALL, "--absent", "picker_01")
+    someone = fleet.client()
+    assert ask(someone, True, "picker_01", "piker") == "no such robot: piker: no such agent or kind; there are bin, carrier, picker"
+    assert ask(someone, True, run="another").startswith("other run")
+    assert ask(someone, "yes").startswith("malformed")
+    assert someone.ask("orchard/stop", b"nonsense")[0].startswith("malformed")
+    assert ask(someone, False) == {"run": fleet.run, "tick": 0, "changed": [], "stopped": []}
+    end(fleet)
+
+
+def test_the_latch_outlives_the_agent_and_its_host(fleet):
+    fleet.physics(SMALL, "--speed", "10")
+    someone = fleet.client()
+    poses, velocities = someone.hear("orchard/picker_01/pose"), someone.hear("orchard/picker_01/velocity")
+    fleet.host("--without", "picker_01")
+    killed = fleet.host("--only", "picker_01")
+    old = until(velocities, lambda velocity: velocity["linear"]["x"] > 0.0)["holder"]
+    ask(someone, True, "picker_01")
+    killed.signal(signal.SIGKILL)
+    fleet.hosts.remove(killed)
+    fleet.host("--only", "picker_01")
+    until(velocities, lambda velocity: velocity["holder"] != old and velocity["linear"]["x"] > 0.0)
+    assert_stands(poses)
+    ask(someone, False)
+    assert_goes_on(poses)
+    end(fleet)
+
+
+# -- from the command line
+
+
+@contextmanager
+def running(folder: Path, *arguments: object):
+    """A run.py of its own, which leaves its notes in a folder of its own; nothing is left behind."""
+    (folder / "run.py").symlink_to(ROOT / "run.py")
+    command = [sys.executable, "-u", folder / "run.py", ROOT / "config" / "orchard.yaml", "--rows", 3, "--record", "none", *arguments]
+    process = subprocess.Popen(list(map(str, command)), cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        assert "real time" in process.stdout.readline()
+        yield process
+    finally:
+        for child in psutil.Process(process.pid).children(recursive=True) if process.poll() is None else []:
+            child.kill()
+        process.kill()
+        process.communicate()
+
+
+def run_py(folder: Path, *arguments: str) -> subprocess.CompletedProcess:
+    command = [sys.executable, str(folder / "run.py"), *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, env=os.environ | {"COLUMNS": "200"})
+
+
+@pytest.mark.parametrize("mode", [("--mode", "realtime", "--speed", 5), ("--speed", 4)], ids=["realtime", "lockstep"])
+def test_the_command_line_stops_a_robot_of_the_run_that_goes_on_here(tmp_path, mode):
+    path = tmp_path / "summary.json"
+    with running(tmp_path, *mode, "--duration", 3000, "--summary", path) as run, ExitStack() as stack:
+        (going,) = all_going(tmp_path / "runs")
+        someone = stack.enter_context(Client.open(going.endpoint, going.run))
+        poses, velocities = someone.hear("orchard/picker_01/pose"), someone.hear("orchard/picker_01/velocity")
+        done = run_py(tmp_path, "stop", "picker_01")
+        assert (done.returncode, done.stdout) == (0, "stopped: bin_01, picker_01\n"), done.stderr
+        stands = assert_stands(poses)
+        until(velocities, lambda velocity: velocity["tick"] > stands["tick"] and velocity["linear"]["x"] > 0.0)
+        assert_stands(poses)
+        done = run_py(tmp_path, "stop", "carrier", "piker_01")
+        assert done.returncode == 2
+        assert "piker_01: no such agent or kind" in done.stderr
+        done = run_py(tmp_path, "stop")
+        assert re.fullmatch(r"stopped: bin_02, .*tractor_01\nstopped before: bin_01, picker_01\n", done.stdout), done.stdout
+        assert run_py(tmp_path, "reset", "picker_01").stdout.startswith("reset: bin_01, picker_01\nstill stopped: bin_02, ")
+        assert_goes_on(poses)
+        for words in README:
+            assert run_py(tmp_path, *words).returncode == 0, words
+        assert_goes_on(poses)
+        someone.ask("orchard/command", msgpack.packb({"run": going.run, "command": "stop"}))
+        out, _ = run.communicate(timeout=120)
+        assert run.returncode == 0, out
+    summary = summary_of(path)
+    assert summary["violations"] == []
+    assert summary["stopped_seconds"]["picker_01"] > 2.0
+    assert all_going(tmp_path / "runs") == []
+    assert not list((tmp_path / "runs").glob("*.going"))
+
+
+def test_a_stop_without_a_run_is_told_so(tmp_path):
+    (tmp_path / "run.py").symlink_to(ROOT / "run.py")
+    done = run_py(tmp_path, "stop")
+    assert done.returncode == 2
+    assert "no run goes on here" in done.stderr
+    done = run_py(tmp_path, "stop", "--connect", "tcp/127.0.0.1:9")
+    assert done.returncode == 2
+    assert "nobody listens there" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_several_runs_are_named_and_the_note_of_one_that_was_killed_is_removed(tmp_path):
+    with noted(tmp_path, Going("b", "tcp/127.0.0.1:2")):
+        assert the_run(tmp_path, None) == Going("b", "tcp/127.0.0.1:2")
+        with noted(tmp_path, Going("a", "tcp/127.0.0.1:1")), pytest.raises(BusError, match=r"2 runs go on here(.|\n)*:1 (.|\n)*:2 "):
+            the_run(tmp_path, None)
+        (tmp_path / "killed.going").write_text('{"run": "killed", "endpoint": "tcp/127.0.0.1:3"}')
+        assert the_run(tmp_path, None).run == "b"
+    assert list(tmp_path.iterdir()) == []

@@ -184,7 +184,9 @@ def end(fleet: Fleet) -> None:
 
 
 def assert_stands(poses, ticks: int = 20) -> dict:
-    """A robot does not move for so many ticks; its last pose."""
+    """From now on, and whatever it did before, a robot does not move for so many ticks; its last pose."""
+    for _ in range(poses.qsize()):
+        poses.get()
     first = until(poses, lambda pose: not any([*pose["twist"]["linear"].values(), *pose["twist"]["angular"].values()]))
     last = until(poses, lambda pose: pose["pose"] != first["pose"] or pose["tick"] >= first["tick"] + ticks)
     assert last["pose"] == first["pose"]
@@ -192,6 +194,8 @@ def assert_stands(poses, ticks: int = 20) -> dict:
 
 
 def assert_goes_on(poses) -> None:
+    for _ in range(poses.qsize()):
+        poses.get()
     standing = until(poses, lambda pose: True)
     until(poses, lambda pose: pose["pose"] != standing["pose"])
 

@@ -252,6 +252,22 @@ def test_the_latch_outlives_the_agent_and_its_host(fleet):
     end(fleet)
 
 
+def test_a_stop_that_was_taken_outlives_physics_killed_at_once(fleet, tmp_path):
+    nobody = [word for kind in ("picker", "carrier", "bin", "worker", "weed", "traffic") for word in ("--absent", kind)]
+    keep = ["--speed", "10", "--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "1000", *nobody]
+    fleet.physics(SMALL, *keep)
+    someone = fleet.client()
+    until(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
+    told = ask(someone, True, "picker_01")
+    fleet.world.signal(signal.SIGKILL)
+    fleet.physics(SMALL, *keep, "--resume")
+    someone = fleet.client()
+    answer = ask(someone, False, "picker")
+    assert answer["tick"] >= told["tick"]
+    assert answer["changed"] == told["stopped"]
+    end(fleet)
+
+
 # -- from the command line
 
 

@@ -7,6 +7,11 @@
     python run.py reset [ROBOT ...]
 """
 
+import signal
+
+if __name__ == "__main__":  # Ctrl-C while the rest is being imported: there is nothing to stop yet, and nothing to say
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 import itertools
 import math
 import os
@@ -246,15 +251,26 @@ def _alone(wish: Wish) -> tuple[dict[str, Any], str]:
     """All in this process."""
     from processes.alone import run
 
-    recorder, browser = _recorder(wish), _web_viewer(wish)
+    recorder, browser, viewer = _recorder(wish), _web_viewer(wish), _viewer(wish)
     try:
         with Progress(Console(highlight=False)) as progress:
-            return run(wish, recorder and recorder.tick, progress.show)
+            summary, why = run(wish, recorder and recorder.tick, progress.show)
+        if viewer is not None and why == "stopped":
+            viewer.terminate()
+        return summary, why
     finally:
         if recorder is not None:
             recorder.close()
         if browser is not None:
             browser.terminate()
+            browser.wait()
+
+
+def _viewer(wish: Wish) -> Any:
+    """Rerun's own window; None where nobody asked for it."""
+    from processes.fleet import open_viewer
+
+    return open_viewer(wish.uri) if wish.view else None
 
 
 def _web_viewer(wish: Wish) -> Any:
@@ -272,13 +288,9 @@ def _recorder(wish: Wish) -> Any:
     if wish.recording is None and not wish.is_live:
         return None
     from orchard.view import Recorder
-    from processes.fleet import open_viewer
 
     port = wish.data_port if wish.is_live else 0
-    recorder = Recorder(lay_out(wish.scenario), _run_name(wish), wish.recording, serve=wish.is_live, port=port)
-    if wish.view:
-        open_viewer(recorder.uri)
-    return recorder
+    return Recorder(lay_out(wish.scenario), _run_name(wish), wish.recording, serve=wish.is_live, port=port)
 
 
 def _run_name(wish: Wish) -> str:
@@ -377,6 +389,7 @@ def main() -> None:
     arguments = sys.argv[1:]
     if arguments[:1] == ["app"]:
         raise SystemExit(_page(arguments[1:]))
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.path.append(os.getcwd())  # where a user's own classes are
     app(arguments if arguments and arguments[0] in named else ["harvest", *arguments])
 

@@ -157,5 +157,7 @@ def free_port() -> int:
 
 
 def open_viewer(what: str) -> subprocess.Popen[bytes]:
-    """Rerun's own window, which stays when this process has ended."""
-    return subprocess.Popen([sys.executable, "-m", "rerun", what], start_new_session=True)
+    """Rerun's own window, which stays when this process has ended; what is given is the viewer itself, to be ended by `terminate`."""
+    from orchard.view.web import viewer_program
+
+    return subprocess.Popen([viewer_program(), what], start_new_session=True)

@@ -1,5 +1,10 @@
 """Serve the page: `python -m orchard.app [--port N] [--host 127.0.0.1]`."""
 
+import signal
+
+if __name__ == "__main__":  # Ctrl-C while the rest is being imported: there is nothing to stop yet, and nothing to say
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 import argparse
 import sys
 from pathlib import Path

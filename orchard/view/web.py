@@ -28,9 +28,17 @@ def page_url(port: int) -> str:
     return f"http://{LOOPBACK}:{port}/?{urlencode(wishes)}"
 
 
+def viewer_program() -> str:
+    """Rerun's own program, or the one that Rerun's variable RERUN_CLI_PATH names.
+
+    `python -m rerun` would start it as a child, which stays behind when its parent is ended.
+    """
+    return os.environ.get("RERUN_CLI_PATH") or PROGRAM
+
+
 def command(port: int, *what: str) -> list[str]:
     """The server's command line. `what` is the address of live data, or a recording's parts, which it then serves on the next port."""
-    return [PROGRAM, "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), "--port", str(port + 1), *what]
+    return [viewer_program(), "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), "--port", str(port + 1), *what]
 
 
 def serve_web(port: int, *what: str) -> subprocess.Popen[bytes]:

@@ -76,9 +76,13 @@ class Browser:
             self.click(f"[data-field='{path}']")
 
     @fresh
+    def choose(self, path: str, words: str) -> None:
+        """One of several buttons."""
+        next(button for button in self.driver.find_elements(By.CSS_SELECTOR, f"[data-field={path}] button") if button.text == words).click()
+
     def turn_to(self, view: str) -> None:
         """Choose what is on the stage."""
-        next(button for button in self.driver.find_elements(By.CSS_SELECTOR, "[data-field=stage] button") if button.text == view).click()
+        self.choose("stage", view)
 
     def press(self, action: str) -> None:
         self.click(f"[data-action={action}]")

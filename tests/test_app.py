@@ -13,10 +13,13 @@ from pathlib import Path
 
 import psutil
 import pytest
+from test_lockstep import local_hash
 
 from orchard.app.draft import Draft
 from orchard.app.entries import entries, flat, nested
 from orchard.app.headline import read_headline
+from orchard.app.order import Files, Pace, command
+from orchard.app.runner import Runner
 from orchard.config import Scenario, check, load
 from orchard.progress import headline
 from orchard.view.web import data_uri, free_pair, page_url, serve_web
@@ -74,6 +77,60 @@ def test_a_large_seed_keeps_every_digit():
     draft = Draft(Scenario())
     draft.set("seed", " 9223372036854775807 ")
     assert draft.scenario == Scenario(seed=2**63 - 1)
+
+
+@pytest.mark.parametrize(("typed", "told"), [("5,5", "write a point: 5.5"), ("abc", "from 5.0 to 12"), ("", "number"), ("1e999", "to 12")])
+def test_what_is_no_number_stays_and_is_told(typed, told):
+    draft = Draft(Scenario())
+    draft.set("row_width", typed)
+    assert draft.scenario is None
+    assert told in draft.problems["row_width"]
+
+
+def test_the_classes_of_a_scenario_survive_changes():
+    draft = Draft(Scenario(agents={"picker": "tests.own_agents.Eastward"}))
+    draft.set("rows", "7")
+    assert draft.scenario == Scenario(rows=7, agents={"picker": "tests.own_agents.Eastward"})
+    draft.drop_classes()
+    assert draft.scenario == Scenario(rows=7)
+
+
+def test_a_class_for_a_robot_that_is_gone_is_told():
+    draft = Draft(Scenario(pickers=3, agents={"picker_03": "tests.own_agents.Eastward"}))
+    assert draft.scenario is not None
+    draft.set("pickers", "2")
+    assert draft.scenario is None
+    assert "agents.picker_03: no such agent or kind" in draft.problems["agents"]
+
+
+@pytest.mark.parametrize(
+    ("pace", "told"),
+    [
+        (Pace("lockstep", "max"), {"speed": "from 0.1 to 1000"}),
+        (Pace("realtime", "max"), {"speed": "it cannot be max"}),
+        (Pace("realtime", "", as_fast_as_it_goes=True), {"speed": "it cannot be max"}),
+        (Pace("local", "0,5", "-1"), {"speed": "write a point: 0.5", "duration": "from 1 to 1000000"}),
+        (Pace("local", "", "soon", as_fast_as_it_goes=True), {"duration": "empty: the whole harvest"}),
+    ],
+)
+def test_what_is_wrong_with_a_pace_is_told_at_its_field(pace, told):
+    assert pace.problems.keys() == told.keys()
+    assert all(words in pace.problems[name] for name, words in told.items())
+
+
+def test_a_pace_is_what_run_py_is_told(tmp_path):
+    def options(pace):
+        line = command(pace.order(Scenario(), live=False), Files(tmp_path, "run"), 9090)
+        return [line[line.index(name) + 1] if name in line else None for name in ("--mode", "--speed", "--duration")]
+
+    assert options(Pace("realtime", "12", "0" + "90.5", as_fast_as_it_goes=True)) == ["realtime", "12", "90.5"]
+    assert options(Pace("lockstep", "", " ", as_fast_as_it_goes=True)) == ["lockstep", "max", None]
+    assert options(Pace("local", "0.125", "1000000")) == ["local", "0.125", "1000000"]
+
+
+def test_two_runs_of_a_second_have_files_of_their_own(tmp_path):
+    runner = Runner(tmp_path)
+    assert len({runner._fresh_files().scenario for _ in range(5)}) == 5
 
 
 def test_progress_is_read_from_what_run_py_prints():
@@ -244,7 +301,7 @@ def small(browser):
     """The page with a small orchard, in one process, eight times as fast as life, and nobody watches."""
     browser.fill("rows", 3)
     browser.until(lambda: browser.tree_lines() == 4, "a plan of 3 rows")
-    browser.one("[data-field=mode] button:last-child").click()
+    browser.choose("mode", "local")
     browser.switch("fastest", False)
     browser.switch("live", False)
     return browser
@@ -263,6 +320,47 @@ def test_a_small_orchard_is_run_to_its_end(small, server):
     small.turn_to("Picture")
     picture = small.until(lambda: small.view("picture").get_attribute("src"), "the recording, in Rerun's viewer")
     assert urllib.request.urlopen(picture, timeout=10).status == 200
+
+
+def test_a_run_in_realtime_takes_numbers_only(small):
+    small.switch("fastest", True)
+    small.choose("mode", "realtime")
+    small.until(lambda: not small.field("fastest").is_displayed(), "there is no fastest")
+    small.until(lambda: "the wall clock sets the pace" in small.problem("speed"), "why")
+    small.fill("speed", "max")
+    small.until(lambda: "it cannot be max" in small.problem("speed"), "explained at the field")
+    small.until(lambda: not small.one("[data-action=run]").is_enabled(), "it cannot be run")
+    small.fill("speed", 50)
+    small.fill("duration", 20)
+    small.press("run")
+    small.tell_state("running")
+    small.tell_state("finished", RUN_SECONDS)
+    summary = small.until(lambda: small.view("summary").text, "the summary")
+    assert re.search(r"mode\s+realtime", summary)
+    assert "simulated 0:20 min" in small.view("progress").text
+
+
+def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloads, tmp_path):
+    file = tmp_path / "own.yaml"
+    file.write_text("rows: 3\npickers: 3\nagents: {picker_01: tests.own_agents.Eastward}\n")
+    small.one("input[type=file]").send_keys(str(file))
+    small.until(lambda: small.view("classes").text == "picker_01: tests.own_agents.Eastward", "the class is shown")
+    small.fill("weeds", 7)
+    small.fill("duration", 30)
+    small.switch("fastest", True)
+    wanted = Scenario(rows=3, pickers=3, weeds=7, agents={"picker_01": "tests.own_agents.Eastward"})
+    before = set(downloads.iterdir())
+    small.press("save")
+    saved = small.until(lambda: {path for path in set(downloads.iterdir()) - before if path.suffix == ".yaml"}, "the file is saved")
+    assert load(saved.pop()) == wanted
+    small.press("run")
+    small.tell_state("running")
+    small.tell_state("finished", RUN_SECONDS)
+    assert load(max(server[1].glob("*.yaml"))) == wanted
+    summary = small.until(lambda: small.view("summary").text, "the summary")
+    assert local_hash(wanted, 300) in summary, "Eastward drove"
+    small.press("drop-classes")
+    small.until(lambda: not small.view("classes").is_displayed(), "ours drive again")
 
 
 def test_a_run_is_seen_live(small):

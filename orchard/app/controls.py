@@ -4,8 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 from nicegui import ui
+from nicegui.events import GenericEventArguments
 
 from orchard.app.entries import Entry
+from orchard.app.numbers import number_of, shown
 
 Change = Callable[[str, Any], None]  # path, new value
 
@@ -40,30 +42,53 @@ class Control:
         """Tell what is wrong with the value; '' when nothing is."""
         self._problem.set_text(problem)
         self._problem.set_visibility(bool(problem))
-        self.box.classes(**{"add" if problem else "remove": "wrong"})
+        self.box.classes(add="wrong" if problem else "", remove="" if problem else "wrong")
 
     def _tell(self, value: Any) -> None:
         self._change(self.entry.path, value)
 
+    @property
+    def _name(self) -> str:
+        """What tests and screen readers call it."""
+        return f'data-field={self.entry.path} aria-label="{self.entry.label}"'
 
-class NumberControl(Control):
-    """A slider within the limits, and a field in which one may type anything."""
+
+class TextControl(Control):
+    """A number in a field in which one may type anything; a browser's own number fields would drop letters and commas in silence."""
+
+    def _build(self) -> None:
+        self._text = ui.input(on_change=self._entered).classes("grow")
+        self._text.props(f"dense outlined autocomplete=off inputmode=decimal input-class=figure {self._name}")
+
+    def show(self, value: Any) -> None:
+        self._text.set_value(shown(value))
+
+    def _entered(self) -> None:
+        self._tell(self._text.value or "")
+
+
+class NumberControl(TextControl):
+    """The same, and a slider within the limits."""
 
     def _build(self) -> None:
         entry = self.entry
-        self._slider = ui.slider(min=entry.low, max=entry.high, step=entry.step).classes("grow")
-        self._slider.on("update:model-value", lambda event: self.number.set_value(event.args), throttle=0.05)
-        self.number = ui.number(step=entry.step, on_change=self._entered).classes("number")
-        self.number.props(f"dense outlined input-class=figure data-field={entry.path}")
+        self._slider = ui.slider(min=entry.low, max=entry.high, step=entry.step).classes("grow").props(f'aria-label="{entry.label}"')
+        self._slider.on("update:model-value", self._slid, throttle=0.05)
+        super()._build()
+        self._text.classes("number", remove="grow")
 
-    def show(self, value: Any) -> None:
-        self.number.set_value(value)
+    def _slid(self, event: GenericEventArguments) -> None:
+        self.show(event.args)
 
     def _entered(self) -> None:
-        value = self.number.value
-        if value is not None:
-            self._slider.set_value(min(max(value, self.entry.low), self.entry.high))
-        self._tell(value)
+        self._follow()
+        super()._entered()
+
+    def _follow(self) -> None:
+        """Bring the slider to where the number is, or nearest to it."""
+        number = number_of(self._text.value or "")
+        if not isinstance(number, str):
+            self._slider.set_value(min(max(number, self.entry.low), self.entry.high))
 
 
 class AutomaticControl(NumberControl):
@@ -81,37 +106,28 @@ class AutomaticControl(NumberControl):
     def show_chosen(self, number: int) -> None:
         """What the program has chosen, where it is left to it."""
         if self._automatic.value:
-            self.number.set_value(number)
+            self._text.set_value(shown(number))
 
     def _entered(self) -> None:
         automatic = bool(self._automatic.value)
-        for element in (self._slider, self.number):
+        for element in (self._slider, self._text):
             element.set_enabled(not automatic)
-        if self.number.value is not None:
-            self._slider.set_value(min(max(self.number.value, self.entry.low), self.entry.high))
-        self._tell(None if automatic else self.number.value)
-
-
-class TextControl(Control):
-    """A whole number too large for a browser's numbers."""
-
-    def _build(self) -> None:
-        self._text = ui.input(on_change=lambda: self._tell(self._text.value)).classes("grow")
-        self._text.props(f"dense outlined inputmode=numeric input-class=figure data-field={self.entry.path}")
-
-    def show(self, value: Any) -> None:
-        self._text.set_value(str(value))
+        self._follow()
+        self._tell(None if automatic else self._text.value or "")
 
 
 class SwitchControl(Control):
     """Yes or no."""
 
     def _build(self) -> None:
-        self._switch = ui.switch(on_change=lambda: self._tell(self._switch.value)).props(f"dense data-field={self.entry.path}")
+        self._switch = ui.switch(on_change=self._entered).props(f"dense {self._name}")
         self.box.classes("inline")
 
     def show(self, value: Any) -> None:
         self._switch.set_value(bool(value))
+
+    def _entered(self) -> None:
+        self._tell(bool(self._switch.value))
 
 
 def control(entry: Entry, change: Change) -> Control:

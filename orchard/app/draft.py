@@ -3,40 +3,53 @@
 from typing import Any
 
 from orchard.app.entries import entries, flat, nested
+from orchard.app.numbers import hint, number_of
 from orchard.config import Problem, Scenario, ScenarioError, check
+from orchard.guard import replaced
+from orchard.layout import lay_out
+
+CLASSES = "agents"  # the path of the users' own classes, which come with a file and are not entered
 
 
 class Draft:
     """Values by path, whatever they are; `scenario` and `problems` follow every change."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self.values = flat(scenario)
-        self.scenario: Scenario | None = scenario
-        self.problems: dict[str, str] = {}
+        self.take(scenario)
 
     def take(self, scenario: Scenario) -> None:
         """All values from a scenario."""
-        self.values = flat(scenario)
+        self.values, self.classes = flat(scenario), dict(scenario.agents)
         self._judge()
 
     def set(self, path: str, value: Any) -> None:
         self.values[path] = _typed(path, value)
         self._judge()
 
+    def drop_classes(self) -> None:
+        """Let our own agents drive again."""
+        self.classes = {}
+        self._judge()
+
     def _judge(self) -> None:
+        self.scenario, self.problems = None, {}
         try:
-            self.scenario, self.problems = check(nested(self.values), "page"), {}
+            scenario = check(nested(self.values) | {CLASSES: self.classes}, "page")
+            if self.classes:
+                replaced(lay_out(scenario))
         except ScenarioError as error:
-            self.scenario, self.problems = None, _by_field(error.problems)
+            self.problems = {path: words + hint(self.values.get(path)) for path, words in _by_field(error.problems).items()}
+        except ValueError as error:
+            self.problems = {CLASSES: str(error)}
+        else:
+            self.scenario = scenario
 
 
 def _typed(path: str, value: Any) -> Any:
-    """A browser's number as the scenario wants it; what is none stays as it is, for the check to name."""
-    entry = entries()[path]
+    """What was entered as the scenario wants it; what is no number stays as it is, for the check to name."""
     if isinstance(value, str):
-        text = value.strip()
-        return int(text) if text.removeprefix("-").isdecimal() and len(text) < 30 else text
-    if entry.kind is int and isinstance(value, float) and value.is_integer():
+        value = number_of(value)
+    if entries()[path].kind is int and isinstance(value, float) and value.is_integer():
         return int(value)
     return value
 

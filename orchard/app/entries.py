@@ -3,8 +3,8 @@
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
-from math import floor, log10
+from functools import cache, reduce
+from math import floor, inf, log10
 from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel
@@ -22,9 +22,9 @@ class Entry:
     path: str  # dotted, as in the file
     words: str  # what it is
     kind: type  # int, float or bool
-    low: float | None
-    high: float | None
     optional: bool  # whether it may be left to the program
+    low: float = -inf
+    high: float = inf
 
     @property
     def label(self) -> str:
@@ -53,7 +53,7 @@ class Entry:
 
     @property
     def limits(self) -> str:
-        return "" if self.low is None or not self.has_slider else f"{self.low:g} to {self.high:g}{' ' + self.unit if self.unit else ''}"
+        return f"{self.low:g} to {self.high:g} {self.unit}".rstrip() if self.has_slider else ""
 
 
 @cache
@@ -67,28 +67,20 @@ def _entries(model: type[BaseModel], before: str = "") -> Iterator[Entry]:
         kind = field.annotation
         if isinstance(kind, type) and issubclass(kind, BaseModel):
             yield from _entries(kind, f"{before}{name}.")
-        elif get_origin(kind) is not dict:  # which classes drive is no matter for a form
+        elif get_origin(kind) is not dict:  # which classes drive comes with a file
             yield _entry(before + name, field)
 
 
 def _entry(path: str, field: FieldInfo) -> Entry:
     kinds = get_args(field.annotation) or (field.annotation,)
     limits = {type(limit).__name__: limit for limit in field.metadata}
-    low, high = (limits["Ge"].ge, limits["Le"].le) if "Ge" in limits else (None, None)
-    return Entry(path, field.description or "", kinds[0], low, high, type(None) in kinds)
+    span = (limits["Ge"].ge, limits["Le"].le) if "Ge" in limits else ()
+    return Entry(path, field.description or "", kinds[0], type(None) in kinds, *span)
 
 
 def flat(scenario: Scenario) -> dict[str, Any]:
-    """A scenario's values by path."""
-    return dict(_flat(scenario.model_dump()))
-
-
-def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in values.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{before}{key}.")
-        else:
-            yield before + key, value
+    """By path, all that the page asks for."""
+    return {path: reduce(getattr, path.split("."), scenario) for path in entries()}
 
 
 def nested(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -36,7 +36,7 @@ def figures(layout: Layout) -> list[Figure]:
 
 def _enough_note(enough: int) -> str:
     most = entries()["carriers"].high
-    return "more would not speed up the harvest" if enough <= most else f"more would not help; at most {most} can be set"
+    return "more would not speed up the harvest" if enough <= most else f"more would not help; at most {most:g} can be set"
 
 
 def terms(layout: Layout) -> dict[str, float]:

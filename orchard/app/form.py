@@ -5,7 +5,7 @@ from typing import Any
 
 from nicegui import ui
 
-from orchard.app.controls import AutomaticControl, Change, control
+from orchard.app.controls import AutomaticControl, Change, Control, control
 from orchard.app.draft import Draft
 from orchard.app.entries import entries
 from orchard.config import Scenario
@@ -22,7 +22,7 @@ class Form:
     """All controls; `change` hears of every change."""
 
     def __init__(self, change: Change) -> None:
-        self._controls = {}
+        self._controls: dict[str, Control] = {}
         known = [path for paths in GROUPS.values() for path in paths]
         rest = tuple(path for path in entries() if path not in known)
         for title, paths in (GROUPS | {"More": rest}).items():

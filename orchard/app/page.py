@@ -5,11 +5,12 @@ from typing import Any
 
 from nicegui import run, ui
 
+from orchard.app.classes import ClassesView
 from orchard.app.draft import Draft
 from orchard.app.files import FileButtons, complain
 from orchard.app.form import Form
 from orchard.app.preview import FiguresView
-from orchard.app.runner import Run, Runner
+from orchard.app.runner import Report, Runner
 from orchard.app.stage import Stage
 from orchard.app.watch import ProgressView
 from orchard.app.wishes import Wishes
@@ -27,8 +28,7 @@ class Page:
     def __init__(self, runner: Runner, scenario: Scenario) -> None:
         self.runner, self.draft = runner, Draft(scenario)
         self._changed = True
-        self._run: Run | None = None  # the one that is on the stage
-        self._was_over = False
+        self._seen: Report | None = None  # what is on the stage
         self._build()
         self.form.show(self.draft.values)
         ui.timer(REDRAW_SECONDS, self._redraw)
@@ -46,6 +46,7 @@ class Page:
         with ui.element("main").classes("page"):
             with ui.element("aside").classes("form"):
                 self.form = Form(self._set)
+                self.classes = ClassesView(self._drop_classes)
             with ui.element("div").classes("right"):
                 self._build_run()
                 with ui.element("div").classes("middle"):
@@ -71,6 +72,10 @@ class Page:
         self.draft.set(path, value)
         self._mark()
 
+    def _drop_classes(self) -> None:
+        self.draft.drop_classes()
+        self._mark()
+
     def _take(self, scenario: Scenario) -> None:
         self.draft.take(scenario)
         self.form.show(self.draft.values)
@@ -80,11 +85,11 @@ class Page:
         self._changed = True
 
     def _start(self) -> None:
-        if self.draft.scenario is None or self.wishes.problem:
+        if self.draft.scenario is None:
             return
         try:
             self.runner.start(self.wishes.order(self.draft.scenario))
-        except (OSError, RuntimeError) as error:
+        except (OSError, RuntimeError, ValueError) as error:
             complain("The harvest was not started", [str(error)])
         self._watch()
 
@@ -101,6 +106,7 @@ class Page:
             return
         self._changed = False
         self.form.follow(self.draft)
+        self.classes.show(self.draft)
         self._allow()
         if (scenario := self.draft.scenario) is None:
             self.stage.plan.fade()
@@ -112,27 +118,28 @@ class Page:
 
     def _allow(self) -> None:
         """Which buttons may be pressed, and why not."""
-        wrong = len(self.draft.problems)
-        fields = f"{wrong} field{'s' if wrong > 1 else ''} on the left cannot be used as entered" if wrong else ""
-        trouble = "; ".join(filter(None, [fields, self.wishes.problem]))
-        self.trouble.set_text(trouble)
-        self.trouble.set_visibility(bool(trouble))
-        busy = self.runner.is_busy
-        self.start_button.set_visibility(not busy)
-        self.start_button.set_enabled(not trouble)
-        self.stop_button.set_visibility(busy)
-        self.stop_button.set_enabled(busy and not self.runner.run.asked_to_stop)
+        wrong = len(self.draft.problems) + len(self.wishes.pace.problems)
+        self.trouble.set_text(f"{wrong} field{'s' if wrong > 1 else ''} cannot be used as entered")
+        self.trouble.set_visibility(wrong > 0)
+        going = self.runner.run if self.runner.is_busy else None
+        self.start_button.set_visibility(going is None)
+        self.start_button.set_enabled(not wrong)
+        self.stop_button.set_visibility(going is not None)
+        self.stop_button.set_enabled(going is not None and not going.asked_to_stop)
         self.files.allow_saving(self.draft.scenario is not None)
 
     def _watch(self) -> None:
         """Bring what is seen of the run up to date."""
         self._allow()
-        if (current := self.runner.run) is None or (current is self._run and self._was_over and self.stage.is_settled):
+        if self.runner.run is None:
             return
-        if current is not self._run:
-            self.stage.turn_to_run(current)
-        elif current.is_over and not self._was_over:
+        now, before = self.runner.run.report(), self._seen
+        if before is None or before.run is not now.run:
+            self.stage.turn_to_run(now)
+        elif now.is_over and not before.is_over:
             self.stage.turn_to_end()
-        self._run, self._was_over = current, current.is_over
-        self.progress.show(current)
-        self.stage.show(current)
+        elif before.is_over and self.stage.is_settled(now):
+            return
+        self._seen = now
+        self.progress.show(now)
+        self.stage.show(now)

@@ -25,9 +25,9 @@ class PlanView:
         self._plan.set_content(orchard_plan(layout))
         self._plan.classes(remove="stale")
 
-    def _widen(self, event: ValueChangeEventArguments) -> None:
+    def _widen(self, event: ValueChangeEventArguments[bool | None]) -> None:
         """A long orchard is small where all of it is to be seen at once."""
-        self._plan.classes(**{"add" if event.value else "remove": "wide"})
+        self._plan.classes(add="wide" if event.value else "", remove="" if event.value else "wide")
 
     def fade(self) -> None:
         """What is entered cannot be drawn: what is seen is of before."""

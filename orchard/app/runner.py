@@ -7,14 +7,14 @@ import signal
 import subprocess
 import threading
 import time
-from collections import deque
+from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 from orchard.app.headline import Headline, of_summary, read_headline
-from orchard.app.order import ROOT, Files, Order, command
+from orchard.app.order import Files, Order, command
 from orchard.config import to_yaml
 from orchard.parts import parts_of
 from orchard.view.web import free_pair, serve_web
@@ -32,33 +32,52 @@ class State(StrEnum):
     stopped = "stopped"
     failed = "failed"
 
+    @property
+    def is_over(self) -> bool:
+        return self not in (State.running, State.stopping)
+
+
+@dataclass(frozen=True)
+class Report:
+    """How a run is at one moment. What is seen at once is of one moment: a run may end between two questions about it."""
+
+    run: "Run"
+    state: State
+    headline: Headline | None
+    summary: dict[str, Any] | None
+
+    @property
+    def is_over(self) -> bool:
+        return self.state.is_over
+
 
 class Run:
     """One run of `run.py`."""
 
     def __init__(self, order: Order, files: Files) -> None:
         self.order, self.files, self.port = order, files, free_pair()
-        self.lines: deque[str] = deque(maxlen=KEPT_LINES)
-        self.told = 0  # lines so far, dropped ones among them
+        self._said: tuple[int, tuple[str, ...]] = (0, ())
         self.headline: Headline | None = None
         self.summary: dict[str, Any] | None = None
         self.asked_to_stop = self._is_hushed = False
         self.begun = time.monotonic()
-        self._web: subprocess.Popen | None = None
+        self._web: subprocess.Popen[bytes] | None = None
         files.scenario.write_text(to_yaml(order.scenario))
         self._process = self._open()
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
 
-    def _open(self) -> subprocess.Popen:
-        """A session of its own: Ctrl-C at the page's terminal reaches it through `stop`."""
-        pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
-        wide = os.environ | {"COLUMNS": "200"}
+    def _open(self) -> subprocess.Popen[str]:
+        """A session of its own: Ctrl-C at the page's terminal reaches it through `stop`. The user's own classes are found from
+        the directory in which the page was started."""
+        null, pipe, wide = subprocess.DEVNULL, subprocess.PIPE, os.environ | {"COLUMNS": "200"}
         line = command(self.order, self.files, self.port)
-        return subprocess.Popen(line, cwd=ROOT, env=wide, text=True, errors="replace", start_new_session=True, **pipes)
+        return subprocess.Popen(
+            line, env=wide, stdin=null, stdout=pipe, stderr=subprocess.STDOUT, text=True, errors="replace", start_new_session=True
+        )
 
     def _listen(self) -> None:
-        """Until it ends; the summary and the recording are there before `state` says that it has ended."""
+        """Until it ends; summary, headline and recording are there before `report` says that it has ended."""
         assert self._process.stdout is not None
         for line in self._process.stdout:
             self._hear(line)
@@ -74,15 +93,22 @@ class Run:
         self._is_hushed = self._is_hushed or (self.asked_to_stop and line.startswith("Traceback"))
         if not self._is_hushed:
             self.headline = read_headline(line) or self.headline
-            self.lines.append(line.rstrip())
-            self.told += 1
+            self._said = (self._said[0] + 1, (*self._said[1], line.rstrip())[-KEPT_LINES:])
+
+    def said(self) -> tuple[int, tuple[str, ...]]:
+        """How many lines it has printed, and the last ones."""
+        return self._said
 
     @property
     def is_over(self) -> bool:
         return not self._listener.is_alive()
 
-    @property
-    def state(self) -> State:
+    def report(self) -> Report:
+        """How it is now. The state is asked for first: where it tells of the end, the rest is final."""
+        state = self._state()
+        return Report(self, state, self.headline, self.summary)
+
+    def _state(self) -> State:
         if not self.is_over:
             return State.stopping if self.asked_to_stop else State.running
         if self._process.returncode == 0 and self.summary is not None:
@@ -129,7 +155,17 @@ class Runner:
             raise RuntimeError("another run goes on; stop it first")
         self.close()
         self.folder.mkdir(parents=True, exist_ok=True)
-        self.run = Run(order, Files(self.folder.resolve(), f"harvest-{datetime.now():%Y%m%d-%H%M%S}"))
+        self.run = Run(order, self._fresh_files())
+
+    def _fresh_files(self) -> Files:
+        """Named after the time; two runs within a second get two names."""
+        name = f"harvest-{datetime.now():%Y%m%d-%H%M%S}"
+        for more in ("", *(f"-{n}" for n in range(2, 100))):
+            files = Files(self.folder.resolve(), name + more)
+            with contextlib.suppress(FileExistsError):
+                files.scenario.touch(exist_ok=False)
+                return files
+        raise FileExistsError(f"{self.folder}: too many runs of {name}")
 
     def close(self) -> None:
         if self.run is not None:

@@ -1,6 +1,7 @@
 """The page's server, on the loopback unless asked otherwise."""
 
 import contextlib
+import signal
 import socket
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ from orchard.app.runner import Runner
 from orchard.config import Scenario
 
 ICON = "🥝"
+PATIENCE = 30.0  # s for which a browser may be too busy to answer, as it is while it loads the picture's viewer
 
 
 def serve(host: str, port: int, runs: Path, show: bool) -> int:
@@ -27,10 +29,11 @@ def serve(host: str, port: int, runs: Path, show: bool) -> int:
         last[:] = [Page(runner, begin or Scenario())]
 
     app.on_shutdown(runner.close)
-    options = {"reload": False, "show_welcome_message": False, "title": "Kiwifruit orchard", "favicon": ICON}
     print(f"The page: http://{host}:{port}  (Ctrl-C ends it)", flush=True)
     with contextlib.suppress(KeyboardInterrupt):
-        ui.run(page, host=host, port=port, show=show, **options)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        ui.run(page, host=host, port=port, show=show, reload=False, show_welcome_message=False, title="Kiwifruit orchard", favicon=ICON,
+               reconnect_timeout=PATIENCE)  # fmt: skip
     return 0
 
 

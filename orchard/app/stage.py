@@ -1,44 +1,49 @@
 """The stage: plan, picture, summary or messages, one at a time."""
 
+from collections.abc import Callable
+from typing import TypeVar
+
 from nicegui import ui
 
 from orchard.app.preview import PlanView
-from orchard.app.runner import Run
+from orchard.app.runner import Report
 from orchard.app.watch import MessagesView, PictureView, SummaryView
 
 VIEWS = ("Plan", "Picture", "Summary", "Messages")
+View = TypeVar("View")
 
 
 class Stage:
     """The large part of the page. All its views stay loaded; only one is seen."""
 
     def __init__(self) -> None:
-        self._panels = {}
         with ui.element("div").classes("stage"):
             self._choice = ui.toggle(list(VIEWS), value="Plan").props("dense no-caps unelevated data-field=stage").classes("stage-choice")
-            for name, build in zip(VIEWS, (PlanView, PictureView, SummaryView, MessagesView), strict=True):
-                with ui.element("div").classes("panel") as panel:
-                    self._panels[name] = build()
-                panel.bind_visibility_from(self._choice, "value", value=name)
+            self.plan = self._panel("Plan", PlanView)
+            self._picture = self._panel("Picture", PictureView)
+            self._summary = self._panel("Summary", SummaryView)
+            self._messages = self._panel("Messages", MessagesView)
 
-    @property
-    def plan(self) -> PlanView:
-        return self._panels["Plan"]
+    def _panel(self, name: str, build: Callable[[], View]) -> View:
+        with ui.element("div").classes("panel") as panel:
+            view = build()
+        panel.bind_visibility_from(self._choice, "value", value=name)
+        return view
 
-    @property
-    def is_settled(self) -> bool:
-        """Whether nothing more will come of a run that is over."""
-        return self._panels["Picture"].is_settled
+    def is_settled(self, report: Report) -> bool:
+        """Whether nothing more will come of a run."""
+        return report.is_over and self._picture.is_settled(report.run)
 
-    def show(self, run: Run) -> None:
+    def show(self, report: Report) -> None:
         """Bring all that is seen of a run up to date."""
-        self._panels["Picture"].is_seen = self._choice.value == "Picture"
-        for name in VIEWS[1:]:
-            self._panels[name].show(run)
+        self._picture.is_seen = self._choice.value == "Picture"
+        for view in (self._picture, self._summary, self._messages):
+            view.show(report)
 
-    def turn_to_run(self, run: Run) -> None:
+    def turn_to_run(self, report: Report) -> None:
         """A run is new on this page."""
-        self._choice.set_value("Picture" if run.order.live and not run.is_over else "Summary" if run.is_over else "Messages")
+        live = "Picture" if report.run.order.live else "Messages"
+        self._choice.set_value("Summary" if report.is_over else live)
 
     def turn_to_end(self) -> None:
         """A run has ended while one looked."""

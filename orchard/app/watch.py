@@ -1,10 +1,12 @@
 """How a run goes, on the page: progress, what it prints, the picture, the summary."""
 
 import socket
+from pathlib import Path
+from typing import Any
 
 from nicegui import ui
 
-from orchard.app.runner import Run, State
+from orchard.app.runner import Report, Run, State
 from orchard.summary import as_table
 from orchard.view.web import LOOPBACK, page_url
 
@@ -27,23 +29,22 @@ class ProgressView:
             self._words = ui.label().classes("figure-line").props("data-view=progress")
         self._box.set_visibility(False)
 
-    def show(self, run: Run) -> None:
-        text, colour = BADGES[run.state]
+    def show(self, report: Report) -> None:
+        text, colour = BADGES[report.state]
         self._box.set_visibility(True)
         self._badge.set_text(text)
         self._badge.props(f"color={colour}")
-        known = run.headline
-        done = 1.0 if run.state is State.finished else known.fraction if known else 0.0
+        known = report.headline
+        done = 1.0 if report.state is State.finished else known.fraction if known else 0.0
         self._bar.set_value(done)
-        self._bar.props(f"color={colour}", remove="indeterminate" if known or run.is_over else "")
-        if not known and not run.is_over:
-            self._bar.props("indeterminate")
-        self._words.set_text(_progress(run))
+        is_unknown = not known and not report.is_over
+        self._bar.props(f"color={colour} {'indeterminate' if is_unknown else ''}", remove="" if is_unknown else "indeterminate")
+        self._words.set_text(_progress(report))
 
 
-def _progress(run: Run) -> str:
-    if (known := run.headline) is None:
-        return "" if run.is_over else "starting"
+def _progress(report: Report) -> str:
+    if (known := report.headline) is None:
+        return "" if report.is_over else "starting"
     minutes, seconds = divmod(round(known.sim_seconds), 60)
     return (f"simulated {minutes}:{seconds:02d} min at {known.times_real_time:g} x real time, "
             f"rows picked {known.rows_picked}/{known.rows}, bins delivered {known.bins_delivered}/{known.rows}")  # fmt: skip
@@ -57,15 +58,16 @@ class MessagesView:
         self._run: Run | None = None
         self._shown = 0
 
-    def show(self, run: Run) -> None:
+    def show(self, report: Report) -> None:
+        run = report.run
         if run is not self._run:
             self._log.clear()
             self._run, self._shown = run, 0
-        new = run.told - self._shown
-        if new > 0:
-            for line in list(run.lines)[-new:]:
+        told, lines = run.said()
+        if new := told - self._shown:
+            for line in lines[-new:]:
                 self._log.push(line)
-            self._shown += new
+            self._shown = told
 
 
 class PictureView:
@@ -80,22 +82,21 @@ class PictureView:
         self.is_seen = False  # the viewer is large: it is not loaded before somebody looks
         self._say("The live picture appears here when a harvest runs.")
 
-    @property
-    def is_settled(self) -> bool:
+    def is_settled(self, run: Run) -> bool:
         """Whether it shows the recording of a run that is over, or never will."""
-        return self._is_vain or (self._shown is not None and self._shown[1])
+        return self._is_vain or self._shown == (run, True)
 
-    def show(self, run: Run) -> None:
+    def show(self, report: Report) -> None:
         """Point the frame at a run once its servers answer; then leave it alone, for it would load anew."""
-        now = (run, run.is_over)
+        run, now = report.run, (report.run, report.is_over)
         if now == self._shown or not self.is_seen:
             return
         ready = is_open(run.port) and is_open(run.port + 1)
         if ready:
-            self._point_to(page_url(run.port) + ("&recording=1" if run.is_over else ""))
+            self._point_to(page_url(run.port) + ("&recording=1" if report.is_over else ""))
         self._shown = now if ready else None
-        self._say("" if ready else _without_picture(run))
-        self._is_vain = not ready and run.is_over and not run.files.recording.exists()
+        self._say("" if ready else _without_picture(report))
+        self._is_vain = not ready and report.is_over and not run.files.recording.exists()
 
     def _point_to(self, url: str) -> None:
         self._frame.props(f'src="{url}"')
@@ -108,10 +109,10 @@ class PictureView:
             element.set_visibility(not words)
 
 
-def _without_picture(run: Run) -> str:
-    if not run.is_over:
-        return "The picture is being prepared." if run.order.live else "Its recording appears here when it is over."
-    return "The recording is being opened." if run.files.recording.exists() else "No recording was made."
+def _without_picture(report: Report) -> str:
+    if not report.is_over:
+        return "The picture is being prepared." if report.run.order.live else "Its recording appears here when it is over."
+    return "The recording is being opened." if report.run.files.recording.exists() else "No recording was made."
 
 
 def is_open(port: int) -> bool:
@@ -130,29 +131,30 @@ class SummaryView:
         with self._box:
             ui.label("The summary appears here when a harvest has ended.").classes("hint")
 
-    def show(self, run: Run) -> None:
+    def show(self, report: Report) -> None:
         """Once, when it is over."""
-        if not run.is_over or run is self._run:
+        if not report.is_over or report.run is self._run:
             return
-        self._run = run
+        self._run = report.run
         self._box.clear()
         with self._box:
-            if run.summary is not None:
-                _table(run)
-            elif run.state is State.stopped:
+            if report.summary is not None:
+                _table(report.summary, report.run.files.recording)
+            elif report.state is State.stopped:
                 ui.label("It was stopped before there was anything to sum up.").classes("hint")
             else:
                 ui.label("There is no summary. What the run said:").classes("hint")
-                ui.label("\n".join(list(run.lines)[-12:])).classes("last-words")
+                ui.label("\n".join(report.run.said()[1][-12:])).classes("last-words")
 
 
-def _table(run: Run) -> None:
+def _table(summary: dict[str, Any], recording: Path) -> None:
     with ui.element("table"):
-        names, values = (column.cells for column in as_table(run.summary or {}).columns)
+        names, values = (column.cells for column in as_table(summary).columns)
         for name, value in zip(names, values, strict=True):
             with ui.element("tr"):
                 with ui.element("th"):
                     ui.label(str(name))
                 with ui.element("td"):
                     ui.label(str(value))
-    ui.label(f"Recording: {run.files.recording}").classes("path")
+    if recording.exists():
+        ui.label(f"Recording: {recording}").classes("path")

@@ -6,7 +6,6 @@ Needs what .ci/apt-packages.txt names, as the tests that look at pictures do.
 import io
 import math
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,11 +18,11 @@ from rerun.experimental import ViewerClient
 from orchard.config import Scenario
 from orchard.layout import lay_out
 from orchard.view import Recorder
+from orchard.view.web import viewer_program
 from processes.alone import run
 from processes.fleet import free_port
 
 HERE = Path(__file__).parent
-RERUN = Path(sys.executable).with_name("rerun")
 SCENARIO = Scenario(rows=8, pickers=4, seed=1)
 SHOWN, RECORDED = 152.0, 380.0  # s: the moment of the picture, and how far the run went
 WIDTH, HEIGHT = 1600, 900
@@ -43,7 +42,7 @@ def record(path: Path) -> None:
 def looking_at(recording: Path) -> Iterator[ViewerClient]:
     """A viewer without a window that has loaded a recording."""
     port = free_port()
-    command = [str(RERUN), "--headless", "--window-size", f"{WIDTH}x{HEIGHT + MENU}", "--port", str(port), "--hide-welcome-screen"]
+    command = [viewer_program(), "--headless", "--window-size", f"{WIDTH}x{HEIGHT + MENU}", "--port", str(port), "--hide-welcome-screen"]
     process = subprocess.Popen([*command, str(recording)], stderr=subprocess.DEVNULL)
     try:
         client = _connected(port)

@@ -1,10 +1,12 @@
 """Headless Chromium for tests of the page: find, fill in, wait. Every wait is bounded."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import wraps
 from typing import Any
 
+import psutil
 from selenium import webdriver
 from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver.chrome.service import Service
@@ -106,6 +108,19 @@ class Browser:
         """Lines of trees in the plan: the heights at which trees are drawn."""
         svg = self.view("plan").get_attribute("innerHTML") or ""
         return len(set(re.findall(r'<rect x="[^"]*" y="([^"]*)" width="66.0" height="12.0" style="fill:#7fae5d', svg)))
+
+    @contextmanager
+    def frozen(self) -> Iterator[None]:
+        """Within this the page is too busy to hear or to say anything."""
+        all_of_it = psutil.Process(self.driver.service.process.pid).children(recursive=True)
+        pages = [process for process in all_of_it if "--type=renderer" in process.cmdline()]
+        for page in pages:
+            page.suspend()
+        try:
+            yield
+        finally:
+            for page in pages:
+                page.resume()
 
     def tell_state(self, state: str, seconds: float = SECONDS) -> None:
         self.until(lambda: self.view("state").text.lower() == state, f"the run is {state}", seconds)

@@ -384,8 +384,23 @@ def test_a_run_that_is_stopped_at_once_is_no_mistake(small):
         assert "Traceback" not in small.until(lambda view=view: small.view(view.lower()), view).text
 
 
+def test_a_browser_that_was_busy_at_the_end_of_a_run_sees_the_end(small, server):
+    small.fill("duration", 100)
+    small.press("run")
+    small.tell_state("running")
+    small.until(lambda: "simulated" in small.view("progress").text, "the first progress", RUN_SECONDS)
+    small.driver.execute_script("window.mark = 'the same page'")
+    summaries = set(server[1].glob("*.json"))
+    with small.frozen():  # for 10 s or more, as while it loads the picture's viewer
+        small.until(lambda: set(server[1].glob("*.json")) - summaries, "the run is over", RUN_SECONDS)
+    small.tell_state("finished")
+    assert "simulated 1:40 min" in small.view("progress").text
+    assert small.driver.execute_script("return window.mark") == "the same page"
+
+
 def test_a_run_is_still_there_after_a_reload_and_can_be_stopped(small):
     small.press("run")
+    small.tell_state("running")
     small.until(lambda: "simulated" in small.view("progress").text, "the first progress", RUN_SECONDS)
     small.driver.refresh()
     small.tell_state("running")

@@ -58,7 +58,6 @@ class Page:
         with ui.element("div").classes("run-card"):
             with ui.element("div").classes("wishes"):
                 self.wishes = Wishes(self._mark, self.runner.run.order if self.runner.run else None)
-                ui.element("div").classes("grow")
                 self.start_button = ui.button("Run", icon="play_arrow", on_click=self._start)
                 self.start_button.props("no-caps unelevated data-action=run")
                 self.stop_button = ui.button("Stop", icon="stop", on_click=self._stop)

@@ -8,7 +8,7 @@ RUN := $(VENV)/bin/python
 
 $(VENV)/ready: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet --editable '.[app,dev]'
+	$(VENV)/bin/pip install --quiet --editable '.[app,secure,dev]'
 	touch $@
 
 run: $(VENV)/ready  ## the default orchard, from start to summary

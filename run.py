@@ -5,6 +5,7 @@
     python run.py app [--port 8080]
     python run.py stop [ROBOT ...]
     python run.py reset [ROBOT ...]
+    python run.py secure DIR [SCENARIO.yaml]
 """
 
 import signal
@@ -26,6 +27,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
+from orchard.access import WARDEN
 from orchard.config import Scenario, ScenarioError, check, load, with_changes
 from orchard.guard import replaced
 from orchard.layout import lay_out
@@ -90,6 +92,8 @@ Without = Annotated[list[str] | None, typer.Option(metavar="KIND|NAME", help="Le
 Only = Annotated[list[str] | None, typer.Option(metavar="KIND|NAME", help="Run just these agents of a run elsewhere (repeatable).")]
 Resume = Annotated[str | None, typer.Option(metavar="DIR|last", help="Go on with a run from its newest snapshot.")]
 
+Secure = Annotated[Path | None, typer.Option(metavar="DIR", help="Let in only whom `run.py secure DIR` knows; with --only: DIR/<role>.")]
+
 
 @app.command()
 def harvest(
@@ -112,14 +116,16 @@ def harvest(
     without: Without = None,
     only: Only = None,
     resume: Resume = None,
+    secure: Secure = None,
 ) -> None:
     """Harvest an orchard to the end."""
     _check_places(mode, listen, connect, without, only)
+    _check_secure(mode, secure, hosts)
     changes = {"rows": rows, "pickers": pickers, "row_width": row_width, "carriers": carriers, "seed": seed}
     if only and connect:
         others = {"scenario": scenario, "speed": speed, "duration": duration, "record": record, "summary": summary}
         _check_guest(changes | others | {"view": view, "web": web})
-        raise typer.Exit(_visit(connect, only, without or [], hosts))
+        raise typer.Exit(_visit(connect, only, without or [], secure, hosts))
     try:
         before = None if resume is None else _snapshot(resume, changes | {"scenario": scenario})
         chosen = _scenario(scenario, changes) if before is None else check(before.scenario, "the snapshot's scenario")
@@ -132,7 +138,7 @@ def harvest(
     pace = _pace(mode, speed, view or web is not None)
     snapshots = Path(resume) if resume not in (None, LAST) else RUNS / f"harvest-{datetime.now():%Y%m%d-%H%M%S}-{os.getpid()}.snapshots"
     snapshots = _newest_snapshots() if resume == LAST else snapshots
-    place = (listen, connect, tuple(without or ()), web, RUNS)
+    place = (listen, connect, tuple(without or ()), secure, web, RUNS)
     wish = Wish(chosen, mode.value, pace, hosts, duration, recording, view, snapshots, before, *place)
     result, why = (_alone if mode == Mode.local else _together)(wish)
     code = _tell(result, why, recording, summary)
@@ -182,6 +188,13 @@ def _check_places(mode: Mode, listen: str | None, connect: str | None, without: 
         raise typer.BadParameter("either be where others meet, or go where they do: --listen or --connect", param_hint="--listen")
     if only and not connect:
         raise typer.BadParameter("run these agents of which run? --connect ENDPOINT tells", param_hint="--only")
+
+
+def _check_secure(mode: Mode, secure: Path | None, hosts: int | None) -> None:
+    if secure and mode == Mode.local:
+        raise typer.BadParameter("local mode is one process, and has no network to secure", param_hint="--secure")
+    if secure and hosts is not None:
+        raise typer.BadParameter("leave out --hosts: `run.py secure` has settled which process hosts whom", param_hint="--secure")
 
 
 def _check_guest(others: dict[str, Any]) -> None:
@@ -313,14 +326,15 @@ def _together(wish: Wish) -> tuple[dict[str, Any] | None, str]:
         raise typer.Exit(BAD_INPUT) from None
 
 
-def _visit(endpoint: str, only: list[str], without: list[str], hosts: int | None) -> int:
+def _visit(endpoint: str, only: list[str], without: list[str], secure: Path | None, hosts: int | None) -> int:
     """Run these agents of a run elsewhere; the exit code."""
     from orchard.bus import BusError
+    from processes.passes import passes_of
     from processes.together import visit
 
     try:
         with Progress(Console(highlight=False)) as progress:
-            return visit(endpoint, only, without, hosts, progress)
+            return visit(endpoint, only, without, passes_of(secure, hosts), progress)
     except (BusError, ValueError) as error:
         errors.print(str(error), markup=False, soft_wrap=True)
         return BAD_INPUT
@@ -331,26 +345,29 @@ def _visit(endpoint: str, only: list[str], without: list[str], hosts: int | None
 Robots = Annotated[list[str] | None, typer.Argument(metavar="[ROBOT|KIND]...", help="picker_01, carrier; default: all robots.")]
 There = Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Of a run elsewhere: tcp/192.168.1.10:7447. Default: the one here.")]
 
+Warden = Annotated[Path | None, typer.Option("--secure", metavar="DIR", help="Of a secured run: the directory with the role warden.")]
+
 
 @app.command()
-def stop(robots: Robots = None, connect: There = None) -> None:
+def stop(robots: Robots = None, connect: There = None, secure: Warden = None) -> None:
     """Stop robots of a run that goes on, each with its bin; they stand until they are reset."""
-    raise typer.Exit(_switch(robots or [], connect, True))
+    raise typer.Exit(_switch(robots or [], connect, secure, True))
 
 
 @app.command()
-def reset(robots: Robots = None, connect: There = None) -> None:
+def reset(robots: Robots = None, connect: There = None, secure: Warden = None) -> None:
     """Let stopped robots go on."""
-    raise typer.Exit(_switch(robots or [], connect, False))
+    raise typer.Exit(_switch(robots or [], connect, secure, False))
 
 
-def _switch(robots: list[str], connect: str | None, stop: bool) -> int:
+def _switch(robots: list[str], connect: str | None, secure: Path | None, stop: bool) -> int:
     """Stop or reset, and tell what came of it; the exit code."""
     from orchard.bus import BusError
+    from orchard.identity import Keyring
     from processes.stopping import switch, the_run
 
     try:
-        answer = switch(the_run(RUNS, connect), robots, stop)
+        answer = switch(the_run(RUNS, connect), robots, stop, None if secure is None else Keyring.load(secure).of(WARDEN))
     except (BusError, ValueError) as error:
         errors.print(str(error), markup=False, soft_wrap=True)
         return BAD_INPUT
@@ -360,6 +377,39 @@ def _switch(robots: list[str], connect: str | None, stop: bool) -> int:
     if before:
         console.print(f"{'stopped before' if stop else 'still stopped'}: {', '.join(before)}", markup=False)
     return FINISHED
+
+
+# -- security
+
+
+@app.command()
+def secure(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where the certificates go.")],
+    scenario: Annotated[Path | None, typer.Argument(metavar="SCENARIO.yaml", show_default="config/orchard.yaml")] = None,
+    rows: Annotated[int | None, typer.Option(help="Rows, 3 to 20.")] = None,
+    pickers: Annotated[int | None, typer.Option(help="Pickers, 2 to rows.")] = None,
+    carriers: Annotated[int | None, typer.Option(help="Carriers, 1 to 40.")] = None,
+    hosts: Hosts = None,
+    role: Annotated[list[str] | None, typer.Option(metavar="NAME=KIND|AGENT,...", help="One host for just these (repeatable).")] = None,
+    address: Annotated[list[str] | None, typer.Option(metavar="NAME|IP", help="Where other machines find this one (repeatable).")] = None,
+    days: Annotated[float, typer.Option(min=1, max=3650, help="For how long the certificates hold.")] = 365,
+    anew: Annotated[bool, typer.Option("--anew", help="Replace what an earlier call made.")] = False,
+) -> None:
+    """Make certificates and rules, so that each process of a run may do only its own."""
+    from orchard.security import host_roles, make
+    from processes.passes import shares
+    from processes.together import agent_names
+
+    changes = {"rows": rows, "pickers": pickers, "carriers": carriers}
+    try:
+        chosen = with_changes(load(scenario or HERE / "config" / "orchard.yaml"), **{k: v for k, v in changes.items() if v is not None})
+        roles = make(folder, host_roles(agent_names(chosen), role or (), lambda rest: shares(rest, hosts)), address or (), days, anew)
+    except (ScenarioError, OSError, ValueError) as error:
+        errors.print(str(error), markup=False, soft_wrap=True)
+        raise typer.Exit(BAD_INPUT) from None
+    console = Console(highlight=False)
+    for one in roles:
+        console.print(f"{folder / one.name}: {', '.join(one.names) or one.duty}", markup=False, soft_wrap=True)
 
 
 # -- looking at recordings
@@ -385,7 +435,7 @@ def _page(arguments: list[str]) -> int:
 
 def main() -> None:
     """`harvest` is the command that need not be named."""
-    named = {"view", "harvest", "stop", "reset"}
+    named = {"view", "harvest", "stop", "reset", "secure"}
     arguments = sys.argv[1:]
     if arguments[:1] == ["app"]:
         raise SystemExit(_page(arguments[1:]))

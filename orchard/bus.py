@@ -4,6 +4,7 @@ Whatever arrives becomes an item in one inbox, in the order of its arrival: hand
 happens in the thread that reads the inbox. So no lock is needed, and none is held over a get, a reply or a drop.
 """
 
+import ipaddress
 import json
 import logging
 import socket
@@ -18,9 +19,12 @@ from typing import Any, NamedTuple
 import zenoh
 from zenoh.handlers import Callback
 
+from orchard.handshake import why_no_trust
+from orchard.identity import AUTHORITY, CERTIFICATE, KEY, Identity
+
 log = logging.getLogger("orchard.bus")
 
-LOOPBACK = "tcp/127.0.0.1:0"
+LOOPBACK, SECURE_LOOPBACK = "tcp/127.0.0.1:0", "tls/127.0.0.1:0"
 CONNECT_SECONDS = 7.0  # for how long a client looks for its router
 LISTEN_SECONDS = 1.0  # for how long a router tries to get its port
 LEASE_MS = 2000  # after which a silent neighbour counts as gone
@@ -37,6 +41,7 @@ _ASKING: dict[str, Any] = {
 
 _OTHERS = zenoh.Locality.REMOTE  # a session does not hear itself
 _NO_ENDPOINT = "not an endpoint; an endpoint is like tcp/127.0.0.1:7447"
+_OPEN = "whoever reaches this address may drive every robot and end the run; --secure DIR lets in only whom you know"
 _IN_USE = "cannot listen there; the port is in use, or the address is not this machine's"
 
 
@@ -249,23 +254,28 @@ def _replied(ticket: Any, reply: zenoh.Reply) -> Replied:
 
 
 @contextmanager
-def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None) -> Iterator[Bus]:
-    """A session that routes for others. Port 0 takes a free one; `bus.endpoint` tells which."""
+def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None, identity: Identity | None = None) -> Iterator[Bus]:
+    """A session that routes for others: for everybody, or as an identity for those whom its rules name.
+
+    Port 0 takes a free one; `bus.endpoint` tells which.
+    """
     endpoint = with_port(endpoint)
-    with _session("router", endpoint) as session:
+    if identity is None and is_public(endpoint):
+        log.warning("%s: %s", endpoint, _OPEN)
+    with _session("router", endpoint, 0.0, identity) as session:
         yield Bus(session, Inbox() if inbox is None else inbox, endpoint)
 
 
 @contextmanager
-def client(endpoint: str, inbox: Inbox | None = None, seconds: float | None = None) -> Iterator[Bus]:
+def client(endpoint: str, inbox: Inbox | None = None, seconds: float | None = None, identity: Identity | None = None) -> Iterator[Bus]:
     """A session that talks through a router, for which it looks that long."""
-    with _session("client", endpoint, CONNECT_SECONDS if seconds is None else seconds) as session:
+    with _session("client", endpoint, CONNECT_SECONDS if seconds is None else seconds, identity) as session:
         yield Bus(session, Inbox() if inbox is None else inbox, endpoint)
 
 
 @contextmanager
-def _session(mode: str, endpoint: str, seconds: float = 0.0) -> Iterator[zenoh.Session]:
-    session = _open(mode, endpoint, seconds)
+def _session(mode: str, endpoint: str, seconds: float, identity: Identity | None) -> Iterator[zenoh.Session]:
+    session = _open(mode, endpoint, seconds, identity)
     try:
         yield session
     finally:
@@ -275,22 +285,24 @@ def _session(mode: str, endpoint: str, seconds: float = 0.0) -> Iterator[zenoh.S
             log.warning("the session with %s did not close: %s", endpoint, error)
 
 
-def _open(mode: str, endpoint: str, seconds: float) -> zenoh.Session:
+def _open(mode: str, endpoint: str, seconds: float, identity: Identity | None) -> zenoh.Session:
+    check_security(endpoint, identity is not None)
     try:
-        return zenoh.open(_config(mode, endpoint, seconds))
+        return zenoh.open(_config(mode, endpoint, seconds, identity))
     except zenoh.ZError as error:
-        raise BusError(_explain(mode, endpoint, seconds, str(error))) from error
+        raise BusError(_explain(mode, endpoint, seconds, identity, str(error))) from error
 
 
-def _explain(mode: str, endpoint: str, seconds: float, error: str) -> str:
+def _explain(mode: str, endpoint: str, seconds: float, identity: Identity | None, error: str) -> str:
     if "must be of the form" in error:
         return f"{endpoint}: {_NO_ENDPOINT}"
-    if mode == "client":
-        return f"{endpoint}: nobody listens there; tried for {seconds:g} s"
-    return f"{endpoint}: {_IN_USE}"
+    if mode == "router":
+        return f"{endpoint}: {_IN_USE}"
+    distrust = "" if identity is None else why_no_trust(endpoint, identity.folder)
+    return f"{endpoint}: {distrust or f'nobody listens there; tried for {seconds:g} s'}"
 
 
-def _config(mode: str, endpoint: str, seconds: float) -> zenoh.Config:
+def _config(mode: str, endpoint: str, seconds: float, identity: Identity | None) -> zenoh.Config:
     settings = {
         "mode": mode,
         "scouting/multicast/enabled": False,
@@ -299,6 +311,8 @@ def _config(mode: str, endpoint: str, seconds: float) -> zenoh.Config:
         "transport/link/tx/lease": LEASE_MS,
     }
     settings |= _listening(endpoint) if mode == "router" else _connecting(endpoint, seconds)
+    if identity is not None:
+        settings |= _proving(identity) | (_guarding(identity) if mode == "router" else {})
     config = zenoh.Config()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
@@ -323,13 +337,48 @@ def _connecting(endpoint: str, seconds: float) -> dict[str, Any]:
     }
 
 
+def _proving(identity: Identity) -> dict[str, Any]:
+    """By which files each side knows the other, and the session id that the rules name."""
+    tls: dict[str, Any] = {"root_ca_certificate": str(identity.folder / AUTHORITY), "enable_mtls": True, "verify_name_on_connect": True}
+    for side in ("listen", "connect"):
+        tls |= {f"{side}_certificate": str(identity.folder / CERTIFICATE), f"{side}_private_key": str(identity.folder / KEY)}
+    tls["close_link_on_expiration"] = True
+    return {"id": identity.role.session} | {f"transport/link/tls/{key}": value for key, value in tls.items()}
+
+
+def _guarding(identity: Identity) -> dict[str, Any]:
+    """Who may do what, at a router."""
+    return {"access_control": identity.rules()}
+
+
+# -- endpoints
+
+
+def check_security(endpoint: str, is_secured: bool) -> None:
+    """BusError where an endpoint and the wish for security contradict each other."""
+    if is_secured and not endpoint.startswith("tls/"):
+        raise BusError(f"{endpoint}: not secure; with --secure an endpoint is like tls/127.0.0.1:7447")
+    if not is_secured and endpoint.startswith("tls/"):
+        raise BusError(f"{endpoint}: tls needs certificates; --secure DIR tells where they are, and `run.py secure DIR` makes them")
+
+
+def is_public(endpoint: str) -> bool:
+    """Whether other machines can reach it."""
+    protocol, _, address = endpoint.partition("/")
+    host = address.rpartition(":")[0].strip("[]")
+    try:
+        return not ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return protocol in ("tcp", "udp", "tls", "quic", "ws") and host != "localhost"
+
+
 def check_free(endpoint: str) -> None:
     """BusError where a router could not listen. Only TCP is looked at."""
     protocol, _, address = endpoint.partition("/")
     host, _, port = address.rpartition(":")
     if not (protocol and host and port):
         raise BusError(f"{endpoint}: {_NO_ENDPOINT}")
-    if protocol != "tcp" or not port.isdecimal() or int(port) > 65535:
+    if protocol not in ("tcp", "tls") or not port.isdecimal() or int(port) > 65535:
         return
     family = socket.AF_INET6 if host.startswith("[") else socket.AF_INET
     try:
@@ -350,8 +399,8 @@ def with_port(endpoint: str) -> str:
     """The endpoint itself, or with a port that was free a moment ago in the place of port 0: zenoh does not tell which one it took."""
     if not endpoint.endswith(":0"):
         return endpoint
-    host = endpoint.removeprefix("tcp/").removesuffix(":0")
+    protocol, _, host = endpoint.removesuffix(":0").partition("/")
     with suppress(OSError), socket.socket() as probe:
         probe.bind((host, 0))
-        return f"tcp/{host}:{probe.getsockname()[1]}"
+        return f"{protocol}/{host}:{probe.getsockname()[1]}"
     return endpoint

@@ -183,6 +183,8 @@ and puts, hears, asks and answers on the keys below. `{{prefix}}` is `orchard` u
 | --- | --- | --- | --- | --- |
 {table}
 
+In a secured run ([docs/security.md](docs/security.md)) a session may do what its role is for, and nothing else.
+
 ## How to drive a robot
 
 Query `{{prefix}}/scenario` (no payload): the answer tells the run's id, and every name. It comes as soon as physics runs; ask again while nothing comes.
@@ -233,7 +235,7 @@ and logger together) and logged once for each key and reason. Queries get an err
 | malformed | no msgpack, an unknown or missing field, a wrong type, NaN or infinity, a value out of the bounds below, more than {most} bytes |
 | other run | `run` is not this run's id |
 | past tick, future tick | of a held agent in lockstep: not the present tick; of others, and in realtime: older than {watchdog} s and {ticks} ticks, older than the last one that counted, or ahead of physics |
-| not the holder | someone else holds this agent |
+| not the holder | someone else holds this agent; or `holder` is not the session in the key of `velocities` |
 | not held | `holder` is set, but nobody holds the agent: join first |
 | answered already | a second velocity of a held agent for one tick |
 | no such robot | nothing of that name has a body; of a stop: the name is no robot's or kind's |

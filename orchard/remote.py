@@ -11,6 +11,7 @@ from orchard.agent import Agent
 from orchard.bus import Bus, BusError, Inbox, client
 from orchard.config import check
 from orchard.host import Ended, Host, told
+from orchard.identity import identity_in
 from orchard.keys import PREFIX, Keys
 from orchard.layout import lay_out
 from orchard.wire import Newcomer, read
@@ -44,8 +45,11 @@ def _end_of(host: Host) -> Ended:
 
 
 @contextmanager
-def connect(endpoint: str, prefix: str = PREFIX) -> Iterator[Remote]:
-    """The run that goes on at an endpoint. Raises BusError where nobody listens, or no run is."""
+def connect(endpoint: str, prefix: str = PREFIX, secure: str | None = None) -> Iterator[Remote]:
+    """The run that goes on at an endpoint; a secured one takes in who names its role's directory.
+
+    Raises BusError where nobody listens, or no run is; ValueError where the directory is of no use.
+    """
     keys = Keys(prefix)
-    with client(endpoint, Inbox()) as bus:
+    with client(endpoint, Inbox(), identity=identity_in(secure, prefix)) as bus:
         yield Remote(bus, keys, read(told(bus, keys.of("scenario"), b"", lambda item: None), Newcomer))

@@ -16,6 +16,7 @@ from orchard.agent import Agent
 from orchard.bus import Bus, BusError, Inbox, Item, Signal, client
 from orchard.config import ScenarioError, check
 from orchard.host import GONE_SECONDS, Ended, Host, told
+from orchard.identity import Identity, identity_in
 from orchard.keys import PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.names import chosen
@@ -54,8 +55,9 @@ def main(argv: list[str] | None = None) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
     try:
-        with client(options.connect, inbox) as bus:
-            _host(bus, options).run()
+        identity = identity_in(options.secure, options.prefix)
+        with client(options.connect, inbox, identity=identity) as bus:
+            _host(bus, options, identity).run()
     except Ended as end:
         if end.code:
             log.error("%s", end)
@@ -66,12 +68,13 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
-def _host(bus: Bus, options: argparse.Namespace) -> Host:
+def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None) -> Host:
     keys = Keys(options.prefix)
     run = read(told(bus, keys.of("scenario"), b"", _only_signals), Newcomer)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     agents = factory(options.agents)(layout)
-    names = chosen(sorted(agents), options.only, options.without, options.share)
+    allowed = agents if identity is None else set(agents) & set(identity.role.names)
+    names = chosen(sorted(allowed), options.only, options.without, options.share)
     host = Host(bus, keys, run.run, run.mode, layout, {name: agents[name] for name in names}, options.patience)
     host.listen()
     return host
@@ -80,6 +83,7 @@ def _host(bus: Bus, options: argparse.Namespace) -> Host:
 def _options(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m processes.agents", description="Host agents of an orchard.")
     parser.add_argument("--connect", required=True, metavar="ENDPOINT", help="where physics or a router listens: tcp/127.0.0.1:7447")
+    parser.add_argument("--secure", metavar="DIR", help="the role's directory; it may host that role's agents only")
     parser.add_argument("--prefix", default=PREFIX, help="first part of every key")
     parser.add_argument("--only", action="append", default=[], metavar="KIND|NAME", help="host these (repeatable)")
     parser.add_argument("--without", action="append", default=[], metavar="KIND|NAME", help="host all but these (repeatable)")

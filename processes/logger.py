@@ -20,6 +20,7 @@ from orchard.camera import talk_of
 from orchard.config import ScenarioError, check
 from orchard.frames import Event, Frame
 from orchard.host import GONE_SECONDS, Ended, tell_refusals, told
+from orchard.identity import identity_in
 from orchard.keys import LOGGER, PHYSICS, PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.lockstep import Refusals, Refused, understood
@@ -120,7 +121,7 @@ def main(argv: list[str] | None = None) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
     try:
-        with client(arguments.connect, inbox) as bus:
+        with client(arguments.connect, inbox, identity=identity_in(arguments.secure, arguments.prefix)) as bus:
             code, file = _record(bus, arguments)
     except Ended as end:
         return end.code
@@ -166,6 +167,7 @@ class Opening:
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m processes.logger", description="Record a run for Rerun.")
     parser.add_argument("--connect", required=True, metavar="ENDPOINT", help="where physics or a router listens: tcp/127.0.0.1:7447")
+    parser.add_argument("--secure", metavar="DIR", help="the role's directory: that of the logger")
     parser.add_argument("--prefix", default=PREFIX, help="first part of every key")
     parser.add_argument("--record", type=Path, metavar="FILE.rrd", help="write a recording, or a further part of one of the same run")
     parser.add_argument("--serve", type=int, metavar="PORT", help="serve live viewers on this port of 127.0.0.1")

@@ -15,15 +15,17 @@ import time
 import uuid
 from collections import Counter
 from collections.abc import Collection
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from orchard import wire
 from orchard.agent import Action
-from orchard.bus import LOOPBACK, Alive, Bus, BusError, Inbox, Item, Question, Sample, Signal, client, router
+from orchard.bus import LOOPBACK, SECURE_LOOPBACK, Alive, Bus, BusError, Inbox, Item, Question, Sample, Signal, client, router
 from orchard.camera import Camera
 from orchard.config import TIME_STEP, Scenario, ScenarioError, load
+from orchard.identity import Identity, identity_in
 from orchard.keys import LOGGER, PHYSICS, PREFIX, Keys
 from orchard.kinds import KINDS
 from orchard.lockstep import AGAIN_SECONDS, Answers, Ledger, Loose, Pacer, Refusals, Refused, Roster, refuse_other_tick, understood
@@ -283,12 +285,14 @@ class Physics:
                     self._refused_there[session] = counts
             case [name, "velocity"]:
                 self._drive(name, understood(sample.payload, wire.Velocity, self.run_id))
-            case ["hosts", _, "velocities"]:
-                self._drive_all(sample)
+            case ["hosts", session, "velocities"]:
+                self._drive_all(session, sample)
 
-    def _drive_all(self, sample: Sample) -> None:
-        """Each velocity of a session counts, or is refused, for itself."""
+    def _drive_all(self, session: str, sample: Sample) -> None:
+        """Each velocity of a session counts, or is refused, for itself. Who may put on whose key, a secured router sees to."""
         velocities = understood(sample.payload, wire.Velocities, self.run_id)
+        if velocities.holder != session:
+            raise Refused("not the holder", f"{velocities.holder!r} is not the session of the key")
         for name in velocities.velocities:
             try:
                 self._drive(name, wire.velocity_of(velocities, name))
@@ -410,12 +414,18 @@ def main(argv: list[str] | None = None) -> int:
     try:
         before = last(arguments.snapshots) if arguments.resume else None
         keys = Keys(arguments.prefix)
-        meeting = client(arguments.connect, inbox) if arguments.connect else router(arguments.listen, inbox)
-        with meeting as bus:
+        with _meeting(arguments, inbox, identity_in(arguments.secure, arguments.prefix)) as bus:
             return _run(bus, keys, before, arguments)
     except (BusError, ScenarioError, SnapshotError, ValueError) as error:
         log.error("%s", error)
         return 2
+
+
+def _meeting(arguments: argparse.Namespace, inbox: Inbox, identity: Identity | None) -> AbstractContextManager[Bus]:
+    """The session: with a router elsewhere, or as the router."""
+    if arguments.connect:
+        return client(arguments.connect, inbox, identity=identity)
+    return router(arguments.listen or (LOOPBACK if identity is None else SECURE_LOOPBACK), inbox, identity)
 
 
 def _run(bus: Bus, keys: Keys, before: Snapshot | None, arguments: argparse.Namespace) -> int:
@@ -465,8 +475,9 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m processes.physics", description="Own the world and the clock of an orchard.")
     parser.add_argument("scenario", nargs="?", metavar="SCENARIO.yaml", help="default: the built-in scenario")
     place = parser.add_mutually_exclusive_group()
-    place.add_argument("--listen", default=LOOPBACK, metavar="ENDPOINT", help="default: a free port of 127.0.0.1")
+    place.add_argument("--listen", metavar="ENDPOINT", help="default: a free port of 127.0.0.1")
     place.add_argument("--connect", metavar="ENDPOINT", help="that of a router elsewhere")
+    parser.add_argument("--secure", metavar="DIR", help="the role's directory: endpoints are tls/..., and each role may do its own only")
     parser.add_argument("--run", default="", metavar="ID", help="the run's id; default: a new one")
     parser.add_argument("--prefix", default=PREFIX, help="first part of every key")
     parser.add_argument("--mode", choices=["lockstep", "realtime"], default="lockstep", help="wait for all agents, or for none")

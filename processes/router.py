@@ -11,26 +11,30 @@ import signal
 import sys
 
 from orchard.bus import BusError, Inbox, Signal, check_free, router, with_port
+from orchard.identity import identity_in
+from orchard.keys import PREFIX
 
 log = logging.getLogger("orchard")
 
 
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m processes.router", description="Route for an orchard's processes.")
-    parser.add_argument("--listen", default="tcp/127.0.0.1:7447", metavar="ENDPOINT", help="default: tcp/127.0.0.1:7447")
+    parser.add_argument("--listen", metavar="ENDPOINT", help="default: tcp/127.0.0.1:7447; with --secure tls/127.0.0.1:7447")
+    parser.add_argument("--secure", metavar="DIR", help="the role's directory: that of the router")
     arguments = parser.parse_args(argv)
     logging.basicConfig(level=logging.WARNING, format="router: %(message)s")
     inbox = Inbox()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
     try:
-        endpoint = with_port(arguments.listen)
+        identity = identity_in(arguments.secure, PREFIX)
+        endpoint = with_port(arguments.listen or f"{'tcp' if identity is None else 'tls'}/127.0.0.1:7447")
         check_free(endpoint)
-        with router(endpoint, inbox) as bus:
+        with router(endpoint, inbox, identity) as bus:
             print(f"listening on {bus.endpoint}", flush=True)
             while not isinstance(inbox.take(), Signal):
                 pass
-    except BusError as error:
+    except (BusError, ValueError) as error:
         log.error("%s", error)
         return 2
     return 0

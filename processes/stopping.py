@@ -4,6 +4,7 @@ import time
 from pathlib import Path
 
 from orchard.bus import Bus, BusError, Final, Replied, client
+from orchard.identity import Identity
 from orchard.keys import Keys
 from orchard.messages import pack
 from orchard.wire import Newcomer, Stop, Stopped, read
@@ -30,10 +31,10 @@ def the_run(folder: Path, connect: str | None) -> Going:
     return runs[0]
 
 
-def switch(going: Going, names: list[str], stop: bool) -> Stopped:
+def switch(going: Going, names: list[str], stop: bool, identity: Identity | None = None) -> Stopped:
     """Stop (or reset) these robots and kinds of a run, or all. Raises BusError where nobody takes it, with the reason."""
     keys = Keys()
-    with client(going.endpoint, seconds=LOOK_SECONDS) as bus:
+    with client(going.endpoint, seconds=LOOK_SECONDS, identity=identity) as bus:
         run = going.run or read(_answer(bus, keys.of("scenario"), b""), Newcomer).run
         return read(_answer(bus, keys.of("stop"), pack(Stop(run, stop, names))), Stopped)
 

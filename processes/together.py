@@ -1,22 +1,22 @@
 """A run in many processes: start those of this machine, follow them, stop them. And the guest, who runs agents of a run elsewhere."""
 
 import math
-import os
 import signal
 import subprocess
 import threading
 import time
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from orchard.bus import Alive, Bus, BusError, Inbox, Sample, Signal, check_free, client, reachable, with_port
-from orchard.config import to_yaml
+from orchard.bus import Alive, Bus, BusError, Inbox, Sample, Signal, check_free, check_security, client, reachable, with_port
+from orchard.config import Scenario, to_yaml
 from orchard.host import told
+from orchard.identity import Identity
 from orchard.keys import LOGGER, PHYSICS, Keys
 from orchard.layout import lay_out
 from orchard.lockstep import Refusals, Refused, understood
@@ -24,6 +24,7 @@ from orchard.names import chosen
 from orchard.progress import Progress
 from orchard.wire import End, Figures, Newcomer, read
 from processes.fleet import Fleet, Program, free_port, open_viewer
+from processes.passes import Open, Passes, Secured, Shares, passes_of
 from processes.running import Going, noted
 from processes.watchdog import Watchdog
 from processes.wish import Wish
@@ -38,17 +39,20 @@ GIVEN_UP = 2  # exit code of a process whose order cannot be carried out: starti
 
 def run(wish: Wish, progress: Progress) -> tuple[dict[str, Any] | None, str]:
     """A whole run; its summary, and why it ended. Raises BusError where the endpoint is of no use."""
-    names = local_names(wish)
-    endpoint = _meeting(wish)
+    everybody, names = agent_names(wish.scenario), local_names(wish)
+    passes = passes_of(wish.secure, wish.hosts)
+    shares = passes.shares(names, everybody)
+    endpoint = _meeting(wish, passes)
     run_id = (wish.resumed.run if wish.resumed else "") or uuid.uuid4().hex[:16]
     with TemporaryDirectory() as folder, Fleet(progress.say) as fleet, _noted(wish, Going(run_id, reachable(endpoint)), progress):
         file = Path(folder) / "scenario.yaml"
         file.write_text(to_yaml(wish.scenario))
-        viewer = _start(fleet, wish, file, endpoint, names, run_id)
+        viewer = _start(fleet, wish, passes, file, endpoint, run_id)
+        start_hosts(fleet, reachable(endpoint), shares, passes)
         if wish.without:
             progress.say(f"{', '.join(wish.without)}: left to others, who connect to {endpoint}")
         watchdog = Watchdog(fleet, LOGGER)
-        summary, why = _follow(wish, fleet, watchdog, reachable(endpoint), run_id, progress)
+        summary, why = _follow(wish, fleet, watchdog, reachable(endpoint), passes.identity("operator"), run_id, progress)
         if summary is not None:
             watchdog.end()
         if wish.recording is not None:  # what was recorded is read next, and Rerun takes half a second to load
@@ -60,19 +64,25 @@ def run(wish: Wish, progress: Progress) -> tuple[dict[str, Any] | None, str]:
         return summary, why
 
 
-def local_names(wish: Wish) -> list[str]:
-    """The agents that are hosted on this machine. Raises ValueError for words that name none."""
+def agent_names(scenario: Scenario) -> list[str]:
+    """Every agent of a run."""
     from orchard.doer import TRAFFIC
 
-    return chosen(sorted([*lay_out(wish.scenario).names, TRAFFIC]), [], list(wish.without))
+    return sorted([*lay_out(scenario).names, TRAFFIC])
 
 
-def _meeting(wish: Wish) -> str:
+def local_names(wish: Wish) -> list[str]:
+    """The agents that are hosted on this machine. Raises ValueError for words that name none."""
+    return chosen(agent_names(wish.scenario), [], list(wish.without))
+
+
+def _meeting(wish: Wish, passes: Passes) -> str:
     """The endpoint at which all meet, after a look whether it can be used."""
     if wish.connect:
-        with client(wish.connect, seconds=LOOK_SECONDS):
+        with client(wish.connect, seconds=LOOK_SECONDS, identity=passes.identity("operator")):
             return wish.connect
-    endpoint = with_port(wish.listen or f"tcp/127.0.0.1:{free_port()}")
+    endpoint = with_port(wish.listen or f"{passes.protocol}/127.0.0.1:{free_port()}")
+    check_security(endpoint, passes.identity(PHYSICS) is not None)
     check_free(endpoint)
     return endpoint
 
@@ -89,40 +99,32 @@ def _noted(wish: Wish, going: Going, progress: Progress) -> Iterator[None]:
         yield
 
 
-def _start(fleet: Fleet, wish: Wish, file: Path, endpoint: str, names: list[str], run_id: str) -> subprocess.Popen[bytes] | None:
-    """Start everything; the viewer."""
+def _start(fleet: Fleet, wish: Wish, passes: Passes, file: Path, endpoint: str, run_id: str) -> subprocess.Popen[bytes] | None:
+    """Start all but the agents; the viewer."""
     pace = ["--mode", wish.mode, "--speed", "max" if math.isinf(wish.speed) else str(wish.speed)]
     limit = [] if wish.duration is None else ["--duration", str(wish.duration)]
     limit += ["--recorded"] if wish.recording is not None or wish.is_live else []
     where = ["--connect" if wish.connect else "--listen", endpoint]
     keep = ["--snapshots", str(wish.snapshots.resolve()), *(["--resume"] if wish.resumed else [])]
-    order = [str(file), *where, "--run", run_id, *pace, *limit, *keep]
+    order = [str(file), *where, *passes.option(PHYSICS), "--run", run_id, *pace, *limit, *keep]
     fleet.start(Program("physics", "processes.physics", order, again=True, afterwards=["--resume"], final=ENDED))
-    start_hosts(fleet, reachable(endpoint), names, wish.hosts)
-    return _start_logger(fleet, wish, reachable(endpoint), run_id)
+    return _start_logger(fleet, wish, passes, reachable(endpoint), run_id)
 
 
-def start_hosts(fleet: Fleet, endpoint: str, names: list[str], hosts: int | None) -> None:
-    """Agent processes that share these agents."""
-    for name, share in _shares(names, hosts):
+def start_hosts(fleet: Fleet, endpoint: str, shares: Shares, passes: Passes) -> None:
+    """Agent processes that share some agents."""
+    for name, share in shares:
         only = [word for agent in share for word in ("--only", agent)]
-        fleet.start(Program(name, "processes.agents", ["--connect", endpoint, *only], again=True))
+        fleet.start(Program(name, "processes.agents", ["--connect", endpoint, *passes.option(name), *only], again=True))
 
 
-def _shares(names: Sequence[str], hosts: int | None) -> list[tuple[str, Sequence[str]]]:
-    """(name of an agent process, which agents it hosts)."""
-    if hosts == 0:
-        return [(name, [name]) for name in names]
-    count = min(len(names), hosts or min(4, os.cpu_count() or 1))
-    return [(f"agents {i + 1}", names[i::count]) for i in range(count)]
-
-
-def _start_logger(fleet: Fleet, wish: Wish, endpoint: str, session: str) -> subprocess.Popen[bytes] | None:
+def _start_logger(fleet: Fleet, wish: Wish, passes: Passes, endpoint: str, session: str) -> subprocess.Popen[bytes] | None:
     """Start the logger, if anything is to be recorded or seen; the viewer."""
     file = [] if wish.recording is None else ["--record", str(wish.recording.resolve())]
     live = ["--serve", str(wish.data_port)] if wish.is_live else []
     if file or live:
-        fleet.start(Program(LOGGER, "processes.logger", ["--connect", endpoint, "--session", session, *file, *live], again=True))
+        where = ["--connect", endpoint, *passes.option(LOGGER), "--session", session]
+        fleet.start(Program(LOGGER, "processes.logger", [*where, *file, *live], again=True))
     if wish.web is not None:
         from orchard.view.web import page_url
 
@@ -140,13 +142,13 @@ def _signalled(inbox: Inbox) -> None:
 
 
 def _follow(
-    wish: Wish, fleet: Fleet, watchdog: Watchdog, endpoint: str, run_id: str, progress: Progress
+    wish: Wish, fleet: Fleet, watchdog: Watchdog, endpoint: str, identity: Identity | None, run_id: str, progress: Progress
 ) -> tuple[dict[str, Any] | None, str]:
     """Show how it goes until it is over; the summary, and why it ended."""
     inbox, keys = Inbox(), Keys()
     _signalled(inbox)
     try:
-        with client(endpoint, inbox) as bus:
+        with client(endpoint, inbox, identity=identity) as bus:
             for what in ("figures", "end"):
                 bus.subscribe(keys.of(what))
             bus.watch(keys.of("alive", LOGGER, run_id))
@@ -193,13 +195,15 @@ def _hear(sample: Sample, run_id: str, progress: Progress) -> End | None:
 # -- the guest
 
 
-def visit(endpoint: str, only: list[str], without: list[str], hosts: int | None, progress: Progress) -> int:
+def visit(endpoint: str, only: list[str], without: list[str], passes: Open | Secured, progress: Progress) -> int:
     """Host these agents of a run that goes on elsewhere, until it ends; the exit code."""
-    names = chosen(_names_of(endpoint), only, without)
+    everybody = _names_of(endpoint, passes.identity(passes.only_role) if isinstance(passes, Secured) else None)
+    names = chosen(everybody, only, without)
+    shares = passes.shares(names, everybody)
     inbox = Inbox()
     _signalled(inbox)
     with Fleet(progress.say) as fleet:
-        start_hosts(fleet, endpoint, names, hosts)
+        start_hosts(fleet, endpoint, shares, passes)
         progress.say(f"hosting {', '.join(names)} at {endpoint}")
         while (codes := fleet.exit_codes()) and None in codes:
             if isinstance(inbox.take(0.2), Signal):
@@ -211,7 +215,7 @@ def visit(endpoint: str, only: list[str], without: list[str], hosts: int | None,
         return max([1 for _ in fleet.given_up] + [code or 0 for code in fleet.exit_codes()])
 
 
-def _names_of(endpoint: str) -> list[str]:
+def _names_of(endpoint: str, identity: Identity | None) -> list[str]:
     """Every agent of the run that goes on there."""
-    with client(endpoint, seconds=LOOK_SECONDS) as bus:
+    with client(endpoint, seconds=LOOK_SECONDS, identity=identity) as bus:
         return read(told(bus, Keys().of("scenario"), b"", lambda item: None), Newcomer).agents

@@ -25,6 +25,7 @@ class Wish:
     listen: str | None = None  # the endpoint at which others may join; None: a free port of 127.0.0.1
     connect: str | None = None  # that of a router elsewhere, through which all talk
     without: tuple[str, ...] = ()  # kinds and names that others run
+    secure: Path | None = None  # the directory of `run.py secure`
     web: int | None = None  # the port at which browsers find the live picture
     notes: Path | None = None  # where a note tells others on this machine how to reach the run
 

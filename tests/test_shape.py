@@ -12,6 +12,7 @@ OWNERS = {
     "yaml": ["orchard/config.py"],
     "rerun": ["orchard/view/"],
     "nicegui": ["orchard/app/"],
+    "cryptography": ["orchard/certificates.py"],
     "numba": ["orchard/compiled.py", "orchard/laser_kernel.py", "orchard/move_kernel.py", "orchard/boxes.py"],
 }
 SOURCES = sorted([*ROOT.glob("orchard/**/*.py"), *ROOT.glob("processes/*.py"), ROOT / "run.py"])

@@ -31,7 +31,22 @@ from orchard.identity import AUTHORITY, Identity, Keyring
 from orchard.keys import TABLE, Keys
 from orchard.messages import pack
 from orchard.security import host_roles, make
-from orchard.wire import Angular, Clock, Command, Drive, Figures, Join, Joined, Linear, Odometry, RefusedThere, Stop, Velocities, Velocity, read
+from orchard.wire import (
+    Angular,
+    Clock,
+    Command,
+    Drive,
+    Figures,
+    Join,
+    Joined,
+    Linear,
+    Odometry,
+    RefusedThere,
+    Stop,
+    Velocities,
+    Velocity,
+    read,
+)
 from processes.fleet import free_port
 from processes.passes import shares
 from processes.together import agent_names

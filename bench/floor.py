@@ -23,12 +23,10 @@ WARM_UP = 50  # ticks
 
 @dataclass(frozen=True)
 class Traffic:
-    """What travels at every tick."""
+    """What travels at every tick, but for queries."""
 
     clients: int
-    ahead: tuple[int, ...]  # bytes of the messages to each client, before the one that wakes it
-    last: int  # bytes of the one that wakes it
-    shared: bool  # whether that last one is the same message for all, on one key
+    ahead: int  # bytes of the message to each client
     back: int  # messages from each client
     size: int  # bytes of each of those
 
@@ -71,16 +69,11 @@ class _Counter:
 
 
 def _tick(session: zenoh.Session, traffic: Traffic, arrived: "SimpleQueue[None]", seconds: float) -> float:
-    ahead = [[(_publisher(session, f"floor/ahead/{i}/{k}"), bytes(n)) for k, n in enumerate(traffic.ahead)] for i in range(traffic.clients)]
-    lasts = [_publisher(session, "floor/last/all")] if traffic.shared else []
-    lasts = lasts or [_publisher(session, f"floor/last/{i}") for i in range(traffic.clients)]
-    payload = bytes(traffic.last)
+    publishers = [_publisher(session, f"floor/ahead/{i}") for i in range(traffic.clients)]
+    payload = bytes(traffic.ahead)
 
     def tick() -> None:
-        for messages in ahead:
-            for publisher, message in messages:
-                publisher.put(message)
-        for publisher in lasts:
+        for publisher in publishers:
             publisher.put(payload)
         arrived.get(timeout=20)
 
@@ -99,11 +92,9 @@ def _client(endpoint: str, number: int, back: int, size: int) -> None:
     with zenoh.open(_config("client", "connect", endpoint)) as session:
         publishers, payload = [_publisher(session, f"floor/back/{number}/{k}") for k in range(back)], bytes(size)
         kept = [
-            session.declare_subscriber(f"floor/ahead/{number}/*", _calling(lambda sample: sample.payload.to_bytes())),
+            session.declare_subscriber(f"floor/ahead/{number}", _calling(lambda sample: awake.put(bool(sample.payload.to_bytes())))),
             session.declare_subscriber("floor/end", _calling(lambda sample: awake.put(False))),
         ]
-        for key in (f"floor/last/{number}", "floor/last/all"):
-            kept.append(session.declare_subscriber(key, _calling(lambda sample: awake.put(bool(sample.payload.to_bytes())))))
         kept.append(session.liveliness().declare_token(f"floor/ready/{number}"))
         while awake.get():
             for publisher in publishers:

@@ -137,17 +137,14 @@ def _memory(program: psutil.Process) -> dict[str, float]:
 
 
 def _traffic(samples: list[Sample], ticks: int, clients: int) -> Traffic:
-    """The mean of what was sent: to each client its `seen`, or, where each agent is its own process, pose and scan before the clock."""
+    """The mean of what was sent: to each client what is seen, and back from it the velocities."""
     count, size = Counter(), Counter()
     for sample in samples:
         kind = sample.key.rsplit("/", 1)[1]
         count[kind] += 1
         size[kind] += len(sample.payload)
     mean = {kind: round(size[kind] / count[kind]) for kind in count}
-    back = round(count["velocity"] / ticks / clients)
-    if "seen" in mean:
-        return Traffic(clients, (), mean["seen"], False, back, mean["velocity"])
-    return Traffic(clients, (mean["pose"], mean["scan"]), mean["clock"], True, back, mean["velocity"])
+    return Traffic(clients, mean["seen"], round(count["velocities"] / ticks / clients), mean["velocities"])
 
 
 # -- memory

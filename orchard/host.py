@@ -81,23 +81,25 @@ class StateBoard:
 
     def __init__(self, bus: Bus, keys: Keys, run: str) -> None:
         self._bus, self._keys, self._run = bus, keys, run
-        self._states: dict[str, State] = {}
+        self._seen: dict[str, Observation] = {}
 
     def update(self, seen: Observation) -> None:
-        state = State(self._run, seen.tick, seen.full, seen.fill, seen.hitch.name if seen.hitch else "")
-        old = self._states.get(seen.name)
-        self._states[seen.name] = state
-        if old is None or (old.full, old.coupled_to) != (state.full, state.coupled_to):
-            self._bus.publish(self._keys.of("state", seen.name), pack(state))
+        coupled_to, old = seen.hitch.name if seen.hitch else "", self._seen.get(seen.name)
+        self._seen[seen.name] = seen
+        if old is None or (old.full, old.hitch.name if old.hitch else "") != (seen.full, coupled_to):
+            self._bus.publish(self._keys.of("state", seen.name), pack(self._state(seen)))
+
+    def _state(self, seen: Observation) -> State:
+        return State(self._run, seen.tick, seen.full, seen.fill, seen.hitch.name if seen.hitch else "")
 
     def tell(self, name: str, question: Question) -> None:
         if question.payload:
             question.refuse("malformed: the query of a state has no payload")
             raise Refused("malformed", "the query of a state has no payload")
-        if name not in self._states:
+        if name not in self._seen:
             question.refuse("not known before the first tick")
             return
-        question.reply(pack(self._states[name]))
+        question.reply(pack(self._state(self._seen[name])))
         question.drop()
 
 

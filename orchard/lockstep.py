@@ -72,6 +72,7 @@ class Roster:
     def __init__(self, names: Iterable[str]) -> None:
         self.names = tuple(names)
         self.holders: dict[str, str] = {}  # name -> session id
+        self._by_holder: dict[str, list[str]] = {}  # made when it is asked for
         self._alive: set[tuple[str, str]] = set()
 
     def token(self, name: str, holder: str, up: bool) -> None:
@@ -89,7 +90,7 @@ class Roster:
         return ""
 
     def join(self, name: str, holder: str) -> None:
-        self.holders[name] = holder
+        self.holders[name], self._by_holder = holder, {}
 
     def is_alive(self, name: str) -> bool:
         return (name, self.holders.get(name, "")) in self._alive
@@ -100,15 +101,16 @@ class Roster:
 
     def by_holder(self) -> dict[str, list[str]]:
         """Session id -> the names that it holds."""
-        names: dict[str, list[str]] = {}
-        for name in self.names:
-            if name in self.holders:
-                names.setdefault(self.holders[name], []).append(name)
-        return names
+        if not self._by_holder:
+            for name in self.names:
+                if name in self.holders:
+                    self._by_holder.setdefault(self.holders[name], []).append(name)
+        return self._by_holder
 
     def release(self, names: Iterable[str]) -> dict[str, list[str]]:
         """Wait for these no longer; session id -> its names among them."""
         released: dict[str, list[str]] = {}
+        self._by_holder = {}
         for name in sorted(names):
             released.setdefault(self.holders.pop(name), []).append(name)
         return released

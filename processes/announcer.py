@@ -1,6 +1,7 @@
 """What physics says to all: what is to be seen, the clock, what happened, who is lost. What nobody listens to is not even packed."""
 
 import logging
+import time
 from collections.abc import Collection, Iterable, Mapping
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("orchard")
 
+EARS_SECONDS = 0.05  # between two looks who listens
+
 class Announcer:
     """What physics says."""
 
@@ -26,17 +29,18 @@ class Announcer:
         """With `newest_wins` a tick's poses, scans and clock hold nobody up: who is slow misses some."""
         self._bus, self._keys, self.run, self._layout = bus, keys, run, layout
         self._newest_wins = newest_wins
-        self._robots = f"{keys.prefix}/*/*"
-        self._robots_heard = False  # whether anybody listens to any robot's key, at the present tick
+        self._heard: dict[str, bool] = {}  # keys -> whether anybody listens, as of the last look
+        self._look_again = 0.0  # on the clock
 
     # -- a tick
 
     def look(self, seen: Sights, holders: Mapping[str, Collection[str]], recall: bool) -> None:
         """What is to be seen: to each session what concerns its agents; each pose and scan to whoever listens; and then the clock."""
+        if time.monotonic() >= self._look_again:
+            self.listen()
         for holder, names in holders.items():
             self._show(seen, holder, names, recall)
-        self._robots_heard = self._bus.is_heard(self._robots)
-        for what in ("pose", "scan") if self._robots_heard else ():
+        for what in ("pose", "scan") if self._are_robots_heard() else ():
             for body, name in enumerate(seen.names):
                 self._show_alone(what, seen, body, name)
         if self.is_heard("clock"):
@@ -49,7 +53,7 @@ class Announcer:
 
     def _show_alone(self, what: str, seen: Sights, body: int, name: str) -> None:
         key = self._keys.of(what, name)
-        if not self._bus.is_heard(key):
+        if not self._is_heard(key):
             return
         if what == "pose":
             self._put(key, wire.odometry_of(self.run, seen[name]))
@@ -57,13 +61,10 @@ class Announcer:
             laser = KINDS[self._layout.starts[body].kind].laser
             self._put(key, wire.scan_of(self.run, seen[name], laser, KINDS["bin"].laser))
 
-    def driven(self, velocities: wire.Velocities) -> None:
-        """Each velocity of a session to those who listen on its robot's key."""
-        if self._robots_heard:
-            for name in velocities.velocities:
-                key = self._keys.of("velocity", name)
-                if self._bus.is_heard(key):
-                    self._bus.publish(key, pack(wire.velocity_of(velocities, name)))
+    def driven(self, name: str, velocity: wire.Velocity) -> None:
+        """A velocity that came with others, to those who listen on its robot's key."""
+        if self._are_robots_heard() and self._is_heard(self._keys.of("velocity", name)):
+            self._bus.publish(self._keys.of("velocity", name), pack(velocity))
 
     def _put(self, key: str, message: wire.Message) -> None:
         self._bus.publish(key, pack(message), self._newest_wins)
@@ -83,9 +84,24 @@ class Announcer:
             log.warning("no answer to tick %d from %s: no longer waited for", tick, ", ".join(names))
             self.say("lost", wire.Lost(self.run, tick, names, holder))
 
+    # -- who listens
+
+    def listen(self) -> None:
+        """Find out anew who listens: that is done now and then, and when a session joins."""
+        self._heard, self._look_again = {}, time.monotonic() + EARS_SECONDS
+
     def is_heard(self, what: str) -> bool:
         """Whether somebody listens to a key of that kind."""
-        return self._bus.is_heard(self._keys.of(what))
+        return self._is_heard(self._keys.of(what))
+
+    def _are_robots_heard(self) -> bool:
+        """Whether somebody listens to a robot's pose, scan or velocity."""
+        return self._is_heard(f"{self._keys.prefix}/*/*")
+
+    def _is_heard(self, keys: str) -> bool:
+        if keys not in self._heard:
+            self._heard[keys] = self._bus.is_heard(keys)
+        return self._heard[keys]
 
     def say(self, what: str, message: wire.Message) -> None:
         self._bus.publish(self._keys.of(what), pack(message))

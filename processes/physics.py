@@ -227,6 +227,7 @@ class Physics:
         """Show the tick that is under way, again or to newcomers."""
         assert self._seen is not None
         by_holder = self.roster.by_holder()
+        self.announcer.listen()
         self.announcer.look(self._seen, {holder: by_holder[holder] for holder in sorted(holders)}, self._recall)
 
     def _release(self, names: set[str]) -> None:
@@ -295,11 +296,12 @@ class Physics:
             raise Refused("not the holder", f"{velocities.holder!r} is not the session of the key")
         for name in velocities.velocities:
             try:
-                self._drive(name, wire.velocity_of(velocities, name))
+                velocity = wire.velocity_of(velocities, name)
+                self._drive(name, velocity)
+                self.announcer.driven(name, velocity)
             except Refused as refusal:
                 self.refusals.note(sample.key, refusal)
         self._undelivered |= velocities.undelivered and self._are_held(velocities)
-        self.announcer.driven(velocities)
 
     def _are_held(self, velocities: wire.Velocities) -> bool:
         """Whether any of the requests in it is to somebody who is held, and hears it."""

@@ -9,7 +9,7 @@ import time
 
 import msgspec
 
-from orchard import bus
+from orchard import agents, bus
 from orchard.agent import Action, Mail, Observation
 from orchard.doer import TRAFFIC
 from orchard.geometry import Twist
@@ -67,9 +67,18 @@ class Slow:
 
 def slow(layout: Layout) -> dict[str, Slow]:
     """Callers that are slow at random, in a process whose handlers are as well."""
+    return _all_slow(cast(layout), 1e-3)
+
+
+def slow_harvesters(layout: Layout) -> dict[str, Slow]:
+    """The orchard's own agents, as slow."""
+    return _all_slow(agents.cast(layout), 1e-4)
+
+
+def _all_slow(cast: dict, seconds: float) -> dict[str, Slow]:
     for handler in ("_sample", "_alive", "_replied", "_question"):
         setattr(bus, handler, _slowly(getattr(bus, handler)))
-    return {name: Slow(agent, 1e-3) for name, agent in cast(layout).items()}
+    return {name: Slow(agent, seconds) for name, agent in cast.items()}
 
 
 def _slowly(function):

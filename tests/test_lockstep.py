@@ -75,6 +75,16 @@ def test_the_harvest_begins_as_in_local_mode(fleet):
     assert fleet.end() == local_hash(scenario, 600)
 
 
+@pytest.mark.soak
+@pytest.mark.parametrize("seed", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("hosts", [2, 5])
+def test_soak_slow_harvesters_and_slow_handlers_change_nothing(fleet, seed, hosts):
+    scenario = Scenario(rows=3, seed=seed)
+    fleet.physics(scenario, "--duration", "290")
+    fleet.share(hosts, "callers:slow_harvesters")
+    assert fleet.end(seconds=600.0) == local_hash(scenario, 2900)
+
+
 def test_another_seed_is_another_run():
     assert local_hash(Scenario(rows=3), 50) != local_hash(Scenario(rows=3, seed=2), 50)
 

@@ -46,12 +46,23 @@ class Snapshot(msgspec.Struct):
 
 def write(snapshot: Snapshot, folder: Path) -> Path:
     """Write a snapshot into a folder, and remove those that are no longer needed. Raises OSError."""
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"tick-{snapshot.tick:09d}.snapshot"
+    return store(*as_file(snapshot), folder)
+
+
+def as_file(snapshot: Snapshot) -> tuple[str, bytes]:
+    """The name and the content of a snapshot's file."""
     payload = pack(snapshot)
+    head = HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n"
+    return f"tick-{snapshot.tick:09d}.snapshot", head + payload
+
+
+def store(name: str, content: bytes, folder: Path) -> Path:
+    """Write such a file into a folder, and remove those that are no longer needed. Raises OSError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / name
     beside = path.with_suffix(".new")
     with beside.open("wb") as file:
-        file.write(HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
+        file.write(content)
         file.flush()
         os.fsync(file.fileno())
     beside.replace(path)

@@ -57,6 +57,7 @@ def run(
                 message = account.message("", {})
                 show(message.figures, message.doing, message.waits_for)
     keeper.keep(_snapshot(local, account))
+    keeper.finish()
     summary = {"hash": engine.hash, "mode": "local", "hosts": 1} | account.figures()
     return summary | {"messages_refused": {}, "finished": engine.over, "violations": engine.violations()}, why
 

@@ -2,9 +2,10 @@
 
 import logging
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
-from orchard.snapshot import Snapshot, newest, write
+from orchard.snapshot import Snapshot, as_file, newest, store
 
 SNAPSHOT_SECONDS = 2.0  # of wall time between two snapshots
 
@@ -12,27 +13,40 @@ log = logging.getLogger("orchard")
 
 
 class Keeper:
-    """Writes snapshots into a folder, `seconds` of wall time apart; none without a folder."""
+    """Writes snapshots into a folder, `seconds` of wall time apart; none without a folder.
+
+    A thread of its own writes, so that a slow disk holds up nobody; while it writes no other snapshot is due.
+    """
 
     def __init__(self, folder: Path | None, seconds: float) -> None:
         self._folder, self._seconds = folder, seconds
         self._due = 0.0  # on the clock
+        self._hand = ThreadPoolExecutor(max_workers=1)
+        self._writing: Future[Path] | None = None
         self._failed = False
 
     def is_due(self) -> bool:
-        return self._folder is not None and time.monotonic() >= self._due
+        is_idle = self._writing is None or self._writing.done()
+        return self._folder is not None and is_idle and time.monotonic() >= self._due
 
     def keep(self, snapshot: Snapshot) -> None:
-        """Write it. A disk that is full is told of once, and holds up nobody."""
+        """Begin to write it."""
         if self._folder is None:
             return
+        self.finish()
+        self._writing = self._hand.submit(store, *as_file(snapshot), self._folder)
+        self._due = time.monotonic() + self._seconds
+
+    def finish(self) -> None:
+        """Wait until what is kept is on the disk. A disk that is full is told of once."""
         try:
-            write(snapshot, self._folder)
+            if self._writing is not None:
+                self._writing.result()
         except OSError as error:
             if not self._failed:
-                log.error("no snapshot of tick %d: %s", snapshot.tick, error)
+                log.error("no snapshot: %s", error)
             self._failed = True
-        self._due = time.monotonic() + self._seconds
+        self._writing = None
 
 
 def last(folder: Path) -> Snapshot | None:

@@ -126,6 +126,7 @@ class Physics:
         self._account()
         if why == "stopped":
             self.keeper.keep(self.snapshot())
+        self.keeper.finish()
         end = self._summary(why)
         self.announcer.say("end", end)
         self._farewell()
@@ -395,6 +396,7 @@ class Physics:
             raise Refused("no such robot", str(error)) from error
         if self.answers.tick >= 0:
             self.keeper.keep(self.snapshot())
+            self.keeper.finish()
         question.reply(pack(wire.Stopped(self.run_id, self.engine.tick, changed, stopped(self.engine.world))))
 
     def _obey(self, question: Question) -> None:

@@ -45,10 +45,13 @@ class Observation:
     hitch: Hitch | None = None
     fill: float = 0.0  # of a bin: metres of row that are in it, 0 to 70
     full: bool = False  # of a bin
+    _pose: Pose | None = field(default=None, init=False, repr=False, compare=False)  # once somebody has asked for it
 
     @property
     def pose(self) -> Pose:
-        return Pose(self.x, self.y, yaw_of(*self.orientation))
+        if self._pose is None:
+            self._pose = Pose(self.x, self.y, yaw_of(*self.orientation))
+        return self._pose
 
 
 def without_body(name: str, tick: int) -> Observation:

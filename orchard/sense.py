@@ -77,12 +77,12 @@ def turn_is_free(seen: Observation, turn: float, blind_to: list[Box]) -> bool:
 def _swept(points: np.ndarray, boxes: list[tuple[float, float, float]], turn: float) -> bool:
     """Whether any point comes to lie in a box (x of its centre, half length, half width) while the frame turns."""
     steps = int(abs(turn) / _SWEEP_STEP) + 1
-    for i in range(steps + 1):
-        s, c = trig.sin_cos(turn * i / steps)
-        ahead, left = c * points[:, 0] + s * points[:, 1], c * points[:, 1] - s * points[:, 0]
-        for x, half_length, half_width in boxes:
-            if ((np.abs(ahead - x) < half_length + TURN_MARGIN) & (np.abs(left) < half_width + TURN_MARGIN)).any():
-                return True
+    turned = np.array([trig.sin_cos(turn * i / steps) for i in range(steps + 1)])
+    s, c = turned[:, :1], turned[:, 1:]  # a row for each step, a column for each point
+    ahead, left = c * points[:, 0] + s * points[:, 1], np.abs(c * points[:, 1] - s * points[:, 0])
+    for x, half_length, half_width in boxes:
+        if ((np.abs(ahead - x) < half_length + TURN_MARGIN) & (left < half_width + TURN_MARGIN)).any():
+            return True
     return False
 
 

@@ -9,7 +9,7 @@ from dataclasses import field as made
 from bench import core, floor, program, rivals
 from bench.field import field, growing
 
-NOT_MEASURED = "not measured yet"
+CLOCKED_SECONDS = 60
 ROBOTS = (10, 30, 100, 300, 1000)
 SECONDS = 3.0  # for one figure
 FLOOR_SECONDS = 4.0
@@ -44,6 +44,7 @@ class Results:
     lockstep: dict[str, Lockstep] = made(default_factory=dict)
     start: dict[str, program.Look] = made(default_factory=dict)
     physics_megabytes: float = 0.0
+    realtime: program.Clocked = made(default_factory=lambda: program.Clocked(0.0, 1, 0, 0.0, 0.0))
     load: tuple[float, float] = (0.0, 0.0)  # of the machine, before and after
 
     def goals(self) -> list[Goal]:
@@ -82,7 +83,10 @@ class Results:
         goals = [(f"start, {name}, s", f"< {most}", f"{seconds:.1f}", seconds < most) for name, most, seconds in starts]
         agents = max(look.megabytes["processes.agents"] for look in self.start.values())
         goals.append(("physics with 1000 robots, MB", "< 200", f"{self.physics_megabytes:.0f}", self.physics_megabytes < 200))
-        return [*goals, ("an agent process, MB", "< 80", f"{agents:.0f}", agents < 80)]
+        goals.append(("an agent process, MB", "< 80", f"{agents:.0f}", agents < 80))
+        real, missed = self.realtime, self.realtime.missed / self.realtime.answers
+        goals.append(("real time, one process each: of a core, all together", "< 40 %", f"{real.cores:.0%}", real.cores < 0.4))
+        return [*goals, ("real time: missed deadlines", "< 0.1 %", f"{missed:.3%}", missed < 0.001)]
 
 
 def _at_least(goal: str, least: float, value: float) -> Goal:
@@ -139,8 +143,13 @@ def _lockstep(results: Results, say: Say) -> None:
         results.lockstep[name] = Lockstep(hosts, bare, plain, program.lockstep_ticks_per_second(words, hosts, ticks, record=True))
 
 
-SECTIONS = (_core, _rivals, _local, _start, _lockstep)
-STEPS = 1 * len(ROBOTS) + 3 * (len(ROBOTS) + 1) + 3 + 3 + 3 * len(HOSTS)  # how often they say something
+def _realtime(results: Results, say: Say) -> None:
+    say("real time, one process for each agent")
+    results.realtime = program.clocked(CLOCKED_SECONDS)
+
+
+SECTIONS = (_core, _rivals, _local, _start, _lockstep, _realtime)
+STEPS = 1 * len(ROBOTS) + 3 * (len(ROBOTS) + 1) + 3 + 3 + 3 * len(HOSTS) + 1  # how often they say something
 
 
 def measure(say: Say) -> Results:

@@ -147,6 +147,44 @@ def _traffic(samples: list[Sample], ticks: int, clients: int) -> Traffic:
     return Traffic(clients, mean["seen"], round(count["velocities"] / ticks / clients), mean["velocities"])
 
 
+# -- real time
+
+
+class Clocked(NamedTuple):
+    """A run that keeps to the wall clock, with a process for each agent."""
+
+    cores: float  # that all its processes keep busy
+    answers: int  # that were due
+    missed: int  # of them
+    p50: float  # ms from what was seen to the velocity
+    p99: float
+
+
+def clocked(seconds: int) -> Clocked:
+    """The default scenario at speed 1: what it costs in its midst, and how it keeps its time."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "summary.json"
+        order = [*_run([], "each", 10 * (seconds + 4)), "--mode", "realtime", "--record", "none", "--summary", str(path)]
+        popen = subprocess.Popen(order, cwd=ROOT, stdout=subprocess.DEVNULL)
+        with _joined(psutil.Process(popen.pid)) as bus:
+            bus.subscribe(Keys().of("clock"))
+            _heard(bus, 20)
+            begun = _processor_seconds(popen.pid)
+            _heard(bus, 10 * seconds - 1)
+            used = _processor_seconds(popen.pid) - begun
+        popen.wait(timeout=START_SECONDS)
+        summary = json.loads(path.read_text())
+    delays = summary["answer_milliseconds"]
+    return Clocked(used / seconds, summary["ticks"] * summary["hosts"], summary["velocities_missed"], delays["p50"], delays["p99"])
+
+
+def _processor_seconds(pid: int) -> float:
+    """Of a process and all that it has started."""
+    program = psutil.Process(pid)
+    times = [process.cpu_times() for process in [program, *program.children(recursive=True)]]
+    return sum(each.user + each.system for each in times)
+
+
 # -- memory
 
 

@@ -9,7 +9,7 @@ import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from orchard.agent import Action
 from orchard.messages import Written
@@ -173,7 +173,7 @@ class Answers:
     def digests(self) -> dict[str, bytes]:
         return {name: velocity.report.mail for name, velocity in self.velocities.items() if velocity.report is not None}
 
-    def figures(self) -> dict[str, int]:
+    def figures(self) -> dict[str, Any]:
         """What the summary holds of it."""
         return {}
 

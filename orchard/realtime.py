@@ -6,12 +6,15 @@ hiccups they have a moment longer, which the ticks after it make good. Then the 
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import msgspec
+import numpy as np
 
 from orchard.agent import Action
 from orchard.geometry import STILL
 from orchard.lockstep import WHOSE, Put, Recent, Refused, Roster, refuse_other_tick
+from orchard.messages import Written
 from orchard.wire import Mode, Velocity, action_of
 
 SLACK = 0.2  # s beyond the tick's own time, for answers of those who answered the last tick in time; less than Pacer.CATCH_UP
@@ -36,6 +39,7 @@ class Live:
         self._tardy: set[str] = set()  # who missed the last tick
         self._begun = self._patient = clock()
         self._late = self._missed = 0
+        self._delays = Delays()
         self.tick = -1
         self.missing: set[str] = set()
         self.velocities: dict[str, Velocity] = {}  # those that the last step was the first to use
@@ -70,6 +74,8 @@ class Live:
         if velocity.holder != self._roster.holders[name]:
             raise Refused("not the holder", WHOSE["not the holder"])
         last = self._newest[name].velocity.tick if name in self._newest else -1
+        if last >= 0 and velocity == self._newest[name].velocity:
+            return  # sent again, in case it was lost
         if velocity.tick == last:
             raise Refused("answered already", f"tick {velocity.tick}")
         refuse_other_tick(velocity.tick, max(self._recent.oldest, last), self.tick)
@@ -77,6 +83,7 @@ class Live:
         self._newest[name] = Put(velocity, self._clock())
         if velocity.tick == self.tick:
             self.missing.discard(name)
+            self._delays.add(self._newest[name].at - self._begun)
 
     def give_up(self) -> set[str]:
         """The deadline is over: go on without the missing, who lose nothing by it."""
@@ -113,16 +120,43 @@ class Live:
     def digests(self) -> dict[str, bytes]:
         return {name: velocity.report.mail for name, velocity in self.velocities.items() if velocity.report is not None}
 
-    def figures(self) -> dict[str, int]:
+    def figures(self) -> dict[str, Any]:
         """What the summary holds of it."""
-        return {"ticks_late": self._late, "velocities_missed": self._missed}
+        delays = {f"p{share}": self._delays.below(share) for share in (50, 99)}
+        return {"ticks_late": self._late, "velocities_missed": self._missed, "answer_milliseconds": delays}
+
+
+class Delays:
+    """How long answers took from what was seen to the velocity: counts in steps of 0.1 ms, so that it does not grow."""
+
+    STEP = 1e-4  # s
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(10_001, dtype=np.int64)  # the last one for all that took a second or longer
+
+    def add(self, seconds: float) -> None:
+        self._counts[min(max(int(seconds / self.STEP), 0), len(self._counts) - 1)] += 1
+
+    def below(self, share: float) -> float:
+        """The time in ms within which so many per cent came; 0 where there were none."""
+        total = int(self._counts.sum())
+        step = int(np.searchsorted(np.cumsum(self._counts), share / 100 * total)) if total else -1
+        return round((step + 1) * self.STEP * 1e3, 1)
 
 
 def _with_what_was_said(before: Velocity | None, velocity: Velocity) -> Velocity:
-    """A velocity with the memory and the deeds of the one whose place it takes, which no step has used."""
+    """A velocity with the memory, the letters and the deeds of the one whose place it takes, which no step has used."""
     if before is None or before.report is None:
         return velocity
     report = velocity.report or before.report
     memory = before.report.memory if report.memory is None else report.memory
     deeds = [deed for deed in before.report.deeds if deed not in report.deeds] + report.deeds
-    return msgspec.structs.replace(velocity, report=msgspec.structs.replace(report, memory=memory, deeds=deeds[:16]))
+    letters = _both(before.report.letters, report.letters)
+    return msgspec.structs.replace(velocity, report=msgspec.structs.replace(report, memory=memory, deeds=deeds[:16], letters=letters))
+
+
+def _both(before: Written | None, now: Written | None) -> Written | None:
+    """The letters of two velocities."""
+    if before is None or now is None:
+        return before or now
+    return Written([*before.requests, *now.requests], [*before.answers, *now.answers])

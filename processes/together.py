@@ -32,6 +32,7 @@ from processes.wish import Wish
 STOP_SECONDS = 2.0  # for which the processes may close what they have open, after Ctrl-C
 GOODBYE_SECONDS = 60.0  # for which the logger may pack its recording, after a run that ended by itself
 WEB_VIEWER = "web viewer"  # its name among the processes; it never ends by itself
+BEGIN_SECONDS = 60.0  # for which physics, which this program has started, may take to listen on a busy machine
 LOOK_SECONDS = 5.0  # for how long somebody must answer at an endpoint that a user gave
 ENDED = (0, 1, 2)  # exit codes with which physics ends by itself
 GIVEN_UP = 2  # exit code of a process whose order cannot be carried out: starting it again does not help
@@ -148,7 +149,7 @@ def _follow(
     inbox, keys = Inbox(), Keys()
     _signalled(inbox)
     try:
-        with client(endpoint, inbox, identity=identity) as bus:
+        with client(endpoint, inbox, BEGIN_SECONDS, identity) as bus:
             for what in ("figures", "end"):
                 bus.subscribe(keys.of(what))
             bus.watch(keys.of("alive", LOGGER, run_id))

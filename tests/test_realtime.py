@@ -16,7 +16,7 @@ from orchard.geometry import Twist
 from orchard.hosting import STALE_TICKS, LiveMailbox, Sight
 from orchard.lockstep import Refused
 from orchard.messages import Couple, State, Yes, pack
-from orchard.realtime import SLACK, Live
+from orchard.realtime import SLACK, Delays, Live
 
 SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)
 STEP = 0.125  # s of wall time to a tick
@@ -119,7 +119,8 @@ def test_who_answers_in_time_has_a_moment_longer_than_the_tick_and_who_was_late_
     one.actions()
     one.open(2, lag=10.0)
     assert one.deadline == pytest.approx(clock.now + STEP / 2), "the clock does not wait"
-    assert one.figures() == {"ticks_late": 2, "velocities_missed": 2}
+    figures = one.figures()
+    assert (figures["ticks_late"], figures["velocities_missed"]) == (2, 2)
 
 
 def test_the_robot_of_one_who_is_gone_stands_at_once():
@@ -174,6 +175,15 @@ def test_what_is_seen_without_a_body_that_is_held_is_refused():
     with pytest.raises(Refused, match="bodies are missing"):
         sight.seen(pack(nothing_at(3)))
     assert sight.tick == -1
+
+
+def test_delays_are_told_by_the_share_that_is_below():
+    delays = Delays()
+    assert delays.below(50) == 0.0
+    for milliseconds in range(100):
+        delays.add(milliseconds / 1000 + 1e-5)
+    delays.add(7.0)
+    assert (delays.below(50), delays.below(99)) == (50.1, 99.1)
 
 
 def nothing_at(tick):

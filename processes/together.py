@@ -142,6 +142,17 @@ def _signalled(inbox: Inbox) -> None:
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
 
 
+def _reach(fleet: Fleet, endpoint: str, inbox: Inbox, identity: Identity | None, stack: ExitStack) -> Bus:
+    """A session with physics, once it listens. Raises BusError where it does not, or has ended."""
+    deadline = time.monotonic() + BEGIN_SECONDS
+    while True:
+        try:
+            return stack.enter_context(client(endpoint, inbox, LOOK_SECONDS, identity))
+        except BusError:
+            if fleet.exit_code("physics") is not None or time.monotonic() >= deadline:
+                raise
+
+
 def _follow(
     wish: Wish, fleet: Fleet, watchdog: Watchdog, endpoint: str, identity: Identity | None, run_id: str, progress: Progress
 ) -> tuple[dict[str, Any] | None, str]:
@@ -149,7 +160,8 @@ def _follow(
     inbox, keys = Inbox(), Keys()
     _signalled(inbox)
     try:
-        with client(endpoint, inbox, BEGIN_SECONDS, identity) as bus:
+        with ExitStack() as stack:
+            bus = _reach(fleet, endpoint, inbox, identity, stack)
             for what in ("figures", "end"):
                 bus.subscribe(keys.of(what))
             bus.watch(keys.of("alive", LOGGER, run_id))

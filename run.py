@@ -31,6 +31,7 @@ from orchard.access import WARDEN
 from orchard.config import Scenario, ScenarioError, check, load, with_changes
 from orchard.guard import replaced
 from orchard.layout import lay_out
+from orchard.lockstep import PATIENCE
 from orchard.parts import is_further_part, parts_of, remove_further_parts
 from orchard.progress import Progress
 from orchard.snapshot import Snapshot, SnapshotError, newest
@@ -80,6 +81,7 @@ def _seconds(value: float | None) -> float | None:
     return value
 
 
+Patience = Annotated[float | None, typer.Option(callback=_seconds, help="How long lockstep waits for a silent agent. Default: 15.")]
 Speed = Annotated[float | None, typer.Option(parser=_speed, metavar="X|max", help="1 is real time. Default: max; --view: 4; realtime: 1.")]
 Hosts = Annotated[int | None, typer.Option(parser=_hosts, metavar="N|each", help="Agent processes. Default: one a core, at most 4.")]
 Duration = Annotated[float | None, typer.Option(callback=_seconds, help="Stop after so many simulated seconds.")]
@@ -115,6 +117,7 @@ def harvest(
     connect: Connect = None,
     without: Without = None,
     only: Only = None,
+    patience: Patience = None,
     resume: Resume = None,
     secure: Secure = None,
 ) -> None:
@@ -123,7 +126,7 @@ def harvest(
     _check_secure(mode, secure, hosts)
     changes = {"rows": rows, "pickers": pickers, "row_width": row_width, "carriers": carriers, "seed": seed}
     if only and connect:
-        others = {"scenario": scenario, "speed": speed, "duration": duration, "record": record, "summary": summary}
+        others = {"scenario": scenario, "speed": speed, "duration": duration, "record": record, "summary": summary, "patience": patience}
         _check_guest(changes | others | {"view": view, "web": web})
         raise typer.Exit(_visit(connect, only, without or [], secure, hosts))
     try:
@@ -138,7 +141,7 @@ def harvest(
     pace = _pace(mode, speed, view or web is not None)
     snapshots = Path(resume) if resume not in (None, LAST) else RUNS / f"harvest-{datetime.now():%Y%m%d-%H%M%S}-{os.getpid()}.snapshots"
     snapshots = _newest_snapshots() if resume == LAST else snapshots
-    place = (listen, connect, tuple(without or ()), secure, web, RUNS)
+    place = (listen, connect, tuple(without or ()), patience or PATIENCE, secure, web, RUNS)
     wish = Wish(chosen, mode.value, pace, hosts, duration, recording, view, snapshots, before, *place)
     result, why = (_alone if mode == Mode.local else _together)(wish)
     code = _tell(result, why, recording, summary)

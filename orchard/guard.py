@@ -4,6 +4,7 @@ import importlib
 import inspect
 import logging
 import traceback
+from collections.abc import Collection
 from typing import Any
 
 from orchard.agent import Action, Agent, Mail, Observation
@@ -86,9 +87,9 @@ def replaced(layout: Layout) -> dict[str, str]:
     return paths
 
 
-def configured(layout: Layout) -> dict[str, Guarded]:
-    """The agents whose classes the scenario names."""
-    return {name: Guarded(name, _make(path, layout, name)) for name, path in replaced(layout).items()}
+def configured(layout: Layout, names: Collection[str]) -> dict[str, Guarded]:
+    """Of these agents those whose classes the scenario names."""
+    return {name: Guarded(name, _make(path, layout, name)) for name, path in replaced(layout).items() if name in names}
 
 
 def _make(path: str, layout: Layout, name: str) -> Any:

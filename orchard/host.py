@@ -13,7 +13,7 @@ from orchard.hosting import MAILBOXES, Asked, Sight
 from orchard.keys import PHYSICS, Keys
 from orchard.kinds import kind_of
 from orchard.layout import Layout
-from orchard.lockstep import NO_TOKEN, Refusals, Refused, understood
+from orchard.lockstep import NO_TOKEN, TAKEN, Refusals, Refused, understood
 from orchard.messages import pack, unpack
 from orchard.post import PostOffice, digest_of
 from orchard.wire import Drive, End, Join, Joined, Lost, Recall, Recalled, RefusedThere, State, Velocities, drive_of, read
@@ -24,6 +24,7 @@ ANSWER_SECONDS = 120.0  # for how long physics may take to answer a newcomer: it
 DOUBT_SECONDS = 1.0  # after which a request of which nothing is heard counts as lost: physics has a copy
 GONE_SECONDS = 20.0  # for how long physics may be gone: it is started again, or its router is
 JOIN_TRIES = 50  # 5 s: the network may know of a token later than of a join
+TAKEN_TRIES = 30  # 3 s: of a predecessor that was cut off the network believes for bus.LEASE_MS that it lives
 AGAIN_SECONDS = 0.1  # between two tries, while nobody is there to answer
 TRIES = 300  # half a minute: physics starts slowly on a busy machine
 
@@ -149,9 +150,10 @@ class Host:
     def _joined(self) -> Joined:
         """What physics says to the wish."""
         request = pack(Join(self.run_id, self.bus.id, list(self.performers)))
-        for _ in range(JOIN_TRIES):
+        for tries in range(1, JOIN_TRIES + 1):
             joined = read(told(self.bus, self.keys.of("join"), request, self.handle, self._check_gone), Joined)
-            if NO_TOKEN not in joined.refused.values():
+            is_taken = any(why.startswith(TAKEN) for why in joined.refused.values())
+            if NO_TOKEN not in joined.refused.values() and not (is_taken and tries < TAKEN_TRIES):
                 break
             time.sleep(AGAIN_SECONDS)
         return joined

@@ -20,10 +20,12 @@ Letters = Iterable[tuple[int, dict[str, Written]]]  # (tick, sender -> what it w
 
 log = logging.getLogger("orchard")
 
+PATIENCE = 15.0  # s of wall time for which an agent may be silent
 AGAIN_SECONDS = 0.5  # after which who is silent is shown a tick again
 WATCHDOG = 0.5  # s: for how long one velocity drives a robot that nobody holds; of the clock that is slower, simulated or wall
 WATCHDOG_TICKS = 5
 NO_TOKEN = "its liveliness token is missing"
+TAKEN = "it is taken"
 WHOSE = {"not the holder": "someone else holds this agent", "not held": "join before you answer as a holder"}
 
 
@@ -86,7 +88,7 @@ class Roster:
         if (name, holder) not in self._alive:
             return NO_TOKEN
         if self.is_alive(name) and self.holders[name] != holder:
-            return f"it is taken, by session {self.holders[name]}"
+            return f"{TAKEN}, by session {self.holders[name]}"
         return ""
 
     def join(self, name: str, holder: str) -> None:
@@ -127,7 +129,7 @@ class Answers:
     newest_wins = False  # every tick must reach every agent
     releases_at_once = False  # who is gone may come back, or another in its place, while its patience lasts
 
-    def __init__(self, roster: Roster, patience: float = 15.0, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, roster: Roster, patience: float = PATIENCE, clock: Callable[[], float] = time.monotonic) -> None:
         self._roster, self._patience, self._clock = roster, patience, clock
         self.tick = -1
         self.deadline = math.inf  # on the clock: until then the missing are waited for

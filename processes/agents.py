@@ -10,7 +10,7 @@ import importlib
 import logging
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from orchard.agent import Agent
 from orchard.bus import Bus, BusError, Inbox, Item, Signal, client
@@ -24,7 +24,7 @@ from orchard.wire import Newcomer, read
 
 log = logging.getLogger("orchard")
 
-Factory = Callable[[Layout], dict[str, Agent]]
+Factory = Callable[[Layout, Collection[str]], dict[str, Agent]]
 
 
 def _only_signals(item: Item) -> None:
@@ -72,9 +72,9 @@ def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None) -> H
     keys = Keys(options.prefix)
     run = read(told(bus, keys.of("scenario"), b"", _only_signals), Newcomer)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
-    agents = factory(options.agents)(layout)
-    allowed = agents if identity is None else set(agents) & set(identity.role.names)
+    allowed = run.agents if identity is None else set(run.agents) & set(identity.role.names)
     names = chosen(sorted(allowed), options.only, options.without, options.share)
+    agents = factory(options.agents)(layout, names)  # no others: a class that ends its process shall end no more than its own
     host = Host(bus, keys, run.run, run.mode, layout, {name: agents[name] for name in names}, options.patience)
     host.listen()
     return host
@@ -89,7 +89,7 @@ def _options(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--without", action="append", default=[], metavar="KIND|NAME", help="host all but these (repeatable)")
     parser.add_argument("--share", default="0/1", metavar="I/N", help="of those, host the I-th (from 0) and every N-th after it")
     parser.add_argument("--patience", type=float, default=GONE_SECONDS, metavar="SECONDS", help="how long physics may be gone")
-    parser.add_argument("--agents", default="orchard.agents:cast", metavar="MODULE:FUNCTION", help="layout -> {name: agent}")
+    parser.add_argument("--agents", default="orchard.agents:cast", metavar="MODULE:FUNCTION", help="(layout, names) -> {name: agent}")
     return parser.parse_args(argv)
 
 

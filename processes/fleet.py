@@ -27,6 +27,7 @@ class Program:
     again: bool = False  # start it again when it dies
     afterwards: Sequence[str] = ()  # further arguments when it is started again
     final: Sequence[int] = (0,)  # exit codes with which it ends by itself, and for good
+    agents: Sequence[str] = ()  # whom it hosts
 
 
 @dataclass
@@ -54,7 +55,7 @@ class Fleet:
     say: Callable[[str], None]
     running: dict[str, _Running] = field(default_factory=dict)
     clock: Callable[[], float] = time.monotonic
-    given_up: list[str] = field(default_factory=list)  # names of processes that died again and again
+    given_up: dict[str, Program] = field(default_factory=dict)  # what died again and again, by name
 
     def __enter__(self) -> "Fleet":
         return self
@@ -106,8 +107,9 @@ class Fleet:
         if running.deaths < DEATHS:
             self.say(f"{name} ended with code {code}; starting it again")
             return
-        self.say(f"{name} ended with code {code}, {DEATHS} times in a row; giving up on it")
-        self.given_up.append(name)
+        standing = f"; these stand: {', '.join(running.program.agents)}" if running.program.agents else ""
+        self.say(f"{name} ended with code {code}, {DEATHS} times in a row; giving up on it{standing}")
+        self.given_up[name] = running.program
         del self.running[name]
         running.due = math.inf
 

@@ -28,7 +28,19 @@ from orchard.config import TIME_STEP, Scenario, ScenarioError, load
 from orchard.identity import Identity, identity_in
 from orchard.keys import LOGGER, PHYSICS, PREFIX, Keys
 from orchard.kinds import KINDS
-from orchard.lockstep import AGAIN_SECONDS, Answers, Ledger, Loose, Pacer, Refusals, Refused, Roster, refuse_other_tick, understood
+from orchard.lockstep import (
+    AGAIN_SECONDS,
+    PATIENCE,
+    Answers,
+    Ledger,
+    Loose,
+    Pacer,
+    Refusals,
+    Refused,
+    Roster,
+    refuse_other_tick,
+    understood,
+)
 from orchard.messages import pack
 from orchard.names import chosen
 from orchard.realtime import Live
@@ -58,7 +70,7 @@ class Options:
     mode: str = "lockstep"
     speed: float = math.inf  # simulated seconds to one second of wall time
     ticks: float = math.inf  # after which it ends
-    patience: float = 15.0  # s, for how long an agent may be silent
+    patience: float = PATIENCE  # s, for how long an agent may be silent
     absent: tuple[str, ...] = ()  # agents that are not waited for at the beginning
     run: str = ""  # the run's id; '': one is made
     recorded: bool = False  # a logger comes: wait for it, but not for long
@@ -119,6 +131,7 @@ class Physics:
         try:
             self._gather()
             self.account.begin()
+            self.announcer.say("figures", self.account.message(self.run_id, self._refused()))
             while not (why := self._end()):
                 self._tick()
         except Stopped as stop:
@@ -487,7 +500,7 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--mode", choices=["lockstep", "realtime"], default="lockstep", help="wait for all agents, or for none")
     parser.add_argument("--speed", type=_speed, metavar="X|max", help="simulated seconds to a second; default max, in realtime 1")
     parser.add_argument("--duration", type=_positive, metavar="SECONDS", help="simulated seconds after which the run ends")
-    parser.add_argument("--patience", type=_positive, default=15.0, metavar="SECONDS", help="how long an agent may be silent")
+    parser.add_argument("--patience", type=_positive, default=PATIENCE, metavar="SECONDS", help="how long an agent may be silent")
     parser.add_argument("--absent", action="append", default=[], metavar="KIND|NAME", help="do not wait for these (repeatable)")
     parser.add_argument("--recorded", action="store_true", help="begin when a logger is there, or after 10 s")
     parser.add_argument("--snapshots", type=Path, metavar="DIR", help="keep snapshots of the run there")

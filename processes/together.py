@@ -103,7 +103,7 @@ def _noted(wish: Wish, going: Going, progress: Progress) -> Iterator[None]:
 def _start(fleet: Fleet, wish: Wish, passes: Passes, file: Path, endpoint: str, run_id: str) -> subprocess.Popen[bytes] | None:
     """Start all but the agents; the viewer."""
     pace = ["--mode", wish.mode, "--speed", "max" if math.isinf(wish.speed) else str(wish.speed)]
-    limit = [] if wish.duration is None else ["--duration", str(wish.duration)]
+    limit = ["--patience", str(wish.patience), *([] if wish.duration is None else ["--duration", str(wish.duration)])]
     limit += ["--recorded"] if wish.recording is not None or wish.is_live else []
     where = ["--connect" if wish.connect else "--listen", endpoint]
     keep = ["--snapshots", str(wish.snapshots.resolve()), *(["--resume"] if wish.resumed else [])]
@@ -116,7 +116,8 @@ def start_hosts(fleet: Fleet, endpoint: str, shares: Shares, passes: Passes) -> 
     """Agent processes that share some agents."""
     for name, share in shares:
         only = [word for agent in share for word in ("--only", agent)]
-        fleet.start(Program(name, "processes.agents", ["--connect", endpoint, *passes.option(name), *only], again=True))
+        order = ["--connect", endpoint, *passes.option(name), *only]
+        fleet.start(Program(name, "processes.agents", order, again=True, agents=share))
 
 
 def _start_logger(fleet: Fleet, wish: Wish, passes: Passes, endpoint: str, session: str) -> subprocess.Popen[bytes] | None:
@@ -172,7 +173,7 @@ def _follow(
 
 
 def _listen(wish: Wish, fleet: Fleet, watchdog: Watchdog, bus: Bus, run_id: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
-    deadline, refusals = math.inf, Refusals()
+    deadline, refusals, begun = math.inf, Refusals(), False
     while time.monotonic() < deadline:
         item = bus.inbox.take(0.2)
         if isinstance(item, Signal):
@@ -185,12 +186,15 @@ def _listen(wish: Wish, fleet: Fleet, watchdog: Watchdog, bus: Bus, run_id: str,
             try:
                 if end := _hear(item, run_id, progress):
                     return end.summary, end.why
+                begun = True
             except Refused as refusal:
                 refusals.note(item.key, refusal)
         elif fleet.exit_code("physics") in ENDED:
             return None, f"physics ended with code {fleet.exit_code('physics')}"
         elif "physics" in fleet.given_up:
             return None, f"physics died again and again; to go on: python run.py --resume {wish.snapshots}"
+        elif not begun and (missing := [agent for program in fleet.given_up.values() for agent in program.agents]):
+            return None, f"the run cannot begin without {', '.join(missing)}: the processes that hosted them died again and again"
         watchdog.look()
         fleet.watch()
     return None, "stopped"

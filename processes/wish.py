@@ -5,6 +5,7 @@ from functools import cached_property
 from pathlib import Path
 
 from orchard.config import Scenario
+from orchard.lockstep import PATIENCE
 from orchard.snapshot import Snapshot
 from processes.fleet import free_port
 
@@ -25,6 +26,7 @@ class Wish:
     listen: str | None = None  # the endpoint at which others may join; None: a free port of 127.0.0.1
     connect: str | None = None  # that of a router elsewhere, through which all talk
     without: tuple[str, ...] = ()  # kinds and names that others run
+    patience: float = PATIENCE  # s of wall time for which lockstep waits for an agent that is silent
     secure: Path | None = None  # the directory of `run.py secure`
     web: int | None = None  # the port at which browsers find the live picture
     notes: Path | None = None  # where a note tells others on this machine how to reach the run

@@ -48,7 +48,7 @@ class Caller:
         return int.from_bytes(hashlib.blake2b(f"{self.name} {what} {tick}".encode(), digest_size=4).digest())
 
 
-def cast(layout: Layout) -> dict[str, Caller]:
+def cast(layout: Layout, names: object = None) -> dict[str, Caller]:
     names = sorted((*layout.names, TRAFFIC))
     return {name: Caller(name, names) for name in names}
 
@@ -65,7 +65,7 @@ class Slow:
         return self._agent.tick(seen, mail, memory)
 
 
-def slow(layout: Layout) -> dict[str, Slow]:
+def slow(layout: Layout, names: object = None) -> dict[str, Slow]:
     """Callers that are slow at random, in a process whose handlers are as well."""
     return _all_slow(cast(layout), 1e-3)
 
@@ -99,7 +99,7 @@ class Broken:
         raise LookupError("no such row")
 
 
-def broken(layout: Layout) -> dict[str, object]:
+def broken(layout: Layout, names: object = None) -> dict[str, object]:
     """Callers, and one picker with a mistake in it."""
     return cast(layout) | {"picker_01": Broken()}
 
@@ -113,5 +113,5 @@ class Steady:
         return Action(Twist(0.5), memory=memory, doing="walking")
 
 
-def steady(layout: Layout) -> dict[str, Steady]:
+def steady(layout: Layout, names: object = None) -> dict[str, Steady]:
     return {name: Steady() for name in layout.names}

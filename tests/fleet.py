@@ -8,6 +8,7 @@ import selectors
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -46,6 +47,17 @@ class Process:
             assert selector.select(SECONDS), "the process says nothing"
             return stream.readline()
 
+    def messages(self) -> queue.SimpleQueue:
+        """What it prints from now on, as they come: a map in a line each. Instead of `line` and `end`."""
+        heard = queue.SimpleQueue()
+
+        def read() -> None:
+            for line in self._popen.stdout:
+                heard.put(json.loads(line))
+
+        threading.Thread(target=read, daemon=True).start()
+        return heard
+
     def end(self, seconds: float = SECONDS) -> tuple[int, str, str]:
         """Its exit code, and what it printed since, once it has ended by itself."""
         out, self.complaints = self._popen.communicate(timeout=seconds)
@@ -57,7 +69,8 @@ class Process:
     def kill(self) -> None:
         if self._popen.poll() is None:
             self._popen.kill()
-        self._popen.communicate()
+        with suppress(ValueError):  # somebody else reads what it prints
+            self._popen.communicate()
 
 
 class Fleet:
@@ -67,17 +80,19 @@ class Fleet:
         self._folder, self._stack = folder, stack
         self.hosts: list[Process] = []
 
-    def physics(self, scenario: Scenario, *arguments: str) -> None:
+    def physics(self, scenario: Scenario, *arguments: str, before: Sequence[str] = ()) -> None:
         path = self._folder / "scenario.yaml"
         path.write_text(to_yaml(scenario))
-        self.world = self.start("processes.physics", str(path), *arguments)
+        self.world = self.start("processes.physics", str(path), *arguments, before=before)
         line = self.world.line()
         found = re.match(r"(?:listening on|connected to) (\S+), prefix (\S+), run (\w+)", line)
         assert found, line + self.world.end()[2]
         self.endpoint, _, self.run = found.groups()
 
-    def host(self, *arguments: str, agents: str = "orchard.agents:cast") -> Process:
-        self.hosts.append(self.start("processes.agents", "--connect", self.endpoint, "--agents", agents, *arguments))
+    def host(self, *arguments: str, agents: str = "orchard.agents:cast", endpoint: str = "", before: Sequence[str] = ()) -> Process:
+        """`endpoint`: where it finds the others, if that is not where physics says."""
+        where = ("--connect", endpoint or self.endpoint)
+        self.hosts.append(self.start("processes.agents", *where, "--agents", agents, *arguments, before=before))
         return self.hosts[-1]
 
     def share(self, hosts: int, agents: str = "orchard.agents:cast") -> None:
@@ -95,10 +110,21 @@ class Fleet:
     def client(self) -> "Client":
         return self._stack.enter_context(Client.open(self.endpoint, self.run))
 
-    def start(self, module: str, *arguments: str) -> Process:
-        process = Process(module, *arguments)
+    def router(self, endpoint: str, before: Sequence[str] = ()) -> Process:
+        """A router of its own, which listens."""
+        router = self.start("processes.router", "--listen", endpoint, before=before)
+        assert "listening" in router.line()
+        return router
+
+    def start(self, module: str, *arguments: str, before: Sequence[str] = ()) -> Process:
+        process = Process(module, *arguments, before=before)
         self._stack.callback(process.kill)
         return process
+
+    def hear(self, key: str, endpoint: str, before: Sequence[str] = ()) -> queue.SimpleQueue:
+        """As `Client.hear`, from another machine."""
+        process = self.start("listener", endpoint, key, before=before)
+        return process.messages()
 
 
 class Client:

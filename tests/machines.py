@@ -52,3 +52,18 @@ def _plug(host: str, guest: str, n: int) -> None:
 def within(name: str) -> list[str]:
     """What comes before a command, so that it runs on that machine."""
     return ["ip", "netns", "exec", name]
+
+
+@contextmanager
+def unplugged(host: str, *guests: int):
+    """Within this, the cables between the host and these guests, counted from 1, are out."""
+    for n in guests:
+        _ip("-n", host, "link", "set", f"v{n}", "down")
+    yield
+    for n in guests:
+        _ip("-n", host, "link", "set", f"v{n}", "up")
+
+
+def slowed(host: str, guest: int, *bucket: str) -> None:
+    """A token bucket at the host's end of a cable: `rate 1mbit burst 16kb latency 50ms`."""
+    subprocess.run(["tc", "-n", host, "qdisc", "add", "dev", f"v{guest}", "root", "tbf", *bucket], check=True, timeout=20)

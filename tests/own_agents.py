@@ -1,6 +1,7 @@
 """Agents as users write them, good ones and bad ones, for scenarios that name them."""
 
 import math
+import os
 
 from orchard.agent import Action
 from orchard.geometry import Twist
@@ -56,3 +57,19 @@ class Secretive(Eastward):
 
     def tick(self, observation, mail, memory):
         return Action(twist=Twist(x=0.25), memory=object())
+
+
+class Stillborn(Eastward):
+    """Ends its process when it is made."""
+
+    def __init__(self, layout, name):
+        os._exit(7)
+
+
+class Mortal(Eastward):
+    """Ends its process at tick 20."""
+
+    def tick(self, observation, mail, memory):
+        if observation.tick >= 20:
+            os._exit(7)
+        return super().tick(observation, mail, memory)

@@ -7,10 +7,11 @@ import subprocess
 
 import psutil
 import pytest
+from test_lockstep import SMALL
 from test_repeatable import run as hash_after
 from test_run import ROOT, orchard, running, summary_of, wait_until_simulated
 
-from orchard.config import Scenario
+from orchard.config import Scenario, to_yaml
 
 SECONDS = 60.0  # simulated
 PACE = ("--rows", 3, "--speed", 10, "--duration", SECONDS)
@@ -65,3 +66,52 @@ def test_resuming_nothing_or_with_other_options_is_told(tmp_path):
     both = orchard("--resume", tmp_path, "--rows", 3)
     assert both.returncode == 2
     assert "leave out --rows" in both.stderr
+
+
+# -- processes that cannot live
+
+
+def with_class(folder, class_):
+    """A scenario in which a class of `own_agents` drives picker_01."""
+    path = folder / "scenario.yaml"
+    path.write_text(to_yaml(SMALL.model_copy(update={"agents": {"picker_01": f"own_agents.{class_}"}})))
+    return path
+
+
+@pytest.fixture
+def own_agents(monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))
+
+
+def test_a_run_that_can_never_begin_ends_and_names_whom_it_lacks(tmp_path, own_agents):
+    done = orchard(with_class(tmp_path, "Stillborn"), "--hosts", 2, "--record", "none")
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert re.search(r"agents \d ended with code 7, 5 times in a row; giving up on it; these stand: .*picker_01", done.stdout)
+    assert re.search(r"the run cannot begin without .*picker_01", done.stderr)
+    assert "picker_02" not in done.stderr
+
+
+def test_the_robots_of_a_process_that_dies_again_and_again_stand_and_the_run_goes_on(tmp_path, own_agents):
+    arguments = ("--hosts", 2, "--record", "none", "--duration", 40, "--patience", 1)
+    path = tmp_path / "summary.json"
+    done = orchard(with_class(tmp_path, "Mortal"), *arguments, "--summary", path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search("no answer to tick 20 from .*picker_01.*: no longer waited for", done.stdout)
+    assert summary_of(path)["ticks"] == 400
+
+
+# -- realtime
+
+
+@pytest.mark.parametrize("word", ["physics", "agents"])
+def test_in_realtime_too_whatever_is_killed_the_run_goes_on_and_finishes(tmp_path, word):
+    path = tmp_path / "summary.json"
+    arguments = ("--rows", 3, "--mode", "realtime", "--speed", 10, "--hosts", 1, "--duration", 80, "--record", "none", "--summary", path)
+    with running(*arguments) as run:
+        wait_until_simulated(run, 5.0)
+        process_of(run, word).kill()
+        printed = end(run)
+    assert re.search(rf"{word}.* ended with code -9; starting it again", printed)
+    summary = summary_of(path)
+    assert summary["ticks"] == 800
+    assert summary["distance_metres"]["picker"] > 60.0, "they drive again"

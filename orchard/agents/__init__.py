@@ -1,6 +1,6 @@
 """The agents of an orchard: one for every body, and traffic, which has none."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from orchard.agent import Agent
 from orchard.agents.animal import Animal
@@ -28,9 +28,13 @@ ROLES: dict[str, Callable[[Layout, str], Agent]] = {
 }
 
 
-def cast(layout: Layout) -> dict[str, Agent]:
-    """Every agent of an orchard by its name, in the order of names; where the scenario names a class, one of that."""
-    agents: dict[str, Agent] = {**configured(layout)}
-    agents |= {start.name: ROLES[start.kind](layout, start.name) for start in layout.starts if start.name not in agents}
-    agents[TRAFFIC] = Traffic()
+def cast(layout: Layout, names: Collection[str] | None = None) -> dict[str, Agent]:
+    """These agents of an orchard by their names, or all, in the order of names; where the scenario names a class, one of that."""
+    names = (*layout.names, TRAFFIC) if names is None else names
+    agents: dict[str, Agent] = {**configured(layout, names)}
+    for start in layout.starts:
+        if start.name in names and start.name not in agents:
+            agents[start.name] = ROLES[start.kind](layout, start.name)
+    if TRAFFIC in names:
+        agents[TRAFFIC] = Traffic()
     return dict(sorted(agents.items()))

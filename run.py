@@ -42,6 +42,7 @@ HERE = Path(__file__).parent
 RUNS = HERE / "runs"
 LAST = "last"  # of all runs: the one that went on most recently
 LIVE_SPEED = 4.0  # with --view, unless another is given
+LEAST_PATIENCE = 3.0  # s; more than host.DOUBT_SECONDS, twice: else a silent agent's correspondents would be given up with it
 FINISHED, FAILED, BAD_INPUT = 0, 1, 2
 
 app = typer.Typer(add_completion=False, no_args_is_help=False, pretty_exceptions_enable=False)
@@ -81,7 +82,13 @@ def _seconds(value: float | None) -> float | None:
     return value
 
 
-Patience = Annotated[float | None, typer.Option(callback=_seconds, help="How long lockstep waits for a silent agent. Default: 15.")]
+def _patience(value: float | None) -> float | None:
+    if value is not None and not LEAST_PATIENCE <= value < math.inf:
+        raise typer.BadParameter(f"{value}: wanted is a number from {LEAST_PATIENCE:g}: it takes 2 to see that a letter is not answered")
+    return value
+
+
+Patience = Annotated[float | None, typer.Option(callback=_patience, help="Seconds that lockstep waits for a silent agent. Default: 15.")]
 Speed = Annotated[float | None, typer.Option(parser=_speed, metavar="X|max", help="1 is real time. Default: max; --view: 4; realtime: 1.")]
 Hosts = Annotated[int | None, typer.Option(parser=_hosts, metavar="N|each", help="Agent processes. Default: one a core, at most 4.")]
 Duration = Annotated[float | None, typer.Option(callback=_seconds, help="Stop after so many simulated seconds.")]

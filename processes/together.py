@@ -59,6 +59,8 @@ def run(wish: Wish, progress: Progress) -> tuple[dict[str, Any] | None, str]:
         if wish.recording is not None:  # what was recorded is read next, and Rerun takes half a second to load
             threading.Thread(target=import_module, args=("orchard.view.parts",), daemon=True).start()
         fleet.terminate(WEB_VIEWER)
+        if summary is None:  # the others do not know that it is over
+            fleet.stop(STOP_SECONDS)
         fleet.wait(STOP_SECONDS if why == "stopped" else GOODBYE_SECONDS)
         if viewer is not None and why == "stopped":
             viewer.terminate()

@@ -1,7 +1,7 @@
 """A bad network for tests: carries connections to an endpoint, with delays, stalls and cuts, as a seed has it.
 
-TCP mends what single packets suffer; what is left to see of a bad network is slowness, silence, and connections that break, in the middle of a
-message too.
+TCP mends what single packets suffer; what is left to see of a bad network is slowness, silence, and connections that break, also in the
+middle of a message.
 """
 
 import random

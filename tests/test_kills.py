@@ -92,7 +92,7 @@ def test_a_run_that_can_never_begin_ends_and_names_whom_it_lacks(tmp_path, own_a
 
 
 def test_the_robots_of_a_process_that_dies_again_and_again_stand_and_the_run_goes_on(tmp_path, own_agents):
-    arguments = ("--hosts", 2, "--record", "none", "--duration", 40, "--patience", 1)
+    arguments = ("--hosts", 2, "--record", "none", "--duration", 40, "--patience", 3)
     path = tmp_path / "summary.json"
     done = orchard(with_class(tmp_path, "Mortal"), *arguments, "--summary", path)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -154,7 +154,7 @@ def physics_and_a_router(fleet, *arguments):
 
 def test_delays_and_connections_that_break_change_nothing(fleet, undisturbed):
     fleet.physics(SMALL, *PACE)
-    with relay(fleet.endpoint, seed=1, delay=0.005, life=200_000) as bad:
+    with relay(fleet.endpoint, seed=1, delay=0.002, life=100_000) as bad:
         fleet.host("--share", "0/2", agents=TOY)
         fleet.host("--share", "1/2", agents=TOY, endpoint=bad.endpoint)
         assert fleet.end() == undisturbed

@@ -4,6 +4,7 @@ import signal
 from contextlib import ExitStack
 
 import callers
+import msgpack
 import pytest
 from fleet import Fleet, until
 from test_lockstep import SMALL, TICKS, TOY, local_hash
@@ -74,6 +75,45 @@ def test_a_host_that_sleeps_for_a_while_changes_nothing(fleet, undisturbed):
     until(seen_again, lambda message: message["tick"] == first["tick"])  # physics asks again, for it is not answered
     fleet.hosts[0].signal(signal.SIGCONT)
     assert fleet.end() == undisturbed
+
+
+def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_it_wakes(fleet):
+    """3 s: those who had letters for it learn within two that it does not answer, and are in time."""
+    fleet.physics(SMALL, "--speed", "5", "--patience", "3")
+    someone = fleet.client()
+    lost, velocities, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "picker_01/velocity", "clock"))
+    fleet.host("--without", "picker_01", agents=TOY)
+    hung = fleet.host("--only", "picker_01", agents=TOY)
+    until(velocities, lambda velocity: velocity["tick"] >= 20)
+    hung.signal(signal.SIGSTOP)
+    named = until(lost, lambda message: True)
+    assert named["names"] == ["picker_01"]
+    until(clock, lambda message: message["tick"] >= named["tick"] + 20)
+    hung.signal(signal.SIGCONT)
+    until(velocities, lambda velocity: velocity["tick"] > named["tick"])
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+    assert "no answer" in fleet.world.complaints
+
+
+def test_what_one_says_late_who_was_given_up_is_refused_until_it_joins_again(fleet):
+    fleet.physics(SMALL, "--speed", "5", "--patience", "1")
+    someone = fleet.client()
+    lost, figures, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "figures", "clock"))
+    fleet.host("--without", "worker_01")
+    token = someone.session.liveliness().declare_token("orchard/alive/worker_01/me")
+    join = msgpack.packb({"run": fleet.run, "holder": "me", "names": ["worker_01"]})
+    assert not someone.ask("orchard/join", join)[0]["refused"]
+    until(lost, lambda message: message["holder"] == "me")
+    someone.drive("worker_01", 0, 0.5, holder="me")
+    until(figures, lambda message: message["messages_refused"] == {"not held": 1})
+    until(clock, lambda message: message["tick"] >= 20)
+    assert not someone.ask("orchard/join", join)[0]["refused"]
+    someone.drive("worker_01", 0, 0.5, holder="me")
+    until(figures, lambda message: message["messages_refused"] == {"not held": 1, "past tick": 1})
+    token.undeclare()
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
 
 
 # -- physics

@@ -189,6 +189,7 @@ def test_a_run_without_its_logger_goes_on(tmp_path):
         (["--speed", "0"], "--speed"),
         (["--hosts", "0"], "--hosts"),
         (["--duration", "-1"], "--duration"),
+        (["--patience", "1"], "--patience"),
         (["--summary", "/nowhere/at/all.json"], "/nowhere/at"),
         (["--mode", "sideways"], "--mode"),
         (["view", "nothing.rrd"], "nothing.rrd"),

@@ -21,7 +21,6 @@ from orchard.wire import Drive, End, Join, Joined, Lost, Recall, Recalled, Refus
 log = logging.getLogger("orchard")
 
 ANSWER_SECONDS = 120.0  # for how long physics may take to answer a newcomer: it may be compiling
-RECALL_SECONDS = 2.0  # after which mail is recalled again: physics, which waits for this host, answers at once
 DOUBT_SECONDS = 1.0  # after which a request of which nothing is heard counts as lost: physics has a copy
 GONE_SECONDS = 20.0  # for how long physics may be gone: it is started again, or its router is
 JOIN_TRIES = 50  # 5 s: the network may know of a token later than of a join
@@ -198,7 +197,7 @@ class Host:
         if not doubts:
             return mail
         request = pack(Recall(self.run_id, tick))
-        recalled = read(told(self.bus, self.keys.of("recall"), request, self.handle, self._check_gone, RECALL_SECONDS), Recalled)
+        recalled = read(told(self.bus, self.keys.of("recall"), request, self.handle, self._check_gone), Recalled)
         if recalled.tick != tick:
             raise _JoinAgain
         return PostOffice(dict(recalled.letters)).deliver(tick)
@@ -292,22 +291,12 @@ def _go_on() -> None:
     """What is done between two tries, where there is nothing to do."""
 
 
-def told(
-    bus: Bus,
-    key: str,
-    payload: bytes,
-    handle: Callable[[Item], None],
-    between: Callable[[], None] = _go_on,
-    seconds: float = ANSWER_SECONDS,
-) -> bytes:
-    """The first reply to a get; asked again while none comes within so many seconds, with something between.
-
-    Whatever else arrives is handled.
-    """
+def told(bus: Bus, key: str, payload: bytes, handle: Callable[[Item], None], between: Callable[[], None] = _go_on) -> bytes:
+    """The first reply to a get; asked again while nobody is there, with something between. Whatever else arrives is handled."""
     for _ in range(TRIES):
         between()
         ticket = object()
-        bus.ask(key, payload, ticket, seconds)
+        bus.ask(key, payload, ticket, ANSWER_SECONDS)
         reply = _reply_to(bus, ticket, handle)
         if reply is not None and reply.error:
             raise BusError(f"{key}: {reply.error}")

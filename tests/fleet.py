@@ -104,7 +104,8 @@ class Fleet:
         code, out, err = self.world.end(seconds)
         assert code == 0, out + err
         for host in self.hosts:
-            assert host.end(10.0)[0] == 0
+            code, _, err = host.end(10.0)
+            assert code == 0, err
         return re.search(r"hash (\w+)", out).group(1)
 
     def client(self) -> "Client":

@@ -32,6 +32,7 @@ FULL_QUEUE_US = 300_000  # how long the router waits for a neighbour that takes 
 GET_SECONDS = 60.0  # longer than any host is given to answer
 
 
+TIMED_OUT = "Timeout"  # the error with which zenoh ends a get that nobody has answered in time
 _ASKING: dict[str, Any] = {
     "target": zenoh.QueryTarget.ALL,
     "consolidation": zenoh.ConsolidationMode.NONE,  # AUTO would hold the first reply back until the last

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 from orchard.agent import Action, Agent, Mail, Observation
-from orchard.bus import Alive, Bus, BusError, Final, Item, Question, Replied, Sample, Signal
+from orchard.bus import TIMED_OUT, Alive, Bus, BusError, Final, Item, Question, Replied, Sample, Signal
 from orchard.guard import Guarded
 from orchard.hosting import MAILBOXES, Asked, Sight
 from orchard.keys import PHYSICS, Keys
@@ -22,6 +22,7 @@ log = logging.getLogger("orchard")
 
 ANSWER_SECONDS = 120.0  # for how long physics may take to answer a newcomer: it may be compiling
 DOUBT_SECONDS = 1.0  # after which a request of which nothing is heard counts as lost: physics has a copy
+RECALL_SECONDS = 5.0  # after which physics is asked again: the way to it may be cut
 GONE_SECONDS = 20.0  # for how long physics may be gone: it is started again, or its router is
 JOIN_TRIES = 50  # 5 s: the network may know of a token later than of a join
 TAKEN_TRIES = 30  # 3 s: of a predecessor that was cut off the network believes for bus.LEASE_MS that it lives
@@ -197,7 +198,7 @@ class Host:
         if not doubts:
             return mail
         request = pack(Recall(self.run_id, tick))
-        recalled = read(told(self.bus, self.keys.of("recall"), request, self.handle, self._check_gone), Recalled)
+        recalled = read(told(self.bus, self.keys.of("recall"), request, self.handle, self._check_gone, RECALL_SECONDS), Recalled)
         if recalled.tick != tick:
             raise _JoinAgain
         return PostOffice(dict(recalled.letters)).deliver(tick)
@@ -291,13 +292,25 @@ def _go_on() -> None:
     """What is done between two tries, where there is nothing to do."""
 
 
-def told(bus: Bus, key: str, payload: bytes, handle: Callable[[Item], None], between: Callable[[], None] = _go_on) -> bytes:
-    """The first reply to a get; asked again while nobody is there, with something between. Whatever else arrives is handled."""
+def told(
+    bus: Bus,
+    key: str,
+    payload: bytes,
+    handle: Callable[[Item], None],
+    between: Callable[[], None] = _go_on,
+    seconds: float = ANSWER_SECONDS,
+) -> bytes:
+    """The first reply to a get; asked again while nobody is there or answers in time, with something between.
+
+    Whatever else arrives is handled. Raises BusError where nobody ever answers, or an error is the answer.
+    """
     for _ in range(TRIES):
         between()
         ticket = object()
-        bus.ask(key, payload, ticket, ANSWER_SECONDS)
+        bus.ask(key, payload, ticket, seconds)
         reply = _reply_to(bus, ticket, handle)
+        if reply is not None and reply.error == TIMED_OUT:
+            continue
         if reply is not None and reply.error:
             raise BusError(f"{key}: {reply.error}")
         if reply is not None:

@@ -8,7 +8,7 @@ import numpy as np
 from orchard.agent import Action
 from orchard.events import Event
 from orchard.frames import Frame
-from orchard.messages import Answer, Call, Come, Here, Offer, Request
+from orchard.messages import Answer, Call, Come, EmptyBin, Here, Offer, Request
 from orchard.stops import STOPPED, as_shown
 
 if TYPE_CHECKING:
@@ -79,6 +79,8 @@ def _said(body: Request | Answer) -> str:
         return f"come, row {body.lane}, {body.side} end"
     if isinstance(body, Offer):
         return f"I am, {body.distance:.0f} m away"
+    if isinstance(body, EmptyBin):
+        return "who brings me one?"
     if isinstance(body, Here):
         return f"here is {body.bin}"
     return getattr(body, "reason", "") or getattr(body, "carrier", "")

@@ -20,18 +20,18 @@ from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 from scripted_orchard import acted_layout, frames
 
-from orchard.frames import Frame
+from orchard.frames import Event, Frame
 from orchard.kinds import KINDS
 from orchard.layout import Layout
 from orchard.view import Recorder, optimize
 from orchard.view.palette import STATES, state_of
 from orchard.view.recorder import hits
 from orchard.view.scenery import plan_size
-from orchard.view.talk import level_of, line_of
+from orchard.view.talk import gathered, level_of, line_of
 
 SECONDS = 90.0
 VIEWER = str(Path(rerun_cli.__file__).with_name("rerun"))  # it is in no PATH unless the virtual environment is activated
-LAYERS = {"world", "canopy", "scans", "pins", "plan", "metrics", "events", "talk", "tf"}
+LAYERS = {"world", "canopy", "scans", "pins", "plan", "metrics", "events", "talk", "legend", "tf"}
 
 
 @pytest.fixture(scope="module")
@@ -183,6 +183,8 @@ def test_a_bin_fills_and_its_bar_comes_and_goes(layout: Layout, tmp_path: Path) 
     recorder.close()
     heights = [pose[0][2] for _, pose in Rows(path, "/world/bins/bin_01/fruit").values("InstancePoses3D:translations")]
     assert heights == sorted(heights) and len(heights) == 3
+    flags = [scale[0][0] for _, scale in Rows(path, "/world/bins/bin_01/full").values("InstancePoses3D:scales")]
+    assert [flag > 0.5 for flag in flags] == [False, False, True]
     assert [len(bars) for _, bars in Rows(path, "/world/pickers/picker_01/bar").values("LineStrips3D:strips")] == [1, 0]
 
 
@@ -204,6 +206,34 @@ def test_events_read_like_sentences() -> None:
     assert line_of("call", "bin_01", "carrier_02", "lane 3 east") == "bin_01 > carrier_02: call, lane 3 east"
     assert line_of("row picked", "picker_01", "", "row picked: 3") == "picker_01: row picked: 3"
     assert (level_of("claim"), level_of("call"), level_of("collision")) == ("DEBUG", "INFO", "WARN")
+
+
+def test_what_is_asked_of_many_and_answered_by_many_is_one_line_each() -> None:
+    carriers = [f"carrier_{i:02d}" for i in range(1, 6)]
+    calls = [Event("Call", "bin_01", carrier, "who is free? row 1") for carrier in carriers]
+    offers = [Event("Offer", carrier, "bin_01", f"I am, {10 * i} m away") for i, carrier in enumerate(carriers)]
+    come, full = Event("Come", "bin_01", "carrier_02", "come, row 1"), Event("bin full", "bin_02", "picker_02", "row 2")
+    assert [line_of(*event) for event in gathered([full, *calls, *offers, come])] == [
+        "bin_02 > picker_02: bin full, row 2",
+        "bin_01 > 5 carriers: Call, who is free? row 1",
+        "5 carriers > bin_01: Offer",
+        "bin_01 > carrier_02: come, row 1",
+    ]
+    (two,) = gathered(offers[1:3])
+    assert line_of(*two) == "carrier_02, carrier_03 > bin_01: Offer, I am, 10 m away; I am, 20 m away"
+
+
+def test_questions_of_safety_do_not_crowd_out_the_harvest() -> None:
+    assert {level_of(what) for what in ("Where", "Position", "State", "BinState", "Places")} == {"DEBUG"}
+    assert {level_of(what) for what in ("Call", "Offer", "Come", "Here", "row picked", "unloaded")} == {"INFO"}
+    assert (level_of("stopped"), level_of("nothing recorded"), level_of("lost")) == ("WARN", "WARN", "ERROR")
+
+
+def test_the_legend_names_every_state_and_its_colour(recording: Path) -> None:
+    look = Rows(recording, "/legend").static
+    shown = dict(zip(look["Points2D:labels"], look["Points2D:colors"], strict=True))
+    for state, (r, g, b) in STATES.items():
+        assert shown[state] == r << 24 | g << 16 | b << 8 | 255
 
 
 def test_what_is_said_again_is_no_news(layout: Layout, tmp_path: Path) -> None:

@@ -4,11 +4,13 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from orchard.layout import ROW_WEST, TOP, Layout
-from orchard.view import palette
+from orchard.view import legend, palette
 from orchard.view.scenery import PLAN_CAMERA, plan_size
 
 TIMELINE = "sim_time"
-PIN_RADIUS, PIN_RADIUS_PLAN = 0.7, -5.0  # m in space; below 0: points of the screen
+PIN_RADIUS, PIN_RADIUS_PLAN = 0.6, -5.0  # m in space; below 0: points of the screen
+HEADROOM = 1.6  # times the highest that a curve can be: the plot's legend lies above it
+FEW = 8  # robots: so many histories are seen without scrolling
 
 IN_SPACE = ["world/**", "canopy/**", "scans/**", "pins/**", "talk/**"]
 WITHOUT_ROOF = ["world/**", "scans/**", "pins/**", "talk/**", "canopy/wires", "canopy/fruit/**"]
@@ -19,9 +21,11 @@ def blueprint(layout: Layout) -> rrb.Blueprint:
     """3-D above the plan and the states; figures and events beside them. A high orchard's plan gets a column of its own."""
     high, wide = plan_size(layout)
     pictures = _stacked(layout) if high < wide else _beside(layout)
-    figures = rrb.Vertical(_plot("Bins", "metrics/bins"), _plot("Robots", "metrics/robots"), _events(), row_shares=[3, 3, 4])
+    bins = _plot("Bins", "metrics/bins", layout.scenario.rows)
+    robots = _plot("Robots", "metrics/robots", max(_count(layout, "picker"), _count(layout, "carrier")))
+    figures = rrb.Vertical(bins, robots, _events(), row_shares=[3, 3, 4])
     return rrb.Blueprint(
-        rrb.Horizontal(pictures, figures, column_shares=[11, 4]),
+        rrb.Horizontal(rrb.Vertical(pictures, _legend(), row_shares=[22, 1]), figures, column_shares=[11, 4]),
         rrb.TimePanel(state=rrb.PanelState.Collapsed, timeline=TIMELINE, playback_speed=4.0),
         rrb.BlueprintPanel(state=rrb.PanelState.Collapsed),
         rrb.SelectionPanel(state=rrb.PanelState.Collapsed),
@@ -30,14 +34,41 @@ def blueprint(layout: Layout) -> rrb.Blueprint:
     )
 
 
+def _count(layout: Layout, kind: str) -> int:
+    return sum(start.kind == kind for start in layout.starts)
+
+
 def _stacked(layout: Layout) -> rrb.Container:
-    below = rrb.Horizontal(_plan(), _states(), column_shares=[1, 1])
+    below = rrb.Horizontal(_plan(), _histories(layout), column_shares=[1, 1])
     return rrb.Vertical(_spaces(layout), below, row_shares=[13, 10])
 
 
 def _beside(layout: Layout) -> rrb.Container:
-    left = rrb.Vertical(_spaces(layout), _states(), row_shares=[11, 9])
-    return rrb.Horizontal(left, _plan(), column_shares=[13, 9])
+    left = rrb.Vertical(_spaces(layout), _histories(layout), row_shares=[10, 10])
+    return rrb.Horizontal(left, _plan(), column_shares=[12, 10])
+
+
+def _histories(layout: Layout) -> rrb.Container:
+    """What each robot did and does: pickers first."""
+    pickers = _history("What the pickers do", ["world/pickers/**"])
+    others = _history("What carriers and tractor do", ["world/carriers/**", "world/tractors/**"])
+    count = _count(layout, "picker"), _count(layout, "carrier") + 1
+    return rrb.Vertical(pickers, others, row_shares=[n + 1 for n in count]) if sum(count) <= FEW else rrb.Tabs(pickers, others)
+
+
+def _history(name: str, contents: list[str]) -> rrb.StateTimelineView:
+    return rrb.StateTimelineView(name=name, origin="world", contents=contents)
+
+
+def _legend() -> rrb.Spatial2DView:
+    wide, high = legend.size()
+    return rrb.Spatial2DView(
+        name="Colours",
+        origin=legend.LEGEND,
+        titlebar=False,
+        background=(13, 16, 17),
+        visual_bounds=rrb.VisualBounds2D(x_range=(0.0, wide), y_range=(0.0, high)),
+    )
 
 
 def _spaces(layout: Layout) -> rrb.Tabs:
@@ -55,12 +86,11 @@ def _spaces(layout: Layout) -> rrb.Tabs:
 
 
 def _outside(layout: Layout) -> rrb.EyeControls3D:
-    """From the south-east corner, low; from further away where the orchard is large and the view narrow."""
+    """From the south-east corner, where the robots leave the rows, low; a little higher where the orchard is large."""
     south, large = layout.tree_lines[-1], plan_size(layout)[0] > plan_size(layout)[1]
     if large:
-        return _eye((52.0, south - 22.0, 24.0), (12.0, south + 22.0, 0.0))
-    middle = min((TOP + south) / 2, south + 17.0)
-    return _eye((45.0, south - 12.0, 10.0 + 0.08 * (TOP - south)), (4.0, middle, -3.0))
+        return _eye((48.0, south - 12.0, 13.0), (10.0, south + 26.0, -3.0))
+    return _eye((44.5, south - 7.0, 8.0 + 0.05 * (TOP - south)), (13.0, south + 12.0, -3.0))
 
 
 def _eye(position: tuple[float, float, float], target: tuple[float, float, float], follow: str | None = None) -> rrb.EyeControls3D:
@@ -85,21 +115,22 @@ def _plan() -> rrb.Spatial2DView:
         origin=PLAN_CAMERA,
         contents=ON_THE_PLAN,
         background=palette.MEADOW,
-        defaults=[rr.Points3D.from_fields(radii=[PIN_RADIUS_PLAN], show_labels=True)],
+        defaults=[rr.Points3D.from_fields(radii=[PIN_RADIUS_PLAN], show_labels=False)],
     )
 
 
-def _states() -> rrb.StateTimelineView:
-    robots = ["world/pickers/**", "world/carriers/**", "world/tractors/**"]
-    return rrb.StateTimelineView(name="What the robots do", origin="world", contents=robots)
-
-
-def _plot(name: str, origin: str) -> rrb.TimeSeriesView:
-    """A plot of the whole run."""
+def _plot(name: str, origin: str, highest: int) -> rrb.TimeSeriesView:
+    """A plot of the whole run, with its legend above the curves."""
     ever = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
-    return rrb.TimeSeriesView(name=name, origin=origin, plot_legend=rrb.Corner2D.LeftTop, axis_x=rrb.TimeAxis(view_range=ever))
+    return rrb.TimeSeriesView(
+        name=name,
+        origin=origin,
+        plot_legend=rrb.Corner2D.LeftTop,
+        axis_x=rrb.TimeAxis(view_range=ever),
+        axis_y=rrb.ScalarAxis(range=(-0.05 * highest, HEADROOM * highest)),
+    )
 
 
 def _events() -> rrb.TextLogView:
     levels = rrb.TextLogRows(filter_by_log_level=["INFO", "WARN", "ERROR"])
-    return rrb.TextLogView(name="Events", origin="events", rows=levels, columns=rrb.TextLogColumns(text_log_columns=["Body"]))
+    return rrb.TextLogView(name="Events", origin="events", rows=levels, columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]))

@@ -11,7 +11,7 @@ from orchard.starts import Start
 from orchard.view import palette
 from orchard.view.mesh import Part, mesh_of
 from orchard.view.scenery import archetype
-from orchard.view.shapes import body
+from orchard.view.shapes import FLAG, body
 
 GROUPS = {"person": PEOPLE, "animal": ANIMALS}  # kinds that share a branch of world/
 PINNED = ("picker", "carrier", "tractor")
@@ -22,6 +22,8 @@ OTHER_SCANS = (250, 250, 120)
 
 BIN_FLOOR, BIN_RIM = 0.2, 0.94  # z between which the fruit stands, m
 FILL_STEPS = 14
+WHOLE, UNSEEN = (1.0, 1.0, 1.0), (0.01, 0.01, 0.01)  # scales
+NAME_ASIDE = 3.0  # m to the left, of every other robot's name on the plan: those of a queue do not cover each other
 FRUIT = [Part("cab", (0.88, 0.88, 1.0), (0, 0, -0.5), palette.KIWI), *(
     Part("ball", (0.3, 0.3, 0.24), (x, y, 0.0), palette.KIWI_FLESH if (i + j) % 2 else palette.KIWI)
     for i, x in enumerate((-0.27, 0.0, 0.27)) for j, y in enumerate((-0.27, 0.0, 0.27))
@@ -63,16 +65,25 @@ class Bodies:
             self._pin(start)
         if start.kind == "bin":
             self.rec.log(f"{path}/fruit", frame, archetype(mesh_of(FRUIT)), static=True)
+            self.rec.log(f"{path}/full", frame, archetype(mesh_of(FLAG)), static=True)
         colour = SCAN_COLOURS.get(start.kind, OTHER_SCANS)
-        self.rec.log(f"scans/{start.name}", frame, rr.Points3D.from_fields(colors=[colour], radii=[0.07]), static=True)
+        self.rec.log(f"scans/{start.name}", frame, rr.Points3D.from_fields(colors=[colour], radii=[0.1]), static=True)
 
     def _pin(self, robot: Start) -> None:
         """A ball on a stalk, above the canopy, in the colour of what the robot does."""
         path, top = f"pins/{robot.name}", max(PIN_Z, KINDS[robot.kind].height + 2.0)
-        ball = rr.Points3D([(0.0, 0.0, top)], labels=[f"{SHORT[robot.kind]}{robot.name[-2:]}"])
+        ball = rr.Points3D([(0.0, 0.0, top)], labels=[robot.name])
         stalk = rr.LineStrips3D([[(0.0, 0.0, KINDS[robot.kind].height), (0.0, 0.0, top)]], colors=[palette.WIRE], radii=[0.04])
         self.rec.log(path, rr.CoordinateFrame(robot.name), ball, stalk, static=True)
         self.rec.log(path, rr.Points3D.from_fields(colors=[palette.STATES[palette.RESTING]]))
+        self._name(robot, top)
+
+    def _name(self, robot: Start, z: float) -> None:
+        """The short name on the plan: P03."""
+        number = robot.name[-2:]
+        place = (0.0, NAME_ASIDE * (int(number) % 2 if robot.kind == "carrier" else 0), z)
+        word = rr.Points3D([place], labels=[SHORT[robot.kind] + number], show_labels=True, radii=[0.01], colors=[palette.ROAD_EDGE])
+        self.rec.log(f"plan/names/{robot.name}", rr.CoordinateFrame(robot.name), word, static=True)
 
     def doing(self, name: str, text: str) -> None:
         """A body does something else now: its lane in the timeline, and the colour of its pin."""
@@ -98,8 +109,9 @@ class Bodies:
     def _fruit(self, name: str, level: int) -> None:
         path = f"{self.path[name]}/fruit"
         z = BIN_FLOOR + (BIN_RIM - BIN_FLOOR) * level / FILL_STEPS
-        scale = (1.0, 1.0, z - 0.17) if level else (0.01, 0.01, 0.01)
+        scale = (1.0, 1.0, z - 0.17) if level else UNSEEN
         self.rec.log(path, rr.InstancePoses3D(translations=[(0.0, 0.0, z)], scales=[scale]))
+        self.rec.log(f"{self.path[name]}/full", rr.InstancePoses3D(scales=[WHOLE if level >= FILL_STEPS else UNSEEN]))
 
     def bars(self, coupled: np.ndarray) -> None:
         """The bar between a robot and its bin, while they are coupled; `coupled` is an index or -1 for each body."""

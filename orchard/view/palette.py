@@ -85,7 +85,7 @@ TALK: dict[str, Line] = {
     "here": _TOLD,
     "no": Line((170, 170, 170), 1.0, 0.05, 0),
 }
-QUIET = frozenset({"claim", "places", "state", "binstate", "confirm", "no", "deedrefused"})  # said all the time: logged as DEBUG
+QUIET = frozenset({"claim", "places", "state", "binstate", "confirm", "where", "position", "no", "deedrefused"})  # logged as DEBUG
 
 
 def plain(what: str) -> str:
@@ -93,12 +93,15 @@ def plain(what: str) -> str:
     return what.lower().replace(" ", "").replace("_", "")
 
 
-GRASS, MEADOW, SOIL = (128, 168, 84), (146, 180, 104), (176, 148, 112)
-ROW_RIPE, ROW_PICKED = (84, 120, 58), (222, 198, 132)
+GRASS, MOWN, SOIL, BARE = (92, 134, 62), (102, 146, 70), (158, 130, 96), (116, 96, 70)
+MEADOW = (98, 136, 70)
+FIELDS: tuple[Colour, ...] = (MEADOW, (110, 146, 76), (88, 124, 66), (128, 148, 84), (84, 118, 62))  # around, as far as one sees
+ROW_RIPE, ROW_PICKED = (74, 110, 50), (214, 188, 124)
 GRAVEL, ROAD_EDGE = (196, 192, 182), (228, 224, 214)
 BARK, POST, WIRE, FENCE, KERB = (98, 70, 48), (150, 130, 104), (200, 200, 205), (136, 112, 84), (168, 160, 148)
 LEAVES: tuple[Colour, ...] = ((78, 142, 56), (92, 158, 62), (66, 128, 50), (108, 172, 72))
 VINE: tuple[Colour, ...] = ((124, 186, 76), (108, 172, 66), (138, 198, 88))
 KIWI, KIWI_FLESH = (124, 90, 46), (148, 178, 60)
 BAR = (236, 236, 240)
+SHADE = (24, 40, 16)
 SKY = (206, 224, 238)

@@ -16,10 +16,11 @@ from orchard.layout import ROW_LENGTH, Layout
 from orchard.view import palette
 from orchard.view.blueprint import TIMELINE, blueprint
 from orchard.view.bodies import Bodies
+from orchard.view.legend import log_legend
 from orchard.view.parts import LEFT_OUT, MISSING, SINCE
 from orchard.view.rows import Rows
 from orchard.view.scenery import log_scenery
-from orchard.view.talk import Talk, level_of, line_of
+from orchard.view.talk import Talk, gathered, level_of, line_of
 
 CHUNK_TICKS = 10  # a second
 SCAN_TICKS = 5  # 2 Hz
@@ -32,7 +33,7 @@ NO_WORDS: Mapping[str, str] = {}
 # Path -> (name in the legend, colour, width): the plots of the blueprint
 SERIES: dict[str, tuple[str, palette.Colour, float]] = {
     "metrics/bins/delivered": ("delivered", (76, 175, 80), 2.5),
-    "metrics/bins/full": ("full, not yet unloaded", (235, 120, 40), 2.0),
+    "metrics/bins/full": ("full, not yet unloaded", (235, 120, 40), 4.5),
     "metrics/bins/rows_picked": ("rows picked", (140, 110, 60), 1.5),
     "metrics/robots/pickers_waiting": ("pickers waiting", (255, 160, 20), 2.0),
     "metrics/robots/carriers_busy": ("carriers busy", (45, 140, 240), 2.0),
@@ -53,6 +54,7 @@ class Recorder:
         self.rec.send_recording_name(run_name)
         self.rec.set_time(TIMELINE, duration=0.0)
         log_scenery(self.rec, layout)
+        log_legend(self.rec)
         _log_series(self.rec)
         self.bodies, self.rows, self.talk = Bodies(self.rec, layout), Rows(self.rec, layout), Talk(self.rec, layout)
         self._every, self._beams = (1, 1) if full_scans else (SCAN_TICKS, SCAN_BEAMS)
@@ -190,11 +192,12 @@ class Recorder:
             if self._doing.get(name) != text:
                 self._doing[name] = text
                 self.bodies.doing(name, text)
-        news = []
-        for event in map(Event._make, frame.events):
-            is_news = self.talk.is_news(frame.tick, event)
-            news += [event] if is_news else []
-            self._events.append((frame.tick, line_of(*event), level_of(event.what) if is_news else "DEBUG"))
+        events = [Event._make(event) for event in frame.events]
+        news = [event for event in events if self.talk.is_news(frame.tick, event)]
+        lines = gathered(news)
+        for event in lines:
+            self.tell(frame.tick, event)
+        self._events += [(frame.tick, line_of(*event), "DEBUG") for event in events if event not in lines]
         self.talk.show(frame.tick, frame.poses, fresh=self.talk.hear(frame.tick, news))
 
     def _figures(self, frame: Frame, is_due: bool) -> None:

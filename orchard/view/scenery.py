@@ -1,6 +1,7 @@
 """What stands still: ground, driveway, fences, trees, posts, wires, the pergola, and the plan's camera. Logged once."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import rerun as rr
@@ -13,12 +14,13 @@ from orchard.view.shapes import CROWN, LINE_POST, TRUNK, vine_patch
 
 WORLD_FRAME = "tf#/"  # Rerun's name for the frame of the root entity
 PLAN_CAMERA = "plan/camera"
+MOWER = 3.5  # m, of a stripe in the grass
 MARGIN = 6.0  # m of meadow around the fences that the plan shows
 CAMERA_UP = 400.0  # m
 FOCAL = 4000.0  # pixels: 10 pixels a metre on the ground
 
 # z of the layers on the ground, m: at least 5 cm apart, or they flicker from afar
-MEADOW_Z, GRASS_Z, ROADS_Z, DRIVEWAY_Z, ROW_Z = -0.35, -0.26, -0.18, -0.10, -0.04
+MEADOW_Z, GRASS_Z, ROADS_Z, DRIVEWAY_Z, ROW_Z, SHADE_Z = -0.35, -0.26, -0.18, -0.10, -0.04, 0.02
 
 
 def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
@@ -30,6 +32,7 @@ def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
     _instances(rec, "world/posts", mesh_of(LINE_POST), _grid(field.POSTS_X, layout.tree_lines))
     _instances(rec, "canopy/crowns", mesh_of(CROWN), _grid(field.TREES_X, layout.tree_lines), half_turns=True)
     _instances(rec, "canopy/pergola", mesh_of(vine_patch(layout.scenario.row_width - 0.5)), _over_lanes(layout), half_turns=True)
+    _mesh(rec, "canopy/shade", mesh_of(_shade(layout)), alpha=110)
     rec.log("canopy/wires", rr.LineStrips3D(_wires(layout), colors=[palette.WIRE], radii=[0.02]), static=True)
     _plan_canopy(rec, layout)
     _camera(rec, layout)
@@ -72,12 +75,13 @@ def _slab(west: float, south: float, east: float, north: float, z: float, colour
 
 
 def _ground(layout: Layout) -> list[Part]:
-    """Meadow around, grass within the fences, the beaten roads around the rows, and the driveway."""
-    low, x, first, last = layout.bottom, field.X_MAX, layout.tree_lines[0], layout.tree_lines[-1]
+    """Fields around, mown grass within the fences, bare soil below the trees, the beaten roads around the rows, and the driveway."""
+    first, last = layout.tree_lines[0], layout.tree_lines[-1]
     drive = field.DRIVEWAY
     return [
-        _slab(-2000, low - 2000, 2000, field.TOP + 2000, MEADOW_Z, palette.MEADOW),
-        _slab(-x, low, x, field.TOP, GRASS_Z, palette.GRASS),
+        *_fields(),
+        *_lawn(layout),
+        *(_slab(-36.5, y - 0.6, 36.5, y + 0.6, ROADS_Z, palette.BARE) for y in layout.tree_lines),
         _slab(36.5, last - 8, 42.5, 26, ROADS_Z, palette.SOIL),
         _slab(-45.5, last - 8, -36.5, 23, ROADS_Z, palette.SOIL),
         _slab(-36.5, last - 8, 36.5, last - 3.5, ROADS_Z, palette.SOIL),
@@ -86,6 +90,27 @@ def _ground(layout: Layout) -> list[Part]:
         _slab(drive.west + 0.4, drive.south + 0.4, drive.east - 0.4, drive.north - 0.4, DRIVEWAY_Z + 0.06, palette.GRAVEL),
         *_bay(),
     ]
+
+
+def _fields() -> list[Part]:
+    """A patchwork of fields to the horizon; the same one every time. One of them is the orchard's meadow."""
+    draw = np.random.default_rng(1)
+    edges = [-2000.0, -1300.0, -850.0, -560.0, -360.0, -220.0, 180.0, 310.0, 520.0, 800.0, 1250.0, 2000.0]
+    return [
+        _slab(west, south, east, north, MEADOW_Z, palette.MEADOW if west < 0 < east and south < 0 < north else _any(draw))
+        for west, east in pairwise(edges) for south, north in pairwise(edges)
+    ]  # fmt: skip
+
+
+def _any(draw: np.random.Generator) -> palette.Colour:
+    return palette.FIELDS[int(draw.integers(len(palette.FIELDS)))]
+
+
+def _lawn(layout: Layout) -> list[Part]:
+    """The grass within the fences, in the stripes that a mower leaves."""
+    edges = np.linspace(layout.bottom, field.TOP, round((field.TOP - layout.bottom) / MOWER) + 1)
+    colours = (palette.GRASS, palette.MOWN)
+    return [_slab(-field.X_MAX, s, field.X_MAX, n, GRASS_Z, colours[i % 2]) for i, (s, n) in enumerate(pairwise(edges))]
 
 
 def _bay() -> list[Part]:
@@ -117,6 +142,12 @@ def _wires(layout: Layout) -> list[np.ndarray]:
     first, last, west, east = layout.tree_lines[0], layout.tree_lines[-1], field.TREES_X[0], field.TREES_X[-1]
     along = [np.array([(west, y, 2.75), (east, y, 2.75)]) for y in layout.tree_lines]
     return along + [np.array([(x, first, 2.78), (x, last, 2.78)]) for x in field.POSTS_X]
+
+
+def _shade(layout: Layout) -> list[Part]:
+    """Of the crowns, around noon."""
+    places = _grid(field.TREES_X, layout.tree_lines)
+    return [Part("drum", (5.6, 1.7, 0.01), (x - 0.3, y + 0.3, SHADE_Z), palette.SHADE) for x, y, _ in places]
 
 
 def _plan_canopy(rec: rr.RecordingStream, layout: Layout) -> None:

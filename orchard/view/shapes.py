@@ -163,6 +163,7 @@ def body(kind: str) -> list[Part]:
 
 TRUNK = [Part("stem", (0.5, 0.5, 1.0), (0, 0, 0.5), BARK), Part("stem", (0.38, 0.38, 1.1), (0, 0, 1.4), BARK)]
 LINE_POST = [Part("box", (0.5, 0.5, 0.3), (0, 0, 0.15), _darker(POST, 0.8)), Part("box", (0.22, 0.22, 2.5), (0, 0, 1.55), POST)]
+FLAG = [Part("stem", (0.05, 0.05, 1.0), (0, 0, 1.4), WHITE), Part("box", (0.5, 0.03, 0.34), (-0.25, 0, 1.72), YELLOW)]  # of a full bin
 CROWN = [  # 5.5 x 1.0 m, from 1.8 m up
     Part("bush", (2.6, 1.1, 1.0), (0.0, 0.0, 2.4), LEAVES[0]),
     Part("bush", (2.4, 1.0, 0.8), (-1.55, 0.05, 2.25), LEAVES[1]),

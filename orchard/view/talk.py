@@ -7,14 +7,17 @@ import numpy as np
 import rerun as rr
 
 from orchard.config import TIME_STEP
+from orchard.frames import Event
 from orchard.layout import Layout
 from orchard.view import palette
 
 MOST_LINES = 40  # at once: when all call at once, who is sent counts more than who was asked
 RENEWED_TICKS = 5  # how often the lines follow the robots
 REPEAT_TICKS = 300
+MOST_NAMES = 3  # in a line of the log
 BEADS = 9
-ALARMS = {"collision": "WARN", "refused": "WARN", "lost": "ERROR", "jam": "ERROR", "nothing recorded": "WARN", "left out": "WARN"}
+WARNINGS, ERRORS = ("collision", "refused", "stopped", "nothing recorded", "left out"), ("lost", "jam")
+ALARMS = dict.fromkeys(map(palette.plain, WARNINGS), "WARN") | dict.fromkeys(map(palette.plain, ERRORS), "ERROR")
 
 
 def level_of(what: str) -> str:
@@ -27,6 +30,33 @@ def line_of(what: str, who: str, whom: str, text: str) -> str:
     """An event as one line: 'bin_01 > carrier_02: call, lane 3 east'."""
     said = text if not what or text.lower().startswith(what.lower()) else f"{what}, {text}" if text else what
     return f"{who} > {whom}: {said}" if whom else f"{who}: {said}"
+
+
+def gathered(events: Sequence[Event]) -> list[Event]:
+    """What one asks of many at a tick, and what many answer one, as one event each, of '14 carriers'; the rest as it is."""
+    said = [alike[0]._replace(whom=_together([e.whom for e in alike]), text=_text(alike)) for alike in _alike(events, "who")]
+    return [alike[0]._replace(who=_together([e.who for e in alike]), text=_text(alike)) for alike in _alike(said, "whom")]
+
+
+def _alike(events: Sequence[Event], end: str) -> list[list[Event]]:
+    """Those of the conversation that say the same kind of thing, and have the same one at this end, together; all others alone."""
+    groups: dict[tuple[str, ...], list[Event]] = {}
+    for event in events:
+        is_said = palette.plain(event.what) in palette.TALK and event.whom
+        groups.setdefault((event.what, getattr(event, end)) if is_said else event, []).append(event)
+    return list(groups.values())
+
+
+def _together(names: Sequence[str]) -> str:
+    kinds = {name.rpartition("_")[0] for name in names}
+    many = f"{len(names)} {kinds.pop() if len(kinds) == 1 else 'robot'}s"
+    return many if len(names) > MOST_NAMES else ", ".join(names)
+
+
+def _text(alike: Sequence[Event]) -> str:
+    """What all of them say, or a few; of many that say different things, nothing."""
+    texts = dict.fromkeys(event.text for event in alike)
+    return "; ".join(texts) if len(texts) == 1 or len(alike) <= MOST_NAMES else ""
 
 
 class Drawn(NamedTuple):

@@ -21,6 +21,7 @@ from orchard.view import Recorder
 from orchard.view.web import viewer_program
 from processes.alone import run
 from processes.fleet import free_port
+from processes.wish import Wish
 
 HERE = Path(__file__).parent
 SCENARIO = Scenario(rows=8, pickers=4, seed=1)
@@ -34,7 +35,8 @@ PATIENCE = 60.0  # s of wall time
 def record(path: Path) -> None:
     """Harvest for a while."""
     recorder = Recorder(lay_out(SCENARIO), "8 rows, 4 pickers", path)
-    run(SCENARIO, math.inf, RECORDED, recorder.tick, lambda *_: None)
+    wish = Wish(SCENARIO, "local", math.inf, 0, RECORDED, path, view=False, snapshots=path.parent)
+    run(wish, recorder.tick, lambda *_: None)
     recorder.close()
 
 

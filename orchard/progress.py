@@ -11,10 +11,13 @@ from rich.table import Table
 from rich.text import Text
 
 from orchard.kinds import kind_of
+from orchard.stops import STOPPED
 
 LINE_SECONDS = 2.0  # of wall time between two plain lines
 SHOWN = ("picker", "carrier", "tractor", "bin")
 NARROWEST = 24  # characters of a column
+SILENT = "no agent"  # what a robot does whose agent was lost
+STANDS = (STOPPED, SILENT)  # in red
 
 
 class Progress:
@@ -24,6 +27,7 @@ class Progress:
         self.console = console
         self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal else None
         self._told = 0.0
+        self._seen: dict[str, None] = {}  # all of whom was ever told what they do
 
     def __enter__(self) -> "Progress":
         if self._live:
@@ -37,7 +41,8 @@ class Progress:
     def show(self, figures: Mapping[str, Any], doing: Mapping[str, str], waits_for: Mapping[str, str]) -> None:
         """Bring the picture up to date."""
         if self._live:
-            table = robots(doing, waits_for, self.console.width, self.console.height)
+            self._seen |= dict.fromkeys(doing)
+            table = robots(dict.fromkeys(self._seen, SILENT) | dict(doing), waits_for, self.console.width, self.console.height)
             self._live.update(Group(Text(headline(figures), style="bold"), table))
         elif time.monotonic() - self._told >= LINE_SECONDS:
             self._told = time.monotonic()
@@ -77,4 +82,4 @@ def _line(name: str, doing: Mapping[str, str], waits_for: Mapping[str, str]) -> 
     kind, _, number = name.rpartition("_")
     waits = waits_for.get(name)
     words = f"{doing[name]} ({waits})" if waits and waits not in doing[name] else doing[name]
-    return Text.assemble((f"{kind[0].upper()}{number} ", "bold"), (words, "yellow" if waits else ""))
+    return Text.assemble((f"{kind[0].upper()}{number} ", "bold"), (words, "red" if doing[name] in STANDS else "yellow" if waits else ""))

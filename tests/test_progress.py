@@ -44,6 +44,16 @@ def test_the_table_tells_for_whom_a_robot_waits():
     assert line.strip() == "P01 waiting for an empty bin (bin_01)"
 
 
+def test_a_robot_that_is_stopped_or_lost_its_agent_stands_out():
+    console = Console(file=io.StringIO(), width=80, height=24, force_terminal=True, color_system="standard", legacy_windows=False)
+    with Progress(console) as progress:
+        progress.show(FIGURES, {"picker_01": "picking row 1", "picker_02": "picking row 2"}, {})
+        progress.show(FIGURES, {"picker_02": "stopped"}, {})
+    shown = console.file.getvalue()
+    assert "P01 \x1b[0m\x1b[31mno agent" in shown
+    assert "P02 \x1b[0m\x1b[31mstopped" in shown
+
+
 def test_the_headline_is_one_line_of_eighty_columns():
     assert len(headline(FIGURES)) <= 80
 

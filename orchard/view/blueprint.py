@@ -11,9 +11,11 @@ TIMELINE = "sim_time"
 PIN_RADIUS, PIN_RADIUS_PLAN = 0.6, -5.0  # m in space; below 0: points of the screen
 HEADROOM = 1.6  # times the highest that a curve can be: the plot's legend lies above it
 FEW = 8  # robots: so many histories are seen without scrolling
+TITLE, AXIS = 0.7, 0.6  # the height of a history's title and time axis, as parts of a robot's line
 
 IN_SPACE = ["world/**", "canopy/**", "scans/**", "pins/**", "talk/**"]
 WITHOUT_ROOF = ["world/**", "scans/**", "pins/**", "talk/**", "canopy/wires", "canopy/fruit/**"]
+PICKERS, OTHERS = ["world/pickers/**"], ["world/carriers/**", "world/tractors/**"]
 ON_THE_PLAN = ["world/**", "plan/**", "pins/**", "talk/**", "scans/**"]
 
 
@@ -40,7 +42,7 @@ def _count(layout: Layout, kind: str) -> int:
 
 def _stacked(layout: Layout) -> rrb.Container:
     below = rrb.Horizontal(_plan(), _histories(layout), column_shares=[1, 1])
-    return rrb.Vertical(_spaces(layout), below, row_shares=[13, 10])
+    return rrb.Vertical(_spaces(layout), below, row_shares=[12, 10])
 
 
 def _beside(layout: Layout) -> rrb.Container:
@@ -49,15 +51,16 @@ def _beside(layout: Layout) -> rrb.Container:
 
 
 def _histories(layout: Layout) -> rrb.Container:
-    """What each robot did and does: pickers first."""
-    pickers = _history("What the pickers do", ["world/pickers/**"])
-    others = _history("What carriers and tractor do", ["world/carriers/**", "world/tractors/**"])
-    count = _count(layout, "picker"), _count(layout, "carrier") + 1
-    return rrb.Vertical(pickers, others, row_shares=[n + 1 for n in count]) if sum(count) <= FEW else rrb.Tabs(pickers, others)
+    """What each robot did and does, pickers first: one below the other where they are few, else in two tabs."""
+    pickers, others = _count(layout, "picker"), _count(layout, "carrier") + 1
+    if pickers + others > FEW:
+        return rrb.Tabs(_history("What the pickers do", PICKERS), _history("What carriers and tractor do", OTHERS))
+    both = _history("What the robots do", PICKERS), _history("Carriers and tractor", OTHERS, titlebar=False)
+    return rrb.Vertical(*both, row_shares=[TITLE + AXIS + pickers, AXIS + others])
 
 
-def _history(name: str, contents: list[str]) -> rrb.StateTimelineView:
-    return rrb.StateTimelineView(name=name, origin="world", contents=contents)
+def _history(name: str, contents: list[str], titlebar: bool = True) -> rrb.StateTimelineView:
+    return rrb.StateTimelineView(name=name, origin="world", contents=contents, titlebar=titlebar)
 
 
 def _legend() -> rrb.Spatial2DView:

@@ -5,7 +5,7 @@ import rerun as rr
 from orchard.view import palette
 
 LEGEND = "legend"
-LETTER, GAP, LINE = 7.0, 24.0, 42.0  # points of the screen, about: a letter's width, what is between two words, a line's height
+LETTER, GAP, LINE = 6.4, 16.0, 36.0  # points of the screen, about: a letter's width, what is between two words, a line's height
 TALK = {"asked": "call", "answered": "offer", "sent": "come", "told": "here"}  # words of the legend -> events
 
 
@@ -33,6 +33,6 @@ def size() -> tuple[float, float]:
 def log_legend(rec: rr.RecordingStream) -> None:
     """Once: it is the same in every recording."""
     words, colours = zip(*entries(), strict=True)
-    middles = [(x, 0.4 * LINE) for x in places()]
+    middles = [(x, 0.38 * LINE) for x in places()]
     radii = [0.01 if word.endswith(":") else -5.0 for word in words]
     rec.log(LEGEND, rr.Points2D(middles, labels=words, colors=colours, radii=radii, show_labels=True), static=True)

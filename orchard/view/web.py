@@ -24,7 +24,7 @@ def data_uri(port: int) -> str:
 
 def page_url(port: int) -> str:
     """What to open in a browser, or to put into a frame."""
-    wishes = {"url": data_uri(port), "hide_welcome_screen": "1", "persist": "0", "theme": "light"}
+    wishes = {"url": data_uri(port), "hide_welcome_screen": "1", "persist": "0", "theme": "dark"}
     return f"http://{LOOPBACK}:{port}/?{urlencode(wishes)}"
 
 

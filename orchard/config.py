@@ -20,6 +20,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
 TIME_STEP = 0.1  # s
+MOST_TOLD = 50  # problems that an error's text names
 MOST_GUESTS = 50  # people together, animals together, weeds
 LARGEST_FILE = 65536  # bytes; a whole scenario needs less than 2,000
 DEEPEST = 8  # levels in a file; a scenario needs 2
@@ -119,11 +120,12 @@ class Problem:
 
 
 class ScenarioError(Exception):
-    """A scenario that cannot be used; `problems` and the message tell all that is wrong with it, in the file's order."""
+    """A scenario that cannot be used; `problems` tells all that is wrong with it, in the file's order, the message the first of it."""
 
     def __init__(self, problems: list[Problem]) -> None:
         self.problems = sorted(problems, key=lambda problem: problem.line)
-        super().__init__("\n".join(map(str, self.problems)))
+        more = len(problems) - MOST_TOLD
+        super().__init__("\n".join([*map(str, self.problems[:MOST_TOLD]), *([f"and {more} more problems"] if more > 0 else [])]))
 
 
 def load(path: str | Path) -> Scenario:

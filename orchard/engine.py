@@ -21,7 +21,7 @@ from orchard.scan import Scanner
 from orchard.sights import Sights
 from orchard.snapshot import Snapshot
 from orchard.states import StateTimes
-from orchard.thaw import world_as_data, world_from
+from orchard.thaw import fitting, world_as_data, world_from
 from orchard.world import World, new_world
 
 
@@ -50,8 +50,9 @@ class Engine:
 
     @classmethod
     def resume(cls, snapshot: Snapshot) -> "Engine":
-        """The orchard of a snapshot."""
-        return cls(world_from(snapshot), snapshot.digest, snapshot.figures)
+        """The orchard of a snapshot. Raises SnapshotError for one that does not fit together."""
+        with fitting(snapshot):
+            return cls(world_from(snapshot), snapshot.digest, snapshot.figures)
 
     def figures_as_data(self) -> dict[str, Any]:
         """What it must remember besides the world and the hash, plain: for a snapshot's figures."""

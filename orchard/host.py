@@ -3,20 +3,24 @@
 import logging
 import math
 import time
-from collections.abc import Callable
-from typing import Any, NoReturn
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Generic, NoReturn, TypeVar
 
 from orchard.agent import Action, Agent, Mail, Observation
 from orchard.bus import TIMED_OUT, Alive, Bus, BusError, Final, Item, Question, Replied, Sample, Signal
+from orchard.doer import TRAFFIC
 from orchard.guard import Guarded
 from orchard.hosting import MAILBOXES, Asked, Sight
 from orchard.keys import PHYSICS, Keys
 from orchard.kinds import kind_of
 from orchard.layout import Layout
-from orchard.lockstep import NO_TOKEN, TAKEN, Refusals, Refused, understood
+from orchard.lockstep import NO_TOKEN, TAKEN, Refusals, Refused, shown, understood
 from orchard.messages import pack, unpack
 from orchard.post import PostOffice, digest_of
-from orchard.wire import Drive, End, Join, Joined, Lost, Recall, Recalled, RefusedThere, State, Velocities, drive_of, read
+from orchard.wire import Drive, End, Join, Joined, Lost, Newcomer, OfRun, Recall, Recalled, RefusedThere, State, Velocities, drive_of, read
+
+M = TypeVar("M", bound=OfRun)
 
 log = logging.getLogger("orchard")
 
@@ -117,7 +121,7 @@ class Host:
         self.bodies = [name for name in self.performers if name in layout.index]
         self.bins = [name for name in self.bodies if kind_of(name) == "bin"]
         self.sight = Sight(run, self.performers, self.bodies)
-        self.mailbox = MAILBOXES[mode](run)
+        self.mailbox = MAILBOXES[mode](run, (*layout.names, TRAFFIC))
         self.states = StateBoard(bus, keys, run)
         self.refusals = Refusals()
         self._answer = b""  # to the tick that was last ticked
@@ -145,19 +149,24 @@ class Host:
             raise Ended(2, "; ".join(f"{name}: {reason}" for name, reason in sorted(joined.refused.items())))
         self.mailbox.join(joined.tick)
         self.sight.forget()
-        for name, memory in joined.memories.items():
-            self.performers[name].resume(memory)
+        for name, performer in self.performers.items():
+            performer.resume(joined.memories.get(name))
 
     def _joined(self) -> Joined:
         """What physics says to the wish."""
         request = pack(Join(self.run_id, self.bus.id, list(self.performers)))
         for tries in range(1, JOIN_TRIES + 1):
-            joined = read(told(self.bus, self.keys.of("join"), request, self.handle, self._check_gone), Joined)
+            joined = self._told("join", request, Joined)
             is_taken = any(why.startswith(TAKEN) for why in joined.refused.values())
             if NO_TOKEN not in joined.refused.values() and not (is_taken and tries < TAKEN_TRIES):
                 break
             time.sleep(AGAIN_SECONDS)
         return joined
+
+    def _told(self, what: str, request: bytes, type_: type[M], seconds: float = ANSWER_SECONDS) -> M:
+        """What physics replies; others are refused."""
+        asking = Asking(self.keys.of(what), request, lambda payload: understood(payload, type_, self.run_id), seconds)
+        return told(self.bus, asking, self.handle, self.refusals, self._check_gone)
 
     # -- one tick
 
@@ -198,7 +207,7 @@ class Host:
         if not doubts:
             return mail
         request = pack(Recall(self.run_id, tick))
-        recalled = read(told(self.bus, self.keys.of("recall"), request, self.handle, self._check_gone, RECALL_SECONDS), Recalled)
+        recalled = self._told("recall", request, Recalled, RECALL_SECONDS)
         if recalled.tick != tick:
             raise _JoinAgain
         return PostOffice(dict(recalled.letters)).deliver(tick)
@@ -251,7 +260,7 @@ class Host:
             item.ticket.final = True
         elif isinstance(item, Signal):
             raise Ended(0, "asked to stop")
-        elif isinstance(item, Alive) and self.keys.parts(item.key)[2] == self.run_id:
+        elif isinstance(item, Alive) and item.key == self.keys.of("alive", PHYSICS, self.run_id):
             self._physics(item.up)
 
     def _physics(self, up: bool) -> None:
@@ -273,6 +282,8 @@ class Host:
             case ["lost"]:
                 if understood(sample.payload, Lost, self.run_id).holder == self.bus.id:
                     raise _JoinAgain
+            case _:
+                raise Refused("no such key")
 
     def _asked(self, question: Question) -> None:
         name, what = self.keys.parts(question.key)
@@ -292,39 +303,65 @@ def _go_on() -> None:
     """What is done between two tries, where there is nothing to do."""
 
 
-def told(
-    bus: Bus,
-    key: str,
-    payload: bytes,
-    handle: Callable[[Item], None],
-    between: Callable[[], None] = _go_on,
-    seconds: float = ANSWER_SECONDS,
-) -> bytes:
-    """The first reply to a get; asked again while nobody is there or answers in time, with something between.
+@dataclass(frozen=True)
+class Asking(Generic[M]):
+    """A get to which physics has the one reply that counts."""
 
-    Whatever else arrives is handled. Raises BusError where nobody ever answers, or an error is the answer.
+    key: str
+    payload: bytes
+    understand: Callable[[bytes], M]  # raises Refused
+    seconds: float = ANSWER_SECONDS  # after which it is asked again
+
+
+def told(
+    bus: Bus, asking: Asking[M], handle: Callable[[Item], None], refusals: Refusals, between: Callable[[], None] = _go_on
+) -> M:
+    """The first reply that makes sense; asked again while there is none, with something between. Whatever else arrives is handled.
+
+    Anybody may reply, so that an error counts only if nothing better comes: then it is raised, as BusError.
     """
     for _ in range(TRIES):
         between()
         ticket = object()
-        bus.ask(key, payload, ticket, seconds)
-        reply = _reply_to(bus, ticket, handle)
-        if reply is not None and reply.error == TIMED_OUT:
-            continue
-        if reply is not None and reply.error:
-            raise BusError(f"{key}: {reply.error}")
-        if reply is not None:
-            return reply.payload
+        bus.ask(asking.key, asking.payload, ticket, asking.seconds)
+        errors: list[str] = []
+        for reply in _replies_to(bus, ticket, handle):
+            try:
+                if not reply.error:
+                    return asking.understand(reply.payload)
+                if reply.error != TIMED_OUT:
+                    errors.append(shown(reply.error))
+            except Refused as refusal:
+                refusals.note(asking.key, refusal)
+        if errors:
+            raise BusError(f"{asking.key}: {errors[0]}")
         time.sleep(AGAIN_SECONDS)
-    raise BusError(f"{key}: nobody answers; is the physics process running, with the same prefix?")
+    raise BusError(f"{asking.key}: nobody answers; is the physics process running, with the same prefix?")
 
 
-def _reply_to(bus: Bus, ticket: object, handle: Callable[[Item], None]) -> Replied | None:
+def _replies_to(bus: Bus, ticket: object, handle: Callable[[Item], None]) -> Iterator[Replied]:
+    """One after the other, until no more will come."""
     while True:
         item = bus.inbox.take()
         if isinstance(item, Replied) and item.ticket is ticket:
-            return item
-        if isinstance(item, Final) and item.ticket is ticket:
-            return None
-        if item is not None:
+            yield item
+        elif isinstance(item, Final) and item.ticket is ticket:
+            return
+        elif item is not None:
             handle(item)
+
+
+def _ignore(item: Item) -> None:
+    """What arrives before one knows the run is of no use."""
+
+
+def newcomer(bus: Bus, keys: Keys, handle: Callable[[Item], None] = _ignore) -> Newcomer:
+    """What physics tells one who comes to the run. Raises BusError where nobody does."""
+    return told(bus, Asking(keys.of("scenario"), b"", _newcomer_of), handle, Refusals())
+
+
+def _newcomer_of(payload: bytes) -> Newcomer:
+    try:
+        return read(payload, Newcomer)
+    except ValueError as error:
+        raise Refused("malformed", str(error)) from error

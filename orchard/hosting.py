@@ -5,7 +5,7 @@ that no network decides. Whatever happens to a query, a copy of each letter is w
 (it has just joined, or an answer did not come) does not guess, but recalls all mail of the tick from there.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -89,8 +89,9 @@ class _Held:
 class Mailbox:
     """The mail of one host's agents in lockstep. In realtime it is a `LiveMailbox`."""
 
-    def __init__(self, run: str) -> None:
-        self._run = run
+    def __init__(self, run: str, names: Collection[str] = ()) -> None:
+        """`names`: who may write; none: anybody."""
+        self._run, self._names = run, frozenset(names)
         self.last = -1  # the tick that was last ticked
         self._joined = 0
         self._held: dict[tuple[str, str, int, int], _Held] = {}  # (recipient, sender, tick, number) ->
@@ -107,15 +108,20 @@ class Mailbox:
     def hear(self, recipient: str, question: Question) -> None:
         """Rules 5 and 7: hold a request for the next tick, and say so at once."""
         try:
-            letter = understood(question.payload, Letter, self._run)
+            letter = self._understood(question.payload)
         except Refused as refusal:
             question.refuse(str(refusal))
             raise
-        if not self._is_timely(letter.tick):
-            question.drop()
-            raise Refused("past tick" if letter.tick < self.last else "future tick", f"a request of {letter.tick}; {self.last} is done")
         self._hold(recipient, letter, question)
         question.reply(pack(Received(self._run, letter.tick)))
+
+    def _understood(self, payload: bytes) -> Letter:
+        letter = understood(payload, Letter, self._run)
+        if self._names and letter.sender not in self._names:
+            raise Refused("no such agent", letter.sender)
+        if not self._is_timely(letter.tick):
+            raise Refused("past tick" if letter.tick < self.last else "future tick", f"a request of {letter.tick}; {self.last} is done")
+        return letter
 
     def _hold(self, recipient: str, letter: Letter, question: Question) -> None:
         """A repeat takes the place of the query that it repeats."""
@@ -127,12 +133,12 @@ class Mailbox:
 
     def replied(self, asked: Asked, payload: bytes) -> None:
         message: Received | Answered = understood(payload, Received | Answered, self._run)  # type: ignore[arg-type]
-        if isinstance(message, Received):
+        if isinstance(message, Received) and message.tick == asked.tick:
             asked.received = True
-        elif asked.received and self._answers_in_time(message.tick, asked.tick):
+        elif isinstance(message, Answered) and asked.received and self._answers_in_time(message.tick, asked.tick):
             asked.answered, asked.answer = True, message.body
         else:
-            raise Refused("past tick", f"an answer of {message.tick} to a request of {asked.tick}")
+            raise Refused("past tick", f"a reply of {message.tick} to a request of {asked.tick}")
 
     def _is_timely(self, tick: int) -> bool:
         """Rule 7, of a request: stamped with my last tick or the next."""

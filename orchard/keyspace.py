@@ -13,7 +13,7 @@ from orchard.geometry import Twist
 from orchard.hosting import STALE_TICKS
 from orchard.keys import QUERY, TABLE, Key, Keys
 from orchard.kinds import KINDS
-from orchard.lockstep import AGAIN_SECONDS, WATCHDOG, WATCHDOG_TICKS
+from orchard.lockstep import AGAIN_SECONDS, MOST_TOKENS, WATCHDOG, WATCHDOG_TICKS
 from orchard.messages import Answer, Call, Deed, Offer, Request, Written, pack
 from orchard.realtime import SLACK
 from orchard.sights import Sights
@@ -63,7 +63,7 @@ EXAMPLES: dict[type, wire.Part] = {
         wire.Recall(RUN, TICK),
         wire.Recalled(RUN, TICK, [(TICK - 1, {"bin_01": WRITTEN})]),
         wire.State(RUN, TICK, True, 70.0, ""),
-        wire.Events(RUN, TICK, [{"tick": TICK, "what": "row picked", "who": "picker_01", "whom": "bin_01", "detail": "row 1"}]),
+        wire.Events(RUN, TICK, [wire.Happened(TICK, "row picked", "picker_01", "bin_01", "row 1")]),
         wire.Picture(RUN, TICK, np.array([[-23.5, 10.75, 0.0]]).tobytes(), None, {}, None, None, None, [12.0], 0),
         _figures(),
         wire.RefusedThere(RUN, {"malformed": 3}),
@@ -239,6 +239,10 @@ and logger together) and logged once for each key and reason. Queries get an err
 | not held | `holder` is set, but nobody holds the agent: join first |
 | answered already | a second velocity of a held agent for one tick |
 | no such robot | nothing of that name has a body; of a stop: the name is no robot's or kind's |
+| no such agent | of a letter's sender, or in a liveliness token: the name is no agent's of this run |
+| no such key | a key expression with wildcards in it, which means no single key |
+| not all | of `seen`: bodies of the session are missing in it |
+| too many | more than anybody needs: {tokens} liveliness tokens, sessions that refused something, notes for the logger |
 | out of bounds | `linear.y` other than 0 of what cannot move sideways, held or not; only a bin can |
 
 ## The robots
@@ -258,7 +262,7 @@ def document() -> str:
     table = "\n".join(map(_table_row, TABLE.values()))
     kinds = "\n".join(f"| {name} | {kind.speed:g} | {kind.turn:.6g} | {kind.laser.beams} |" for name, kind in KINDS.items())
     times = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "slack": SLACK, "stale": STALE_TICKS, "again": AGAIN_SECONDS}
-    head = HEAD.format(table=table, kinds=kinds, most=wire.MAX_PAYLOAD, **times)
+    head = HEAD.format(table=table, kinds=kinds, most=wire.MAX_PAYLOAD, tokens=MOST_TOKENS, **times)
     return "\n".join([head, *(_section(what, key) for what, key in TABLE.items()), *(_union(*item) for item in UNIONS.items())])
 
 

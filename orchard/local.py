@@ -10,6 +10,7 @@ from orchard.events import Event
 from orchard.messages import pack, unpack
 from orchard.post import PostOffice, digest_of
 from orchard.snapshot import Snapshot
+from orchard.thaw import fitting
 
 
 class Local:
@@ -24,12 +25,13 @@ class Local:
 
     @classmethod
     def resume(cls, snapshot: Snapshot) -> "Local":
-        """The run of a snapshot, from its tick on; as often as one likes, to try what would have been."""
+        """The run of a snapshot, from its tick on; as often as one likes, to try what would have been. Raises SnapshotError."""
         engine = Engine.resume(snapshot)
         local = cls(engine.layout.scenario)
         local.engine, local.post = engine, PostOffice(dict(snapshot.letters))
         memories = {name: memory for name, memory in snapshot.memories.items() if memory is not None}
-        local.memories = {name: unpack(memory, local.agents[name].Memory) for name, memory in memories.items()}
+        with fitting(snapshot):
+            local.memories = {name: unpack(memory, local.agents[name].Memory) for name, memory in memories.items()}
         return local
 
     def snapshot(self) -> Snapshot:

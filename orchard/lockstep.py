@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from orchard.agent import Action
 from orchard.messages import Written
-from orchard.wire import Mode, OfRun, Velocity, action_of, read
+from orchard.wire import Mode, OfRun, Reason, Velocity, action_of, read
 
 M = TypeVar("M", bound=OfRun)
 Letters = Iterable[tuple[int, dict[str, Written]]]  # (tick, sender -> what it wrote)
@@ -21,6 +21,8 @@ Letters = Iterable[tuple[int, dict[str, Written]]]  # (tick, sender -> what it w
 log = logging.getLogger("orchard")
 
 PATIENCE = 15.0  # s of wall time for which an agent may be silent
+MOST_TOLD = 1000  # keys and reasons that are logged
+MOST_TOKENS = 10_000  # that are remembered
 AGAIN_SECONDS = 0.5  # after which who is silent is shown a tick again
 WATCHDOG = 0.5  # s: for how long one velocity drives a robot that nobody holds; of the clock that is slower, simulated or wall
 WATCHDOG_TICKS = 5
@@ -29,19 +31,25 @@ TAKEN = "it is taken"
 WHOSE = {"not the holder": "someone else holds this agent", "not held": "join before you answer as a holder"}
 
 
+def shown(words: str, most: int = 200) -> str:
+    """A stranger's words, as a short line that does nothing to a terminal or a log."""
+    short = words if len(words) <= most else words[: most - 3] + "..."
+    return short if short.isprintable() else "".join(c if c.isprintable() else "?" for c in short)
+
+
 class Refused(Exception):
     """A message that is not applied; the reason is one of a few, so that they can be counted."""
 
-    def __init__(self, reason: str, detail: str = "") -> None:
-        super().__init__(f"{reason}: {detail}" if detail else reason)
-        self.reason = reason
+    def __init__(self, reason: Reason, detail: str = "") -> None:
+        super().__init__(f"{reason}: {shown(detail)}" if detail else reason)
+        self.reason: Reason = reason
 
 
 class Refusals:
     """Messages that were not applied: counted by reason, logged once for each key and reason."""
 
     def __init__(self) -> None:
-        self.counts: Counter[str] = Counter()
+        self.counts: Counter[Reason] = Counter()
         self._told: set[tuple[str, str]] = set()
         self._reported = 0
 
@@ -52,7 +60,8 @@ class Refusals:
 
     def note(self, key: str, refusal: Refused) -> None:
         self.counts[refusal.reason] += 1
-        if (key, refusal.reason) not in self._told and len(self._told) < 1000:
+        key = shown(key)
+        if (key, refusal.reason) not in self._told and len(self._told) < MOST_TOLD:
             self._told.add((key, refusal.reason))
             log.warning("refused on %s: %s", key, refusal)
 
@@ -79,6 +88,8 @@ class Roster:
 
     def token(self, name: str, holder: str, up: bool) -> None:
         """A liveliness token came or went. Who is gone keeps its agents until someone takes them over, or they are released."""
+        if up and len(self._alive) >= MOST_TOKENS:
+            raise Refused("too many", f"{MOST_TOKENS} liveliness tokens stand")
         (self._alive.add if up else self._alive.discard)((name, holder))
 
     def may_join(self, name: str, holder: str) -> str:

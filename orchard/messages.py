@@ -1,10 +1,14 @@
 """What travels: requests, answers and deeds as plain data, and how they become bytes. The one place for msgpack."""
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
+from msgspec import Meta
 from msgspec.msgpack import Decoder, Encoder
+
+Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]  # not so of what is not a number, or infinite
+End = Annotated[str, Meta(pattern="^(east|west)$")]  # of a lane
 
 
 class _Message(msgspec.Struct, frozen=True, tag_field="type", tag=str.lower):
@@ -37,14 +41,14 @@ class Call(_Message):
     """A full bin's, to every carrier: who is free to fetch me?"""
 
     lane: int
-    side: str  # 'east' or 'west': the end of the lane at which it stands
+    side: End  # 'east' or 'west': at which it stands
 
 
 class Come(_Message):
     """A full bin's, to the carrier it chose."""
 
     lane: int
-    side: str
+    side: End
     picker: str  # who waits there for an empty bin
 
 
@@ -86,9 +90,9 @@ Request = Call | Come | Confirm | EmptyBin | Here | Claim | State | Where
 class Offer(_Message):
     """A waiting carrier's, to a call: where I am."""
 
-    x: float
-    y: float
-    distance: float  # m, by road to the calling bin
+    x: Metres
+    y: Metres
+    distance: Metres  # m, by road to the calling bin
 
 
 class Yes(_Message):
@@ -119,15 +123,15 @@ class BinState(_Message):
     """A bin's."""
 
     full: bool
-    fill: float  # m of row in it
+    fill: Metres  # of row in it
     coupled_to: str  # '' when it stands by itself
 
 
 class Position(_Message):
     """Where somebody is, in the orchard's frame."""
 
-    x: float  # m
-    y: float  # m
+    x: Metres
+    y: Metres
 
 
 Answer = Offer | Yes | No | Carrier | Places | BinState | Position

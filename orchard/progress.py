@@ -5,6 +5,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+import msgspec
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
@@ -18,6 +19,16 @@ SHOWN = ("picker", "carrier", "tractor", "bin")
 NARROWEST = 24  # characters of a column
 SILENT = "no agent"  # what a robot does whose agent was lost
 STANDS = (STOPPED, SILENT)  # in red
+
+
+class Headline(msgspec.Struct):
+    """The figures that `headline` shows."""
+
+    sim_seconds: float
+    times_real_time: float
+    rows_picked: int
+    rows: int
+    bins_delivered: int
 
 
 class Progress:

@@ -10,20 +10,20 @@ from contextlib import contextmanager
 from orchard.agent import Agent
 from orchard.bus import Bus, BusError, Inbox, client
 from orchard.config import check
-from orchard.host import Ended, Host, told
+from orchard.host import Ended, Host, newcomer
 from orchard.identity import identity_in
 from orchard.keys import PREFIX, Keys
 from orchard.layout import lay_out
-from orchard.wire import Newcomer, read
+from orchard.wire import Newcomer
 
 
 class Remote:
     """A run, as one sees it who comes along. `layout` tells where everything stands, `names` whom an agent can drive."""
 
-    def __init__(self, bus: Bus, keys: Keys, newcomer: Newcomer) -> None:
+    def __init__(self, bus: Bus, keys: Keys, known: Newcomer) -> None:
         self._bus, self._keys = bus, keys
-        self.run, self.mode, self.names = newcomer.run, newcomer.mode, newcomer.agents
-        self.layout = lay_out(check(newcomer.scenario, "the scenario that physics sent"))
+        self.run, self.mode, self.names = known.run, known.mode, known.agents
+        self.layout = lay_out(check(known.scenario, "the scenario that physics sent"))
 
     def play(self, name: str, agent: Agent) -> str:
         """Drive a robot until the run ends; why it did. Raises BusError where the robot is somebody else's, or physics is gone."""
@@ -52,4 +52,4 @@ def connect(endpoint: str, prefix: str = PREFIX, secure: str | None = None) -> I
     """
     keys = Keys(prefix)
     with client(endpoint, Inbox(), identity=identity_in(secure, prefix)) as bus:
-        yield Remote(bus, keys, read(told(bus, keys.of("scenario"), b"", lambda item: None), Newcomer))
+        yield Remote(bus, keys, newcomer(bus, keys))

@@ -9,14 +9,16 @@ import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
+from msgspec import Meta
 
 from orchard.messages import Written, pack, unpack
 
 VERSION = 1
 HEAD = b"orchard snapshot %d\n"
+LARGEST = 1 << 24  # bytes; that of the largest orchard has a hundredth of it
 KEPT = 2  # files: the newest, and the one before it
 
 
@@ -27,10 +29,10 @@ class SnapshotError(Exception):
 class Snapshot(msgspec.Struct):
     """A run between two ticks."""
 
-    run: str  # its id
+    run: Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{0,64}$")]  # its id
     scenario: dict[str, Any]
     world: dict[str, Any]  # field of World -> a number, or an array's bytes
-    digest: bytes  # the run's hash so far
+    digest: Annotated[bytes, Meta(min_length=32, max_length=32)]  # the run's hash so far
     memories: dict[str, bytes | None]  # name -> what its agent remembers, as it sent it
     letters: list[tuple[int, dict[str, Written]]]  # (tick, sender -> what it wrote) of the last two ticks
     figures: dict[str, Any]  # the run's figures so far
@@ -74,9 +76,12 @@ def store(name: str, content: bytes, folder: Path) -> Path:
 def read(path: Path) -> Snapshot:
     """The snapshot in a file. Raises SnapshotError, naming the file and what is wrong with it."""
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            data = file.read(LARGEST + 1)
     except OSError as error:
         raise SnapshotError(f"{path}: {error.strerror}") from error
+    if len(data) > LARGEST:
+        raise SnapshotError(f"{path}: larger than {LARGEST} bytes, as no snapshot is")
     found = re.match(rb"orchard snapshot (\d{1,9})\n([0-9a-f]{64})\n", data)
     if not found:
         raise SnapshotError(f"{path}: not a snapshot of an orchard")
@@ -87,6 +92,7 @@ def read(path: Path) -> Snapshot:
         raise SnapshotError(f"{path}: torn or changed: its checksum does not fit")
     try:
         snapshot: Snapshot = unpack(payload, Snapshot)
+        msgspec.convert(snapshot.world.get("tick"), int)
     except ValueError as error:
         raise SnapshotError(f"{path}: {error}") from error
     return snapshot

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from orchard.config import TIME_STEP
@@ -11,20 +12,28 @@ from orchard.watch_kernel import ROBOTS, STATES, count_states
 from orchard.world import World
 
 
+class Counted(msgspec.Struct):
+    """What it remembers of the ticks before, as plain data."""
+
+    since: int  # tick
+    ticks: dict[str, list[int]]  # robot -> of each of STATES
+
+
 class StateTimes:
     """The ticks that each robot has spent in each of STATES, since the tick at which this began."""
 
     def __init__(self, world: World, data: dict[str, Any] | None = None) -> None:
-        """With the data of another, it goes on from there."""
+        """With the data of another, it goes on from there; raises ValueError, KeyError or OverflowError where they are none."""
         self._kinds = np.array([ROBOTS.index(s.kind) if s.kind in ROBOTS else NOBODY for s in world.layout.starts], dtype=np.int64)
         self._names = [(i, name) for name, i in world.layout.index.items() if self._kinds[i] != NOBODY]
         self._ticks = np.zeros((len(self._kinds), len(STATES)), dtype=np.int64)
         self._fill = world.fill.copy()
         self.since = world.tick
         if data is not None:
-            self.since = data["since"]
+            counted = msgspec.convert(data, Counted)
+            self.since = counted.since
             for i, name in self._names:
-                self._ticks[i] = data["ticks"][name]
+                self._ticks[i] = counted.ticks[name]
 
     def as_data(self) -> dict[str, Any]:
         """All that it must remember, plain: for a snapshot."""

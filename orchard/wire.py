@@ -13,21 +13,24 @@ import numpy as np
 from msgspec import Meta
 
 from orchard.agent import Action, Hitch, Observation
-from orchard.frames import Frame
+from orchard.frames import SELDOM, Frame
 from orchard.geometry import Twist
 from orchard.kinds import KINDS, LASER_RANGE, Laser, kind_of
-from orchard.messages import Answer, Deed, Request, Written, unpack
+from orchard.layout import Layout
+from orchard.messages import Answer, Deed, Metres, Request, Written, unpack
 from orchard.post import written_by
 from orchard.sights import STATE, Sights
 
 MAX_PAYLOAD = 1 << 20  # bytes
 FASTEST = 100.0  # m/s and rad/s: what no velocity can mean
+FARTHEST = 1e6  # m, or m/s: what no place and no speed can be
+MOST_BODIES = 10_000
+LAST_TICK = 2**36 - 1  # 217 years: its nanoseconds fit in 64 bits
 
 Text = Annotated[str, Meta(max_length=200)]
 Name = Annotated[str, Meta(max_length=64, pattern="^[a-z][a-z0-9_]*$")]
 Run = Annotated[str, Meta(max_length=64, description="the run's id; that of the scenario query's answer")]
-Tick = Annotated[int, Meta(ge=0, lt=2**53, description="number of the time step, 0.1 s each, from 0")]
-Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]
+Tick = Annotated[int, Meta(ge=0, le=LAST_TICK, description="number of the time step, 0.1 s each, from 0")]
 Speed = Annotated[float, Meta(ge=-FASTEST, le=FASTEST)]
 Zero = Annotated[float, Meta(ge=0.0, le=0.0, description="0")]
 Unit = Annotated[float, Meta(ge=-1.001, le=1.001)]
@@ -35,10 +38,19 @@ Ranges = Annotated[
     bytes, Meta(max_length=4096, description="m, as little-endian float32, 4 bytes a beam; +inf where nothing returns (REP-117)")
 ]
 Fill = Annotated[float, Meta(ge=0.0, le=1e3)]
+Body = Annotated[int, Meta(ge=-1, lt=MOST_BODIES)]
 Once = Annotated[
     bool, Meta(description="realtime: it drives for one step, and only from the pose that it answers; else until a newer one comes")
 ]
-Holder = Annotated[str, Meta(max_length=64, description="the session id in the sender's liveliness token; '' from one who holds no agent")]
+Session = Annotated[str, Meta(max_length=64, pattern="^[A-Za-z0-9_-]+$")]
+Holder = Annotated[
+    str,
+    Meta(
+        max_length=64,
+        pattern="^[A-Za-z0-9_-]*$",
+        description="the session id in the sender's liveliness token; '' from one who holds no agent",
+    ),
+]
 
 
 class Part(msgspec.Struct, forbid_unknown_fields=True):
@@ -173,7 +185,7 @@ class OtherSeen(Part):
 class Seen(Message):
     """What the agents of one session see at this tick: what `pose` and `scan` say, as arrays; cheaper than a message for each."""
 
-    names: Annotated[list[Name], Meta(max_length=10_000, description="the bodies, in the order of the arrays")]
+    names: Annotated[list[Name], Meta(max_length=MOST_BODIES, description="the bodies, in the order of the arrays")]
     states: Annotated[
         bytes,
         Meta(
@@ -186,7 +198,7 @@ class Seen(Message):
     ]
     hitches: Annotated[dict[Name, OtherSeen], Meta(description="name -> the other end of its bar; of those that are coupled")]
     fills: Annotated[dict[Name, Fill], Meta(description="name -> m of row in it; of bins that are not empty")]
-    full: Annotated[list[Name], Meta(max_length=10_000, description="the bins that are full")]
+    full: Annotated[list[Name], Meta(max_length=MOST_BODIES, description="the bins that are full")]
     recall: Annotated[bool, Meta(description="mail of this tick may not have arrived: ask `recall` for it")] = False
 
 
@@ -218,7 +230,7 @@ class Velocities(Message):
     """The velocities of all agents of one session: its answer to what it has seen of this tick."""
 
     holder: Holder
-    velocities: Annotated[dict[Name, Drive], Meta(max_length=10_000, description="name -> its velocity")]
+    velocities: Annotated[dict[Name, Drive], Meta(max_length=MOST_BODIES, description="name -> its velocity")]
     undelivered: Annotated[bool, Meta(description="a request of this tick may not have arrived: its recipient must recall it")] = False
 
 
@@ -289,7 +301,7 @@ class Join(OfRun):
     """A host's wish to hold agents. Its liveliness tokens, its subscribers and its queryables must stand before it."""
 
     holder: Holder
-    names: Annotated[list[Name], Meta(max_length=10_000, description="the agents that it wants to hold: all or none")]
+    names: Annotated[list[Name], Meta(max_length=MOST_BODIES, description="the agents that it wants to hold: all or none")]
 
 
 class Joined(Message):
@@ -306,17 +318,27 @@ class Lost(Message):
     holder: Annotated[Holder, Meta(description="the session that held them")]
 
 
+class Happened(Part):
+    """One thing that happened."""
+
+    tick: Tick
+    what: Text
+    who: Annotated[Text, Meta(description="whose deed, or whose step it was")]
+    whom: Annotated[Text, Meta(description="'' or the other body")]
+    detail: Annotated[str, Meta(max_length=1000)]
+
+
 class Events(Message):
     """What happened in the step from this tick to the next."""
 
-    events: Annotated[list[dict[str, Any]], Meta(description="maps of `tick`, `what`, `who`, `whom` ('' or the other body), `detail`")]
+    events: Annotated[list[Happened], Meta(description="maps of `tick`, `what`, `who`, `whom` ('' or the other body), `detail`")]
 
 
 class State(Message):
     """A bin's, published whenever `full` or `coupled_to` changes."""
 
     full: Annotated[bool, Meta(description="it holds a whole row")]
-    fill: Annotated[float, Meta(description="m of row in it, 0 to 70")]
+    fill: Annotated[Fill, Meta(description="m of row in it, 0 to 70")]
     coupled_to: Annotated[str, Meta(description="the robot that tows it; '' when it stands by itself")]
 
 
@@ -334,7 +356,9 @@ class Stop(OfRun):
     """An emergency stop, or its end."""
 
     stop: Annotated[bool, Meta(description="true: they stand, from the step under way on, until they are reset; false: they are reset")]
-    names: Annotated[list[Text], Meta(max_length=10_000, description="robots, or kinds of them: 'picker_01', 'carrier'; none: all robots")]
+    names: Annotated[
+        list[Text], Meta(max_length=MOST_BODIES, description="robots, or kinds of them: 'picker_01', 'carrier'; none: all robots")
+    ]
 
 
 class Stopped(Message):
@@ -351,10 +375,10 @@ class Picture(Message):
     poses: Annotated[bytes, Meta(description="x, y (m), yaw (rad) of every body, in the scenario's order, as little-endian float64")]
     scans: Annotated[list[bytes] | None, Meta(description="twice a second: every body's ranges, m, as little-endian float32")]
     doing: Annotated[dict[Name, str], Meta(description="name -> what it does; those that do something new")]
-    coupled: Annotated[list[int] | None, Meta(description="of every body, the number of the one at the other end of its bar, or -1")]
-    fill: Annotated[list[float] | None, Meta(description="of every bin, m of row in it; 0 of other bodies")]
+    coupled: Annotated[list[Body] | None, Meta(description="of every body, the number of the one at the other end of its bar, or -1")]
+    fill: Annotated[list[Fill] | None, Meta(description="of every bin, m of row in it; 0 of other bodies")]
     alive: Annotated[list[bool] | None, Meta(description="false for a weed that is flattened")]
-    row_picked: Annotated[list[float] | None, Meta(description="m of every row that are picked, 0 to 70")]
+    row_picked: Annotated[list[Fill] | None, Meta(description="m of every row that are picked, 0 to 70")]
     delivered: Annotated[int, Meta(ge=0, description="bins unloaded so far")]
 
 
@@ -367,11 +391,17 @@ class Figures(Message):
     messages_refused: Annotated[dict[str, int], Meta(description="reason -> how many, since the beginning")]
 
 
+Reason = Literal[
+    "malformed", "other run", "past tick", "future tick", "not the holder", "not held", "answered already",
+    "no such robot", "no such agent", "no such key", "out of bounds", "not all", "too many",
+]  # fmt: skip
+
+
 class RefusedThere(OfRun):
     """What one host, or the logger, has refused."""
 
     counts: Annotated[
-        dict[Text, Annotated[int, Meta(ge=0, lt=2**53)]], Meta(max_length=32, description="reason -> how many, since it began")
+        dict[Reason, Annotated[int, Meta(ge=0, lt=2**53)]], Meta(description="reason -> how many, since it began")
     ]
 
 
@@ -446,8 +476,8 @@ def sights_of(seen: Seen) -> Sights:
     states, ranges = np.frombuffer(seen.states, "<f8"), np.frombuffer(seen.ranges, "<f4")
     if len(states) != len(ends) * STATE or len(ranges) != (ends[-1] if ends else 0):
         raise ValueError(f"states and ranges do not fit {len(ends)} names")
-    if not np.isfinite(states).all() or np.isnan(ranges).any():
-        raise ValueError("not a number")
+    if not ((np.abs(states) <= FARTHEST).all() and (ranges >= 0.0).all()):
+        raise ValueError("not a number, or out of bounds")
     scans = [ranges[begin:end] for begin, end in zip([0, *ends], ends, strict=False)]
     hitches = {name: _hitch_seen(other) for name, other in seen.hitches.items()}
     return Sights(seen.tick, seen.names, states.reshape(-1, STATE), scans, hitches, seen.fills, seen.full)
@@ -462,8 +492,16 @@ def _beams_of(name: str) -> int:
 
 def _hitch_seen(other: OtherSeen) -> Hitch:
     x, y, z, w, vx, vy, turn = other.state
-    scan = None if other.ranges is None else np.frombuffer(other.ranges, "<f4")
+    scan = None if other.ranges is None else _sweep_of("bin", other.ranges)
     return Hitch(other.name, x, y, (z, w), Twist(vx, vy, turn), scan)
+
+
+def _sweep_of(name: str, ranges: bytes) -> np.ndarray:
+    """One body's ranges. Raises ValueError for what its laser cannot have measured."""
+    sweep, beams = np.frombuffer(ranges, "<f4"), _beams_of(name)
+    if len(sweep) != beams or not (sweep >= 0.0).all():
+        raise ValueError(f"ranges of {name}: wanted are {beams}, 0 or more")
+    return sweep
 
 
 def picture_of(run: str, frame: Frame) -> Picture:
@@ -474,11 +512,18 @@ def picture_of(run: str, frame: Frame) -> Picture:
     return Picture(run, frame.tick, poses, scans, dict(frame.doing), **lists, delivered=frame.delivered)
 
 
-def frame_of(picture: Picture) -> Frame:
-    """The frame that was sent."""
+def frame_of(picture: Picture, layout: Layout) -> Frame:
+    """The frame that was sent. Raises ValueError for one that is not of this orchard, or holds what is no number."""
+    bodies, rows = len(layout.names), layout.scenario.rows
     poses = np.frombuffer(picture.poses, dtype="<f8").reshape(-1, 3)
-    scans = None if picture.scans is None else [np.frombuffer(scan, dtype="<f4") for scan in picture.scans]
-    arrays: dict[str, Any] = {name: _array(getattr(picture, name)) for name in ("coupled", "fill", "alive", "row_picked")}
+    arrays: dict[str, Any] = {name: _array(getattr(picture, name)) for name in SELDOM}
+    lengths = {"row_picked": rows}
+    fit = all(array is None or len(array) == lengths.get(name, bodies) for name, array in arrays.items())
+    if not fit or len(poses) != bodies or (picture.scans is not None and len(picture.scans) != bodies):
+        raise ValueError(f"it is not of {bodies} bodies and {rows} rows")
+    if not (np.abs(poses) <= FARTHEST).all():
+        raise ValueError("not a number, or out of bounds")
+    scans = None if picture.scans is None else [_sweep_of(*sweep) for sweep in zip(layout.names, picture.scans, strict=True)]
     return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered)
 
 

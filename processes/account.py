@@ -2,19 +2,22 @@
 
 import time
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
+from msgspec import Meta
 
 from orchard import wire
 from orchard.agent import Action
 from orchard.config import TIME_STEP
+from orchard.snapshot import SnapshotError
 from orchard.stops import as_shown
 
 if TYPE_CHECKING:
     from orchard.engine import Engine
     from orchard.events import Event
 
+Seconds = Annotated[float, Meta(ge=0.0, le=1e9)]
 FIGURES_SECONDS = 0.5  # of wall time between two messages with figures
 
 
@@ -22,13 +25,16 @@ class Account:
     """The run in figures, for those who watch it and for the summary."""
 
     def __init__(self, engine: "Engine", before: Mapping[str, Any] | None = None) -> None:
-        """`before`: what `as_data` gave, of a run that goes on."""
+        """`before`: what `as_data` gave, of a run that goes on. Raises SnapshotError for what is none."""
         from orchard.metrics import Figures
 
         self._engine, self._world = engine, engine.world
         before = before or {}
-        self._figures = msgspec.convert(before.get("harvest", {}), Figures)
-        self._wall_before = float(before.get("wall_seconds", 0.0))
+        try:
+            self._figures = msgspec.convert(before.get("harvest", {}), Figures)
+            self._wall_before = msgspec.convert(before.get("wall_seconds", 0.0), Seconds)
+        except ValueError as error:
+            raise SnapshotError(f"the figures of the run before are none: {error}") from error
         self.actions: dict[str, Action] = {}
         self._begun = self._told = time.monotonic()
 

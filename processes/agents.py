@@ -15,12 +15,11 @@ from collections.abc import Callable, Collection
 from orchard.agent import Agent
 from orchard.bus import Bus, BusError, Inbox, Item, Signal, client
 from orchard.config import ScenarioError, check
-from orchard.host import GONE_SECONDS, Ended, Host, told
+from orchard.host import GONE_SECONDS, Ended, Host, newcomer
 from orchard.identity import Identity, identity_in
 from orchard.keys import PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.names import chosen
-from orchard.wire import Newcomer, read
 
 log = logging.getLogger("orchard")
 
@@ -70,7 +69,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None) -> Host:
     keys = Keys(options.prefix)
-    run = read(told(bus, keys.of("scenario"), b"", _only_signals), Newcomer)
+    run = newcomer(bus, keys, _only_signals)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     allowed = run.agents if identity is None else set(run.agents) & set(identity.role.names)
     names = chosen(sorted(allowed), options.only, options.without, options.share)

@@ -5,8 +5,6 @@ import time
 from collections.abc import Collection, Iterable, Mapping
 from typing import TYPE_CHECKING
 
-import msgspec
-
 from orchard import wire
 from orchard.bus import Bus
 from orchard.keys import Keys
@@ -73,7 +71,7 @@ class Announcer:
 
     def happened(self, tick: int, events: "list[Event]") -> None:
         if events:
-            self.say("events", wire.Events(self.run, tick, msgspec.to_builtins(events)))
+            self.say("events", wire.Events(self.run, tick, [wire.Happened(e.tick, e.what, e.who, e.whom, e.detail) for e in events]))
 
     def wrote(self, tick: int, letters: dict[str, Written]) -> None:
         if letters and self.is_heard("letters"):

@@ -19,26 +19,27 @@ from orchard.bus import Alive, Bus, BusError, Inbox, Item, Sample, Signal, clien
 from orchard.camera import talk_of
 from orchard.config import ScenarioError, check
 from orchard.frames import Event, Frame
-from orchard.host import GONE_SECONDS, Ended, tell_refusals, told
+from orchard.host import GONE_SECONDS, Ended, newcomer, tell_refusals
 from orchard.identity import identity_in
 from orchard.keys import LOGGER, PHYSICS, PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.lockstep import Refusals, Refused, understood
 from orchard.view import Recorder, optimize
 from orchard.view.parts import before
-from orchard.wire import End, Events, Letters, Lost, Newcomer, Picture, frame_of, read
+from orchard.wire import End, Events, Letters, Lost, Picture, frame_of
 from processes.pages import Page, Pages, Writer
 
 log = logging.getLogger("orchard")
 
+MOST_NOTES = 10_000  # that wait for a picture; of a tick there are never more than some hundreds
 LOOK_SECONDS = 0.5  # between two looks whether the writer still writes
 
 
 class Logger:
     """One run's pictures and words, on their way to the writer."""
 
-    def __init__(self, bus: Bus, keys: Keys, run: str, pages: Pages) -> None:
-        self.bus, self.keys, self.run_id, self.pages = bus, keys, run, pages
+    def __init__(self, bus: Bus, keys: Keys, run: str, layout: Layout, pages: Pages) -> None:
+        self.bus, self.keys, self.run_id, self.layout, self.pages = bus, keys, run, layout, pages
         self.refusals = Refusals()
         self._notes: list[tuple[int, Event]] = []  # those that wait for the next picture, with their ticks
         self._gone_until = math.inf  # on the clock: when physics, which is gone, counts as gone for ever
@@ -76,7 +77,7 @@ class Logger:
     def _handle(self, item: Item) -> None:
         if isinstance(item, Signal):
             raise Ended(0, "asked to stop")
-        if isinstance(item, Alive) and self.keys.parts(item.key)[2] == self.run_id:
+        if isinstance(item, Alive) and item.key == self.keys.of("alive", PHYSICS, self.run_id):
             self._gone_until = math.inf if item.up else time.monotonic() + GONE_SECONDS
         if isinstance(item, Sample):
             try:
@@ -88,7 +89,7 @@ class Logger:
     def _hear(self, sample: Sample) -> None:
         match self.keys.parts(sample.key):
             case ["picture"]:
-                self._see(frame_of(understood(sample.payload, Picture, self.run_id)))
+                self._see(self._frame(sample.payload))
             case ["letters"]:
                 letters = understood(sample.payload, Letters, self.run_id)
                 for name, written in letters.letters.items():
@@ -96,15 +97,26 @@ class Logger:
                     self._note(letters.tick, map(Event._make, talk_of(name, written.requests, answers)))
             case ["events"]:
                 events = understood(sample.payload, Events, self.run_id)
-                self._note(events.tick, (Event(event["what"], event["who"], event["whom"], event["detail"]) for event in events.events))
+                self._note(events.tick, (Event(event.what, event.who, event.whom, event.detail) for event in events.events))
             case ["lost"]:
                 lost = understood(sample.payload, Lost, self.run_id)
                 self._note(lost.tick, (Event("lost", name, "", "its agent does not answer; it stands") for name in lost.names))
             case ["end"]:
                 raise Ended(0, understood(sample.payload, End, self.run_id).why)
+            case _:
+                raise Refused("no such key")
 
     def _note(self, tick: int, events: Iterable[Event]) -> None:
+        if len(self._notes) >= MOST_NOTES:
+            raise Refused("too many", f"{MOST_NOTES} notes wait for a picture")
         self._notes += [(tick, event) for event in events]
+
+    def _frame(self, payload: bytes) -> Frame:
+        picture = understood(payload, Picture, self.run_id)
+        try:
+            return frame_of(picture, self.layout)
+        except ValueError as error:
+            raise Refused("malformed", str(error)) from error
 
     def _see(self, frame: Frame) -> None:
         """Pass a picture on; after one that was missed only a whole one, because others tell only what has changed."""
@@ -136,9 +148,9 @@ def main(argv: list[str] | None = None) -> int:
 def _record(bus: Bus, arguments: argparse.Namespace) -> tuple[int, Path | None]:
     """The exit code, and the part that was written."""
     keys = Keys(arguments.prefix)
-    run = read(told(bus, keys.of("scenario"), b"", lambda item: None), Newcomer)
+    run = newcomer(bus, keys)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
-    opening, logger = Opening(layout, run.run, arguments.record, arguments.serve), Logger(bus, keys, run.run, Pages())
+    opening, logger = Opening(layout, run.run, arguments.record, arguments.serve), Logger(bus, keys, run.run, layout, Pages())
     logger.listen(arguments.session or bus.id)
     writer = Writer(logger.pages, opening.begin)
     writer.start()

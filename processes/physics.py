@@ -15,10 +15,12 @@ import time
 import uuid
 from collections import Counter
 from collections.abc import Collection
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
+
+import msgspec
 
 from orchard import wire
 from orchard.agent import Action
@@ -110,7 +112,7 @@ class Physics:
         self.keeper = Keeper(options.snapshots, options.snapshot_every)
         self.refusals = Refusals()
         self._held_before = before.held if before else None
-        self._refused_there: dict[str, dict[str, int]] = {}  # session -> what it refused
+        self._refused_there: dict[str, dict[wire.Reason, int]] = {}  # session -> what it refused
         self.pacer = Pacer(options.speed)
         self._seen: Sights | None = None
         self._undelivered = False  # whether a request of this tick may not have arrived
@@ -267,8 +269,8 @@ class Physics:
             if isinstance(item, Question):
                 item.drop()
             elif isinstance(item, Alive):
-                _, name, holder = self.keys.parts(item.key)
-                self.roster.token(name, holder, item.up)
+                with suppress(Refused):
+                    self.roster.token(*self._whose(item), item.up)
 
     # -- what arrives
 
@@ -296,25 +298,29 @@ class Physics:
         match self.keys.parts(sample.key):
             case ["hosts", session, "refused"]:
                 counts = understood(sample.payload, wire.RefusedThere, self.run_id).counts
-                if len(self._refused_there) < MOST_SESSIONS or session in self._refused_there:
-                    self._refused_there[session] = counts
+                if len(self._refused_there) >= MOST_SESSIONS and session not in self._refused_there:
+                    raise Refused("too many", f"{MOST_SESSIONS} sessions have refused something")
+                self._refused_there[_session(session)] = counts
             case [name, "velocity"]:
                 self._drive(name, understood(sample.payload, wire.Velocity, self.run_id))
             case ["hosts", session, "velocities"]:
                 self._drive_all(session, sample)
+            case _:
+                raise Refused("no such key")
 
     def _drive_all(self, session: str, sample: Sample) -> None:
         """Each velocity of a session counts, or is refused, for itself. Who may put on whose key, a secured router sees to."""
         velocities = understood(sample.payload, wire.Velocities, self.run_id)
         if velocities.holder != session:
             raise Refused("not the holder", f"{velocities.holder!r} is not the session of the key")
-        for name in velocities.velocities:
+        for name in tuple(velocities.velocities):
             try:
                 velocity = wire.velocity_of(velocities, name)
                 self._drive(name, velocity)
                 self.announcer.driven(name, velocity)
             except Refused as refusal:
                 self.refusals.note(sample.key, refusal)
+                del velocities.velocities[name]
         self._undelivered |= velocities.undelivered and self._are_held(velocities)
 
     def _are_held(self, velocities: wire.Velocities) -> bool:
@@ -324,13 +330,13 @@ class Physics:
 
     def _refused(self) -> dict[str, int]:
         """What all have refused, by reason."""
-        total = Counter(self.refusals.counts)
+        total: Counter[str] = Counter(self.refusals.counts)
         for counts in self._refused_there.values():
             total.update(counts)
         return dict(sorted(total.items()))
 
     def _token(self, alive: Alive) -> None:
-        _, name, holder = self.keys.parts(alive.key)
+        name, holder = self._whose(alive)
         if name == PHYSICS:
             self._refuse_another_run(alive.up, holder)
             return
@@ -339,6 +345,13 @@ class Physics:
         self.roster.token(name, holder, alive.up)
         if self.answers.releases_at_once and not alive.up and self.roster.holders.get(name) == holder:
             self._release({name})
+
+    def _whose(self, alive: Alive) -> tuple[str, str]:
+        """Name and session of a liveliness token."""
+        match self.keys.parts(alive.key):
+            case ["alive", name, session] if name in self.roster.names or name in (PHYSICS, LOGGER):
+                return name, _session(session)
+        raise Refused("no such agent")
 
     def _refuse_another_run(self, up: bool, run: str) -> None:
         """Before the first tick: at one router there is one run to a prefix."""
@@ -417,6 +430,15 @@ class Physics:
         question.reply(pack(wire.Done(self.run_id, self.engine.tick)))
         question.drop()
         raise Stopped(f"{command.command}ped")
+
+
+def _session(text: str) -> str:
+    """A session's id in a key. Raises Refused for what is none."""
+    try:
+        session: str = msgspec.convert(text, wire.Session)
+    except ValueError as error:
+        raise Refused("malformed", f"a session's id: {error}") from error
+    return session
 
 
 # -- the process

@@ -13,16 +13,18 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import msgspec
+
 from orchard.bus import Alive, Bus, BusError, Inbox, Sample, Signal, check_free, check_security, client, reachable, with_port
 from orchard.config import Scenario, to_yaml
-from orchard.host import told
+from orchard.host import newcomer
 from orchard.identity import Identity
 from orchard.keys import LOGGER, PHYSICS, Keys
 from orchard.layout import lay_out
 from orchard.lockstep import Refusals, Refused, understood
 from orchard.names import chosen
-from orchard.progress import Progress
-from orchard.wire import End, Figures, Newcomer, read
+from orchard.progress import Headline, Progress
+from orchard.wire import End, Figures
 from processes.fleet import Fleet, Program, free_port, open_viewer
 from processes.passes import Open, Passes, Secured, Shares, passes_of
 from processes.running import Going, noted
@@ -175,15 +177,17 @@ def _follow(
 
 
 def _listen(wish: Wish, fleet: Fleet, watchdog: Watchdog, bus: Bus, run_id: str, progress: Progress) -> tuple[dict[str, Any] | None, str]:
-    deadline, refusals, begun = math.inf, Refusals(), False
+    deadline, refusals, begun, keys = math.inf, Refusals(), False, Keys()
     while time.monotonic() < deadline:
         item = bus.inbox.take(0.2)
         if isinstance(item, Signal):
             fleet.terminate("physics")
             deadline = min(deadline, time.monotonic() + STOP_SECONDS)
         elif isinstance(item, Alive):
-            hear = watchdog.hear if f"/{LOGGER}/" in item.key else watchdog.hear_of_physics
-            hear(item.up)
+            if item.key == keys.of("alive", LOGGER, run_id):
+                watchdog.hear(item.up)
+            elif item.key == keys.of("alive", PHYSICS, run_id):
+                watchdog.hear_of_physics(item.up)
         elif isinstance(item, Sample):
             try:
                 if end := _hear(item, run_id, progress):
@@ -207,6 +211,10 @@ def _hear(sample: Sample, run_id: str, progress: Progress) -> End | None:
     if sample.key.endswith("/end"):
         return understood(sample.payload, End, run_id)
     message = understood(sample.payload, Figures, run_id)
+    try:
+        msgspec.convert(message.figures, Headline)
+    except ValueError as error:
+        raise Refused("malformed", str(error)) from error
     progress.show(message.figures, message.doing, message.waits_for)
     return None
 
@@ -237,4 +245,4 @@ def visit(endpoint: str, only: list[str], without: list[str], passes: Open | Sec
 def _names_of(endpoint: str, identity: Identity | None) -> list[str]:
     """Every agent of the run that goes on there."""
     with client(endpoint, seconds=LOOK_SECONDS, identity=identity) as bus:
-        return read(told(bus, Keys().of("scenario"), b"", lambda item: None), Newcomer).agents
+        return newcomer(bus, Keys()).agents

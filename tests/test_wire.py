@@ -33,7 +33,7 @@ def scans(beams):
 
 hitches = st.builds(Hitch, names, metres, metres, st.tuples(units, units), twists, st.none() | scans(60))
 seen = st.builds(
-    Observation, st.just("picker_01"), st.integers(0, 2**40), metres, metres, st.tuples(units, units), twists, scans(180),
+    Observation, st.just("picker_01"), st.integers(0, 2**35), metres, metres, st.tuples(units, units), twists, scans(180),
     st.none() | hitches, st.floats(0, 70), st.booleans(),
 )  # fmt: skip
 

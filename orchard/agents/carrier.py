@@ -49,6 +49,8 @@ class Carrier:
             return Yes()
         if not isinstance(body, Call | Come):
             return No("a carrier knows nothing of that")
+        if not 1 <= body.lane <= len(self.layout.lanes):
+            return No("there is no such row")
         if job:
             return No(f"busy with {job.bin}")
         if isinstance(body, Call) and not self.is_next(me):

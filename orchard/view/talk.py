@@ -15,6 +15,7 @@ MOST_LINES = 40  # at once: when all call at once, who is sent counts more than 
 RENEWED_TICKS = 5  # how often the lines follow the robots
 REPEAT_TICKS = 300
 MOST_NAMES = 3  # in a line of the log
+MOST_SAID = 10_000  # that are remembered
 BEADS = 9
 WARNINGS, ERRORS = ("collision", "refused", "stopped", "nothing recorded", "left out"), ("lost", "jam")
 ALARMS = dict.fromkeys(map(palette.plain, WARNINGS), "WARN") | dict.fromkeys(map(palette.plain, ERRORS), "ERROR")
@@ -80,6 +81,8 @@ class Talk:
 
     def is_news(self, tick: int, event: tuple[str, str, str, str]) -> bool:
         """Whether it was not said in the last half minute: agents ask again and again until they are heard."""
+        if len(self._said) >= MOST_SAID:
+            self._said = {}
         last, self._said[event] = self._said.get(event), tick
         return last is None or tick - last > REPEAT_TICKS
 

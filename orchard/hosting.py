@@ -138,7 +138,7 @@ class Mailbox:
         elif isinstance(message, Answered) and asked.received and self._answers_in_time(message.tick, asked.tick):
             asked.answered, asked.answer = True, message.body
         else:
-            raise Refused("past tick", f"a reply of {message.tick} to a request of {asked.tick}")
+            raise Refused("past tick", f"an answer of {message.tick} to a request of {asked.tick}")
 
     def _is_timely(self, tick: int) -> bool:
         """Rule 7, of a request: stamped with my last tick or the next."""

@@ -1,0 +1,282 @@
+"""Real messages of a run in this process, on all keys and in both directions; and what noise, age and malice make of them."""
+
+import math
+import random
+import re
+import threading
+from collections.abc import Callable, Iterator
+
+import msgpack
+
+from orchard.agents import cast
+from orchard.bus import Alive, Final, Inbox, Question, Replied, Sample
+from orchard.engine import Engine
+from orchard.host import Ended, Host
+from orchard.keys import TABLE, Keys
+from orchard.keyspace import EXAMPLES
+from orchard.messages import pack
+from orchard.wire import MAX_PAYLOAD, Command, Recall, Stop
+from processes.physics import Options, Physics
+
+KEYS = Keys()
+HOST = "host1"
+
+
+# -- a run without a network
+
+
+class Query(Question):
+    """A query as a queryable gets it, and what it gets back."""
+
+    def __init__(self, key: str, payload: bytes, replied: Callable[[Replied], None] = lambda reply: None, ticket: object = None) -> None:
+        self.key, self.payload = key, payload
+        self.replies, self.errors, self.dropped = [], [], False
+        self._replied, self._ticket = replied, ticket
+
+    def reply(self, payload: bytes) -> None:
+        self.replies.append(payload)
+        self._replied(Replied(self._ticket, payload, ""))
+
+    def refuse(self, reason: str) -> None:
+        self.errors.append(reason)
+        self._replied(Replied(self._ticket, b"", reason))
+        self.drop()
+
+    def drop(self) -> None:
+        if not self.dropped:
+            self._replied(Final(self._ticket))
+        self.dropped = True
+
+
+class Net:
+    """Carries what stand-ins for buses send each other, and writes all of it down."""
+
+    def __init__(self) -> None:
+        self.buses: list[StandIn] = []
+        self.sent: list[tuple[str, bytes]] = []  # key, payload
+        self.queries: list[Query] = []
+        self.on_put: Callable[[str, bytes], None] = lambda key, payload: None
+
+    def put(self, sender: "StandIn", key: str, payload: bytes) -> None:
+        self.sent.append((key, payload))
+        for bus in self.buses:
+            if bus is not sender and bus.hears(bus.keys, key):
+                bus.inbox.put(Sample(key, payload))
+        self.on_put(key, payload)
+
+    def alive(self, key: str, up: bool) -> None:
+        for bus in self.buses:
+            if bus.hears(bus.tokens, key):
+                bus.inbox.put(Alive(key, up))
+
+
+class StandIn:
+    """What the program needs of a bus.Bus."""
+
+    def __init__(self, net: Net, session: str) -> None:
+        self.inbox, self.id, self.endpoint = Inbox(), session, "nowhere"
+        self.keys, self.tokens, self.answers, self._net = [], [], set(), net
+        net.buses.append(self)
+
+    @staticmethod
+    def hears(patterns: list[str], key: str) -> bool:
+        return any(re.fullmatch(pattern.replace("*", "[^/]*"), key) for pattern in patterns)
+
+    def publish(self, key: str, payload: bytes, newest_wins: bool = False) -> None:
+        self._net.put(self, key, payload)
+
+    def is_heard(self, keys: str) -> bool:
+        return True
+
+    def ask(self, key: str, payload: bytes, ticket: object, seconds: float = 0.0) -> None:
+        bus = next((bus for bus in self._net.buses if key in bus.answers), None)
+        query = Query(key, payload, self.inbox.put, ticket)
+        self._net.queries.append(query)
+        query.drop() if bus is None else bus.inbox.put(query)
+
+    def subscribe(self, keys: str, quietly: bool = False) -> None:
+        self.keys.append(keys)
+
+    def answer(self, key: str) -> None:
+        self.answers.add(key)
+
+    def watch(self, tokens: str) -> None:
+        self.tokens.append(tokens)
+
+    def declare_alive(self, token: str) -> None:
+        self._net.alive(token, True)
+
+
+class Run:
+    """Physics and one host with all agents, each in its thread."""
+
+    def __init__(self, scenario, run: str, ticks: int) -> None:
+        self.net, engine = Net(), Engine.begin(scenario)
+        self.physics = Physics(StandIn(self.net, "physics1"), KEYS, engine, Options(ticks=ticks, run=run))
+        self.host = Host(StandIn(self.net, HOST), KEYS, run, "lockstep", engine.layout, cast(engine.layout))
+
+    def to_the_end(self):
+        """The end that physics tells."""
+        ends, run = [], threading.Thread(target=lambda: ends.append(self.physics.run()), daemon=True)
+        self.physics.listen()
+        self.host.listen()
+        run.start()
+        try:
+            self.host.run()
+        except Ended:
+            for name in self.host.performers:
+                self.net.alive(KEYS.of("alive", name, HOST), False)
+        run.join(20.0)
+        return ends[0]
+
+
+# -- the corpus
+
+
+def recorded(scenario, run: str, ticks: int) -> dict[str, list[tuple[str, bytes]]]:
+    """What -> (key, payload) of some real messages of each kind of key, replies among them."""
+    of_run = Run(scenario, run, ticks)
+
+    def ask_too(key: str, payload: bytes) -> None:
+        if key == KEYS.of("clock") and msgpack.unpackb(payload)["tick"] == ticks - 2:
+            for what, message in (
+                ("stop", Stop(run, True, ["picker_01"])),
+                ("stop", Stop(run, False, [])),
+                ("recall", Recall(run, ticks - 2)),
+            ):
+                of_run.host.bus.ask(KEYS.of(what), pack(message), "a ticket")
+            of_run.host.bus.ask(KEYS.of("scenario"), b"", "a ticket")
+
+    of_run.net.on_put = ask_too
+    of_run.to_the_end()
+    queries = [(query.key, payload) for query in of_run.net.queries for payload in (query.payload, *query.replies) if payload]
+    found: dict[str, list[tuple[str, bytes]]] = {what: [] for what in TABLE}
+    for key, payload in of_run.net.sent + queries:
+        what = key.rsplit("/", 1)[1]
+        found[what].append((key, payload))
+    for what, key in TABLE.items():
+        for message in [type_ for type_ in (key.message, *key.replies) if type_ is not None]:
+            example = pack(EXAMPLES[message] if message is not Command else Command(run, "stop"))
+            found[what].append((KEYS.of(what, "picker_01", "stranger"), rewritten(example, run=run)))
+    return {what: messages[:: max(1, len(messages) // 40)] for what, messages in found.items()}
+
+
+def rewritten(payload: bytes, **fields) -> bytes:
+    """A message with some fields changed."""
+    return msgpack.packb(msgpack.unpackb(payload, strict_map_key=False) | fields)
+
+
+# -- what becomes of them
+
+
+def nested(levels: int) -> bytes:
+    return b"\x91" * levels + b"\xc0"
+
+
+HUGE = "x" * 300_000
+JUNK = [
+    None,
+    True,
+    -1,
+    2**63,
+    2**64 - 1,
+    -(2**63),
+    1.5,
+    math.nan,
+    math.inf,
+    -math.inf,
+    1e308,
+    "",
+    "nobody_99",
+    "picker_01\n",
+    "\x1b[2J\x00",
+    b"",
+    b"\xff" * 57,
+    [],
+    {},
+    [[]],
+    {"a": {}},
+    [None] * 300,
+    msgpack.Timestamp(1, 1),
+    msgpack.ExtType(5, b"ab"),
+    {1: 2},
+    {b"x": 1},
+    "../../*",
+    "**",
+    [math.nan] * 7,
+    {"x" * 300: 0},
+]
+BAD_ARRAYS = [
+    b"\x00\x00\xc0\x7f",
+    b"\x00\x00\x80\xff",
+    b"\x00\x00\x80\xbf",
+    b"\x00",
+    b"\x00\x00\x00\x00\x00\x00\xf8\x7f",
+]  # NaN, -inf, -1 ...
+
+
+def of_bytes(payload: bytes, chance: random.Random) -> bytes:
+    """Bits flipped, cut off, put in, doubled; or nothing of it at all."""
+    at, some = chance.randrange(len(payload)), chance.randbytes(chance.randrange(1, 9))
+    return chance.choice(
+        [
+            lambda: payload[:at] + bytes([payload[at] ^ 1 << chance.randrange(8)]) + payload[at + 1 :],
+            lambda: payload[:at],
+            lambda: payload[:at] + some + payload[at:],
+            lambda: payload[:at] + some + payload[at + len(some) :],
+            lambda: payload + payload[:at],
+            lambda: some * chance.randrange(20),
+            lambda: payload[:at] + nested(chance.choice([5, 2000])) + payload[at + 1 :],
+            lambda: b"\x81" * chance.choice([10, 5000]) + payload,
+        ]
+    )()
+
+
+def of_fields(value, chance: random.Random):
+    """A map or list in which one thing, at any depth, is of another type or size, unknown, doubled or missing."""
+    if isinstance(value, dict) and value and chance.random() < 0.9:
+        key = chance.choice(list(value))
+        if chance.random() < 0.15:
+            return {name: part for name, part in value.items() if name != key}
+        if chance.random() < 0.15:
+            return value | {chance.choice(["unknown", "run ", 7, b"run", HUGE[: chance.choice([300, 70_000])]]): chance.choice(JUNK)}
+        return value | {key: of_fields(value[key], chance)}
+    if isinstance(value, list) and value and chance.random() < 0.8:
+        at = chance.randrange(len(value))
+        return value[:at] + [of_fields(value[at], chance)] * chance.choice([0, 1, 1, 2, 50]) + value[at + 1 :]
+    if isinstance(value, bytes) and value and chance.random() < 0.8:
+        at, bad = 8 * chance.randrange(1 + len(value) // 8), chance.choice(BAD_ARRAYS)
+        return value[:at] + bad + value[at + len(bad) * chance.randrange(2) :]
+    return chance.choice(JUNK) if chance.random() < 0.99 else HUGE
+
+
+def mutants(payload: bytes, chance: random.Random) -> Iterator[bytes]:
+    """Without end, what may become of one message."""
+    tree = msgpack.unpackb(payload, strict_map_key=False)
+    while True:
+        for _ in range(3):
+            yield msgpack.packb(of_fields(tree, chance))
+            yield of_bytes(payload, chance)
+        yield doubled(tree)
+
+
+def doubled(tree: dict) -> bytes:
+    """A map in which the last field stands twice."""
+    *_, (key, value) = tree.items()
+    packer = msgpack.Packer()
+    return (
+        packer.pack_map_header(len(tree) + 1)
+        + b"".join(map(packer.pack, (part for item in tree.items() for part in item)))
+        + packer.pack(key)
+        + packer.pack(value)
+    )
+
+
+def oversized() -> list[bytes]:
+    """Up to the most that is read, and over it."""
+    return [
+        bytes(MAX_PAYLOAD + 1),
+        msgpack.packb({"run": "x" * (MAX_PAYLOAD - 20)}),
+        msgpack.packb([[]] * (MAX_PAYLOAD // 2)),
+        bytes(1 << 22),
+    ]

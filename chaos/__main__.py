@@ -1,0 +1,87 @@
+"""Do random things to random harvests, and see whether anything comes of it; then whether memory stays as it is.
+
+    python -m chaos [--seconds 600] [--seed 1]
+    python -m chaos --seed 1 --only 17
+    python -m chaos endurance
+
+Exit code 1 where a promise is broken. Ten minutes and more include the endurance, and write docs/chaos.md.
+"""
+
+import itertools
+import os
+import time
+from collections.abc import Callable
+from datetime import date
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from chaos.endurance import TICKS, endure
+from chaos.harvest import ROOT
+from chaos.report import Results, as_tables, markdown
+from chaos.soak import soak
+
+FULL_SECONDS = 600.0
+TARGET = ROOT / "docs" / "chaos.md"
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+console = Console(highlight=False)
+
+
+@app.callback(invoke_without_command=True)
+def chaos(
+    context: typer.Context,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Begin no further run after so many.")] = FULL_SECONDS,
+    seed: Annotated[int, typer.Option(help="The same seed does the same to the same runs.")] = 1,
+    only: Annotated[int | None, typer.Option(min=0, help="Just this run, again.")] = None,
+) -> None:
+    """Do random things to random harvests."""
+    if context.invoked_subcommand is not None:
+        return
+    is_full = only is None and seconds >= FULL_SECONDS
+    results, begun = Results(seed, date.today().isoformat()), time.monotonic()
+    with _progress(seconds + TICKS / 500 * is_full) as progress:
+        results.verdicts = soak(seed, itertools.count() if only is None else [only], seconds, _shown(progress), _say)
+        results.seconds = time.monotonic() - begun
+        if is_full:
+            results.endurance = endure(lambda tick, where: _shown(progress)(seconds + tick / 500, f"{where}: tick {tick}"))
+    results.load = os.getloadavg()[0]
+    if is_full:
+        TARGET.write_text(markdown(results))
+        _say(f"written to {TARGET.relative_to(ROOT)}")
+    _tell(results)
+
+
+@app.command()
+def endurance() -> None:
+    """Whether memory and file handles stay as they are over 100,000 ticks."""
+    with _progress(2 * TICKS) as progress:
+        found = endure(lambda tick, where: _shown(progress)(tick + TICKS * (where == "local mode"), where))
+    _tell(Results(endurance=found))
+
+
+def _progress(total: float) -> Progress:
+    progress = Progress(BarColumn(30), TimeElapsedColumn(), TextColumn("{task.description}"), console=console, transient=True)
+    progress.add_task("", total=total)
+    return progress
+
+
+def _shown(progress: Progress) -> Callable[[float, str], None]:
+    return lambda done, what: progress.update(progress.task_ids[0], completed=done, description=what)
+
+
+def _say(words: str) -> None:
+    console.print(words, markup=False, soft_wrap=True)
+
+
+def _tell(results: Results) -> None:
+    """All tables; exit code 1 where something is wrong."""
+    for table in as_tables(results):
+        console.print(table)
+    raise typer.Exit(0 if results.is_good else 1)
+
+
+if __name__ == "__main__":
+    app()

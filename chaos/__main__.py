@@ -9,6 +9,8 @@ Exit code 1 where a promise is broken. Ten minutes and more include the enduranc
 
 import itertools
 import os
+import signal
+import sys
 import time
 from collections.abc import Callable
 from datetime import date
@@ -84,4 +86,5 @@ def _tell(results: Results) -> None:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # so that no process is left behind
     app()

@@ -12,14 +12,14 @@ import psutil
 
 from chaos.harvest import Harvest
 from chaos.place import DELAY_SECONDS, Place
-from chaos.schedule import BYTES, CUT, DELAY, FREEZE, KILL, ROUTER, STALL, Fault, Trial
+from chaos.schedule import ALL, BYTES, CUT, DELAY, FREEZE, HOST, KILL, LINKS, LOGGER, PHYSICS, ROUTER, STALL, Fault, Trial
 from chaos.stranger import babble
 from orchard.bus import Bus, BusError, Sample, client
 from orchard.keys import Keys
 from orchard.lockstep import Refused, understood
 from orchard.wire import Clock, read
 
-UNDER_WAY = 2  # ticks that may be under way when a fault begins; further ones were stepped after it
+UNDER_WAY = 3  # ticks that may be under way when a fault begins; further ones were stepped after it
 START_SECONDS = 90.0  # for a run to begin, and beyond all that is reckoned
 FAULT_SECONDS = 30.0  # that one fault may hold a run up
 LONGEST = 700.0  # s, simulated: more than a whole harvest takes
@@ -45,8 +45,9 @@ class Course(NamedTuple):
 class Ordeal:
     """Does to a run what its trial says."""
 
-    def __init__(self, trial: Trial, harvest: Harvest, place: Place) -> None:
-        self._harvest, self._place = harvest, place
+    def __init__(self, trial: Trial, harvest: Harvest, place: Place, bus: Bus) -> None:
+        """`bus`: that of somebody who listens, at the place itself."""
+        self._harvest, self._place, self._bus = harvest, place, bus
         self._to_come = list(trial.faults)
         self._ends: list[tuple[float, int, Callable[[], object]]] = []  # (when on the clock, one after the other, what)
         self._number = count()
@@ -57,7 +58,13 @@ class Ordeal:
         self.injected: list[str] = []
         self.recoveries: list[Recovery] = []
 
-    def hear(self, sample: Sample) -> None:
+    def listen(self, seconds: float) -> None:
+        """Hear the clock; everything that is there, or the next that comes in time."""
+        while isinstance(item := self._bus.inbox.take(seconds), Sample):
+            self._hear(item)
+            seconds = 0.0
+
+    def _hear(self, sample: Sample) -> None:
         """The clock of the run, or what a stranger says in its place."""
         with suppress(Refused, ValueError):
             self._run = self._run or read(sample.payload, Clock).run
@@ -72,7 +79,9 @@ class Ordeal:
             fault = self._to_come.pop(0)
             if DEEDS[fault.kind](self, fault):
                 self.injected.append(fault.name)
-                self._hurt.append((fault, time.monotonic(), self.tick))
+                begun = time.monotonic()
+                self.listen(0.0)
+                self._hurt.append((fault, begun, self.tick))
         while self._ends and self._ends[0][0] <= time.monotonic():
             heapq.heappop(self._ends)[2]()
 
@@ -89,34 +98,32 @@ class Ordeal:
         if fault.target == ROUTER:
             self._later(fault, self._place.start_router)
             return self._place.kill_router()
-        if (process := self._victim(fault)) is None:
-            return False
-        with suppress(psutil.NoSuchProcess):
-            process.kill()
-        return True
+        for process in (victims := self._victims(fault)):
+            with suppress(psutil.NoSuchProcess):
+                process.kill()
+        return bool(victims)
 
     def _freeze(self, fault: Fault) -> bool:
-        if (process := self._victim(fault)) is None:
-            return False
-        with suppress(psutil.NoSuchProcess):
-            process.suspend()
-        self._later(fault, lambda: _wake(process))
-        return True
+        for process in (victims := self._victims(fault)):
+            with suppress(psutil.NoSuchProcess):
+                process.suspend()
+        self._later(fault, lambda: _wake(victims))
+        return bool(victims)
 
     def _cut(self, fault: Fault) -> bool:
         if self._place.relay is not None:
-            self._place.relay.cut(fault.chance)
+            self._place.relay.cut(_which(fault))
         return self._place.relay is not None
 
     def _stall(self, fault: Fault) -> bool:
         if self._place.relay is not None:
-            self._place.relay.stall(fault.chance)
+            self._place.relay.stall(_which(fault))
             self._later(fault, self._place.relay.heal)
         return self._place.relay is not None
 
     def _delay(self, fault: Fault) -> bool:
         if self._place.relay is not None:
-            self._place.relay.delay(fault.chance, DELAY_SECONDS)
+            self._place.relay.delay(_which(fault), DELAY_SECONDS)
             self._later(fault, self._place.relay.heal)
         return self._place.relay is not None
 
@@ -127,10 +134,12 @@ class Ordeal:
         self._strangers.append(stranger)
         return True
 
-    def _victim(self, fault: Fault) -> psutil.Process | None:
-        """None while it is away."""
+    def _victims(self, fault: Fault) -> list[psutil.Process]:
+        """One of those that there are, or everybody; nobody while they are away."""
+        if fault.target == ALL:
+            return [process for role in (PHYSICS, HOST, LOGGER) for process in self._harvest.processes(role)]
         there = self._harvest.processes(fault.target)
-        return there[fault.chance % len(there)] if there else None
+        return [there[fault.chance % len(there)]] if there else []
 
     def _later(self, fault: Fault, what: Callable[[], object]) -> None:
         heapq.heappush(self._ends, (time.monotonic() + fault.seconds, next(self._number), what))
@@ -146,29 +155,32 @@ DEEDS: dict[str, Callable[[Ordeal, Fault], bool]] = {
 }
 
 
-def _wake(process: psutil.Process) -> None:
-    with suppress(psutil.NoSuchProcess):
-        process.resume()
+def _which(fault: Fault) -> int | None:
+    """Which link; None: all of them."""
+    return None if fault.target == LINKS else fault.chance
+
+
+def _wake(processes: list[psutil.Process]) -> None:
+    for process in processes:
+        with suppress(psutil.NoSuchProcess):
+            process.resume()
 
 
 def undergo(trial: Trial, harvest: Harvest, place: Place) -> Course:
     """Follow a run, which has been started, until it ends or its time is over."""
     limit = time_limit(trial)
-    ordeal = Ordeal(trial, harvest, place)
     deadline = time.monotonic() + limit
-    with suppress(BusError), client(place.endpoint, seconds=START_SECONDS) as bus:
-        bus.subscribe(Keys().of("clock"))
-        _follow(bus, ordeal, harvest, deadline)
-    ordeal.end()
+    try:
+        with client(place.endpoint, seconds=START_SECONDS) as bus:
+            ordeal = Ordeal(trial, harvest, place, bus)
+            bus.subscribe(Keys().of("clock"))
+            while harvest.exit_code is None and time.monotonic() < deadline:
+                ordeal.listen(0.05)
+                ordeal.look()
+            ordeal.end()
+    except BusError:
+        return Course([], [], harvest.exit_code, -1, limit)
     return Course(ordeal.injected, ordeal.recoveries, harvest.exit_code, ordeal.tick, limit)
-
-
-def _follow(bus: Bus, ordeal: Ordeal, harvest: Harvest, deadline: float) -> None:
-    while harvest.exit_code is None and time.monotonic() < deadline:
-        item = bus.inbox.take(0.05)
-        if isinstance(item, Sample):
-            ordeal.hear(item)
-        ordeal.look()
 
 
 def time_limit(trial: Trial) -> float:

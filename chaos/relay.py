@@ -53,41 +53,40 @@ class Relay:
         self._thread.join()
         self._loop.close()
 
-    def cut(self, which: int) -> None:
-        """Drop a connection, without a word; any number names one of those that are there."""
+    def cut(self, which: int | None) -> None:
+        """Drop a connection, without a word; any number names one of those that are there, None names all of them."""
         self._change(which, _Link.cut)
 
-    def stall(self, which: int) -> None:
+    def stall(self, which: int | None) -> None:
         """Let nothing pass, until all is healed; nothing is lost."""
         self._change(which, lambda link: link.open.clear())
 
-    def delay(self, which: int, seconds: float) -> None:
+    def delay(self, which: int | None, seconds: float) -> None:
         """Let every piece take so much longer, until all is healed."""
         self._change(which, lambda link: setattr(link, "delay", seconds))
 
     def heal(self) -> None:
         """Nothing is stalled or delayed any more."""
 
-        def change() -> None:
-            for link in self._links:
-                link.delay = 0.0
-                link.open.set()
+        def change(link: _Link) -> None:
+            link.delay = 0.0
+            link.open.set()
 
-        self._loop.call_soon_threadsafe(change)
+        self._change(None, change)
 
-    # -- in the relay's thread
+    def _change(self, which: int | None, change: Callable[[_Link], None]) -> None:
+        """It is done when this returns."""
 
-    def _change(self, which: int, change: Callable[[_Link], None]) -> None:
-        """To one link; an even number means all of them."""
-
-        def do() -> None:
-            for link in list(self._links) if which % 2 == 0 else self._links[which // 2 % max(1, len(self._links)) :][:1]:
+        async def do() -> None:
+            for link in list(self._links) if which is None else self._links[which % max(1, len(self._links)) :][:1]:
                 change(link)
 
-        self._loop.call_soon_threadsafe(do)
+        self._do(do())
 
     def _do(self, work: Any) -> None:
         asyncio.run_coroutine_threadsafe(work, self._loop).result(10.0)
+
+    # -- in the relay's thread
 
     async def _listen(self) -> None:
         self._server = await asyncio.start_server(self._accept, "127.0.0.1", self.port)

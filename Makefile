@@ -1,9 +1,10 @@
 # Two commands do it all: `make run` and `make test`. Each first makes a virtual environment in .venv.
 PYTHON ?= python3.11
 VENV := .venv
+SECONDS := 600
 RUN := $(VENV)/bin/python
 
-.PHONY: run app lint test soak bench view docs pictures clean
+.PHONY: run app lint test soak chaos bench view docs pictures clean
 .DEFAULT_GOAL := run
 
 $(VENV)/ready: pyproject.toml
@@ -29,6 +30,9 @@ test: $(VENV)/ready  ## all tests but the long matrix
 
 soak: $(VENV)/ready  ## the long matrix of equal hashes
 	$(RUN) -m pytest -m soak
+
+chaos: $(VENV)/ready  ## ten minutes of kills, freezes, cuts and nonsense, and 100,000 ticks: docs/chaos.md; SECONDS=120 is the short one
+	$(RUN) -m chaos --seconds $(SECONDS)
 
 bench: $(VENV)/ready  ## how fast it is, beside what else one could use: docs/benchmarks.md
 	$(RUN) -m bench

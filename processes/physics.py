@@ -152,12 +152,15 @@ class Physics:
     def _gather(self) -> None:
         """Wait for all agents that are expected, and for the logger, so that the recording begins with the run.
 
-        Those that were held in a run that goes on have some time to come back.
+        Those that were held in a run that goes on have some time to come back; and again, whenever one of them has: many are slow to start.
         """
         names = self.roster.names if self._held_before is None else tuple(self._held_before)
-        end = math.inf if self._held_before is None else time.monotonic() + self.options.patience
+        patience = math.inf if self._held_before is None else self.options.patience
+        end, fewest = time.monotonic() + patience, len(names)
         while (missing := [name for name in names if not self._is_expected_no_more(name)]) and (left := end - time.monotonic()) > 0.0:
-            if not self._take(min(left, NAG_SECONDS)):
+            if len(missing) < fewest:
+                end, fewest = time.monotonic() + patience, len(missing)
+            elif not self._take(min(left, NAG_SECONDS)):
                 log.warning("waiting for %d agents: %s", len(missing), ", ".join(missing))
         deadline = time.monotonic() + LOGGER_SECONDS
         while self.options.recorded and not self.roster.is_there(LOGGER) and (left := deadline - time.monotonic()) > 0.0:

@@ -2,6 +2,7 @@
 
 import signal
 from contextlib import ExitStack
+from types import SimpleNamespace
 
 import callers
 import msgpack
@@ -9,8 +10,15 @@ import pytest
 from fleet import Fleet, until
 from test_lockstep import SMALL, TICKS, TOY, local_hash
 
+from orchard.bus import Alive, Question
+from orchard.engine import Engine
+from orchard.keys import Keys
 from orchard.layout import lay_out
+from orchard.local import Local
+from orchard.messages import pack
+from orchard.wire import Join
 from processes.fleet import free_port
+from processes.physics import Options, Physics
 
 PACE = ("--speed", "15", "--duration", str(TICKS / 10))  # slow enough that a fault meets the run where it shall
 
@@ -170,3 +178,51 @@ def test_a_router_that_is_killed_and_started_again_changes_nothing(fleet, undist
     again = fleet.start("processes.router", "--listen", endpoint)
     assert "listening" in again.line()
     assert fleet.end() == undisturbed
+
+
+# -- who comes back
+
+
+class SlowStart:
+    """A bus at which one agent after another joins again, each so many seconds after the last, on a clock of its own."""
+
+    id, endpoint = "here", "nowhere"
+
+    def __init__(self, names, seconds):
+        self.inbox, self.now, self._seconds = self, 0.0, seconds
+        self._items = iter([item for name in names for item in (Alive(f"orchard/alive/{name}/s-{name}", True), Knock(name, f"s-{name}"))])
+
+    def take(self, seconds, enough=1):
+        item = next(self._items, None)
+        self.now += seconds if item is None else 0.5 * self._seconds
+        return item
+
+    def clock(self):
+        return self.now
+
+
+class Knock(Question):
+    """The wish to join."""
+
+    def __init__(self, name, session):
+        self.key, self.payload = "orchard/join", pack(Join("here", session, [name]))
+
+    def reply(self, payload):
+        pass
+
+    def drop(self):
+        pass
+
+
+@pytest.mark.parametrize(("seconds", "is_there"), [(10.0, True), (20.0, False)])
+def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(monkeypatch, seconds, is_there):
+    local = Local(SMALL)
+    local.tick()
+    before = local.snapshot()
+    before.run = "here"
+    names = before.held = before.held[:4]
+    bus = SlowStart(names, seconds)
+    monkeypatch.setattr("processes.physics.time", SimpleNamespace(monotonic=bus.clock))
+    physics = Physics(bus, Keys(), Engine.resume(before), Options(patience=15.0), before)
+    physics._gather()
+    assert (sorted(physics.roster.holders) == names) == is_there

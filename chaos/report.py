@@ -117,7 +117,8 @@ def markdown(results: Results) -> str:
 RECOVERY = """\
 A recovery is the wall time from the beginning of the fault to the first tick that is stepped after it and lies beyond all that was
 heard before it, at somebody who listens on the bus: physics that goes on from a snapshot has then caught up. Of a freeze, a stall or a
-delay the time that it lasts is in it. What ended with its run before that is not counted as recovered; the run itself is judged."""
+delay the time that it lasts is in it. What ended with its run before that is not counted as recovered; the run itself is judged.
+A few hundredths of a second mean that nobody was held up, or that who listens, on a busy machine, was that far behind."""
 
 
 def _machine(results: Results) -> str:

@@ -80,9 +80,9 @@ def test_the_harvest_begins_as_in_local_mode(fleet):
 @pytest.mark.parametrize("hosts", [2, 5])
 def test_soak_slow_harvesters_and_slow_handlers_change_nothing(fleet, seed, hosts):
     scenario = Scenario(rows=3, seed=seed)
-    fleet.physics(scenario, "--duration", "290")
+    fleet.physics(scenario, "--duration", "300")
     fleet.share(hosts, "callers:slow_harvesters")
-    assert fleet.end(seconds=600.0) == local_hash(scenario, 2900)
+    assert fleet.end(seconds=600.0) == local_hash(scenario, 3000)
 
 
 def test_another_seed_is_another_run():

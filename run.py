@@ -153,6 +153,7 @@ def harvest(
     result, why = (_alone if mode == Mode.local else _together)(wish)
     code = _tell(result, why, recording, summary)
     _tell_of_snapshots(snapshots, why)
+    _tell_of_recording(recording)
     raise typer.Exit(code)
 
 
@@ -255,10 +256,14 @@ def _tell(result: dict[str, Any] | None, why: str, recording: Path | None, summa
         errors.print(why, markup=False)
     for violation in result["violations"]:
         errors.print(f"violated: {violation}", markup=False, soft_wrap=True)
+    return FINISHED if good and not result["violations"] else FAILED
+
+
+def _tell_of_recording(recording: Path | None) -> None:
+    """The last line is what opens it."""
     if recording is not None and recording.exists():
         command = f"{_shown(Path(sys.executable))} {_shown(HERE / 'run.py')} view {_shown(recording)}"
-        console.print(f"To watch it: {command}", soft_wrap=True, markup=False)
-    return FINISHED if good and not result["violations"] else FAILED
+        Console(highlight=False).print(f"To watch it: {command}", soft_wrap=True, markup=False)
 
 
 def _shown(path: Path) -> str:

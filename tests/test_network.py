@@ -92,6 +92,7 @@ def test_soak_all_links_of_physics_that_is_the_router_are_down(fleet, undisturbe
         assert fleet.end() == undisturbed
 
 
+@pytest.mark.soak
 @needs_machines
 def test_in_realtime_robots_stand_while_their_link_is_down_and_drive_again(fleet):
     with machines("a") as (host, guest):
@@ -175,7 +176,7 @@ def test_soak_delays_and_connections_that_break_change_nothing(fleet, undisturbe
         assert bad.cuts > 0
 
 
-@pytest.mark.parametrize("seconds", [pytest.param(1.0, marks=pytest.mark.soak), 4.0])
+@pytest.mark.parametrize("seconds", [1.0, pytest.param(4.0, marks=pytest.mark.soak)])
 def test_a_network_that_is_silent_for_a_while_changes_nothing(fleet, undisturbed, seconds):
     """Shorter than the lease, and longer."""
     fleet.physics(SMALL, *PACE)
@@ -190,6 +191,7 @@ def test_a_network_that_is_silent_for_a_while_changes_nothing(fleet, undisturbed
         assert fleet.end() == undisturbed
 
 
+@pytest.mark.soak
 def test_realtime_goes_on_whatever_a_relay_does(fleet):
     fleet.physics(SMALL, *LIVE, "--duration", "16")
     someone = fleet.client()
@@ -225,6 +227,7 @@ def test_who_takes_over_from_one_whose_death_the_network_has_not_told_waits_for_
 # -- routers
 
 
+@pytest.mark.soak
 def test_a_router_that_is_killed_twice_and_once_with_a_host_changes_nothing(fleet, undisturbed):
     router = physics_and_a_router(fleet, *PACE)
     fleet.share(2, TOY)
@@ -238,6 +241,7 @@ def test_a_router_that_is_killed_twice_and_once_with_a_host_changes_nothing(flee
     assert fleet.end() == undisturbed
 
 
+@pytest.mark.soak
 def test_in_realtime_a_router_that_is_killed_and_started_again_lets_the_robots_drive_again(fleet):
     router = physics_and_a_router(fleet, *LIVE, "--duration", "20")
     fleet.host("--without", "worker_01", agents=TOY)

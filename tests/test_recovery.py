@@ -47,8 +47,7 @@ def end(process):
 # -- agents
 
 
-@pytest.mark.parametrize("tick", [1, 2, 17, 60])
-@pytest.mark.parametrize("killed", [1, 2])
+@pytest.mark.parametrize(("killed", "tick"), [(1, 1), (2, 2), (1, 17), (2, 60)])
 def test_hosts_that_are_killed_at_any_tick_and_started_again_change_nothing(fleet, undisturbed, killed, tick):
     fleet.physics(SMALL, *PACE)
     fleet.share(2, TOY)
@@ -127,7 +126,7 @@ def test_what_one_says_late_who_was_given_up_is_refused_until_it_joins_again(fle
 # -- physics
 
 
-@pytest.mark.parametrize("tick", [3, 40])
+@pytest.mark.parametrize("tick", [3, pytest.param(40, marks=pytest.mark.soak)])
 def test_physics_that_is_killed_goes_on_from_its_last_snapshot_to_the_same_hash(fleet, undisturbed, tmp_path, tick):
     keeping = ("--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "0.2")
     fleet.physics(SMALL, *PACE, *keeping)

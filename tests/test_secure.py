@@ -168,7 +168,7 @@ def test_a_secured_run_is_local_mode(folder, tmp_path):
     assert recording.stat().st_size > 100_000  # the logger has heard what happened
 
 
-@pytest.mark.parametrize("its", ["physics", "router"])
+@pytest.mark.parametrize("its", ["router", pytest.param("physics", marks=pytest.mark.soak)])
 def test_a_machine_needs_no_more_than_its_roles_directory(its, folder, tmp_path):
     """Each process with a copy of its own role's files, and nothing beside them; physics is the router, or there is one of its own."""
     (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
@@ -192,7 +192,7 @@ def test_a_machine_needs_no_more_than_its_roles_directory(its, folder, tmp_path)
         assert [host.end(10.0)[0] for host in hosts] == [0] * 5
 
 
-@pytest.mark.parametrize("killed", ["host", "physics", "router"])
+@pytest.mark.parametrize("killed", ["host", *(pytest.param(one, marks=pytest.mark.soak) for one in ("physics", "router"))])
 def test_who_is_killed_comes_back_as_the_same_role(killed, folder, tmp_path):
     """Under the same session, which the others may still have in mind."""
     with ExitStack() as stack:

@@ -153,6 +153,7 @@ def physics_and_a_router(fleet, *arguments):
     return router
 
 
+@pytest.mark.soak
 def test_delays_and_connections_that_break_change_nothing(fleet, undisturbed):
     fleet.physics(SMALL, *PACE)
     with relay(fleet.endpoint, seed=1, delay=0.002, life=100_000) as bad:

@@ -167,6 +167,7 @@ def test_ctrl_c_stops_everything_within_three_seconds_and_closes_the_recording(t
     assert seconds_of(recording) > 0.5
 
 
+@pytest.mark.soak
 def test_a_run_without_its_logger_goes_on(tmp_path):
     path = tmp_path / "summary.json"
     with running("--rows", 3, "--record", tmp_path / "run.rrd", "--duration", 150, "--summary", path) as run:

@@ -207,7 +207,10 @@ class Host:
         if not doubts:
             return mail
         request = pack(Recall(self.run_id, tick))
-        recalled = self._told("recall", request, Recalled, RECALL_SECONDS)
+        try:
+            recalled = self._told("recall", request, Recalled, RECALL_SECONDS)
+        except BusError as error:  # physics may have gone back to an earlier tick
+            raise _JoinAgain from error
         if recalled.tick != tick:
             raise _JoinAgain
         return PostOffice(dict(recalled.letters)).deliver(tick)

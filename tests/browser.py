@@ -8,7 +8,7 @@ from typing import Any
 
 import psutil
 from selenium import webdriver
-from selenium.common.exceptions import StaleElementReferenceException
+from selenium.common.exceptions import ElementNotInteractableException, StaleElementReferenceException
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -68,8 +68,18 @@ class Browser:
     @fresh
     def click(self, css: str) -> None:
         """As soon as one can."""
-        self.until(lambda: self.one(css).is_displayed() and self.one(css).is_enabled(), f"{css} can be clicked")
-        self.one(css).click()
+        self.until(lambda: self._clicked(css), f"{css} can be clicked")
+
+    def _clicked(self, css: str) -> bool:
+        """Whether it could be clicked: not while the page is laying itself out."""
+        element = self.one(css)
+        if not element.is_displayed() or not element.is_enabled():
+            return False
+        try:
+            element.click()
+        except ElementNotInteractableException:
+            return False
+        return True
 
     @fresh
     def switch(self, path: str, on: bool) -> None:

@@ -156,7 +156,7 @@ def test_a_torn_snapshot_is_named_and_the_one_before_it_is_used(fleet, undisturb
     fleet.share(2, TOY)
     wait_for_tick(fleet, 30)
     end(fleet.world)
-    torn = max(folder.iterdir())
+    torn = max(folder.glob("tick-*.snapshot"))
     torn.write_bytes(torn.read_bytes()[:1000])
     fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
     assert torn.name in fleet.world.error()

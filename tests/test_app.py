@@ -364,6 +364,7 @@ def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloa
 
 
 def test_a_run_is_seen_live(small):
+    small.fill("duration", 3000)  # whatever it was before: the run shall not end by itself
     small.switch("live", True)
     small.press("run")
     small.until(lambda: small.view("picture").is_displayed(), "the live picture", RUN_SECONDS)

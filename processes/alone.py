@@ -17,8 +17,6 @@ from processes.account import Account
 from processes.keeper import SNAPSHOT_SECONDS, Keeper
 from processes.wish import Wish
 
-SHOW_SECONDS = 0.5  # of wall time between two looks at the figures
-
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], bool]]:

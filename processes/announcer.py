@@ -20,6 +20,7 @@ log = logging.getLogger("orchard")
 
 EARS_SECONDS = 0.05  # between two looks who listens
 
+
 class Announcer:
     """What physics says."""
 

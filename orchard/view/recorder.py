@@ -3,7 +3,7 @@
 Moving things go out in chunks of a second; what changes seldom goes out when it changes. Time is `sim_time`, seconds.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,6 @@ SCAN_CHUNK_TICKS = 50  # scans of a recording that nobody follows live go out in
 SCAN_BEAMS = 2  # every second one
 SCAN_GRID = 32.0  # positions are rounded to 1/32 m
 SCANNED = ("picker", "carrier", "tractor", "worker", "visitor", "dog", "cat")
-NO_WORDS: Mapping[str, str] = {}
 
 # Path -> (name in the legend, colour, width): the plots of the blueprint
 SERIES: dict[str, tuple[str, palette.Colour, float]] = {

@@ -330,7 +330,7 @@ def _run_name(wish: Wish) -> str:
 
 def _together(wish: Wish) -> tuple[dict[str, Any] | None, str]:
     """Physics, agents and logger as processes of their own."""
-    from orchard.bus import BusError
+    from orchard.endpoints import BusError
     from processes.together import run
 
     try:
@@ -343,7 +343,7 @@ def _together(wish: Wish) -> tuple[dict[str, Any] | None, str]:
 
 def _visit(endpoint: str, only: list[str], without: list[str], secure: Path | None, hosts: int | None) -> int:
     """Run these agents of a run elsewhere; the exit code."""
-    from orchard.bus import BusError
+    from orchard.endpoints import BusError
     from processes.passes import passes_of
     from processes.together import visit
 
@@ -377,7 +377,7 @@ def reset(robots: Robots = None, connect: There = None, secure: Warden = None) -
 
 def _switch(robots: list[str], connect: str | None, secure: Path | None, stop: bool) -> int:
     """Stop or reset, and tell what came of it; the exit code."""
-    from orchard.bus import BusError
+    from orchard.endpoints import BusError
     from orchard.identity import Keyring
     from processes.stopping import switch, the_run
 

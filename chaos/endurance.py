@@ -15,7 +15,8 @@ from orchard.bus import Alive, Sample, client
 from orchard.config import Scenario, to_yaml
 from orchard.keys import PHYSICS, Keys
 from orchard.local import Local
-from orchard.wire import Figures, read
+from orchard.wire.vocabulary import read
+from orchard.wire.watching import Figures
 from processes.fleet import free_port
 
 TICKS = 100_000

@@ -14,10 +14,12 @@ from chaos.harvest import Harvest
 from chaos.place import DELAY_SECONDS, Place
 from chaos.schedule import ALL, BYTES, CUT, DELAY, FREEZE, HOST, KILL, LINKS, LOGGER, PHYSICS, ROUTER, STALL, Fault, Trial
 from chaos.stranger import babble
-from orchard.bus import Bus, BusError, Sample, client
+from orchard.bus import Bus, Sample, client
+from orchard.endpoints import BusError
 from orchard.keys import Keys
 from orchard.lockstep import Refused, understood
-from orchard.wire import Clock, read
+from orchard.wire.sensing import Clock
+from orchard.wire.vocabulary import read
 
 UNDER_WAY = 3  # ticks that may be under way when a fault begins; further ones were stepped after it
 START_SECONDS = 90.0  # for a run to begin, and beyond all that is reckoned

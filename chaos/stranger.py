@@ -9,7 +9,8 @@ import time
 from contextlib import suppress
 from random import Random
 
-from orchard.bus import Bus, BusError, Sample, client
+from orchard.bus import Bus, Sample, client
+from orchard.endpoints import BusError
 from orchard.keys import TABLE, Keys
 
 LISTENS = 0.3  # s, for what is really said

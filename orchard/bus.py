@@ -4,10 +4,8 @@ Whatever arrives becomes an item in one inbox, in the order of its arrival: hand
 happens in the thread that reads the inbox. So no lock is needed, and none is held over a get, a reply or a drop.
 """
 
-import ipaddress
 import json
 import logging
-import socket
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -19,12 +17,12 @@ from typing import Any, NamedTuple
 import zenoh
 from zenoh.handlers import Callback
 
+from orchard.endpoints import IN_USE, LOOPBACK, NO_ENDPOINT, BusError, check_security, is_public, with_port
 from orchard.handshake import why_no_trust
 from orchard.identity import AUTHORITY, CERTIFICATE, KEY, Identity
 
 log = logging.getLogger("orchard.bus")
 
-LOOPBACK, SECURE_LOOPBACK = "tcp/127.0.0.1:0", "tls/127.0.0.1:0"
 CONNECT_SECONDS = 7.0  # for how long a client looks for its router
 LISTEN_SECONDS = 1.0  # for how long a router tries to get its port
 LEASE_MS = 2000  # after which a silent neighbour counts as gone
@@ -41,13 +39,7 @@ _ASKING: dict[str, Any] = {
 
 
 _OTHERS = zenoh.Locality.REMOTE  # a session does not hear itself
-_NO_ENDPOINT = "not an endpoint; an endpoint is like tcp/127.0.0.1:7447"
 _OPEN = "whoever reaches this address may drive every robot and end the run; --secure DIR lets in only whom you know"
-_IN_USE = "cannot listen there; the port is in use, or the address is not this machine's"
-
-
-class BusError(Exception):
-    """Something about the network that a person can mend."""
 
 
 # -- what arrives
@@ -296,9 +288,9 @@ def _open(mode: str, endpoint: str, seconds: float, identity: Identity | None) -
 
 def _explain(mode: str, endpoint: str, seconds: float, identity: Identity | None, error: str) -> str:
     if "must be of the form" in error:
-        return f"{endpoint}: {_NO_ENDPOINT}"
+        return f"{endpoint}: {NO_ENDPOINT}"
     if mode == "router":
-        return f"{endpoint}: {_IN_USE}"
+        return f"{endpoint}: {IN_USE}"
     distrust = "" if identity is None else why_no_trust(endpoint, identity.folder)
     return f"{endpoint}: {distrust or f'nobody listens there; tried for {seconds:g} s'}"
 
@@ -350,58 +342,3 @@ def _proving(identity: Identity) -> dict[str, Any]:
 def _guarding(identity: Identity) -> dict[str, Any]:
     """Who may do what, at a router."""
     return {"access_control": identity.rules()}
-
-
-# -- endpoints
-
-
-def check_security(endpoint: str, is_secured: bool) -> None:
-    """BusError where an endpoint and the wish for security contradict each other."""
-    if is_secured and not endpoint.startswith("tls/"):
-        raise BusError(f"{endpoint}: not secure; with --secure an endpoint is like tls/127.0.0.1:7447")
-    if not is_secured and endpoint.startswith("tls/"):
-        raise BusError(f"{endpoint}: tls needs certificates; --secure DIR tells where they are, and `run.py secure DIR` makes them")
-
-
-def is_public(endpoint: str) -> bool:
-    """Whether other machines can reach it."""
-    protocol, _, address = endpoint.partition("/")
-    host = address.rpartition(":")[0].strip("[]")
-    try:
-        return not ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return protocol in ("tcp", "udp", "tls", "quic", "ws") and host != "localhost"
-
-
-def check_free(endpoint: str) -> None:
-    """BusError where a router could not listen. Only TCP is looked at."""
-    protocol, _, address = endpoint.partition("/")
-    host, _, port = address.rpartition(":")
-    if not (protocol and host and port):
-        raise BusError(f"{endpoint}: {_NO_ENDPOINT}")
-    if protocol not in ("tcp", "tls") or not port.isdecimal() or int(port) > 65535:
-        return
-    family = socket.AF_INET6 if host.startswith("[") else socket.AF_INET
-    try:
-        with socket.socket(family) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind((host.strip("[]"), int(port)))
-            probe.listen()
-    except OSError as error:
-        raise BusError(f"{endpoint}: {_IN_USE}") from error
-
-
-def reachable(endpoint: str) -> str:
-    """The endpoint by which this machine reaches itself, where a router listens on all of its addresses."""
-    return endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
-
-
-def with_port(endpoint: str) -> str:
-    """The endpoint itself, or with a port that was free a moment ago in the place of port 0: zenoh does not tell which one it took."""
-    if not endpoint.endswith(":0"):
-        return endpoint
-    protocol, _, host = endpoint.removesuffix(":0").partition("/")
-    with suppress(OSError), socket.socket() as probe:
-        probe.bind((host, 0))
-        return f"{protocol}/{host}:{probe.getsockname()[1]}"
-    return endpoint

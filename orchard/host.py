@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Any, Generic, NoReturn, TypeVar
 
 from orchard.agent import Action, Agent, Mail, Observation
-from orchard.bus import TIMED_OUT, Alive, Bus, BusError, Final, Item, Question, Replied, Sample, Signal
+from orchard.bus import TIMED_OUT, Alive, Bus, Final, Item, Question, Replied, Sample, Signal
 from orchard.doer import TRAFFIC
+from orchard.endpoints import BusError
 from orchard.guard import Guarded
 from orchard.hosting import MAILBOXES, Asked, Sight
 from orchard.keys import PHYSICS, Keys
@@ -18,7 +19,12 @@ from orchard.layout import Layout
 from orchard.lockstep import NO_TOKEN, TAKEN, Refusals, Refused, shown, understood
 from orchard.messages import pack, unpack
 from orchard.post import PostOffice, digest_of
-from orchard.wire import Drive, End, Join, Joined, Lost, Newcomer, OfRun, Recall, Recalled, RefusedThere, State, Velocities, drive_of, read
+from orchard.wire.course import End, Join, Joined, Lost, Newcomer, RefusedThere
+from orchard.wire.driving import Drive, Velocities
+from orchard.wire.letters import Recall, Recalled
+from orchard.wire.translate import drive_of
+from orchard.wire.vocabulary import OfRun, read
+from orchard.wire.watching import State
 
 M = TypeVar("M", bound=OfRun)
 

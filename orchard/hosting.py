@@ -13,7 +13,9 @@ from orchard.agent import Action, Heard, Mail, Observation, Reply, without_body
 from orchard.lockstep import Refused, understood
 from orchard.messages import Answer, Request, pack
 from orchard.post import in_hearing_order
-from orchard.wire import Answered, Letter, Received, Seen, sights_of
+from orchard.wire.letters import Answered, Letter, Received
+from orchard.wire.sensing import Seen
+from orchard.wire.translate import sights_of
 
 
 class Sight:

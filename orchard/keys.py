@@ -6,8 +6,12 @@
 import re
 from typing import NamedTuple, get_args
 
-from orchard import wire
 from orchard.events import What
+from orchard.wire.course import Command, Done, End, Join, Joined, Lost, Newcomer, RefusedThere, Stop, Stopped
+from orchard.wire.driving import Velocities, Velocity
+from orchard.wire.letters import Answered, Letter, Letters, Recall, Recalled, Received
+from orchard.wire.sensing import Clock, LaserScan, Odometry, Seen
+from orchard.wire.watching import Events, Figures, Picture, State
 
 NEVER_LOST = "never lost"  # reliable, in order; a sender waits for a slow subscriber
 QUERY = "query"  # a Zenoh get, answered by a queryable
@@ -36,51 +40,51 @@ _EVERY_TICK = "once per tick, 10 a simulated second"
 IF_HEARD = ", while somebody listens"
 
 TABLE: dict[str, Key] = {
-    "velocity": Key("{prefix}/{robot}/velocity", wire.Velocity, "whoever drives the robot, or its agent", _EVERY_TICK, NEVER_LOST,
+    "velocity": Key("{prefix}/{robot}/velocity", Velocity, "whoever drives the robot, or its agent", _EVERY_TICK, NEVER_LOST,
                     "How the robot shall move in the step from this tick to the next. "
                     "What comes in `velocities` physics puts here as well, while somebody listens."),
-    "velocities": Key("{prefix}/hosts/{session}/velocities", wire.Velocities, "a session that holds agents", _EVERY_TICK, NEVER_LOST,
+    "velocities": Key("{prefix}/hosts/{session}/velocities", Velocities, "a session that holds agents", _EVERY_TICK, NEVER_LOST,
                       "The same for all agents of a session at once: the answer to `seen`."),
-    "pose": Key("{prefix}/{robot}/pose", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+    "pose": Key("{prefix}/{robot}/pose", Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                 "Where the robot is at this tick, how it moved in the last step, and what is coupled to it."),
-    "scan": Key("{prefix}/{robot}/scan", wire.LaserScan, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+    "scan": Key("{prefix}/{robot}/scan", LaserScan, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                 "What the robot's laser measures at this tick, and what its bin's does."),
-    "clock": Key("{prefix}/clock", wire.Clock, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+    "clock": Key("{prefix}/clock", Clock, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                  "Simulated time. It is sent last: poses and scans of its tick are out."),
-    "seen": Key("{prefix}/hosts/{session}/seen", wire.Seen, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+    "seen": Key("{prefix}/hosts/{session}/seen", Seen, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                 "For a session that holds agents: all their poses and scans of this tick, so that it need not subscribe to each. "
                 "It comes again while an answer is missing, and is then to be answered again."),
-    "mail": Key("{prefix}/{robot}/mail", wire.Letter, "any agent", "when it asks", QUERY,
-                "A request to the robot's agent. The robot's host answers.", (wire.Received, wire.Answered)),
-    "letters": Key("{prefix}/letters", wire.Letters, "physics", "in ticks in which somebody asks or answers" + IF_HEARD, NEVER_LOST,
+    "mail": Key("{prefix}/{robot}/mail", Letter, "any agent", "when it asks", QUERY,
+                "A request to the robot's agent. The robot's host answers.", (Received, Answered)),
+    "letters": Key("{prefix}/letters", Letters, "physics", "in ticks in which somebody asks or answers" + IF_HEARD, NEVER_LOST,
                    "A copy of all requests and answers of a tick, for those who look on."),
-    "recall": Key("{prefix}/recall", wire.Recall, "an agent's host, in lockstep", "when it may have missed mail", QUERY,
+    "recall": Key("{prefix}/recall", Recall, "an agent's host, in lockstep", "when it may have missed mail", QUERY,
                   "Which mail was for this tick? Physics answers with a copy of what was asked and answered at the two ticks before it.",
-                  (wire.Recalled,)),
-    "state": Key("{prefix}/{bin}/state", wire.State, "the bin's agent", "when full or coupled_to changes", NEVER_LOST,
-                 "Whether the bin is full, and on whom. The same key can be queried, with an empty payload.", (wire.State,)),
-    "events": Key("{prefix}/events", wire.Events, "physics", "in ticks in which something happens", NEVER_LOST,
+                  (Recalled,)),
+    "state": Key("{prefix}/{bin}/state", State, "the bin's agent", "when full or coupled_to changes", NEVER_LOST,
+                 "Whether the bin is full, and on whom. The same key can be queried, with an empty payload.", (State,)),
+    "events": Key("{prefix}/events", Events, "physics", "in ticks in which something happens", NEVER_LOST,
                   "What happened in the step from this tick to the next. `what` is one of: " + ", ".join(get_args(What)) + "."),
-    "picture": Key("{prefix}/picture", wire.Picture, "physics", _EVERY_TICK + IF_HEARD, NEVER_LOST,
+    "picture": Key("{prefix}/picture", Picture, "physics", _EVERY_TICK + IF_HEARD, NEVER_LOST,
                    "Everything that is to be seen, in one message, for the logger and whoever looks on."),
-    "figures": Key("{prefix}/figures", wire.Figures, "physics", "twice a second of wall time", NEVER_LOST,
+    "figures": Key("{prefix}/figures", Figures, "physics", "twice a second of wall time", NEVER_LOST,
                    "How the run goes, and what each robot does."),
-    "refused": Key("{prefix}/hosts/{session}/refused", wire.RefusedThere, "a host, the logger", "in ticks in which it refused something",
+    "refused": Key("{prefix}/hosts/{session}/refused", RefusedThere, "a host, the logger", "in ticks in which it refused something",
                    NEVER_LOST, "How many messages it refused, by reason. Physics adds them up."),
     "scenario": Key("{prefix}/scenario", None, "anyone", "when it comes to the run", QUERY,
-                    "The run's id and present tick, its agents, its scenario. The payload is empty; physics answers.", (wire.Newcomer,)),
-    "join": Key("{prefix}/join", wire.Join, "an agent's host", "when it begins", QUERY,
+                    "The run's id and present tick, its agents, its scenario. The payload is empty; physics answers.", (Newcomer,)),
+    "join": Key("{prefix}/join", Join, "an agent's host", "when it begins", QUERY,
                 "A wish to hold agents. Physics answers with their memories, sends their pose and scan of the present tick (again), "
-                "and from this tick on waits for their velocities.", (wire.Joined,)),
-    "lost": Key("{prefix}/lost", wire.Lost, "physics", "when it happens", NEVER_LOST,
+                "and from this tick on waits for their velocities.", (Joined,)),
+    "lost": Key("{prefix}/lost", Lost, "physics", "when it happens", NEVER_LOST,
                 "Agents that were silent for too long: their robots stand. Their holder may join again."),
-    "command": Key("{prefix}/command", wire.Command, "anyone", "when a person wishes", QUERY,
-                   "Stop the run. Physics answers and ends it.", (wire.Done,)),
-    "stop": Key("{prefix}/stop", wire.Stop, "whoever may stop robots", "in an emergency", QUERY,
+    "command": Key("{prefix}/command", Command, "anyone", "when a person wishes", QUERY,
+                   "Stop the run. Physics answers and ends it.", (Done,)),
+    "stop": Key("{prefix}/stop", Stop, "whoever may stop robots", "in an emergency", QUERY,
                 "Stop robots, or reset them. It outranks every velocity and every deed, whoever sends them, and outlasts the agents. "
                 "A robot and the bin on its bar are stopped and reset together. People and animals walk on; unloading goes on. "
-                "Physics answers at once; a name that is no robot's is refused, and then nobody is stopped.", (wire.Stopped,)),
-    "end": Key("{prefix}/end", wire.End, "physics", "once", NEVER_LOST,
+                "Physics answers at once; a name that is no robot's is refused, and then nobody is stopped.", (Stopped,)),
+    "end": Key("{prefix}/end", End, "physics", "once", NEVER_LOST,
                "The run is over. Physics waits for two seconds at most until all liveliness tokens are gone."),
     "alive": Key("{prefix}/alive/{name}/{session}", None, "each host, for each agent; physics and logger for themselves", "while it lives",
                  LIVELINESS, "Who is here. `session` is any text of letters and digits that no other process uses: the holder's id."),

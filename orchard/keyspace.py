@@ -7,7 +7,6 @@ import msgspec
 import numpy as np
 from msgspec import inspect
 
-from orchard import wire
 from orchard.agent import Observation
 from orchard.geometry import Twist
 from orchard.hosting import STALE_TICKS
@@ -17,6 +16,14 @@ from orchard.lockstep import AGAIN_SECONDS, MOST_TOKENS, WATCHDOG, WATCHDOG_TICK
 from orchard.messages import Answer, Call, Deed, Offer, Request, Written, pack
 from orchard.realtime import SLACK
 from orchard.sights import Sights
+from orchard.wire.course import Command, Done, End, Join, Joined, Lost, Newcomer, RefusedThere, Stop, Stopped
+from orchard.wire.driving import Drive, Report, Velocities, Velocity
+from orchard.wire.geometry_msgs import Angular, Linear
+from orchard.wire.letters import Answered, Letter, Letters, Recall, Recalled, Received
+from orchard.wire.sensing import Clock, Stamp
+from orchard.wire.translate import odometry_of, scan_of, seen_of
+from orchard.wire.vocabulary import MAX_PAYLOAD, Part
+from orchard.wire.watching import Events, Figures, Happened, Picture, State
 
 RUN = "5f0c2a9e4b7d4c11"
 SESSION = "a1b2c3d4"
@@ -39,43 +46,43 @@ def _sights() -> Sights:
 WRITTEN = Written([("carrier_01", Call(3, "east"))], [])
 
 
-def _velocity() -> wire.Velocity:
-    return wire.Velocity(RUN, TICK, wire.Linear(1.0), wire.Angular(0.0))
+def _velocity() -> Velocity:
+    return Velocity(RUN, TICK, Linear(1.0), Angular(0.0))
 
 
-def _figures() -> wire.Figures:
-    return wire.Figures(RUN, TICK, {"rows_picked": 0}, {"picker_01": "picking row 1"}, {}, {})
+def _figures() -> Figures:
+    return Figures(RUN, TICK, {"rows_picked": 0}, {"picker_01": "picking row 1"}, {}, {})
 
 
-EXAMPLES: dict[type, wire.Part] = {
+EXAMPLES: dict[type, Part] = {
     type(message): message
     for message in (
         _velocity(),
-        wire.odometry_of(RUN, _seen("picker_01", 180)),
-        wire.scan_of(RUN, _seen("weed_01", 60), KINDS["weed"].laser, KINDS["bin"].laser),
-        wire.seen_of(RUN, _sights(), [0], False),
-        wire.Velocities(RUN, TICK, SESSION, {"picker_01": wire.Drive(wire.Linear(1.0), wire.Angular(0.0), True, wire.Report())}),
-        wire.Clock(RUN, TICK, wire.Stamp(12, 0)),
-        wire.Letter(RUN, TICK, "bin_01", 0, Call(3, "east")),
-        wire.Received(RUN, TICK),
-        wire.Answered(RUN, TICK + 1, Offer(35.4, 24.5, 51.0)),
-        wire.Letters(RUN, TICK, {"bin_01": WRITTEN}),
-        wire.Recall(RUN, TICK),
-        wire.Recalled(RUN, TICK, [(TICK - 1, {"bin_01": WRITTEN})]),
-        wire.State(RUN, TICK, True, 70.0, ""),
-        wire.Events(RUN, TICK, [wire.Happened(TICK, "row picked", "picker_01", "bin_01", "row 1")]),
-        wire.Picture(RUN, TICK, np.array([[-23.5, 10.75, 0.0]]).tobytes(), None, {}, None, None, None, [12.0], 0),
+        odometry_of(RUN, _seen("picker_01", 180)),
+        scan_of(RUN, _seen("weed_01", 60), KINDS["weed"].laser, KINDS["bin"].laser),
+        seen_of(RUN, _sights(), [0], False),
+        Velocities(RUN, TICK, SESSION, {"picker_01": Drive(Linear(1.0), Angular(0.0), True, Report())}),
+        Clock(RUN, TICK, Stamp(12, 0)),
+        Letter(RUN, TICK, "bin_01", 0, Call(3, "east")),
+        Received(RUN, TICK),
+        Answered(RUN, TICK + 1, Offer(35.4, 24.5, 51.0)),
+        Letters(RUN, TICK, {"bin_01": WRITTEN}),
+        Recall(RUN, TICK),
+        Recalled(RUN, TICK, [(TICK - 1, {"bin_01": WRITTEN})]),
+        State(RUN, TICK, True, 70.0, ""),
+        Events(RUN, TICK, [Happened(TICK, "row picked", "picker_01", "bin_01", "row 1")]),
+        Picture(RUN, TICK, np.array([[-23.5, 10.75, 0.0]]).tobytes(), None, {}, None, None, None, [12.0], 0),
         _figures(),
-        wire.RefusedThere(RUN, {"malformed": 3}),
-        wire.Newcomer(RUN, TICK, "lockstep", ["picker_01"], {"rows": 3}),
-        wire.Join(RUN, SESSION, ["picker_01"]),
-        wire.Joined(RUN, TICK, {"picker_01": None}, {}),
-        wire.Stop(RUN, True, ["picker_01"]),
-        wire.Stopped(RUN, TICK, ["bin_01", "picker_01"], ["bin_01", "picker_01"]),
-        wire.Lost(RUN, TICK, ["picker_01"], SESSION),
-        wire.Command(RUN, "stop"),
-        wire.Done(RUN, TICK),
-        wire.End(RUN, TICK, True, "harvested", "9f86d081", {"rows_picked": 3}),
+        RefusedThere(RUN, {"malformed": 3}),
+        Newcomer(RUN, TICK, "lockstep", ["picker_01"], {"rows": 3}),
+        Join(RUN, SESSION, ["picker_01"]),
+        Joined(RUN, TICK, {"picker_01": None}, {}),
+        Stop(RUN, True, ["picker_01"]),
+        Stopped(RUN, TICK, ["bin_01", "picker_01"], ["bin_01", "picker_01"]),
+        Lost(RUN, TICK, ["picker_01"], SESSION),
+        Command(RUN, "stop"),
+        Done(RUN, TICK),
+        End(RUN, TICK, True, "harvested", "9f86d081", {"rows_picked": 3}),
     )
 }
 
@@ -262,7 +269,7 @@ def document() -> str:
     table = "\n".join(map(_table_row, TABLE.values()))
     kinds = "\n".join(f"| {name} | {kind.speed:g} | {kind.turn:.6g} | {kind.laser.beams} |" for name, kind in KINDS.items())
     times = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "slack": SLACK, "stale": STALE_TICKS, "again": AGAIN_SECONDS}
-    head = HEAD.format(table=table, kinds=kinds, most=wire.MAX_PAYLOAD, tokens=MOST_TOKENS, **times)
+    head = HEAD.format(table=table, kinds=kinds, most=MAX_PAYLOAD, tokens=MOST_TOKENS, **times)
     return "\n".join([head, *(_section(what, key) for what, key in TABLE.items()), *(_union(*item) for item in UNIONS.items())])
 
 
@@ -288,7 +295,7 @@ def _message(role: str, type_: type) -> str:
     return f"{title}: {doc}\n\n| field | type | meaning |\n| --- | --- | --- |\n{rows}\n\n{_example(example)}\n"
 
 
-def _example(message: wire.Part) -> str:
+def _example(message: Part) -> str:
     data = pack(message).hex()
     lines = "\n".join(data[i : i + 128] for i in range(0, len(data), 128))
     shown = msgspec.json.encode(_readable(msgspec.to_builtins(message, builtin_types=(bytes,)))).decode()

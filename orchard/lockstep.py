@@ -13,7 +13,10 @@ from typing import Any, NamedTuple, TypeVar
 
 from orchard.agent import Action
 from orchard.messages import Written
-from orchard.wire import Mode, OfRun, Reason, Velocity, action_of, read
+from orchard.wire.course import Mode, Reason
+from orchard.wire.driving import Velocity
+from orchard.wire.translate import action_of
+from orchard.wire.vocabulary import OfRun, read
 
 M = TypeVar("M", bound=OfRun)
 Letters = Iterable[tuple[int, dict[str, Written]]]  # (tick, sender -> what it wrote)

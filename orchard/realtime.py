@@ -15,7 +15,9 @@ from orchard.agent import Action
 from orchard.geometry import STILL
 from orchard.lockstep import WHOSE, Put, Recent, Refused, Roster, refuse_other_tick
 from orchard.messages import Written
-from orchard.wire import Mode, Velocity, action_of
+from orchard.wire.course import Mode
+from orchard.wire.driving import Velocity
+from orchard.wire.translate import action_of
 
 SLACK = 0.2  # s beyond the tick's own time, for answers of those who answered the last tick in time; less than Pacer.CATCH_UP
 SHARE = 0.5  # of a tick's time, that the others have, and everybody where the clock is behind

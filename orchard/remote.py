@@ -8,13 +8,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from orchard.agent import Agent
-from orchard.bus import Bus, BusError, Inbox, client
+from orchard.bus import Bus, Inbox, client
 from orchard.config import check
+from orchard.endpoints import BusError
 from orchard.host import Ended, Host, newcomer
 from orchard.identity import identity_in
 from orchard.keys import PREFIX, Keys
 from orchard.layout import lay_out
-from orchard.wire import Newcomer
+from orchard.wire.course import Newcomer
 
 
 class Remote:

@@ -12,7 +12,7 @@ from orchard.doer import TRAFFIC
 from orchard.kinds import KINDS
 from orchard.layout import ROW_LENGTH, lay_out
 from orchard.snapshot import Snapshot, SnapshotError
-from orchard.wire import FASTEST, LAST_TICK
+from orchard.wire.vocabulary import FASTEST, LAST_TICK
 from orchard.world import NOBODY, World, new_world
 
 FURTHEST = 1e12  # m that a body can have driven by then

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from orchard import wire
 from orchard.agent import Action
 from orchard.config import TIME_STEP
 from orchard.snapshot import SnapshotError
 from orchard.stops import as_shown
+from orchard.wire import watching
 
 if TYPE_CHECKING:
     from orchard.engine import Engine
@@ -68,11 +68,11 @@ class Account:
         speed = {"wall_seconds": round(wall, 3), "times_real_time": round(times, 1)}
         return harvest_figures(self._world, self._figures) | self._engine.states.figures() | speed
 
-    def message(self, run: str, refused: dict[str, int]) -> wire.Figures:
+    def message(self, run: str, refused: dict[str, int]) -> watching.Figures:
         actions = as_shown(self._world, self.actions)
         doing = {name: action.doing for name, action in actions.items() if action.doing}
         waits = {name: action.waits_for for name, action in actions.items() if action.waits_for}
-        return wire.Figures(run, self._world.tick, self.figures(), doing, waits, refused)
+        return watching.Figures(run, self._world.tick, self.figures(), doing, waits, refused)
 
     def is_due(self) -> bool:
         """Whether half a second has passed since this last said so."""

@@ -13,8 +13,9 @@ import sys
 from collections.abc import Callable, Collection
 
 from orchard.agent import Agent
-from orchard.bus import Bus, BusError, Inbox, Item, Signal, client
+from orchard.bus import Bus, Inbox, Item, Signal, client
 from orchard.config import ScenarioError, check
+from orchard.endpoints import BusError
 from orchard.host import GONE_SECONDS, Ended, Host, newcomer
 from orchard.identity import Identity, identity_in
 from orchard.keys import PREFIX, Keys

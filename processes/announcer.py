@@ -5,13 +5,19 @@ import time
 from collections.abc import Collection, Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from orchard import wire
 from orchard.bus import Bus
 from orchard.keys import Keys
 from orchard.kinds import KINDS
 from orchard.layout import Layout
 from orchard.messages import Written, pack
 from orchard.sights import Sights
+from orchard.wire.course import Lost
+from orchard.wire.driving import Velocity
+from orchard.wire.letters import Letters
+from orchard.wire.sensing import Clock, Stamp
+from orchard.wire.translate import odometry_of, scan_of, seen_of
+from orchard.wire.vocabulary import Message
+from orchard.wire.watching import Events, Happened
 
 if TYPE_CHECKING:
     from orchard.events import Event
@@ -44,44 +50,44 @@ class Announcer:
                 self._show_alone(what, seen, body, name)
         if self.is_heard("clock"):
             sec, tenths = divmod(seen.tick, 10)
-            self._put(self._keys.of("clock"), wire.Clock(self.run, seen.tick, wire.Stamp(sec, tenths * 10**8)))
+            self._put(self._keys.of("clock"), Clock(self.run, seen.tick, Stamp(sec, tenths * 10**8)))
 
     def _show(self, seen: Sights, holder: str, names: Iterable[str], recall: bool) -> None:
         bodies = [self._layout.index[name] for name in names if name in self._layout.index]
-        self._put(self._keys.of("seen", session=holder), wire.seen_of(self.run, seen, bodies, recall))
+        self._put(self._keys.of("seen", session=holder), seen_of(self.run, seen, bodies, recall))
 
     def _show_alone(self, what: str, seen: Sights, body: int, name: str) -> None:
         key = self._keys.of(what, name)
         if not self._is_heard(key):
             return
         if what == "pose":
-            self._put(key, wire.odometry_of(self.run, seen[name]))
+            self._put(key, odometry_of(self.run, seen[name]))
         else:
             laser = KINDS[self._layout.starts[body].kind].laser
-            self._put(key, wire.scan_of(self.run, seen[name], laser, KINDS["bin"].laser))
+            self._put(key, scan_of(self.run, seen[name], laser, KINDS["bin"].laser))
 
-    def driven(self, name: str, velocity: wire.Velocity) -> None:
+    def driven(self, name: str, velocity: Velocity) -> None:
         """A velocity that came with others, to those who listen on its robot's key."""
         if self._are_robots_heard() and self._is_heard(self._keys.of("velocity", name)):
             self._bus.publish(self._keys.of("velocity", name), pack(velocity))
 
-    def _put(self, key: str, message: wire.Message) -> None:
+    def _put(self, key: str, message: Message) -> None:
         self._bus.publish(key, pack(message), self._newest_wins)
 
     # -- what happened
 
     def happened(self, tick: int, events: "list[Event]") -> None:
         if events:
-            self.say("events", wire.Events(self.run, tick, [wire.Happened(e.tick, e.what, e.who, e.whom, e.detail) for e in events]))
+            self.say("events", Events(self.run, tick, [Happened(e.tick, e.what, e.who, e.whom, e.detail) for e in events]))
 
     def wrote(self, tick: int, letters: dict[str, Written]) -> None:
         if letters and self.is_heard("letters"):
-            self.say("letters", wire.Letters(self.run, tick, letters))
+            self.say("letters", Letters(self.run, tick, letters))
 
     def lost(self, tick: int, released: dict[str, list[str]]) -> None:
         for holder, names in released.items():
             log.warning("no answer to tick %d from %s: no longer waited for", tick, ", ".join(names))
-            self.say("lost", wire.Lost(self.run, tick, names, holder))
+            self.say("lost", Lost(self.run, tick, names, holder))
 
     # -- who listens
 
@@ -102,5 +108,5 @@ class Announcer:
             self._heard[keys] = self._bus.is_heard(keys)
         return self._heard[keys]
 
-    def say(self, what: str, message: wire.Message) -> None:
+    def say(self, what: str, message: Message) -> None:
         self._bus.publish(self._keys.of(what), pack(message))

@@ -15,9 +15,10 @@ import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from orchard.bus import Alive, Bus, BusError, Inbox, Item, Sample, Signal, client
+from orchard.bus import Alive, Bus, Inbox, Item, Sample, Signal, client
 from orchard.camera import talk_of
 from orchard.config import ScenarioError, check
+from orchard.endpoints import BusError
 from orchard.frames import Event, Frame
 from orchard.host import GONE_SECONDS, Ended, newcomer, tell_refusals
 from orchard.identity import identity_in
@@ -26,7 +27,10 @@ from orchard.layout import Layout, lay_out
 from orchard.lockstep import Refusals, Refused, understood
 from orchard.view import Recorder, optimize
 from orchard.view.parts import before
-from orchard.wire import End, Events, Letters, Lost, Picture, frame_of
+from orchard.wire.course import End, Lost
+from orchard.wire.letters import Letters
+from orchard.wire.translate import frame_of
+from orchard.wire.watching import Events, Picture
 from processes.pages import Page, Pages, Writer
 
 log = logging.getLogger("orchard")

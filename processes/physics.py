@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
-from orchard import wire
 from orchard.agent import Action
-from orchard.bus import LOOPBACK, SECURE_LOOPBACK, Alive, Bus, BusError, Inbox, Item, Question, Sample, Signal, client, router
+from orchard.bus import Alive, Bus, Inbox, Item, Question, Sample, Signal, client, router
 from orchard.camera import Camera
 from orchard.config import TIME_STEP, Scenario, ScenarioError, load
+from orchard.endpoints import LOOPBACK, SECURE_LOOPBACK, BusError
 from orchard.identity import Identity, identity_in
 from orchard.keys import LOGGER, PHYSICS, PREFIX, Keys
 from orchard.kinds import KINDS
@@ -49,6 +49,11 @@ from orchard.realtime import Live
 from orchard.sights import Sights
 from orchard.snapshot import Snapshot, SnapshotError
 from orchard.stops import stopped
+from orchard.wire.course import Command, Done, End, Join, Joined, Newcomer, Reason, RefusedThere, Stop, Stopped
+from orchard.wire.driving import Velocities, Velocity
+from orchard.wire.letters import Recall, Recalled
+from orchard.wire.translate import picture_of, velocity_of
+from orchard.wire.vocabulary import Session
 from processes.account import Account
 from processes.announcer import Announcer
 from processes.keeper import SNAPSHOT_SECONDS, Keeper, last
@@ -88,7 +93,7 @@ class Step(NamedTuple):
     actions: dict[str, Action]
 
 
-class Stopped(Exception):
+class Ended(Exception):
     """Somebody ended the run."""
 
 
@@ -112,7 +117,7 @@ class Physics:
         self.keeper = Keeper(options.snapshots, options.snapshot_every)
         self.refusals = Refusals()
         self._held_before = before.held if before else None
-        self._refused_there: dict[str, dict[wire.Reason, int]] = {}  # session -> what it refused
+        self._refused_there: dict[str, dict[Reason, int]] = {}  # session -> what it refused
         self.pacer = Pacer(options.speed)
         self._seen: Sights | None = None
         self._undelivered = False  # whether a request of this tick may not have arrived
@@ -128,7 +133,7 @@ class Physics:
         self.bus.watch(self.keys.of("alive"))
         self.bus.declare_alive(self.keys.of("alive", PHYSICS, self.run_id))
 
-    def run(self) -> wire.End:
+    def run(self) -> End:
         """All ticks; the end that was told to everybody."""
         try:
             self._gather()
@@ -136,7 +141,7 @@ class Physics:
             self.announcer.say("figures", self.account.message(self.run_id, self._refused()))
             while not (why := self._end()):
                 self._tick()
-        except Stopped as stop:
+        except Ended as stop:
             why = str(stop)
         self._account()
         if why == "stopped":
@@ -215,7 +220,7 @@ class Physics:
         self.announcer.happened(tick, events)
         self.announcer.wrote(tick, self.ledger.letters.get(tick, {}))
         if self.announcer.is_heard("picture"):
-            self.announcer.say("picture", wire.picture_of(self.run_id, self.camera.frame(self.engine.scans, actions, events)))
+            self.announcer.say("picture", picture_of(self.run_id, self.camera.frame(self.engine.scans, actions, events)))
         if self.account.is_due():
             self.announcer.say("figures", self.account.message(self.run_id, self._refused()))
 
@@ -255,12 +260,12 @@ class Physics:
             self.answers.release(name)
         self.announcer.lost(self.engine.tick, self.roster.release(names))
 
-    def _summary(self, why: str) -> wire.End:
+    def _summary(self, why: str) -> End:
         engine, run = self.engine, {"mode": self.answers.mode, "hosts": len(set(self.roster.holders.values()))}
         figures = self.account.figures() | self.answers.figures()
         summary = {"hash": engine.hash} | run | figures | {"messages_refused": self._refused()}
         summary |= {"finished": engine.over, "violations": engine.violations()}
-        return wire.End(self.run_id, engine.tick, engine.over, why, engine.hash, summary)
+        return End(self.run_id, engine.tick, engine.over, why, engine.hash, summary)
 
     def _farewell(self) -> None:
         """Stay until all others have gone, so that the last message reaches them, but not for long."""
@@ -295,17 +300,17 @@ class Physics:
         elif isinstance(item, Question):
             self._reply(item)
         elif isinstance(item, Signal):
-            raise Stopped("stopped")
+            raise Ended("stopped")
 
     def _hear(self, sample: Sample) -> None:
         match self.keys.parts(sample.key):
             case ["hosts", session, "refused"]:
-                counts = understood(sample.payload, wire.RefusedThere, self.run_id).counts
+                counts = understood(sample.payload, RefusedThere, self.run_id).counts
                 if len(self._refused_there) >= MOST_SESSIONS and session not in self._refused_there:
                     raise Refused("too many", f"{MOST_SESSIONS} sessions have refused something")
                 self._refused_there[_session(session)] = counts
             case [name, "velocity"]:
-                self._drive(name, understood(sample.payload, wire.Velocity, self.run_id))
+                self._drive(name, understood(sample.payload, Velocity, self.run_id))
             case ["hosts", session, "velocities"]:
                 self._drive_all(session, sample)
             case _:
@@ -313,12 +318,12 @@ class Physics:
 
     def _drive_all(self, session: str, sample: Sample) -> None:
         """Each velocity of a session counts, or is refused, for itself. Who may put on whose key, a secured router sees to."""
-        velocities = understood(sample.payload, wire.Velocities, self.run_id)
+        velocities = understood(sample.payload, Velocities, self.run_id)
         if velocities.holder != session:
             raise Refused("not the holder", f"{velocities.holder!r} is not the session of the key")
         for name in tuple(velocities.velocities):
             try:
-                velocity = wire.velocity_of(velocities, name)
+                velocity = velocity_of(velocities, name)
                 self._drive(name, velocity)
                 self.announcer.driven(name, velocity)
             except Refused as refusal:
@@ -326,7 +331,7 @@ class Physics:
                 del velocities.velocities[name]
         self._undelivered |= velocities.undelivered and self._are_held(velocities)
 
-    def _are_held(self, velocities: wire.Velocities) -> bool:
+    def _are_held(self, velocities: Velocities) -> bool:
         """Whether any of the requests in it is to somebody who is held, and hears it."""
         letters = [drive.report.letters for drive in velocities.velocities.values() if drive.report and drive.report.letters]
         return any(to in self.roster.holders for written in letters for to, _ in written.requests)
@@ -361,14 +366,14 @@ class Physics:
         if up and run != self.run_id and self.answers.tick < 0:
             raise BusError(f"{self.bus.endpoint}: run {run} goes on there, with prefix {self.keys.prefix}; choose another router or prefix")
 
-    def _drive(self, name: str, velocity: wire.Velocity) -> None:
+    def _drive(self, name: str, velocity: Velocity) -> None:
         self._refuse_what_cannot_be(name, velocity)
         if name in self.roster.holders:
             self.answers.take(name, velocity)
         else:
             self.loose.take(name, velocity)
 
-    def _refuse_what_cannot_be(self, name: str, velocity: wire.Velocity) -> None:
+    def _refuse_what_cannot_be(self, name: str, velocity: Velocity) -> None:
         layout = self.engine.layout
         if name not in layout.index:
             if name in self.roster.holders:
@@ -393,17 +398,17 @@ class Physics:
         if question.payload:
             raise Refused("malformed", "the scenario query has no payload")
         scenario = self.engine.layout.scenario.model_dump()
-        question.reply(pack(wire.Newcomer(self.run_id, self.engine.tick, self.answers.mode, list(self.roster.names), scenario)))
+        question.reply(pack(Newcomer(self.run_id, self.engine.tick, self.answers.mode, list(self.roster.names), scenario)))
 
     def _join(self, question: Question) -> None:
         """Let a host hold all the agents that it names, or none."""
-        join = understood(question.payload, wire.Join, self.run_id)
+        join = understood(question.payload, Join, self.run_id)
         refused = {name: why for name in join.names if (why := self.roster.may_join(name, join.holder))}
         held = [] if refused else join.names
         for name in held:
             self.roster.join(name, join.holder)
         memories = {name: self.ledger.memories.get(name) for name in held}
-        question.reply(pack(wire.Joined(self.run_id, self.engine.tick, memories, refused)))
+        question.reply(pack(Joined(self.run_id, self.engine.tick, memories, refused)))
         if held and self.answers.tick == self.engine.tick:
             for name in held:
                 self.answers.expect(name)
@@ -411,13 +416,13 @@ class Physics:
 
     def _recall_mail(self, question: Question) -> None:
         """Tell a host the letters of the last two ticks."""
-        recall = understood(question.payload, wire.Recall, self.run_id)
+        recall = understood(question.payload, Recall, self.run_id)
         refuse_other_tick(recall.tick, self.engine.tick, self.engine.tick)
-        question.reply(pack(wire.Recalled(self.run_id, recall.tick, sorted(self.ledger.letters.items()))))
+        question.reply(pack(Recalled(self.run_id, recall.tick, sorted(self.ledger.letters.items()))))
 
     def _stop(self, question: Question) -> None:
         """Latch or reset an emergency stop; the engine sees to it that nothing outranks it. A run that goes on from a snapshot knows it."""
-        wish = understood(question.payload, wire.Stop, self.run_id)
+        wish = understood(question.payload, Stop, self.run_id)
         self._account()
         try:
             changed = self.engine.stop(wish.names) if wish.stop else self.engine.reset(wish.names)
@@ -426,19 +431,19 @@ class Physics:
         if self.answers.tick >= 0:
             self.keeper.keep(self.snapshot())
             self.keeper.finish()
-        question.reply(pack(wire.Stopped(self.run_id, self.engine.tick, changed, stopped(self.engine.world))))
+        question.reply(pack(Stopped(self.run_id, self.engine.tick, changed, stopped(self.engine.world))))
 
     def _obey(self, question: Question) -> None:
-        command = understood(question.payload, wire.Command, self.run_id)
-        question.reply(pack(wire.Done(self.run_id, self.engine.tick)))
+        command = understood(question.payload, Command, self.run_id)
+        question.reply(pack(Done(self.run_id, self.engine.tick)))
         question.drop()
-        raise Stopped(f"{command.command}ped")
+        raise Ended(f"{command.command}ped")
 
 
 def _session(text: str) -> str:
     """A session's id in a key. Raises Refused for what is none."""
     try:
-        session: str = msgspec.convert(text, wire.Session)
+        session: str = msgspec.convert(text, Session)
     except ValueError as error:
         raise Refused("malformed", f"a session's id: {error}") from error
     return session

@@ -10,7 +10,8 @@ import logging
 import signal
 import sys
 
-from orchard.bus import BusError, Inbox, Signal, check_free, router, with_port
+from orchard.bus import Inbox, Signal, router
+from orchard.endpoints import BusError, check_free, with_port
 from orchard.identity import identity_in
 from orchard.keys import PREFIX
 

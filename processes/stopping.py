@@ -3,11 +3,13 @@
 import time
 from pathlib import Path
 
-from orchard.bus import Bus, BusError, Final, Replied, client
+from orchard.bus import Bus, Final, Replied, client
+from orchard.endpoints import BusError
 from orchard.identity import Identity
 from orchard.keys import Keys
 from orchard.messages import pack
-from orchard.wire import Newcomer, Stop, Stopped, read
+from orchard.wire.course import Newcomer, Stop, Stopped
+from orchard.wire.vocabulary import read
 from processes.running import Going, all_going
 
 LOOK_SECONDS = 5.0  # for how long somebody must listen at the endpoint

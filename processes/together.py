@@ -15,8 +15,9 @@ from typing import Any
 
 import msgspec
 
-from orchard.bus import Alive, Bus, BusError, Inbox, Sample, Signal, check_free, check_security, client, reachable, with_port
+from orchard.bus import Alive, Bus, Inbox, Sample, Signal, client
 from orchard.config import Scenario, to_yaml
+from orchard.endpoints import BusError, check_free, check_security, reachable, with_port
 from orchard.host import newcomer
 from orchard.identity import Identity
 from orchard.keys import LOGGER, PHYSICS, Keys
@@ -24,7 +25,8 @@ from orchard.layout import lay_out
 from orchard.lockstep import Refusals, Refused, understood
 from orchard.names import chosen
 from orchard.progress import Headline, Progress
-from orchard.wire import End, Figures
+from orchard.wire.course import End
+from orchard.wire.watching import Figures
 from processes.fleet import Fleet, Program, free_port, open_viewer
 from processes.passes import Open, Passes, Secured, Shares, passes_of
 from processes.running import Going, noted

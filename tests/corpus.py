@@ -15,7 +15,9 @@ from orchard.host import Ended, Host
 from orchard.keys import TABLE, Keys
 from orchard.keyspace import EXAMPLES
 from orchard.messages import pack
-from orchard.wire import MAX_PAYLOAD, Command, Recall, Stop
+from orchard.wire.course import Command, Stop
+from orchard.wire.letters import Recall
+from orchard.wire.vocabulary import MAX_PAYLOAD
 from processes.physics import Options, Physics
 
 KEYS = Keys()

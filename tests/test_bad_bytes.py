@@ -24,7 +24,6 @@ from fleet import Fleet, until
 from test_lockstep import SMALL, local_hash
 from test_snapshot import assert_usable_or_refused, local_at
 
-from orchard import wire
 from orchard.bus import Alive, Final, Replied, Sample
 from orchard.config import LARGEST_FILE, ScenarioError, load
 from orchard.host import Asking, newcomer, told
@@ -35,6 +34,10 @@ from orchard.local import Local
 from orchard.lockstep import Refusals, Refused, understood
 from orchard.messages import State, pack
 from orchard.snapshot import HEAD, LARGEST, VERSION, SnapshotError, read
+from orchard.wire.course import Done, Joined, Stopped
+from orchard.wire.driving import Velocity
+from orchard.wire.geometry_msgs import Angular, Linear
+from orchard.wire.letters import Answered, Recalled, Received
 from processes.account import Account
 from processes.logger import Logger
 from processes.pages import Pages
@@ -144,7 +147,7 @@ class Thrower:
         for key in (f"orchard/alive/nobody_{number}/x", "orchard/**", "orchard/alive/*/x", "orchard/alive/picker_01/*", "**"):
             bus.inbox.put(Alive(key, number % 2 == 0))
         bus.inbox.put(Sample("orchard/**", b"\x80"))
-        bus.inbox.put(Sample(f"orchard/nobody_{number}/velocity", pack(wire.Velocity(RUN, 1, wire.Linear(1.0), wire.Angular(0.0)))))
+        bus.inbox.put(Sample(f"orchard/nobody_{number}/velocity", pack(Velocity(RUN, 1, Linear(1.0), Angular(0.0)))))
         self.run.host.bus.inbox.put(Sample("orchard/**", b"\x80"))
         self.run.host.bus.inbox.put(Alive("orchard/alive/**", False))
         self.expected[bus.id] += 7
@@ -249,7 +252,7 @@ def test_replies_to_requests_are_refused_unless_they_are_answers(other):
     for _, payload in bad(other, "mail", 4000, 3):
         host.handle(Replied(asked, payload, ""))
         thrown += 1
-    stale = [wire.Received(RUN, 6), wire.Received(RUN, 8), wire.Answered(RUN, 8, None)]
+    stale = [Received(RUN, 6), Received(RUN, 8), Answered(RUN, 8, None)]
     offers = [{"type": "offer", "x": value, "y": 0.0, "distance": 1.0} for value in (math.nan, math.inf, 1e9)]
     for payload in [*map(pack, stale), *(msgpack.packb({"type": "answered", "run": RUN, "tick": 8, "body": body}) for body in offers)]:
         host.handle(Replied(asked, payload, ""))
@@ -273,7 +276,7 @@ class Crowd(StandIn):
 
 
 @pytest.mark.parametrize(
-    ("what", "type_"), [("join", wire.Joined), ("recall", wire.Recalled), ("stop", wire.Stopped), ("command", wire.Done)]
+    ("what", "type_"), [("join", Joined), ("recall", Recalled), ("stop", Stopped), ("command", Done)]
 )
 def test_who_asks_takes_the_reply_that_makes_sense(other, what, type_):
     example = next(p for _, p in reversed(other[what]) if not refusal_of(p, type_, "other"))

@@ -20,7 +20,7 @@ from chaos.undisturbed import Undisturbed
 from chaos.verdict import verdict
 from orchard.lockstep import Refused, understood
 from orchard.messages import pack
-from orchard.wire import Clock, Stamp
+from orchard.wire.sensing import Clock, Stamp
 from processes.fleet import DEATHS, free_port
 
 RUN = "5f0c2a9e4b7d4c11"

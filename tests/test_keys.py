@@ -8,7 +8,7 @@ import pytest
 
 from orchard.keys import TABLE, Keys
 from orchard.keyspace import EXAMPLES, document
-from orchard.wire import read
+from orchard.wire.vocabulary import read
 
 KEYSPACE = Path(__file__).parent.parent / "keyspace.md"
 

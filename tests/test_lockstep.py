@@ -14,8 +14,9 @@ import pytest
 from fleet import ROOT, Fleet, until
 
 from orchard import bus
-from orchard.bus import BusError, Inbox, client, router
+from orchard.bus import Inbox, client, router
 from orchard.config import Animals, People, Scenario
+from orchard.endpoints import BusError
 from orchard.keys import TABLE
 from orchard.layout import lay_out
 from orchard.local import Local

@@ -2,12 +2,15 @@
 
 import pytest
 
-from orchard import wire
 from orchard.agent import Action, Heard
 from orchard.geometry import Twist
 from orchard.hosting import Mailbox
 from orchard.lockstep import Answers, Ledger, Loose, Pacer, Refused, Roster
 from orchard.messages import State, Written, Yes, pack
+from orchard.wire.driving import Report, Velocity
+from orchard.wire.geometry_msgs import Angular, Linear
+from orchard.wire.letters import Answered, Letter, Received
+from orchard.wire.vocabulary import read
 
 RUN = "run1"
 
@@ -19,7 +22,7 @@ class Query:
         self.payload, self.replies, self.error, self.dropped = payload, [], "", False
 
     def reply(self, payload):
-        self.replies.append(wire.read(payload, wire.Received | wire.Answered))
+        self.replies.append(read(payload, Received | Answered))
 
     def refuse(self, reason):
         self.error, self.dropped = reason, True
@@ -29,7 +32,7 @@ class Query:
 
 
 def letter(sender="bin_01", tick=4, number=0):
-    return pack(wire.Letter(RUN, tick, sender, number, State()))
+    return pack(Letter(RUN, tick, sender, number, State()))
 
 
 def mailbox(tick=5):
@@ -50,12 +53,12 @@ def heard_at(box, tick, name="picker_01"):
 def test_a_request_is_received_at_once_heard_at_the_next_tick_and_answered_then():
     box, query = mailbox(), Query(letter(tick=5))
     box.hear("picker_01", query)
-    assert query.replies == [wire.Received(RUN, 5)]
+    assert query.replies == [Received(RUN, 5)]
     assert heard_at(box, 5) == []
     (heard,) = heard_at(box, 6)
     box.write("picker_01", Action(answers=[(heard, Yes())]))
     box.close()
-    assert query.replies[1] == wire.Answered(RUN, 6, Yes())
+    assert query.replies[1] == Answered(RUN, 6, Yes())
     assert query.dropped
 
 
@@ -71,7 +74,7 @@ def test_a_query_that_nobody_answers_is_told_so_in_the_tick_in_which_it_is_heard
     box.hear("picker_01", query)
     box.deliver(5)
     box.close()
-    assert query.replies[1:] == [wire.Answered(RUN, 5, None)]
+    assert query.replies[1:] == [Answered(RUN, 5, None)]
     assert query.dropped
 
 
@@ -106,7 +109,7 @@ def test_an_answer_to_what_was_heard_earlier_goes_nowhere():
     box.close()
     box.deliver(6)
     box.write("picker_01", Action(answers=[(heard, Yes()), (Heard("bin_09", 5, 0, State()), Yes())]))
-    assert query.replies[1:] == [wire.Answered(RUN, 5, None)]
+    assert query.replies[1:] == [Answered(RUN, 5, None)]
 
 
 # -- rules 2, 4, 6 and 8: who asks
@@ -122,7 +125,7 @@ def test_a_velocity_waits_until_each_request_is_received_or_will_never_be():
     box = mailbox()
     asked = ask(box)
     assert not box.is_sent()
-    box.replied(asked, pack(wire.Received(RUN, 5)))
+    box.replied(asked, pack(Received(RUN, 5)))
     assert box.is_sent()
     other = mailbox()
     ask(other).final = True
@@ -141,8 +144,8 @@ def test_a_tick_waits_until_each_get_of_two_ticks_ago_is_final():
 def test_an_answer_is_heard_two_ticks_after_the_request():
     box = mailbox()
     asked = ask(box)
-    box.replied(asked, pack(wire.Received(RUN, 5)))
-    box.replied(asked, pack(wire.Answered(RUN, 6, Yes())))
+    box.replied(asked, pack(Received(RUN, 5)))
+    box.replied(asked, pack(Answered(RUN, 6, Yes())))
     assert box.deliver(6) == {}
     ((reply,),) = (mail.replies for mail in box.deliver(7).values())
     assert (reply.sender, reply.number, reply.body) == ("picker_01", 0, Yes())
@@ -159,9 +162,9 @@ def test_no_answer_is_heard_as_none():
 def test_an_answer_of_another_tick_is_refused(tick):
     box = mailbox()
     asked = ask(box)
-    box.replied(asked, pack(wire.Received(RUN, 5)))
+    box.replied(asked, pack(Received(RUN, 5)))
     with pytest.raises(Refused, match="an answer of"):
-        box.replied(asked, pack(wire.Answered(RUN, tick, Yes())))
+        box.replied(asked, pack(Answered(RUN, tick, Yes())))
     assert asked.answer is None
 
 
@@ -207,7 +210,7 @@ def test_the_released_are_told_by_holder():
 
 
 def velocity(tick=3, holder="", x=1.0, report=None):
-    return wire.Velocity(RUN, tick, wire.Linear(x), wire.Angular(0.0), holder, report=report)
+    return Velocity(RUN, tick, Linear(x), Angular(0.0), holder, report=report)
 
 
 def test_a_tick_takes_one_answer_from_each_holder():
@@ -250,8 +253,8 @@ def test_a_get_that_ends_without_a_word_leaves_a_doubt_and_one_that_was_told_lea
     asked.final = True
     box.deliver(6)
     assert box.is_settled(7) and box.doubts(7)
-    box.replied(asked, pack(wire.Received(RUN, 5)))
-    box.replied(asked, pack(wire.Answered(RUN, 6, None)))
+    box.replied(asked, pack(Received(RUN, 5)))
+    box.replied(asked, pack(Answered(RUN, 6, None)))
     assert not box.doubts(7)
 
 
@@ -259,7 +262,7 @@ def test_a_request_that_was_not_received_is_undelivered():
     box = mailbox()
     asked = ask(box)
     assert box.is_undelivered()
-    box.replied(asked, pack(wire.Received(RUN, 5)))
+    box.replied(asked, pack(Received(RUN, 5)))
     assert not box.is_undelivered()
 
 
@@ -267,7 +270,7 @@ def test_the_ledger_keeps_the_newest_memories_and_the_letters_of_two_ticks():
     ledger = Ledger()
     written = Written([("bin_01", State())], [])
     for tick, memory in enumerate([b"a", None, b"c", None]):
-        ledger.keep(tick, {"picker_01": velocity(tick, report=wire.Report(memory=memory, letters=written if tick != 2 else None))})
+        ledger.keep(tick, {"picker_01": velocity(tick, report=Report(memory=memory, letters=written if tick != 2 else None))})
     assert ledger.memories == {"picker_01": b"c"}
     assert ledger.letters == {3: {"picker_01": written}}
 

@@ -9,7 +9,6 @@ from fleet import Fleet, until
 from test_mail import RUN, Clock, Query, heard_at, letter, roster
 from test_run import orchard, summary_of
 
-from orchard import wire
 from orchard.agent import Action
 from orchard.config import Animals, People, Scenario
 from orchard.geometry import Twist
@@ -17,6 +16,10 @@ from orchard.hosting import STALE_TICKS, LiveMailbox, Sight
 from orchard.lockstep import Refused
 from orchard.messages import Couple, State, Yes, pack
 from orchard.realtime import SLACK, Delays, Live
+from orchard.wire.driving import Report, Velocity
+from orchard.wire.geometry_msgs import Angular, Linear
+from orchard.wire.letters import Answered, Received
+from orchard.wire.sensing import Seen
 
 SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)
 STEP = 0.125  # s of wall time to a tick
@@ -32,8 +35,8 @@ def live(*held):
 
 
 def velocity(tick, x=1.0, once=False, deeds=(), memory=None, holder="a"):
-    report = wire.Report(deeds=list(deeds), memory=memory)
-    return wire.Velocity(RUN, tick, wire.Linear(x), wire.Angular(0.0), holder, once, report)
+    report = Report(deeds=list(deeds), memory=memory)
+    return Velocity(RUN, tick, Linear(x), Angular(0.0), holder, once, report)
 
 
 def driven(one, clock, ticks):
@@ -141,7 +144,7 @@ def test_mail_is_heard_at_the_next_tick_whichever_that_is():
     (heard,) = heard_at(box, 9)
     box.write("picker_01", Action(answers=[(heard, Yes())]))
     box.close()
-    assert query.replies == [wire.Received(RUN, 7), wire.Answered(RUN, 9, Yes())]
+    assert query.replies == [Received(RUN, 7), Answered(RUN, 9, Yes())]
     assert query.dropped
     assert heard_at(box, 10) == []
 
@@ -152,8 +155,8 @@ def test_answers_come_when_they_come_and_silence_ends():
     box.deliver(5)
     one, _ = box.write("bin_01", Action(requests=[("picker_01", State()), ("picker_02", State())]))
     assert box.is_sent(), "a velocity waits for nobody"
-    box.replied(one, pack(wire.Received(RUN, 5)))
-    box.replied(one, pack(wire.Answered(RUN, 11, Yes())))
+    box.replied(one, pack(Received(RUN, 5)))
+    box.replied(one, pack(Answered(RUN, 11, Yes())))
     one.final = True
     assert [reply.body for reply in box.deliver(12)["bin_01"].replies] == [Yes()]
     assert box.deliver(5 + STALE_TICKS) == {}
@@ -187,7 +190,7 @@ def test_delays_are_told_by_the_share_that_is_below():
 
 
 def nothing_at(tick):
-    return wire.Seen(RUN, tick, [], b"", b"", {}, {}, [])
+    return Seen(RUN, tick, [], b"", b"", {}, {}, [])
 
 
 # -- real processes

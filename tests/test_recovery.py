@@ -16,7 +16,7 @@ from orchard.keys import Keys
 from orchard.layout import lay_out
 from orchard.local import Local
 from orchard.messages import pack
-from orchard.wire import Join
+from orchard.wire.course import Join
 from processes.fleet import free_port
 from processes.physics import Options, Physics
 

@@ -24,29 +24,20 @@ from typer.testing import CliRunner
 
 import run
 from orchard.access import RIGHTS, SERVANTS, Role, access_control
-from orchard.bus import Alive, Bus, BusError, Final, Question, Replied, Sample, client, router
+from orchard.bus import Alive, Bus, Final, Question, Replied, Sample, client, router
 from orchard.certificates import Authority
 from orchard.config import Scenario, to_yaml
+from orchard.endpoints import BusError
 from orchard.identity import AUTHORITY, Identity, Keyring
 from orchard.keys import TABLE, Keys
 from orchard.messages import pack
 from orchard.security import host_roles, make
-from orchard.wire import (
-    Angular,
-    Clock,
-    Command,
-    Drive,
-    Figures,
-    Join,
-    Joined,
-    Linear,
-    Odometry,
-    RefusedThere,
-    Stop,
-    Velocities,
-    Velocity,
-    read,
-)
+from orchard.wire.course import Command, Join, Joined, RefusedThere, Stop
+from orchard.wire.driving import Drive, Velocities, Velocity
+from orchard.wire.geometry_msgs import Angular, Linear
+from orchard.wire.sensing import Clock, Odometry
+from orchard.wire.vocabulary import read
+from orchard.wire.watching import Figures
 from processes.fleet import free_port
 from processes.passes import shares
 from processes.together import agent_names

@@ -16,9 +16,9 @@ from stage import Driven, Stage, Standing, empty_orchard
 from test_repeatable import TICKS, undisturbed
 from test_run import summary_of
 
-from orchard.bus import BusError
 from orchard.camera import Camera
 from orchard.config import Animals, People, Scenario
+from orchard.endpoints import BusError
 from orchard.geometry import Twist
 from orchard.kinds import kind_of
 from orchard.local import Local

@@ -9,13 +9,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orchard import wire
 from orchard.agent import Action, Hitch, Observation
 from orchard.geometry import Twist
 from orchard.kinds import AROUND, KINDS
 from orchard.lockstep import Refused, understood
 from orchard.messages import Call, Couple, Offer, Uncouple, pack
 from orchard.sights import Sights
+from orchard.wire import translate
+from orchard.wire.course import Command, Join
+from orchard.wire.driving import Velocities, Velocity
+from orchard.wire.letters import Answered, Letter, Recall, Recalled, Received
+from orchard.wire.sensing import Seen
+from orchard.wire.translate import action_of, drive_of, odometry_of, scan_of, seen_of, velocity_of
+from orchard.wire.vocabulary import FASTEST, MAX_PAYLOAD, read
 
 RUN = "run1"
 
@@ -60,7 +66,7 @@ def test_what_is_seen_arrives_to_the_last_bit(several):
         observation.full = observation.full and observation.fill > 0.0
     sent = sights_of(several)
     bodies = list(range(len(several)))[::2]
-    heard = wire.sights_of(wire.read(pack(wire.seen_of(RUN, sent, bodies, False)), wire.Seen)).observations()
+    heard = translate.sights_of(read(pack(seen_of(RUN, sent, bodies, False)), Seen)).observations()
     assert list(heard) == [sent.names[body] for body in bodies]
     for body in bodies:
         assert_same(heard[sent.names[body]], several[body])
@@ -78,7 +84,7 @@ def assert_same(heard, observation):
 
 def seen_message():
     observation = Observation("picker_01", 7, 1.0, 2.0, (0.0, 1.0), Twist(), np.zeros(180, dtype=np.float32))
-    return wire.seen_of(RUN, sights_of([observation]), [0], False)
+    return seen_of(RUN, sights_of([observation]), [0], False)
 
 
 @pytest.mark.parametrize(
@@ -88,14 +94,14 @@ def seen_message():
 )
 def test_arrays_that_do_not_fit_are_refused(change):
     with pytest.raises(ValueError, match=r"fit|number|kind|multiple"):
-        wire.sights_of(msgspec.structs.replace(seen_message(), **change))
+        translate.sights_of(msgspec.structs.replace(seen_message(), **change))
 
 
 @given(seen)
 @settings(max_examples=60, deadline=None)
 def test_pose_and_scan_of_one_robot_say_the_same(observation):
-    pose = msgpack.unpackb(pack(wire.odometry_of(RUN, observation)))
-    scan = msgpack.unpackb(pack(wire.scan_of(RUN, observation, KINDS["picker"].laser, AROUND)))
+    pose = msgpack.unpackb(pack(odometry_of(RUN, observation)))
+    scan = msgpack.unpackb(pack(scan_of(RUN, observation, KINDS["picker"].laser, AROUND)))
     position, orientation = pose["pose"]["position"], pose["pose"]["orientation"]
     assert (position["x"], position["y"], position["z"]) == (observation.x, observation.y, 0.0)
     assert (orientation["z"], orientation["w"]) == observation.orientation
@@ -111,24 +117,24 @@ def test_pose_and_scan_of_one_robot_say_the_same(observation):
 @settings(max_examples=60, deadline=None)
 def test_an_action_arrives_to_the_last_bit(twist, deeds, mail, memory):
     action = Action(twist, deeds, doing="picking row 1", waits_for="bin_01", steps_done=7)
-    sent = wire.Velocities(RUN, 3, "a1", {"picker_01": wire.drive_of(action, mail, memory)})
-    velocity = wire.velocity_of(wire.read(pack(sent), wire.Velocities), "picker_01")
-    assert wire.action_of(velocity) == action
+    sent = Velocities(RUN, 3, "a1", {"picker_01": drive_of(action, mail, memory)})
+    velocity = velocity_of(read(pack(sent), Velocities), "picker_01")
+    assert action_of(velocity) == action
     assert (velocity.run, velocity.tick, velocity.holder) == (RUN, 3, "a1")
     assert (velocity.report.mail, velocity.report.memory) == (mail, memory)
 
 
 @pytest.mark.parametrize("body", [Call(3, "east"), Offer(1.0, 2.0, 3.5)])
 def test_letters_arrive_as_they_were(body):
-    message = wire.Letter(RUN, 1, "bin_01", 0, body) if isinstance(body, Call) else wire.Answered(RUN, 1, body)
-    assert wire.read(pack(message), type(message)) == message
+    message = Letter(RUN, 1, "bin_01", 0, body) if isinstance(body, Call) else Answered(RUN, 1, body)
+    assert read(pack(message), type(message)) == message
 
 
 GOOD = {"run": RUN, "tick": 1, "linear": {"x": 1}, "angular": {"z": 0}}
 
 
 def test_a_whole_number_is_a_velocity_and_what_is_optional_may_be_left_out():
-    assert wire.action_of(wire.read(msgpack.packb(GOOD), wire.Velocity)).twist == Twist(1.0)
+    assert action_of(read(msgpack.packb(GOOD), Velocity)).twist == Twist(1.0)
 
 
 BAD = {
@@ -152,27 +158,27 @@ BAD = {
 @pytest.mark.parametrize("change", BAD.values(), ids=BAD.keys())
 def test_a_bad_velocity_is_refused(change):
     with pytest.raises(Refused) as refusal:
-        understood(msgpack.packb(GOOD | change), wire.Velocity, RUN)
+        understood(msgpack.packb(GOOD | change), Velocity, RUN)
     assert refusal.value.reason == "malformed"
 
 
 @pytest.mark.parametrize("missing", GOOD)
 def test_a_velocity_without_a_field_is_refused(missing):
     with pytest.raises(Refused, match=missing):
-        understood(msgpack.packb({key: value for key, value in GOOD.items() if key != missing}), wire.Velocity, RUN)
+        understood(msgpack.packb({key: value for key, value in GOOD.items() if key != missing}), Velocity, RUN)
 
 
 def test_another_run_is_refused_by_name():
     with pytest.raises(Refused, match="'run2' is not 'run1'"):
-        understood(msgpack.packb(GOOD | {"run": "run2"}), wire.Velocity, RUN)
+        understood(msgpack.packb(GOOD | {"run": "run2"}), Velocity, RUN)
 
 
 def test_what_is_too_big_is_not_even_read():
     with pytest.raises(Refused, match="at most"):
-        understood(bytes(wire.MAX_PAYLOAD + 1), wire.Velocity, RUN)
+        understood(bytes(MAX_PAYLOAD + 1), Velocity, RUN)
 
 
-MESSAGES = (wire.Velocity, wire.Velocities, wire.Seen, wire.Recall, wire.Recalled, wire.Letter, wire.Join, wire.Command)
+MESSAGES = (Velocity, Velocities, Seen, Recall, Recalled, Letter, Join, Command)
 
 
 @given(st.binary(max_size=200), st.sampled_from(MESSAGES))
@@ -181,7 +187,7 @@ def test_random_bytes_are_refused(payload, type_):
     with pytest.raises(Refused):
         understood(payload, type_, RUN)
     with pytest.raises(Refused):
-        understood(payload, wire.Received | wire.Answered, RUN)
+        understood(payload, Received | Answered, RUN)
 
 
 @given(st.data())
@@ -191,7 +197,7 @@ def test_a_damaged_velocity_is_refused_or_still_one(data):
     place = data.draw(st.integers(0, len(payload) - 1))
     payload[place] = data.draw(st.integers(0, 255))
     try:
-        velocity = understood(bytes(payload), wire.Velocity, RUN)
+        velocity = understood(bytes(payload), Velocity, RUN)
     except Refused:
         return
-    assert all(abs(part) <= wire.FASTEST for part in wire.action_of(velocity).twist)
+    assert all(abs(part) <= FASTEST for part in action_of(velocity).twist)

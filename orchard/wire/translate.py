@@ -1,0 +1,148 @@
+"""Between what agents, physics and the viewer know and the messages on the wire: in both directions, to the last bit."""
+
+from collections.abc import Sequence
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+
+from orchard.agent import Action, Hitch, Observation
+from orchard.frames import SELDOM, Frame
+from orchard.geometry import Twist
+from orchard.kinds import KINDS, LASER_RANGE, Laser, kind_of
+from orchard.layout import Layout
+from orchard.post import written_by
+from orchard.sights import STATE, Sights
+from orchard.wire.driving import Drive, Report, Velocities, Velocity
+from orchard.wire.geometry_msgs import Angular, Linear, Point, Pose, Quaternion, TwistPart
+from orchard.wire.sensing import Beams, LaserScan, Odometry, OtherEnd, OtherSeen, Seen
+from orchard.wire.vocabulary import FARTHEST
+from orchard.wire.watching import Picture
+
+
+def _pose(x: float, y: float, orientation: tuple[float, float]) -> Pose:
+    return Pose(Point(float(x), float(y)), Quaternion(float(orientation[0]), float(orientation[1])))
+
+
+def _twist(twist: Twist) -> TwistPart:
+    return TwistPart(Linear(float(twist[0]), float(twist[1])), Angular(float(twist[2])))
+
+
+def odometry_of(run: str, seen: Observation) -> Odometry:
+    """What travels of an observation, all but the scan."""
+    hitch = seen.hitch and OtherEnd(seen.hitch.name, _pose(seen.hitch.x, seen.hitch.y, seen.hitch.orientation), _twist(seen.hitch.twist))
+    pose = _pose(seen.x, seen.y, seen.orientation)
+    return Odometry(run, seen.tick, pose, _twist(seen.twist), hitch, float(seen.fill), bool(seen.full))
+
+
+def _sweep(laser: Laser, scan: np.ndarray | None) -> tuple[float, float, float, float, bytes]:
+    last = laser.first + (laser.beams - 1) * laser.increment
+    return laser.first, last, laser.increment, LASER_RANGE, np.asarray(scan, dtype="<f4").tobytes()
+
+
+def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> LaserScan:
+    """What travels of an observation's scan, and of its bin's."""
+    rear = None if seen.hitch is None or seen.hitch.scan is None else Beams(*_sweep(rear_laser, seen.hitch.scan))
+    return LaserScan(run, seen.tick, *_sweep(laser, seen.scan), rear)
+
+
+def seen_of(run: str, seen: Sights, bodies: Sequence[int], recall: bool) -> Seen:
+    """What travels to the holder of these bodies, given by number."""
+    names = [seen.names[body] for body in bodies]
+    ranges = np.concatenate([seen.scans[body] for body in bodies]) if bodies else np.zeros(0)
+    hitches = {name: _other_seen(seen.hitches[name]) for name in names if name in seen.hitches}
+    fills = {name: seen.fills[name] for name in names if name in seen.fills}
+    full = [name for name in fills if name in seen.full]
+    states = seen.states[bodies].astype("<f8", copy=False).tobytes()
+    return Seen(run, seen.tick, names, states, ranges.astype("<f4", copy=False).tobytes(), hitches, fills, full, recall)
+
+
+def _other_seen(hitch: Hitch) -> OtherSeen:
+    ranges = None if hitch.scan is None else hitch.scan.astype("<f4", copy=False).tobytes()
+    return OtherSeen(hitch.name, (hitch.x, hitch.y, *hitch.orientation, *hitch.twist), ranges)
+
+
+def sights_of(seen: Seen) -> Sights:
+    """What was to be seen, to the last bit. Raises ValueError for arrays that do not fit the names, or hold what is no number."""
+    ends = list(accumulate(_beams_of(name) for name in seen.names))
+    states, ranges = np.frombuffer(seen.states, "<f8"), np.frombuffer(seen.ranges, "<f4")
+    if len(states) != len(ends) * STATE or len(ranges) != (ends[-1] if ends else 0):
+        raise ValueError(f"states and ranges do not fit {len(ends)} names")
+    if not ((np.abs(states) <= FARTHEST).all() and (ranges >= 0.0).all()):
+        raise ValueError("not a number, or out of bounds")
+    scans = [ranges[begin:end] for begin, end in zip([0, *ends], ends, strict=False)]
+    hitches = {name: _hitch_seen(other) for name, other in seen.hitches.items()}
+    return Sights(seen.tick, seen.names, states.reshape(-1, STATE), scans, hitches, seen.fills, seen.full)
+
+
+def _beams_of(name: str) -> int:
+    kind = KINDS.get(kind_of(name))
+    if kind is None:
+        raise ValueError(f"{name}: there is no such kind")
+    return kind.laser.beams
+
+
+def _hitch_seen(other: OtherSeen) -> Hitch:
+    x, y, z, w, vx, vy, turn = other.state
+    scan = None if other.ranges is None else _sweep_of("bin", other.ranges)
+    return Hitch(other.name, x, y, (z, w), Twist(vx, vy, turn), scan)
+
+
+def _sweep_of(name: str, ranges: bytes) -> np.ndarray:
+    """One body's ranges. Raises ValueError for what its laser cannot have measured."""
+    sweep, beams = np.frombuffer(ranges, "<f4"), _beams_of(name)
+    if len(sweep) != beams or not (sweep >= 0.0).all():
+        raise ValueError(f"ranges of {name}: wanted are {beams}, 0 or more")
+    return sweep
+
+
+def picture_of(run: str, frame: Frame) -> Picture:
+    """What travels of a frame, its events apart."""
+    scans = None if frame.scans is None else [np.asarray(scan, dtype="<f4").tobytes() for scan in frame.scans]
+    lists = {name: _listed(getattr(frame, name)) for name in ("coupled", "fill", "alive", "row_picked")}
+    poses = np.asarray(frame.poses, dtype="<f8").tobytes()
+    return Picture(run, frame.tick, poses, scans, dict(frame.doing), **lists, delivered=frame.delivered)
+
+
+def frame_of(picture: Picture, layout: Layout) -> Frame:
+    """The frame that was sent. Raises ValueError for one that is not of this orchard, or holds what is no number."""
+    bodies, rows = len(layout.names), layout.scenario.rows
+    poses = np.frombuffer(picture.poses, dtype="<f8").reshape(-1, 3)
+    arrays: dict[str, Any] = {name: _array(getattr(picture, name)) for name in SELDOM}
+    lengths = {"row_picked": rows}
+    fit = all(array is None or len(array) == lengths.get(name, bodies) for name, array in arrays.items())
+    if not fit or len(poses) != bodies or (picture.scans is not None and len(picture.scans) != bodies):
+        raise ValueError(f"it is not of {bodies} bodies and {rows} rows")
+    if not (np.abs(poses) <= FARTHEST).all():
+        raise ValueError("not a number, or out of bounds")
+    scans = None if picture.scans is None else [_sweep_of(*sweep) for sweep in zip(layout.names, picture.scans, strict=True)]
+    return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered)
+
+
+def _listed(array: np.ndarray | None) -> list[Any] | None:
+    return None if array is None else array.tolist()
+
+
+def _array(values: list[Any] | None) -> np.ndarray | None:
+    return None if values is None else np.array(values)
+
+
+def drive_of(action: Action, mail: bytes, memory: bytes | None) -> Drive:
+    """What travels of an action."""
+    x, y, turn = action.twist
+    doing, waits_for = action.doing[:200], action.waits_for[:200]
+    report = Report(action.deeds, doing, waits_for, action.steps_done, mail, memory, written_by(action))
+    return Drive(Linear(x, y), Angular(turn), True, report)
+
+
+def velocity_of(velocities: Velocities, name: str) -> Velocity:
+    """One of several, as if it had come on its own."""
+    drive = velocities.velocities[name]
+    return Velocity(velocities.run, velocities.tick, drive.linear, drive.angular, velocities.holder, drive.once, drive.report)
+
+
+def action_of(velocity: Velocity) -> Action:
+    """The action that was sent, its mail and memory apart."""
+    twist = Twist(velocity.linear.x, velocity.linear.y, velocity.angular.z)
+    report = velocity.report or Report()
+    return Action(twist, report.deeds, doing=report.doing, waits_for=report.waits_for, steps_done=report.steps_done)

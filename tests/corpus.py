@@ -18,7 +18,8 @@ from orchard.messages import pack
 from orchard.wire.course import Command, Stop
 from orchard.wire.letters import Recall
 from orchard.wire.vocabulary import MAX_PAYLOAD
-from processes.physics import Options, Physics
+from processes.harvest import Options
+from processes.ticks import Physics
 
 KEYS = Keys()
 HOST = "host1"

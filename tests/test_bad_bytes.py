@@ -161,14 +161,16 @@ def test_a_run_under_a_rain_of_bad_messages_is_the_same_to_the_last_bit(other, c
     thrower = Thrower(run, other, 75_000)
     end = run.to_the_end()
     assert end.hash == local_hash(SMALL, TICKS), "no effect"
-    assert run.physics.refusals.counts.total() == thrower.expected["physics1"]
+    assert run.physics.harvest.tally.own.counts.total() == thrower.expected["physics1"]
     assert run.host.refusals.counts.total() == thrower.expected[HOST]
     assert (thrower.errors, thrower.replies) == (thrower.asked, 0), "nonsense gets an error reply"
     assert sum(thrower.by_key.values()) > 75_000
     assert max(thrower.memory) - thrower.memory[len(thrower.memory) // 5] < MOST_MEMORY
-    assert len(run.physics._refused_there) <= 1000 and not run.physics.loose._puts and len(run.physics.ledger.memories) <= 9
+    drivers = run.physics.harvest.drivers
+    assert len(run.physics.harvest.tally.there) <= 1000 and not drivers.loose._puts and len(drivers.ledger.memories) <= 9
     assert not any("Traceback" in record.getMessage() or record.exc_info or len(record.getMessage()) > 700 for record in caplog.records)
-    print(dict(thrower.by_key), dict(run.physics.refusals.counts), dict(run.host.refusals.counts), [m >> 20 for m in thrower.memory[::10]])
+    refused = run.physics.harvest.tally.own.counts, run.host.refusals.counts
+    print(dict(thrower.by_key), *map(dict, refused), [m >> 20 for m in thrower.memory[::10]])
 
 
 @pytest.fixture
@@ -312,20 +314,20 @@ def test_reasons_and_sessions_that_are_made_up_are_bounded():
         count = {"malformed": 1} if number % 2 else {f"reason {number}": 1}
         physics.bus.inbox.put(Sample(f"orchard/hosts/made{number}/refused", msgpack.packb({"run": RUN, "counts": count})))
         physics.bus.inbox.put(Alive(f"orchard/alive/picker_01/s{number}{'x' * 100}", True))
-    while physics._take(0.0):
+    while physics.arrivals.take(0.0):
         pass
-    assert len(physics._refused_there) == 1000
-    assert physics.refusals.counts == {"malformed": 1500 + 3000, "too many": 500}
-    assert not physics.roster.anybody()
+    assert len(physics.harvest.tally.there) == 1000
+    assert physics.harvest.tally.own.counts == {"malformed": 1500 + 3000, "too many": 500}
+    assert not physics.harvest.drivers.roster.anybody()
 
 
 def test_tokens_are_bounded():
     physics = Run(SMALL, RUN, 1).physics
     for number in range(11_000):
         physics.bus.inbox.put(Alive(f"orchard/alive/picker_01/s{number}", True))
-    while physics._take(0.0):
+    while physics.arrivals.take(0.0):
         pass
-    assert physics.refusals.counts == {"too many": 1000}
+    assert physics.harvest.tally.own.counts == {"too many": 1000}
 
 
 # -- the same over Zenoh

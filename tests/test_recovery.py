@@ -18,7 +18,8 @@ from orchard.local import Local
 from orchard.messages import pack
 from orchard.wire.course import Join
 from processes.fleet import free_port
-from processes.physics import Options, Physics
+from processes.harvest import Options
+from processes.ticks import Physics
 
 PACE = ("--speed", "15", "--duration", str(TICKS / 10))  # slow enough that a fault meets the run where it shall
 
@@ -221,7 +222,7 @@ def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(m
     before.run = "here"
     names = before.held = before.held[:4]
     bus = SlowStart(names, seconds)
-    monkeypatch.setattr("processes.physics.time", SimpleNamespace(monotonic=bus.clock))
+    monkeypatch.setattr("processes.ticks.time", SimpleNamespace(monotonic=bus.clock))
     physics = Physics(bus, Keys(), Engine.resume(before), Options(patience=15.0), before)
-    physics._gather()
-    assert (sorted(physics.roster.holders) == names) == is_there
+    physics.gather()
+    assert (sorted(physics.harvest.drivers.roster.holders) == names) == is_there

@@ -1,0 +1,124 @@
+"""Those who drive: who holds which agent, is shown each tick, and has answered it; and who drives a robot that nobody holds."""
+
+from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING
+
+from orchard.agent import Action
+from orchard.kinds import KINDS
+from orchard.lockstep import Answers, Ledger, Loose, Refused, Roster
+from orchard.realtime import Live
+from orchard.sights import Sights
+from orchard.wire.driving import Velocities, Velocity
+from orchard.wire.translate import velocity_of
+from processes.announcer import Announcer
+
+if TYPE_CHECKING:
+    from orchard.engine import Engine
+
+
+class Drivers:
+    """Physics' side of each tick's exchange with those who drive. `answers` decides when a tick's answers are in."""
+
+    def __init__(self, engine: "Engine", roster: Roster, answers: Answers | Live, ledger: Ledger, announcer: Announcer) -> None:
+        self._engine, self._announcer = engine, announcer
+        self.roster, self.answers, self.ledger, self.loose = roster, answers, ledger, Loose()
+        self._seen: Sights | None = None
+        self._undelivered = False  # whether a request of this tick may not have arrived
+        self._recall = False  # whether one of the last tick did not
+
+    # -- who is there
+
+    def token(self, name: str, holder: str, up: bool) -> None:
+        """A liveliness token came or went."""
+        self.roster.token(name, holder, up)
+        if self.answers.releases_at_once and not up and self.roster.holders.get(name) == holder:
+            self.release({name})
+
+    def join(self, names: Sequence[str], holder: str) -> dict[str, str]:
+        """Let a session hold all these agents, or none; name -> why it cannot."""
+        refused = {name: why for name in names if (why := self.roster.may_join(name, holder))}
+        for name in () if refused else names:
+            self.roster.join(name, holder)
+        return refused
+
+    def expect(self, names: Sequence[str], holder: str) -> None:
+        """Of those who have just joined the tick that is under way wants answers, too."""
+        if names and self.answers.tick == self._engine.tick:
+            for name in names:
+                self.answers.expect(name)
+            self.show([holder])
+
+    def release(self, names: set[str]) -> None:
+        """Nobody holds these agents any more."""
+        for name in names:
+            self.answers.release(name)
+        self._announcer.lost(self._engine.tick, self.roster.release(names))
+
+    def drives(self, name: str) -> bool:
+        """Whether anybody does: who holds it, or another."""
+        return name in self.roster.holders or self.loose.drives(name)
+
+    # -- a tick
+
+    def begin(self, seen: Sights, lag: float) -> None:
+        """Show a tick, which begins so many seconds after it was due, and wait for answers to it."""
+        self._seen = seen
+        self.loose.begin(seen.tick)
+        self.answers.open(seen.tick, lag)
+        self._recall, self._undelivered = self._undelivered, False
+        self._announcer.look(seen, self.roster.by_holder(), self._recall)
+
+    def silent(self) -> set[str]:
+        """The sessions whose answers are missing."""
+        return {self.roster.holders[name] for name in self.answers.missing}
+
+    def show(self, holders: Collection[str]) -> None:
+        """Show the tick that is under way, again or to newcomers."""
+        assert self._seen is not None
+        by_holder = self.roster.by_holder()
+        self._announcer.listen()
+        self._announcer.look(self._seen, {holder: by_holder[holder] for holder in sorted(holders)}, self._recall)
+
+    def actions(self, tick: int) -> dict[str, Action]:
+        """What all do in the step from this tick to the next. What came with it is kept for newcomers."""
+        self.ledger.keep(tick, self.answers.velocities)
+        return self.answers.actions() | self.loose.actions(tick)
+
+    # -- what they answer
+
+    def drive(self, name: str, velocity: Velocity) -> None:
+        """Raises Refused for what does not count."""
+        self._refuse_what_cannot_be(name, velocity)
+        if name in self.roster.holders:
+            self.answers.take(name, velocity)
+        else:
+            self.loose.take(name, velocity)
+
+    def drive_all(self, velocities: Velocities) -> list[Refused]:
+        """Each velocity of a session counts, or is refused, for itself: those that were refused."""
+        refusals = []
+        for name in tuple(velocities.velocities):
+            try:
+                velocity = velocity_of(velocities, name)
+                self.drive(name, velocity)
+                self._announcer.driven(name, velocity)
+            except Refused as refusal:
+                refusals.append(refusal)
+                del velocities.velocities[name]
+        self._undelivered |= velocities.undelivered and self._are_held(velocities)
+        return refusals
+
+    def _are_held(self, velocities: Velocities) -> bool:
+        """Whether any of the requests in it is to somebody who is held, and hears it."""
+        letters = [drive.report.letters for drive in velocities.velocities.values() if drive.report and drive.report.letters]
+        return any(to in self.roster.holders for written in letters for to, _ in written.requests)
+
+    def _refuse_what_cannot_be(self, name: str, velocity: Velocity) -> None:
+        layout = self._engine.layout
+        if name not in layout.index:
+            if name in self.roster.holders:
+                return
+            raise Refused("no such robot", name)
+        kind = layout.starts[layout.index[name]].kind
+        if velocity.linear.y and not KINDS[kind].sideways:
+            raise Refused("out of bounds", f"linear.y: a {kind} does not move sideways")

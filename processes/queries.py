@@ -1,0 +1,74 @@
+"""What physics is asked, and its replies: the scenario, a wish to join, mail to recall, an emergency stop, the command to end."""
+
+from orchard.bus import Question
+from orchard.keys import Keys
+from orchard.lockstep import Refused, refuse_other_tick, understood
+from orchard.messages import pack
+from orchard.stops import stopped
+from orchard.wire.course import Command, Done, Join, Joined, Newcomer, Stop, Stopped
+from orchard.wire.letters import Recall, Recalled
+from processes.harvest import Ended, Harvest
+
+
+class Queries:
+    """Replies to what is asked of a run."""
+
+    def __init__(self, keys: Keys, harvest: Harvest) -> None:
+        self._keys, self._harvest = keys, harvest
+        self._replies = {"scenario": self._tell, "join": self._join, "recall": self._recall, "stop": self._stop, "command": self._obey}
+
+    def asked(self) -> list[str]:
+        """The keys on which it is asked."""
+        return [self._keys.of(what) for what in self._replies]
+
+    def reply(self, question: Question) -> None:
+        """Answer a query. Nonsense gets an error, and raises Refused."""
+        try:
+            self._replies[self._keys.parts(question.key)[0]](question)
+        except Refused as refusal:
+            question.refuse(str(refusal))
+            raise
+        question.drop()
+
+    def _tell(self, question: Question) -> None:
+        if question.payload:
+            raise Refused("malformed", "the scenario query has no payload")
+        engine, drivers = self._harvest.engine, self._harvest.drivers
+        scenario = engine.layout.scenario.model_dump()
+        question.reply(pack(Newcomer(self._harvest.run, engine.tick, drivers.answers.mode, list(drivers.roster.names), scenario)))
+
+    def _join(self, question: Question) -> None:
+        """Let a host hold all the agents that it names, or none."""
+        join = understood(question.payload, Join, self._harvest.run)
+        drivers = self._harvest.drivers
+        refused = drivers.join(join.names, join.holder)
+        held = [] if refused else join.names
+        memories = {name: drivers.ledger.memories.get(name) for name in held}
+        question.reply(pack(Joined(self._harvest.run, self._harvest.engine.tick, memories, refused)))
+        drivers.expect(held, join.holder)
+
+    def _recall(self, question: Question) -> None:
+        """Tell a host the letters of the last two ticks."""
+        recall, tick = understood(question.payload, Recall, self._harvest.run), self._harvest.engine.tick
+        refuse_other_tick(recall.tick, tick, tick)
+        question.reply(pack(Recalled(self._harvest.run, tick, sorted(self._harvest.drivers.ledger.letters.items()))))
+
+    def _stop(self, question: Question) -> None:
+        """Latch or reset an emergency stop; the engine sees to it that nothing outranks it. A run that goes on from a snapshot knows it."""
+        harvest, engine = self._harvest, self._harvest.engine
+        wish = understood(question.payload, Stop, harvest.run)
+        harvest.chronicle.tell()
+        try:
+            changed = engine.stop(wish.names) if wish.stop else engine.reset(wish.names)
+        except ValueError as error:
+            raise Refused("no such robot", str(error)) from error
+        if harvest.has_begun:
+            harvest.keep()
+            harvest.keeper.finish()
+        question.reply(pack(Stopped(harvest.run, engine.tick, changed, stopped(engine.world))))
+
+    def _obey(self, question: Question) -> None:
+        command = understood(question.payload, Command, self._harvest.run)
+        question.reply(pack(Done(self._harvest.run, self._harvest.engine.tick)))
+        question.drop()
+        raise Ended(f"{command.command}ped")

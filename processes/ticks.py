@@ -1,0 +1,127 @@
+"""The clock of a run: shows each tick, waits for every agent's answer, steps.
+
+There is no agent in it: a robot that nobody drives stands still. In realtime it waits no longer than the clock allows:
+`lockstep.Answers` and `realtime.Live` decide when a tick's answers are in.
+"""
+
+import logging
+import math
+import time
+from typing import TYPE_CHECKING
+
+from orchard.bus import Bus
+from orchard.keys import LOGGER, Keys
+from orchard.lockstep import AGAIN_SECONDS, Pacer
+from orchard.snapshot import Snapshot
+from orchard.wire.course import End
+from processes.arrivals import Arrivals
+from processes.chronicle import Step
+from processes.harvest import Ended, Harvest, Options
+
+if TYPE_CHECKING:
+    from orchard.engine import Engine
+
+log = logging.getLogger("orchard")
+
+NAG_SECONDS = 3.0  # between two lines that name who is missing
+LOGGER_SECONDS = 10.0  # for how long the first tick waits for a logger
+FAREWELL_SECONDS = 2.0  # for how long the others may take to leave
+
+
+class Physics:
+    """One run, from the first agent to the last message."""
+
+    def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: Options, before: Snapshot | None = None) -> None:
+        """`before`: the snapshot that the engine was made of."""
+        self.bus, self._engine, self._options = bus, engine, options
+        self.harvest = Harvest(bus, keys, engine, options, before)
+        self.arrivals = Arrivals(bus, keys, self.harvest)
+        self._drivers, self._chronicle = self.harvest.drivers, self.harvest.chronicle
+        self._held_before = before.held if before else None
+        self._pacer = Pacer(options.speed)
+
+    def listen(self) -> None:
+        self.arrivals.listen()
+
+    def run(self) -> End:
+        """All ticks; the end that was told to everybody."""
+        try:
+            self.gather()
+            self._chronicle.begin()
+            while not (why := self._why_over()):
+                self._tick()
+        except Ended as ended:
+            why = str(ended)
+        self._chronicle.tell()
+        if why == "stopped":
+            self.harvest.keep()
+        self.harvest.keeper.finish()
+        end = self.harvest.end(why)
+        self.harvest.announcer.say("end", end)
+        self._farewell()
+        return end
+
+    def gather(self) -> None:
+        """Wait for all agents that are expected, and for the logger, so that the recording begins with the run.
+
+        Those that were held in a run that goes on have some time to come back; and again, whenever one of them has: many are slow to start.
+        """
+        names = self._drivers.roster.names if self._held_before is None else tuple(self._held_before)
+        patience = math.inf if self._held_before is None else self._options.patience
+        end, fewest = time.monotonic() + patience, len(names)
+        while (missing := [name for name in names if self._is_expected(name)]) and (left := end - time.monotonic()) > 0.0:
+            if len(missing) < fewest:
+                end, fewest = time.monotonic() + patience, len(missing)
+            elif not self.arrivals.take(min(left, NAG_SECONDS)):
+                log.warning("waiting for %d agents: %s", len(missing), ", ".join(missing))
+        deadline = time.monotonic() + LOGGER_SECONDS
+        while self._options.recorded and not self._drivers.roster.is_there(LOGGER) and (left := deadline - time.monotonic()) > 0.0:
+            self.arrivals.take(left)
+
+    def _is_expected(self, name: str) -> bool:
+        return name not in self._options.absent and not self._drivers.drives(name)
+
+    def _why_over(self) -> str:
+        """Why the run is over; '' if it is not."""
+        if self._engine.over:
+            return "harvested"
+        if self._engine.tick >= self._options.ticks:
+            return "duration"
+        return "\n".join(["jammed", *jam]) if (jam := self._chronicle.account.jam) else ""
+
+    def _tick(self) -> None:
+        """Show the tick; while the agents think, tell of the last one; take their answers; step."""
+        tick, seen = self._engine.tick, self._engine.observe()
+        self._drivers.begin(seen, self._pause())
+        self._chronicle.tell()
+        if self.harvest.keeper.is_due():
+            self.harvest.keep()
+        self._await_answers()
+        actions = self._drivers.actions(tick)
+        self._chronicle.stepped(Step(tick, self._engine.advance(actions, self._drivers.answers.digests()), actions))
+
+    def _pause(self) -> float:
+        """Until the tick's time has come; so many seconds after it."""
+        while self.arrivals.take(self._pacer.wait()) or self._pacer.wait():
+            pass
+        return self._pacer.begin()
+
+    def _await_answers(self) -> None:
+        """Until all are in, or their time is over. Whoever is silent is shown the tick again: it may have been lost."""
+        drivers, answers, again = self._drivers, self._drivers.answers, time.monotonic() + AGAIN_SECONDS
+        while answers.missing:
+            until = min(answers.deadline, again)
+            self.arrivals.take(max(0.0, until - time.monotonic()), len(drivers.silent()))
+            now = time.monotonic()
+            if now >= answers.deadline:
+                drivers.release(answers.give_up())
+            elif now >= again:
+                again = now + AGAIN_SECONDS
+                drivers.show(drivers.silent())
+
+    def _farewell(self) -> None:
+        """Stay until all others have gone, so that the last message reaches them, but not for long."""
+        deadline = time.monotonic() + FAREWELL_SECONDS
+        while self._drivers.roster.anybody() and (left := deadline - time.monotonic()) > 0.0:
+            if not self.arrivals.take_leave(left):
+                return

@@ -30,7 +30,7 @@ def babble(endpoint: str, run: str, seed: int) -> None:
             key, payload = _nonsense(chance, heard, run)
             bus.publish(key, payload, newest_wins=True)
         for what in ASKED:
-            bus.ask(Keys().of(what, chance.choice(NAMES)), chance.randbytes(1 + chance.randrange(60)), None, 5.0)
+            bus.ask(Keys().of(what, chance.choice(NAMES), "nobody"), chance.randbytes(1 + chance.randrange(60)), None, 5.0)
 
 
 def nonsense_of(chance: Random, payload: bytes, run: str) -> bytes:

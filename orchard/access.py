@@ -82,7 +82,7 @@ RIGHTS: dict[str, Right] = {
     "figures": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
     "refused": Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),  # it counts, and moves nothing
     "scenario": Right((*AUDIENCE, THE_WARDEN), (THE_PHYSICS,)),
-    "join": Right((ANY_HOST,), (THE_PHYSICS,)),
+    "join": Right((OWN_HOST,), (THE_PHYSICS,)),
     "lost": Right((THE_PHYSICS,), AUDIENCE),
     "command": Right((OPERATOR,), (THE_PHYSICS,)),
     "stop": Right((OPERATOR, THE_WARDEN), (THE_PHYSICS,)),

@@ -226,7 +226,8 @@ class Bus:
 
 
 def _question(key: str, query: zenoh.Query) -> Question:
-    return Question(key, query)
+    """A query on a key, or on one of many keys that are answered together."""
+    return Question(str(query.key_expr) if "*" in key else key, query)
 
 
 def _sample(sample: zenoh.Sample) -> Sample:

@@ -171,7 +171,7 @@ class Host:
 
     def _told(self, what: str, request: bytes, type_: type[M], seconds: float = ANSWER_SECONDS) -> M:
         """What physics replies; others are refused."""
-        asking = Asking(self.keys.of(what), request, lambda payload: understood(payload, type_, self.run_id), seconds)
+        asking = Asking(self.keys.of(what, session=self.bus.id), request, lambda payload: understood(payload, type_, self.run_id), seconds)
         return told(self.bus, asking, self.handle, self.refusals, self._check_gone)
 
     # -- one tick

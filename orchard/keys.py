@@ -73,7 +73,7 @@ TABLE: dict[str, Key] = {
                    NEVER_LOST, "How many messages it refused, by reason. Physics adds them up."),
     "scenario": Key("{prefix}/scenario", None, "anyone", "when it comes to the run", QUERY,
                     "The run's id and present tick, its agents, its scenario. The payload is empty; physics answers.", (Newcomer,)),
-    "join": Key("{prefix}/join", Join, "an agent's host", "when it begins", QUERY,
+    "join": Key("{prefix}/hosts/{session}/join", Join, "a session that wants to hold agents", "when it begins", QUERY,
                 "A wish to hold agents. Physics answers with their memories, sends their pose and scan of the present tick (again), "
                 "and from this tick on waits for their velocities.", (Joined,)),
     "lost": Key("{prefix}/lost", Lost, "physics", "when it happens", NEVER_LOST,

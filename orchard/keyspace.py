@@ -207,7 +207,7 @@ Before tick 0 there are no poses: physics waits until every agent that was left 
 2. Subscribe to the robot's `pose` and `scan` and to `clock` (or, which is cheaper for many, to `seen` of your session), to `lost` and `end`. Declare a queryable on its
    `mail` if it shall hear requests.
 3. Declare the liveliness token `{{prefix}}/alive/picker_01/<session id>`. Keep it: when it goes, the robot is given to others.
-4. Query `{{prefix}}/join` with `run`, `holder` (the session id) and `names`. The answer tells the present tick, or under `refused` why you cannot hold them:
+4. Query `{{prefix}}/hosts/<session id>/join` with `run`, `holder` (the session id again) and `names`. The answer tells the present tick, or under `refused` why you cannot hold them:
    a name that is taken is never given twice.
 5. For each tick there comes one `pose` and one `scan` of the robot, and then `clock`. Put exactly one velocity with that very `tick` and with `holder`. Until it comes, the whole run waits.
    While it is missing, pose, scan and clock come again every {again} s: put the same velocity again, if you have put it before.
@@ -242,7 +242,7 @@ and logger together) and logged once for each key and reason. Queries get an err
 | malformed | no msgpack, an unknown or missing field, a wrong type, NaN or infinity, a value out of the bounds below, more than {most} bytes |
 | other run | `run` is not this run's id |
 | past tick, future tick | of a held agent in lockstep: not the present tick; of others, and in realtime: older than {watchdog} s and {ticks} ticks, older than the last one that counted, or ahead of physics |
-| not the holder | someone else holds this agent; or `holder` is not the session in the key of `velocities` |
+| not the holder | someone else holds this agent; or `holder` is not the session in the key of `velocities` or `join` |
 | not held | `holder` is set, but nobody holds the agent: join first |
 | answered already | a second velocity of a held agent for one tick |
 | no such robot | nothing of that name has a body; of a stop: the name is no robot's or kind's |

@@ -1,5 +1,8 @@
 """What physics is asked, and its replies: the scenario, a wish to join, mail to recall, an emergency stop, the command to end."""
 
+from collections.abc import Callable
+from functools import partial
+
 from orchard.bus import Question
 from orchard.keys import Keys
 from orchard.lockstep import Refused, refuse_other_tick, understood
@@ -15,20 +18,29 @@ class Queries:
 
     def __init__(self, keys: Keys, harvest: Harvest) -> None:
         self._keys, self._harvest = keys, harvest
-        self._replies = {"scenario": self._tell, "join": self._join, "recall": self._recall, "stop": self._stop, "command": self._obey}
+        self._replies = {"scenario": self._tell, "recall": self._recall, "stop": self._stop, "command": self._obey}
 
     def asked(self) -> list[str]:
         """The keys on which it is asked."""
-        return [self._keys.of(what) for what in self._replies]
+        return [self._keys.of(what) for what in (*self._replies, "join")]
 
     def reply(self, question: Question) -> None:
         """Answer a query. Nonsense gets an error, and raises Refused."""
         try:
-            self._replies[self._keys.parts(question.key)[0]](question)
+            self._reply_to(question.key)(question)
         except Refused as refusal:
             question.refuse(str(refusal))
             raise
         question.drop()
+
+    def _reply_to(self, key: str) -> Callable[[Question], None]:
+        """What replies on a key. Raises Refused for one that means no single key."""
+        match self._keys.parts(key):
+            case [what] if what in self._replies:
+                return self._replies[what]
+            case ["hosts", session, "join"]:
+                return partial(self._join, session)
+        raise Refused("no such key")
 
     def _tell(self, question: Question) -> None:
         if question.payload:
@@ -37,9 +49,11 @@ class Queries:
         scenario = engine.layout.scenario.model_dump()
         question.reply(pack(Newcomer(self._harvest.run, engine.tick, drivers.answers.mode, list(drivers.roster.names), scenario)))
 
-    def _join(self, question: Question) -> None:
-        """Let a host hold all the agents that it names, or none."""
+    def _join(self, session: str, question: Question) -> None:
+        """Let a host hold all the agents that it names, or none. That nobody asks on another's key, a secured router sees to."""
         join = understood(question.payload, Join, self._harvest.run)
+        if join.holder != session:
+            raise Refused("not the holder", f"{join.holder!r} is not the session of the key")
         drivers = self._harvest.drivers
         refused = drivers.join(join.names, join.holder)
         held = [] if refused else join.names

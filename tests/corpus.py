@@ -78,7 +78,7 @@ class StandIn:
 
     def __init__(self, net: Net, session: str) -> None:
         self.inbox, self.id, self.endpoint = Inbox(), session, "nowhere"
-        self.keys, self.tokens, self.answers, self._net = [], [], set(), net
+        self.keys, self.tokens, self.answers, self._net = [], [], [], net
         net.buses.append(self)
 
     @staticmethod
@@ -92,7 +92,7 @@ class StandIn:
         return True
 
     def ask(self, key: str, payload: bytes, ticket: object, seconds: float = 0.0) -> None:
-        bus = next((bus for bus in self._net.buses if key in bus.answers), None)
+        bus = next((bus for bus in self._net.buses if bus.hears(bus.answers, key)), None)
         query = Query(key, payload, self.inbox.put, ticket)
         self._net.queries.append(query)
         query.drop() if bus is None else bus.inbox.put(query)
@@ -101,7 +101,7 @@ class StandIn:
         self.keys.append(keys)
 
     def answer(self, key: str) -> None:
-        self.answers.add(key)
+        self.answers.append(key)
 
     def watch(self, tokens: str) -> None:
         self.tokens.append(tokens)

@@ -31,7 +31,7 @@ def drive(session, name):
     mail = session.declare_queryable(f"orchard/{name}/mail", lambda query: receive(session, name, run, query))
     token = session.liveliness().declare_token(f"orchard/alive/{name}/foreign1")
     wish = msgpack.packb({"run": run, "holder": "foreign1", "names": [name]})
-    (joined,) = list(session.get("orchard/join", payload=wish))
+    (joined,) = list(session.get("orchard/hosts/foreign1/join", payload=wish))
     assert not unpacked(joined.ok)["refused"]
     answered = -1
     for sample in heard:

@@ -93,6 +93,7 @@ def impossible(what: str, tick: int, host: str = HOST):
             (one | {"tick": tick}, 1),
         ],
         "velocities": [(many | {"tick": tick + 5000, "holder": host}, 1), (many | {"tick": tick, "holder": "stranger"}, 3)],
+        "join": [({"run": RUN, "holder": "stranger", "names": ["picker_01"]}, 1)],
         "recall": [({"run": RUN, "tick": tick + 5000}, 1)],
         "stop": [({"run": RUN, "stop": True, "names": ["nobody"]}, 1), ({"run": RUN, "stop": True, "names": ["picker_01", "cat"]}, 1)],
         "mail": [
@@ -133,7 +134,7 @@ class Thrower:
         self.by_key[what] += 1
         if what in ASKED:
             self.asked += 1
-            bus.inbox.put(Query(KEYS.of(what, key.split("/")[1]), payload, self.hear))
+            bus.inbox.put(Query(KEYS.of(what, key.split("/")[1], HOST), payload, self.hear))
         else:
             bus.inbox.put_quietly(Sample(key if key.count("/") <= 3 else KEYS.of(what), payload))
 

@@ -100,7 +100,7 @@ def test_every_query_with_nonsense_gets_an_error(fleet):
     clock = someone.hear("orchard/clock")
     fleet.host(agents=TOY)
     until(clock, lambda message: message["tick"] > 2)
-    for key in ("scenario", "join", "command", "picker_01/mail", "bin_01/state"):
+    for key in ("scenario", "hosts/me/join", "command", "picker_01/mail", "bin_01/state"):
         for nonsense in (b"\x93nonsense", msgpack.packb({"run": fleet.run}), bytes((1 << 20) + 1)):
             (reply,) = someone.ask(f"orchard/{key}", nonsense)
             assert reply.startswith("malformed"), key

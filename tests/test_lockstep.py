@@ -142,7 +142,7 @@ def test_a_bare_client_is_waited_for_in_lockstep(fleet):
     poses, clock = someone.hear("orchard/worker_01/pose"), someone.hear("orchard/clock")
     token = someone.session.liveliness().declare_token("orchard/alive/worker_01/me")
     join = msgpack.packb({"run": fleet.run, "holder": "me", "names": ["worker_01"]})
-    assert someone.ask("orchard/join", join)[0]["memories"] == {"worker_01": None}
+    assert someone.ask("orchard/hosts/me/join", join)[0]["memories"] == {"worker_01": None}
     places = []
     for tick in range(30):
         until(clock, lambda message, tick=tick: message["tick"] == tick)
@@ -250,7 +250,7 @@ def test_bins_tell_their_state_and_nonsense_gets_an_error(fleet):
     published = until(states, lambda state: True)
     assert (published["full"], published["fill"], published["coupled_to"]) == (False, 0.0, "picker_01")
     assert someone.ask("orchard/bin_01/state")[0]["coupled_to"] == "picker_01"
-    for key in ("join", "command", "picker_01/mail"):
+    for key in ("hosts/me/join", "command", "picker_01/mail"):
         assert "malformed" in someone.ask(f"orchard/{key}", b"\x93nonsense")[0]
     assert "other run" in someone.ask("orchard/command", msgpack.packb({"run": "another", "command": "stop"}))[0]
     answer = someone.ask("orchard/scenario")[0]

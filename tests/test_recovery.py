@@ -111,12 +111,12 @@ def test_what_one_says_late_who_was_given_up_is_refused_until_it_joins_again(fle
     fleet.host("--without", "worker_01")
     token = someone.session.liveliness().declare_token("orchard/alive/worker_01/me")
     join = msgpack.packb({"run": fleet.run, "holder": "me", "names": ["worker_01"]})
-    assert not someone.ask("orchard/join", join)[0]["refused"]
+    assert not someone.ask("orchard/hosts/me/join", join)[0]["refused"]
     until(lost, lambda message: message["holder"] == "me")
     someone.drive("worker_01", 0, 0.5, holder="me")
     until(figures, lambda message: message["messages_refused"] == {"not held": 1})
     until(clock, lambda message: message["tick"] >= 20)
-    assert not someone.ask("orchard/join", join)[0]["refused"]
+    assert not someone.ask("orchard/hosts/me/join", join)[0]["refused"]
     someone.drive("worker_01", 0, 0.5, holder="me")
     until(figures, lambda message: message["messages_refused"] == {"not held": 1, "past tick": 1})
     token.undeclare()
@@ -205,7 +205,7 @@ class Knock(Question):
     """The wish to join."""
 
     def __init__(self, name, session):
-        self.key, self.payload = "orchard/join", pack(Join("here", session, [name]))
+        self.key, self.payload = f"orchard/hosts/{session}/join", pack(Join("here", session, [name]))
 
     def reply(self, payload):
         pass

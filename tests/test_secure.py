@@ -33,7 +33,7 @@ from orchard.keys import TABLE, Keys
 from orchard.messages import pack
 from orchard.security import host_roles, make
 from orchard.wire.course import Command, Join, Joined, RefusedThere, Stop
-from orchard.wire.driving import Drive, Velocities, Velocity
+from orchard.wire.driving import Drive, Report, Velocities, Velocity
 from orchard.wire.geometry_msgs import Angular, Linear
 from orchard.wire.sensing import Clock, Odometry
 from orchard.wire.vocabulary import read
@@ -81,14 +81,14 @@ class Somebody:
         velocities = Velocities(self.run, tick, holder, {name: Drive(Linear(1.0), Angular(0.0))})
         self.bus.publish(KEYS.of("velocities", session=session), pack(velocities))
 
-    def join(self, name: str, holder: str) -> str:
+    def join(self, name: str) -> str:
         """Why it may not hold an agent; '' if it may."""
-        [reply] = self.asks("join", Join(self.run, holder, [name]))
+        [reply] = self.asks("join", Join(self.run, self.bus.id, [name]), self.bus.id)
         return read(reply.payload, Joined).refused.get(name, "")
 
-    def asks(self, what: str, message=None) -> list[Replied]:
+    def asks(self, what: str, message=None, session: str = "*") -> list[Replied]:
         """All replies to a query."""
-        self.bus.ask(KEYS.of(what), pack(message) if message else b"", what, SECONDS)
+        self.bus.ask(KEYS.of(what, session=session), pack(message) if message else b"", what, SECONDS)
         replies = []
         while not isinstance(item := self.wait(Replied | Final), Final):
             replies.append(item)
@@ -287,7 +287,7 @@ def test_an_agent_does_not_move_what_another_holds(farm):
     ben.bus.subscribe(KEYS.of("pose", HERS))
     ben.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
     start = ben.pose(HERS)
-    assert ben.join(HERS, ben.bus.id) == ""
+    assert ben.join(HERS) == ""
     tick = ben.pose(HERS).tick
     for ahead in range(3):
         amy.drive_as(amy.bus.id, ben.bus.id, HERS, tick + ahead)
@@ -301,17 +301,37 @@ def test_an_agent_does_not_move_what_another_holds(farm):
     assert after.pose == start.pose
 
 
-def test_an_agent_cannot_join_as_another(farm):
+def test_an_agent_is_alive_under_its_own_name_only(farm):
     amy, ben = farm.come("amy"), farm.come("ben")
     amy.bus.declare_alive(KEYS.of("alive", HERS, amy.bus.id))
     amy.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
     amy.bus.declare_alive(KEYS.of("alive", MINE, amy.bus.id))
     missing = "its liveliness token is missing"
-    assert amy.join(MINE, amy.bus.id) == ""  # physics has heard of what came before
-    assert amy.join(HERS, amy.bus.id) == missing
-    assert amy.join(HERS, ben.bus.id) == missing
+    assert amy.join(MINE) == ""  # physics has heard of what came before
+    assert amy.join(HERS) == missing
+    assert ben.join(HERS) == missing
     ben.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
-    assert ben.join(HERS, ben.bus.id) == ""
+    assert ben.join(HERS) == ""
+
+
+def test_nobody_joins_in_anothers_name(farm):
+    """Ben's token stands, and physics knows what its agent remembers: it tells ben alone."""
+    amy, ben = farm.come("amy"), farm.come("ben")
+    ben.bus.subscribe(KEYS.of("pose", HERS))
+    ben.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
+    assert ben.join(HERS) == ""
+    tick = ben.pose(HERS).tick
+    drive = Drive(Linear(0.0), Angular(0.0), report=Report(memory=b"where it hid the key"))
+    ben.bus.publish(KEYS.of("velocities", session=ben.bus.id), pack(Velocities(farm.run, tick, ben.bus.id, {HERS: drive})))
+    ben.wait(Sample, lambda sample: sample.key == KEYS.of("pose", HERS) and read(sample.payload, Odometry).tick > tick)
+    wish = Join(farm.run, ben.bus.id, [HERS])
+    for session in (ben.bus.id, "*", "**", f"{ben.bus.id[:3]}$*"):
+        assert amy.asks("join", wish, session) == [], "it goes nowhere"
+    assert amy.asks("join", Join(farm.run, amy.bus.id, [HERS]), ben.bus.id) == []
+    [refusal] = amy.asks("join", wish, amy.bus.id)
+    assert refusal.error.startswith("not the holder")
+    [reply] = ben.asks("join", wish, ben.bus.id)
+    assert read(reply.payload, Joined).memories == {HERS: b"where it hid the key"}
 
 
 def test_an_agent_hears_its_own_mail_and_no_other(meeting):
@@ -372,7 +392,8 @@ def test_the_logger_moves_nothing_and_stops_nothing(farm):
     start = logger.pose(MINE)
     logger.drive(MINE, start.tick)
     logger.bus.declare_alive(KEYS.of("alive", MINE, logger.bus.id))
-    assert logger.asks("command", Command(farm.run, "stop")) == logger.asks("join", Join(farm.run, logger.bus.id, [MINE])) == []
+    assert logger.asks("command", Command(farm.run, "stop")) == []
+    assert logger.asks("join", Join(farm.run, logger.bus.id, [MINE]), logger.bus.id) == []
     logger.bus.publish(KEYS.of("refused", session=logger.bus.id), pack(RefusedThere(farm.run, {"malformed": 7})))
     counted = operator.wait(Sample, lambda sample: read(sample.payload, Figures).messages_refused.get("malformed") == 7)
     tick = read(counted.payload, Figures).tick
@@ -485,6 +506,8 @@ def test_nobody_writes_what_is_anothers():
     amy = roles[-2].session
     written = {f"orchard/{MINE}/velocity", f"orchard/hosts/{amy}/velocities", f"orchard/hosts/{amy}/refused"}
     assert set(rules["amy ingress put"]) == written
+    asked = {f"orchard/hosts/{amy}/join", "orchard/*/mail", "orchard/*/state", "orchard/recall", "orchard/scenario"}
+    assert set(rules["amy ingress query"]) == set(rules["amy egress reply"]) == asked
     assert rules["amy ingress liveliness_token"] == [f"orchard/alive/{MINE}/{amy}"]
     assert rules["logger ingress put"] == [f"orchard/hosts/{Role('logger', 'logger').session}/refused"]
     assert "operator ingress put" not in rules

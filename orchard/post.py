@@ -5,10 +5,9 @@ the asker hears of it in tick k + 2, with an answer or without. Physics knows no
 """
 
 import hashlib
-from collections.abc import Iterable
 
 from orchard.agent import Action, Heard, Mail, Reply
-from orchard.messages import Given, Written, pack
+from orchard.messages import Answer, Given, Written, pack
 
 
 def in_hearing_order(requests: list[Heard]) -> list[Heard]:
@@ -56,17 +55,19 @@ class PostOffice:
         mail: dict[str, Mail] = {}
         for recipient, requests in self._requests(tick - 1).items():
             mail[recipient] = Mail(requests=in_hearing_order(requests))
-        answers = {(to, at, number): body for letters in self._at(tick - 1) for to, at, number, body in letters.answers}
+        answered = self._answers(tick - 1)
         for sender, letters in self.written.get(tick - 2, {}).items():
             if letters.requests:
                 mail.setdefault(sender, Mail()).replies = [
-                    Reply(to, number, request, answers.get((sender, tick - 2, number)))
+                    Reply(to, number, request, answered.get((to, sender, tick - 2, number)))
                     for number, (to, request) in enumerate(letters.requests)
                 ]
         return mail
 
-    def _at(self, tick: int) -> Iterable[Written]:
-        return self.written.get(tick, {}).values()
+    def _answers(self, tick: int) -> dict[tuple[str, str, int, int], Answer]:
+        """(Who answers, who asked, tick, number) -> what was answered at a tick: nobody answers in another's place."""
+        written = self.written.get(tick, {}).items()
+        return {(name, to, at, number): body for name, letters in written for to, at, number, body in letters.answers}
 
     def _requests(self, tick: int) -> dict[str, list[Heard]]:
         """Recipient -> what was asked of it at a tick."""

@@ -6,7 +6,8 @@ from orchard.agent import Action, Heard
 from orchard.geometry import Twist
 from orchard.hosting import Mailbox
 from orchard.lockstep import Answers, Ledger, Loose, Pacer, Refused, Roster
-from orchard.messages import State, Written, Yes, pack
+from orchard.messages import Given, State, Written, Yes, pack
+from orchard.post import PostOffice
 from orchard.wire.driving import Report, Velocity
 from orchard.wire.geometry_msgs import Angular, Linear
 from orchard.wire.letters import Answered, Letter, Received
@@ -273,6 +274,14 @@ def test_the_ledger_keeps_the_newest_memories_and_the_letters_of_two_ticks():
         ledger.keep(tick, {"picker_01": velocity(tick, report=Report(memory=memory, letters=written if tick != 2 else None))})
     assert ledger.memories == {"picker_01": b"c"}
     assert ledger.letters == {3: {"picker_01": written}}
+
+
+def test_nobody_answers_in_anothers_place():
+    """Of the copies of a tick's letters only the answer of the one that was asked counts."""
+    asked, given = Written([("bin_01", State())], []), [Given("picker_01", 3, 0, Yes())]
+    for answers, body in (({"bin_02": Written([], given)}, None), ({"bin_01": Written([], given)}, Yes())):
+        (reply,) = PostOffice({3: {"picker_01": asked}, 4: answers}).deliver(5)["picker_01"].replies
+        assert (reply.sender, reply.body) == ("bin_01", body)
 
 
 def test_answers_are_applied_in_one_order():

@@ -4,6 +4,7 @@ Whatever arrives becomes an item in one inbox, in the order of its arrival: hand
 happens in the thread that reads the inbox. So no lock is needed, and none is held over a get, a reply or a drop.
 """
 
+import ctypes
 import json
 import logging
 from collections import deque
@@ -11,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from math import inf
 from queue import Empty, SimpleQueue
+from threading import get_ident
 from time import monotonic
 from typing import Any, NamedTuple
 
@@ -118,16 +120,30 @@ class Inbox:
         self._items: deque[Item] = deque()
         self._bell: SimpleQueue[None] = SimpleQueue()
         self._enough = 1
+        self._settled: set[int] = set()  # threads
+
+    def _settle(self) -> None:
+        """Let a thread of zenoh's keep its Python state.
+
+        Python makes one whenever such a thread calls it, with memory of its own, and undoes it afterwards: that costs more than
+        the message. A state that is asked for once more than it is given back stays for as long as its thread.
+        """
+        thread = get_ident()
+        if thread not in self._settled:
+            self._settled.add(thread)
+            ctypes.pythonapi.PyGILState_Ensure()
 
     def __len__(self) -> int:
         return len(self._items)
 
     def put(self, item: Item) -> None:
+        self._settle()
         self._items.append(item)
         self._bell.put(None)
 
     def put_quietly(self, item: Item) -> None:
         """Put without waking the reader, unless that is enough for it."""
+        self._settle()
         self._items.append(item)
         if len(self._items) >= self._enough:
             self._bell.put(None)

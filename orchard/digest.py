@@ -7,6 +7,8 @@ import numpy as np
 
 from orchard.world import World
 
+_NOTHING = np.zeros(0, dtype=np.float32)
+
 
 class RunDigest:
     """SHA-256 over everything that a run decides, tick by tick: each tick's hash takes in the one before, so 32 bytes hold it all."""
@@ -18,7 +20,7 @@ class RunDigest:
         """Take one tick in: the world, the scans given to the agents (float32), and name -> digest of the mail it heard."""
         sha = hashlib.sha256(self.state)
         sha.update(b"%d %d %d\n" % (world.tick, world.delivered, len(mail_digests)))
-        for array in (world.pose, world.coupled, world.fill, world.row_picked, world.alive, *scans):
+        for array in (world.pose, world.coupled, world.fill, world.row_picked, world.alive, np.concatenate([_NOTHING, *scans])):
             sha.update(_little_endian(array))
         for name in sorted(mail_digests):
             sha.update(b"%d %d " % (len(name.encode()), len(mail_digests[name])) + name.encode() + mail_digests[name])

@@ -12,6 +12,7 @@ from orchard.config import Scenario
 from orchard.digest import RunDigest
 from orchard.doer import TRAFFIC
 from orchard.events import Event
+from orchard.geometry import STILL
 from orchard.invariants import Invariants
 from orchard.layout import lay_out
 from orchard.messages import Deed
@@ -116,11 +117,7 @@ class Engine:
         return {name: mail_digests[name] for name in self.agents if mail_digests.get(name)}
 
     def _twists(self, actions: Mapping[str, Action]) -> np.ndarray:
-        twists = np.zeros((len(self.layout.starts), 3))
-        for i, name in enumerate(self.layout.names):
-            if name in actions:
-                twists[i] = actions[name].twist
-        return twists
+        return np.array([actions[name].twist if name in actions else STILL for name in self.layout.names], dtype=np.float64)
 
     def _deeds(self, actions: Mapping[str, Action]) -> list[tuple[int, Deed]]:
         return [(i, deed) for i, name in enumerate(self.layout.names) if name in actions for deed in actions[name].deeds]

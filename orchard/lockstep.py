@@ -184,7 +184,7 @@ class Answers:
 
     def actions(self) -> dict[str, Action]:
         """What to apply, in the order of names: never in that of arrival."""
-        return {name: action_of(velocity) for name, velocity in sorted(self.velocities.items())}
+        return {name: action_of(self.velocities[name]) for name in sorted(self.velocities)}
 
     def digests(self) -> dict[str, bytes]:
         return {name: velocity.report.mail for name, velocity in self.velocities.items() if velocity.report is not None}

@@ -21,6 +21,7 @@ from orchard.identity import Identity, identity_in
 from orchard.keys import PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.names import chosen
+from processes.garbage import settle
 
 log = logging.getLogger("orchard")
 
@@ -77,6 +78,7 @@ def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None) -> H
     agents = factory(options.agents)(layout, names)  # no others: a class that ends its process shall end no more than its own
     host = Host(bus, keys, run.run, run.mode, layout, {name: agents[name] for name in names}, options.patience)
     host.listen()
+    settle()
     return host
 
 

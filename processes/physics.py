@@ -21,6 +21,7 @@ from orchard.keys import PREFIX, Keys
 from orchard.lockstep import PATIENCE
 from orchard.names import chosen
 from orchard.snapshot import Snapshot, SnapshotError
+from processes.garbage import settle
 from processes.harvest import Options
 from processes.keeper import SNAPSHOT_SECONDS, last
 from processes.ticks import Physics
@@ -63,6 +64,7 @@ def _run(bus: Bus, keys: Keys, before: Snapshot | None, arguments: argparse.Name
     options = Options(arguments.mode, pace, ticks, arguments.patience, tuple(absent), arguments.run, arguments.recorded, *kept)
     physics = Physics(bus, keys, engine, options, before)
     physics.listen()
+    settle()
     where = "connected to" if arguments.connect else "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.harvest.run}", flush=True)
     end = physics.run()

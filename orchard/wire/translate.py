@@ -1,6 +1,7 @@
 """Between what agents, physics and the viewer know and the messages on the wire: in both directions, to the last bit."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import accumulate
 from typing import Any
 
@@ -16,7 +17,7 @@ from orchard.sights import STATE, Sights
 from orchard.wire.driving import Drive, Report, Velocities, Velocity
 from orchard.wire.geometry_msgs import Angular, Linear, Point, Pose, Quaternion, TwistPart
 from orchard.wire.sensing import Beams, LaserScan, Odometry, OtherEnd, OtherSeen, Seen
-from orchard.wire.vocabulary import FARTHEST
+from orchard.wire.vocabulary import FARTHEST, MOST_BODIES
 from orchard.wire.watching import Picture
 
 
@@ -68,13 +69,14 @@ def sights_of(seen: Seen) -> Sights:
     states, ranges = np.frombuffer(seen.states, "<f8"), np.frombuffer(seen.ranges, "<f4")
     if len(states) != len(ends) * STATE or len(ranges) != (ends[-1] if ends else 0):
         raise ValueError(f"states and ranges do not fit {len(ends)} names")
-    if not ((np.abs(states) <= FARTHEST).all() and (ranges >= 0.0).all()):
+    if ends and not (states.min() >= -FARTHEST and states.max() <= FARTHEST and ranges.min() >= 0.0):  # not so of what is not a number
         raise ValueError("not a number, or out of bounds")
     scans = [ranges[begin:end] for begin, end in zip([0, *ends], ends, strict=False)]
     hitches = {name: _hitch_seen(other) for name, other in seen.hitches.items()}
     return Sights(seen.tick, seen.names, states.reshape(-1, STATE), scans, hitches, seen.fills, seen.full)
 
 
+@lru_cache(maxsize=MOST_BODIES)
 def _beams_of(name: str) -> int:
     kind = KINDS.get(kind_of(name))
     if kind is None:
@@ -91,7 +93,7 @@ def _hitch_seen(other: OtherSeen) -> Hitch:
 def _sweep_of(name: str, ranges: bytes) -> np.ndarray:
     """One body's ranges. Raises ValueError for what its laser cannot have measured."""
     sweep, beams = np.frombuffer(ranges, "<f4"), _beams_of(name)
-    if len(sweep) != beams or not (sweep >= 0.0).all():
+    if len(sweep) != beams or not sweep.min() >= 0.0:
         raise ValueError(f"ranges of {name}: wanted are {beams}, 0 or more")
     return sweep
 

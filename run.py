@@ -36,6 +36,7 @@ from orchard.parts import is_further_part, parts_of, remove_further_parts
 from orchard.progress import Progress
 from orchard.snapshot import Snapshot, SnapshotError, newest
 from orchard.summary import as_table, write
+from orchard.viewer import viewer_program
 from processes.wish import Wish
 
 HERE = Path(__file__).parent
@@ -142,6 +143,8 @@ def harvest(
         replaced(lay_out(chosen))
         recording = _recording(record)
         _check_folder(summary)
+        if recording is not None or view or web is not None:
+            viewer_program()
     except (ScenarioError, SnapshotError, OSError, ValueError) as error:
         errors.print(str(error), markup=False, soft_wrap=True)
         raise typer.Exit(BAD_INPUT) from None
@@ -438,7 +441,12 @@ def view(recording: Annotated[Path | None, typer.Argument(metavar="FILE.rrd", sh
     if path is None or not path.is_file():
         errors.print(f"{path or RUNS}: no recording there; `make run` makes one", markup=False)
         raise typer.Exit(BAD_INPUT)
-    raise typer.Exit(subprocess.run([sys.executable, "-m", "rerun", *map(str, parts_of(path))]).returncode)
+    try:
+        program = viewer_program()
+    except OSError as error:
+        errors.print(str(error), markup=False, soft_wrap=True)
+        raise typer.Exit(BAD_INPUT) from None
+    raise typer.Exit(subprocess.run([program, *map(str, parts_of(path))]).returncode)
 
 
 def _page(arguments: list[str]) -> int:

@@ -18,7 +18,7 @@ from rerun.experimental import ViewerClient
 from orchard.config import Scenario
 from orchard.layout import lay_out
 from orchard.view import Recorder
-from orchard.view.web import viewer_program
+from orchard.viewer import viewer_program
 from processes.alone import run
 from processes.fleet import free_port
 from processes.wish import Wish

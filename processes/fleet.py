@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from orchard.viewer import viewer_program
+
 ROOT = Path(__file__).parent.parent
 QUICK_SECONDS = 10.0  # who lives shorter than this has died quickly
 DEATHS = 5  # quick ones in a row, after which a process is given up
@@ -160,6 +162,4 @@ def free_port() -> int:
 
 def open_viewer(what: str) -> subprocess.Popen[bytes]:
     """Rerun's own window, which stays when this process has ended; what is given is the viewer itself, to be ended by `terminate`."""
-    from orchard.view.web import viewer_program
-
     return subprocess.Popen([viewer_program(), what], start_new_session=True)

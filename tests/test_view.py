@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rerun_cli
 from PIL import Image
 from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
@@ -28,9 +27,9 @@ from orchard.view.palette import STATES, state_of
 from orchard.view.recorder import hits
 from orchard.view.scenery import plan_size
 from orchard.view.talk import gathered, level_of, line_of
+from orchard.viewer import viewer_program
 
 SECONDS = 90.0
-VIEWER = str(Path(rerun_cli.__file__).with_name("rerun"))  # it is in no PATH unless the virtual environment is activated
 LAYERS = {"world", "canopy", "scans", "pins", "plan", "metrics", "events", "talk", "legend", "tf"}
 
 
@@ -338,7 +337,7 @@ def free_port() -> int:
 @contextmanager
 def looking_at(path: Path) -> Iterator[ViewerClient]:
     """A viewer without a window that has loaded a recording."""
-    client = ViewerClient.spawn(headless=True, port=free_port(), hide_welcome_screen=True, executable_path=VIEWER)
+    client = ViewerClient.spawn(headless=True, port=free_port(), hide_welcome_screen=True, executable_path=viewer_program())
     try:
         client.open(str(path))
         deadline = time.monotonic() + 60

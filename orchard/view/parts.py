@@ -14,7 +14,7 @@ from rerun.chunk import Chunk, RrdReader
 
 from orchard.config import TIME_STEP
 from orchard.parts import part, parts_of
-from orchard.view.web import PROGRAM
+from orchard.viewer import viewer_program
 
 POSES = "/tf"  # the entity that tells how far a part reaches
 MISSING = "recording/missing"  # and the one that tells what is not in it
@@ -71,7 +71,7 @@ def optimize(path: str | Path) -> None:
     """Pack a recording, in place: half its size, and it opens faster. Mends one that a kill has torn."""
     path = Path(path)
     packed = path.with_suffix(".packed.rrd")
-    command = [PROGRAM, "rrd", "optimize", "--continue-on-error", str(path), "-o", str(packed)]
+    command = [viewer_program(), "rrd", "optimize", "--continue-on-error", str(path), "-o", str(packed)]
     subprocess.run(command, check=True, capture_output=True, timeout=600)
     packed.replace(path)
 

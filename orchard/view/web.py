@@ -8,13 +8,11 @@ import argparse
 import os
 import socket
 import subprocess
-from pathlib import Path
 from urllib.parse import urlencode
 
-import rerun_cli
+from orchard.viewer import viewer_program
 
 LOOPBACK = "127.0.0.1"
-PROGRAM = str(Path(rerun_cli.__file__).with_name("rerun"))  # Rerun's own, found also where the virtual environment is not activated
 
 
 def data_uri(port: int) -> str:
@@ -26,14 +24,6 @@ def page_url(port: int) -> str:
     """What to open in a browser, or to put into a frame."""
     wishes = {"url": data_uri(port), "hide_welcome_screen": "1", "persist": "0", "theme": "dark"}
     return f"http://{LOOPBACK}:{port}/?{urlencode(wishes)}"
-
-
-def viewer_program() -> str:
-    """Rerun's own program, or the one that Rerun's variable RERUN_CLI_PATH names.
-
-    `python -m rerun` would start it as a child, which stays behind when its parent is ended.
-    """
-    return os.environ.get("RERUN_CLI_PATH") or PROGRAM
 
 
 def command(port: int, *what: str) -> list[str]:

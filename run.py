@@ -385,7 +385,8 @@ def _switch(robots: list[str], connect: str | None, secure: Path | None, stop: b
     from processes.stopping import switch, the_run
 
     try:
-        answer = switch(the_run(RUNS, connect), robots, stop, None if secure is None else Keyring.load(secure).of(WARDEN))
+        identity = None if secure is None else Keyring.load(secure).of(WARDEN)
+        answer = switch(the_run(RUNS, connect), robots, stop, identity, lambda line: errors.print(line, markup=False, soft_wrap=True))
     except (BusError, ValueError) as error:
         errors.print(str(error), markup=False, soft_wrap=True)
         return BAD_INPUT
@@ -394,6 +395,8 @@ def _switch(robots: list[str], connect: str | None, secure: Path | None, stop: b
     console.print(f"{'stopped' if stop else 'reset'}: {', '.join(answer.changed) or 'nobody more'}", markup=False)
     if before:
         console.print(f"{'stopped before' if stop else 'still stopped'}: {', '.join(before)}", markup=False)
+    if not answer.kept:
+        errors.print("That holds, but is not on the disk yet: physics would forget it if it died now. Ask again to see whether it is.")
     return FINISHED
 
 

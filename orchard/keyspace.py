@@ -78,7 +78,7 @@ EXAMPLES: dict[type, Part] = {
         Join(RUN, SESSION, ["picker_01"]),
         Joined(RUN, TICK, {"picker_01": None}, {}),
         Stop(RUN, True, ["picker_01"]),
-        Stopped(RUN, TICK, ["bin_01", "picker_01"], ["bin_01", "picker_01"]),
+        Stopped(RUN, TICK, ["bin_01", "picker_01"], ["bin_01", "picker_01"], kept=True),
         Lost(RUN, TICK, ["picker_01"], SESSION),
         Command(RUN, "stop"),
         Done(RUN, TICK),

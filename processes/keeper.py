@@ -8,6 +8,7 @@ from pathlib import Path
 from orchard.snapshot import Snapshot, as_file, newest, store
 
 SNAPSHOT_SECONDS = 2.0  # of wall time between two snapshots
+KEPT_SECONDS = 2.0  # for which a person who stops robots is kept waiting for the disk
 
 log = logging.getLogger("orchard")
 
@@ -22,7 +23,7 @@ class Keeper:
         self._folder, self._seconds = folder, seconds
         self._due = 0.0  # on the clock
         self._hand = ThreadPoolExecutor(max_workers=1)
-        self._writing: Future[Path] | None = None
+        self._writing: Future[bool] | None = None
         self._failed = False
 
     def is_due(self) -> bool:
@@ -30,23 +31,31 @@ class Keeper:
         return self._folder is not None and is_idle and time.monotonic() >= self._due
 
     def keep(self, snapshot: Snapshot) -> None:
-        """Begin to write it."""
+        """Begin to write it, once the one before is written; one that waits for that is left out, for this is newer."""
         if self._folder is None:
             return
-        self.finish()
-        self._writing = self._hand.submit(store, *as_file(snapshot), self._folder)
+        if self._writing is not None:
+            self._writing.cancel()
+        self._writing = self._hand.submit(self._store, *as_file(snapshot), self._folder)
         self._due = time.monotonic() + self._seconds
 
-    def finish(self) -> None:
-        """Wait until what is kept is on the disk. A disk that is full is told of once."""
+    def _store(self, name: str, content: bytes, folder: Path) -> bool:
+        """Whether it could be written. A disk that is full is told of once."""
         try:
-            if self._writing is not None:
-                self._writing.result()
+            store(name, content, folder)
         except OSError as error:
             if not self._failed:
                 log.error("no snapshot: %s", error)
             self._failed = True
-        self._writing = None
+            return False
+        return True
+
+    def finish(self, seconds: float | None = None) -> bool:
+        """Wait until what was kept last is on the disk, or for so long; whether it is there."""
+        try:
+            return self._writing is not None and self._writing.result(seconds)
+        except TimeoutError:
+            return False
 
 
 def last(folder: Path) -> Snapshot | None:

@@ -11,6 +11,7 @@ from orchard.stops import stopped
 from orchard.wire.course import Command, Done, Join, Joined, Newcomer, Stop, Stopped
 from orchard.wire.letters import Recall, Recalled
 from processes.harvest import Ended, Harvest
+from processes.keeper import KEPT_SECONDS
 
 
 class Queries:
@@ -68,7 +69,7 @@ class Queries:
         question.reply(pack(Recalled(self._harvest.run, tick, sorted(self._harvest.drivers.ledger.letters.items()))))
 
     def _stop(self, question: Question) -> None:
-        """Latch or reset an emergency stop; the engine sees to it that nothing outranks it. A run that goes on from a snapshot knows it."""
+        """Latch or reset an emergency stop; the engine sees to it that nothing outranks it. The answer tells whether it is kept."""
         harvest, engine = self._harvest, self._harvest.engine
         wish = understood(question.payload, Stop, harvest.run)
         harvest.chronicle.tell()
@@ -76,10 +77,10 @@ class Queries:
             changed = engine.stop(wish.names) if wish.stop else engine.reset(wish.names)
         except ValueError as error:
             raise Refused("no such robot", str(error)) from error
-        if harvest.has_begun:
+        if changed and harvest.has_begun:
             harvest.keep()
-            harvest.keeper.finish()
-        question.reply(pack(Stopped(harvest.run, engine.tick, changed, stopped(engine.world))))
+        kept = harvest.has_begun and harvest.keeper.finish(KEPT_SECONDS)
+        question.reply(pack(Stopped(harvest.run, engine.tick, changed, stopped(engine.world), kept)))
 
     def _obey(self, question: Question) -> None:
         command = understood(question.payload, Command, self._harvest.run)

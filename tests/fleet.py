@@ -21,6 +21,7 @@ from orchard.config import Scenario, to_yaml
 from orchard.keys import Keys
 
 ROOT = Path(__file__).parent.parent
+PHYSICS = ("processes.physics",)  # the program that owns the world, where a test has none of its own for it
 SECONDS = 40.0  # that any one wait may take on a busy machine
 
 
@@ -80,10 +81,10 @@ class Fleet:
         self._folder, self._stack = folder, stack
         self.hosts: list[Process] = []
 
-    def physics(self, scenario: Scenario, *arguments: str, before: Sequence[str] = ()) -> None:
+    def physics(self, scenario: Scenario, *arguments: str, before: Sequence[str] = (), module: Sequence[str] = PHYSICS) -> None:
         path = self._folder / "scenario.yaml"
         path.write_text(to_yaml(scenario))
-        self.world = self.start("processes.physics", str(path), *arguments, before=before)
+        self.world = self.start(*module, str(path), *arguments, before=before)
         line = self.world.line()
         found = re.match(r"(?:listening on|connected to) (\S+), prefix (\S+), run (\w+)", line)
         assert found, line + self.world.end()[2]

@@ -5,8 +5,11 @@ import re
 import signal
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from queue import SimpleQueue
 
 import msgpack
 import psutil
@@ -16,6 +19,7 @@ from stage import Driven, Stage, Standing, empty_orchard
 from test_repeatable import TICKS, undisturbed
 from test_run import summary_of
 
+from orchard.bus import router
 from orchard.camera import Camera
 from orchard.config import Animals, People, Scenario
 from orchard.endpoints import BusError
@@ -24,8 +28,10 @@ from orchard.kinds import kind_of
 from orchard.local import Local
 from orchard.messages import Couple, pack, unpack
 from orchard.snapshot import Snapshot
+from orchard.wire.course import Stopped
+from processes import stopping
 from processes.running import Going, all_going, noted
-from processes.stopping import the_run
+from processes.stopping import switch, the_run
 
 ROOT = Path(__file__).parent.parent
 README = [
@@ -230,7 +236,7 @@ def test_what_is_refused_is_answered_with_the_reason_and_stops_nobody(fleet):
     assert ask(someone, True, run="another").startswith("other run")
     assert ask(someone, "yes").startswith("malformed")
     assert someone.ask("orchard/stop", b"nonsense")[0].startswith("malformed")
-    assert ask(someone, False) == {"run": fleet.run, "tick": 0, "changed": [], "stopped": []}
+    assert ask(someone, False) == {"run": fleet.run, "tick": 0, "changed": [], "stopped": [], "kept": False}
     end(fleet)
 
 
@@ -252,19 +258,54 @@ def test_the_latch_outlives_the_agent_and_its_host(fleet):
     end(fleet)
 
 
+NOBODY = [word for kind in ("picker", "carrier", "bin", "worker", "weed", "traffic") for word in ("--absent", kind)]
+
+
+def kept_in(folder: Path) -> list[str]:
+    return ["--speed", "10", "--snapshots", str(folder / "snapshots"), "--snapshot-every", "1000", *NOBODY]
+
+
 def test_a_stop_that_was_taken_outlives_physics_killed_at_once(fleet, tmp_path):
-    nobody = [word for kind in ("picker", "carrier", "bin", "worker", "weed", "traffic") for word in ("--absent", kind)]
-    keep = ["--speed", "10", "--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "1000", *nobody]
+    keep = kept_in(tmp_path)
     fleet.physics(SMALL, *keep)
     someone = fleet.client()
     until(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
     told = ask(someone, True, "picker_01")
+    assert told["kept"]
     fleet.world.signal(signal.SIGKILL)
     fleet.physics(SMALL, *keep, "--resume")
     someone = fleet.client()
     answer = ask(someone, False, "picker")
     assert answer["tick"] >= told["tick"]
     assert answer["changed"] == told["stopped"]
+    end(fleet)
+
+
+def test_on_a_slow_disk_a_stop_is_answered_while_it_is_written_and_what_is_kept_outlives_physics(fleet, tmp_path):
+    keep = kept_in(tmp_path)
+    fleet.physics(SMALL, *keep, module=("slow_disk", "5"))
+    someone = fleet.client()
+    until(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
+    begun = time.monotonic()
+    told = ask(someone, True, "picker_01")
+    assert time.monotonic() - begun < 4.5, "sooner than one snapshot is written, and that of the first tick is before it"
+    assert (sorted(told["stopped"]), told["kept"]) == (["bin_01", "picker_01"], False)
+    answers = [ask(someone, True, "picker_01") for _ in range(6)]
+    assert [answer["kept"] for answer in answers][-1], "the same stop again, until the disk has it"
+    assert all(answer["changed"] == [] and answer["stopped"] == told["stopped"] for answer in answers)
+    fleet.world.signal(signal.SIGKILL)
+    fleet.physics(SMALL, *keep, "--resume")
+    assert ask(fleet.client(), False)["changed"] == told["stopped"]
+    end(fleet)
+
+
+def test_a_stop_that_cannot_be_kept_is_answered_so(fleet, tmp_path):
+    (tmp_path / "snapshots").write_text("a file where the folder should be")
+    fleet.physics(SMALL, *kept_in(tmp_path))
+    someone = fleet.client()
+    until(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
+    told = ask(someone, True, "picker_01")
+    assert (sorted(told["stopped"]), told["kept"]) == (["bin_01", "picker_01"], False)
     end(fleet)
 
 
@@ -333,6 +374,26 @@ def test_a_stop_without_a_run_is_told_so(tmp_path):
     assert done.returncode == 2
     assert "nobody listens there" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_whom_physics_lets_wait_is_told_so_and_gets_the_answer_that_comes_late(monkeypatch):
+    monkeypatch.setattr(stopping, "QUIET_SECONDS", 0.2)
+    told, robots = SimpleQueue(), ["picker_01"]
+    with router() as physics, ThreadPoolExecutor() as pool:
+        physics.answer("orchard/stop")
+        asked = pool.submit(switch, Going("a", physics.endpoint), robots, True, None, told.put)
+        question = physics.inbox.take(20.0)
+        assert "does not answer yet" in told.get(timeout=20.0)
+        question.reply(pack(Stopped("a", 0, robots, robots)))
+        question.drop()
+        assert asked.result(20.0).changed == robots
+
+
+def test_whom_physics_never_answers_is_told_that_nobody_knows(monkeypatch):
+    monkeypatch.setattr(stopping, "ANSWER_SECONDS", 1.0)
+    with router() as physics, pytest.raises(BusError, match="did not answer within 1 s; it may have heard of this, or not"):
+        physics.answer("orchard/stop")
+        switch(Going("a", physics.endpoint), [], True, None, print)
 
 
 def test_several_runs_are_named_and_the_note_of_one_that_was_killed_is_removed(tmp_path):

@@ -62,6 +62,7 @@ class Stopped(Message):
 
     changed: Annotated[list[Name], Meta(description="robots that were stopped, or reset, by this; those that were so before are left out")]
     stopped: Annotated[list[Name], Meta(description="all robots that are stopped now")]
+    kept: Annotated[bool, Meta(description="whether it is on the disk, too; else it holds, but not if physics dies now")] = False
 
 
 Reason = Literal[

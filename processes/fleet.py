@@ -119,6 +119,10 @@ class Fleet:
         if name in self.running and self.running[name].popen.poll() is None:
             self.running[name].popen.terminate()
 
+    def terminate_all(self) -> None:
+        for name in self.running:
+            self.terminate(name)
+
     def pid(self, name: str) -> int | None:
         return self.running[name].popen.pid if name in self.running else None
 
@@ -138,8 +142,7 @@ class Fleet:
 
     def stop(self, seconds: float) -> None:
         """Ask all to end, and end by force those that do not in time."""
-        for name in self.running:
-            self.terminate(name)
+        self.terminate_all()
         self.wait(seconds)
         for running in self.running.values():
             if running.popen.poll() is None:

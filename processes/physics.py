@@ -24,6 +24,7 @@ from orchard.snapshot import Snapshot, SnapshotError
 from processes.garbage import settle
 from processes.harvest import Options
 from processes.keeper import SNAPSHOT_SECONDS, last
+from processes.result import leave
 from processes.ticks import Physics
 
 log = logging.getLogger("orchard")
@@ -68,6 +69,8 @@ def _run(bus: Bus, keys: Keys, before: Snapshot | None, arguments: argparse.Name
     where = "connected to" if arguments.connect else "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.harvest.run}", flush=True)
     end = physics.run()
+    if arguments.result is not None:
+        leave(end, arguments.result)
     print(f"{end.why}: tick {end.tick}, {end.summary['wall_seconds']} s, hash {end.hash}", flush=True)
     for violation in end.summary["violations"]:
         print(f"violated: {violation}", flush=True)
@@ -113,6 +116,7 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--recorded", action="store_true", help="begin when a logger is there, or after 10 s")
     parser.add_argument("--snapshots", type=Path, metavar="DIR", help="keep snapshots of the run there")
     parser.add_argument("--snapshot-every", type=_positive, default=SNAPSHOT_SECONDS, metavar="SECONDS", help="wall time; default 2")
+    parser.add_argument("--result", type=Path, metavar="FILE", help="leave there how it ended, for whoever started this")
     parser.add_argument("--resume", action="store_true", help="go on from the newest snapshot in there, if there is one")
     return parser.parse_args(argv)
 

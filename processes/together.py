@@ -29,6 +29,7 @@ from orchard.wire.course import End
 from orchard.wire.watching import Figures
 from processes.fleet import Fleet, Program, free_port, open_viewer
 from processes.passes import Open, Passes, Secured, Shares, passes_of
+from processes.result import left
 from processes.running import Going, noted
 from processes.watchdog import Watchdog
 from processes.wish import Wish
@@ -38,6 +39,7 @@ GOODBYE_SECONDS = 60.0  # for which the logger may pack its recording, after a r
 WEB_VIEWER = "web viewer"  # its name among the processes; it never ends by itself
 BEGIN_SECONDS = 60.0  # for which physics, which this program has started, may take to listen on a busy machine
 LOOK_SECONDS = 5.0  # for how long somebody must answer at an endpoint that a user gave
+SCENARIO, RESULT = "scenario.yaml", "end.msgpack"  # what physics is told, and what it leaves
 ENDED = (0, 1, 2)  # exit codes with which physics ends by itself
 GIVEN_UP = 2  # exit code of a process whose order cannot be carried out: starting it again does not help
 
@@ -50,9 +52,7 @@ def run(wish: Wish, progress: Progress) -> tuple[dict[str, Any] | None, str]:
     endpoint = _meeting(wish, passes)
     run_id = (wish.resumed.run if wish.resumed else "") or uuid.uuid4().hex[:16]
     with TemporaryDirectory() as folder, Fleet(progress.say) as fleet, _noted(wish, Going(run_id, reachable(endpoint)), progress):
-        file = Path(folder) / "scenario.yaml"
-        file.write_text(to_yaml(wish.scenario))
-        viewer = _start(fleet, wish, passes, file, endpoint, run_id)
+        viewer = _start(fleet, wish, passes, Path(folder), endpoint, run_id)
         start_hosts(fleet, reachable(endpoint), shares, passes)
         if wish.without:
             progress.say(f"{', '.join(wish.without)}: left to others, who connect to {endpoint}")
@@ -60,6 +60,9 @@ def run(wish: Wish, progress: Progress) -> tuple[dict[str, Any] | None, str]:
         summary, why = _follow(wish, fleet, watchdog, reachable(endpoint), passes.identity("operator"), run_id, progress)
         if summary is not None:
             watchdog.end()
+        elif end := left(Path(folder) / RESULT, run_id):
+            summary, why = end.summary, end.why
+            fleet.terminate_all()  # the others have not heard of it either, and have still to close what they have open
         if wish.recording is not None:  # what was recorded is read next, and Rerun takes half a second to load
             threading.Thread(target=import_module, args=("orchard.view.parts",), daemon=True).start()
         fleet.terminate(WEB_VIEWER)
@@ -106,14 +109,16 @@ def _noted(wish: Wish, going: Going, progress: Progress) -> Iterator[None]:
         yield
 
 
-def _start(fleet: Fleet, wish: Wish, passes: Passes, file: Path, endpoint: str, run_id: str) -> subprocess.Popen[bytes] | None:
-    """Start all but the agents; the viewer."""
+def _start(fleet: Fleet, wish: Wish, passes: Passes, folder: Path, endpoint: str, run_id: str) -> subprocess.Popen[bytes] | None:
+    """Start all but the agents; the viewer. In the folder is what physics and this process tell each other."""
+    file = folder / SCENARIO
+    file.write_text(to_yaml(wish.scenario))
     pace = ["--mode", wish.mode, "--speed", "max" if math.isinf(wish.speed) else str(wish.speed)]
     limit = ["--patience", str(wish.patience), *([] if wish.duration is None else ["--duration", str(wish.duration)])]
     limit += ["--recorded"] if wish.recording is not None or wish.is_live else []
     where = ["--connect" if wish.connect else "--listen", endpoint]
     keep = ["--snapshots", str(wish.snapshots.resolve()), *(["--resume"] if wish.resumed else [])]
-    order = [str(file), *where, *passes.option(PHYSICS), "--run", run_id, *pace, *limit, *keep]
+    order = [str(file), *where, *passes.option(PHYSICS), "--run", run_id, *pace, *limit, *keep, "--result", str(folder / RESULT)]
     fleet.start(Program("physics", "processes.physics", order, again=True, afterwards=["--resume"], final=ENDED))
     return _start_logger(fleet, wish, passes, reachable(endpoint), run_id)
 

@@ -4,14 +4,17 @@ import json
 import re
 import signal
 import subprocess
+from contextlib import ExitStack
 
 import psutil
 import pytest
+from fleet import Fleet
 from test_lockstep import SMALL
 from test_repeatable import run as hash_after
-from test_run import ROOT, orchard, running, summary_of, wait_until_simulated
+from test_run import ROOT, orchard, running, seconds_of, summary_of, wait_until_simulated
 
 from orchard.config import Scenario, to_yaml
+from processes.fleet import free_port
 
 SECONDS = 60.0  # simulated
 PACE = ("--rows", 3, "--speed", 10, "--duration", SECONDS)
@@ -114,3 +117,21 @@ def test_in_realtime_too_whatever_is_killed_the_run_goes_on_and_finishes(tmp_pat
     summary = summary_of(path)
     assert summary["ticks"] == 800
     assert summary["distance_metres"]["picker"] > 60.0, "they drive again"
+
+
+# -- the end, without a bus
+
+
+def test_a_run_whose_router_is_down_at_its_end_has_ended_well(tmp_path):
+    endpoint, path, recording = f"tcp/127.0.0.1:{free_port()}", tmp_path / "summary.json", tmp_path / "run.rrd"
+    arguments = ("--mode", "realtime", "--speed", 2, "--duration", 12, "--record", recording, "--summary", path)
+    with ExitStack() as stack:
+        router = Fleet(tmp_path, stack).router(endpoint)
+        run = stack.enter_context(running("--rows", 3, "--hosts", 1, "--connect", endpoint, *arguments))
+        wait_until_simulated(run, 5.0)
+        router.kill()
+        printed = end(run)
+    summary = summary_of(path)
+    assert summary["ticks"] == 120
+    assert "To watch it" in printed
+    assert seconds_of(recording) > 4.0

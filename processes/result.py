@@ -6,7 +6,7 @@ from pathlib import Path
 
 from orchard.lockstep import Refused, understood
 from orchard.messages import pack
-from orchard.wire import End
+from orchard.wire.course import End
 
 log = logging.getLogger("orchard")
 

@@ -23,8 +23,8 @@ import typer
 from rich.console import Console
 
 from orchard.access import WARDEN
-from orchard.endpoints import BusError
 from orchard.config import Scenario, ScenarioError, check, load, with_changes
+from orchard.endpoints import BusError
 from orchard.guard import replaced
 from orchard.layout import lay_out
 from orchard.lockstep import PATIENCE

@@ -1,13 +1,24 @@
-"""Tests import each other's helpers (`stage`, `raycaster`) by name. Whatever test runs an orchard, its invariants hold at every tick."""
+"""What tests share; helpers (`stage`, `fleet`) are imported by name. Whatever test runs an orchard, its invariants hold at every tick."""
 
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from orchard.engine import Engine
+from orchard.layout import lay_out
+from orchard.view import Recorder
 
 sys.path.insert(0, str(Path(__file__).parent))
+
+import callers
+from alone import SMALL, TICKS, local_hash
+from corpus import recorded
+from fleet import Fleet
+from page import chromium_with, served
+from scripted_orchard import ACTED_SECONDS, acted_layout, frames
 
 
 @pytest.fixture(autouse=True)
@@ -21,3 +32,81 @@ def invariants_hold(monkeypatch):
         return events
 
     monkeypatch.setattr(Engine, "advance", advance_and_look)
+
+
+@pytest.fixture
+def fleet(tmp_path):
+    """Processes of a run, to be started; none is left behind."""
+    with ExitStack() as stack:
+        yield Fleet(tmp_path, stack)
+
+
+@pytest.fixture(scope="session")
+def undisturbed():
+    """The hash of the small orchard's callers when nothing happens to them."""
+    return local_hash(SMALL, TICKS, callers.cast(lay_out(SMALL)))
+
+
+@pytest.fixture(scope="session")
+def other():
+    """Real messages of another run."""
+    return recorded(SMALL, "other", 40)
+
+
+# -- the page
+
+
+@pytest.fixture(scope="session")
+def server(tmp_path_factory):
+    """The page's address, and where its runs go."""
+    runs = tmp_path_factory.mktemp("runs")
+    with served(runs) as address:
+        yield address, runs
+
+
+@pytest.fixture(scope="session")
+def downloads(tmp_path_factory):
+    return tmp_path_factory.mktemp("downloads")
+
+
+@pytest.fixture(scope="session")
+def chromium(tmp_path_factory, downloads):
+    with chromium_with(tmp_path_factory.mktemp("profile"), downloads) as browser:
+        yield browser
+
+
+@pytest.fixture
+def browser(chromium, server):
+    """The page, freshly opened, with the default orchard."""
+    chromium.driver.get(server[0])
+    chromium.click("[data-preset=default]")
+    chromium.until(lambda: chromium.tree_lines() == 6, "the default plan is drawn")
+    return chromium
+
+
+# -- the picture
+
+
+@pytest.fixture(scope="session")
+def layout():
+    """Of an orchard that is only acted."""
+    return acted_layout(rows=3, pickers=2)
+
+
+@pytest.fixture(scope="session")
+def acted(layout):
+    """A minute and a half of it, everyone seeing a wall 4 m around, and nothing to its left."""
+    ranges = np.full(180, 4.0, np.float32)
+    ranges[90:] = np.inf
+    return list(frames(layout, ACTED_SECONDS, lambda stage: [ranges for _ in stage.layout.starts]))
+
+
+@pytest.fixture(scope="session")
+def recording(layout, acted, tmp_path_factory):
+    """The file in which it is recorded."""
+    path = tmp_path_factory.mktemp("picture") / "run.rrd"
+    recorder = Recorder(layout, "a test", path)
+    for frame in acted:
+        recorder.tick(frame)
+    recorder.close()
+    return path

@@ -15,6 +15,7 @@ GUESTS = {
     "worker": [(-20, 22), (25, 20), (44, 18), (-44, -15)], "visitor": [(-47, 8), (-6, 22), (44, 6)],
     "dog": [(20, -11), (20, 15)], "cat": [(-47, -11)], "weed": [(-30 + 6 * i, 19.0 - 0.3 * i) for i in range(10)],
 }  # fmt: skip
+ACTED_SECONDS = 90.0  # of the recording that tests share
 WAIT = 25.0  # s that a picker waits at the end of a row
 
 

@@ -1,24 +1,16 @@
 """Nonsense on every key of a real run: refused, counted, logged once; and the run is the same to the last bit."""
 
 import random
-from contextlib import ExitStack
 
 import msgpack
 import pytest
 import zenoh
-from fleet import Fleet, until
-from test_lockstep import SMALL, TOY, callers_hash  # noqa: F401 - a fixture
+from alone import SMALL, TICKS, TOY
+from fleet import until
 
 from orchard.keys import TABLE
 
-TICKS = 120
 NAMES = ("picker_01", "bin_02", "traffic", "nobody")
-
-
-@pytest.fixture
-def fleet(tmp_path):
-    with ExitStack() as stack:
-        yield Fleet(tmp_path, stack)
 
 
 @pytest.fixture
@@ -50,7 +42,7 @@ def wait_for_the_end(fleet, logger):
     return out, err + logger.complaints
 
 
-def test_random_bytes_on_every_key_change_nothing(fleet, running, callers_hash):  # noqa: F811
+def test_random_bytes_on_every_key_change_nothing(fleet, running, undisturbed):
     someone, summary, logger = running
     chance = random.Random(1)
     for key in every_key(someone):
@@ -61,14 +53,14 @@ def test_random_bytes_on_every_key_change_nothing(fleet, running, callers_hash):
     someone.session.get("orchard/**", lambda reply: None, payload=b"\xc1", timeout=5.0)
     someone.session.put("orchard/picker_01/velocity", bytes((1 << 20) + 1))
     out, err = wait_for_the_end(fleet, logger)
-    assert callers_hash in out
+    assert undisturbed in out
     assert err.count("refused on orchard/picker_01/velocity") == 1, "logged once"
     assert err.count("refused on orchard/picture") == 1, "by the logger"
     refused = summary()["messages_refused"]
     assert refused["malformed"] > 30, refused
 
 
-def test_what_is_of_another_run_or_past_changes_nothing(fleet, running, callers_hash):  # noqa: F811
+def test_what_is_of_another_run_or_past_changes_nothing(fleet, running, undisturbed):
     someone, summary, logger = running
     heard = {}
     for what in ("pose", "scan"):
@@ -84,14 +76,14 @@ def test_what_is_of_another_run_or_past_changes_nothing(fleet, running, callers_
     someone.put("orchard/lost", run="another", tick=1, names=[], holder="x")
     someone.put("orchard/end", run="another", tick=1, finished=True, why="", hash="", summary={})
     out, _ = wait_for_the_end(fleet, logger)
-    assert callers_hash in out
+    assert undisturbed in out
     assert summary()["messages_refused"]["other run"] >= 3
 
 
-def test_who_pretends_to_be_physics_and_leaves_is_not_missed(fleet, running, callers_hash):  # noqa: F811
+def test_who_pretends_to_be_physics_and_leaves_is_not_missed(fleet, running, undisturbed):
     someone, _, logger = running
     someone.session.liveliness().declare_token("orchard/alive/physics/another").undeclare()
-    assert callers_hash in wait_for_the_end(fleet, logger)[0]
+    assert undisturbed in wait_for_the_end(fleet, logger)[0]
 
 
 def test_every_query_with_nonsense_gets_an_error(fleet):

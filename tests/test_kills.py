@@ -4,14 +4,12 @@ import json
 import re
 import signal
 import subprocess
-from contextlib import ExitStack
 
 import psutil
 import pytest
-from fleet import Fleet
-from test_lockstep import SMALL
-from test_repeatable import run as hash_after
-from test_run import ROOT, orchard, running, seconds_of, summary_of, wait_until_simulated
+from alone import SMALL, local_hash
+from command_line import ROOT, orchard, running, summary_of, wait_until_simulated
+from recordings import seconds_of
 
 from orchard.config import Scenario, to_yaml
 from processes.fleet import free_port
@@ -22,7 +20,7 @@ PACE = ("--rows", 3, "--speed", 10, "--duration", SECONDS)
 
 @pytest.fixture(scope="module")
 def undisturbed():
-    return hash_after(Scenario(rows=3), round(SECONDS * 10))
+    return local_hash(Scenario(rows=3), round(SECONDS * 10))
 
 
 def process_of(run: subprocess.Popen, word: str) -> psutil.Process:
@@ -122,12 +120,11 @@ def test_in_realtime_too_whatever_is_killed_the_run_goes_on_and_finishes(tmp_pat
 # -- the end, without a bus
 
 
-def test_a_run_whose_router_is_down_at_its_end_has_ended_well(tmp_path):
+def test_a_run_whose_router_is_down_at_its_end_has_ended_well(fleet, tmp_path):
     endpoint, path, recording = f"tcp/127.0.0.1:{free_port()}", tmp_path / "summary.json", tmp_path / "run.rrd"
     arguments = ("--mode", "realtime", "--speed", 2, "--duration", 12, "--record", recording, "--summary", path)
-    with ExitStack() as stack:
-        router = Fleet(tmp_path, stack).router(endpoint)
-        run = stack.enter_context(running("--rows", 3, "--hosts", 1, "--connect", endpoint, *arguments))
+    router = fleet.router(endpoint)
+    with running("--rows", 3, "--hosts", 1, "--connect", endpoint, *arguments) as run:
         wait_until_simulated(run, 5.0)
         router.kill()
         printed = end(run)

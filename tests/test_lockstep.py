@@ -6,66 +6,39 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import ExitStack
 
-import callers
 import msgpack
 import pytest
-from fleet import ROOT, Fleet, until
+from alone import AGENTS, SMALL, TICKS, TOY, local_hash
+from fleet import ROOT, until
 
 from orchard import bus
 from orchard.bus import Inbox, client, router
-from orchard.config import Animals, People, Scenario
+from orchard.config import Scenario
 from orchard.endpoints import BusError
 from orchard.keys import TABLE
-from orchard.layout import lay_out
-from orchard.local import Local
-
-SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)
-AGENTS = 9  # of the small scenario
-TICKS = 120
-TOY = "callers:cast"
-
-
-@pytest.fixture
-def fleet(tmp_path):
-    with ExitStack() as stack:
-        yield Fleet(tmp_path, stack)
-
-
-def local_hash(scenario, ticks, agents=None):
-    local = Local(scenario, agents)
-    for _ in range(ticks):
-        local.tick()
-    return local.engine.hash
-
-
-@pytest.fixture(scope="module")
-def callers_hash():
-    return local_hash(SMALL, TICKS, callers.cast(lay_out(SMALL)))
-
 
 # -- the same as local mode
 
 
 @pytest.mark.parametrize("hosts", [1, 2, AGENTS])
-def test_agents_that_call_each_other_do_as_in_local_mode(fleet, callers_hash, hosts):
+def test_agents_that_call_each_other_do_as_in_local_mode(fleet, undisturbed, hosts):
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
     fleet.share(hosts, TOY)
-    assert fleet.end() == callers_hash
+    assert fleet.end() == undisturbed
 
 
-def test_slow_agents_and_slow_handlers_change_nothing(fleet, callers_hash):
+def test_slow_agents_and_slow_handlers_change_nothing(fleet, undisturbed):
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
     fleet.share(2, "callers:slow")
-    assert fleet.end() == callers_hash
+    assert fleet.end() == undisturbed
 
 
-def test_someone_who_hears_everything_changes_nothing(fleet, callers_hash):
+def test_someone_who_hears_everything_changes_nothing(fleet, undisturbed):
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
     everything = fleet.client().hear("**")
     fleet.share(2, TOY)
-    assert fleet.end() == callers_hash
+    assert fleet.end() == undisturbed
     assert everything.qsize() > TICKS * 3 * (AGENTS - 1)  # pose, scan and velocity of each body
 
 
@@ -259,7 +232,7 @@ def test_bins_tell_their_state_and_nonsense_gets_an_error(fleet):
     stop(fleet, someone)
 
 
-def test_bad_bytes_on_every_key_change_nothing(fleet, callers_hash):
+def test_bad_bytes_on_every_key_change_nothing(fleet, undisturbed):
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
     someone, chance = fleet.client(), random.Random(1)
     fleet.share(2, TOY)
@@ -272,7 +245,7 @@ def test_bad_bytes_on_every_key_change_nothing(fleet, callers_hash):
         someone.session.get("orchard/bin_02/mail", lambda reply: None, payload=chance.randbytes(20), timeout=5.0)
     code, out, err = fleet.world.end()
     assert code == 0
-    assert callers_hash in out
+    assert undisturbed in out
     assert "refused on orchard/picker_01/velocity: malformed" in err
     assert err.count("refused on orchard/picker_01/velocity") == 1, "logged once"
 

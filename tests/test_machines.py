@@ -9,10 +9,10 @@ import sys
 from contextlib import ExitStack
 
 import pytest
+from alone import SMALL, local_hash
+from command_line import orchard, summary_of
 from fleet import ROOT, SECONDS, Process
 from machines import machines, needs_machines, within
-from test_lockstep import SMALL, local_hash
-from test_run import orchard, summary_of
 
 from orchard.bus import router
 from orchard.config import Scenario, to_yaml

@@ -2,16 +2,14 @@
 
 import queue
 import time
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 
-import callers
 import pytest
-from fleet import Fleet, until
+from alone import SMALL, TICKS, TOY
+from fleet import until
 from machines import machines, needs_machines, slowed, unplugged, within
 from relay import relay
-from test_lockstep import SMALL, TICKS, TOY, local_hash
 
-from orchard.layout import lay_out
 from processes.fleet import free_port
 
 PACE = ("--speed", "5", "--duration", str(TICKS / 10))  # slow enough that a fault meets the run where it shall
@@ -19,17 +17,6 @@ PORT = 7447
 LIVE = ("--mode", "realtime", "--speed", "2")
 DOWN = 5.0  # s, for which links are down
 MIDDLE = [f"tcp/192.168.{n}.10:{PORT}" for n in (1, 2, 3)]  # the router, as each guest finds it
-
-
-@pytest.fixture
-def fleet(tmp_path):
-    with ExitStack() as stack:
-        yield Fleet(tmp_path, stack)
-
-
-@pytest.fixture(scope="module")
-def undisturbed():
-    return local_hash(SMALL, TICKS, callers.cast(lay_out(SMALL)))
 
 
 def standstill(clock, seconds=DOWN):

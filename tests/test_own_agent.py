@@ -3,11 +3,10 @@
 import re
 import subprocess
 import sys
-from contextlib import ExitStack
 
 import pytest
-from fleet import ROOT, SECONDS, Fleet
-from test_lockstep import SMALL, local_hash
+from alone import SMALL, local_hash
+from fleet import ROOT, SECONDS
 
 from orchard.agents import cast
 from orchard.config import Scenario, ScenarioError, parse
@@ -15,12 +14,6 @@ from orchard.layout import lay_out
 from orchard.local import Local
 
 README = (ROOT / "README.md").read_text()
-
-
-@pytest.fixture
-def fleet(tmp_path):
-    with ExitStack() as stack:
-        yield Fleet(tmp_path, stack)
 
 
 def readme(tag):

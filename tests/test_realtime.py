@@ -2,15 +2,14 @@
 
 import signal
 import time
-from contextlib import ExitStack
 
 import pytest
-from fleet import Fleet, until
+from alone import SMALL
+from command_line import orchard, summary_of
+from fleet import until
 from test_mail import RUN, Clock, Query, heard_at, letter, roster
-from test_run import orchard, summary_of
 
 from orchard.agent import Action
-from orchard.config import Animals, People, Scenario
 from orchard.geometry import Twist
 from orchard.hosting import STALE_TICKS, LiveMailbox, Sight
 from orchard.lockstep import Refused
@@ -21,7 +20,6 @@ from orchard.wire.geometry_msgs import Angular, Linear
 from orchard.wire.letters import Answered, Received
 from orchard.wire.sensing import Seen
 
-SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)
 STEP = 0.125  # s of wall time to a tick
 COUPLE = Couple("bin_01")
 
@@ -194,12 +192,6 @@ def nothing_at(tick):
 
 
 # -- real processes
-
-
-@pytest.fixture
-def fleet(tmp_path):
-    with ExitStack() as stack:
-        yield Fleet(tmp_path, stack)
 
 
 def test_the_clock_goes_on_while_a_host_hangs_and_its_robot_stands(fleet):

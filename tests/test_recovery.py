@@ -1,19 +1,16 @@
 """Kill it, freeze it, cut it off: lockstep waits, goes on, and has the hash of a run that nothing happened to."""
 
 import signal
-from contextlib import ExitStack
 from types import SimpleNamespace
 
-import callers
 import msgpack
 import pytest
-from fleet import Fleet, until
-from test_lockstep import SMALL, TICKS, TOY, local_hash
+from alone import SMALL, TICKS, TOY
+from fleet import until
 
 from orchard.bus import Alive, Question
 from orchard.engine import Engine
 from orchard.keys import Keys
-from orchard.layout import lay_out
 from orchard.local import Local
 from orchard.messages import pack
 from orchard.wire.course import Join
@@ -22,17 +19,6 @@ from processes.harvest import Options
 from processes.ticks import Physics
 
 PACE = ("--speed", "15", "--duration", str(TICKS / 10))  # slow enough that a fault meets the run where it shall
-
-
-@pytest.fixture
-def fleet(tmp_path):
-    with ExitStack() as stack:
-        yield Fleet(tmp_path, stack)
-
-
-@pytest.fixture(scope="module")
-def undisturbed():
-    return local_hash(SMALL, TICKS, callers.cast(lay_out(SMALL)))
 
 
 def wait_for_tick(fleet, tick):

@@ -3,9 +3,9 @@
 import os
 import subprocess
 import sys
-from functools import cache
 
 import pytest
+from alone import HARVEST_TICKS, harvest_hash, local_hash
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,31 +17,16 @@ from orchard.kinds import kind_of
 from orchard.local import Local
 from orchard.messages import pack, unpack
 
-TICKS = 1500  # up to the exchanges of 3 rows with 2 pickers
-
-
-def run(scenario: Scenario, ticks: int) -> str:
-    """The hash of a run after so many ticks."""
-    local = Local(scenario)
-    for _ in range(ticks):
-        local.tick()
-    return local.engine.hash
-
-
-@cache
-def undisturbed() -> str:
-    return run(Scenario(rows=3), TICKS)
-
 
 def test_the_same_seed_gives_the_same_run_and_another_seed_another():
-    hashes = [run(Scenario(rows=3, seed=seed), 300) for seed in (1, 1, 2, 3, 4, 5)]
+    hashes = [local_hash(Scenario(rows=3, seed=seed), 300) for seed in (1, 1, 2, 3, 4, 5)]
     assert hashes[0] == hashes[1]
     assert len(set(hashes)) == 5
 
 
 def test_laser_noise_is_repeatable_and_part_of_the_run():
     noisy = Scenario(rows=3, laser=Laser(noise=0.02))
-    assert run(noisy, 200) == run(noisy, 200) != run(Scenario(rows=3), 200)
+    assert local_hash(noisy, 200) == local_hash(noisy, 200) != local_hash(Scenario(rows=3), 200)
 
 
 def test_a_velocity_that_is_off_by_a_trillionth_changes_the_hash():
@@ -66,29 +51,29 @@ def test_a_velocity_that_is_off_by_a_trillionth_changes_the_hash():
 
 
 AGENTS = sorted(cast(Local(Scenario(rows=3)).engine.layout))
-RESTARTS = st.lists(st.tuples(st.integers(1, TICKS - 1), st.sampled_from(AGENTS)), min_size=1, max_size=40)
+RESTARTS = st.lists(st.tuples(st.integers(1, HARVEST_TICKS - 1), st.sampled_from(AGENTS)), min_size=1, max_size=40)
 
 
 @settings(max_examples=15, deadline=None)
 @given(RESTARTS)
 def test_an_agent_started_afresh_from_its_memory_at_any_tick_changes_nothing(restarts):
     local = Local(Scenario(rows=3))
-    for tick in range(TICKS):
+    for tick in range(HARVEST_TICKS):
         for when, name in restarts:
             if when == tick:
                 start_afresh(local, name)
         local.tick()
-    assert local.engine.hash == undisturbed()
+    assert local.engine.hash == harvest_hash()
 
 
 def test_all_agents_started_afresh_at_every_tick_changes_nothing():
     local = Local(Scenario(rows=3))
-    for tick in range(TICKS):
+    for tick in range(HARVEST_TICKS):
         if tick:
             for name in local.agents:
                 start_afresh(local, name)
         local.tick()
-    assert local.engine.hash == undisturbed()
+    assert local.engine.hash == harvest_hash()
 
 
 def start_afresh(local: Local, name: str) -> None:
@@ -107,9 +92,9 @@ OTHER_PROCESSORS = {
 
 @pytest.mark.parametrize("processor", OTHER_PROCESSORS)
 def test_the_hash_is_the_same_on_another_processor(processor, tmp_path):
-    program = f"from test_repeatable import run, Scenario; print(run(Scenario(rows=3), {TICKS}))"
+    program = "from alone import harvest_hash; print(harvest_hash())"
     environment = os.environ | OTHER_PROCESSORS[processor] | {"PYTHONPATH": os.pathsep.join(sys.path)}
     if "NUMBA_CPU_NAME" in environment:
         environment["NUMBA_CACHE_DIR"] = str(tmp_path)
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=120)
-    assert done.stdout.strip() == undisturbed(), done.stderr
+    assert done.stdout.strip() == harvest_hash(), done.stderr

@@ -1,61 +1,25 @@
 """run.py as a person uses it: one command, real processes."""
 
-import json
-import os
 import re
 import signal
 import subprocess
-import sys
 import time
-from contextlib import contextmanager
-from pathlib import Path
 
 import psutil
 import pytest
-from rerun.chunk import RrdReader
-from test_repeatable import run as hash_after
+from alone import local_hash
+from command_line import SECONDS, orchard, running, summary_of, wait_until_simulated
+from recordings import seconds_of
 
 from orchard.config import Scenario
 
-ROOT = Path(__file__).parent.parent
-SECONDS = 240.0  # that any one run may take on a busy machine
 FIRST_UNLOADING = 300  # s, simulated: the first bin of 3 rows and 2 pickers is unloaded before, with seeds 1 to 5
-
-
-def orchard(*arguments: object, seconds: float = SECONDS) -> subprocess.CompletedProcess:
-    """Run it to its end."""
-    command = [sys.executable, "run.py", *map(str, arguments)]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=seconds, env=os.environ | {"COLUMNS": "200"})
-
-
-@contextmanager
-def running(*arguments: object):
-    """Run it, until its first line of progress; nothing is left behind."""
-    command = [sys.executable, "-u", "run.py", *map(str, arguments)]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
-    try:
-        assert "real time" in process.stdout.readline()
-        yield process
-    finally:
-        for child in [*psutil.Process(process.pid).children(recursive=True)] if process.poll() is None else []:
-            child.kill()
-        process.kill()
-        process.communicate()
-
-
-def wait_until_simulated(run: subprocess.Popen, seconds: float) -> None:
-    """Read its lines of progress until so much time has been simulated."""
-    assert any(float(line.split(" s ")[0]) >= seconds for line in run.stdout if "real time" in line)
 
 
 def processes_of(run: subprocess.Popen) -> dict[str, psutil.Process]:
     """The processes that a run has started, by the last word of their modules; of several the last."""
     children = psutil.Process(run.pid).children(recursive=True)
     return {word.removeprefix("processes."): child for child in children for word in child.cmdline() if word.startswith("processes.")}
-
-
-def summary_of(path: Path) -> dict:
-    return json.loads(path.read_text())
 
 
 # -- whole harvests
@@ -114,16 +78,6 @@ def test_the_recording_holds_the_whole_run(lockstep):
     assert lacks == {"recording_parts": ["run.rrd"], "recording_gaps": [], "messages_dropped": 0}
 
 
-def seconds_of(recording: Path) -> float:
-    """How many simulated seconds are in a recording."""
-    latest = 0.0
-    for chunk in RrdReader(str(recording)).stream():
-        batch = chunk.to_record_batch()
-        if "sim_time" in batch.schema.names and batch.num_rows:
-            latest = max(latest, max(batch.column("sim_time").cast("int64").to_pylist()) / 1e9)
-    return latest
-
-
 # -- the hash of lockstep is that of local mode, for any number of agent processes
 
 
@@ -145,7 +99,7 @@ def check_against_local(folder, hosts, seed, recording, seconds):
     done = orchard("--rows", 3, "--seed", seed, "--hosts", hosts, "--record", recording, "--duration", seconds, "--summary", path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert summary_of(path)["bins_delivered"] >= 1
-    assert summary_of(path)["hash"] == hash_after(Scenario(rows=3, seed=seed), seconds * 10)
+    assert summary_of(path)["hash"] == local_hash(Scenario(rows=3, seed=seed), seconds * 10)
 
 
 # -- stopping, killing, jams
@@ -174,7 +128,7 @@ def test_a_run_without_its_logger_goes_on(tmp_path):
         processes_of(run)["logger"].kill()
         run.communicate(timeout=SECONDS)
         assert run.returncode == 0
-    assert summary_of(path)["hash"] == hash_after(Scenario(rows=3), 1500)
+    assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), 1500)
 
 
 # -- bad input

@@ -5,9 +5,9 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from alone import HARVEST_TICKS, harvest_hash
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_repeatable import TICKS, undisturbed
 
 from orchard.config import Scenario
 from orchard.local import Local
@@ -24,16 +24,16 @@ def local_at(tick: int) -> Local:
 
 
 @settings(max_examples=8, deadline=None)
-@given(st.lists(st.integers(0, TICKS), min_size=1, max_size=4))
+@given(st.lists(st.integers(0, HARVEST_TICKS), min_size=1, max_size=4))
 def test_a_run_resumed_at_any_ticks_has_the_hash_of_one_never_interrupted(ticks):
     local = Local(Scenario(rows=3))
     for tick in sorted(ticks):
         while local.engine.tick < tick:
             local.tick()
         local = Local.resume(unpack(pack(local.snapshot()), Snapshot))
-    while local.engine.tick < TICKS:
+    while local.engine.tick < HARVEST_TICKS:
         local.tick()
-    assert local.engine.hash == undisturbed()
+    assert local.engine.hash == harvest_hash()
 
 
 def test_two_forks_of_one_snapshot_go_their_own_ways():

@@ -14,14 +14,14 @@ from queue import SimpleQueue
 import msgpack
 import psutil
 import pytest
+from alone import HARVEST_TICKS, SMALL, harvest_hash
+from command_line import summary_of
 from fleet import Client, Fleet, until
 from stage import Driven, Stage, Standing, empty_orchard
-from test_repeatable import TICKS, undisturbed
-from test_run import summary_of
 
 from orchard.bus import router
 from orchard.camera import Camera
-from orchard.config import Animals, People, Scenario
+from orchard.config import Scenario
 from orchard.endpoints import BusError
 from orchard.geometry import Twist
 from orchard.kinds import kind_of
@@ -159,23 +159,16 @@ def test_a_run_that_goes_on_from_a_snapshot_is_still_stopped():
 
 def test_a_stop_that_is_reset_before_the_next_step_changes_nothing():
     local = Local(Scenario(rows=3))
-    for tick in range(TICKS):
+    for tick in range(HARVEST_TICKS):
         if tick % 100 == 7:
             local.engine.stop()
             local.engine.reset()
         local.tick()
-    assert local.engine.hash == undisturbed()
+    assert local.engine.hash == harvest_hash()
 
 
 # -- over the bus
 
-SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)
-
-
-@pytest.fixture
-def fleet(tmp_path):
-    with ExitStack() as stack:
-        yield Fleet(tmp_path, stack)
 
 
 def ask(someone: Client, stop: bool, *names: str, **changes) -> object:

@@ -1,106 +1,26 @@
-"""The picture, read back: with Rerun's own reader from the file, and with Rerun's own viewer as pixels."""
+"""The picture, read back from the file with Rerun's own reader."""
 
-import glob
-import io
 import os
 import socket
 import subprocess
 import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from ctypes.util import find_library
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from recordings import Rows, chunks, entities_with, poses_at
 from rerun.chunk import RrdReader
-from rerun.experimental import ViewerClient
-from scripted_orchard import acted_layout, frames
+from scripted_orchard import ACTED_SECONDS
 
-from orchard.frames import Event, Frame
+from orchard.frames import Frame
 from orchard.kinds import KINDS
 from orchard.layout import Layout
 from orchard.view import Recorder, optimize
 from orchard.view.palette import STATES, state_of
 from orchard.view.recorder import hits
-from orchard.view.scenery import plan_size
-from orchard.view.talk import gathered, level_of, line_of
-from orchard.viewer import viewer_program
+from processes.fleet import free_port
 
-SECONDS = 90.0
 LAYERS = {"world", "canopy", "scans", "pins", "plan", "metrics", "events", "talk", "legend", "tf"}
-
-
-@pytest.fixture(scope="module")
-def layout() -> Layout:
-    return acted_layout(rows=3, pickers=2)
-
-
-def scan_of(stage: object) -> list[np.ndarray]:
-    """Everyone sees a wall 4 m around, and nothing to its left."""
-    ranges = np.full(180, 4.0, np.float32)
-    ranges[90:] = np.inf
-    return [ranges for _ in stage.layout.starts]
-
-
-@pytest.fixture(scope="module")
-def acted(layout: Layout) -> list[Frame]:
-    return list(frames(layout, SECONDS, scan_of))
-
-
-@pytest.fixture(scope="module")
-def recording(layout: Layout, acted: list[Frame], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("picture") / "run.rrd"
-    recorder = Recorder(layout, "a test", path)
-    for frame in acted:
-        recorder.tick(frame)
-    recorder.close()
-    return path
-
-
-class Rows:
-    """All rows of one entity: (seconds, component -> value) in the order of time."""
-
-    def __init__(self, path: Path, entity: str) -> None:
-        self.rows: list[tuple[float, dict]] = []
-        self.static: dict = {}
-        for chunk in RrdReader(path).stream():
-            if chunk.entity_path == entity:
-                self._take(chunk)
-        self.rows.sort(key=lambda row: row[0])
-
-    def _take(self, chunk: object) -> None:
-        batch = chunk.to_record_batch()
-        for row in batch.drop_columns([n for n in batch.schema.names if n == "sim_time"]).to_pylist() if chunk.is_static else ():
-            self.static.update({key: value for key, value in row.items() if value is not None})
-        if not chunk.is_static:
-            seconds = [time.value / 1e9 for time in batch["sim_time"]]
-            names = [name for name in batch.schema.names if ":" in name]
-            lists = {name: batch[name].to_pylist() for name in names}
-            self.rows += [(t, {name: lists[name][i] for name in names}) for i, t in enumerate(seconds)]
-
-    def values(self, component: str) -> list[tuple[float, object]]:
-        return [(t, row[component]) for t, row in self.rows if row.get(component) is not None]
-
-
-def chunks(path: Path) -> list:
-    return list(RrdReader(path).stream())
-
-
-def entities_with(path: Path, component: str) -> set[str]:
-    return {chunk.entity_path for chunk in chunks(path) if component in chunk.to_record_batch().schema.names}
-
-
-def poses_at(path: Path, seconds: float) -> dict[str, tuple[float, float, float]]:
-    """Where the viewer draws each body: the newest pose of its frame."""
-    seen = {}
-    for t, row in Rows(path, "/tf").rows:
-        if t <= seconds + 1e-9:
-            (x, y, _), (_, _, z, w) = row["Transform3D:translation"][0], row["Transform3D:quaternion"][0]
-            seen[row["Transform3D:child_frame"][0]] = (x, y, 2 * np.arctan2(z, w))
-    return seen
 
 
 def same_pose(seen: tuple[float, float, float], meant: np.ndarray) -> bool:
@@ -108,7 +28,7 @@ def same_pose(seen: tuple[float, float, float], meant: np.ndarray) -> bool:
     return abs(seen[0] - meant[0]) < 1e-4 and abs(seen[1] - meant[1]) < 1e-4 and abs(turned) < 1e-4
 
 
-@pytest.mark.parametrize("seconds", [0.0, 12.3, 71.0, SECONDS])
+@pytest.mark.parametrize("seconds", [0.0, 12.3, 71.0, ACTED_SECONDS])
 def test_every_body_is_drawn_where_the_frame_says(layout: Layout, acted: list[Frame], recording: Path, seconds: float) -> None:
     seen, meant = poses_at(recording, seconds), acted[round(seconds * 10)].poses
     assert set(seen) == set(layout.names)
@@ -120,7 +40,7 @@ def test_layers_are_separate_and_time_is_physics_time(recording: Path) -> None:
     assert {chunk.entity_path.split("/")[1] for chunk in logged} - {""} == LAYERS
     assert {name for chunk in logged for name in chunk.timeline_names} == {"sim_time"}
     times = [t for t, _ in Rows(recording, "/tf").rows]
-    assert (min(times), max(times)) == (0.0, SECONDS)
+    assert (min(times), max(times)) == (0.0, ACTED_SECONDS)
 
 
 def test_every_body_has_a_shape_in_a_frame_of_its_own(layout: Layout, recording: Path) -> None:
@@ -140,7 +60,7 @@ def test_what_a_robot_does_is_its_state_and_the_colour_of_its_pin(recording: Pat
 def test_scans_are_thinned_and_in_the_frame_of_their_robot(recording: Path) -> None:
     clouds = Rows(recording, "/scans/carrier_01").values("Points3D:positions")
     assert [t for t, _ in clouds] == [pytest.approx(0.5 * i) for i in range(len(clouds))]
-    assert len(clouds) == 2 * SECONDS + 1
+    assert len(clouds) == 2 * ACTED_SECONDS + 1
     points = np.array(clouds[0][1])
     assert len(points) == 45  # every second beam of the 90 that hit
     assert np.all(points[:, :2] * 32 == np.round(points[:, :2] * 32))
@@ -199,33 +119,6 @@ def test_the_conversation_is_logged_and_drawn(recording: Path) -> None:
     drawn = [(t, len(lines)) for t, lines in Rows(recording, "/talk").values("LineStrips3D:strips")]
     assert drawn[0][0] == 70.0 and drawn[0][1] >= 3
     assert drawn[-1][1] == 0  # and gone again
-
-
-def test_events_read_like_sentences() -> None:
-    assert line_of("call", "bin_01", "carrier_02", "lane 3 east") == "bin_01 > carrier_02: call, lane 3 east"
-    assert line_of("row picked", "picker_01", "", "row picked: 3") == "picker_01: row picked: 3"
-    assert (level_of("claim"), level_of("call"), level_of("collision")) == ("DEBUG", "INFO", "WARN")
-
-
-def test_what_is_asked_of_many_and_answered_by_many_is_one_line_each() -> None:
-    carriers = [f"carrier_{i:02d}" for i in range(1, 6)]
-    calls = [Event("Call", "bin_01", carrier, "who is free? row 1") for carrier in carriers]
-    offers = [Event("Offer", carrier, "bin_01", f"I am, {10 * i} m away") for i, carrier in enumerate(carriers)]
-    come, full = Event("Come", "bin_01", "carrier_02", "come, row 1"), Event("bin full", "bin_02", "picker_02", "row 2")
-    assert [line_of(*event) for event in gathered([full, *calls, *offers, come])] == [
-        "bin_02 > picker_02: bin full, row 2",
-        "bin_01 > 5 carriers: Call, who is free? row 1",
-        "5 carriers > bin_01: Offer",
-        "bin_01 > carrier_02: come, row 1",
-    ]
-    (two,) = gathered(offers[1:3])
-    assert line_of(*two) == "carrier_02, carrier_03 > bin_01: Offer, I am, 10 m away; I am, 20 m away"
-
-
-def test_questions_of_safety_do_not_crowd_out_the_harvest() -> None:
-    assert {level_of(what) for what in ("Where", "Position", "State", "BinState", "Places")} == {"DEBUG"}
-    assert {level_of(what) for what in ("Call", "Offer", "Come", "Here", "row picked", "unloaded")} == {"INFO"}
-    assert (level_of("stopped"), level_of("nothing recorded"), level_of("lost")) == ("WARN", "WARN", "ERROR")
 
 
 def test_the_legend_names_every_state_and_its_colour(recording: Path) -> None:
@@ -312,90 +205,3 @@ def test_a_recording_opens_after_a_kill(tmp_path: Path) -> None:
     assert max(t for t, _ in Rows(path, "/tf").rows) == 20.0
     optimize(path)
     assert RrdReader(path).recordings()
-
-
-# -- looked at
-
-
-LIBRARIES = ("xkbcommon-x11", "X11-xcb", "Xcursor", "Xi", "Xrandr")
-
-
-def why_no_renderer() -> str:
-    """What the headless viewer lacks here, or ''."""
-    if not glob.glob("/usr/share/vulkan/icd.d/*.json") + glob.glob("/etc/vulkan/icd.d/*.json"):
-        return "no Vulkan driver: apt-get install the list in .ci/apt-packages.txt"
-    missing = [library for library in LIBRARIES if find_library(library) is None]
-    return f"missing for the headless viewer: {', '.join(missing)} (see .ci/apt-packages.txt)" if missing else ""
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-@contextmanager
-def looking_at(path: Path) -> Iterator[ViewerClient]:
-    """A viewer without a window that has loaded a recording."""
-    client = ViewerClient.spawn(headless=True, port=free_port(), hide_welcome_screen=True, executable_path=viewer_program())
-    try:
-        client.open(str(path))
-        deadline = time.monotonic() + 60
-        while not client.get_state().views or client.get_state().loading:
-            assert time.monotonic() < deadline, "the viewer did not load the recording within 60 s"
-            client.take_screenshot(max_size=100)
-        yield client
-    finally:
-        client.quit()
-
-
-@pytest.fixture(scope="module")
-def viewer(recording: Path) -> Iterator[ViewerClient]:
-    with looking_at(recording) as client:
-        yield client
-
-
-def picture(client: ViewerClient, seconds: float, view: str) -> np.ndarray:
-    """(height, width, 3) of a view at a time; the first picture after a change may still be the old one."""
-    client.set_time("sim_time", duration=seconds, play_state="paused")
-    (shown,) = [v for v in client.get_state().views if v.name == view]
-    for _ in range(3):
-        png = client.take_screenshot(shown.view_id)
-    return np.array(Image.open(io.BytesIO(png)).convert("RGB")).astype(float)
-
-
-@pytest.mark.skipif(bool(why_no_renderer()), reason=why_no_renderer() or "-")
-class TestInTheViewer:
-    def test_no_view_complains(self, viewer: ViewerClient) -> None:
-        picture(viewer, 40.0, "Orchard")
-        assert [(view.name, report.summary) for view in viewer.get_state().views for report in view.reports] == []
-
-    def test_the_picture_is_not_blank_and_moves(self, viewer: ViewerClient) -> None:
-        early, late = picture(viewer, 5.0, "Orchard"), picture(viewer, 60.0, "Orchard")
-        assert early.std() > 20
-        assert np.abs(early - late).max(axis=2).mean() > 0.3
-
-    def test_robots_are_where_the_plan_says(self, viewer: ViewerClient, layout: Layout, acted: list[Frame]) -> None:
-        plan, frame = picture(viewer, 80.0, "Plan"), acted[800]
-        for name in ("picker_01", "picker_02"):
-            column, row = on_the_plan(plan, layout, *frame.poses[layout.index[name]][:2])
-            around = plan[row - 6 : row + 7, column - 6 : column + 7].reshape(-1, 3)
-            assert np.abs(around - STATES["waiting"]).sum(axis=1).min() < 90, f"no waiting pin at {name}"
-
-    def test_the_largest_orchard_opens_well(self, tmp_path: Path) -> None:
-        recorder = Recorder(acted_layout(rows=20, pickers=20), "large", tmp_path / "large.rrd")
-        for frame in frames(recorder.layout, 2.0):
-            recorder.tick(frame)
-        recorder.close()
-        with looking_at(tmp_path / "large.rrd") as viewer:
-            assert picture(viewer, 1.0, "Orchard").std() > 20 and picture(viewer, 1.0, "Plan").std() > 20
-            assert [(view.name, report.summary) for view in viewer.get_state().views for report in view.reports] == []
-
-
-def on_the_plan(plan: np.ndarray, layout: Layout, x: float, y: float) -> tuple[int, int]:
-    """Column and row of a place: the plan fits into the view, centred."""
-    high, wide = plan_size(layout)
-    rows, columns = plan.shape[:2]
-    scale = min(rows / high, columns / wide)
-    middle = (34.0 + layout.bottom) / 2
-    return round(columns / 2 + x * scale), round(rows / 2 - (y - middle) * scale)

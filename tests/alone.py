@@ -1,0 +1,27 @@
+"""Runs without any network: their hashes are those that runs of many processes must have, whatever happens to them."""
+
+from functools import cache
+
+from orchard.config import Animals, People, Scenario
+from orchard.local import Local
+
+SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)
+AGENTS = 9  # of the small scenario
+TICKS = 120
+TOY = "callers:cast"  # agents that do little but call each other
+
+HARVEST_TICKS = 1500  # up to the exchanges of 3 rows with 2 pickers
+
+
+def local_hash(scenario, ticks, agents=None):
+    """The hash of a run after so many ticks."""
+    local = Local(scenario, agents)
+    for _ in range(ticks):
+        local.tick()
+    return local.engine.hash
+
+
+@cache
+def harvest_hash():
+    """That of 3 rows after HARVEST_TICKS."""
+    return local_hash(Scenario(rows=3), HARVEST_TICKS)

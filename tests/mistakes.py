@@ -1,0 +1,21 @@
+"""What is said of a scenario text that is none."""
+
+import pytest
+
+from orchard.config import (
+    ScenarioError,
+    parse,
+)
+
+
+def refused(text: str) -> list[str]:
+    """What is wrong with a scenario text, a line a problem."""
+    with pytest.raises(ScenarioError) as caught:
+        parse(text, "my.yaml")
+    return str(caught.value).splitlines()
+
+
+def refusal(text: str) -> str:
+    """The one thing that is wrong with a scenario text."""
+    (line,) = refused(text)
+    return line

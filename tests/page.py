@@ -1,0 +1,72 @@
+"""The page in a browser, for tests: a server of its own, and headless Chromium."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from processes.fleet import free_port
+
+ROOT = Path(__file__).parent.parent
+PROGRAMS = [shutil.which("chromium"), shutil.which("chromedriver")]
+RUN_SECONDS = 60.0  # that a small run may take on a busy machine
+
+ON_CI = os.environ.get("CI") == "true"  # where nothing is skipped
+
+
+def skip_without_packages() -> None:
+    """Skip the file that calls this where the page cannot be."""
+    for package in () if ON_CI else ("nicegui", "selenium"):
+        pytest.importorskip(package, reason=f"{package} is missing: pip install 'orchard[app,dev]'")
+
+
+def page(*arguments: object) -> list[str]:
+    """The command that serves the page."""
+    return [sys.executable, "-m", "orchard.app", "--quiet", *map(str, arguments)]
+
+
+def wait_for(process: subprocess.Popen, address: str, seconds: float = 30.0) -> None:
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline and process.poll() is None:
+        try:
+            urllib.request.urlopen(address, timeout=5).close()
+            return
+        except OSError:
+            time.sleep(0.1)
+    raise AssertionError(f"{address} does not answer")
+
+
+@contextmanager
+def served(runs: Path):
+    """A page whose runs go to a folder; its address."""
+    port = free_port()
+    plain = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}  # or NiceGUI thinks it is the test
+    process = subprocess.Popen(page("--port", port, "--runs", runs), cwd=ROOT, stdout=subprocess.DEVNULL, env=plain)
+    address = f"http://127.0.0.1:{port}"
+    try:
+        wait_for(process, address)
+        yield address
+    finally:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
+
+
+@contextmanager
+def chromium_with(folder: Path, downloads: Path):
+    """A browser with a profile in a folder of its own."""
+    if None in PROGRAMS:
+        (pytest.fail if ON_CI else pytest.skip)("chromium and chromedriver are missing (.ci/apt-packages.txt)")
+    from browser import Browser, open_browser
+
+    driver = open_browser(*PROGRAMS, str(folder), str(downloads))
+    try:
+        yield Browser(driver)
+    finally:
+        driver.quit()

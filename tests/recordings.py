@@ -1,0 +1,94 @@
+"""What is in a recording, read back with Rerun's own reader."""
+
+from pathlib import Path
+
+import numpy as np
+from rerun.chunk import RrdReader
+
+from orchard.parts import parts_of
+
+History = dict[tuple[str, str], list[tuple[float, object]]]  # (entity, component) -> (s, simulated, value) in the order of time
+
+
+class Rows:
+    """All rows of one entity: (seconds, component -> value) in the order of time."""
+
+    def __init__(self, path: Path, entity: str) -> None:
+        self.rows: list[tuple[float, dict]] = []
+        self.static: dict = {}
+        for chunk in RrdReader(path).stream():
+            if chunk.entity_path == entity:
+                self._take(chunk)
+        self.rows.sort(key=lambda row: row[0])
+
+    def _take(self, chunk: object) -> None:
+        batch = chunk.to_record_batch()
+        for row in batch.drop_columns([n for n in batch.schema.names if n == "sim_time"]).to_pylist() if chunk.is_static else ():
+            self.static.update({key: value for key, value in row.items() if value is not None})
+        if not chunk.is_static:
+            seconds = [time.value / 1e9 for time in batch["sim_time"]]
+            names = [name for name in batch.schema.names if ":" in name]
+            lists = {name: batch[name].to_pylist() for name in names}
+            self.rows += [(t, {name: lists[name][i] for name in names}) for i, t in enumerate(seconds)]
+
+    def values(self, component: str) -> list[tuple[float, object]]:
+        return [(t, row[component]) for t, row in self.rows if row.get(component) is not None]
+
+
+def chunks(path: Path) -> list:
+    return list(RrdReader(path).stream())
+
+
+def entities_with(path: Path, component: str) -> set[str]:
+    return {chunk.entity_path for chunk in chunks(path) if component in chunk.to_record_batch().schema.names}
+
+
+def poses_at(path: Path, seconds: float) -> dict[str, tuple[float, float, float]]:
+    """Where the viewer draws each body: the newest pose of its frame."""
+    seen = {}
+    for t, row in Rows(path, "/tf").rows:
+        if t <= seconds + 1e-9:
+            (x, y, _), (_, _, z, w) = row["Transform3D:translation"][0], row["Transform3D:quaternion"][0]
+            seen[row["Transform3D:child_frame"][0]] = (x, y, 2 * np.arctan2(z, w))
+    return seen
+
+
+def rows_of(file: Path) -> History:
+    """What was recorded in all parts together."""
+    found: History = {}
+    for path in parts_of(file):
+        for chunk in RrdReader(path).stream():
+            batch = chunk.to_record_batch()
+            if not chunk.is_static and "sim_time" in batch.schema.names:
+                times = [time_.value / 1e9 for time_ in batch["sim_time"]]
+                for name in (name for name in batch.schema.names if ":" in name):
+                    found.setdefault((chunk.entity_path, name), []).extend(
+                        (t, value) for t, value in zip(times, batch[name].to_pylist(), strict=True) if value is not None
+                    )
+    return {key: sorted(rows, key=lambda row: row[0]) for key, rows in found.items()}
+
+
+def lines_of(rows: History) -> list[tuple[float, str]]:
+    """The log of events: (s, simulated, line)."""
+    return [(t, text[0]) for t, text in rows.get(("/events", "TextLog:text"), [])]
+
+
+def seen_at(rows: History, seconds: float) -> dict[tuple[str, str], object]:
+    """What a viewer shows of all that changes seldom."""
+    newest = {}
+    for (entity, component), course in rows.items():
+        if entity.startswith(("/world", "/canopy", "/pins")):
+            past = [row for row in course if row[0] <= seconds]
+            newest.update({(entity, component): past[-1]} if past else {})
+    cleared = {entity: t for (entity, component), (t, _) in newest.items() if component == "Clear:is_recursive"}
+    return {key: value for key, (t, value) in newest.items() if t > cleared.get(key[0], -1.0) and value != []}
+
+
+def seconds_of(recording: Path) -> float:
+    """How many simulated seconds are in a recording."""
+    latest = 0.0
+    for chunk in RrdReader(str(recording)).stream():
+        batch = chunk.to_record_batch()
+        if "sim_time" in batch.schema.names and batch.num_rows:
+            latest = max(latest, max(batch.column("sim_time").cast("int64").to_pylist()) / 1e9)
+    return latest

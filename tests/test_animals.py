@@ -1,0 +1,33 @@
+"""What dogs and cats do."""
+
+import pytest
+from guests import one_guest
+
+
+@pytest.mark.parametrize("kind", ["dog", "cat"])
+def test_random_animals_change_direction_and_speed_every_three_seconds(kind):
+    stage = one_guest(kind, 0.0, 20.0)
+    speeds = []
+    for _ in range(20):
+        stage.run(3)
+        speeds.append(stage.local.memories[f"{kind}_01"].speed)
+    assert len(set(speeds)) == 20
+    assert all(0 <= speed <= 3 for speed in speeds)
+
+
+def test_animals_keep_their_mind_for_three_seconds():
+    stage = one_guest("dog", 0.0, 20.0)
+    minds = []
+    for _ in range(300):
+        stage.tick()
+        minds.append(stage.local.memories["dog_01"].speed)
+    changes = [i for i in range(1, 300) if minds[i] != minds[i - 1]]
+    assert changes == list(range(30, 300, 30))
+
+
+@pytest.mark.parametrize("kind", ["dog", "cat"])
+def test_animals_turn_away_from_obstacles(kind):
+    stage = one_guest(kind, 47.0, 31.0)  # in a corner between two fences
+    stage.run(120)
+    assert stage.world.distance[stage.world.index[f"{kind}_01"]] > 30
+    assert stage.world.refused[stage.world.index[f"{kind}_01"]] < 20

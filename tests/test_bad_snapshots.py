@@ -1,0 +1,110 @@
+"""Snapshots that lie, or are damaged: refused by name, or gone on from."""
+
+import hashlib
+import itertools
+import math
+import random
+from contextlib import suppress
+
+import msgpack
+import numpy as np
+import pytest
+from corpus import mutants
+from test_snapshot import assert_usable_or_refused, local_at
+
+from orchard.local import Local
+from orchard.messages import pack
+from orchard.snapshot import HEAD, LARGEST, VERSION, SnapshotError, read
+from processes.account import Account
+
+
+@pytest.fixture(scope="module")
+def snapshot():
+    """A good one, as plain data."""
+    local = local_at(12)
+    taken = local.snapshot()
+    taken.figures |= Account(local.engine).as_data()
+    return msgpack.unpackb(pack(taken), strict_map_key=False)
+
+
+def resumed(path, tree) -> Local:
+    """What becomes of a snapshot with a right checksum. Raises SnapshotError."""
+    payload = tree if isinstance(tree, bytes) else msgpack.packb(tree)
+    path.write_bytes(HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
+    found = read(path)
+    local = Local.resume(found)
+    Account(local.engine, found.figures)
+    return local
+
+
+def array(tree, name, kind, place, value):
+    values = np.frombuffer(tree["world"][name], kind).copy()
+    values[place] = value
+    return tree | {"world": tree["world"] | {name: values.tobytes()}}
+
+
+FALSE = {
+    "coupled to 999": lambda t: array(t, "coupled", "<i8", 0, 999),
+    "coupled to -7": lambda t: array(t, "coupled", "<i8", 0, -7),
+    "coupled to itself": lambda t: array(t, "coupled", "<i8", 0, 0),
+    "coupled one way": lambda t: array(t, "coupled", "<i8", 0, -1),
+    "nowhere": lambda t: array(t, "pose", "<f8", 0, math.nan),
+    "far away": lambda t: array(t, "pose", "<f8", 1, 1e9),
+    "infinite turn": lambda t: array(t, "pose", "<f8", 2, math.inf),
+    "fast": lambda t: array(t, "twist", "<f8", 0, 1e300),
+    "overfull": lambda t: array(t, "fill", "<f8", 0, 1e6),
+    "less than none": lambda t: array(t, "row_picked", "<f8", 0, -1.0),
+    "two truths": lambda t: array(t, "alive", "u1", 0, 7),
+    "from nowhere": lambda t: array(t, "row_from", "<i8", 0, 5),
+    "unloaded backwards": lambda t: array(t, "bay_ticks", "<i8", 0, -5),
+    "short": lambda t: t | {"world": t["world"] | {"pose": b"\0" * 8}},
+    "text": lambda t: t | {"world": t["world"] | {"pose": "x"}},
+    "no pose": lambda t: t | {"world": {k: v for k, v in t["world"].items() if k != "pose"}},
+    "before the beginning": lambda t: t | {"world": t["world"] | {"tick": -1}},
+    "never": lambda t: t | {"world": t["world"] | {"tick": 2**63}},
+    "half a tick": lambda t: t | {"world": t["world"] | {"tick": 1.5}},
+    "no world": lambda t: t | {"world": {}},
+    "no memories": lambda t: t | {"memories": dict.fromkeys(t["memories"], b"\xc1\xc1")},
+    "nobody remembers": lambda t: t | {"memories": {"nobody": b"\x80"}},
+    "nobody held": lambda t: t | {"held": ["nobody"]},
+    "other agents' memories": lambda t: t | {"memories": {**t["memories"], "picker_01": b"\x81\xa4plan\xa1x"}},
+    "short hash": lambda t: t | {"digest": b"x"},
+    "odd run": lambda t: t | {"run": "a/*"},
+    "other scenario": lambda t: t | {"scenario": {"rows": 20}},
+    "no scenario": lambda t: t | {"scenario": {"rows": -1}},
+    "other figures": lambda t: t | {"figures": {"states": {"since": "x", "ticks": {}}}},
+    "no states": lambda t: t | {"figures": {"states": {}}},
+    "no invariants": lambda t: t | {"figures": {"invariants": 3}},
+    "wall of text": lambda t: t | {"figures": t["figures"] | {"wall_seconds": []}},
+    "harvest": lambda t: t | {"figures": t["figures"] | {"harvest": 1}},
+    "deep": lambda t: b"\x91" * 100_000,
+    "nothing": lambda t: b"",
+    "large": lambda t: bytes(LARGEST),
+}
+
+
+@pytest.mark.parametrize("lie", FALSE)
+def test_a_snapshot_that_lies_is_refused(tmp_path, snapshot, lie):
+    with pytest.raises(SnapshotError) as refused:
+        resumed(tmp_path / "lie.snapshot", FALSE[lie](snapshot))
+    assert len(str(refused.value)) < 3000
+
+
+def test_letters_to_nobody_go_nowhere(tmp_path, snapshot):
+    written = {"nobody": {"requests": [["nowhere", {"type": "where"}]], "answers": [["nobody", 3, 0, {"type": "yes"}]]}}
+    lost = snapshot | {"letters": [*snapshot["letters"], [11, written], [2**60, written], [-5, written]]}
+    for tree in (snapshot, lost):
+        local = resumed(tmp_path / "letters.snapshot", tree)
+        local.tick()
+        assert local.engine.tick == 13
+
+
+def test_a_damaged_snapshot_goes_on_or_is_refused(tmp_path, snapshot):
+    path, chance = tmp_path / "damaged.snapshot", random.Random(6)
+    assert_usable_or_refused(path, b"")
+    good = 0
+    for payload in itertools.islice(mutants(msgpack.packb(snapshot), chance), 150):
+        with suppress(SnapshotError):
+            resumed(path, payload)
+            good += 1
+    assert good < 110

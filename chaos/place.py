@@ -3,7 +3,6 @@
 import socket
 import time
 from contextlib import ExitStack, suppress
-from types import TracebackType
 
 from chaos.relay import Relay
 from processes.fleet import Fleet, Program, free_port
@@ -31,7 +30,7 @@ class Place:
             self._stack.enter_context(self.relay)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         self._stack.close()
 
     def start_router(self) -> None:

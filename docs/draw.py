@@ -1,11 +1,10 @@
-"""Draws docs/plan.svg (the whole orchard) and docs/exchange-east.svg, docs/exchange-west.svg (the ends of lanes), to scale."""
+"""Draws docs/plan.svg (the whole orchard) and docs/exchange-east.svg (the ends of lanes), to scale."""
 
 from pathlib import Path
 
 from orchard.config import Scenario
 from orchard.layout import lay_out
 from orchard.plan import exchange_plan, orchard_plan
-from orchard.roads import EAST_SIDE, WEST_SIDE
 
 HERE = Path(__file__).parent
 
@@ -15,8 +14,7 @@ def drawings() -> dict[str, str]:
     layout = lay_out(Scenario())
     return {
         "plan.svg": orchard_plan(layout),
-        "exchange-east.svg": exchange_plan(layout, EAST_SIDE),
-        "exchange-west.svg": exchange_plan(layout, WEST_SIDE),
+        "exchange-east.svg": exchange_plan(layout),
     }
 
 

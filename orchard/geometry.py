@@ -71,8 +71,3 @@ def from_frame(pose: Pose, ahead: float, left: float) -> tuple[float, float]:
 def yaw_of(z: float, w: float) -> float:
     """The yaw of an upright body from its quaternion (0, 0, z, w)."""
     return trig.wrap(2.0 * trig.atan2(z, w))
-
-
-def quaternion_of(yaw: float) -> tuple[float, float]:
-    """The parts z and w of an upright body's quaternion; x and y are 0."""
-    return trig.sin_cos(0.5 * yaw)

@@ -80,15 +80,14 @@ def orchard_plan(layout: Layout) -> str:
     return drawing.svg()
 
 
-def exchange_plan(layout: Layout, side: Side = EAST_SIDE) -> str:
-    """The places at the ends of the first three lanes of one side, with what turns sweep there."""
+def exchange_plan(layout: Layout) -> str:
+    """The places at the east ends of the first three lanes, with what turns sweep there; the west is its mirror image."""
     low, high = layout.lane(3).y - 4, layout.lane(1).y + 5
-    west, east = sorted((side.x(30.0), side.x(46.0)))
-    drawing = Drawing(west, low, east, high)
+    drawing = Drawing(30.0, low, 46.0, high)
     _ground(drawing, layout)
     _roads(drawing, layout)
     for lane in layout.lanes[:3]:
-        _exchange(drawing, lane.y, side)
+        _exchange(drawing, lane.y, EAST_SIDE)
     return drawing.svg()
 
 

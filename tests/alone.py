@@ -21,6 +21,14 @@ def local_hash(scenario, ticks, agents=None):
     return local.engine.hash
 
 
+def local_at(tick: int) -> Local:
+    """A run of 3 rows that has come to a tick."""
+    local = Local(Scenario(rows=3))
+    while local.engine.tick < tick:
+        local.tick()
+    return local
+
+
 @cache
 def harvest_hash():
     """That of 3 rows after HARVEST_TICKS."""

@@ -9,8 +9,9 @@ from contextlib import suppress
 import msgpack
 import numpy as np
 import pytest
+from alone import local_at
 from corpus import mutants
-from test_snapshot import assert_usable_or_refused, local_at
+from test_snapshot import assert_usable_or_refused
 
 from orchard.local import Local
 from orchard.messages import pack

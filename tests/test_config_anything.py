@@ -71,7 +71,7 @@ def test_any_value_is_a_scenario_or_an_error(values: object) -> None:
     scenario_or_error(check, values)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.dictionaries(st.text(max_size=3) | st.sampled_from(["rows", "people.workers", "people", "laser.noise.x"]), anything, max_size=3))
 def test_any_change_is_a_scenario_or_an_error(changes: dict) -> None:
     scenario_or_error(lambda: with_changes(Scenario(), **changes))
@@ -89,7 +89,7 @@ def test_any_text_is_a_scenario_or_an_error(text: str) -> None:
     scenario_or_error(parse, text)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(nearly)
 def test_any_yaml_of_values_is_a_scenario_or_an_error(values: dict) -> None:
     scenario_or_error(parse, yaml.dump(values))

@@ -14,7 +14,7 @@ from recordings import seconds_of
 from orchard.config import Scenario, to_yaml
 from processes.fleet import free_port
 
-SECONDS = 60.0  # simulated
+SECONDS = 40.0  # simulated
 PACE = ("--rows", 3, "--speed", 10, "--duration", SECONDS)
 
 

@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from alone import HARVEST_TICKS, harvest_hash
+from alone import HARVEST_TICKS, harvest_hash, local_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,14 +16,7 @@ from orchard.snapshot import HEAD, KEPT, VERSION, Snapshot, SnapshotError, newes
 from orchard.thaw import world_from
 
 
-def local_at(tick: int) -> Local:
-    local = Local(Scenario(rows=3))
-    while local.engine.tick < tick:
-        local.tick()
-    return local
-
-
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(st.lists(st.integers(0, HARVEST_TICKS), min_size=1, max_size=4))
 def test_a_run_resumed_at_any_ticks_has_the_hash_of_one_never_interrupted(ticks):
     local = Local(Scenario(rows=3))

@@ -49,7 +49,7 @@ def test_walkers_stop_and_turn_left_within_a_metre():
     assert twist.yaw > 0
 
 
-@pytest.mark.parametrize("seed", [1, 6, 16])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.soak) for seed in (6, 16))])
 def test_nobody_stays_within_a_circle_of_three_metres_for_a_minute(seed):
     stage = meadow(seed=seed, tractor=True, people=People(workers=3, visitors=3), animals=Animals(dogs=3, cats=3))
     guests = [n for n in stage.world.layout.names if n.split("_")[0] in ("worker", "visitor", "dog", "cat")]

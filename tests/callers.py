@@ -26,9 +26,10 @@ class Counted(msgspec.Struct):
 
 
 class Caller:
-    """Asks three others at every tick, one of whom does not exist; answers two of three; drives by all that it heard."""
+    """Asks two others at every tick, and one who does not exist; answers two of three; drives by all that it heard."""
 
     Memory = Counted
+    strangers = ("nobody",)  # whom it asks as well
 
     def __init__(self, name: str, names: list[str]) -> None:
         self.name, self.names = name, names
@@ -40,7 +41,8 @@ class Caller:
         memory.unanswered += sum(reply.body is None for reply in mail.replies)
         state = BinState(True, float(memory.heard), self.name)
         answers = [(heard, state) for heard in mail.requests if self._draw(heard.sender, seen.tick) % 3]
-        requests = [(self.names[self._draw(f"to {i}", seen.tick) % len(self.names)], State()) for i in range(2)] + [("nobody", State())]
+        friends = [self.names[self._draw(f"to {i}", seen.tick) % len(self.names)] for i in range(2)]
+        requests = [(name, State()) for name in (*friends, *self.strangers)]
         twist = Twist(0.01 * (memory.heard % 5), 0.0, 0.001 * (memory.replies % 7) - 0.001 * (memory.unanswered % 3))
         return Action(twist, requests=requests, answers=answers, memory=memory, doing="calling", steps_done=seen.tick)
 
@@ -48,9 +50,23 @@ class Caller:
         return int.from_bytes(hashlib.blake2b(f"{self.name} {what} {tick}".encode(), digest_size=4).digest())
 
 
+class Friend(Caller):
+    """Asks only who is there: a request to nobody, which is never received, makes everybody recall the mail of every tick."""
+
+    strangers = ()
+
+
 def cast(layout: Layout, names: object = None) -> dict[str, Caller]:
+    return _of(Caller, layout)
+
+
+def friends(layout: Layout, names: object = None) -> dict[str, Caller]:
+    return _of(Friend, layout)
+
+
+def _of(class_: type[Caller], layout: Layout) -> dict[str, Caller]:
     names = sorted((*layout.names, TRAFFIC))
-    return {name: Caller(name, names) for name in names}
+    return {name: class_(name, names) for name in names}
 
 
 class Slow:

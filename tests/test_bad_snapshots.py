@@ -13,9 +13,12 @@ from alone import local_at
 from corpus import mutants
 from test_snapshot import assert_usable_or_refused
 
+from orchard.config import Scenario
+from orchard.layout import lay_out
 from orchard.local import Local
 from orchard.messages import pack
 from orchard.snapshot import HEAD, LARGEST, VERSION, SnapshotError, read
+from orchard.thaw import world_from
 from processes.account import Account
 
 
@@ -28,11 +31,16 @@ def snapshot():
     return msgpack.unpackb(pack(taken), strict_map_key=False)
 
 
-def resumed(path, tree) -> Local:
-    """What becomes of a snapshot with a right checksum. Raises SnapshotError."""
+def filed(path, tree):
+    """The file of a snapshot, with a right checksum."""
     payload = tree if isinstance(tree, bytes) else msgpack.packb(tree)
     path.write_bytes(HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
-    found = read(path)
+    return path
+
+
+def resumed(path, tree) -> Local:
+    """What becomes of a snapshot. Raises SnapshotError."""
+    found = read(filed(path, tree))
     local = Local.resume(found)
     Account(local.engine, found.figures)
     return local
@@ -42,6 +50,13 @@ def array(tree, name, kind, place, value):
     values = np.frombuffer(tree["world"][name], kind).copy()
     values[place] = value
     return tree | {"world": tree["world"] | {name: values.tobytes()}}
+
+
+def on_a_weed(tree):
+    """The first picker is coupled to a weed, and the weed to the picker."""
+    index = lay_out(Scenario(rows=3)).index
+    picker, fruit, weed = (index[name] for name in ("picker_01", "bin_01", "weed_01"))
+    return array(array(array(tree, "coupled", "<i8", fruit, -1), "coupled", "<i8", picker, weed), "coupled", "<i8", weed, picker)
 
 
 FALSE = {
@@ -58,6 +73,12 @@ FALSE = {
     "two truths": lambda t: array(t, "alive", "u1", 0, 7),
     "from nowhere": lambda t: array(t, "row_from", "<i8", 0, 5),
     "unloaded backwards": lambda t: array(t, "bay_ticks", "<i8", 0, -5),
+    "driven backwards": lambda t: array(t, "distance", "<f8", 0, -1.0),
+    "refused backwards": lambda t: array(t, "refused", "<i8", 0, -1),
+    "held back backwards": lambda t: array(t, "held", "<i8", 0, -1),
+    "delivered backwards": lambda t: t | {"world": t["world"] | {"delivered": -1}},
+    "half a delivery": lambda t: t | {"world": t["world"] | {"delivered": 0.5}},
+    "coupled to a weed": on_a_weed,
     "short": lambda t: t | {"world": t["world"] | {"pose": b"\0" * 8}},
     "text": lambda t: t | {"world": t["world"] | {"pose": "x"}},
     "no pose": lambda t: t | {"world": {k: v for k, v in t["world"].items() if k != "pose"}},
@@ -89,6 +110,13 @@ def test_a_snapshot_that_lies_is_refused(tmp_path, snapshot, lie):
     with pytest.raises(SnapshotError) as refused:
         resumed(tmp_path / "lie.snapshot", FALSE[lie](snapshot))
     assert len(str(refused.value)) < 3000
+
+
+@pytest.mark.parametrize("lie", ["nobody remembers", "nobody held"])
+def test_who_is_not_there_is_refused_before_any_agent_is_made(tmp_path, snapshot, lie):
+    """By physics, which has no agents that could miss it."""
+    with pytest.raises(SnapshotError, match="nobody: there is no such agent"):
+        world_from(read(filed(tmp_path / "lie.snapshot", FALSE[lie](snapshot))))
 
 
 def test_letters_to_nobody_go_nowhere(tmp_path, snapshot):

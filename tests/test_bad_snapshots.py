@@ -119,6 +119,15 @@ def test_who_is_not_there_is_refused_before_any_agent_is_made(tmp_path, snapshot
         world_from(read(filed(tmp_path / "lie.snapshot", FALSE[lie](snapshot))))
 
 
+def test_a_file_that_is_too_large_is_refused_for_that(tmp_path):
+    """Before anything of it is looked at."""
+    path = tmp_path / "large.snapshot"
+    with path.open("wb") as sparse:
+        sparse.truncate(10**10)
+    with pytest.raises(SnapshotError, match=f"larger than {LARGEST} bytes"):
+        read(path)
+
+
 def test_letters_to_nobody_go_nowhere(tmp_path, snapshot):
     written = {"nobody": {"requests": [["nowhere", {"type": "where"}]], "answers": [["nobody", 3, 0, {"type": "yes"}]]}}
     lost = snapshot | {"letters": [*snapshot["letters"], [11, written], [2**60, written], [-5, written]]}

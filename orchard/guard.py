@@ -99,12 +99,12 @@ def _make(path: str, layout: Layout, name: str) -> Any:
         if not callable(getattr(agent, "tick", None)):
             raise TypeError(f"it has no method tick(observation, mail, memory){_place_of(type(agent))}")
     except Exception as error:
-        log.error("%s: its class %s is of no use, it stands: %s: %s%s", name, path, type(error).__name__, error, _place(error))
+        log.error("%s: its class %s is of no use, it stands: %s: %s%s", name, path, type(error).__name__, error, place(error))
         return Broken()
     return agent
 
 
-def _place(error: Exception) -> str:
+def place(error: Exception) -> str:
     """Where in the user's files it happened; '' if it was not there."""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename != __file__ and "importlib" not in f.filename]
     if isinstance(error, SyntaxError):

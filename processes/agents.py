@@ -16,6 +16,7 @@ from orchard.agent import Agent
 from orchard.bus import Bus, Inbox, Item, Signal, client
 from orchard.config import ScenarioError, check
 from orchard.endpoints import BusError
+from orchard.guard import place
 from orchard.host import GONE_SECONDS, Ended, Host, newcomer
 from orchard.identity import Identity, identity_in
 from orchard.keys import PREFIX, Keys
@@ -44,6 +45,17 @@ def factory(path: str) -> Factory:
     except (ImportError, AttributeError, ValueError) as error:
         raise ValueError(f"agents {path}: {error}; wanted is package.module:function") from error
     return found
+
+
+def made(path: str, layout: Layout, names: Collection[str]) -> dict[str, Agent]:
+    """name -> the agent that it makes. Raises ValueError where it has a mistake, with its place."""
+    make = factory(path)
+    try:
+        agents = make(layout, names)
+        return {name: agents[name] for name in names}
+    except Exception as error:
+        wanted = "a function of (layout, names) that gives a map with an agent for each name"
+        raise ValueError(f"agents {path}: {type(error).__name__}: {error}{place(error)}; wanted is {wanted}") from error
 
 
 # -- the process
@@ -75,8 +87,8 @@ def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None) -> H
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     allowed = run.agents if identity is None else set(run.agents) & set(identity.role.names)
     names = chosen(sorted(allowed), options.only, options.without, options.share)
-    agents = factory(options.agents)(layout, names)  # no others: a class that ends its process shall end no more than its own
-    host = Host(bus, keys, run.run, run.mode, layout, {name: agents[name] for name in names}, options.patience)
+    agents = made(options.agents, layout, names)  # no others: a class that ends its process shall end no more than its own
+    host = Host(bus, keys, run.run, run.mode, layout, agents, options.patience)
     host.listen()
     settle()
     return host

@@ -86,7 +86,7 @@ def slow(layout: Layout, names: object = None) -> dict[str, Slow]:
     return _all_slow(cast(layout), 1e-3)
 
 
-def slow_harvesters(layout: Layout) -> dict[str, Slow]:
+def slow_harvesters(layout: Layout, names: object = None) -> dict[str, Slow]:
     """The orchard's own agents, as slow."""
     return _all_slow(agents.cast(layout), 1e-4)
 

@@ -73,3 +73,13 @@ class Mortal(Eastward):
         if observation.tick >= 20:
             os._exit(7)
         return super().tick(observation, mail, memory)
+
+
+def lost(layout, names):
+    """A function that makes agents, and has a mistake in it."""
+    raise LookupError("no map")
+
+
+def nobody(layout, names):
+    """Makes none."""
+    return {}

@@ -12,6 +12,7 @@ from orchard.agents import cast
 from orchard.config import Scenario, ScenarioError, parse
 from orchard.layout import lay_out
 from orchard.local import Local
+from processes.agents import made
 
 README = (ROOT / "README.md").read_text()
 
@@ -135,3 +136,12 @@ def test_who_is_not_there_cannot_be_replaced():
 def test_what_is_no_class_is_named(text):
     with pytest.raises(ScenarioError, match="a map of kinds or names and the classes that drive them"):
         parse(text)
+
+
+@pytest.mark.parametrize(
+    ("function", "mistake"),
+    [("lost", r"LookupError: no map \(.*own_agents.py, line \d+\)"), ("nobody", "KeyError: 'picker_01'"), ("none", "no attribute 'none'")],
+)
+def test_a_function_that_makes_no_agents_is_told_with_its_place(function, mistake):
+    with pytest.raises(ValueError, match=f"agents own_agents:{function}: .*{mistake}.*wanted is"):
+        made(f"own_agents:{function}", lay_out(SMALL), ["picker_01"])

@@ -1,6 +1,7 @@
 """The step that every mode shares: look, act, account. Local mode and the physics process differ only in who brings the actions."""
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import msgspec
@@ -117,7 +118,8 @@ class Engine:
         return {name: mail_digests[name] for name in self.agents if mail_digests.get(name)}
 
     def _twists(self, actions: Mapping[str, Action]) -> np.ndarray:
-        return np.array([actions[name].twist if name in actions else STILL for name in self.layout.names], dtype=np.float64)
+        twists = (actions[name].twist if name in actions else STILL for name in self.layout.names)
+        return np.fromiter(chain.from_iterable(twists), dtype=np.float64).reshape(-1, 3)
 
     def _deeds(self, actions: Mapping[str, Action]) -> list[tuple[int, Deed]]:
         return [(i, deed) for i, name in enumerate(self.layout.names) if name in actions for deed in actions[name].deeds]

@@ -68,9 +68,13 @@ def test_scans_are_thinned_and_in_the_frame_of_their_robot(recording: Path) -> N
 
 
 def test_hits_leaves_out_what_is_not_there() -> None:
-    ranges = np.array([np.inf, 2.0, np.inf, 3.0, 10.0], np.float32)
-    assert len(hits(ranges, KINDS["picker"].laser, every=1)) == 2
-    assert hits(np.full(180, np.inf, np.float32), KINDS["picker"].laser, every=2).shape == (0, 3)
+    sweeps = np.array([[np.inf, 2.0, np.inf, 3.0, 10.0], [1.0, 10.0, 10.0, 10.0, np.inf]], np.float32)
+    points, lengths = hits(sweeps, KINDS["picker"].laser, every=1)
+    assert points.shape == (3, 3)
+    assert lengths.tolist() == [2, 1]
+    points, lengths = hits(np.full((2, 180), np.inf, np.float32), KINDS["picker"].laser, every=2)
+    assert points.shape == (0, 3)
+    assert lengths.tolist() == [0, 0]
 
 
 def test_a_row_turns_pale_as_it_is_picked_and_its_fruit_goes(recording: Path) -> None:

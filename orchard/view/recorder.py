@@ -160,12 +160,11 @@ class Recorder:
     def _send_scans(self) -> None:
         for i in self._scanned if self._scans else ():
             name, laser = self.layout.names[i], KINDS[self.layout.starts[i].kind].laser
-            kept = [(tick, scans[i]) for tick, scans in self._scans]
-            clouds = [(tick, hits(ranges, laser, self._beams)) for tick, ranges in kept if ranges is not None]
-            if clouds:
-                points = np.concatenate([cloud for _, cloud in clouds])
-                column = rr.Points3D.columns(positions=points).partition([len(cloud) for _, cloud in clouds])
-                self.rec.send_columns(f"scans/{name}", indexes=[_ticks(tick for tick, _ in clouds)], columns=column)
+            kept = [(tick, ranges) for tick, scans in self._scans if (ranges := scans[i]) is not None]
+            if kept:
+                points, lengths = hits(np.stack([ranges for _, ranges in kept]), laser, self._beams)
+                column = rr.Points3D.columns(positions=points).partition(lengths)
+                self.rec.send_columns(f"scans/{name}", indexes=[_ticks(tick for tick, _ in kept)], columns=column)
         self._scans.clear()
 
     def _send_events(self) -> None:
@@ -222,14 +221,16 @@ class Recorder:
         return rows if frame.fill is None else rows | {"metrics/bins/full": float((frame.fill >= ROW_LENGTH).sum())}
 
 
-def hits(ranges: np.ndarray, laser: Laser, every: int) -> np.ndarray:
-    """(m, 3) float32: where every so-manieth beam hit something, in the body's frame, on a grid of 1/32 m."""
-    beams = np.arange(0, len(ranges), every)
-    seen = beams[ranges[::every] < LASER_RANGE]
-    angles = laser.first + laser.increment * seen
-    flat = np.stack([laser.ahead + ranges[seen] * np.cos(angles), ranges[seen] * np.sin(angles)], axis=1)
-    points = np.concatenate([np.round(flat * SCAN_GRID) / SCAN_GRID, np.full((len(seen), 1), 0.25)], axis=1)
-    return points.astype(np.float32)
+def hits(sweeps: np.ndarray, laser: Laser, every: int) -> tuple[np.ndarray, np.ndarray]:
+    """Where every so-manieth beam of a body's sweeps, (n, beams), hit something: (m, 3) float32, sweep after sweep, in the body's frame, on
+    a grid of 1/32 m; and how many of these points are of each sweep, (n,).
+    """
+    ranges = sweeps[:, ::every]
+    seen = ranges < LASER_RANGE
+    angles = laser.first + laser.increment * every * np.nonzero(seen)[1]
+    x, y = laser.ahead + ranges[seen] * np.cos(angles), ranges[seen] * np.sin(angles)
+    flat = np.round(np.stack([x, y], axis=1) * SCAN_GRID) / SCAN_GRID
+    return np.concatenate([flat, np.full((len(flat), 1), 0.25)], axis=1).astype(np.float32), seen.sum(axis=1)
 
 
 def _transforms(places: np.ndarray, frames: list[str]) -> rr.ComponentColumnList:

@@ -98,6 +98,14 @@ def _sweep_of(name: str, ranges: bytes) -> np.ndarray:
     return sweep
 
 
+def _sweeps_of(names: Sequence[str], sweeps: Sequence[bytes]) -> list[np.ndarray]:
+    """The ranges of each. Raises ValueError for what its laser cannot have measured."""
+    beams, ranges = [_beams_of(name) for name in names], [np.frombuffer(sweep, "<f4") for sweep in sweeps]
+    if [len(sweep) for sweep in ranges] != beams or not np.concatenate(ranges).min() >= 0.0:
+        raise ValueError("ranges: wanted is one for each beam, 0 or more")
+    return ranges
+
+
 def picture_of(run: str, frame: Frame) -> Picture:
     """What travels of a frame, its events apart."""
     scans = None if frame.scans is None else [np.asarray(scan, dtype="<f4").tobytes() for scan in frame.scans]
@@ -117,7 +125,7 @@ def frame_of(picture: Picture, layout: Layout) -> Frame:
         raise ValueError(f"it is not of {bodies} bodies and {rows} rows")
     if not (np.abs(poses) <= FARTHEST).all():
         raise ValueError("not a number, or out of bounds")
-    scans = None if picture.scans is None else [_sweep_of(*sweep) for sweep in zip(layout.names, picture.scans, strict=True)]
+    scans = None if picture.scans is None else _sweeps_of(layout.names, picture.scans)
     return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered)
 
 

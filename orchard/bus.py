@@ -29,7 +29,7 @@ CONNECT_SECONDS = 7.0  # for how long a client looks for its router
 LISTEN_SECONDS = 1.0  # for how long a router tries to get its port
 LEASE_MS = 2000  # after which a silent neighbour counts as gone
 FULL_QUEUE_US = 300_000  # how long the router waits for a neighbour that takes nothing before it cuts it off
-GET_SECONDS = 60.0  # longer than any host is given to answer
+GET_SECONDS = 10.0  # far longer than a reader waits before it doubts; zenoh remembers every get until then, some 700 bytes, answered or not
 
 
 TIMED_OUT = "Timeout"  # the error with which zenoh ends a get that nobody has answered in time

@@ -3,7 +3,7 @@
 Points are in the agent's own frame: metres ahead of its centre, metres to its left.
 """
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -18,6 +18,7 @@ SIDE_MARGIN = 0.2  # m on either side of the corridor in which it looks
 TURN_MARGIN = 0.05  # m around what a turn sweeps
 _SWEEP_STEP = trig.PI / 48  # rad between the poses that a turn is tried at
 _BIN_HALF = KINDS["bin"].length / 2
+_CORRIDORS = 64  # kept: those that end at the stopping distance come every tick, those that end at a target seldom again
 
 
 class Box(NamedTuple):
@@ -36,7 +37,7 @@ def beams(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
     return np.array([c for _, c in pairs]), np.array([s for s, _ in pairs])
 
 
-@cache
+@lru_cache(maxsize=_CORRIDORS)
 def corridor(half_width: float, ahead: float) -> np.ndarray:
     """(180,): the range below which a forward beam ends inside a corridor of a half width, so far ahead of the front edge."""
     cosines, sines = beams(KINDS["picker"].laser)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from alone import local_at
 from corpus import mutants
-from test_snapshot import assert_usable_or_refused
+from torn import assert_usable_or_refused
 
 from orchard.config import Scenario
 from orchard.layout import lay_out

@@ -1,39 +1,17 @@
 """The rules of lockstep without a network: mail, who holds what, and velocities that nobody waits for."""
 
 import pytest
+from pretended import RUN, Clock, Query, heard_at, letter, roster
 
 from orchard.agent import Action, Heard
 from orchard.geometry import Twist
 from orchard.hosting import Mailbox
-from orchard.lockstep import Answers, Ledger, Loose, Pacer, Refused, Roster
+from orchard.lockstep import Answers, Ledger, Loose, Pacer, Refused
 from orchard.messages import Given, State, Written, Yes, pack
 from orchard.post import PostOffice
 from orchard.wire.driving import Report, Velocity
 from orchard.wire.geometry_msgs import Angular, Linear
-from orchard.wire.letters import Answered, Letter, Received
-from orchard.wire.vocabulary import read
-
-RUN = "run1"
-
-
-class Query:
-    """A query as a queryable's handler gets it."""
-
-    def __init__(self, payload):
-        self.payload, self.replies, self.error, self.dropped = payload, [], "", False
-
-    def reply(self, payload):
-        self.replies.append(read(payload, Received | Answered))
-
-    def refuse(self, reason):
-        self.error, self.dropped = reason, True
-
-    def drop(self):
-        self.dropped = True
-
-
-def letter(sender="bin_01", tick=4, number=0):
-    return pack(Letter(RUN, tick, sender, number, State()))
+from orchard.wire.letters import Answered, Received
 
 
 def mailbox(tick=5):
@@ -41,11 +19,6 @@ def mailbox(tick=5):
     box = Mailbox(RUN)
     box.join(tick)
     return box
-
-
-def heard_at(box, tick, name="picker_01"):
-    mail = box.deliver(tick).get(name)
-    return [] if mail is None else mail.requests
 
 
 # -- rules 3, 5 and 7: who is asked
@@ -182,14 +155,6 @@ def test_who_joins_again_forgets_all_mail():
 # -- who holds what
 
 
-def roster(*held):
-    one = Roster(["bin_01", "picker_01"])
-    for name, holder in held:
-        one.token(name, holder, True)
-        one.join(name, holder)
-    return one
-
-
 def test_an_agent_has_one_holder_until_that_one_is_gone():
     one = roster(("picker_01", "a"))
     one.token("picker_01", "b", True)
@@ -293,13 +258,6 @@ def test_answers_are_applied_in_one_order():
 
 
 # -- velocities that nobody waits for
-
-
-class Clock:
-    now = 100.0
-
-    def __call__(self):
-        return self.now
 
 
 def loose(ticks):

@@ -8,7 +8,7 @@ import pytest
 from alone import SMALL, local_at
 from command_line import orchard, running, summary_of
 from fleet import until
-from test_mail import RUN, Clock, Query, heard_at, letter, roster
+from pretended import RUN, Clock, Query, heard_at, letter, roster
 
 from orchard.agent import Action
 from orchard.config import to_yaml

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 import zenoh
+from alone import SMALL, local_hash
+from command_line import orchard, summary_of
 from fleet import ROOT, SECONDS, Process
 from fleet import Fleet as Processes
 from machines import machines, needs_machines, within
-from test_lockstep import SMALL, local_hash
-from test_run import orchard, summary_of
 from typer.testing import CliRunner
 
 import run

@@ -1,19 +1,18 @@
 """A run as data: whoever goes on from a snapshot has the hash of a run never interrupted; a bad one is refused by name."""
 
 import hashlib
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from alone import HARVEST_TICKS, harvest_hash, local_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from torn import assert_usable_or_refused
 
 from orchard.config import Scenario
 from orchard.local import Local
 from orchard.messages import pack, unpack
-from orchard.snapshot import HEAD, KEPT, VERSION, Snapshot, SnapshotError, newest, read, write
-from orchard.thaw import world_from
+from orchard.snapshot import HEAD, KEPT, VERSION, Snapshot, SnapshotError, newest, write
 
 
 @settings(max_examples=5, deadline=None)
@@ -88,12 +87,6 @@ def test_a_folder_without_a_snapshot_is_named(tmp_path):
 def good(tmp_path_factory) -> bytes:
     """The bytes of a good snapshot's file."""
     return write(local_at(3).snapshot(), tmp_path_factory.mktemp("good")).read_bytes()
-
-
-def assert_usable_or_refused(path: Path, data: bytes) -> None:
-    path.write_bytes(data)
-    with suppress(SnapshotError):
-        world_from(read(path))
 
 
 @settings(max_examples=200, deadline=None)

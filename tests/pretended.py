@@ -1,0 +1,48 @@
+"""What stands in for the network and the clock in the tests of lockstep's and realtime's rules: queries, letters, holders, time."""
+
+from orchard.lockstep import Roster
+from orchard.messages import State, pack
+from orchard.wire.letters import Answered, Letter, Received
+from orchard.wire.vocabulary import read
+
+RUN = "run1"
+
+
+class Query:
+    """A query as a queryable's handler gets it."""
+
+    def __init__(self, payload):
+        self.payload, self.replies, self.error, self.dropped = payload, [], "", False
+
+    def reply(self, payload):
+        self.replies.append(read(payload, Received | Answered))
+
+    def refuse(self, reason):
+        self.error, self.dropped = reason, True
+
+    def drop(self):
+        self.dropped = True
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+def letter(sender="bin_01", tick=4, number=0):
+    return pack(Letter(RUN, tick, sender, number, State()))
+
+
+def roster(*held):
+    one = Roster(["bin_01", "picker_01"])
+    for name, holder in held:
+        one.token(name, holder, True)
+        one.join(name, holder)
+    return one
+
+
+def heard_at(box, tick, name="picker_01"):
+    mail = box.deliver(tick).get(name)
+    return [] if mail is None else mail.requests

@@ -39,6 +39,10 @@ class Relay:
         """What was held up arrives, and all that comes."""
         self._flows.set()
 
+    def calm(self) -> None:
+        """From now on no connection breaks by itself."""
+        self._life = 0.0
+
     def cut(self) -> None:
         """Break all connections that there are now."""
         for pair in self._pairs:
@@ -75,9 +79,9 @@ class Relay:
             while chunk := source.recv(CHUNK):
                 self._flows.wait(SECONDS)
                 self._ended.wait(self._chance.random() * self._delay)
-                sink.sendall(chunk[: int(min(left, len(chunk)))])
+                sink.sendall(chunk[: int(min(left, len(chunk)))] if self._life else chunk)
                 left -= len(chunk)
-                if left <= 0:
+                if left <= 0 and self._life:
                     self.cuts += 1
                     break
         _close(source, sink)

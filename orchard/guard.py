@@ -17,6 +17,8 @@ from orchard.names import chosen
 log = logging.getLogger("orchard")
 
 FASTEST = 100.0  # m/s and rad/s: what no velocity can mean
+MOST_MEMORY = 32768  # bytes; that of all agents of a host travels in one message
+MISTAKES = (Exception, SystemExit)  # one agent's sys.exit() ends neither the others of its process nor the run
 
 
 class Guarded:
@@ -37,8 +39,8 @@ class Guarded:
             _check(action)
             if action.twist.y and not self._sideways:
                 raise ValueError(f"{action.twist}: a {kind_of(self.name)} does not move sideways")
-            self.packed = None if action.memory is None else pack(action.memory)
-        except Exception:
+            self.packed = _packed(action.memory)
+        except MISTAKES:
             self._tell(observation.tick)
             return Action(memory=memory, doing="broken")
         return action
@@ -66,10 +68,21 @@ def _check(action: Any) -> None:
     action.twist = twist = Twist(x, y, yaw)
     if not (abs(x) <= FASTEST and abs(y) <= FASTEST and abs(yaw) <= FASTEST):  # not so of what is not a number
         raise ValueError(f"{twist}: wanted are numbers from {-FASTEST:g} to {FASTEST:g}")
+    for word, wanted in (("doing", str), ("waits_for", str), ("steps_done", int)):
+        if not isinstance(value := getattr(action, word), wanted):
+            raise TypeError(f"{word} = {value!r}: wanted is {wanted.__name__}")
     said = [(deed, Deed) for deed in action.deeds] + [(body, Request) for _, body in action.requests]
     for message, type_ in [*said, *((body, Answer) for _, body in action.answers)]:
         if not isinstance(message, type_):
             raise TypeError(f"{message!r} is none of the messages in orchard/messages.py")
+
+
+def _packed(memory: Any) -> bytes | None:
+    """A memory as it travels. Raises TypeError for what cannot, ValueError for too much."""
+    packed = None if memory is None else pack(memory)
+    if packed is not None and len(packed) > MOST_MEMORY:
+        raise ValueError(f"a memory of {len(packed)} bytes; {MOST_MEMORY} can travel: what a successor needs")
+    return packed
 
 
 # -- classes that a scenario names
@@ -98,13 +111,13 @@ def _make(path: str, layout: Layout, name: str) -> Any:
         agent = getattr(importlib.import_module(module), class_)(layout, name)
         if not callable(getattr(agent, "tick", None)):
             raise TypeError(f"it has no method tick(observation, mail, memory){_place_of(type(agent))}")
-    except Exception as error:
+    except MISTAKES as error:
         log.error("%s: its class %s is of no use, it stands: %s: %s%s", name, path, type(error).__name__, error, place(error))
         return Broken()
     return agent
 
 
-def place(error: Exception) -> str:
+def place(error: BaseException) -> str:
     """Where in the user's files it happened; '' if it was not there."""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename != __file__ and "importlib" not in f.filename]
     if isinstance(error, SyntaxError):

@@ -59,6 +59,34 @@ class Secretive(Eastward):
         return Action(twist=Twist(x=0.25), memory=object())
 
 
+class Wordless(Eastward):
+    """Says what it does in a number."""
+
+    def tick(self, observation, mail, memory):
+        return Action(twist=Twist(x=0.25), memory=memory, doing=7)
+
+
+class Hoarder(Eastward):
+    """Remembers more than can travel."""
+
+    def tick(self, observation, mail, memory):
+        return Action(twist=Twist(x=0.25), memory={"map": bytes(1_000_000)})
+
+
+class Quitter(Eastward):
+    """Takes its leave as a program does."""
+
+    def tick(self, observation, mail, memory):
+        raise SystemExit(3)
+
+
+class Refuser(Eastward):
+    """Takes its leave when it is made."""
+
+    def __init__(self, layout, name):
+        raise SystemExit("no licence")
+
+
 class Stillborn(Eastward):
     """Ends its process when it is made."""
 

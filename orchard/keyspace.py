@@ -210,6 +210,7 @@ Before tick 0 there are no poses: physics waits until every agent that was left 
 4. Query `{{prefix}}/hosts/<session id>/join` with `run`, `holder` (the session id again) and `names`. The answer tells the present tick, or under `refused` why you cannot hold them:
    a name that is taken is never given twice.
 5. For each tick there comes one `pose` and one `scan` of the robot, and then `clock`. Put exactly one velocity with that very `tick` and with `holder`. Until it comes, the whole run waits.
+   Each subscriber of a program may hear in its own thread (in Python each callback does), and so `clock` before the `pose` of its tick: wait until the ticks agree.
    While it is missing, pose, scan and clock come again every {again} s: put the same velocity again, if you have put it before.
    In realtime (`mode` in the answer to the scenario query) nothing waits, and late answers count as well: see below.
    Who holds many puts one message for all on `velocities` of its session.

@@ -19,3 +19,8 @@ def viewer_program() -> str:
         which = f"{CHOSEN}={path}" if os.environ.get(CHOSEN) else str(path)
         raise FileNotFoundError(f"{which}: no such program; wanted is Rerun's viewer, which the package rerun-sdk brings along")
     return str(path)
+
+
+def window(*what: str) -> list[str]:
+    """The command line of a viewer in a window of its own; it too takes data, from this machine only. Raises FileNotFoundError."""
+    return [viewer_program(), "--bind", "127.0.0.1", *what]

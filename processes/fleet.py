@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from orchard.viewer import viewer_program
+from orchard.viewer import window
 
 ROOT = Path(__file__).parent.parent
 QUICK_SECONDS = 10.0  # who lives shorter than this has died quickly
@@ -165,4 +165,4 @@ def free_port() -> int:
 
 def open_viewer(what: str) -> subprocess.Popen[bytes]:
     """Rerun's own window, which stays when this process has ended; what is given is the viewer itself, to be ended by `terminate`."""
-    return subprocess.Popen([viewer_program(), what], start_new_session=True)
+    return subprocess.Popen(window(what), start_new_session=True)

@@ -64,12 +64,12 @@ def test_a_recording_is_opened_by_it_with_all_its_parts(stand_in, tmp_path):
         part.touch()
     done = run_py("view", parts[0])
     assert done.returncode == 0, done.stderr
-    assert told(stand_in) == list(map(str, parts))
+    assert told(stand_in) == ["--bind", "127.0.0.1", *map(str, parts)], "and no other machine can send it data"
 
 
 def test_a_live_run_is_shown_by_it_in_a_window_and_to_browsers(stand_in):
     open_viewer("rerun+http://127.0.0.1:9/proxy").wait(SECONDS)
-    assert told(stand_in) == ["rerun+http://127.0.0.1:9/proxy"]
+    assert told(stand_in) == ["--bind", "127.0.0.1", "rerun+http://127.0.0.1:9/proxy"], "and no other machine can send it data"
     assert command(9090, "what")[0] == str(stand_in)
 
 

@@ -24,16 +24,16 @@ from rich.console import Console
 
 from orchard.access import WARDEN
 from orchard.config import Scenario, ScenarioError, check, load, with_changes
-from orchard.endpoints import BusError
+from orchard.endpoints import BusError, check_free
 from orchard.guard import replaced
 from orchard.layout import lay_out
 from orchard.lockstep import PATIENCE
 from orchard.parts import parts_of
 from orchard.progress import Progress
 from orchard.snapshot import Snapshot, SnapshotError, newest
-from orchard.viewer import viewer_program
+from orchard.viewer import viewer_program, window
 from processes import options
-from processes.folder import Runs
+from processes.folder import Runs, check_writable
 from processes.options import Mode, check_guest, check_places, check_secure, named, pace
 from processes.terminal import BAD_INPUT, FINISHED, tell, tell_error, tell_of_recording, tell_of_snapshots, told
 from processes.wish import Wish
@@ -47,7 +47,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=False, pretty_exceptions
 # -- a harvest
 
 
-@app.command()
+@app.command(epilog="Other commands, each with --help of its own: view, app, stop, reset, secure.")
 def harvest(
     scenario: options.File = None,
     rows: options.Rows = None,
@@ -79,12 +79,12 @@ def harvest(
         others = {"scenario": scenario, "speed": speed, "duration": duration, "record": record, "summary": summary, "patience": patience}
         check_guest(changes | others | {"view": view, "web": web})
         raise typer.Exit(_visit(connect, only, without or [], secure, hosts))
-    with told(ScenarioError, SnapshotError, OSError, ValueError):
+    with told(ScenarioError, SnapshotError, BusError, OSError, ValueError):
         before = None if resume is None else _snapshot(resume, changes | {"scenario": scenario})
         chosen = _scenario(scenario, changes) if before is None else check(before.scenario, "the snapshot's scenario")
         replaced(lay_out(chosen))
         recording, snapshots = RUNS.recording(record), RUNS.snapshots(resume)
-        _check_writable(summary)
+        _check_outputs(summary, web)
         if recording is not None or view or web is not None:
             viewer_program()
     place = (listen, connect, tuple(without or ()), patience or PATIENCE, secure, web, RUNS.folder)
@@ -114,9 +114,12 @@ def _snapshot(where: str, others: dict[str, Any]) -> Snapshot:
     return found
 
 
-def _check_writable(summary: Path | None) -> None:
-    if summary is not None and not summary.parent.is_dir():
-        raise NotADirectoryError(f"--summary {summary}: there is no directory {summary.parent}")
+def _check_outputs(summary: Path | None, web: int | None) -> None:
+    """Before hours of harvest, not after. Raises OSError, BusError."""
+    if summary is not None:
+        check_writable(summary)
+    for port in () if web is None else (web, web + 1):  # the page's, and its data's
+        check_free(f"tcp/127.0.0.1:{port}")
 
 
 def _alone(wish: Wish) -> tuple[dict[str, Any], str]:
@@ -130,7 +133,7 @@ def _together(wish: Wish) -> tuple[dict[str, Any] | None, str]:
     """Physics, agents and logger as processes of their own."""
     from processes.together import run
 
-    with told(BusError, ValueError), Progress(Console(highlight=False)) as progress:
+    with told(BusError, ValueError), Progress(Console(emoji=False, highlight=False)) as progress:
         return run(wish, progress)
 
 
@@ -139,7 +142,7 @@ def _visit(endpoint: str, only: list[str], without: list[str], secure: Path | No
     from processes.passes import passes_of
     from processes.together import visit
 
-    with told(BusError, ValueError), Progress(Console(highlight=False)) as progress:
+    with told(BusError, ValueError), Progress(Console(emoji=False, highlight=False)) as progress:
         return visit(endpoint, only, without, passes_of(secure, hosts), progress)
 
 
@@ -166,7 +169,7 @@ def _switch(robots: list[str], connect: str | None, secure: Path | None, stop: b
     with told(BusError, ValueError):
         identity = None if secure is None else Keyring.load(secure).of(WARDEN)
         answer = switch(the_run(RUNS.folder, connect), robots, stop, identity, tell_error)
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(emoji=False, highlight=False, soft_wrap=True)
     before = [name for name in answer.stopped if name not in answer.changed]
     console.print(f"{'stopped' if stop else 'reset'}: {', '.join(answer.changed) or 'nobody more'}", markup=False)
     if before:
@@ -200,7 +203,7 @@ def secure(
     with told(ScenarioError, OSError, ValueError):
         chosen = _scenario(scenario, {"rows": rows, "pickers": pickers, "carriers": carriers})
         roles = make(folder, host_roles(agent_names(chosen), role or (), lambda rest: shares(rest, hosts)), address or (), days, anew)
-    console = Console(highlight=False)
+    console = Console(emoji=False, highlight=False)
     for one in roles:
         console.print(f"{folder / one.name}: {', '.join(one.names) or one.duty}", markup=False, soft_wrap=True)
 
@@ -216,8 +219,8 @@ def view(recording: options.Recording = None) -> None:
         tell_error(f"{path or RUNS.folder}: no recording there; `make run` makes one")
         raise typer.Exit(BAD_INPUT)
     with told(OSError):
-        program = viewer_program()
-    raise typer.Exit(subprocess.run([program, *map(str, parts_of(path))]).returncode)
+        command = window(*map(str, parts_of(path)))
+    raise typer.Exit(subprocess.run(command).returncode)
 
 
 def _page(arguments: list[str]) -> int:

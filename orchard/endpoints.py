@@ -37,8 +37,10 @@ def check_free(endpoint: str) -> None:
     host, _, port = address.rpartition(":")
     if not (protocol and host and port):
         raise BusError(f"{endpoint}: {NO_ENDPOINT}")
-    if protocol not in ("tcp", "tls") or not port.isdecimal() or int(port) > 65535:
+    if protocol not in ("tcp", "tls") or "#" in port:  # behind # are wishes that only Zenoh knows
         return
+    if not port.isdecimal() or int(port) > 65535:
+        raise BusError(f"{endpoint}: {port} is no port; one is a number from 0 to 65535")
     family = socket.AF_INET6 if host.startswith("[") else socket.AF_INET
     try:
         with socket.socket(family) as probe:

@@ -23,8 +23,9 @@ class Runs:
         """Where a new recording goes: a file that a user names, or one here; None for "none". Raises OSError."""
         if wanted == "none":
             return None
-        path = Path(wanted) if wanted else self.folder / f"{_now()}.rrd"
+        path = self.folder / f"{_now()}.rrd" if wanted is None else Path(wanted)
         path.parent.mkdir(parents=True, exist_ok=True)
+        check_writable(path)
         remove_further_parts(path)
         return path
 
@@ -42,6 +43,17 @@ class Runs:
         if last is None:
             raise SnapshotError(f"{self.folder}: no run there that could go on; one leaves its snapshots there when it is stopped")
         return last
+
+
+def check_writable(path: Path) -> None:
+    """Raises OSError where no file can be written; what is there stays as it is."""
+    new = not path.exists()
+    try:
+        path.open("ab").close()
+    except OSError as error:
+        raise OSError(f"{path}: cannot be written: {error.strerror}; wanted is a file in a directory that is there") from error
+    if new:
+        path.unlink()
 
 
 def _newest(paths: Iterable[Path]) -> Path | None:

@@ -15,7 +15,7 @@ from orchard.summary import as_table, write
 
 FINISHED, FAILED, BAD_INPUT = 0, 1, 2  # exit codes
 
-errors = Console(stderr=True, highlight=False)
+errors = Console(stderr=True, emoji=False, highlight=False)
 
 
 def tell_error(words: object) -> None:
@@ -42,15 +42,24 @@ def tell(result: dict[str, Any] | None, why: str, recording: Path | None, summar
         from orchard.view.parts import missing  # late: Rerun takes half a second to load
 
         result |= missing(recording, result["ticks"])
-    Console(highlight=False).print(as_table(result))
-    if summary is not None:
-        write(result, summary)
+    Console(emoji=False, highlight=False).print(as_table(result))
+    written = summary is None or _written(result, summary)
     good = why in ("harvested", "duration", "stopped")
     if not good:
         errors.print(why, markup=False)
     for violation in result["violations"]:
         tell_error(f"violated: {violation}")
-    return FINISHED if good and not result["violations"] else FAILED
+    return FINISHED if good and written and not result["violations"] else FAILED
+
+
+def _written(result: dict[str, Any], summary: Path) -> bool:
+    """Whether the disk took it; why it did not is told."""
+    try:
+        write(result, summary)
+    except OSError as error:
+        tell_error(f"{summary}: not written: {error.strerror}")
+        return False
+    return True
 
 
 def tell_of_snapshots(program: Path, folder: Path, why: str) -> None:
@@ -69,7 +78,7 @@ def tell_of_recording(program: Path, recording: Path | None) -> None:
 
 def _tell_command(what: str, program: Path, word: str, path: Path) -> None:
     command = f"{_shown(Path(sys.executable))} {_shown(program)} {word} {_shown(path)}"
-    Console(highlight=False).print(f"{what}: {command}", soft_wrap=True, markup=False)
+    Console(emoji=False, highlight=False).print(f"{what}: {command}", soft_wrap=True, markup=False)
 
 
 def _shown(path: Path) -> str:

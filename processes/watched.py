@@ -19,7 +19,7 @@ def run_watched(wish: Wish) -> tuple[dict[str, Any], str]:
     """Harvest, and show it; the summary, and why it ended."""
     recorder, browser, viewer = _recorder(wish), _web_viewer(wish), open_viewer(wish.uri) if wish.view else None
     try:
-        with Progress(Console(highlight=False)) as progress:
+        with Progress(Console(emoji=False, highlight=False)) as progress:
             summary, why = run(wish, None if recorder is None else recorder.tick, progress.show)
         if viewer is not None and why == "stopped":
             viewer.terminate()
@@ -48,5 +48,5 @@ def _web_viewer(wish: Wish) -> subprocess.Popen[bytes] | None:
         return None
     from orchard.view.web import page_url, serve_web
 
-    Console(highlight=False).print(f"Live: {page_url(wish.web)}", soft_wrap=True)
+    Console(emoji=False, highlight=False).print(f"Live: {page_url(wish.web)}", soft_wrap=True)
     return serve_web(wish.web, wish.uri)

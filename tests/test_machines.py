@@ -124,6 +124,8 @@ def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
         (["--connect", "tcp/127.0.0.1:9", "--record", "none"], "tcp/127.0.0.1:9: nobody listens there"),
         (["--connect", "tcp/127.0.0.1:9", "--only", "carrier", "--rows", "3"], "leave out --rows"),
         (["--listen", "nonsense"], "nonsense: not an endpoint"),
+        (["--listen", "tcp/127.0.0.1:99999"], "tcp/127.0.0.1:99999: 99999 is no port"),
+        (["--listen", "tcp/127.0.0.1:seven"], "tcp/127.0.0.1:seven: seven is no port"),
         (["--without", "carier"], "carier: no such agent or kind"),
         (["--only", "carrier"], "--connect"),
         (["--mode", "local", "--without", "carrier"], "local mode is one process"),

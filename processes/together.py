@@ -38,6 +38,7 @@ STOP_SECONDS = 2.0  # for which the processes may close what they have open, aft
 GOODBYE_SECONDS = 60.0  # for which the logger may pack its recording, after a run that ended by itself
 WEB_VIEWER = "web viewer"  # its name among the processes; it never ends by itself
 BEGIN_SECONDS = 60.0  # for which physics, which this program has started, may take to listen on a busy machine
+TRY_SECONDS = 0.7  # that one look for it takes; in between what has died is started again, and Ctrl-C heard
 LOOK_SECONDS = 5.0  # for how long somebody must answer at an endpoint that a user gave
 SCENARIO, RESULT = "scenario.yaml", "end.msgpack"  # what physics is told, and what it leaves
 ENDED = (0, 1, 2)  # exit codes with which physics ends by itself
@@ -154,15 +155,22 @@ def _signalled(inbox: Inbox) -> None:
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
 
 
-def _reach(fleet: Fleet, endpoint: str, inbox: Inbox, identity: Identity | None, stack: ExitStack) -> Bus:
-    """A session with physics, once it listens. Raises BusError where it does not, or has ended."""
+def _reach(fleet: Fleet, endpoint: str, inbox: Inbox, identity: Identity | None, stack: ExitStack) -> Bus | None:
+    """A session with physics, once it listens; None where the user wants it no more. Who dies meanwhile is started again.
+
+    Raises BusError where physics does not listen, or has ended for good.
+    """
     deadline = time.monotonic() + BEGIN_SECONDS
     while True:
         try:
-            return stack.enter_context(client(endpoint, inbox, LOOK_SECONDS, identity))
+            return stack.enter_context(client(endpoint, inbox, TRY_SECONDS, identity))
         except BusError:
-            if fleet.exit_code("physics") is not None or time.monotonic() >= deadline:
+            fleet.watch()
+            is_over = fleet.exit_code("physics") in ENDED or "physics" in fleet.given_up
+            if is_over or time.monotonic() >= deadline:
                 raise
+        if isinstance(inbox.take(0.0), Signal):
+            return None
 
 
 def _follow(
@@ -174,6 +182,8 @@ def _follow(
     try:
         with ExitStack() as stack:
             bus = _reach(fleet, endpoint, inbox, identity, stack)
+            if bus is None:
+                return None, "stopped"
             for what in ("figures", "end"):
                 bus.subscribe(keys.of(what))
             bus.watch(keys.of("alive", LOGGER, run_id))

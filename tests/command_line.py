@@ -22,10 +22,17 @@ def orchard(*arguments: object, seconds: float = SECONDS) -> subprocess.Complete
 @contextmanager
 def running(*arguments: object):
     """Run it, until its first line of progress; nothing is left behind."""
+    with starting(*arguments) as process:
+        assert "real time" in process.stdout.readline()
+        yield process
+
+
+@contextmanager
+def starting(*arguments: object):
+    """Run it; nothing is left behind."""
     command = [sys.executable, "-u", "run.py", *map(str, arguments)]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
     try:
-        assert "real time" in process.stdout.readline()
         yield process
     finally:
         for child in [*psutil.Process(process.pid).children(recursive=True)] if process.poll() is None else []:

@@ -4,11 +4,13 @@ import json
 import re
 import signal
 import subprocess
+import time
+from contextlib import suppress
 
 import psutil
 import pytest
 from alone import SMALL, local_hash
-from command_line import ROOT, orchard, running, summary_of, wait_until_simulated
+from command_line import ROOT, orchard, running, starting, summary_of, wait_until_simulated
 from recordings import seconds_of
 
 from orchard.config import Scenario, to_yaml
@@ -27,6 +29,15 @@ def process_of(run: subprocess.Popen, word: str) -> psutil.Process:
     return next(child for child in psutil.Process(run.pid).children(recursive=True) if f"processes.{word}" in child.cmdline())
 
 
+def first_process(run: subprocess.Popen, word: str) -> psutil.Process:
+    """As soon as it is there."""
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline:
+        with suppress(StopIteration, psutil.Error):  # not there yet, or just gone
+            return process_of(run, word)
+    raise AssertionError(f"{word} was never started")
+
+
 def end(run: subprocess.Popen) -> str:
     """What it printed, once it has ended well."""
     printed, _ = run.communicate(timeout=120)
@@ -43,6 +54,26 @@ def test_whatever_is_killed_the_same_run_goes_on(tmp_path, undisturbed, word):
         printed = end(run)
     assert re.search(rf"{word}.* ended with code -9; starting it again", printed)
     assert summary_of(path)["hash"] == undisturbed
+
+
+def test_physics_that_is_killed_as_soon_as_it_is_there_is_started_again(tmp_path, undisturbed):
+    path = tmp_path / "summary.json"
+    with starting(*PACE, "--record", "none", "--summary", path) as run:
+        first_process(run, "physics").kill()
+        printed = end(run)
+    assert "physics ended with code -9; starting it again" in printed
+    assert summary_of(path)["hash"] == undisturbed
+
+
+def test_ctrl_c_while_physics_does_not_listen_yet_ends_the_run():
+    with starting(*PACE, "--record", "none") as run:
+        physics = first_process(run, "physics")
+        physics.suspend()
+        first_process(run, "agents")
+        run.send_signal(signal.SIGINT)
+        run.communicate(timeout=60)
+        assert run.returncode in (0, 130), "what a shell shows after Ctrl-C, while it is loading still"
+        assert not physics.is_running()
 
 
 def test_a_run_that_is_stopped_goes_on_where_it_was(tmp_path, undisturbed):

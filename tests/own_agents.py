@@ -5,6 +5,7 @@ import os
 
 from orchard.agent import Action
 from orchard.geometry import Twist
+from orchard.messages import Call, Uncouple
 
 
 class Eastward:
@@ -57,6 +58,39 @@ class Secretive(Eastward):
 
     def tick(self, observation, mail, memory):
         return Action(twist=Twist(x=0.25), memory=object())
+
+
+class Slip(Eastward):
+    """All is well but for one thing."""
+
+    slip: dict[str, object] = {}  # noqa: RUF012 - as each kind of slip has it
+
+    def tick(self, observation, mail, memory):
+        return Action(twist=Twist(x=0.25), **self.slip)
+
+
+class Wordless(Slip):
+    slip = {"doing": None}  # noqa: RUF012
+
+
+class Backward(Slip):
+    slip = {"steps_done": -1}  # noqa: RUF012
+
+
+class Busy(Slip):
+    slip = {"deeds": [Uncouple()] * 17}  # noqa: RUF012
+
+
+class Lost(Slip):
+    slip = {"requests": [("carrier_01", Call(1, "north"))]}  # noqa: RUF012
+
+
+class Talkative(Slip):
+    slip = {"memory": b"x" * 300_000}  # noqa: RUF012
+
+
+class Idle(Slip):
+    slip = {"deeds": None}  # noqa: RUF012
 
 
 class Stillborn(Eastward):

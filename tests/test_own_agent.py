@@ -114,6 +114,12 @@ def test_a_name_counts_more_than_a_kind():
         ("own_agents.Sideways", "a picker does not move sideways"),
         ("own_agents.Silent", "tick gave NoneType back"),
         ("own_agents.Secretive", "made a mistake at tick 0"),
+        ("own_agents.Wordless", "doing None.*wanted are texts"),
+        ("own_agents.Backward", "steps_done -1: wanted is a whole number from 0"),
+        ("own_agents.Busy", "17 deeds in one tick; at most 16"),
+        ("own_agents.Lost", "matching regex"),
+        ("own_agents.Talkative", "its memory takes 300005 bytes; at most 262144"),
+        ("own_agents.Idle", "made a mistake at tick 0"),
     ],
 )
 def test_a_mistake_is_told_with_its_place_the_robot_stands_and_the_others_go_on(class_, said, caplog):

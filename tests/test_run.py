@@ -131,6 +131,15 @@ def test_ctrl_c_stops_everything_within_three_seconds_and_closes_the_recording(t
     assert seconds_of(recording) > 0.5
 
 
+def test_ctrl_c_stops_local_mode_although_its_next_tick_is_far_off():
+    with running("--mode", "local", "--record", "none", "--speed", 0.005) as run:  # twenty seconds to a tick
+        begun = time.monotonic()
+        run.send_signal(signal.SIGINT)
+        run.communicate(timeout=60)
+        assert time.monotonic() - begun < 3.0
+        assert run.returncode == 0
+
+
 @pytest.mark.soak
 def test_a_run_without_its_logger_goes_on(tmp_path):
     path = tmp_path / "summary.json"
@@ -154,6 +163,8 @@ def test_a_run_without_its_logger_goes_on(tmp_path):
         (["--speed", "0"], "--speed"),
         (["--hosts", "0"], "--hosts"),
         (["--duration", "-1"], "--duration"),
+        (["--duration", "1e308"], "at most 6871947674"),
+        (["--only", "picker", "--connect", "tcp/127.0.0.1:9", "--seed", "0", "--resume", "last", "--mode", "realtime"], "--seed, --mode"),
         (["--patience", "1"], "--patience"),
         (["--summary", "/nowhere/at/all.json"], "/nowhere/at"),
         (["--mode", "sideways"], "--mode"),

@@ -131,15 +131,6 @@ def test_ctrl_c_stops_everything_within_three_seconds_and_closes_the_recording(t
     assert seconds_of(recording) > 0.5
 
 
-def test_ctrl_c_stops_local_mode_although_its_next_tick_is_far_off():
-    with running("--mode", "local", "--record", "none", "--speed", 0.005) as run:  # twenty seconds to a tick
-        begun = time.monotonic()
-        run.send_signal(signal.SIGINT)
-        run.communicate(timeout=60)
-        assert time.monotonic() - begun < 3.0
-        assert run.returncode == 0
-
-
 @pytest.mark.soak
 def test_a_run_without_its_logger_goes_on(tmp_path):
     path = tmp_path / "summary.json"

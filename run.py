@@ -77,6 +77,7 @@ def harvest(
     changes = {"rows": rows, "pickers": pickers, "row_width": row_width, "carriers": carriers, "seed": seed}
     if only and connect:
         others = {"scenario": scenario, "speed": speed, "duration": duration, "record": record, "summary": summary, "patience": patience}
+        others |= {"mode": mode != Mode.lockstep, "resume": resume}
         check_guest(changes | others | {"view": view, "web": web})
         raise typer.Exit(_visit(connect, only, without or [], secure, hosts))
     with told(ScenarioError, SnapshotError, BusError, OSError, ValueError):

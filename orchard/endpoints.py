@@ -41,9 +41,8 @@ def check_free(endpoint: str) -> None:
         return
     if not port.isdecimal() or int(port) > 65535:
         raise BusError(f"{endpoint}: {port} is no port; one is a number from 0 to 65535")
-    family = socket.AF_INET6 if host.startswith("[") else socket.AF_INET
     try:
-        with socket.socket(family) as probe:
+        with socket.socket(_family(host)) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind((host.strip("[]"), int(port)))
             probe.listen()
@@ -61,7 +60,11 @@ def with_port(endpoint: str) -> str:
     if not endpoint.endswith(":0"):
         return endpoint
     protocol, _, host = endpoint.removesuffix(":0").partition("/")
-    with suppress(OSError), socket.socket() as probe:
-        probe.bind((host, 0))
+    with suppress(OSError), socket.socket(_family(host)) as probe:
+        probe.bind((host.strip("[]"), 0))
         return f"{protocol}/{host}:{probe.getsockname()[1]}"
     return endpoint
+
+
+def _family(host: str) -> socket.AddressFamily:
+    return socket.AF_INET6 if host.startswith("[") else socket.AF_INET

@@ -11,13 +11,14 @@ from orchard.agent import Action, Agent, Mail, Observation
 from orchard.geometry import Twist
 from orchard.kinds import KINDS, kind_of
 from orchard.layout import Layout
-from orchard.messages import Answer, Deed, Request, pack
+from orchard.messages import Answer, Deed, Request, Written, pack, unpack
 from orchard.names import chosen
+from orchard.post import written_by
+from orchard.wire.vocabulary import FASTEST, MAX_PAYLOAD, MOST_DEEDS
 
 log = logging.getLogger("orchard")
 
-FASTEST = 100.0  # m/s and rad/s: what no velocity can mean
-MOST_MEMORY = 32768  # bytes; that of all agents of a host travels in one message
+LARGEST_MEMORY = MAX_PAYLOAD // 32  # bytes: those of all agents of a session travel in one message when another takes over
 MISTAKES = (Exception, SystemExit)  # one agent's sys.exit() ends neither the others of its process nor the run
 
 
@@ -39,7 +40,7 @@ class Guarded:
             _check(action)
             if action.twist.y and not self._sideways:
                 raise ValueError(f"{action.twist}: a {kind_of(self.name)} does not move sideways")
-            self.packed = _packed(action.memory)
+            self.packed = None if action.memory is None else _packed(action.memory)
         except MISTAKES:
             self._tell(observation.tick)
             return Action(memory=memory, doing="broken")
@@ -49,6 +50,14 @@ class Guarded:
         if not self._failed:
             log.error("%s made a mistake at tick %d; it stands.\n%s", self.name, tick, traceback.format_exc(limit=-3))
         self._failed = True
+
+
+def _packed(memory: Any) -> bytes:
+    """A memory as it travels. Raises ValueError for one that is too large, TypeError for what is no plain data."""
+    packed = pack(memory)
+    if len(packed) > LARGEST_MEMORY:
+        raise ValueError(f"its memory takes {len(packed)} bytes; at most {LARGEST_MEMORY}")
+    return packed
 
 
 class Broken:
@@ -68,21 +77,23 @@ def _check(action: Any) -> None:
     action.twist = twist = Twist(x, y, yaw)
     if not (abs(x) <= FASTEST and abs(y) <= FASTEST and abs(yaw) <= FASTEST):  # not so of what is not a number
         raise ValueError(f"{twist}: wanted are numbers from {-FASTEST:g} to {FASTEST:g}")
-    for word, wanted in (("doing", str), ("waits_for", str), ("steps_done", int)):
-        if not isinstance(value := getattr(action, word), wanted):
-            raise TypeError(f"{word} = {value!r}: wanted is {wanted.__name__}")
+    if not (isinstance(action.doing, str) and isinstance(action.waits_for, str)):
+        raise TypeError(f"doing {action.doing!r}, waits_for {action.waits_for!r}: wanted are texts")
+    if not (isinstance(action.steps_done, int) and action.steps_done >= 0):
+        raise ValueError(f"steps_done {action.steps_done!r}: wanted is a whole number from 0")
+    if (action.deeds, action.requests, action.answers) != ([], [], []):
+        _check_said(action)
+
+
+def _check_said(action: Action) -> None:
+    """Raises TypeError or ValueError for what would be refused on its way, and what others of the session say with it."""
     said = [(deed, Deed) for deed in action.deeds] + [(body, Request) for _, body in action.requests]
     for message, type_ in [*said, *((body, Answer) for _, body in action.answers)]:
         if not isinstance(message, type_):
             raise TypeError(f"{message!r} is none of the messages in orchard/messages.py")
-
-
-def _packed(memory: Any) -> bytes | None:
-    """A memory as it travels. Raises TypeError for what cannot, ValueError for too much."""
-    packed = None if memory is None else pack(memory)
-    if packed is not None and len(packed) > MOST_MEMORY:
-        raise ValueError(f"a memory of {len(packed)} bytes; {MOST_MEMORY} can travel: what a successor needs")
-    return packed
+    if len(action.deeds) > MOST_DEEDS:
+        raise ValueError(f"{len(action.deeds)} deeds in one tick; at most {MOST_DEEDS}")
+    unpack(pack((action.deeds, written_by(action))), tuple[list[Deed], Written | None])
 
 
 # -- classes that a scenario names

@@ -18,6 +18,7 @@ from orchard.messages import Written
 from orchard.wire.course import Mode
 from orchard.wire.driving import Velocity
 from orchard.wire.translate import action_of
+from orchard.wire.vocabulary import MOST_DEEDS
 
 SLACK = 0.2  # s beyond the tick's own time, for answers of those who answered the last tick in time; less than Pacer.CATCH_UP
 SHARE = 0.5  # of a tick's time, that the others have, and everybody where the clock is behind
@@ -150,11 +151,14 @@ def _with_what_was_said(before: Velocity | None, velocity: Velocity) -> Velocity
     """A velocity with the memory, the letters and the deeds of the one whose place it takes, which no step has used."""
     if before is None or before.report is None:
         return velocity
-    report = velocity.report or before.report
+    if velocity.report is None:
+        return msgspec.structs.replace(velocity, report=before.report)
+    report = velocity.report
     memory = before.report.memory if report.memory is None else report.memory
     deeds = [deed for deed in before.report.deeds if deed not in report.deeds] + report.deeds
     letters = _both(before.report.letters, report.letters)
-    return msgspec.structs.replace(velocity, report=msgspec.structs.replace(report, memory=memory, deeds=deeds[:16], letters=letters))
+    report = msgspec.structs.replace(report, memory=memory, deeds=deeds[:MOST_DEEDS], letters=letters)
+    return msgspec.structs.replace(velocity, report=report)
 
 
 def _both(before: Written | None, now: Written | None) -> Written | None:

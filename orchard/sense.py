@@ -18,7 +18,7 @@ SIDE_MARGIN = 0.2  # m on either side of the corridor in which it looks
 TURN_MARGIN = 0.05  # m around what a turn sweeps
 _SWEEP_STEP = trig.PI / 48  # rad between the poses that a turn is tried at
 _BIN_HALF = KINDS["bin"].length / 2
-_CORRIDORS = 64  # kept: those that end at the stopping distance come every tick, those that end at a target seldom again
+_CORRIDORS = 64  # kept: there are some few, one for each width and each distance that is looked at
 
 
 class Box(NamedTuple):

@@ -17,6 +17,8 @@ from processes.account import Account
 from processes.keeper import SNAPSHOT_SECONDS, Keeper
 from processes.wish import Wish
 
+NAP_SECONDS = 0.2  # between two looks whether to stop, while the next tick is not due
+
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], bool]]:
@@ -43,7 +45,9 @@ def run(
         while not (why := _end(local, account, ticks, is_stopped())):
             if keeper.is_due():
                 keeper.keep(_snapshot(local, account))
-            time.sleep(pacer.wait())
+            if left := pacer.wait():
+                time.sleep(min(left, NAP_SECONDS))
+                continue
             pacer.begin()
             events = local.tick()
             account.update(events, local.actions)

@@ -73,15 +73,17 @@ class Fleet:
         command = [sys.executable, "-m", program.module, *arguments]
         null, pipe = subprocess.DEVNULL, subprocess.PIPE
         popen = subprocess.Popen(
-            command, cwd=ROOT, env=_with_own_modules(), stdin=null, stdout=null, stderr=pipe, text=True, start_new_session=True
-        )
+            command, cwd=ROOT, env=_with_own_modules(), stdin=null, stdout=null, stderr=pipe,
+            text=True, errors="backslashreplace", start_new_session=True,
+        )  # fmt: skip
         threading.Thread(target=self._pass_on, args=(program.name, popen), daemon=True).start()
         return popen
 
     def _pass_on(self, name: str, popen: subprocess.Popen[str]) -> None:
         assert popen.stderr is not None
-        for line in popen.stderr:
-            self.say(f"{name}: {line.rstrip()}")
+        with popen.stderr as lines:
+            for line in lines:
+                self.say(f"{name}: {line.rstrip()}")
 
     def exit_code(self, name: str) -> int | None:
         """None while a process runs, or was never started."""

@@ -8,7 +8,11 @@ from typing import Annotated, Any
 
 import typer
 
+from orchard.config import TIME_STEP
+from orchard.wire.vocabulary import LAST_TICK
+
 LIVE_SPEED = 4.0  # with --view, unless another is given
+LONGEST = LAST_TICK * TIME_STEP  # s, simulated: so far the ticks on the wire go
 LEAST_PATIENCE = 3.0  # s; more than host.DOUBT_SECONDS, twice: else a silent agent's correspondents would be given up with it
 
 
@@ -43,8 +47,8 @@ def _hosts(text: str) -> int:
 
 
 def _seconds(value: float | None) -> float | None:
-    if value is not None and not 0 < value < math.inf:
-        raise typer.BadParameter(f"{value}: wanted is a number above 0")
+    if value is not None and not 0 < value <= LONGEST:
+        raise typer.BadParameter(f"{value}: wanted is a number above 0, at most {LONGEST:.0f}")
     return value
 
 
@@ -130,7 +134,7 @@ def check_secure(mode: Mode, secure: Path | None, hosts: int | None) -> None:
 
 def check_guest(others: Mapping[str, Any]) -> None:
     """With --only the rest is settled where the run is; nothing else than --connect, --without and --hosts means anything."""
-    given = named(name for name, value in others.items() if value)
+    given = named(name for name, value in others.items() if value is not None and value is not False)
     if given:
         raise typer.BadParameter(f"leave out {given}: that is settled where the run is", param_hint="--only")
 

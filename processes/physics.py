@@ -21,6 +21,7 @@ from orchard.keys import PREFIX, Keys
 from orchard.lockstep import PATIENCE
 from orchard.names import chosen
 from orchard.snapshot import Snapshot, SnapshotError
+from orchard.wire.vocabulary import LAST_TICK
 from processes.garbage import settle
 from processes.harvest import Options
 from processes.keeper import SNAPSHOT_SECONDS, last
@@ -99,6 +100,12 @@ def _positive(text: str) -> float:
     return value
 
 
+def _duration(text: str) -> float:
+    if (value := _positive(text)) > LAST_TICK * TIME_STEP:
+        raise ValueError
+    return value
+
+
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m processes.physics", description="Own the world and the clock of an orchard.")
     parser.add_argument("scenario", nargs="?", metavar="SCENARIO.yaml", help="default: the built-in scenario")
@@ -110,7 +117,7 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--prefix", default=PREFIX, help="first part of every key")
     parser.add_argument("--mode", choices=["lockstep", "realtime"], default="lockstep", help="wait for all agents, or for none")
     parser.add_argument("--speed", type=_speed, metavar="X|max", help="simulated seconds to a second; default max, in realtime 1")
-    parser.add_argument("--duration", type=_positive, metavar="SECONDS", help="simulated seconds after which the run ends")
+    parser.add_argument("--duration", type=_duration, metavar="SECONDS", help="simulated seconds after which the run ends")
     parser.add_argument("--patience", type=_positive, default=PATIENCE, metavar="SECONDS", help="how long an agent may be silent")
     parser.add_argument("--absent", action="append", default=[], metavar="KIND|NAME", help="do not wait for these (repeatable)")
     parser.add_argument("--recorded", action="store_true", help="begin when a logger is there, or after 10 s")

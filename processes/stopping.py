@@ -51,16 +51,17 @@ def _answer(bus: Bus, key: str, payload: bytes, say: Callable[[str], None]) -> b
     """The reply to a get, asked again while nobody is there to answer, but not for long."""
     now = time.monotonic()
     quiet, deadline = now + QUIET_SECONDS, now + ANSWER_SECONDS
-    bus.ask(key, payload, key, ANSWER_SECONDS)
+    ticket = object()  # what belongs to an earlier question is still on its way
+    bus.ask(key, payload, ticket, ANSWER_SECONDS)
     while (now := time.monotonic()) < deadline:
         item = bus.inbox.take(min(quiet, deadline) - now)
-        if isinstance(item, Replied) and item.error != TIMED_OUT:
+        if isinstance(item, Replied) and item.ticket is ticket and item.error != TIMED_OUT:
             if item.error:
                 raise BusError(item.error)
             return item.payload
-        if isinstance(item, Final):
+        if isinstance(item, Final) and item.ticket is ticket:
             time.sleep(AGAIN_SECONDS)
-            bus.ask(key, payload, key, ANSWER_SECONDS)
+            bus.ask(key, payload, ticket, ANSWER_SECONDS)
         if time.monotonic() >= quiet:
             say(f"{bus.endpoint}: physics does not answer yet; it has {ANSWER_SECONDS:g} s")
             quiet = math.inf

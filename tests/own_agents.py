@@ -5,6 +5,7 @@ import os
 
 from orchard.agent import Action
 from orchard.geometry import Twist
+from orchard.messages import Call, Uncouple
 
 
 class Eastward:
@@ -59,20 +60,6 @@ class Secretive(Eastward):
         return Action(twist=Twist(x=0.25), memory=object())
 
 
-class Wordless(Eastward):
-    """Says what it does in a number."""
-
-    def tick(self, observation, mail, memory):
-        return Action(twist=Twist(x=0.25), memory=memory, doing=7)
-
-
-class Hoarder(Eastward):
-    """Remembers more than can travel."""
-
-    def tick(self, observation, mail, memory):
-        return Action(twist=Twist(x=0.25), memory={"map": bytes(1_000_000)})
-
-
 class Quitter(Eastward):
     """Takes its leave as a program does."""
 
@@ -85,6 +72,39 @@ class Refuser(Eastward):
 
     def __init__(self, layout, name):
         raise SystemExit("no licence")
+
+
+class Slip(Eastward):
+    """All is well but for one thing."""
+
+    slip: dict[str, object] = {}  # noqa: RUF012 - as each kind of slip has it
+
+    def tick(self, observation, mail, memory):
+        return Action(twist=Twist(x=0.25), **self.slip)
+
+
+class Wordless(Slip):
+    slip = {"doing": None}  # noqa: RUF012
+
+
+class Backward(Slip):
+    slip = {"steps_done": -1}  # noqa: RUF012
+
+
+class Busy(Slip):
+    slip = {"deeds": [Uncouple()] * 17}  # noqa: RUF012
+
+
+class Lost(Slip):
+    slip = {"requests": [("carrier_01", Call(1, "north"))]}  # noqa: RUF012
+
+
+class Talkative(Slip):
+    slip = {"memory": b"x" * 300_000}  # noqa: RUF012
+
+
+class Idle(Slip):
+    slip = {"deeds": None}  # noqa: RUF012
 
 
 class Stillborn(Eastward):

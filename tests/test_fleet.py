@@ -1,6 +1,9 @@
 """Who dies is started again: at once, then ever later, and not for ever. In virtual time, with processes that are only said to die."""
 
+from queue import SimpleQueue
+
 import pytest
+from fleet import until
 
 from processes.fleet import DEATHS, QUICK_SECONDS, Fleet, Program
 
@@ -55,6 +58,19 @@ def test_who_dies_is_started_again_at_once_with_what_it_is_told_afterwards(fleet
     fleet.watch()
     assert [child.arguments for child in fleet.children] == [["--only", "picker"], ["--only", "picker", "--resume"]]
     assert fleet.said == ["agents 1 ended with code -9; starting it again"]
+
+
+def test_what_a_child_says_that_is_no_text_is_passed_on_and_does_not_block_it(tmp_path, monkeypatch):
+    """It would block for ever once the pipe is full, that is after 64 kB."""
+    (tmp_path / "shouting.py").write_text("import sys\nsys.stderr.buffer.write(b'\\xff\\n' + 20_000 * b'loud\\n' + b'over\\n')")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    said = SimpleQueue()
+    with Fleet(said.put) as fleet:
+        fleet.start(Program("child", "shouting", []))
+        assert said.get(timeout=20.0) == r"child: \xff"
+        until(said, lambda line: line == "child: over", 20.0)
+        fleet.wait(20.0)
+        assert fleet.exit_code("child") == 0
 
 
 def test_who_ends_well_or_need_not_live_is_left_alone(fleet):

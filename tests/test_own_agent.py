@@ -114,10 +114,14 @@ def test_a_name_counts_more_than_a_kind():
         ("own_agents.Sideways", "a picker does not move sideways"),
         ("own_agents.Silent", "tick gave NoneType back"),
         ("own_agents.Secretive", "made a mistake at tick 0"),
-        ("own_agents.Wordless", "doing = 7: wanted is str"),
-        ("own_agents.Hoarder", "a memory of 1000010 bytes; 32768 can travel"),
         ("own_agents.Quitter", r"made a mistake at tick 0(.|\n)*SystemExit: 3"),
         ("own_agents.Refuser", r"SystemExit: no licence \(.*own_agents\.py, line \d+"),
+        ("own_agents.Wordless", "doing None.*wanted are texts"),
+        ("own_agents.Backward", "steps_done -1: wanted is a whole number from 0"),
+        ("own_agents.Busy", "17 deeds in one tick; at most 16"),
+        ("own_agents.Lost", "matching regex"),
+        ("own_agents.Talkative", "its memory takes 300005 bytes; at most 32768"),
+        ("own_agents.Idle", "made a mistake at tick 0"),
     ],
 )
 def test_a_mistake_is_told_with_its_place_the_robot_stands_and_the_others_go_on(class_, said, caplog):

@@ -15,7 +15,7 @@ from orchard.config import to_yaml
 from orchard.geometry import Twist
 from orchard.hosting import STALE_TICKS, LiveMailbox, Sight
 from orchard.lockstep import Refused
-from orchard.messages import Couple, State, Yes, pack
+from orchard.messages import Couple, State, Written, Yes, pack
 from orchard.physics import is_full
 from orchard.realtime import SLACK, Delays, Live
 from orchard.snapshot import write
@@ -108,6 +108,19 @@ def test_deeds_are_done_once_and_nothing_that_was_said_is_lost():
     one.open(2)
     assert one.actions()["picker_01"].deeds == []
     assert one.velocities == {}
+
+
+def test_letters_are_told_once_though_a_bare_velocity_follows_in_the_same_tick():
+    one, clock = live()
+    said = velocity(0)
+    said.report.letters = Written([("bin_01", State())], [])
+    one.open(0)
+    one.take("picker_01", said)
+    clock.now += STEP
+    one.open(1)
+    one.take("picker_01", Velocity(RUN, 1, Linear(0.5), Angular(0.0), "a"))
+    assert one.actions()["picker_01"].twist.x == 0.5
+    assert len(one.velocities["picker_01"].report.letters.requests) == 1
 
 
 def test_who_answers_in_time_has_a_moment_longer_than_the_tick_and_who_was_late_has_less():

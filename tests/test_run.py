@@ -154,6 +154,8 @@ def test_a_run_without_its_logger_goes_on(tmp_path):
         (["--speed", "0"], "--speed"),
         (["--hosts", "0"], "--hosts"),
         (["--duration", "-1"], "--duration"),
+        (["--duration", "1e308"], "at most 6871947674"),
+        (["--only", "picker", "--connect", "tcp/127.0.0.1:9", "--seed", "0", "--resume", "last", "--mode", "realtime"], "--seed, --mode"),
         (["--patience", "1"], "--patience"),
         (["--summary", "/nowhere/at/all.json"], "/nowhere/at"),
         (["--mode", "sideways"], "--mode"),

@@ -28,7 +28,7 @@ from orchard.kinds import kind_of
 from orchard.local import Local
 from orchard.messages import Couple, pack, unpack
 from orchard.snapshot import Snapshot
-from orchard.wire.course import Stopped
+from orchard.wire.course import Newcomer, Stopped
 from processes import stopping
 from processes.running import Going, all_going, noted
 from processes.stopping import switch, the_run
@@ -380,6 +380,22 @@ def test_whom_physics_lets_wait_is_told_so_and_gets_the_answer_that_comes_late(m
         question.reply(pack(Stopped("a", 0, robots, robots)))
         question.drop()
         assert asked.result(20.0).changed == robots
+
+
+def test_where_the_run_must_first_be_asked_for_the_stop_is_still_asked_once():
+    """What is left of the first question must not be taken for an end of the second."""
+    with router() as physics, ThreadPoolExecutor() as pool:
+        for what in ("scenario", "stop"):
+            physics.answer(f"orchard/{what}")
+        asked = pool.submit(switch, Going("", physics.endpoint), [], True, None, print)
+        replies = {"scenario": Newcomer("a", 0, "lockstep", [], {}), "stop": Stopped("a", 0, [], [])}
+        for what in replies:
+            question = physics.inbox.take(20.0)
+            assert question.key == f"orchard/{what}"
+            assert physics.inbox.take(1.0) is None
+            question.reply(pack(replies[what]))
+            question.drop()
+        assert asked.result(20.0).kept is False
 
 
 def test_whom_physics_never_answers_is_told_that_nobody_knows(monkeypatch):

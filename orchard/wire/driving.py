@@ -7,14 +7,14 @@ from msgspec import Meta
 
 from orchard.messages import Deed, Written
 from orchard.wire.geometry_msgs import Angular, Linear
-from orchard.wire.vocabulary import MOST_BODIES, Holder, Message, Name, Once, Part, Text
+from orchard.wire.vocabulary import MOST_BODIES, MOST_DEEDS, Holder, Message, Name, Once, Part, Text
 
 
 class Report(Part):
     """What an agent's host says besides the velocity. A client that only drives leaves it out."""
 
     deeds: Annotated[
-        list[Deed], Meta(max_length=16, description="couple, uncouple, flatten: physics decides whether it happens")
+        list[Deed], Meta(max_length=MOST_DEEDS, description="couple, uncouple, flatten: physics decides whether it happens")
     ] = msgspec.field(default_factory=list)
     doing: Annotated[Text, Meta(description="a short present participle: 'picking row 3'")] = ""
     waits_for: Annotated[Text, Meta(description="whom or what, when it cannot go on")] = ""

@@ -15,6 +15,7 @@ MAX_PAYLOAD = 1 << 20  # bytes
 FASTEST = 100.0  # m/s and rad/s: what no velocity can mean
 FARTHEST = 1e6  # m, or m/s: what no place and no speed can be
 MOST_BODIES = 10_000
+MOST_DEEDS = 16  # of one body in one tick
 LAST_TICK = 2**36 - 1  # 217 years: its nanoseconds fit in 64 bits
 
 Text = Annotated[str, Meta(max_length=200)]

@@ -36,6 +36,7 @@ RECALL_SECONDS = 5.0  # after which physics is asked again: the way to it may be
 GONE_SECONDS = 20.0  # for how long physics may be gone: it is started again, or its router is
 JOIN_TRIES = 50  # 5 s: the network may know of a token later than of a join
 TAKEN_TRIES = 30  # 3 s: of a predecessor that was cut off the network believes for bus.LEASE_MS that it lives
+LOOK_SECONDS = 1.0  # between two looks whether physics is gone, while nothing arrives
 AGAIN_SECONDS = 0.1  # between two tries, while nobody is there to answer
 TRIES = 300  # half a minute: physics starts slowly on a busy machine
 
@@ -309,7 +310,7 @@ def tell_refusals(bus: Bus, keys: Keys, run: str, refusals: Refusals) -> None:
 
 
 def _go_on() -> None:
-    """What is done between two tries, where there is nothing to do."""
+    """What is done while nobody answers, where there is nothing to do."""
 
 
 @dataclass(frozen=True)
@@ -323,18 +324,17 @@ class Asking(Generic[M]):
 
 
 def told(
-    bus: Bus, asking: Asking[M], handle: Callable[[Item], None], refusals: Refusals, between: Callable[[], None] = _go_on
+    bus: Bus, asking: Asking[M], handle: Callable[[Item], None], refusals: Refusals, meanwhile: Callable[[], None] = _go_on
 ) -> M:
-    """The first reply that makes sense; asked again while there is none, with something between. Whatever else arrives is handled.
+    """The first reply that makes sense; asked again while there is none, with something done meanwhile. Whatever else arrives is handled.
 
     Anybody may reply, so that an error counts only if nothing better comes: then it is raised, as BusError.
     """
     for _ in range(TRIES):
-        between()
         ticket = object()
         bus.ask(asking.key, asking.payload, ticket, asking.seconds)
         errors: list[str] = []
-        for reply in _replies_to(bus, ticket, handle):
+        for reply in _replies_to(bus, ticket, handle, meanwhile):
             try:
                 if not reply.error:
                     return asking.understand(reply.payload)
@@ -348,10 +348,11 @@ def told(
     raise BusError(f"{asking.key}: nobody answers; is the physics process running, with the same prefix?")
 
 
-def _replies_to(bus: Bus, ticket: object, handle: Callable[[Item], None]) -> Iterator[Replied]:
+def _replies_to(bus: Bus, ticket: object, handle: Callable[[Item], None], meanwhile: Callable[[], None]) -> Iterator[Replied]:
     """One after the other, until no more will come."""
     while True:
-        item = bus.inbox.take()
+        meanwhile()
+        item = bus.inbox.take(LOOK_SECONDS)
         if isinstance(item, Replied) and item.ticket is ticket:
             yield item
         elif isinstance(item, Final) and item.ticket is ticket:

@@ -148,19 +148,26 @@ class Answers:
         self.tick = -1
         self.deadline = math.inf  # on the clock: until then the missing are waited for
         self.missing: set[str] = set()
+        self._back: set[str] = set()  # who has joined since the tick began
         self.velocities: dict[str, Velocity] = {}
         self._before: dict[str, Velocity] = {}  # those of the last tick
 
     def open(self, tick: int, lag: float = 0.0) -> None:
         """Wait for everyone who is held, at a new tick, which begins so many seconds after it was due."""
         self.tick, self.missing, self.velocities, self._before = tick, set(self._roster.holders), {}, self.velocities
+        self._back.clear()
         self.deadline = self._clock() + self._patience
 
     def expect(self, name: str) -> None:
-        """Somebody new holds an agent: what its predecessor answered to this tick does not count."""
+        """Somebody new holds an agent: what its predecessor answered to this tick does not count.
+
+        Many are slow to start, so each that comes gives all some time; but who comes again and again does so once in a tick.
+        """
         self.velocities.pop(name, None)
         self.missing.add(name)
-        self.deadline = self._clock() + self._patience
+        if name not in self._back:
+            self._back.add(name)
+            self.deadline = self._clock() + self._patience
 
     def give_up(self) -> set[str]:
         """The deadline is over: go on without the missing. Those who lose their agents by it."""

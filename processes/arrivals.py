@@ -1,5 +1,7 @@
 """What arrives at physics, one thing after the other, and whom it concerns: velocities, tokens, queries, signals."""
 
+import math
+import time
 from contextlib import suppress
 
 import msgspec
@@ -14,6 +16,8 @@ from orchard.wire.vocabulary import Session
 from processes.harvest import Ended, Harvest
 from processes.queries import Queries
 
+COMPANY_SECONDS = 3.0  # after physics has begun to listen: whose token comes later is the newcomer
+
 
 class Arrivals:
     """Hands on whatever arrives, and counts what is refused."""
@@ -21,6 +25,7 @@ class Arrivals:
     def __init__(self, bus: Bus, keys: Keys, harvest: Harvest) -> None:
         self._bus, self._keys, self._harvest = bus, keys, harvest
         self._queries = Queries(keys, harvest)
+        self._alone_from = math.inf  # on the clock: who comes after that must go
 
     def listen(self) -> None:
         """From now on all of it arrives; the token, which tells the others that physics is there, comes last."""
@@ -29,6 +34,7 @@ class Arrivals:
         self._bus.subscribe(self._keys.of("refused"))
         for key in self._queries.asked():
             self._bus.answer(key)
+        self._alone_from = time.monotonic() + COMPANY_SECONDS
         self._bus.watch(self._keys.of("alive"))
         self._bus.declare_alive(self._keys.of("alive", PHYSICS, self._harvest.run))
 
@@ -100,8 +106,9 @@ class Arrivals:
         raise Refused("no such agent")
 
     def _refuse_another_run(self, up: bool, run: str) -> None:
-        """Before the first tick: at one router there is one run to a prefix."""
-        if up and run != self._harvest.run and not self._harvest.has_begun:
+        """At one router there is one run to a prefix: whoever finds another there must go, and both of two that begin together."""
+        is_new = not self._harvest.has_begun and time.monotonic() < self._alone_from
+        if up and run != self._harvest.run and is_new:
             where = f"with prefix {self._keys.prefix}; choose another router or prefix"
             raise BusError(f"{self._bus.endpoint}: run {run} goes on there, {where}")
 

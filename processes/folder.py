@@ -23,7 +23,7 @@ class Runs:
         """Where a new recording goes: a file that a user names, or one here; None for "none". Raises OSError."""
         if wanted == "none":
             return None
-        path = self.folder / f"{_now()}.rrd" if wanted is None else Path(wanted)
+        path = self.folder / f"{_now()}-{os.getpid()}.rrd" if wanted is None else Path(wanted)
         path.parent.mkdir(parents=True, exist_ok=True)
         check_writable(path)
         remove_further_parts(path)

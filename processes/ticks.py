@@ -53,7 +53,7 @@ class Physics:
         except Ended as ended:
             why = str(ended)
         self._chronicle.tell()
-        if why == "stopped":
+        if why in ("stopped", "duration"):
             self.harvest.keep()
         self.harvest.keeper.finish()
         end = self.harvest.end(why)

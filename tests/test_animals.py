@@ -1,7 +1,14 @@
 """What dogs and cats do."""
 
+from dataclasses import replace
+
 import pytest
 from guests import one_guest
+
+from orchard.agent import Mail
+from orchard.agents.animal import Animal
+from orchard.config import Scenario
+from orchard.local import Local
 
 
 @pytest.mark.parametrize("kind", ["dog", "cat"])
@@ -23,6 +30,18 @@ def test_animals_keep_their_mind_for_three_seconds():
         minds.append(stage.local.memories["dog_01"].speed)
     changes = [i for i in range(1, 300) if minds[i] != minds[i - 1]]
     assert changes == list(range(30, 300, 30))
+
+
+def test_animals_change_their_mind_although_they_do_not_see_every_tick():
+    """As in realtime, where ticks may be left out."""
+    seen = one_guest("dog", 0.0, 20.0).local.engine.observe()["dog_01"]
+    dog = Animal(Local(Scenario()).engine.layout, "dog_01")
+    memory = dog.tick(seen, Mail(), None).memory
+    minds = []
+    for tick in (29, 31, 59, 61):
+        memory = dog.tick(replace(seen, tick=tick), Mail(), memory).memory
+        minds.append(memory.speed)
+    assert minds[0] != minds[1] == minds[2] != minds[3]
 
 
 @pytest.mark.parametrize("kind", ["dog", "cat"])

@@ -16,7 +16,10 @@ from orchard import bus
 from orchard.bus import Inbox, client, router
 from orchard.config import Scenario
 from orchard.endpoints import BusError
+from orchard.host import Asking, told
 from orchard.keys import TABLE
+from orchard.lockstep import Refusals
+from processes.fleet import free_port
 
 # -- the same as local mode
 
@@ -281,7 +284,33 @@ def test_a_get_that_nobody_answers_ends_without_a_reply():
 
 
 
+def test_who_asks_does_something_meanwhile_although_nobody_answers():
+    """A host looks whether physics is gone."""
+
+    looks = iter(("it is there", "it is there"))
+
+    def look() -> None:
+        if next(looks, None) is None:
+            raise TimeoutError("physics is gone")
+
+    with router() as silent, client(silent.endpoint) as asker:
+        silent.answer("orchard/recall")
+        with pytest.raises(TimeoutError, match="physics is gone"):
+            told(asker, Asking("orchard/recall", b"", bytes), lambda item: None, Refusals(), look)
+
 
 def test_agents_load_neither_the_compiler_nor_the_viewer():
     code = "import sys, processes.agents, orchard.agents, processes.physics; print({'numba', 'rerun'} & set(sys.modules))"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=30).stdout == "set()\n"
+
+
+def test_a_second_run_with_the_same_prefix_must_go_and_the_first_goes_on(fleet, undisturbed, tmp_path):
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    fleet.router(endpoint)
+    fleet.physics(SMALL, "--duration", str(TICKS / 10), "--connect", endpoint)
+    assert "waiting for 9 agents" in fleet.world.error()
+    code, _, said = fleet.start("processes.physics", "--connect", endpoint).end()
+    assert code == 2
+    assert f"run {fleet.run} goes on there, with prefix orchard; choose another router or prefix" in said
+    fleet.share(2, TOY)
+    assert fleet.end() == undisturbed

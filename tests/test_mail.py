@@ -249,6 +249,19 @@ def test_nobody_answers_in_anothers_place():
         assert (reply.sender, reply.body) == ("bin_01", body)
 
 
+def test_each_that_comes_back_gives_all_some_time_but_once_in_a_tick():
+    clock = Clock()
+    answers = Answers(roster(("picker_01", "a"), ("bin_01", "b")), 15.0, clock)
+    answers.open(3)
+    for name, deadline in (("picker_01", 125.0), ("bin_01", 135.0), ("picker_01", 135.0)):
+        clock.now += 10.0
+        answers.expect(name)
+        assert answers.deadline == deadline
+    answers.open(4)
+    answers.expect("picker_01")
+    assert answers.deadline == clock.now + 15.0
+
+
 def test_answers_are_applied_in_one_order():
     answers = Answers(roster(("picker_01", "a"), ("bin_01", "a")))
     answers.open(3)

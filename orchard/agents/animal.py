@@ -17,6 +17,7 @@ class AnimalMemory(WalkerMemory):
     speed: float = 0.0  # m/s
     rate: float = 0.0  # rad/s
     turning_until: int = 0  # tick
+    mind: int = -1  # how many it has changed; -1: it has none yet
 
 
 class Animal:
@@ -29,7 +30,8 @@ class Animal:
 
     def tick(self, seen: Observation, mail: Mail, memory: AnimalMemory | None) -> Action:
         memory = memory or AnimalMemory(seen.x, seen.y, seen.tick)
-        if seen.tick % MIND_CHANGES == 0:
+        if (mind := seen.tick // MIND_CHANGES) != memory.mind:
+            memory.mind = mind
             self.change_mind(seen, memory)
         whim = Twist(x=memory.speed, yaw=memory.rate if seen.tick < memory.turning_until else 0.0)
         twist, evading = walk(seen, memory, self.seed, min(memory.speed, 1.0), self.kind, whim)
@@ -38,6 +40,6 @@ class Animal:
 
     def change_mind(self, seen: Observation, memory: AnimalMemory) -> None:
         """A turn of up to 2 pi rad/s to either side, for up to a second, and a speed of up to 3 m/s."""
-        rate, speed, length = draw(self.seed, seen.name, seen.tick, 3)
+        rate, speed, length = draw(self.seed, seen.name, memory.mind * MIND_CHANGES, 3)
         memory.rate, memory.speed = (2 * rate - 1) * self.kind.turn, speed * self.kind.speed
         memory.turning_until = seen.tick + int(10 * length)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
+from orchard.camera import SCAN_TICKS
 from orchard.config import TIME_STEP
 from orchard.frames import Event, Frame
 from orchard.kinds import KINDS, LASER_RANGE, Laser
@@ -23,7 +24,6 @@ from orchard.view.scenery import log_scenery
 from orchard.view.talk import Talk, gathered, level_of, line_of
 
 CHUNK_TICKS = 10  # a second
-SCAN_TICKS = 5  # 2 Hz
 SCAN_CHUNK_TICKS = 50  # scans of a recording that nobody follows live go out in larger chunks: a third less to write
 SCAN_BEAMS = 2  # every second one
 SCAN_GRID = 32.0  # positions are rounded to 1/32 m
@@ -43,8 +43,8 @@ class Recorder:
     """Writes one run, or a further part of one. Feed it every tick, in order; `close()` when it is over."""
 
     def __init__(self, layout: Layout, run_name: str, path: str | Path | None = None, serve: bool = False, port: int = 9876,
-                 scanned: Iterable[str] = SCANNED, full_scans: bool = False) -> None:  # fmt: skip
-        """`serve` opens a server for viewers on the loopback; `full_scans` keeps every scan and every beam."""
+                 scanned: Iterable[str] = SCANNED) -> None:  # fmt: skip
+        """`serve` opens a server for viewers on the loopback."""
         self.layout = layout
         self.rec = rr.RecordingStream("orchard", recording_id=run_name)
         self.rec.set_log_time_enabled(False)
@@ -56,7 +56,6 @@ class Recorder:
         log_legend(self.rec)
         _log_series(self.rec)
         self.bodies, self.rows, self.talk = Bodies(self.rec, layout), Rows(self.rec, layout), Talk(self.rec, layout)
-        self._every, self._beams = (1, 1) if full_scans else (SCAN_TICKS, SCAN_BEAMS)
         self._scan_chunk = CHUNK_TICKS if serve else SCAN_CHUNK_TICKS
         self._scanned = self.bodies.scanned(scanned)
         self._poses: list[tuple[int, np.ndarray]] = []
@@ -137,7 +136,7 @@ class Recorder:
         self._newest = frame.tick
         self._left_out += frame.left_out
         self._poses.append((frame.tick, np.array(frame.poses, dtype=np.float64)))
-        if frame.scans is not None and frame.tick % self._every == 0:
+        if frame.scans is not None and frame.tick % SCAN_TICKS == 0:
             self._scans.append((frame.tick, frame.scans))
 
     def _send_poses(self) -> None:
@@ -162,7 +161,7 @@ class Recorder:
             name, laser = self.layout.names[i], KINDS[self.layout.starts[i].kind].laser
             kept = [(tick, ranges) for tick, scans in self._scans if (ranges := scans[i]) is not None]
             if kept:
-                points, lengths = hits(np.stack([ranges for _, ranges in kept]), laser, self._beams)
+                points, lengths = hits(np.stack([ranges for _, ranges in kept]), laser, SCAN_BEAMS)
                 column = rr.Points3D.columns(positions=points).partition(lengths)
                 self.rec.send_columns(f"scans/{name}", indexes=[_ticks(tick for tick, _ in kept)], columns=column)
         self._scans.clear()

@@ -131,6 +131,7 @@ class Host:
         self.mailbox = MAILBOXES[mode](run, (*layout.names, TRAFFIC))
         self.states = StateBoard(bus, keys, run)
         self.refusals = Refusals()
+        self.thinking = ""  # the agent whose turn it is
         self._answer = b""  # to the tick that was last ticked
         self._gone_until = math.inf  # on the clock: when physics counts as gone for ever
 
@@ -194,7 +195,8 @@ class Host:
             raise _JoinAgain
         self._wait(lambda: self.mailbox.is_settled(tick), DOUBT_SECONDS)
         mail, seen = self._mail(tick), self.sight.observations()
-        actions = {name: performer.act(seen[name], mail.get(name) or Mail()) for name, performer in self.performers.items()}
+        actions = {name: self._act(name, seen[name], mail.get(name) or Mail()) for name in self.performers}
+        self.thinking = ""
         for name, action in actions.items():
             for asked in self.mailbox.write(name, action):
                 self.bus.ask(self.keys.of("mail", asked.to), self.mailbox.letter(asked), asked)
@@ -206,6 +208,10 @@ class Host:
         self._wait(self.mailbox.is_sent, DOUBT_SECONDS)
         self._answer = pack(Velocities(self.run_id, tick, self.bus.id, drives, self.mailbox.is_undelivered()))
         self._send()
+
+    def _act(self, name: str, seen: Observation, mail: Mail) -> Action:
+        self.thinking = name
+        return self.performers[name].act(seen, mail)
 
     def _mail(self, tick: int) -> dict[str, Mail]:
         """Everybody's mail of a tick: what has arrived, or, where some may be missing, what physics knows of it."""

@@ -22,6 +22,7 @@ from orchard.identity import Identity, identity_in
 from orchard.keys import PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.names import chosen
+from processes import hourglass
 from processes.garbage import settle
 
 log = logging.getLogger("orchard")
@@ -91,6 +92,7 @@ def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None) -> H
     host = Host(bus, keys, run.run, run.mode, layout, agents, options.patience)
     host.listen()
     settle()
+    hourglass.turn(host)
     return host
 
 

@@ -19,6 +19,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
+from orchard.kinds import KINDS
+
 TIME_STEP = 0.1  # s
 MOST_TOLD = 50  # problems that an error's text names
 MOST_GUESTS = 50  # people together, animals together, weeds
@@ -74,7 +76,8 @@ class Laser(_Section):
 
 _NAME = "[A-Za-z_][A-Za-z0-9_]*"
 ClassPath = Annotated[str, Field(pattern=rf"^{_NAME}(\.{_NAME})*[.:]{_NAME}$", max_length=200)]
-Classes = Annotated[dict[str, ClassPath], Field(max_length=200, description="kind or name -> module.Class that drives in place of ours")]
+Driven = Annotated[str, Field(pattern=rf"^({'|'.join(KINDS)})(_[0-9]+)?$")]
+Classes = Annotated[dict[Driven, ClassPath], Field(max_length=200, description="kind or name -> module.Class that drives in place of ours")]
 
 
 class Scenario(_Section):
@@ -209,8 +212,13 @@ def _failures(values: dict[str, Any]) -> list[dict[str, Any]]:
     try:
         Scenario.model_validate(values)
     except ValidationError as failure:
-        return [dict(error) for error in failure.errors(include_url=False)]
+        return [dict(error) | {"loc": _path(error["loc"])} for error in failure.errors(include_url=False)]
     return []
+
+
+def _path(loc: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Where it is wrong; pydantic marks what is wrong with a key of `agents`, and not with its value."""
+    return loc[:2] if loc[2:] == ("[key]",) else loc
 
 
 def _fields(error: dict[str, Any]) -> set[tuple[str, ...]]:
@@ -236,7 +244,7 @@ def _problem(error: dict[str, Any], source: str, lines: Lines) -> Problem:
 def _wanted(path: tuple[str, ...]) -> str:
     """What a field may hold: 'a number from 5.0 to 12.0 (width of a row between its trees, m)'."""
     if path[0] == "agents":
-        return "a map of kinds or names and the classes that drive them: {picker: my_package.MyPicker}"
+        return f"a map of kinds ({', '.join(KINDS)}) or names and the classes that drive them: {{picker: my_package.MyPicker}}"
     field = _keys(path[:-1])[path[-1]]
     if section := _section(field):
         return f"a map with some of the keys {', '.join(section.model_fields)}"

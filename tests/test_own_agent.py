@@ -136,14 +136,14 @@ def test_a_mistake_is_told_with_its_place_the_robot_stands_and_the_others_go_on(
 
 
 def test_who_is_not_there_cannot_be_replaced():
-    with pytest.raises(ValueError, match=r"agents\.piker: no such agent or kind"):
-        cast(lay_out(Scenario(rows=3, agents={"piker": "own_agents.Eastward"})))
+    with pytest.raises(ValueError, match=r"agents\.picker_99: no such agent or kind"):
+        cast(lay_out(Scenario(rows=3, agents={"picker_99": "own_agents.Eastward"})))
 
 
-@pytest.mark.parametrize("text", ["agents: 5", "agents: {picker: 5}", "agents: {picker: MyPicker}", "agents: {picker: 'a b.C'}"])
-def test_what_is_no_class_is_named(text):
-    with pytest.raises(ScenarioError, match="a map of kinds or names and the classes that drive them"):
-        parse(text)
+@pytest.mark.parametrize("value", ["5", "{picker: 5}", "{picker: MyPicker}", "{picker: 'a b.C'}", "{piker: a.B}", "{'[key]': a.B}"])
+def test_what_is_no_class_or_no_kind_is_named(value):
+    with pytest.raises(ScenarioError, match=r"a map of kinds .* or names and the classes that drive them"):
+        parse(f"agents: {value}")
 
 
 @pytest.mark.parametrize(

@@ -169,12 +169,15 @@ def test_bad_input_is_named_with_exit_code_2_and_no_traceback(arguments, named):
     assert "Traceback" not in done.stderr + done.stdout
 
 
-def test_a_class_for_nobody_is_named(tmp_path):
+@pytest.mark.parametrize(
+    ("word", "told"), [("piker", "own.yaml:1: agents.piker = 'piker': must be a map of kinds"), ("picker_99", "agents.picker_99: no such agent or kind")]
+)
+def test_a_class_for_nobody_is_named(tmp_path, word, told):
     file = tmp_path / "own.yaml"
-    file.write_text("agents: {piker: my_package.MyPicker}\n")
+    file.write_text(f"agents: {{{word}: my_package.MyPicker}}\n")
     done = orchard(file, seconds=30)
     assert done.returncode == 2
-    assert "agents.piker: no such agent or kind" in done.stderr
+    assert told in done.stderr
 
 
 def test_all_errors_of_a_scenario_file_are_told_at_once(tmp_path):

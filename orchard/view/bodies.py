@@ -42,7 +42,7 @@ class Bodies:
     def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
         self.rec, self.layout = rec, layout
         self.path = {start.name: path_of(start) for start in layout.starts}
-        self._said: dict[str, dict[str, palette.Colour]] = {name: {} for name in layout.names}
+        self._said: dict[str, dict[str, palette.Colour]] = {s.name: {} for s in layout.starts if s.kind != "weed"}
         self._level = dict.fromkeys((s.name for s in layout.starts if s.kind == "bin"), -1)
         # None: unknown, for a further part of a recording begins with what was to be seen at the end of the part before.
         self._barred: dict[int, bool | None] = dict.fromkeys(i for i, s in enumerate(layout.starts) if KINDS[s.kind].tows)
@@ -52,8 +52,8 @@ class Bodies:
 
     def remember(self, said: Mapping[str, Sequence[str]]) -> None:
         """What they were said to do in the parts of the recording before, by their paths: its colours stay."""
-        for name, path in self.path.items():
-            self._said[name] = {words: palette.colour_of(words) for words in said.get(f"/{path}", ())}
+        for name in self._said:
+            self._said[name] = {words: palette.colour_of(words) for words in said.get(f"/{self.path[name]}", ())}
 
     def _introduce(self, start: Start) -> None:
         """What never changes about a body: its frame, shape, pin and the look of its scan. (A weed's shape is not for ever.)"""
@@ -86,7 +86,7 @@ class Bodies:
         self.rec.log(f"plan/names/{robot.name}", rr.CoordinateFrame(robot.name), word, static=True)
 
     def doing(self, name: str, text: str) -> None:
-        """A body does something else now: its lane in the timeline, and the colour of its pin."""
+        """A body does something else now: its lane in the timeline, and the colour of its pin. A weed only grows, and has none."""
         path, colour, known = self.path.get(name), palette.colour_of(text), self._said.get(name)
         if path is None or known is None:
             return

@@ -102,6 +102,7 @@ def test_a_run_that_is_stopped_at_once_is_no_mistake(small):
         assert "Traceback" not in small.until(lambda view=view: small.view(view.lower()), view).text
 
 
+@pytest.mark.soak
 def test_a_browser_that_was_busy_at_the_end_of_a_run_sees_the_end(small, server):
     small.fill("duration", 100)
     small.press("run")

@@ -16,7 +16,7 @@ from recordings import seconds_of
 from orchard.config import Scenario, to_yaml
 from processes.fleet import free_port
 
-SECONDS = 40.0  # simulated
+SECONDS = 30.0  # simulated
 PACE = ("--rows", 3, "--speed", 10, "--duration", SECONDS)
 
 
@@ -56,13 +56,13 @@ def test_whatever_is_killed_the_same_run_goes_on(tmp_path, undisturbed, word):
     assert summary_of(path)["hash"] == undisturbed
 
 
-def test_physics_that_is_killed_as_soon_as_it_is_there_is_started_again(tmp_path, undisturbed):
+def test_physics_that_is_killed_as_soon_as_it_is_there_is_started_again(tmp_path):
     path = tmp_path / "summary.json"
-    with starting(*PACE, "--record", "none", "--summary", path) as run:
+    with starting("--rows", 3, "--duration", 10, "--record", "none", "--summary", path) as run:
         first_process(run, "physics").kill()
         printed = end(run)
     assert "physics ended with code -9; starting it again" in printed
-    assert summary_of(path)["hash"] == undisturbed
+    assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), 100)
 
 
 def test_ctrl_c_while_physics_does_not_listen_yet_ends_the_run():
@@ -123,6 +123,7 @@ def test_a_run_that_can_never_begin_ends_and_names_whom_it_lacks(tmp_path, own_a
     assert "picker_02" not in done.stderr
 
 
+@pytest.mark.soak
 def test_the_robots_of_a_process_that_dies_again_and_again_stand_and_the_run_goes_on(tmp_path, own_agents):
     arguments = ("--hosts", 2, "--record", "none", "--duration", 40, "--patience", 3)
     path = tmp_path / "summary.json"
@@ -135,7 +136,8 @@ def test_the_robots_of_a_process_that_dies_again_and_again_stand_and_the_run_goe
 # -- realtime
 
 
-@pytest.mark.parametrize("word", [pytest.param("physics", marks=pytest.mark.soak), "agents"])
+@pytest.mark.soak
+@pytest.mark.parametrize("word", ["physics", "agents"])
 def test_in_realtime_too_whatever_is_killed_the_run_goes_on_and_finishes(tmp_path, word):
     path = tmp_path / "summary.json"
     arguments = ("--rows", 3, "--mode", "realtime", "--speed", 10, "--hosts", 1, "--duration", 80, "--record", "none", "--summary", path)
@@ -152,6 +154,7 @@ def test_in_realtime_too_whatever_is_killed_the_run_goes_on_and_finishes(tmp_pat
 # -- the end, without a bus
 
 
+@pytest.mark.soak
 def test_a_run_whose_router_is_down_at_its_end_has_ended_well(fleet, tmp_path):
     endpoint, path, recording = f"tcp/127.0.0.1:{free_port()}", tmp_path / "summary.json", tmp_path / "run.rrd"
     arguments = ("--mode", "realtime", "--speed", 2, "--duration", 12, "--record", recording, "--summary", path)

@@ -81,6 +81,7 @@ class TestInTheViewer:
             around = plan[row - 6 : row + 7, column - 6 : column + 7].reshape(-1, 3)
             assert np.abs(around - STATES["waiting"]).sum(axis=1).min() < 90, f"no waiting pin at {name}"
 
+    @pytest.mark.soak
     def test_the_largest_orchard_opens_well(self, tmp_path: Path) -> None:
         recorder = Recorder(acted_layout(rows=20, pickers=20), "large", tmp_path / "large.rrd")
         for frame in frames(recorder.layout, 2.0):

@@ -259,6 +259,7 @@ def test_a_part_of_a_harvest_with_a_process_for_each_agent(tmp_path):
     assert {"ticks_late", "velocities_missed"} <= summary.keys()
 
 
+@pytest.mark.soak
 def test_the_exchange_of_bins_works_in_realtime(tmp_path):
     """At speed 10, from before the first bins are full until one is delivered; where the machine does not keep up, it takes longer."""
     before = local_at(650)

@@ -274,6 +274,7 @@ def test_a_stop_that_was_taken_outlives_physics_killed_at_once(fleet, tmp_path):
     end(fleet)
 
 
+@pytest.mark.soak
 def test_on_a_slow_disk_a_stop_is_answered_while_it_is_written_and_what_is_kept_outlives_physics(fleet, tmp_path):
     keep = kept_in(tmp_path)
     fleet.physics(SMALL, *keep, module=("slow_disk", "5"))

@@ -11,8 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from math import inf
-from queue import Empty, SimpleQueue
-from threading import get_ident
+from threading import Lock, get_ident
 from time import monotonic
 from typing import Any, NamedTuple
 
@@ -118,7 +117,8 @@ class Inbox:
 
     def __init__(self) -> None:
         self._items: deque[Item] = deque()
-        self._bell: SimpleQueue[None] = SimpleQueue()
+        self._silence = Lock()  # held by the reader while nobody rings; a SimpleQueue's get may overlook its time-out (Python 3.11)
+        self._silence.acquire()
         self._enough = 1
         self._settled: set[int] = set()  # threads
 
@@ -139,14 +139,20 @@ class Inbox:
     def put(self, item: Item) -> None:
         self._settle()
         self._items.append(item)
-        self._bell.put(None)
+        self._ring()
 
     def put_quietly(self, item: Item) -> None:
         """Put without waking the reader, unless that is enough for it."""
         self._settle()
         self._items.append(item)
         if len(self._items) >= self._enough:
-            self._bell.put(None)
+            self._ring()
+
+    def _ring(self) -> None:
+        """Wake the reader, or let it not fall asleep; rung once is enough."""
+        if self._silence.locked():
+            with suppress(RuntimeError):  # another thread has just rung
+                self._silence.release()
 
     def take(self, seconds: float = inf, enough: int = 1) -> Item | None:
         """The next item; None if none comes in time. At once with 0 seconds."""
@@ -156,8 +162,7 @@ class Inbox:
             left = deadline - monotonic()
             if left <= 0.0:
                 return None
-            with suppress(Empty):
-                self._bell.get(timeout=min(left, self.POLL))
+            self._silence.acquire(timeout=min(left, self.POLL))
         return self._items.popleft()
 
 

@@ -52,15 +52,19 @@ def run(wish: Wish, progress: Progress) -> tuple[dict[str, Any] | None, str]:
     shares = passes.shares(names, everybody)
     endpoint = _meeting(wish, passes)
     run_id = (wish.resumed.run if wish.resumed else "") or uuid.uuid4().hex[:16]
+    inbox = Inbox()
+    _signalled(inbox)  # from here on Ctrl-C waits its turn: it shall not come between a process's start and its place in the fleet
     with TemporaryDirectory() as folder, Fleet(progress.say) as fleet, _noted(wish, Going(run_id, reachable(endpoint)), progress):
         viewer = _start(fleet, wish, passes, Path(folder), endpoint, run_id)
         start_hosts(fleet, reachable(endpoint), shares, passes)
         if wish.without:
             progress.say(f"{', '.join(wish.without)}: left to others, who connect to {endpoint}")
         watchdog = Watchdog(fleet, LOGGER)
-        summary, why = _follow(wish, fleet, watchdog, reachable(endpoint), passes.identity("operator"), run_id, progress)
+        summary, why = _follow(wish, fleet, watchdog, inbox, reachable(endpoint), passes.identity("operator"), run_id, progress)
         if summary is not None:
             watchdog.end()
+            for name, _ in shares if why == "stopped" else ():  # who was still on the way to the run has not heard of its end
+                fleet.terminate(name)
         elif end := left(Path(folder) / RESULT, run_id):
             summary, why = end.summary, end.why
             fleet.terminate_all()  # the others have not heard of it either, and have still to close what they have open
@@ -174,11 +178,17 @@ def _reach(fleet: Fleet, endpoint: str, inbox: Inbox, identity: Identity | None,
 
 
 def _follow(
-    wish: Wish, fleet: Fleet, watchdog: Watchdog, endpoint: str, identity: Identity | None, run_id: str, progress: Progress
+    wish: Wish,
+    fleet: Fleet,
+    watchdog: Watchdog,
+    inbox: Inbox,
+    endpoint: str,
+    identity: Identity | None,
+    run_id: str,
+    progress: Progress,
 ) -> tuple[dict[str, Any] | None, str]:
     """Show how it goes until it is over; the summary, and why it ended."""
-    inbox, keys = Inbox(), Keys()
-    _signalled(inbox)
+    keys = Keys()
     try:
         with ExitStack() as stack:
             bus = _reach(fleet, endpoint, inbox, identity, stack)

@@ -48,9 +48,9 @@ class Process:
             assert selector.select(SECONDS), "the process says nothing"
             return stream.readline()
 
-    def messages(self) -> queue.SimpleQueue:
+    def messages(self) -> queue.Queue:
         """What it prints from now on, as they come: a map in a line each. Instead of `line` and `end`."""
-        heard = queue.SimpleQueue()
+        heard = queue.Queue()
 
         def read() -> None:
             for line in self._popen.stdout:
@@ -123,7 +123,7 @@ class Fleet:
         self._stack.callback(process.kill)
         return process
 
-    def hear(self, key: str, endpoint: str, before: Sequence[str] = ()) -> queue.SimpleQueue:
+    def hear(self, key: str, endpoint: str, before: Sequence[str] = ()) -> queue.Queue:
         """As `Client.hear`, from another machine."""
         process = self.start("listener", endpoint, key, before=before)
         return process.messages()
@@ -145,9 +145,9 @@ class Client:
         with zenoh.open(config) as session:
             yield cls(session, run)
 
-    def hear(self, key: str) -> queue.SimpleQueue:
+    def hear(self, key: str) -> queue.Queue:
         """Everything that is put on a key from now on, unpacked."""
-        heard = queue.SimpleQueue()
+        heard = queue.Queue()
 
         def put(sample) -> None:
             with suppress(ValueError, msgpack.UnpackException):  # of tests that put nonsense
@@ -168,7 +168,7 @@ class Client:
         return [msgpack.unpackb(r.ok.payload.to_bytes()) if r.ok else r.err.payload.to_string() for r in replies]
 
 
-def until(heard: queue.SimpleQueue, wanted, seconds: float = SECONDS):
+def until(heard: queue.Queue, wanted, seconds: float = SECONDS):
     """The first message for which something is so."""
     deadline = time.monotonic() + seconds
     while True:

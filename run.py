@@ -44,6 +44,12 @@ RUNS = Runs(HERE / "runs")
 app = typer.Typer(add_completion=False, no_args_is_help=False, pretty_exceptions_enable=False)
 
 
+@app.callback()
+def interruptible() -> None:
+    """From here on Ctrl-C is told to the command, which may have something to stop; typer sees to its exit code."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 # -- a harvest
 
 
@@ -237,7 +243,6 @@ def main() -> None:
     arguments = sys.argv[1:]
     if arguments[:1] == ["app"]:
         raise SystemExit(_page(arguments[1:]))
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.path.append(os.getcwd())  # where a user's own classes are
     app(arguments if arguments and arguments[0] in commands else ["harvest", *arguments])
 

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
+from pathlib import Path
 from typing import Any
 
 import psutil
@@ -17,7 +18,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 
 SECONDS = 15.0  # that the page may take to follow
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-         "--disable-component-update", "--disable-sync", "--window-size=1500,1000")  # fmt: skip
+         "--disable-component-update", "--disable-sync")  # fmt: skip
 
 
 def open_browser(chromium: str, driver: str, profile: str, downloads: str) -> webdriver.Chrome:
@@ -98,6 +99,12 @@ class Browser:
 
     def press(self, action: str) -> None:
         self.click(f"[data-action={action}]")
+
+    def saved(self, downloads: Path) -> Path:
+        """The file that comes of saving."""
+        before = set(downloads.iterdir())
+        self.press("save")
+        return self.until(lambda: next((path for path in downloads.glob("*.yaml") if path not in before), None), "a file is saved")
 
     @fresh
     def fill(self, path: str, value: object) -> None:

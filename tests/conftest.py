@@ -17,7 +17,7 @@ import callers
 from alone import SMALL, TICKS, local_hash
 from corpus import recorded
 from fleet import Fleet
-from page import chromium_with, served
+from page import WINDOW, chromium_with, served
 from scripted_orchard import ACTED_SECONDS, acted_layout, frames
 
 
@@ -78,6 +78,7 @@ def chromium(tmp_path_factory, downloads):
 @pytest.fixture
 def browser(chromium, server):
     """The page, freshly opened, with the default orchard."""
+    chromium.driver.set_window_size(*WINDOW)
     chromium.driver.get(server[0])
     chromium.click("[data-preset=default]")
     chromium.until(lambda: chromium.tree_lines() == 6, "the default plan is drawn")

@@ -16,6 +16,7 @@ from processes.fleet import free_port
 
 ROOT = Path(__file__).parent.parent
 PROGRAMS = [shutil.which("chromium"), shutil.which("chromedriver")]
+WINDOW = (1500, 1000)  # pixels
 RUN_SECONDS = 60.0  # that a small run may take on a busy machine
 
 ON_CI = os.environ.get("CI") == "true"  # where nothing is skipped

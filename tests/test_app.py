@@ -83,9 +83,7 @@ def test_what_is_saved_can_be_loaded(browser, downloads):
     browser.fill("rows", 9)
     browser.fill("seed", 2**63 - 1)
     browser.until(lambda: browser.tree_lines() == 10, "a plan of 9 rows")
-    browser.press("save")
-    saved = downloads / "orchard.yaml"
-    browser.until(saved.exists, "the file is saved")
+    saved = browser.saved(downloads)
     assert load(saved) == Scenario(rows=9, seed=2**63 - 1)
 
 

@@ -66,10 +66,7 @@ def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloa
     small.fill("duration", 30)
     small.switch("fastest", True)
     wanted = Scenario(rows=3, pickers=3, weeds=7, agents={"picker_01": "tests.own_agents.Eastward"})
-    before = set(downloads.iterdir())
-    small.press("save")
-    saved = small.until(lambda: {path for path in set(downloads.iterdir()) - before if path.suffix == ".yaml"}, "the file is saved")
-    assert load(saved.pop()) == wanted
+    assert load(small.saved(downloads)) == wanted
     small.press("run")
     small.tell_state("running")
     small.tell_state("finished", RUN_SECONDS)
@@ -81,6 +78,7 @@ def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloa
 
 
 def test_a_run_is_seen_live(small):
+    small.driver.set_window_size(700, 500)  # few pixels: there is no graphics card to draw them
     small.fill("duration", 3000)  # whatever it was before: the run shall not end by itself
     small.switch("live", True)
     small.press("run")

@@ -13,7 +13,7 @@ from recordings import seconds_of
 
 from orchard.config import Scenario
 
-FIRST_CALLS = 100  # s, simulated: the first bins are full at 71 s, and carriers come
+FIRST_CALLS = 80  # s, simulated: the first bins are full at 71 s, and carriers come
 FIRST_UNLOADING = 300  # s, simulated: the first bin of 3 rows and 2 pickers is unloaded before, with seeds 1 to 5
 
 

@@ -77,12 +77,13 @@ def test_a_harvest_ends_without_a_collision(rows, pickers, carriers, row_width):
     assert stage.world.held.sum() == 0
 
 
-def test_all_of_twenty_pickers_call_at_once_and_all_are_served():
-    stage = Stage(empty_orchard(rows=20, pickers=20))
+@pytest.mark.parametrize("pickers", [12, pytest.param(20, marks=pytest.mark.soak)])
+def test_all_pickers_call_at_once_and_all_are_served(pickers):
+    stage = Stage(empty_orchard(rows=pickers, pickers=pickers))
     stage.run_until(lambda: bool((stage.world.row_picked >= 70.0).all()), 75)
     stage.run_to_the_end()
-    assert stage.world.delivered == 20
-    assert len(stage.happened("unloaded")) == len({(event.tick, event.who) for event in stage.happened("unloaded")}) == 20
+    assert stage.world.delivered == pickers
+    assert len(stage.happened("unloaded")) == len({(event.tick, event.who) for event in stage.happened("unloaded")}) == pickers
     stage.assert_no_collisions()
 
 

@@ -73,7 +73,7 @@ class Fleet:
         command = [sys.executable, "-m", program.module, *arguments]
         null, pipe = subprocess.DEVNULL, subprocess.PIPE
         popen = subprocess.Popen(
-            command, cwd=ROOT, env=_with_own_modules(), stdin=null, stdout=null, stderr=pipe,
+            command, cwd=ROOT, env=_environment(), stdin=null, stdout=null, stderr=pipe,
             text=True, errors="backslashreplace", start_new_session=True,
         )  # fmt: skip
         threading.Thread(target=self._pass_on, args=(program.name, popen), daemon=True).start()
@@ -152,10 +152,10 @@ class Fleet:
             running.popen.wait()
 
 
-def _with_own_modules() -> dict[str, str]:
-    """The environment, in which also modules of the user's present directory are found."""
+def _environment() -> dict[str, str]:
+    """In which also modules of the user's present directory are found, and no process makes threads for matrices: there are none."""
     paths = [os.environ.get("PYTHONPATH", ""), os.getcwd()]
-    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    return {"OPENBLAS_NUM_THREADS": "1"} | os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
 
 
 def free_port() -> int:

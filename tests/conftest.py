@@ -1,8 +1,11 @@
 """What tests share; helpers (`stage`, `fleet`) are imported by name. Whatever test runs an orchard, its invariants hold at every tick."""
 
+import os
 import sys
 from contextlib import ExitStack
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as processes/fleet.py starts them: hundreds of processes, and no matrix
 
 import numpy as np
 import pytest

@@ -200,14 +200,18 @@ class Host:
         for name, action in actions.items():
             for asked in self.mailbox.write(name, action):
                 self.bus.ask(self.keys.of("mail", asked.to), self.mailbox.letter(asked), asked)
-        self.mailbox.close()
-        for name in self.bins:
-            self.states.update(seen[name])
-        tell_refusals(self.bus, self.keys, self.run_id, self.refusals)
         drives = {name: self._drive(name, action, mail.get(name)) for name, action in actions.items()}
         self._wait(self.mailbox.is_sent, DOUBT_SECONDS)
         self._answer = pack(Velocities(self.run_id, tick, self.bus.id, drives, self.mailbox.is_undelivered()))
         self._send()
+        self._tell(seen)
+
+    def _tell(self, seen: dict[str, Observation]) -> None:
+        """What others wait for less than physics does: answers, the bins' states, what was refused."""
+        self.mailbox.close()
+        for name in self.bins:
+            self.states.update(seen[name])
+        tell_refusals(self.bus, self.keys, self.run_id, self.refusals)
 
     def _act(self, name: str, seen: Observation, mail: Mail) -> Action:
         self.thinking = name

@@ -86,6 +86,8 @@ class _Held:
 
     heard: Heard
     question: Question
+    is_heard: bool = False  # its tick has come, or is over: it is answered in this tick or never
+    body: Answer | None = None
 
 
 class Mailbox:
@@ -168,6 +170,7 @@ class Mailbox:
         """Rule 3: what was asked in the last tick, and what was answered in it. Those without any mail are absent."""
         mail: dict[str, Mail] = {}
         for (recipient, *_), held in self._held.items():
+            held.is_heard = self._is_done(held.heard.tick, tick)
             if self._is_heard(held.heard.tick, tick):
                 mail.setdefault(recipient, Mail()).requests.append(held.heard)
         for heard in mail.values():
@@ -185,11 +188,11 @@ class Mailbox:
         return self._asked.pop(tick - 2, [])
 
     def write(self, name: str, action: Action) -> list[Asked]:
-        """Answer what an agent answers; the requests that must now be asked."""
+        """Take what an agent answers, for `close` to tell; the requests that must now be asked."""
         for heard, body in action.answers:
-            key = (name, heard.sender, heard.tick, heard.number)
-            if key in self._held and self._is_heard(heard.tick, self.last):
-                self._end(self._held.pop(key), body)
+            held = self._held.get((name, heard.sender, heard.tick, heard.number))
+            if held is not None and held.is_heard:
+                held.body = body
         asked = [Asked(name, self.last, number, to, request) for number, (to, request) in enumerate(action.requests)]
         self._asked.setdefault(self.last, []).extend(asked)
         return asked
@@ -198,16 +201,14 @@ class Mailbox:
         return pack(Letter(self._run, asked.tick, asked.sender, asked.number, asked.request))
 
     def close(self) -> None:
-        """Rule 3: every query that was heard in this tick or before, and has no answer, gets none."""
-        for key in [key for key, held in self._held.items() if self._is_done(held.heard.tick)]:
-            self._end(self._held.pop(key), None)
+        """Rule 3: every query that was heard in this tick or before gets its answer, or none."""
+        for key in [key for key, held in self._held.items() if held.is_heard]:
+            held = self._held.pop(key)
+            held.question.reply(pack(Answered(self._run, self.last, held.body)))
+            held.question.drop()
 
-    def _end(self, held: _Held, body: Answer | None) -> None:
-        held.question.reply(pack(Answered(self._run, self.last, body)))
-        held.question.drop()
-
-    def _is_done(self, asked: int) -> bool:
-        return asked < self.last
+    def _is_done(self, asked: int, tick: int) -> bool:
+        return asked < tick
 
     def is_sent(self) -> bool:
         """Rule 6: each request of this tick has arrived, or never will."""
@@ -246,7 +247,7 @@ class LiveMailbox(Mailbox):
     def _is_heard(self, asked: int, tick: int) -> bool:
         return True
 
-    def _is_done(self, asked: int) -> bool:
+    def _is_done(self, asked: int, tick: int) -> bool:
         return True
 
     def _take_known(self, tick: int) -> list[Asked]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -27,10 +27,19 @@ from orchard.thaw import fitting, world_as_data, world_from
 from orchard.world import World, new_world
 
 
+class Stepped(NamedTuple):
+    """A step that the accounts lack."""
+
+    scans: list[np.ndarray]  # of the tick before it
+    heard: dict[str, bytes]  # name -> digest of its mail
+    events: list[Event]
+
+
 class Engine:
     """One orchard on its way through the ticks: `observe()` once per tick, then `advance()` with what the agents answered.
 
     A body without an action stands still. Actions count by name and are applied in the layout's order, never in that of arrival.
+    Whoever has more urgent things to do than to account for a step calls `step()` in place of `advance()`, and `account()` later.
     """
 
     def __init__(self, world: World, digest: bytes = bytes(32), before: Mapping[str, Any] | None = None) -> None:
@@ -43,6 +52,7 @@ class Engine:
         self.invariants = Invariants(world, before.get("invariants"))
         self.states = StateTimes(world, before.get("states"))
         self._digest = RunDigest(digest)
+        self._stepped: Stepped | None = None
         self._news = msgspec.convert(before.get("news", []), list[Event])  # of stops, for the next step to tell
 
     @classmethod
@@ -58,6 +68,7 @@ class Engine:
 
     def figures_as_data(self) -> dict[str, Any]:
         """What it must remember besides the world and the hash, plain: for a snapshot's figures."""
+        self.account()
         news = msgspec.to_builtins(self._news)
         return {"invariants": self.invariants.as_data(), "states": self.states.as_data(), "news": news}
 
@@ -77,11 +88,13 @@ class Engine:
     @property
     def digest(self) -> bytes:
         """What the hash must remember."""
+        self.account()
         return self._digest.state
 
     @property
     def hash(self) -> str:
         """SHA-256 over all ticks so far."""
+        self.account()
         return self._digest.hexdigest()
 
     def observe(self) -> Sights:
@@ -90,25 +103,44 @@ class Engine:
         return observe(self.world, self.scans)
 
     def advance(self, actions: Mapping[str, Action], mail_digests: Mapping[str, bytes]) -> list[Event]:
-        """Apply the answers to this tick, 0.1 s long, and account for it: its scans and mail, and the state that came of it."""
-        events, self._news = self._news + step(self.world, self._twists(actions), self._deeds(actions)), []
-        self._digest.update(self.world, self.scans, self._heard(mail_digests))
-        self.invariants.update(self.world, events)
-        self.states.update(self.world)
+        """Apply the answers to this tick, 0.1 s long, and account for it."""
+        events = self.step(actions, mail_digests)
+        self.account()
         return events
+
+    def step(self, actions: Mapping[str, Action], mail_digests: Mapping[str, bytes]) -> list[Event]:
+        """Apply the answers to this tick; what happened."""
+        self.account()
+        events, self._news = self._news + step(self.world, self._twists(actions), self._deeds(actions)), []
+        self._stepped = Stepped(self.scans, self._heard(mail_digests), events)
+        return events
+
+    def account(self) -> None:
+        """Take the last step into the hash, the invariants and the states' times: its scans and mail, and the state that came of it.
+
+        Once; before anything here is changed or asked it is done in any case.
+        """
+        if self._stepped is not None:
+            (scans, heard, events), self._stepped = self._stepped, None
+            self._digest.update(self.world, scans, heard)
+            self.invariants.update(self.world, events)
+            self.states.update(self.world)
 
     def violations(self) -> list[str]:
         """Which invariants the run has broken, now that it is over; a sentence each."""
+        self.account()
         return self.invariants.end(self.world, self.over) + self.states.faults(self.world)
 
     def stop(self, words: Sequence[str] = ()) -> list[str]:
         """Stop these robots, or all, until they are reset; see `stops.stop`. Those that were not stopped before."""
+        self.account()
         changed = stops.stop(self.world, words)
         self._news += [Event(self.tick, "stopped", name) for name in changed]
         return changed
 
     def reset(self, words: Sequence[str] = ()) -> list[str]:
         """Let these robots, or all, go on; see `stops.reset`. Those that were stopped before."""
+        self.account()
         changed = stops.reset(self.world, words)
         self._news += [Event(self.tick, "reset", name) for name in changed]
         return changed

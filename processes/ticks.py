@@ -90,15 +90,16 @@ class Physics:
         return "\n".join(["jammed", *jam]) if (jam := self._chronicle.account.jam) else ""
 
     def _tick(self) -> None:
-        """Show the tick; while the agents think, tell of the last one; take their answers; step."""
+        """Show the tick; while the agents think, account for the last one and tell of it; take their answers; step."""
         tick, seen = self._engine.tick, self._engine.observe()
         self._drivers.begin(seen, self._pause())
+        self._engine.account()
         self._chronicle.tell()
         if self.harvest.keeper.is_due():
             self.harvest.keep()
         self._await_answers()
         actions = self._drivers.actions(tick)
-        self._chronicle.stepped(Step(tick, self._engine.advance(actions, self._drivers.answers.digests()), actions))
+        self._chronicle.stepped(Step(tick, self._engine.step(actions, self._drivers.answers.digests()), actions))
 
     def _pause(self) -> float:
         """Until the tick's time has come; so many seconds after it."""

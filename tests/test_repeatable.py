@@ -50,6 +50,22 @@ def test_a_velocity_that_is_off_by_a_trillionth_changes_the_hash():
     assert local.engine.hash != other.engine.hash
 
 
+@pytest.mark.parametrize("ask", ["hash", "digest"])
+def test_a_step_that_is_accounted_for_later_counts_the_same(ask):
+    at_once, later = Local(Scenario(rows=3)), Local(Scenario(rows=3))
+    later.engine.advance = later.engine.step
+    for tick in range(200):
+        for local in (at_once, later):
+            local.tick()
+            if tick == 30:
+                assert "picker_01" in local.engine.stop(["picker_01"]), "it drives, and stands from now on"
+            if tick == 60:
+                local.engine.reset()
+    assert getattr(later.engine, ask) == getattr(at_once.engine, ask)
+    assert later.engine.figures_as_data() == at_once.engine.figures_as_data()
+    assert later.engine.violations() == at_once.engine.violations() == []
+
+
 AGENTS = sorted(cast(Local(Scenario(rows=3)).engine.layout))
 RESTARTS = st.lists(st.tuples(st.integers(1, HARVEST_TICKS - 1), st.sampled_from(AGENTS)), min_size=1, max_size=40)
 

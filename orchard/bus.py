@@ -205,6 +205,11 @@ class Bus:
         except zenoh.ZError as error:
             log.debug("%s was not sent: %s", key, error)
 
+    def retire(self, key: str) -> None:
+        """Nothing more is to be published on a key, or not for long."""
+        if (publisher := self._publishers.pop(key, None)) is not None:
+            publisher.undeclare()  # type: ignore[no-untyped-call]
+
     def is_heard(self, keys: str) -> bool:
         """Whether another session listens to any of these keys."""
         if keys not in self._listeners:

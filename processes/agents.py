@@ -24,6 +24,7 @@ from orchard.layout import Layout, lay_out
 from orchard.names import chosen
 from processes import hourglass
 from processes.garbage import settle
+from processes.seconds import seconds
 
 log = logging.getLogger("orchard")
 
@@ -104,7 +105,7 @@ def _options(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--only", action="append", default=[], metavar="KIND|NAME", help="host these (repeatable)")
     parser.add_argument("--without", action="append", default=[], metavar="KIND|NAME", help="host all but these (repeatable)")
     parser.add_argument("--share", default="0/1", metavar="I/N", help="of those, host the I-th (from 0) and every N-th after it")
-    parser.add_argument("--patience", type=float, default=GONE_SECONDS, metavar="SECONDS", help="how long physics may be gone")
+    parser.add_argument("--patience", type=seconds, default=GONE_SECONDS, metavar="SECONDS", help="how long physics may be gone")
     parser.add_argument("--agents", default="orchard.agents:cast", metavar="MODULE:FUNCTION", help="(layout, names) -> {name: agent}")
     return parser.parse_args(argv)
 

@@ -56,6 +56,11 @@ class Announcer:
         bodies = [self._layout.index[name] for name in names if name in self._layout.index]
         self._put(self._keys.of("seen", session=holder), seen_of(self.run, seen, bodies, recall))
 
+    def part(self, holders: Iterable[str]) -> None:
+        """These sessions hold nothing any more: nothing is to be shown to them."""
+        for holder in holders:
+            self._bus.retire(self._keys.of("seen", session=holder))
+
     def _show_alone(self, what: str, seen: Sights, body: int, name: str) -> None:
         key = self._keys.of(what, name)
         if not self._is_heard(key):

@@ -37,8 +37,10 @@ class Drivers:
     def join(self, names: Sequence[str], holder: str) -> dict[str, str]:
         """Let a session hold all these agents, or none; name -> why it cannot."""
         refused = {name: why for name in names if (why := self.roster.may_join(name, holder))}
+        before = set(self.roster.by_holder())
         for name in () if refused else names:
             self.roster.join(name, holder)
+        self._announcer.part(before.difference(self.roster.by_holder()))
         return refused
 
     def expect(self, names: Sequence[str], holder: str) -> None:
@@ -52,7 +54,9 @@ class Drivers:
         """Nobody holds these agents any more."""
         for name in names:
             self.answers.release(name)
-        self._announcer.lost(self._engine.tick, self.roster.release(names))
+        released = self.roster.release(names)
+        self._announcer.lost(self._engine.tick, released)
+        self._announcer.part(set(released).difference(self.roster.by_holder()))
 
     def drives(self, name: str) -> bool:
         """Whether anybody does: who holds it, or another."""

@@ -21,11 +21,11 @@ from orchard.keys import PREFIX, Keys
 from orchard.lockstep import PATIENCE
 from orchard.names import chosen
 from orchard.snapshot import Snapshot, SnapshotError
-from orchard.wire.vocabulary import LAST_TICK
 from processes.garbage import settle
 from processes.harvest import Options
 from processes.keeper import SNAPSHOT_SECONDS, last
 from processes.result import leave
+from processes.seconds import seconds, simulated_seconds
 from processes.ticks import Physics
 
 log = logging.getLogger("orchard")
@@ -93,19 +93,6 @@ def _pace(arguments: argparse.Namespace) -> float:
     return speed
 
 
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0 < value < math.inf:
-        raise ValueError
-    return value
-
-
-def _duration(text: str) -> float:
-    if (value := _positive(text)) > LAST_TICK * TIME_STEP:
-        raise ValueError
-    return value
-
-
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m processes.physics", description="Own the world and the clock of an orchard.")
     parser.add_argument("scenario", nargs="?", metavar="SCENARIO.yaml", help="default: the built-in scenario")
@@ -117,12 +104,12 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--prefix", default=PREFIX, help="first part of every key")
     parser.add_argument("--mode", choices=["lockstep", "realtime"], default="lockstep", help="wait for all agents, or for none")
     parser.add_argument("--speed", type=_speed, metavar="X|max", help="simulated seconds to a second; default max, in realtime 1")
-    parser.add_argument("--duration", type=_duration, metavar="SECONDS", help="simulated seconds after which the run ends")
-    parser.add_argument("--patience", type=_positive, default=PATIENCE, metavar="SECONDS", help="how long an agent may be silent")
+    parser.add_argument("--duration", type=simulated_seconds, metavar="SECONDS", help="simulated seconds after which the run ends")
+    parser.add_argument("--patience", type=seconds, default=PATIENCE, metavar="SECONDS", help="how long an agent may be silent")
     parser.add_argument("--absent", action="append", default=[], metavar="KIND|NAME", help="do not wait for these (repeatable)")
     parser.add_argument("--recorded", action="store_true", help="begin when a logger is there, or after 10 s")
     parser.add_argument("--snapshots", type=Path, metavar="DIR", help="keep snapshots of the run there")
-    parser.add_argument("--snapshot-every", type=_positive, default=SNAPSHOT_SECONDS, metavar="SECONDS", help="wall time; default 2")
+    parser.add_argument("--snapshot-every", type=seconds, default=SNAPSHOT_SECONDS, metavar="SECONDS", help="wall time; default 2")
     parser.add_argument("--result", type=Path, metavar="FILE", help="leave there how it ended, for whoever started this")
     parser.add_argument("--resume", action="store_true", help="go on from the newest snapshot in there, if there is one")
     return parser.parse_args(argv)

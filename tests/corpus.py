@@ -78,7 +78,7 @@ class StandIn:
 
     def __init__(self, net: Net, session: str) -> None:
         self.inbox, self.id, self.endpoint = Inbox(), session, "nowhere"
-        self.keys, self.tokens, self.answers, self._net = [], [], [], net
+        self.keys, self.tokens, self.answers, self.retired, self._net = [], [], [], [], net
         net.buses.append(self)
 
     @staticmethod
@@ -87,6 +87,9 @@ class StandIn:
 
     def publish(self, key: str, payload: bytes, newest_wins: bool = False) -> None:
         self._net.put(self, key, payload)
+
+    def retire(self, key: str) -> None:
+        self.retired.append(key)
 
     def is_heard(self, keys: str) -> bool:
         return True

@@ -1,0 +1,39 @@
+"""Physics' side of those who drive, without a network: what it keeps of sessions that come and go."""
+
+from alone import SMALL
+from corpus import KEYS, Run
+
+
+def coming(drivers, session, names):
+    """A session comes, and holds agents."""
+    for name in names:
+        drivers.token(name, session, True)
+    assert drivers.join(names, session) == {}
+
+
+def going(drivers, session, names):
+    for name in names:
+        drivers.token(name, session, False)
+
+
+def test_nothing_is_kept_of_a_session_whose_last_agent_is_with_another():
+    run = Run(SMALL, "run1", 10)
+    drivers, retired = run.physics.harvest.drivers, run.physics.bus.retired
+    one, other = drivers.roster.names[:2]
+    coming(drivers, "first", [one, other])
+    going(drivers, "first", [one, other])
+    coming(drivers, "second", [one])
+    assert retired == [], "the first holds one still"
+    coming(drivers, "third", [other])
+    assert retired == [KEYS.of("seen", session="first")]
+
+
+def test_nothing_is_kept_of_a_session_that_is_not_waited_for():
+    run = Run(SMALL, "run1", 10)
+    drivers, retired = run.physics.harvest.drivers, run.physics.bus.retired
+    names = drivers.roster.names[:2]
+    coming(drivers, "first", names)
+    drivers.release({names[0]})
+    assert retired == []
+    drivers.release({names[1]})
+    assert retired == [KEYS.of("seen", session="first")]

@@ -49,8 +49,8 @@ class Engine:
         self.scans: list[np.ndarray] = []  # m, float32: of the tick that was last observed, one array per body
         self._scanner = Scanner(self.layout)
         before = before or {}
-        self.invariants = Invariants(world, before.get("invariants"))
-        self.states = StateTimes(world, before.get("states"))
+        self._invariants = Invariants(world, before.get("invariants"))
+        self._states = StateTimes(world, before.get("states"))
         self._digest = RunDigest(digest)
         self._stepped: Stepped | None = None
         self._news = msgspec.convert(before.get("news", []), list[Event])  # of stops, for the next step to tell
@@ -68,13 +68,24 @@ class Engine:
 
     def figures_as_data(self) -> dict[str, Any]:
         """What it must remember besides the world and the hash, plain: for a snapshot's figures."""
-        self.account()
         news = msgspec.to_builtins(self._news)
         return {"invariants": self.invariants.as_data(), "states": self.states.as_data(), "news": news}
 
     def as_data(self) -> dict[str, Any]:
         """The world, as a snapshot holds it."""
         return world_as_data(self.world)
+
+    @property
+    def invariants(self) -> Invariants:
+        """What must be so, after all steps so far."""
+        self.account()
+        return self._invariants
+
+    @property
+    def states(self) -> StateTimes:
+        """What each robot did, in all steps so far."""
+        self.account()
+        return self._states
 
     @property
     def tick(self) -> int:
@@ -123,12 +134,11 @@ class Engine:
         if self._stepped is not None:
             (scans, heard, events), self._stepped = self._stepped, None
             self._digest.update(self.world, scans, heard)
-            self.invariants.update(self.world, events)
-            self.states.update(self.world)
+            self._invariants.update(self.world, events)
+            self._states.update(self.world)
 
     def violations(self) -> list[str]:
         """Which invariants the run has broken, now that it is over; a sentence each."""
-        self.account()
         return self.invariants.end(self.world, self.over) + self.states.faults(self.world)
 
     def stop(self, words: Sequence[str] = ()) -> list[str]:

@@ -31,7 +31,7 @@ def invariants_hold(monkeypatch):
 
     def account_and_look(self):
         account(self)
-        assert self.invariants.violations == []
+        assert self._invariants.violations == []
 
     monkeypatch.setattr(Engine, "account", account_and_look)
 

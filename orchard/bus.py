@@ -19,7 +19,6 @@ import zenoh
 from zenoh.handlers import Callback
 
 from orchard.endpoints import IN_USE, LOOPBACK, NO_ENDPOINT, BusError, check_security, is_public, with_port
-from orchard.handshake import why_no_trust
 from orchard.identity import AUTHORITY, CERTIFICATE, KEY, Identity
 
 log = logging.getLogger("orchard.bus")
@@ -318,8 +317,15 @@ def _explain(mode: str, endpoint: str, seconds: float, identity: Identity | None
         return f"{endpoint}: {NO_ENDPOINT}"
     if mode == "router":
         return f"{endpoint}: {IN_USE}"
-    distrust = "" if identity is None else why_no_trust(endpoint, identity.folder)
-    return f"{endpoint}: {distrust or f'nobody listens there; tried for {seconds:g} s'}"
+    return f"{endpoint}: {_distrust(endpoint, identity) or f'nobody listens there; tried for {seconds:g} s'}"
+
+
+def _distrust(endpoint: str, identity: Identity | None) -> str:
+    if identity is None:
+        return ""
+    from orchard.handshake import why_no_trust  # late: Python's ssl takes a tenth of a process' start, and only this needs it
+
+    return why_no_trust(endpoint, identity.folder)
 
 
 def _config(mode: str, endpoint: str, seconds: float, identity: Identity | None) -> zenoh.Config:

@@ -5,16 +5,16 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as processes/fleet.py starts them: hundreds of processes, and no matrix
-
 import numpy as np
 import pytest
 
 from orchard.engine import Engine
 from orchard.layout import lay_out
 from orchard.view import Recorder
+from processes.fleet import QUICK_START
 
 sys.path.insert(0, str(Path(__file__).parent))
+os.environ |= QUICK_START | os.environ  # hundreds of processes follow
 
 import callers
 from alone import SMALL, TICKS, local_hash

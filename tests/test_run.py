@@ -7,11 +7,11 @@ import time
 
 import psutil
 import pytest
-from alone import local_hash
+from alone import AGENTS, SMALL, local_hash
 from command_line import SECONDS, orchard, running, summary_of, wait_until_simulated
 from recordings import seconds_of
 
-from orchard.config import Scenario
+from orchard.config import Scenario, to_yaml
 
 FIRST_CALLS = 80  # s, simulated: the first bins are full at 71 s, and carriers come
 FIRST_UNLOADING = 300  # s, simulated: the first bin of 3 rows and 2 pickers is unloaded before, with seeds 1 to 5
@@ -89,8 +89,16 @@ def test_the_hash_does_not_depend_on_processes(tmp_path, hosts, seed, record):
 
 
 def test_the_hash_does_not_depend_on_processes_when_each_agent_has_its_own(tmp_path):
-    summary = check_against_local(tmp_path, "each", 1, "none", FIRST_CALLS)
-    assert summary["rows_picked"] >= 2, "carriers are called"
+    """Of few agents, to the first calls; of all, to the first unloading, in `make soak`."""
+    few, path, ticks = SMALL.model_copy(update={"carriers": 2}), tmp_path / "few.yaml", FIRST_CALLS * 10
+    path.write_text(to_yaml(few))
+    summary = tmp_path / "summary.json"
+    done = orchard(path, "--hosts", "each", "--record", "none", "--duration", FIRST_CALLS, "--summary", summary)
+    assert done.returncode == 0, done.stdout + done.stderr
+    told = summary_of(summary)
+    assert told["hosts"] == AGENTS + 2, "a carrier more, and its bin"
+    assert told["hash"] == local_hash(few, ticks)
+    assert told["rows_picked"] >= 2, "carriers are called"
 
 
 @pytest.mark.soak

@@ -1,6 +1,6 @@
 """The floor under lockstep: the same number and size of messages between the same number of processes, over bare Zenoh, and nothing else.
 
-    python -m bench.floor ENDPOINT NUMBER BACK SIZE   (started by `ticks_per_second`)
+    python -m bench.floor ENDPOINT NUMBER AHEAD BACK SIZE   (started by `ticks_per_second`)
 
 The hub is the router, as physics is. At each tick it sends every client what physics sends it, and waits until all have sent all that
 agents send. Nothing is packed, unpacked, checked or computed.
@@ -22,13 +22,29 @@ WARM_UP = 50  # ticks
 
 
 @dataclass(frozen=True)
+class Way:
+    """What travels one way between the hub and each client."""
+
+    messages: int
+    size: int  # bytes of each
+
+    def apart(self, messages: int) -> "Way":
+        """The same bytes in so many messages."""
+        return Way(messages, round(self.messages * self.size / messages))
+
+
+@dataclass(frozen=True)
 class Traffic:
     """What travels at every tick, but for queries."""
 
     clients: int
-    ahead: int  # bytes of the message to each client
-    back: int  # messages from each client
-    size: int  # bytes of each of those
+    ahead: Way  # to each client
+    back: Way  # from each
+
+    def apart(self, bodies: int) -> "Traffic":
+        """The same with a message for each body's pose, scan and velocity."""
+        each = max(1, round(bodies / self.clients))
+        return Traffic(self.clients, self.ahead.apart(2 * each), self.back.apart(each))
 
 
 def ticks_per_second(traffic: Traffic, seconds: float) -> float:
@@ -36,7 +52,7 @@ def ticks_per_second(traffic: Traffic, seconds: float) -> float:
     endpoint = f"tcp/127.0.0.1:{_free_port()}"
     with zenoh.open(_config("router", "listen", endpoint)) as session:
         arrived: SimpleQueue[None] = SimpleQueue()
-        counter = _Counter(traffic.clients * traffic.back, arrived)
+        counter = _Counter(traffic.clients * traffic.back.messages, lambda: arrived.put(None))
         ready: SimpleQueue[None] = SimpleQueue()
         kept = [
             session.declare_subscriber("floor/back/*/*", _calling(counter.count)),
@@ -57,20 +73,20 @@ def ticks_per_second(traffic: Traffic, seconds: float) -> float:
 class _Counter:
     """Rings once for so many messages."""
 
-    def __init__(self, enough: int, bell: "SimpleQueue[None]") -> None:
-        self.enough, self.bell, self.seen = enough, bell, 0
+    def __init__(self, enough: int, ring: Callable[[], None]) -> None:
+        self.enough, self.ring, self.seen = enough, ring, 0
 
     def count(self, sample: zenoh.Sample) -> None:
         sample.payload.to_bytes()
         self.seen += 1
         if self.seen == self.enough:
             self.seen = 0
-            self.bell.put(None)
+            self.ring()
 
 
 def _tick(session: zenoh.Session, traffic: Traffic, arrived: "SimpleQueue[None]", seconds: float) -> float:
-    publishers = [_publisher(session, f"floor/ahead/{i}") for i in range(traffic.clients)]
-    payload = bytes(traffic.ahead)
+    publishers = [_publisher(session, f"floor/ahead/{i}/{k}") for i in range(traffic.clients) for k in range(traffic.ahead.messages)]
+    payload = bytes(traffic.ahead.size)
 
     def tick() -> None:
         for publisher in publishers:
@@ -86,13 +102,13 @@ def _tick(session: zenoh.Session, traffic: Traffic, arrived: "SimpleQueue[None]"
     return ticks / (time.perf_counter() - begun)
 
 
-def _client(endpoint: str, number: int, back: int, size: int) -> None:
-    """Answer every waking message with so many others."""
+def _client(endpoint: str, number: int, ahead: int, back: int, size: int) -> None:
+    """Answer so many messages with so many others."""
     awake: SimpleQueue[bool] = SimpleQueue()
     with zenoh.open(_config("client", "connect", endpoint)) as session:
         publishers, payload = [_publisher(session, f"floor/back/{number}/{k}") for k in range(back)], bytes(size)
         kept = [
-            session.declare_subscriber(f"floor/ahead/{number}", _calling(lambda sample: awake.put(bool(sample.payload.to_bytes())))),
+            session.declare_subscriber(f"floor/ahead/{number}/*", _calling(_Counter(ahead, lambda: awake.put(True)).count)),
             session.declare_subscriber("floor/end", _calling(lambda sample: awake.put(False))),
         ]
         kept.append(session.liveliness().declare_token(f"floor/ready/{number}"))
@@ -111,7 +127,8 @@ def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
 
 
 def _start(endpoint: str, number: int, traffic: Traffic) -> subprocess.Popen:
-    return subprocess.Popen([sys.executable, "-m", "bench.floor", endpoint, str(number), str(traffic.back), str(traffic.size)])
+    figures = (number, traffic.ahead.messages, traffic.back.messages, traffic.back.size)
+    return subprocess.Popen([sys.executable, "-m", "bench.floor", endpoint, *map(str, figures)])
 
 
 def _config(mode: str, side: str, endpoint: str) -> zenoh.Config:

@@ -28,6 +28,7 @@ class Lockstep:
 
     hosts: str
     floor: float
+    apart: float  # the floor, with a message for each body's pose, scan and velocity
     plain: float
     recorded: float
 
@@ -137,10 +138,11 @@ def _lockstep(results: Results, say: Say) -> None:
         clients = results.local[which][1] if hosts == "each" else int(hosts)
         traffic = results.start[which].traffic if hosts != "each" else program.look_at(words, hosts, 50, clients).traffic
         bare = floor.ticks_per_second(traffic, FLOOR_SECONDS)
+        apart = floor.ticks_per_second(traffic.apart(results.local[which][1]), FLOOR_SECONDS)
         say(f"lockstep, {name}")
         plain = program.lockstep_ticks_per_second(words, hosts, ticks, record=False)
         say(f"lockstep, {name}, with recording")
-        results.lockstep[name] = Lockstep(hosts, bare, plain, program.lockstep_ticks_per_second(words, hosts, ticks, record=True))
+        results.lockstep[name] = Lockstep(hosts, bare, apart, plain, program.lockstep_ticks_per_second(words, hosts, ticks, record=True))
 
 
 def _realtime(results: Results, say: Say) -> None:

@@ -15,7 +15,7 @@ import psutil
 
 from bench.core import world_of
 from bench.field import field
-from bench.floor import Traffic
+from bench.floor import Traffic, Way
 from orchard.bus import Bus, Inbox, Sample, client
 from orchard.config import Scenario
 from orchard.keys import Keys
@@ -144,7 +144,8 @@ def _traffic(samples: list[Sample], ticks: int, clients: int) -> Traffic:
         count[kind] += 1
         size[kind] += len(sample.payload)
     mean = {kind: round(size[kind] / count[kind]) for kind in count}
-    return Traffic(clients, mean["seen"], round(count["velocities"] / ticks / clients), mean["velocities"])
+    back = round(count["velocities"] / ticks / clients)
+    return Traffic(clients, Way(1, mean["seen"]), Way(back, mean["velocities"]))
 
 
 # -- real time

@@ -1,7 +1,6 @@
 """Runs from the page, as a person starts, watches and stops them: a real server, real runs, and headless Chromium."""
 
 import re
-import time
 import urllib.request
 
 import pytest
@@ -123,8 +122,6 @@ def test_a_run_is_still_there_after_a_reload_and_can_be_stopped(small):
     small.tell_state("running")
     assert small.field("rows").get_attribute("value") == "3"
     assert not small.one("[data-action=run]").is_displayed()
-    begun = time.monotonic()
     small.press("stop")
     small.tell_state("stopped")
-    assert time.monotonic() - begun < 3.5
     assert re.search(r"finished\s+False", small.until(lambda: small.view("summary").text, "the summary"))

@@ -45,7 +45,7 @@ def end(run: subprocess.Popen) -> str:
     return printed
 
 
-@pytest.mark.parametrize("word", ["physics", "agents", "logger"])
+@pytest.mark.parametrize("word", ["physics", "agents", pytest.param("logger", marks=pytest.mark.soak)])
 def test_whatever_is_killed_the_same_run_goes_on(tmp_path, undisturbed, word):
     path = tmp_path / "summary.json"
     with running(*PACE, "--record", tmp_path / "run.rrd", "--summary", path) as run:

@@ -66,7 +66,7 @@ def test_a_partner_joins_at_once_although_others_stand_in_line():
 
 @pytest.mark.parametrize(
     ("rows", "pickers", "carriers", "row_width"),
-    [(3, 2, None, 5.0), (5, 2, None, 5.0), (5, 5, None, 5.0), (6, 2, 14, 12.0), (4, 4, 1, 6.3)],
+    [(3, 2, None, 5.0), (5, 2, None, 5.0), (5, 5, None, 5.0), (4, 4, 1, 6.3), pytest.param(6, 2, 14, 12.0, marks=pytest.mark.soak)],
 )
 def test_a_harvest_ends_without_a_collision(rows, pickers, carriers, row_width):
     """The tractor on its driveway is not in the way of unloading either."""

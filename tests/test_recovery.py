@@ -43,7 +43,10 @@ def end(process):
 # -- agents
 
 
-@pytest.mark.parametrize(("killed", "tick"), [(1, 1), pytest.param(2, 2, marks=pytest.mark.soak), pytest.param(1, 17, marks=pytest.mark.soak), (2, 60)])
+IN_SOAK = [pytest.param(2, 2, marks=pytest.mark.soak), pytest.param(1, 17, marks=pytest.mark.soak)]
+
+
+@pytest.mark.parametrize(("killed", "tick"), [(1, 1), (2, 60), *IN_SOAK])
 def test_hosts_that_are_killed_at_any_tick_and_started_again_change_nothing(fleet, undisturbed, killed, tick):
     fleet.physics(SMALL, *PACE)
     fleet.share(2, FRIENDS)

@@ -34,6 +34,7 @@ from orchard.snapshot import Snapshot, SnapshotError, newest
 from orchard.viewer import viewer_program, window
 from processes import options
 from processes.folder import Runs, check_writable
+from processes.keeper import sole
 from processes.options import Mode, check_guest, check_places, check_secure, named, pace
 from processes.terminal import BAD_INPUT, FINISHED, tell, tell_error, tell_of_recording, tell_of_snapshots, told
 from processes.wish import Wish
@@ -115,7 +116,8 @@ def _snapshot(where: str, others: dict[str, Any]) -> Snapshot:
     if given:
         raise ValueError(f"--resume: leave out {given}: that is in the snapshot")
     refused: list[str] = []
-    found = newest(RUNS.snapshots(where), refused)
+    with sole(RUNS.snapshots(where)):
+        found = newest(RUNS.snapshots(where), refused)
     for why in refused:
         tell_error(f"not used: {why}")
     return found

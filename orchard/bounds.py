@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from orchard.geometry import EAST, HEADINGS, Pose, angle_between
 from orchard.kinds import EIGHTH
-from orchard.layout import QUEUE_HEAD, ROW_EAST, ROW_LENGTH, ROW_WEST, TOP_ROAD, Layout
+from orchard.layout import QUEUE, QUEUE_HEAD, ROW_EAST, ROW_LENGTH, ROW_WEST, TOP_ROAD, Layout
 from orchard.roads import EAST_SIDE, SIDES, WEST_SIDE, Side, fetch, go_to_lane, go_to_next_row, leave_queue, pick, swap_bins
 from orchard.steps import DriveTo, Face, Step
 
@@ -30,6 +30,7 @@ class Bounds:
     bay_seconds: float  # t_bay, for which one carrier occupies the bay
     least_approach_seconds: float  # A of the row where it is least
     least_cycle_seconds: float  # C of the row where it is least
+    queue_seconds: float  # from the queue's tail to its head; a harvest is over when the last carrier stands anywhere in it
 
     @property
     def terms(self) -> dict[str, float]:
@@ -53,11 +54,11 @@ class Bounds:
 
     @property
     def harvest_seconds(self) -> float:
-        """No harvest of this scenario is over sooner, the carriers back in the queue."""
+        """No harvest of this scenario is over sooner, the carriers back in the queue, which the last need not drive up."""
         rounds, rows_each = math.ceil(self.rows / self.carriers), math.ceil(self.rows / self.pickers)
         by_carriers = self.row_seconds + rounds * self.least_cycle_seconds
         between = (rows_each - 1) * (self.crossing_seconds + self.least_approach_seconds)
-        return max(by_carriers, rows_each * self.row_seconds + between + self.least_cycle_seconds)
+        return max(by_carriers, rows_each * self.row_seconds + between + self.least_cycle_seconds) - self.queue_seconds
 
     @property
     def enough_carriers(self) -> float:
@@ -81,6 +82,7 @@ def bounds_of(layout: Layout) -> Bounds:
         bay_seconds=UNLOADING + TRAIN,
         least_approach_seconds=min(approaches),
         least_cycle_seconds=min(cycles),
+        queue_seconds=duration([DriveTo(x=QUEUE_HEAD)], Pose(QUEUE.west, TOP_ROAD, EAST)),
     )
 
 

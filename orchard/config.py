@@ -114,12 +114,13 @@ class Problem:
     file: str  # or where else the values come from
     text: str  # what is wrong, and what is allowed
     path: str = ""  # dotted path in the file; empty: the file as a whole
-    value: str = ""  # as a person reads it
+    value: str = ""  # as a person reads it; empty where the path itself is wrong
     line: int = 0  # from 1; 0: not known
 
     def __str__(self) -> str:
         where = f"{self.file}:{self.line}" if self.line else self.file
-        return f"{where}: {self.path} = {self.value}: {self.text}" if self.path else f"{where}: {self.text}"
+        what = f"{self.path} = {self.value}" if self.value else self.path
+        return f"{where}: {what}: {self.text}" if what else f"{where}: {self.text}"
 
 
 class ScenarioError(Exception):
@@ -212,13 +213,14 @@ def _failures(values: dict[str, Any]) -> list[dict[str, Any]]:
     try:
         Scenario.model_validate(values)
     except ValidationError as failure:
-        return [dict(error) | {"loc": _path(error["loc"])} for error in failure.errors(include_url=False)]
+        return [_located(error) for error in failure.errors(include_url=False)]
     return []
 
 
-def _path(loc: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Where it is wrong; pydantic marks what is wrong with a key of `agents`, and not with its value."""
-    return loc[:2] if loc[2:] == ("[key]",) else loc
+def _located(error: Any) -> dict[str, Any]:
+    """An error with its path; pydantic marks what is wrong with a key of `agents`, and not with its value."""
+    of_key = error["loc"][2:] == ("[key]",)
+    return dict(error) | {"loc": error["loc"][:2] if of_key else error["loc"], "of_key": of_key}
 
 
 def _fields(error: dict[str, Any]) -> set[tuple[str, ...]]:
@@ -237,12 +239,16 @@ def _problem(error: dict[str, Any], source: str, lines: Lines) -> Problem:
         fields = [(*loc, field) for field in error["ctx"]["fields"]]
         line = max(lines.get(field, 0) for field in fields)
         return Problem(source, error["msg"], ", ".join(map(_dotted, fields)), ", ".join(map(str, error["ctx"]["values"])), line)
+    if error["of_key"]:
+        return Problem(source, f"no kind ({', '.join(KINDS)}), and no name of one, as picker_01", _dotted(loc), "", lines.get(loc, 0))
     text = _unknown(loc) if error["type"] == "extra_forbidden" else f"must be {_wanted(loc)}"
     return Problem(source, text, _dotted(loc), value, lines.get(loc, 0))
 
 
 def _wanted(path: tuple[str, ...]) -> str:
     """What a field may hold: 'a number from 5.0 to 12.0 (width of a row between its trees, m)'."""
+    if path[0] == "agents" and len(path) > 1:
+        return "the class that drives it, as my_package.MyPicker"
     if path[0] == "agents":
         return f"a map of kinds ({', '.join(KINDS)}) or names and the classes that drive them: {{picker: my_package.MyPicker}}"
     field = _keys(path[:-1])[path[-1]]

@@ -83,8 +83,9 @@ TABLE: dict[str, Key] = {
     "stop": Key("{prefix}/stop", Stop, "whoever may stop robots", "in an emergency", QUERY,
                 "Stop robots, or reset them. It outranks every velocity and every deed, whoever sends them, and outlasts the agents. "
                 "A robot and the bin on its bar are stopped and reset together. People and animals walk on; unloading goes on. "
-                "It holds at once. Physics answers when it is on the disk as well, or after 2 s without (`kept`); asked again, it "
-                "tells whether it is by now. A name that is no robot's is refused, and then nobody is stopped.", (Stopped,)),
+                "It holds at once. Physics answers when it is on the disk as well, or after 2 s without (`kept`), or at once where the run "
+                "has not begun, or begins again; asked again, it tells whether it is by now. "
+                "A name that is no robot's is refused, and then nobody is stopped.", (Stopped,)),
     "end": Key("{prefix}/end", End, "physics", "once", NEVER_LOST,
                "The run is over. Physics waits for two seconds at most until all liveliness tokens are gone."),
     "alive": Key("{prefix}/alive/{name}/{session}", None, "each host, for each agent; physics and logger for themselves", "while it lives",

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from rich.table import Table
 
 UNITS = {
@@ -18,6 +19,14 @@ UNITS = {
     "state_seconds": "s",
     "stopped_seconds": "s",
 }
+
+
+class Outcome(msgspec.Struct):
+    """What no summary lacks that is told to a person."""
+
+    hash: str
+    ticks: int
+    violations: list[str]
 
 
 def as_table(summary: dict[str, Any]) -> Table:

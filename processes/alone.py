@@ -14,7 +14,7 @@ from orchard.local import Local
 from orchard.lockstep import Pacer
 from orchard.snapshot import Snapshot
 from processes.account import Account
-from processes.keeper import SNAPSHOT_SECONDS, Keeper
+from processes.keeper import SNAPSHOT_SECONDS, Keeper, sole
 from processes.wish import Wish
 
 NAP_SECONDS = 0.2  # between two looks whether to stop, while the next tick is not due
@@ -41,7 +41,7 @@ def run(
     camera, pacer, keeper = Camera(engine.world), Pacer(wish.speed), Keeper(wish.snapshots, SNAPSHOT_SECONDS)
     ticks = math.inf if wish.duration is None else round(wish.duration / TIME_STEP)
     account.begin()
-    with interruptible() as is_stopped:
+    with sole(wish.snapshots), interruptible() as is_stopped:
         while not (why := _end(local, account, ticks, is_stopped())):
             if keeper.is_due():
                 keeper.keep(_snapshot(local, account))

@@ -97,6 +97,10 @@ class Fleet:
         """Of all; None of one that runs."""
         return [running.popen.poll() for running in self.running.values()]
 
+    def goes_on(self) -> bool:
+        """Whether any of them runs."""
+        return None in self.exit_codes()
+
     def watch(self) -> None:
         """Start again what has died: at once, and then ever later. What dies quickly again and again is given up."""
         for name, running in list(self.running.items()):

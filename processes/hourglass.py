@@ -1,4 +1,4 @@
-"""Names the agent that thinks for too long, and where in its code: in lockstep all wait for it, and for the others of its process."""
+"""Names the agent that thinks for too long, and where in its code: the others of its process wait for it, and in lockstep all do."""
 
 import logging
 import sys
@@ -26,8 +26,13 @@ def _watch(host: Host, thread: int, seconds: float) -> None:
         now = name, tick = host.thinking, host.sight.tick
         if name and now == before and name not in told:
             told.add(name)
-            log.error("%s still thinks about tick %d%s; all wait for it", name, tick, _place(thread))
+            log.error("%s still thinks about tick %d%s; %s", name, tick, _place(thread), _who_waits(host))
         before = now
+
+
+def _who_waits(host: Host) -> str:
+    others = ", ".join(name for name in host.performers if name != host.thinking)
+    return f"until it has done so these of its process stand: {others}" if others else "its robot stands until it has done so"
 
 
 def _place(thread: int) -> str:

@@ -1,16 +1,56 @@
 """Snapshots of a run that physics owns: one at its first tick, and then one now and then, for whoever goes on from there."""
 
+import fcntl
 import logging
+import os
 import time
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from orchard.snapshot import Snapshot, as_file, newest, store
+from orchard.snapshot import Snapshot, SnapshotError, as_file, newest, store
 
 SNAPSHOT_SECONDS = 2.0  # of wall time between two snapshots
 KEPT_SECONDS = 2.0  # for which a person who stops robots is kept waiting for the disk
 
 log = logging.getLogger("orchard")
+
+
+@contextmanager
+def sole(folder: Path | None) -> Iterator[None]:
+    """Within this nobody else keeps snapshots in a folder. Raises SnapshotError where somebody does.
+
+    The lock goes with the process that holds it, however that ends. A folder that cannot be made is told of by `Keeper`.
+    """
+    if folder is None:
+        yield
+        return
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+    with _locked(folder):
+        yield
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    try:
+        opened = os.open(folder, os.O_RDONLY)
+    except OSError:
+        yield
+        return
+    try:
+        _lock(opened, folder)
+        yield
+    finally:
+        os.close(opened)
+
+
+def _lock(opened: int, folder: Path) -> None:
+    try:
+        fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise SnapshotError(f"{folder}: the run of these snapshots goes on still; stop it first") from error
 
 
 class Keeper:

@@ -23,7 +23,7 @@ from orchard.names import chosen
 from orchard.snapshot import Snapshot, SnapshotError
 from processes.garbage import settle
 from processes.harvest import Options
-from processes.keeper import SNAPSHOT_SECONDS, last
+from processes.keeper import SNAPSHOT_SECONDS, last, sole
 from processes.result import leave
 from processes.seconds import seconds, simulated_seconds
 from processes.ticks import Physics
@@ -38,10 +38,11 @@ def main(argv: list[str] | None = None) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
     try:
-        before = last(arguments.snapshots) if arguments.resume else None
         keys = Keys(arguments.prefix)
-        with _meeting(arguments, inbox, identity_in(arguments.secure, arguments.prefix)) as bus:
-            return _run(bus, keys, before, arguments)
+        with sole(arguments.snapshots):
+            before = last(arguments.snapshots) if arguments.resume else None
+            with _meeting(arguments, inbox, identity_in(arguments.secure, arguments.prefix)) as bus:
+                return _run(bus, keys, before, arguments)
     except (BusError, ScenarioError, SnapshotError, ValueError) as error:
         log.error("%s", error)
         return 2

@@ -11,6 +11,7 @@ from typing import Any
 import typer
 from rich.console import Console
 
+from orchard.snapshot import SnapshotError, newest
 from orchard.summary import as_table, write
 
 FINISHED, FAILED, BAD_INPUT = 0, 1, 2  # exit codes
@@ -66,8 +67,16 @@ def tell_of_snapshots(program: Path, folder: Path, why: str) -> None:
     """A run that is over needs none; another can go on."""
     if why == "harvested":
         shutil.rmtree(folder, ignore_errors=True)
-    elif folder.is_dir():
+    elif folder.is_dir() and _is_usable(folder):
         _tell_command("To go on", program, "--resume", folder)
+
+
+def _is_usable(folder: Path) -> bool:
+    try:
+        newest(folder, [])
+    except SnapshotError:
+        return False
+    return True
 
 
 def tell_of_recording(program: Path, recording: Path | None) -> None:

@@ -25,6 +25,7 @@ from orchard.layout import lay_out
 from orchard.lockstep import Refusals, Refused, understood
 from orchard.names import chosen
 from orchard.progress import Headline, Progress
+from orchard.summary import Outcome
 from orchard.wire.course import End
 from orchard.wire.watching import Figures
 from processes.fleet import Fleet, Program, free_port, open_viewer
@@ -35,6 +36,8 @@ from processes.watchdog import Watchdog
 from processes.wish import Wish
 
 STOP_SECONDS = 2.0  # for which the processes may close what they have open, after Ctrl-C
+PART_SECONDS = 0.02  # between two looks who has ended
+THINK_SECONDS = 5.0  # for which agents that still think may do so, after a run that ended by itself
 GOODBYE_SECONDS = 60.0  # for which the logger may pack its recording, after a run that ended by itself
 WEB_VIEWER = "web viewer"  # its name among the processes; it never ends by itself
 BEGIN_SECONDS = 60.0  # for which physics, which this program has started, may take to listen on a busy machine
@@ -73,10 +76,22 @@ def run(wish: Wish, progress: Progress) -> tuple[dict[str, Any] | None, str]:
         fleet.terminate(WEB_VIEWER)
         if summary is None:  # the others do not know that it is over
             fleet.stop(STOP_SECONDS)
-        fleet.wait(STOP_SECONDS if why == "stopped" else GOODBYE_SECONDS)
+        _part(fleet, [name for name, _ in shares], inbox, STOP_SECONDS if why == "stopped" else GOODBYE_SECONDS)
         if viewer is not None and why == "stopped":
             viewer.terminate()
         return summary, why
+
+
+def _part(fleet: Fleet, hosts: list[str], inbox: Inbox, seconds: float) -> None:
+    """Until all have ended by themselves, but not for ever; Ctrl-C makes it short, and an agent that thinks on is not waited for."""
+    begun = time.monotonic()
+    while fleet.goes_on() and time.monotonic() - begun < seconds:
+        if isinstance(inbox.take(PART_SECONDS), Signal):
+            fleet.stop(STOP_SECONDS)
+        if time.monotonic() - begun >= THINK_SECONDS:
+            for name in [name for name in hosts if name in fleet.running and fleet.exit_code(name) is None]:
+                fleet.say(f"{name} still thinks, {THINK_SECONDS:g} s after the end; ended by force")
+                fleet.kill(name)
 
 
 def agent_names(scenario: Scenario) -> list[str]:
@@ -236,14 +251,21 @@ def _listen(wish: Wish, fleet: Fleet, watchdog: Watchdog, bus: Bus, run_id: str,
 def _hear(sample: Sample, run_id: str, progress: Progress) -> End | None:
     """Show the figures; the end, once it has come."""
     if sample.key.endswith("/end"):
-        return understood(sample.payload, End, run_id)
+        end = understood(sample.payload, End, run_id)
+        _check(end.summary, Outcome)
+        return end
     message = understood(sample.payload, Figures, run_id)
-    try:
-        msgspec.convert(message.figures, Headline)
-    except ValueError as error:
-        raise Refused("malformed", str(error)) from error
+    _check(message.figures, Headline)
     progress.show(message.figures, message.doing, message.waits_for)
     return None
+
+
+def _check(figures: dict[str, Any], needed: type) -> None:
+    """Anybody may pretend to be physics. Raises Refused for figures that lack what is needed of them."""
+    try:
+        msgspec.convert(figures, needed)
+    except ValueError as error:
+        raise Refused("malformed", str(error)) from error
 
 
 # -- the guest

@@ -30,7 +30,7 @@ from orchard.config import (
         ("people: {visitors: 51}", "people.visitors = 51: must be"),
         ("animals: {dogs: 51}", "animals.dogs = 51: must be"),
         ("animals: {cats: 51}", "animals.cats = 51: must be"),
-        ("weeds: 5\nagents: {piker: a.B}", ":2: agents.piker = 'piker': must be a map of kinds (picker, carrier, bin, tractor,"),
+        ("weeds: 5\nagents: {piker: a.B}", ":2: agents.piker: no kind (picker, carrier, bin, tractor,"),
         ("laser: {noise: 0.2}", "laser.noise = 0.2: must be a number from 0.0 to 0.02 (standard deviation of a measured range, m)"),
     ],
 )

@@ -140,9 +140,18 @@ def test_who_is_not_there_cannot_be_replaced():
         cast(lay_out(Scenario(rows=3, agents={"picker_99": "own_agents.Eastward"})))
 
 
-@pytest.mark.parametrize("value", ["5", "{picker: 5}", "{picker: MyPicker}", "{picker: 'a b.C'}", "{piker: a.B}", "{'[key]': a.B}"])
-def test_what_is_no_class_or_no_kind_is_named(value):
-    with pytest.raises(ScenarioError, match=r"a map of kinds .* or names and the classes that drive them"):
+NO_MAP = "a map of kinds .* or names and the classes"
+NO_CLASS = "must be the class that drives it, as"
+NO_KIND = r"no kind \(picker, .*, as picker_01"
+
+
+@pytest.mark.parametrize(
+    ("value", "why"),
+    [("5", NO_MAP), ("{picker: 5}", NO_CLASS), ("{picker: MyPicker}", NO_CLASS), ("{picker: 'a b.C'}", NO_CLASS), ("{piker: a.B}", NO_KIND),
+     ("{'[key]': a.B}", NO_KIND)],
+)  # fmt: skip
+def test_what_is_no_class_or_no_kind_is_named(value, why):
+    with pytest.raises(ScenarioError, match=why):
         parse(f"agents: {value}")
 
 

@@ -56,6 +56,7 @@ def test_the_summary_tells_how_good_the_harvest_was(lockstep):
     assert summary["rows_picked"] == summary["bins_delivered"] == summary["rows"] == 3
     assert summary["ticks"] == pytest.approx(10 * summary["sim_seconds"])
     assert 0 < summary["bins_per_hour"] <= summary["bound_bins_per_hour"]
+    assert 0 < summary["bound_sim_seconds"] <= summary["sim_seconds"]
     assert summary["bottleneck"] in ("pickers", "carriers", "unloading")
     assert 0 < summary["carrier_utilisation"] < 1
     assert 20 < summary["picker_waiting_seconds"] < 300
@@ -179,7 +180,7 @@ def test_bad_input_is_named_with_exit_code_2_and_no_traceback(arguments, named):
 
 @pytest.mark.parametrize(
     ("word", "told"),
-    [("piker", "own.yaml:1: agents.piker = 'piker': must be a map of kinds"), ("picker_99", "agents.picker_99: no such agent or kind")],
+    [("piker", "own.yaml:1: agents.piker: no kind (picker"), ("picker_99", "agents.picker_99: no such agent or kind")],
 )
 def test_a_class_for_nobody_is_named(tmp_path, word, told):
     file = tmp_path / "own.yaml"

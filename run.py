@@ -42,6 +42,10 @@ from processes.wish import Wish
 HERE = Path(__file__).parent
 RUNS = Runs(HERE / "runs")
 
+EPILOG = """Other commands, each with --help of its own: view, app, stop, reset, secure.
+
+Exit code: 0 when the harvest is finished, was stopped, or has come to its --duration; 1 when it could not; 2 for bad input."""
+
 app = typer.Typer(add_completion=False, no_args_is_help=False, pretty_exceptions_enable=False)
 
 
@@ -54,7 +58,7 @@ def interruptible() -> None:
 # -- a harvest
 
 
-@app.command(epilog="Other commands, each with --help of its own: view, app, stop, reset, secure.")
+@app.command(epilog=EPILOG)
 def harvest(
     scenario: options.File = None,
     rows: options.Rows = None,

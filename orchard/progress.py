@@ -61,7 +61,7 @@ class Progress:
 
     def say(self, words: str) -> None:
         """A line that stays."""
-        self.console.print(words, highlight=False, markup=False)
+        self.console.print(words, highlight=False, markup=False, soft_wrap=True)
 
 
 def headline(figures: Mapping[str, Any]) -> str:

@@ -80,14 +80,16 @@ class Fleet:
             command, cwd=ROOT, env=_environment(), stdin=null, stdout=null, stderr=pipe,
             text=True, errors="backslashreplace", start_new_session=True,
         )  # fmt: skip
-        threading.Thread(target=self._pass_on, args=(program.name, popen), daemon=True).start()
+        threading.Thread(target=self._pass_on, args=(program, popen), daemon=True).start()
         return popen
 
-    def _pass_on(self, name: str, popen: subprocess.Popen[str]) -> None:
+    def _pass_on(self, program: Program, popen: subprocess.Popen[str]) -> None:
+        """What a process says, with its name in place of its module's."""
         assert popen.stderr is not None
+        module = program.module.rpartition(".")[2]
         with popen.stderr as lines:
             for line in lines:
-                self.say(f"{name}: {line.rstrip()}")
+                self.say(f"{program.name}: {line.rstrip().removeprefix(f'{module}: ')}")
 
     def exit_code(self, name: str) -> int | None:
         """None while a process runs, or was never started."""

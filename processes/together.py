@@ -20,6 +20,7 @@ from orchard.config import Scenario, to_yaml
 from orchard.endpoints import BusError, check_free, check_security, reachable, with_port
 from orchard.host import newcomer
 from orchard.identity import Identity
+from orchard.kept import COMPILING, are_compiled
 from orchard.keys import LOGGER, PHYSICS, Keys
 from orchard.layout import lay_out
 from orchard.lockstep import Refusals, Refused, understood
@@ -58,6 +59,8 @@ def run(wish: Wish, progress: Progress) -> tuple[dict[str, Any] | None, str]:
     inbox = Inbox()
     _signalled(inbox)  # from here on Ctrl-C waits its turn: it shall not come between a process's start and its place in the fleet
     with TemporaryDirectory() as folder, Fleet(progress.say) as fleet, _noted(wish, Going(run_id, reachable(endpoint)), progress):
+        if not are_compiled():
+            progress.say(COMPILING)
         viewer = _start(fleet, wish, passes, Path(folder), endpoint, run_id)
         start_hosts(fleet, reachable(endpoint), shares, passes)
         if wish.without:

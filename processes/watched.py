@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
+from orchard.kept import COMPILING, are_compiled
 from orchard.layout import lay_out
 from orchard.progress import Progress
 from processes.alone import run
@@ -20,6 +21,8 @@ def run_watched(wish: Wish) -> tuple[dict[str, Any], str]:
     recorder, browser, viewer = _recorder(wish), _web_viewer(wish), open_viewer(wish.uri) if wish.view else None
     try:
         with Progress(Console(emoji=False, highlight=False)) as progress:
+            if not are_compiled():
+                progress.say(COMPILING)
             summary, why = run(wish, None if recorder is None else recorder.tick, progress.show)
         if viewer is not None and why == "stopped":
             viewer.terminate()

@@ -19,11 +19,21 @@ def orchard(*arguments: object, seconds: float = SECONDS) -> subprocess.Complete
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=seconds, env=os.environ | {"COLUMNS": "200"})
 
 
+def line_with(words: str, process: subprocess.Popen) -> str:
+    """The first line of what it prints that has these words; it says other things before, as that it compiles."""
+    said = []
+    for line in process.stdout:
+        said.append(line)
+        if words in line:
+            return line
+    raise AssertionError(f"it never said {words!r}, but {''.join(said)}")
+
+
 @contextmanager
 def running(*arguments: object):
     """Run it, until its first line of progress; nothing is left behind."""
     with starting(*arguments) as process:
-        assert "real time" in process.stdout.readline()
+        line_with("real time", process)
         yield process
 
 

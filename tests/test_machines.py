@@ -10,7 +10,7 @@ from contextlib import ExitStack
 
 import pytest
 from alone import SMALL, local_hash
-from command_line import orchard, summary_of
+from command_line import line_with, orchard, summary_of
 from fleet import ROOT, SECONDS, Process
 from machines import machines, needs_machines, within
 
@@ -79,8 +79,7 @@ def test_the_readmes_two_commands_run_the_carriers_on_another_machine(tmp_path):
     with machines("a") as (host, guest):
         one = subprocess.Popen([*within(host), *first], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         try:
-            said = one.stdout.readline()
-            assert "carrier: left to others" in said
+            said = line_with("carrier: left to others", one)
             other = subprocess.run([*within(guest), *second], capture_output=True, text=True, timeout=3 * SECONDS)
             rest, _ = one.communicate(timeout=SECONDS)
         finally:
@@ -103,9 +102,8 @@ def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
     left = ["--without", "carrier", "--without", "picker_01"]
     run = running("--rows", "3", *left, "--duration", "5", "--record", "none", "--summary", str(path))
     try:
-        endpoint = re.search(r"who connect to (\S+)", run.stdout.readline()).group(1)
-        said = run.stdout.readline()
-        assert "waiting for" in said
+        endpoint = re.search(r"who connect to (\S+)", line_with("who connect to", run)).group(1)
+        said = line_with("waiting for", run)
         assert "carrier_01, carrier_02" in said
         guest = orchard("--connect", endpoint, "--only", "carrier", "--only", "picker_01", seconds=60)
         assert guest.returncode == 0, guest.stdout + guest.stderr

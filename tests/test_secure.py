@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 import zenoh
 from alone import SMALL, local_hash
-from command_line import orchard, summary_of
+from command_line import line_with, orchard, summary_of
 from fleet import ROOT, SECONDS, Process
 from fleet import Fleet as Processes
 from machines import machines, needs_machines, within
@@ -248,8 +248,7 @@ def test_the_commands_of_the_document_run_the_carriers_on_another_machine(tmp_pa
     with machines("d") as (host, guest):
         one = subprocess.Popen([*within(host), *first], cwd=here, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         try:
-            said = one.stdout.readline()
-            assert "carrier: left to others" in said
+            said = line_with("carrier: left to others", one)
             other = subprocess.run([*within(guest), *second], cwd=there, capture_output=True, text=True, timeout=3 * SECONDS)
             rest, _ = one.communicate(timeout=SECONDS)
         finally:

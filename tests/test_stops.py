@@ -15,7 +15,7 @@ import msgpack
 import psutil
 import pytest
 from alone import HARVEST_TICKS, SMALL, harvest_hash
-from command_line import summary_of
+from command_line import line_with, summary_of
 from fleet import Client, Fleet, until
 from stage import Driven, Stage, Standing, empty_orchard
 
@@ -313,7 +313,7 @@ def running(folder: Path, *arguments: object):
     command = [sys.executable, "-u", folder / "run.py", ROOT / "config" / "orchard.yaml", "--rows", 3, "--record", "none", *arguments]
     process = subprocess.Popen(list(map(str, command)), cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
-        assert "real time" in process.stdout.readline()
+        line_with("real time", process)
         yield process
     finally:
         for child in psutil.Process(process.pid).children(recursive=True) if process.poll() is None else []:

@@ -1,0 +1,30 @@
+"""Where the compiled kernels are kept, and whether there are any: to be known without numba, which takes long to load."""
+
+import hashlib
+import os
+from pathlib import Path
+
+COMPILING = "compiling for this machine, which is done once and takes some ten seconds"
+
+_HERE = Path(__file__).parent
+_SOURCES = (  # all that kernels are made from
+    "boxes", "compiled", "config", "kinds", "laser_kernel", "layout", "move_kernel", "trig", "watch_kernel",
+)  # fmt: skip
+
+
+def kernels_folder() -> Path | None:
+    """A folder that is named for the sources; None where nothing can be kept.
+
+    numba looks only at a kernel's own file to see whether it is stale, not at the constants and functions that it takes from others.
+    """
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if not chosen and not os.access(_HERE, os.W_OK):
+        return None
+    sources = b"".join((_HERE / f"{module}.py").read_bytes() for module in _SOURCES)
+    return Path(chosen or _HERE / "__pycache__") / f"kernels-{hashlib.sha256(sources).hexdigest()[:16]}"
+
+
+def are_compiled() -> bool:
+    """Whether there are kernels for this machine; else the first tick waits until they are compiled."""
+    folder = kernels_folder()
+    return folder is not None and any(folder.rglob("*.nbc"))

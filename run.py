@@ -12,6 +12,7 @@ import signal
 
 if __name__ == "__main__":  # Ctrl-C while the rest is being imported: there is nothing to stop yet, and nothing to say
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # whoever starts this may hold it back until here
 
 import os
 import subprocess

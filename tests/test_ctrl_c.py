@@ -42,6 +42,23 @@ def test_ctrl_c_while_run_py_is_still_importing_ends_it_without_a_word(module):
     assert said.strip() == ""
 
 
+def test_ctrl_c_that_was_held_back_from_before_the_start_is_heard():
+    """As the page does: Python loses one that comes while it starts."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        line = [sys.executable, "run.py", *SHORT]
+        process = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        process.send_signal(signal.SIGINT)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    try:
+        said, _ = process.communicate(timeout=SECONDS)
+    finally:
+        process.kill()
+    assert process.returncode == -signal.SIGINT
+    assert said == ""
+
+
 @pytest.mark.parametrize("command", [("run.py", "app"), ("-m", "orchard.app")])
 def test_ctrl_c_while_the_page_is_still_importing_ends_it_without_a_word(command):
     pytest.importorskip("nicegui")

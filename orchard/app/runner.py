@@ -7,6 +7,7 @@ import signal
 import subprocess
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
@@ -21,6 +22,16 @@ from orchard.view.web import free_pair, serve_web
 
 KEPT_LINES = 500
 PATIENCE = 6.0  # s that a run may take to end after it was asked to; a sound one takes less than 3
+
+
+@contextlib.contextmanager
+def _ctrl_c_held_back() -> Iterator[None]:
+    """Who is started within this hears of Ctrl-C when it wants to: Python would swallow one that comes while it loads `site`."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class State(StrEnum):
@@ -72,9 +83,10 @@ class Run:
         the directory in which the page was started."""
         null, pipe, wide = subprocess.DEVNULL, subprocess.PIPE, os.environ | {"COLUMNS": "200"}
         line = command(self.order, self.files, self.port)
-        return subprocess.Popen(
-            line, env=wide, stdin=null, stdout=pipe, stderr=subprocess.STDOUT, text=True, errors="replace", start_new_session=True
-        )
+        with _ctrl_c_held_back():
+            return subprocess.Popen(
+                line, env=wide, stdin=null, stdout=pipe, stderr=subprocess.STDOUT, text=True, errors="replace", start_new_session=True
+            )
 
     def _listen(self) -> None:
         """Until it ends; summary, headline and recording are there before `report` says that it has ended."""

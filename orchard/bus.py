@@ -207,7 +207,8 @@ class Bus:
     def retire(self, key: str) -> None:
         """Nothing more is to be published on a key, or not for long."""
         if (publisher := self._publishers.pop(key, None)) is not None:
-            publisher.undeclare()  # type: ignore[no-untyped-call]
+            with _shrugging("the end of a publisher"):
+                publisher.undeclare()  # type: ignore[no-untyped-call]
 
     def is_heard(self, keys: str) -> bool:
         """Whether another session listens to any of these keys."""

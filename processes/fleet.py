@@ -17,7 +17,7 @@ ROOT = Path(__file__).parent.parent
 QUICK_SECONDS = 10.0  # who lives shorter than this has died quickly
 DEATHS = 5  # quick ones in a row, after which a process is given up
 BACK_OFF = 0.25  # s before the second start again, and twice as long before each further one
-QUICK_START = {  # what libraries do when they are loaded and nobody here needs; a sixth of the processor time of a process' start
+QUICK_START = {  # what libraries do when they are loaded and nobody here needs; a fifth of the processor time of a process' start
     "OPENBLAS_NUM_THREADS": "1",  # threads for large matrices
     "PYDANTIC_DISABLE_PLUGINS": "__all__",  # a search through all installed packages
 }

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,6 +21,9 @@ BACK_OFF = 0.25  # s before the second start again, and twice as long before eac
 QUICK_START = {  # what libraries do when they are loaded and nobody here needs; a fifth of the processor time of a process' start
     "OPENBLAS_NUM_THREADS": "1",  # threads for large matrices
     "PYDANTIC_DISABLE_PLUGINS": "__all__",  # a search through all installed packages
+}
+QUICK_TICKS = {  # what arrives is handled by the thread that waits for it, instead of waking two others
+    "ZENOH_RUNTIME": "(rx: (handover: app), acc: (handover: app))",
 }
 
 
@@ -80,6 +84,7 @@ class Fleet:
             command, cwd=ROOT, env=_environment(), stdin=null, stdout=null, stderr=pipe,
             text=True, errors="backslashreplace", start_new_session=True,
         )  # fmt: skip
+        _take_turns(popen.pid)
         threading.Thread(target=self._pass_on, args=(program, popen), daemon=True).start()
         return popen
 
@@ -162,10 +167,19 @@ class Fleet:
             running.popen.wait()
 
 
+def _take_turns(pid: int) -> None:
+    """Let a process that has just begun finish what it does before the next one runs, instead of being interrupted by whoever wakes up.
+
+    With a process for each agent that is a third more ticks on two cores: each finds its memory in the caches for longer.
+    """
+    with suppress(AttributeError, ProcessLookupError):  # only Linux knows of it; the process may have ended
+        os.sched_setscheduler(pid, os.SCHED_BATCH, os.sched_param(0))
+
+
 def _environment() -> dict[str, str]:
     """In which also modules of the user's present directory are found."""
     paths = [os.environ.get("PYTHONPATH", ""), os.getcwd()]
-    return QUICK_START | os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    return QUICK_START | QUICK_TICKS | os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
 
 
 def free_port() -> int:

@@ -12,7 +12,7 @@ from orchard.bus import TIMED_OUT, Alive, Bus, Final, Item, Question, Replied, S
 from orchard.doer import TRAFFIC
 from orchard.endpoints import BusError
 from orchard.guard import Guarded
-from orchard.hosting import MAILBOXES, Asked, Sight
+from orchard.hosting import DOUBT_SECONDS, MAILBOXES, Asked, Sight
 from orchard.keys import PHYSICS, Keys
 from orchard.kinds import kind_of
 from orchard.layout import Layout
@@ -31,7 +31,6 @@ M = TypeVar("M", bound=OfRun)
 log = logging.getLogger("orchard")
 
 ANSWER_SECONDS = 120.0  # for how long physics may take to answer a newcomer: it may be compiling
-DOUBT_SECONDS = 1.0  # after which a request of which nothing is heard counts as lost: physics has a copy
 RECALL_SECONDS = 5.0  # after which physics is asked again: the way to it may be cut
 GONE_SECONDS = 20.0  # for how long physics may be gone: it is started again, or its router is
 JOIN_TRIES = 50  # 5 s: the network may know of a token later than of a join
@@ -193,21 +192,20 @@ class Host:
         tick = self.sight.tick
         if not self.mailbox.follows(tick):
             raise _JoinAgain
-        self._wait(lambda: self.mailbox.is_settled(tick), DOUBT_SECONDS)
+        self._wait(lambda: self.mailbox.is_settled(tick, self.sight.asked), DOUBT_SECONDS)
         mail, seen = self._mail(tick), self.sight.observations()
         actions = {name: self._act(name, seen[name], mail.get(name) or Mail()) for name in self.performers}
         self.thinking = ""
+        drives = {name: self._drive(name, action, mail.get(name)) for name, action in actions.items()}
+        self._answer = pack(Velocities(self.run_id, tick, self.bus.id, drives))
+        self._send()
+        self._tell(seen, actions)
+
+    def _tell(self, seen: dict[str, Observation], actions: dict[str, Action]) -> None:
+        """What others wait for less than physics does: requests, answers, the bins' states, what was refused."""
         for name, action in actions.items():
             for asked in self.mailbox.write(name, action):
                 self.bus.ask(self.keys.of("mail", asked.to), self.mailbox.letter(asked), asked)
-        drives = {name: self._drive(name, action, mail.get(name)) for name, action in actions.items()}
-        self._wait(self.mailbox.is_sent, DOUBT_SECONDS)
-        self._answer = pack(Velocities(self.run_id, tick, self.bus.id, drives, self.mailbox.is_undelivered()))
-        self._send()
-        self._tell(seen)
-
-    def _tell(self, seen: dict[str, Observation]) -> None:
-        """What others wait for less than physics does: answers, the bins' states, what was refused."""
         self.mailbox.close()
         for name in self.bins:
             self.states.update(seen[name])
@@ -219,7 +217,7 @@ class Host:
 
     def _mail(self, tick: int) -> dict[str, Mail]:
         """Everybody's mail of a tick: what has arrived, or, where some may be missing, what physics knows of it."""
-        doubts = self.sight.recall or self.mailbox.doubts(tick)
+        doubts = self.mailbox.doubts(tick, self.sight.asked)
         mail = self.mailbox.deliver(tick)
         if not doubts:
             return mail

@@ -13,9 +13,11 @@ from orchard.agent import Action, Heard, Mail, Observation, Reply, without_body
 from orchard.lockstep import Refused, understood
 from orchard.messages import Answer, Request, pack
 from orchard.post import in_hearing_order
-from orchard.wire.letters import Answered, Letter, Received
+from orchard.wire.letters import Answered, AskedOf, Letter, Received
 from orchard.wire.sensing import Seen
 from orchard.wire.translate import sights_of
+
+DOUBT_SECONDS = 1.0  # after which a request of which nothing is heard counts as lost: physics has a copy
 
 
 class Sight:
@@ -28,7 +30,7 @@ class Sight:
 
     def forget(self) -> None:
         self.tick = -1  # -1: nothing is seen yet
-        self.recall = False  # whether mail may not have arrived
+        self.asked: list[AskedOf] = []  # what these agents hear at it
         self._seen: dict[str, Observation] = {}
 
     def seen(self, payload: bytes) -> bool:
@@ -44,7 +46,7 @@ class Sight:
             self._seen = sights_of(message).observations()
         except ValueError as error:
             raise Refused("malformed", str(error)) from error
-        self.tick, self.recall = message.tick, message.recall
+        self.tick, self.asked = message.tick, message.asked
         return True
 
     def observations(self) -> dict[str, Observation]:
@@ -158,13 +160,24 @@ class Mailbox:
         """Rule 1: whether a tick can be the next one."""
         return tick == self.last + 1
 
-    def is_settled(self, tick: int) -> bool:
-        """Rule 2: every get of two ticks ago is final."""
-        return all(asked.final for asked in self._asked.get(tick - 2, ()))
+    def is_settled(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
+        """Rule 2: every get of two ticks ago is final, and what was asked of these agents in the last tick has come.
 
-    def doubts(self, tick: int) -> bool:
-        """Whether mail of a tick may have been missed: it began while nobody was here, or of a request is not known what became of it."""
-        return tick <= self._joined + 1 or not all(asked.answered for asked in self._asked.get(tick - 2, ()))
+        Who has just joined waits for neither, and recalls all of it.
+        """
+        return self._is_new(tick) or (self._has(tick, asked_of) and all(asked.final for asked in self._asked.get(tick - 2, ())))
+
+    def doubts(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
+        """Whether mail of a tick may have been missed: it began while nobody was here, it has not come, or of a get nothing is known."""
+        known = self._has(tick, asked_of) and all(asked.answered for asked in self._asked.get(tick - 2, ()))
+        return self._is_new(tick) or not known
+
+    def _is_new(self, tick: int) -> bool:
+        return tick <= self._joined + 1
+
+    def _has(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
+        """Whether these requests of the tick before have come."""
+        return all((to, sender, tick - 1, number) in self._held for to, sender, number in asked_of)
 
     def deliver(self, tick: int) -> dict[str, Mail]:
         """Rule 3: what was asked in the last tick, and what was answered in it. Those without any mail are absent."""
@@ -210,14 +223,6 @@ class Mailbox:
     def _is_done(self, asked: int, tick: int) -> bool:
         return asked < tick
 
-    def is_sent(self) -> bool:
-        """Rule 6: each request of this tick has arrived, or never will."""
-        return all(asked.received or asked.final for asked in self._asked.get(self.last, ()))
-
-    def is_undelivered(self) -> bool:
-        """Whether a request of this tick may not have arrived."""
-        return not all(asked.received for asked in self._asked.get(self.last, ()))
-
 
 class LiveMailbox(Mailbox):
     """The mail of one host's agents while nobody waits: ticks may be left out, and each hears what has come by then."""
@@ -232,16 +237,10 @@ class LiveMailbox(Mailbox):
     def _answers_in_time(self, tick: int, asked: int) -> bool:
         return asked - STALE_TICKS <= tick <= asked + STALE_TICKS
 
-    def is_settled(self, tick: int) -> bool:
+    def is_settled(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
         return True
 
-    def doubts(self, tick: int) -> bool:
-        return False
-
-    def is_sent(self) -> bool:
-        return True
-
-    def is_undelivered(self) -> bool:
+    def doubts(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
         return False
 
     def _is_heard(self, asked: int, tick: int) -> bool:

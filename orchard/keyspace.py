@@ -9,7 +9,7 @@ from msgspec import inspect
 
 from orchard.agent import Observation
 from orchard.geometry import Twist
-from orchard.hosting import STALE_TICKS
+from orchard.hosting import DOUBT_SECONDS, STALE_TICKS
 from orchard.keys import QUERY, TABLE, Key, Keys
 from orchard.kinds import KINDS
 from orchard.lockstep import AGAIN_SECONDS, MOST_TOKENS, WATCHDOG, WATCHDOG_TICKS
@@ -19,7 +19,7 @@ from orchard.sights import Sights
 from orchard.wire.course import Command, Done, End, Join, Joined, Lost, Newcomer, RefusedThere, Stop, Stopped
 from orchard.wire.driving import Drive, Report, Velocities, Velocity
 from orchard.wire.geometry_msgs import Angular, Linear
-from orchard.wire.letters import Answered, Letter, Letters, Recall, Recalled, Received
+from orchard.wire.letters import Answered, AskedOf, Letter, Letters, Recall, Recalled, Received
 from orchard.wire.sensing import Clock, Stamp
 from orchard.wire.translate import odometry_of, scan_of, seen_of
 from orchard.wire.vocabulary import MAX_PAYLOAD, Part
@@ -60,7 +60,7 @@ EXAMPLES: dict[type, Part] = {
         _velocity(),
         odometry_of(RUN, _seen("picker_01", 180)),
         scan_of(RUN, _seen("weed_01", 60), KINDS["weed"].laser, KINDS["bin"].laser),
-        seen_of(RUN, _sights(), [0], False),
+        seen_of(RUN, _sights(), [0], [AskedOf("bin_01", "picker_01", 0)]),
         Velocities(RUN, TICK, SESSION, {"picker_01": Drive(Linear(1.0), Angular(0.0), True, Report())}),
         Clock(RUN, TICK, Stamp(12, 0)),
         Letter(RUN, TICK, "bin_01", 0, Call(3, "east")),
@@ -221,17 +221,19 @@ Before tick 0 there are no poses: physics waits until every agent that was left 
 then physics goes on without those that are missing. Of each held robot the newest velocity counts: its `tick` may be the present one or an earlier one, newer than that of the last
 one that counted, and no older than {watchdog} s and {ticks} ticks, whichever is later. It drives the robot until a newer one comes, and as long as it is no older than that; then the robot stands.
 With `once` it drives for one step only, and only if the robot has not moved since the pose of its `tick`: that is for agents that end exactly where they want, and the orchard's
-own use it. Deeds are done once. Ticks may be left out: answer the newest whose `clock` has come. Mail is heard at whatever tick comes next, up to {stale} ticks apart, and a velocity need
-not wait for `received`. A robot whose token is gone stands at once.
+own use it. Deeds are done once. Ticks may be left out: answer the newest whose `clock` has come. Mail is heard at whatever tick comes next, up to {stale} ticks apart, and a velocity waits
+for no mail. A robot whose token is gone stands at once.
 
 **The scan** is raw bytes: `ranges` holds 4 bytes a beam, little-endian float32, metres; +inf where nothing returns within `range_max`. Beam i points to
 `angle_min + i * angle_increment`, radians, counter-clockwise, 0 straight ahead. In Python: `numpy.frombuffer(scan["ranges"], "<f4")`.
 
-**Requests**: a get on `{{prefix}}/<name>/mail`, stamped with the tick in which it is asked, numbered from 0 in each tick. The first reply, `received`, comes at once;
-do not send the velocity of that tick before it, or before the get has ended. It is heard at the next tick, and answered in that tick or never: the answer is the second reply,
-stamped asked + 1, with nil where there is none. The asker acts on it at asked + 2. Who answers must reply `received` at once, hold the query, and reply once more in the tick in which
-it is heard. In lockstep nothing depends on a query's luck: a copy of each letter goes to physics with the velocity (`report.letters`). Who has just joined, who got no second reply, and
-who is told so (`recall` in `seen`) asks physics on `{{prefix}}/recall` for the mail of the tick and hears that instead.
+**Requests**: a get on `{{prefix}}/<name>/mail`, stamped with the tick in which it is asked, numbered from 0 in each tick. The first reply, `received`, comes at once.
+It is heard at the next tick, and answered in that tick or never: the answer is the second reply, stamped asked + 1, with nil where there is none. The asker acts on it at asked + 2.
+Who answers must reply `received` at once, hold the query, and reply once more in the tick in which it is heard.
+In lockstep nothing depends on a query's luck: a copy of each letter goes to physics with the velocity (`report.letters`), and physics tells with the next tick who was asked
+(`asked` in `seen`): wait for those requests before that tick is answered. Who has just joined, who got no second reply, and to whom a request that it was told of has not come for
+{doubt:g} s asks physics on `{{prefix}}/recall` for the mail of the tick and hears that instead. Who sends no copies must not send the velocity of a tick before each of
+its gets has got its `received`, or has ended.
 
 ## What is refused
 
@@ -269,7 +271,8 @@ def document() -> str:
     """keyspace.md."""
     table = "\n".join(map(_table_row, TABLE.values()))
     kinds = "\n".join(f"| {name} | {kind.speed:g} | {kind.turn:.6g} | {kind.laser.beams} |" for name, kind in KINDS.items())
-    times = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "slack": SLACK, "stale": STALE_TICKS, "again": AGAIN_SECONDS}
+    times = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "slack": SLACK, "stale": STALE_TICKS}
+    times |= {"again": AGAIN_SECONDS, "doubt": DOUBT_SECONDS}
     head = HEAD.format(table=table, kinds=kinds, most=MAX_PAYLOAD, tokens=MOST_TOKENS, **times)
     return "\n".join([head, *(_section(what, key) for what, key in TABLE.items()), *(_union(*item) for item in UNIONS.items())])
 

@@ -15,6 +15,7 @@ from orchard.agent import Action
 from orchard.messages import Written
 from orchard.wire.course import Mode, Reason
 from orchard.wire.driving import Velocity
+from orchard.wire.letters import AskedOf
 from orchard.wire.translate import action_of
 from orchard.wire.vocabulary import OfRun, read
 
@@ -289,6 +290,11 @@ class Ledger:
         self.letters = {at: letters for at, letters in self.letters.items() if at >= tick - 1}
         if written:
             self.letters[tick] = written
+
+    def asked(self, tick: int) -> list[AskedOf]:
+        """All requests of a tick."""
+        written = self.letters.get(tick, {}).items()
+        return [AskedOf(to, sender, number) for sender, letters in written for number, (to, _) in enumerate(letters.requests)]
 
 
 class Pacer:

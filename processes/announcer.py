@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from orchard.bus import Bus
@@ -13,7 +13,7 @@ from orchard.messages import Written, pack
 from orchard.sights import Sights
 from orchard.wire.course import Lost
 from orchard.wire.driving import Velocity
-from orchard.wire.letters import Letters
+from orchard.wire.letters import AskedOf, Letters
 from orchard.wire.sensing import Clock, Stamp
 from orchard.wire.translate import odometry_of, scan_of, seen_of
 from orchard.wire.vocabulary import Message
@@ -39,12 +39,12 @@ class Announcer:
 
     # -- a tick
 
-    def look(self, seen: Sights, holders: Mapping[str, Collection[str]], recall: bool) -> None:
-        """What is to be seen: to each session what concerns its agents; each pose and scan to whoever listens; and then the clock."""
+    def look(self, seen: Sights, holders: Mapping[str, Collection[str]], asked: Sequence[AskedOf]) -> None:
+        """What is to be seen and who was asked, to each session what concerns it; each pose and scan to whoever listens; then the clock."""
         if time.monotonic() >= self._look_again:
             self.listen()
         for holder, names in holders.items():
-            self._show(seen, holder, names, recall)
+            self._show(seen, holder, names, [of for of in asked if of.to in names])
         for what in ("pose", "scan") if self._are_robots_heard() else ():
             for body, name in enumerate(seen.names):
                 self._show_alone(what, seen, body, name)
@@ -52,9 +52,9 @@ class Announcer:
             sec, tenths = divmod(seen.tick, 10)
             self._put(self._keys.of("clock"), Clock(self.run, seen.tick, Stamp(sec, tenths * 10**8)))
 
-    def _show(self, seen: Sights, holder: str, names: Iterable[str], recall: bool) -> None:
+    def _show(self, seen: Sights, holder: str, names: Collection[str], asked: list[AskedOf]) -> None:
         bodies = [self._layout.index[name] for name in names if name in self._layout.index]
-        self._put(self._keys.of("seen", session=holder), seen_of(self.run, seen, bodies, recall))
+        self._put(self._keys.of("seen", session=holder), seen_of(self.run, seen, bodies, asked))
 
     def part(self, holders: Iterable[str]) -> None:
         """These sessions hold nothing any more: nothing is to be shown to them."""

@@ -23,8 +23,6 @@ class Drivers:
         self._engine, self._announcer = engine, announcer
         self.roster, self.answers, self.ledger, self.loose = roster, answers, ledger, Loose()
         self._seen: Sights | None = None
-        self._undelivered = False  # whether a request of this tick may not have arrived
-        self._recall = False  # whether one of the last tick did not
 
     # -- who is there
 
@@ -69,8 +67,7 @@ class Drivers:
         self._seen = seen
         self.loose.begin(seen.tick)
         self.answers.open(seen.tick, lag)
-        self._recall, self._undelivered = self._undelivered, False
-        self._announcer.look(seen, self.roster.by_holder(), self._recall)
+        self._announcer.look(seen, self.roster.by_holder(), self.ledger.asked(seen.tick - 1))
 
     def silent(self) -> set[str]:
         """The sessions whose answers are missing."""
@@ -81,7 +78,8 @@ class Drivers:
         assert self._seen is not None
         by_holder = self.roster.by_holder()
         self._announcer.listen()
-        self._announcer.look(self._seen, {holder: by_holder[holder] for holder in sorted(holders)}, self._recall)
+        shown = {holder: by_holder[holder] for holder in sorted(holders)}
+        self._announcer.look(self._seen, shown, self.ledger.asked(self._seen.tick - 1))
 
     def actions(self, tick: int) -> dict[str, Action]:
         """What all do in the step from this tick to the next. What came with it is kept for newcomers."""
@@ -109,13 +107,7 @@ class Drivers:
             except Refused as refusal:
                 refusals.append(refusal)
                 del velocities.velocities[name]
-        self._undelivered |= velocities.undelivered and self._are_held(velocities)
         return refusals
-
-    def _are_held(self, velocities: Velocities) -> bool:
-        """Whether any of the requests in it is to somebody who is held, and hears it."""
-        letters = [drive.report.letters for drive in velocities.velocities.values() if drive.report and drive.report.letters]
-        return any(to in self.roster.holders for written in letters for to, _ in written.requests)
 
     def _refuse_what_cannot_be(self, name: str, velocity: Velocity) -> None:
         layout = self._engine.layout

@@ -13,7 +13,7 @@ from orchard.wire.vocabulary import LAST_TICK
 
 LIVE_SPEED = 4.0  # with --view, unless another is given
 LONGEST = LAST_TICK * TIME_STEP  # s, simulated: so far the ticks on the wire go
-LEAST_PATIENCE = 3.0  # s; more than host.DOUBT_SECONDS, twice: else a silent agent's correspondents would be given up with it
+LEAST_PATIENCE = 3.0  # s; more than hosting.DOUBT_SECONDS, twice: else a silent agent's correspondents would be given up with it
 
 
 class Mode(StrEnum):

@@ -51,7 +51,7 @@ class Caller:
 
 
 class Friend(Caller):
-    """Asks only who is there: a request to nobody, which is never received, makes everybody recall the mail of every tick."""
+    """Asks only who is there: a request to nobody, which is never answered, makes it recall the mail of every tick."""
 
     strangers = ()
 

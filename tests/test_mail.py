@@ -11,13 +11,21 @@ from orchard.messages import Given, State, Written, Yes, pack
 from orchard.post import PostOffice
 from orchard.wire.driving import Report, Velocity
 from orchard.wire.geometry_msgs import Angular, Linear
-from orchard.wire.letters import Answered, Received
+from orchard.wire.letters import Answered, AskedOf, Received
 
 
 def mailbox(tick=5):
     """One that will tick next at a tick."""
     box = Mailbox(RUN)
     box.join(tick)
+    return box
+
+
+def settled(tick):
+    """One that has ticked for a while."""
+    box = mailbox(tick - 2)
+    for before in (tick - 2, tick - 1):
+        box.deliver(before)
     return box
 
 
@@ -95,24 +103,30 @@ def ask(box, tick=5):
     return asked
 
 
-def test_a_velocity_waits_until_each_request_is_received_or_will_never_be():
-    box = mailbox()
-    asked = ask(box)
-    assert not box.is_sent()
-    box.replied(asked, pack(Received(RUN, 5)))
-    assert box.is_sent()
-    other = mailbox()
-    ask(other).final = True
-    assert other.is_sent()
+def test_a_tick_waits_for_every_request_of_the_last_one_of_which_physics_tells():
+    box = settled(5)
+    expected = [AskedOf("picker_01", "bin_01", 0), AskedOf("picker_01", "bin_02", 3)]
+    assert box.is_settled(5, []) and not box.doubts(5, [])
+    box.hear("picker_01", Query(letter("bin_01", 4, 0)))
+    box.hear("picker_01", Query(letter("bin_02", 4, 2)))
+    box.hear("picker_01", Query(letter("bin_02", 5, 3)))
+    assert not box.is_settled(5, expected), "the one is of another number, the other of another tick"
+    assert box.doubts(5, expected)
+    box.hear("picker_01", Query(letter("bin_02", 4, 3)))
+    assert box.is_settled(5, expected) and not box.doubts(5, expected)
+
+
+def test_who_has_just_joined_waits_for_no_request():
+    assert mailbox(5).is_settled(5, [AskedOf("picker_01", "bin_01", 0)])
 
 
 def test_a_tick_waits_until_each_get_of_two_ticks_ago_is_final():
     box = mailbox()
     asked = ask(box)
     box.deliver(6)
-    assert not box.is_settled(7)
+    assert not box.is_settled(7, [])
     asked.final = True
-    assert box.is_settled(7)
+    assert box.is_settled(7, [])
 
 
 def test_an_answer_is_heard_two_ticks_after_the_request():
@@ -148,7 +162,7 @@ def test_who_joins_again_forgets_all_mail():
     ask(box)
     box.join(7)
     assert query.dropped
-    assert box.is_settled(7)
+    assert box.is_settled(7, [])
     assert box.deliver(7) == {}
 
 
@@ -208,28 +222,18 @@ def test_an_answer_that_is_sent_again_counts_once_and_is_no_mistake():
 
 def test_who_has_just_joined_was_not_there_to_hear_the_mail_of_two_ticks():
     box = mailbox(5)
-    assert [box.doubts(tick) for tick in (5, 6, 7)] == [True, True, False]
+    assert [box.doubts(tick, []) for tick in (5, 6, 7)] == [True, True, False]
 
 
 def test_a_get_that_ends_without_a_word_leaves_a_doubt_and_one_that_was_told_leaves_none():
-    box = mailbox(3)
-    for tick in (3, 4):
-        box.deliver(tick)
+    box = settled(5)
     asked = ask(box)
     asked.final = True
     box.deliver(6)
-    assert box.is_settled(7) and box.doubts(7)
+    assert box.is_settled(7, []) and box.doubts(7, [])
     box.replied(asked, pack(Received(RUN, 5)))
     box.replied(asked, pack(Answered(RUN, 6, None)))
-    assert not box.doubts(7)
-
-
-def test_a_request_that_was_not_received_is_undelivered():
-    box = mailbox()
-    asked = ask(box)
-    assert box.is_undelivered()
-    box.replied(asked, pack(Received(RUN, 5)))
-    assert not box.is_undelivered()
+    assert not box.doubts(7, [])
 
 
 def test_the_ledger_keeps_the_newest_memories_and_the_letters_of_two_ticks():
@@ -239,6 +243,7 @@ def test_the_ledger_keeps_the_newest_memories_and_the_letters_of_two_ticks():
         ledger.keep(tick, {"picker_01": velocity(tick, report=Report(memory=memory, letters=written if tick != 2 else None))})
     assert ledger.memories == {"picker_01": b"c"}
     assert ledger.letters == {3: {"picker_01": written}}
+    assert (ledger.asked(3), ledger.asked(2)) == ([AskedOf("bin_01", "picker_01", 0)], [])
 
 
 def test_nobody_answers_in_anothers_place():

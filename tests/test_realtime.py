@@ -21,7 +21,7 @@ from orchard.realtime import SLACK, Delays, Live
 from orchard.snapshot import write
 from orchard.wire.driving import Report, Velocity
 from orchard.wire.geometry_msgs import Angular, Linear
-from orchard.wire.letters import Answered, Received
+from orchard.wire.letters import Answered, AskedOf, Received
 from orchard.wire.sensing import Seen
 from processes.account import Account
 
@@ -170,7 +170,7 @@ def test_answers_come_when_they_come_and_silence_ends():
     box.join(5)
     box.deliver(5)
     one, _ = box.write("bin_01", Action(requests=[("picker_01", State()), ("picker_02", State())]))
-    assert box.is_sent(), "a velocity waits for nobody"
+    assert box.is_settled(6, [AskedOf("picker_01", "bin_01", 7)]), "no tick waits for mail"
     box.replied(one, pack(Received(RUN, 5)))
     box.replied(one, pack(Answered(RUN, 11, Yes())))
     one.final = True

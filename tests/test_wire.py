@@ -66,7 +66,7 @@ def test_what_is_seen_arrives_to_the_last_bit(several):
         observation.full = observation.full and observation.fill > 0.0
     sent = sights_of(several)
     bodies = list(range(len(several)))[::2]
-    heard = translate.sights_of(read(pack(seen_of(RUN, sent, bodies, False)), Seen)).observations()
+    heard = translate.sights_of(read(pack(seen_of(RUN, sent, bodies, [])), Seen)).observations()
     assert list(heard) == [sent.names[body] for body in bodies]
     for body in bodies:
         assert_same(heard[sent.names[body]], several[body])
@@ -84,7 +84,7 @@ def assert_same(heard, observation):
 
 def seen_message():
     observation = Observation("picker_01", 7, 1.0, 2.0, (0.0, 1.0), Twist(), np.zeros(180, dtype=np.float32))
-    return seen_of(RUN, sights_of([observation]), [0], False)
+    return seen_of(RUN, sights_of([observation]), [0], [])
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,6 @@ class Velocities(Message):
 
     holder: Holder
     velocities: Annotated[dict[Name, Drive], Meta(max_length=MOST_BODIES, description="name -> its velocity")]
-    undelivered: Annotated[bool, Meta(description="a request of this tick may not have arrived: its recipient must recall it")] = False
 
 
 class Velocity(Message):

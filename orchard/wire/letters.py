@@ -1,6 +1,6 @@
 """Agents to agents: requests and answers; and physics' copies of them."""
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from msgspec import Meta
 
@@ -14,6 +14,14 @@ class Letter(Message):
     sender: Annotated[Name, Meta(description="who asks")]
     number: Annotated[int, Meta(ge=0, lt=2**31, description="of the sender's requests in that tick, from 0")]
     body: Annotated[Request, Meta(description="see below, 'The requests'")]
+
+
+class AskedOf(NamedTuple):
+    """A request of the tick before, without its words."""
+
+    to: Name
+    sender: Name
+    number: int
 
 
 class Received(Message, tag_field="type", tag="received"):

@@ -2,10 +2,12 @@
 
 from typing import Annotated
 
+import msgspec
 from msgspec import Meta
 
 from orchard.messages import Metres
 from orchard.wire.geometry_msgs import Pose, TwistPart
+from orchard.wire.letters import AskedOf
 from orchard.wire.vocabulary import MOST_BODIES, Fill, Message, Name, Part, Ranges, Speed, Unit
 
 
@@ -86,4 +88,6 @@ class Seen(Message):
     hitches: Annotated[dict[Name, OtherSeen], Meta(description="name -> the other end of its bar; of those that are coupled")]
     fills: Annotated[dict[Name, Fill], Meta(description="name -> m of row in it; of bins that are not empty")]
     full: Annotated[list[Name], Meta(max_length=MOST_BODIES, description="the bins that are full")]
-    recall: Annotated[bool, Meta(description="mail of this tick may not have arrived: ask `recall` for it")] = False
+    asked: Annotated[
+        list[AskedOf], Meta(description="[to, sender, number]: the requests of the tick before that the session's agents hear at this one")
+    ] = msgspec.field(default_factory=list)

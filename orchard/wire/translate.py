@@ -16,6 +16,7 @@ from orchard.post import written_by
 from orchard.sights import STATE, Sights
 from orchard.wire.driving import Drive, Report, Velocities, Velocity
 from orchard.wire.geometry_msgs import Angular, Linear, Point, Pose, Quaternion, TwistPart
+from orchard.wire.letters import AskedOf
 from orchard.wire.sensing import Beams, LaserScan, Odometry, OtherEnd, OtherSeen, Seen
 from orchard.wire.vocabulary import FARTHEST, MOST_BODIES
 from orchard.wire.watching import Picture
@@ -47,15 +48,15 @@ def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> Las
     return LaserScan(run, seen.tick, *_sweep(laser, seen.scan), rear)
 
 
-def seen_of(run: str, seen: Sights, bodies: Sequence[int], recall: bool) -> Seen:
-    """What travels to the holder of these bodies, given by number."""
+def seen_of(run: str, seen: Sights, bodies: Sequence[int], asked: list[AskedOf]) -> Seen:
+    """What travels to the holder of these bodies, given by number, whose agents hear what was asked."""
     names = [seen.names[body] for body in bodies]
     ranges = np.concatenate([seen.scans[body] for body in bodies]) if bodies else np.zeros(0)
     hitches = {name: _other_seen(seen.hitches[name]) for name in names if name in seen.hitches}
     fills = {name: seen.fills[name] for name in names if name in seen.fills}
     full = [name for name in fills if name in seen.full]
     states = seen.states[bodies].astype("<f8", copy=False).tobytes()
-    return Seen(run, seen.tick, names, states, ranges.astype("<f4", copy=False).tobytes(), hitches, fills, full, recall)
+    return Seen(run, seen.tick, names, states, ranges.astype("<f4", copy=False).tobytes(), hitches, fills, full, asked)
 
 
 def _other_seen(hitch: Hitch) -> OtherSeen:

@@ -15,7 +15,7 @@ from orchard.messages import Answer, Request, pack
 from orchard.post import in_hearing_order
 from orchard.wire.letters import Answered, AskedOf, Letter, Received
 from orchard.wire.sensing import Seen
-from orchard.wire.translate import sights_of
+from orchard.wire.translate import observations_of
 
 DOUBT_SECONDS = 1.0  # after which a request of which nothing is heard counts as lost: physics has a copy
 
@@ -43,7 +43,7 @@ class Sight:
         if not self._bodies.issubset(message.names):
             raise Refused("not all", "bodies are missing in it")
         try:
-            self._seen = sights_of(message).observations()
+            self._seen = observations_of(message)
         except ValueError as error:
             raise Refused("malformed", str(error)) from error
         self.tick, self.asked = message.tick, message.asked

@@ -43,7 +43,7 @@ class Scanner:
 
         The arrays are new at every call; nobody else writes to them.
         """
-        ranges = self.ranges(world).astype(np.float32)
+        ranges = self.ranges(world).astype("<f4")
         return [ranges[part] for part in self._slices]
 
     def ranges(self, world: World) -> np.ndarray:

@@ -26,15 +26,18 @@ class Sights:
     def observations(self) -> dict[str, Observation]:
         """Name -> what that body's agent is told."""
         rows = zip(self.names, self.states.tolist(), self.scans, strict=True)
-        return {name: self._observation(name, scan, *state) for name, state, scan in rows}
+        return {name: self._observation(name, state, scan) for name, state, scan in rows}
 
-    def _observation(
-        self, name: str, scan: np.ndarray, x: float, y: float, z: float, w: float, vx: float, vy: float, turn: float
-    ) -> Observation:
-        hitch, fill = self.hitches.get(name), self.fills.get(name, 0.0)
-        return Observation(name, self.tick, x, y, (z, w), Twist(vx, vy, turn), scan, hitch, fill, name in self.full)
+    def _observation(self, name: str, state: Sequence[float], scan: np.ndarray) -> Observation:
+        return observed(name, self.tick, state, scan, self.hitches.get(name), self.fills.get(name, 0.0), name in self.full)
 
     def __getitem__(self, name: str) -> Observation:
         """What the agent of one body is told. Raises ValueError for a name that is not there."""
         body = self.names.index(name)
-        return self._observation(name, self.scans[body], *self.states[body].tolist())
+        return self._observation(name, self.states[body].tolist(), self.scans[body])
+
+
+def observed(name: str, tick: int, state: Sequence[float], scan: np.ndarray, hitch: Hitch | None, fill: float, full: bool) -> Observation:
+    """What the agent of one body is told; of its seven numbers."""
+    x, y, z, w, vx, vy, turn = state
+    return Observation(name, tick, x, y, (z, w), Twist(vx, vy, turn), scan, hitch, fill, full)

@@ -23,7 +23,7 @@ from orchard.keys import PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.names import chosen
 from processes import hourglass
-from processes.garbage import settle
+from processes.memory import settle
 from processes.seconds import seconds
 
 log = logging.getLogger("orchard")

@@ -21,9 +21,9 @@ from orchard.keys import PREFIX, Keys
 from orchard.lockstep import PATIENCE
 from orchard.names import chosen
 from orchard.snapshot import Snapshot, SnapshotError
-from processes.garbage import settle
 from processes.harvest import Options
 from processes.keeper import SNAPSHOT_SECONDS, last, sole
+from processes.memory import settle
 from processes.result import leave
 from processes.seconds import seconds, simulated_seconds
 from processes.ticks import Physics

@@ -66,7 +66,7 @@ def test_what_is_seen_arrives_to_the_last_bit(several):
         observation.full = observation.full and observation.fill > 0.0
     sent = sights_of(several)
     bodies = list(range(len(several)))[::2]
-    heard = translate.sights_of(read(pack(seen_of(RUN, sent, bodies, [])), Seen)).observations()
+    heard = translate.observations_of(read(pack(seen_of(RUN, sent, bodies, [])), Seen))
     assert list(heard) == [sent.names[body] for body in bodies]
     for body in bodies:
         assert_same(heard[sent.names[body]], several[body])
@@ -94,7 +94,7 @@ def seen_message():
 )
 def test_arrays_that_do_not_fit_are_refused(change):
     with pytest.raises(ValueError, match=r"fit|number|kind|multiple"):
-        translate.sights_of(msgspec.structs.replace(seen_message(), **change))
+        translate.observations_of(msgspec.structs.replace(seen_message(), **change))
 
 
 @given(seen)

@@ -1,8 +1,10 @@
 """Between what agents, physics and the viewer know and the messages on the wire: in both directions, to the last bit."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from itertools import accumulate
+from itertools import accumulate, chain
+from math import isfinite
+from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -13,13 +15,15 @@ from orchard.geometry import Twist
 from orchard.kinds import KINDS, LASER_RANGE, Laser, kind_of
 from orchard.layout import Layout
 from orchard.post import written_by
-from orchard.sights import STATE, Sights
+from orchard.sights import STATE, Sights, observed
 from orchard.wire.driving import Drive, Report, Velocities, Velocity
 from orchard.wire.geometry_msgs import Angular, Linear, Point, Pose, Quaternion, TwistPart
 from orchard.wire.letters import AskedOf
 from orchard.wire.sensing import Beams, LaserScan, Odometry, OtherEnd, OtherSeen, Seen
 from orchard.wire.vocabulary import FARTHEST, MOST_BODIES
 from orchard.wire.watching import Picture
+
+_SEVEN = Struct(f"<{STATE}d")  # a body's state
 
 
 def _pose(x: float, y: float, orientation: tuple[float, float]) -> Pose:
@@ -51,30 +55,42 @@ def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> Las
 def seen_of(run: str, seen: Sights, bodies: Sequence[int], asked: list[AskedOf]) -> Seen:
     """What travels to the holder of these bodies, given by number, whose agents hear what was asked."""
     names = [seen.names[body] for body in bodies]
-    ranges = np.concatenate([seen.scans[body] for body in bodies]) if bodies else np.zeros(0)
+    states = b"".join([seen.states[body].tobytes() for body in bodies])
+    ranges = b"".join([seen.scans[body].tobytes() for body in bodies])
     hitches = {name: _other_seen(seen.hitches[name]) for name in names if name in seen.hitches}
     fills = {name: seen.fills[name] for name in names if name in seen.fills}
     full = [name for name in fills if name in seen.full]
-    states = seen.states[bodies].astype("<f8", copy=False).tobytes()
-    return Seen(run, seen.tick, names, states, ranges.astype("<f4", copy=False).tobytes(), hitches, fills, full, asked)
+    return Seen(run, seen.tick, names, states, ranges, hitches, fills, full, asked)
 
 
 def _other_seen(hitch: Hitch) -> OtherSeen:
-    ranges = None if hitch.scan is None else hitch.scan.astype("<f4", copy=False).tobytes()
+    ranges = None if hitch.scan is None else hitch.scan.tobytes()
     return OtherSeen(hitch.name, (hitch.x, hitch.y, *hitch.orientation, *hitch.twist), ranges)
 
 
-def sights_of(seen: Seen) -> Sights:
-    """What was to be seen, to the last bit. Raises ValueError for arrays that do not fit the names, or hold what is no number."""
-    ends = list(accumulate(_beams_of(name) for name in seen.names))
-    states, ranges = np.frombuffer(seen.states, "<f8"), np.frombuffer(seen.ranges, "<f4")
-    if len(states) != len(ends) * STATE or len(ranges) != (ends[-1] if ends else 0):
-        raise ValueError(f"states and ranges do not fit {len(ends)} names")
-    if ends and not (states.min() >= -FARTHEST and states.max() <= FARTHEST and ranges.min() >= 0.0):  # not so of what is not a number
-        raise ValueError("not a number, or out of bounds")
-    scans = [ranges[begin:end] for begin, end in zip([0, *ends], ends, strict=False)]
-    hitches = {name: _hitch_seen(other) for name, other in seen.hitches.items()}
-    return Sights(seen.tick, seen.names, states.reshape(-1, STATE), scans, hitches, seen.fills, seen.full)
+def observations_of(seen: Seen) -> dict[str, Observation]:
+    """Name -> what was to be seen of that body, to the last bit. Raises ValueError for what does not fit, or is no number."""
+    states, rear = _states_of(seen.states), {name: other.ranges for name, other in seen.hitches.items() if other.ranges is not None}
+    if len(states) != len(seen.names):
+        raise ValueError(f"states do not fit {len(seen.names)} names")
+    sweeps = _sweeps_of([*seen.names, *["bin"] * len(rear)], [seen.ranges, *rear.values()])
+    behind = dict(zip(rear, sweeps[len(states) :], strict=True))
+    hitches = {name: _hitch_seen(other, behind.get(name)) for name, other in seen.hitches.items()}
+    return {
+        name: observed(name, seen.tick, state, scan, hitches.get(name), seen.fills.get(name, 0.0), name in seen.full)
+        for name, state, scan in zip(seen.names, states, sweeps, strict=False)
+    }
+
+
+def _states_of(states: bytes) -> list[tuple[float, ...]]:
+    """Seven numbers a body. Raises ValueError for what is no number, or no place."""
+    if len(states) % _SEVEN.size:
+        raise ValueError(f"states: {len(states)} bytes are no multiple of {_SEVEN.size}")
+    found = [*_SEVEN.iter_unpack(states)]
+    numbers = [*chain.from_iterable(found)]
+    if numbers and not (isfinite(sum(numbers)) and min(numbers) >= -FARTHEST and max(numbers) <= FARTHEST):
+        raise ValueError("states: not a number, or out of bounds")
+    return found
 
 
 @lru_cache(maxsize=MOST_BODIES)
@@ -85,26 +101,17 @@ def _beams_of(name: str) -> int:
     return kind.laser.beams
 
 
-def _hitch_seen(other: OtherSeen) -> Hitch:
+def _hitch_seen(other: OtherSeen, scan: np.ndarray | None) -> Hitch:
     x, y, z, w, vx, vy, turn = other.state
-    scan = None if other.ranges is None else _sweep_of("bin", other.ranges)
     return Hitch(other.name, x, y, (z, w), Twist(vx, vy, turn), scan)
 
 
-def _sweep_of(name: str, ranges: bytes) -> np.ndarray:
-    """One body's ranges. Raises ValueError for what its laser cannot have measured."""
-    sweep, beams = np.frombuffer(ranges, "<f4"), _beams_of(name)
-    if len(sweep) != beams or not sweep.min() >= 0.0:
-        raise ValueError(f"ranges of {name}: wanted are {beams}, 0 or more")
-    return sweep
-
-
-def _sweeps_of(names: Sequence[str], sweeps: Sequence[bytes]) -> list[np.ndarray]:
-    """The ranges of each. Raises ValueError for what its laser cannot have measured."""
-    beams, ranges = [_beams_of(name) for name in names], [np.frombuffer(sweep, "<f4") for sweep in sweeps]
-    if [len(sweep) for sweep in ranges] != beams or not np.concatenate(ranges).min() >= 0.0:
-        raise ValueError("ranges: wanted is one for each beam, 0 or more")
-    return ranges
+def _sweeps_of(names: Sequence[str], ranges: Iterable[bytes]) -> list[np.ndarray]:
+    """Each body's ranges, of all of them one after another. Raises ValueError for what their lasers cannot have measured."""
+    ends, measured = [*accumulate(map(_beams_of, names))], np.frombuffer(b"".join(ranges), "<f4")
+    if len(measured) != (ends[-1] if ends else 0) or (ends and not np.minimum.reduce(measured) >= 0.0):
+        raise ValueError("ranges do not fit: wanted is one for each beam, 0 or more")
+    return [measured[begin:end] for begin, end in zip([0, *ends], ends, strict=False)]
 
 
 def picture_of(run: str, frame: Frame) -> Picture:

@@ -4,6 +4,7 @@
 """
 
 import re
+from functools import lru_cache
 from typing import NamedTuple, get_args
 
 from orchard.events import What
@@ -93,6 +94,11 @@ TABLE: dict[str, Key] = {
 }
 
 
+@lru_cache(maxsize=10_000)
+def _filled(template: str, prefix: str, name: str, session: str) -> str:
+    return template.format(prefix=prefix, robot=name, bin=name, name=name, session=session)
+
+
 class Keys:
     """The keys of one orchard."""
 
@@ -103,7 +109,7 @@ class Keys:
 
     def of(self, what: str, name: str = "*", session: str = "*") -> str:
         """The key of that kind; of all names and sessions unless they are given."""
-        return TABLE[what].template.format(prefix=self.prefix, robot=name, bin=name, name=name, session=session)
+        return _filled(TABLE[what].template, self.prefix, name, session)
 
     def parts(self, key: str) -> list[str]:
         """What follows the prefix: ['picker_01', 'velocity'], ['alive', 'picker_01', '3fa9'], ['clock']."""

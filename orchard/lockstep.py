@@ -151,11 +151,13 @@ class Answers:
         self.missing: set[str] = set()
         self._back: set[str] = set()  # who has joined since the tick began
         self.velocities: dict[str, Velocity] = {}
+        self._actions: dict[str, Action] = {}  # that they mean
         self._before: dict[str, Velocity] = {}  # those of the last tick
 
     def open(self, tick: int, lag: float = 0.0) -> None:
         """Wait for everyone who is held, at a new tick, which begins so many seconds after it was due."""
         self.tick, self.missing, self.velocities, self._before = tick, set(self._roster.holders), {}, self.velocities
+        self._actions = {}
         self._back.clear()
         self.deadline = self._clock() + self._patience
 
@@ -165,6 +167,7 @@ class Answers:
         Many are slow to start, so each that comes gives all some time; but who comes again and again does so once in a tick.
         """
         self.velocities.pop(name, None)
+        self._actions.pop(name, None)
         self.missing.add(name)
         if name not in self._back:
             self._back.add(name)
@@ -187,12 +190,12 @@ class Answers:
         refuse_other_tick(velocity.tick, self.tick, self.tick)
         if name not in self.missing:
             raise Refused("answered already", f"tick {velocity.tick}")
-        self.velocities[name] = velocity
+        self.velocities[name], self._actions[name] = velocity, action_of(velocity)
         self.missing.discard(name)
 
     def actions(self) -> dict[str, Action]:
         """What to apply, in the order of names: never in that of arrival."""
-        return {name: action_of(self.velocities[name]) for name in sorted(self.velocities)}
+        return {name: self._actions[name] for name in sorted(self._actions)}
 
     def digests(self) -> dict[str, bytes]:
         return {name: velocity.report.mail for name, velocity in self.velocities.items() if velocity.report is not None}

@@ -34,6 +34,7 @@ class Announcer:
         """With `newest_wins` a tick's poses, scans and clock hold nobody up: who is slow misses some."""
         self._bus, self._keys, self.run, self._layout = bus, keys, run, layout
         self._newest_wins = newest_wins
+        self._robots = f"{keys.prefix}/*/*"
         self._heard: dict[str, bool] = {}  # keys -> whether anybody listens, as of the last look
         self._look_again = 0.0  # on the clock
 
@@ -106,7 +107,7 @@ class Announcer:
 
     def _are_robots_heard(self) -> bool:
         """Whether somebody listens to a robot's pose, scan or velocity."""
-        return self._is_heard(f"{self._keys.prefix}/*/*")
+        return self._is_heard(self._robots)
 
     def _is_heard(self, keys: str) -> bool:
         if keys not in self._heard:

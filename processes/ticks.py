@@ -111,8 +111,8 @@ class Physics:
         """Until all are in, or their time is over. Whoever is silent is shown the tick again: it may have been lost."""
         drivers, answers, again = self._drivers, self._drivers.answers, time.monotonic() + AGAIN_SECONDS
         while answers.missing:
-            until = min(answers.deadline, again)
-            self.arrivals.take(max(0.0, until - time.monotonic()), len(drivers.silent()))
+            until, enough = min(answers.deadline, again), 1 if len(self.bus.inbox) else len(drivers.silent())
+            self.arrivals.take(max(0.0, until - time.monotonic()), enough)
             now = time.monotonic()
             if now >= answers.deadline:
                 drivers.release(answers.give_up())

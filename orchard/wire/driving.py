@@ -7,7 +7,7 @@ from msgspec import Meta
 
 from orchard.messages import Deed, Written
 from orchard.wire.geometry_msgs import Angular, Linear
-from orchard.wire.vocabulary import MOST_BODIES, MOST_DEEDS, Holder, Message, Name, Once, Part, Text
+from orchard.wire.vocabulary import MOST_BODIES, MOST_DEEDS, Holder, Known, Message, Once, Part, Text
 
 
 class Report(Part):
@@ -37,7 +37,7 @@ class Velocities(Message):
     """The velocities of all agents of one session: its answer to what it has seen of this tick."""
 
     holder: Holder
-    velocities: Annotated[dict[Name, Drive], Meta(max_length=MOST_BODIES, description="name -> its velocity")]
+    velocities: Annotated[dict[Known, Drive], Meta(max_length=MOST_BODIES, description="name -> its velocity")]
 
 
 class Velocity(Message):

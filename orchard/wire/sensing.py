@@ -8,7 +8,7 @@ from msgspec import Meta
 from orchard.messages import Metres
 from orchard.wire.geometry_msgs import Pose, TwistPart
 from orchard.wire.letters import AskedOf
-from orchard.wire.vocabulary import MOST_BODIES, Fill, Message, Name, Part, Ranges, Speed, Unit
+from orchard.wire.vocabulary import MOST_BODIES, Fill, Known, Message, Name, Part, Ranges, Speed, Unit
 
 
 class OtherEnd(Part):
@@ -66,7 +66,7 @@ class Clock(Message):
 class OtherSeen(Part):
     """What is coupled to a body."""
 
-    name: Annotated[Name, Meta(description="its name")]
+    name: Annotated[Known, Meta(description="its name")]
     state: Annotated[tuple[Metres, Metres, Unit, Unit, Speed, Speed, Speed], Meta(description="its seven numbers, as in `states`")]
     ranges: Annotated[Ranges | None, Meta(description="of a robot that tows: its bin's sweep; else nil")] = None
 
@@ -74,7 +74,7 @@ class OtherSeen(Part):
 class Seen(Message):
     """What the agents of one session see at this tick: what `pose` and `scan` say, as arrays; cheaper than a message for each."""
 
-    names: Annotated[list[Name], Meta(max_length=MOST_BODIES, description="the bodies, in the order of the arrays")]
+    names: Annotated[list[Known], Meta(max_length=MOST_BODIES, description="the bodies, in the order of the arrays")]
     states: Annotated[
         bytes,
         Meta(
@@ -85,9 +85,9 @@ class Seen(Message):
     ranges: Annotated[
         bytes, Meta(description="m, as little-endian float32: of each body as many as its kind has beams; +inf where nothing returns")
     ]
-    hitches: Annotated[dict[Name, OtherSeen], Meta(description="name -> the other end of its bar; of those that are coupled")]
-    fills: Annotated[dict[Name, Fill], Meta(description="name -> m of row in it; of bins that are not empty")]
-    full: Annotated[list[Name], Meta(max_length=MOST_BODIES, description="the bins that are full")]
+    hitches: Annotated[dict[Known, OtherSeen], Meta(description="name -> the other end of its bar; of those that are coupled")]
+    fills: Annotated[dict[Known, Fill], Meta(description="name -> m of row in it; of bins that are not empty")]
+    full: Annotated[list[Known], Meta(max_length=MOST_BODIES, description="the bins that are full")]
     asked: Annotated[
         list[AskedOf], Meta(description="[to, sender, number]: the requests of the tick before that the session's agents hear at this one")
     ] = msgspec.field(default_factory=list)

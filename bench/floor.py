@@ -7,6 +7,7 @@ agents send. Nothing is packed, unpacked, checked or computed.
 """
 
 import json
+import os
 import socket
 import subprocess
 import sys
@@ -17,6 +18,8 @@ from queue import SimpleQueue
 
 import zenoh
 from zenoh.handlers import Callback
+
+from processes.fleet import QUICK_TICKS, take_turns
 
 WARM_UP = 50  # ticks
 
@@ -128,7 +131,9 @@ def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
 
 def _start(endpoint: str, number: int, traffic: Traffic) -> subprocess.Popen:
     figures = (number, traffic.ahead.messages, traffic.back.messages, traffic.back.size)
-    return subprocess.Popen([sys.executable, "-m", "bench.floor", endpoint, *map(str, figures)])
+    client = subprocess.Popen([sys.executable, "-m", "bench.floor", endpoint, *map(str, figures)], env=QUICK_TICKS | os.environ)
+    take_turns(client.pid)
+    return client
 
 
 def _config(mode: str, side: str, endpoint: str) -> zenoh.Config:

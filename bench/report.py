@@ -20,7 +20,7 @@ one thread, nothing drawn (`bench/field.py`). All simulators get the same places
 exact to 1e-9 m, and the movement of every robot with its collisions.
 
 **Floor.** Bare Zenoh, with as many messages of the same sizes as were counted in a real run, between as many processes; nothing
-is packed, checked or computed, and no agent asks another anything
+is packed, checked or computed, and no agent asks another anything; its processes are set as `run.py` sets its own
 (`bench/floor.py`). *Apart* is the floor with the same bytes in a message for each body's pose, scan and velocity: what a program
 reaches at most that does not send all of a process' bodies in one. Lockstep runs are `run.py` with real agents, from the last agent's
 joining to the end.

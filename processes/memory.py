@@ -25,17 +25,17 @@ def settle() -> None:
 
 def _use_huge_pages() -> None:
     """Where the kernel can; where it cannot, nothing changes but the speed."""
-    madvise = getattr(ctypes.CDLL(None), "madvise", None)
     maps = Path("/proc/self/maps")
-    if madvise is None or not maps.exists():
+    if not maps.exists():
         return
+    madvise = ctypes.CDLL(None).madvise
     madvise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
-    for begin, end in _own(maps.read_text()):
+    for begin, end in own(maps.read_text()):
         for page in range(-(-begin // HUGE_PAGE) * HUGE_PAGE, end - HUGE_PAGE + 1, HUGE_PAGE):
             madvise(page, HUGE_PAGE, MADV_COLLAPSE)  # refused where nothing is, as in stacks
 
 
-def _own(maps: str) -> Iterator[tuple[int, int]]:
+def own(maps: str) -> Iterator[tuple[int, int]]:
     """Begin and end of what only this process has and can write: lines of `address perms offset dev inode [name]`."""
     for line in maps.splitlines():
         addresses, permissions, *_, name = [*line.split(maxsplit=5), ""][:6]

@@ -1,11 +1,14 @@
 """Who dies is started again: at once, then ever later, and not for ever. In virtual time, with processes that are only said to die."""
 
+import os
+import subprocess
+import sys
 from queue import SimpleQueue
 
 import pytest
 from fleet import until
 
-from processes.fleet import DEATHS, QUICK_SECONDS, Fleet, Program
+from processes.fleet import DEATHS, QUICK_SECONDS, Fleet, Program, take_turns
 
 
 class Clock:
@@ -105,3 +108,13 @@ def test_deaths_that_are_far_apart_are_not_in_a_row(fleet, clock):
         clock.now += QUICK_SECONDS
         assert waits(fleet, clock) == 0.0
     assert not fleet.given_up
+
+
+@pytest.mark.skipif(not hasattr(os, "SCHED_BATCH"), reason="only Linux knows of it")
+def test_processes_take_turns():
+    """Whoever wakes up does not interrupt another."""
+    child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+    take_turns(child.pid)
+    assert os.sched_getscheduler(child.pid) == os.SCHED_BATCH
+    child.communicate(b"\n", timeout=20)
+    take_turns(child.pid)  # who has ended takes no turn, and that is no mistake

@@ -20,7 +20,7 @@ LAST_TICK = 2**36 - 1  # 217 years: its nanoseconds fit in 64 bits
 
 Text = Annotated[str, Meta(max_length=200)]
 Name = Annotated[str, Meta(max_length=64, pattern="^[a-z][a-z0-9_]*$")]
-Known = Annotated[str, Meta(max_length=64)]  # a name that is looked up: its letters need no check, which in a tick costs more than all else
+Known = Annotated[str, Meta(max_length=64)]  # a name that is looked up; to match its letters costs more than to read the rest
 Run = Annotated[str, Meta(max_length=64, description="the run's id; that of the scenario query's answer")]
 Tick = Annotated[int, Meta(ge=0, le=LAST_TICK, description="number of the time step, 0.1 s each, from 0")]
 Speed = Annotated[float, Meta(ge=-FASTEST, le=FASTEST)]

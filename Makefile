@@ -26,7 +26,7 @@ lint: $(VENV)/ready  ## style and types
 	$(VENV)/bin/mypy
 
 test: $(VENV)/ready  ## all tests but the long matrix
-	$(RUN) -m pytest --numprocesses 2 --dist loadfile
+	$(RUN) -m pytest --numprocesses 3 --dist loadfile
 
 soak: $(VENV)/ready  ## the long matrix of equal hashes
 	$(RUN) -m pytest -m soak

@@ -19,7 +19,7 @@ from orchard.wire import translate
 from orchard.wire.course import Command, Join
 from orchard.wire.driving import Velocities, Velocity
 from orchard.wire.letters import Answered, Letter, Recall, Recalled, Received
-from orchard.wire.sensing import Seen
+from orchard.wire.sensing import OtherSeen, Seen
 from orchard.wire.translate import action_of, drive_of, odometry_of, scan_of, seen_of, velocity_of
 from orchard.wire.vocabulary import FASTEST, MAX_PAYLOAD, read
 
@@ -95,6 +95,12 @@ def seen_message():
 def test_arrays_that_do_not_fit_are_refused(change):
     with pytest.raises(ValueError, match=r"fit|number|kind|multiple"):
         translate.observations_of(msgspec.structs.replace(seen_message(), **change))
+
+
+def test_a_beam_too_many_of_the_one_does_not_make_up_for_one_too_few_of_the_other():
+    behind = {"picker_01": OtherSeen("bin_01", (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), bytes(4 * 61))}
+    with pytest.raises(ValueError, match="fit"):
+        translate.observations_of(msgspec.structs.replace(seen_message(), ranges=bytes(4 * 179), hitches=behind))
 
 
 @given(seen)

@@ -89,5 +89,5 @@ class Seen(Message):
     fills: Annotated[dict[Known, Fill], Meta(description="name -> m of row in it; of bins that are not empty")]
     full: Annotated[list[Known], Meta(max_length=MOST_BODIES, description="the bins that are full")]
     asked: Annotated[
-        list[AskedOf], Meta(description="[to, sender, number]: the requests of the tick before that the session's agents hear at this one")
+        list[AskedOf], Meta(description="lockstep: [to, sender, number] of each request of the tick before that these agents hear now")
     ] = msgspec.field(default_factory=list)

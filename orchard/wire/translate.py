@@ -24,6 +24,7 @@ from orchard.wire.vocabulary import FARTHEST, MOST_BODIES
 from orchard.wire.watching import Picture
 
 _SEVEN = Struct(f"<{STATE}d")  # a body's state
+RANGE = 4  # bytes of a float32
 
 
 def _pose(x: float, y: float, orientation: tuple[float, float]) -> Pose:
@@ -73,7 +74,8 @@ def observations_of(seen: Seen) -> dict[str, Observation]:
     states, rear = _states_of(seen.states), {name: other.ranges for name, other in seen.hitches.items() if other.ranges is not None}
     if len(states) != len(seen.names):
         raise ValueError(f"states do not fit {len(seen.names)} names")
-    sweeps = _sweeps_of([*seen.names, *["bin"] * len(rear)], [seen.ranges, *rear.values()])
+    fitting = [_fitting(seen.ranges, seen.names), *[_fitting(sweep, ["bin"]) for sweep in rear.values()]]
+    sweeps = _sweeps_of([*seen.names, *["bin"] * len(rear)], fitting)
     behind = dict(zip(rear, sweeps[len(states) :], strict=True))
     hitches = {name: _hitch_seen(other, behind.get(name)) for name, other in seen.hitches.items()}
     return {
@@ -106,11 +108,19 @@ def _hitch_seen(other: OtherSeen, scan: np.ndarray | None) -> Hitch:
     return Hitch(other.name, x, y, (z, w), Twist(vx, vy, turn), scan)
 
 
+def _fitting(ranges: bytes, names: Sequence[str]) -> bytes:
+    """The ranges of these bodies. Raises ValueError unless there is one for each beam."""
+    beams = sum(map(_beams_of, names))
+    if len(ranges) != RANGE * beams:
+        raise ValueError(f"ranges do not fit: {len(ranges)} bytes, wanted are {RANGE} for each of {beams} beams")
+    return ranges
+
+
 def _sweeps_of(names: Sequence[str], ranges: Iterable[bytes]) -> list[np.ndarray]:
-    """Each body's ranges, of all of them one after another. Raises ValueError for what their lasers cannot have measured."""
+    """Each body's ranges, of fitting ones one after another. Raises ValueError for what no laser can have measured."""
     ends, measured = [*accumulate(map(_beams_of, names))], np.frombuffer(b"".join(ranges), "<f4")
-    if len(measured) != (ends[-1] if ends else 0) or (ends and not np.minimum.reduce(measured) >= 0.0):
-        raise ValueError("ranges do not fit: wanted is one for each beam, 0 or more")
+    if ends and not np.minimum.reduce(measured) >= 0.0:
+        raise ValueError("ranges: not a number, or below 0")
     return [measured[begin:end] for begin, end in zip([0, *ends], ends, strict=False)]
 
 
@@ -133,7 +143,9 @@ def frame_of(picture: Picture, layout: Layout) -> Frame:
         raise ValueError(f"it is not of {bodies} bodies and {rows} rows")
     if not (np.abs(poses) <= FARTHEST).all():
         raise ValueError("not a number, or out of bounds")
-    scans = None if picture.scans is None else _sweeps_of(layout.names, picture.scans)
+    scans = None
+    if picture.scans is not None:
+        scans = _sweeps_of(layout.names, [_fitting(sweep, [name]) for name, sweep in zip(layout.names, picture.scans, strict=True)])
     return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered)
 
 

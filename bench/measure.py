@@ -5,6 +5,7 @@ import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import field as made
+from statistics import median
 
 from bench import core, floor, program, rivals
 from bench.field import field, growing
@@ -13,6 +14,7 @@ CLOCKED_SECONDS = 60
 ROBOTS = (10, 30, 100, 300, 1000)
 SECONDS = 3.0  # for one figure
 FLOOR_SECONDS = 4.0
+ROUNDS = 3  # of lockstep, each without and with a recording
 TICKS = {"default": 300, "20x20": 60}  # of one of the five stretches in local mode
 WORDS = {"default": [], "20x20": ["--rows", "20", "--pickers", "20"]}
 SMALL = ["--rows", "3", "--pickers", "2"]
@@ -139,10 +141,12 @@ def _lockstep(results: Results, say: Say) -> None:
         traffic = results.start[which].traffic if hosts != "each" else program.look_at(words, hosts, 50, clients).traffic
         bare = floor.ticks_per_second(traffic, FLOOR_SECONDS)
         apart = floor.ticks_per_second(traffic.apart(results.local[which][1]), FLOOR_SECONDS)
-        say(f"lockstep, {name}")
-        plain = program.lockstep_ticks_per_second(words, hosts, ticks, record=False)
-        say(f"lockstep, {name}, with recording")
-        results.lockstep[name] = Lockstep(hosts, bare, apart, plain, program.lockstep_ticks_per_second(words, hosts, ticks, record=True))
+        rounds = []
+        for number in range(1, ROUNDS + 1):
+            say(f"lockstep, {name}, without and with recording, {number} of {ROUNDS}")
+            rounds.append([program.lockstep_ticks_per_second(words, hosts, ticks, record) for record in (False, True)])
+        plain, recorded = map(median, zip(*rounds, strict=True))
+        results.lockstep[name] = Lockstep(hosts, bare, apart, plain, recorded)
 
 
 def _realtime(results: Results, say: Say) -> None:
@@ -151,7 +155,7 @@ def _realtime(results: Results, say: Say) -> None:
 
 
 SECTIONS = (_core, _rivals, _local, _start, _lockstep, _realtime)
-STEPS = 1 * len(ROBOTS) + 3 * (len(ROBOTS) + 1) + 3 + 3 + 3 * len(HOSTS) + 1  # how often they say something
+STEPS = 1 * len(ROBOTS) + 3 * (len(ROBOTS) + 1) + 3 + 3 + (1 + ROUNDS) * len(HOSTS) + 1  # how often they say something
 
 
 def measure(say: Say) -> Results:

@@ -23,7 +23,7 @@ exact to 1e-9 m, and the movement of every robot with its collisions.
 is packed, checked or computed, and no agent asks another anything; its processes are set as `run.py` sets its own
 (`bench/floor.py`). *Apart* is the floor with the same bytes in a message for each body's pose, scan and velocity: what a program
 reaches at most that does not send all of a process' bodies in one. Lockstep runs are `run.py` with real agents, from the last agent's
-joining to the end.
+joining to the end; of three without and three with a recording, in turns, the medians.
 
 **Start** is from starting `run.py` to the first tick on the bus. **Memory** is what the operating system calls resident.
 

@@ -192,7 +192,8 @@ class Host:
         tick = self.sight.tick
         if not self.mailbox.follows(tick):
             raise _JoinAgain
-        self._wait(lambda: self.mailbox.is_settled(tick, self.sight.asked), DOUBT_SECONDS)
+        if not self.mailbox.is_settled(tick, self.sight.asked):
+            self._wait(lambda: self.mailbox.is_settled(tick, self.sight.asked), DOUBT_SECONDS)
         mail, seen = self._mail(tick), self.sight.observations()
         actions = {name: self._act(name, seen[name], mail.get(name) or Mail()) for name in self.performers}
         self.thinking = ""

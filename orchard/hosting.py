@@ -165,19 +165,20 @@ class Mailbox:
 
         Who has just joined waits for neither, and recalls all of it.
         """
-        return self._is_new(tick) or (self._has(tick, asked_of) and all(asked.final for asked in self._asked.get(tick - 2, ())))
+        asked = self._asked.get(tick - 2)
+        return self._is_new(tick) or (self._has(tick, asked_of) and (not asked or all(one.final for one in asked)))
 
     def doubts(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
         """Whether mail of a tick may have been missed: it began while nobody was here, it has not come, or of a get nothing is known."""
-        known = self._has(tick, asked_of) and all(asked.answered for asked in self._asked.get(tick - 2, ()))
-        return self._is_new(tick) or not known
+        asked = self._asked.get(tick - 2)
+        return self._is_new(tick) or not (self._has(tick, asked_of) and (not asked or all(one.answered for one in asked)))
 
     def _is_new(self, tick: int) -> bool:
         return tick <= self._joined + 1
 
     def _has(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
         """Whether these requests of the tick before have come."""
-        return all((to, sender, tick - 1, number) in self._held for to, sender, number in asked_of)
+        return not asked_of or all((to, sender, tick - 1, number) in self._held for to, sender, number in asked_of)
 
     def deliver(self, tick: int) -> dict[str, Mail]:
         """Rule 3: what was asked in the last tick, and what was answered in it. Those without any mail are absent."""
@@ -206,6 +207,8 @@ class Mailbox:
             held = self._held.get((name, heard.sender, heard.tick, heard.number))
             if held is not None and held.is_heard:
                 held.body = body
+        if not action.requests:
+            return []
         asked = [Asked(name, self.last, number, to, request) for number, (to, request) in enumerate(action.requests)]
         self._asked.setdefault(self.last, []).extend(asked)
         return asked

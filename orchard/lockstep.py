@@ -55,15 +55,16 @@ class Refusals:
     def __init__(self) -> None:
         self.counts: Counter[Reason] = Counter()
         self._told: set[tuple[str, str]] = set()
-        self._reported = 0
+        self._news = False
 
     def is_news(self) -> bool:
-        """Whether there are more than when this last said so."""
-        before, self._reported = self._reported, self.counts.total()
-        return self._reported > before
+        """Whether there are more than when this was last asked."""
+        news, self._news = self._news, False
+        return news
 
     def note(self, key: str, refusal: Refused) -> None:
         self.counts[refusal.reason] += 1
+        self._news = True
         key = shown(key)
         if (key, refusal.reason) not in self._told and len(self._told) < MOST_TOLD:
             self._told.add((key, refusal.reason))

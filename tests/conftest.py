@@ -19,6 +19,7 @@ os.environ |= QUICK_START | os.environ  # hundreds of processes follow
 import callers
 from alone import SMALL, TICKS, local_hash
 from corpus import recorded
+from farm import make_roles
 from fleet import Fleet
 from page import WINDOW, chromium_with, served
 from scripted_orchard import ACTED_SECONDS, acted_layout, frames
@@ -53,6 +54,21 @@ def undisturbed():
 def other():
     """Real messages of another run."""
     return recorded(SMALL, "other", 40)
+
+
+# -- secured runs
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory) -> Path:
+    """The roles of the small scenario, which hold on this machine and on another."""
+    return make_roles(tmp_path_factory.mktemp("secure") / "roles", "192.168.1.10")
+
+
+@pytest.fixture(scope="session")
+def stranger(tmp_path_factory) -> Path:
+    """The same, but by another authority."""
+    return make_roles(tmp_path_factory.mktemp("stranger") / "roles")
 
 
 # -- the page

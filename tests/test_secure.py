@@ -1,129 +1,35 @@
-"""Who may drive, by effect: real certificates, real sessions, a real physics process, and those who try what is not theirs."""
+"""Who may do what, by effect: real certificates, real sessions, a real physics process, and those who try what is not theirs."""
 
 import json
-import re
-import shlex
 import shutil
-import signal
-import subprocess
-import sys
 import time
 from contextlib import ExitStack
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 
 import pytest
 import zenoh
-from alone import SMALL, local_hash
-from command_line import line_with, orchard, summary_of
-from fleet import ROOT, SECONDS, Process
+from alone import SMALL
+from farm import HERS, KEYS, MINE, Farm, Somebody
+from fleet import SECONDS
 from fleet import Fleet as Processes
-from machines import machines, needs_machines, within
-from typer.testing import CliRunner
 
-import run
 from orchard.access import RIGHTS, SERVANTS, Role, access_control
-from orchard.bus import Alive, Bus, Final, Question, Replied, Sample, client, router
+from orchard.bus import Alive, Final, Question, Sample, client, router
 from orchard.certificates import Authority
-from orchard.config import Scenario, to_yaml
 from orchard.endpoints import BusError
 from orchard.identity import AUTHORITY, Identity, Keyring
-from orchard.keys import TABLE, Keys
+from orchard.keys import TABLE
 from orchard.messages import pack
-from orchard.security import host_roles, make
 from orchard.wire.course import Command, Join, Joined, RefusedThere, Stop
-from orchard.wire.driving import Drive, Report, Velocities, Velocity
+from orchard.wire.driving import Drive, Report, Velocities
 from orchard.wire.geometry_msgs import Angular, Linear
-from orchard.wire.sensing import Clock, Odometry
+from orchard.wire.sensing import Odometry
 from orchard.wire.vocabulary import read
 from orchard.wire.watching import Figures
-from processes.fleet import free_port
-from processes.passes import shares
 from processes.together import agent_names
 
-KEYS = Keys()
-MINE, HERS = "picker_01", "picker_02"
-WISHES = [f"amy={MINE}", f"ben={HERS},bin_01", "shed=carrier"]
 NOBODY = [word for name in agent_names(SMALL) for word in ("--absent", name)]
-
-
-@pytest.fixture(scope="session")
-def folder(tmp_path_factory) -> Path:
-    """What `run.py secure` makes, for the small scenario: a role for each of two pickers, one for the carriers, two for the rest."""
-    path = tmp_path_factory.mktemp("secure") / "roles"
-    make(path, host_roles(agent_names(SMALL), WISHES, lambda rest: shares(rest, 2)), ["192.168.1.10"], 30)
-    return path
-
-
-@pytest.fixture(scope="session")
-def stranger(tmp_path_factory) -> Path:
-    """The same, but by another authority."""
-    path = tmp_path_factory.mktemp("stranger") / "roles"
-    make(path, host_roles(agent_names(SMALL), WISHES, lambda rest: shares(rest, 2)), [], 30)
-    return path
-
-
-# -- who tries
-
-
-class Somebody:
-    """A session with one role's certificate, and what it does with it."""
-
-    def __init__(self, bus: Bus, run: str) -> None:
-        self.bus, self.run = bus, run
-
-    def drive(self, name: str, tick: int) -> None:
-        self.bus.publish(KEYS.of("velocity", name), pack(Velocity(self.run, tick, Linear(1.0), Angular(0.0))))
-
-    def drive_as(self, session: str, holder: str, name: str, tick: int) -> None:
-        """By a message for all that a session holds."""
-        velocities = Velocities(self.run, tick, holder, {name: Drive(Linear(1.0), Angular(0.0))})
-        self.bus.publish(KEYS.of("velocities", session=session), pack(velocities))
-
-    def join(self, name: str) -> str:
-        """Why it may not hold an agent; '' if it may."""
-        [reply] = self.asks("join", Join(self.run, self.bus.id, [name]), self.bus.id)
-        return read(reply.payload, Joined).refused.get(name, "")
-
-    def asks(self, what: str, message=None, session: str = "*") -> list[Replied]:
-        """All replies to a query."""
-        self.bus.ask(KEYS.of(what, session=session), pack(message) if message else b"", what, SECONDS)
-        replies = []
-        while not isinstance(item := self.wait(Replied | Final), Final):
-            replies.append(item)
-        return replies
-
-    def wait(self, type_: type, wanted=lambda item: True):
-        """The first thing of a type that arrives, for which something is so."""
-        deadline = time.monotonic() + SECONDS
-        while time.monotonic() < deadline:
-            item = self.bus.inbox.take(max(0.0, deadline - time.monotonic()))
-            if isinstance(item, type_) and wanted(item):
-                return item
-        raise AssertionError(f"no {type_.__name__} came")
-
-    def pose(self, name: str) -> Odometry:
-        """The next one of a robot."""
-        return read(self.wait(Sample, lambda sample: sample.key == KEYS.of("pose", name)).payload, Odometry)
-
-    def sees_it_move(self, name: str, driving) -> Odometry:
-        """The first pose of a robot that is not the next one, while somebody drives."""
-        deadline, first = time.monotonic() + SECONDS, self.pose(name)
-        while (pose := self.pose(name)).pose == first.pose:
-            assert time.monotonic() < deadline, f"{name} does not move"
-            driving(pose.tick)
-        return pose
-
-
-class Farm:
-    """A secured run, of which nobody holds an agent, and those who come to it."""
-
-    def __init__(self, folder: Path, endpoint: str, run: str, stack: ExitStack) -> None:
-        self.keyring, self.endpoint, self.run, self._stack = Keyring.load(folder), endpoint, run, stack
-
-    def come(self, role: str) -> Somebody:
-        return Somebody(self._stack.enter_context(client(self.endpoint, identity=self.keyring.of(role))), self.run)
 
 
 @pytest.fixture
@@ -143,118 +49,6 @@ def meeting(folder):
         farm = Farm(folder, bus.endpoint, "", stack)
         farm.bus = bus
         yield farm
-
-
-# -- a whole run
-
-
-def test_a_secured_run_is_local_mode(folder, tmp_path):
-    summary, recording = tmp_path / "summary.json", tmp_path / "run.rrd"
-    scenario = tmp_path / "scenario.yaml"
-    scenario.write_text(to_yaml(SMALL))
-    done = orchard(scenario, "--secure", folder, "--duration", 30, "--record", recording, "--summary", summary)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert summary_of(summary)["hash"] == local_hash(SMALL, 300)
-    assert summary_of(summary)["messages_refused"] == {}
-    assert recording.stat().st_size > 100_000  # the logger has heard what happened
-
-
-@pytest.mark.parametrize("its", ["router", pytest.param("physics", marks=pytest.mark.soak)])
-def test_a_machine_needs_no_more_than_its_roles_directory(its, folder, tmp_path):
-    """Each process with a copy of its own role's files, and nothing beside them; physics is the router, or there is one of its own."""
-    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
-    copies = {path.name: str(shutil.copytree(path, tmp_path / f"machine of {path.name}" / path.name)) for path in folder.iterdir()}
-    with ExitStack() as stack:
-
-        def start(role: str, module: str, *arguments: str) -> Process:
-            process = Process(f"processes.{module}", *arguments, "--secure", copies[role])
-            stack.callback(process.kill)
-            return process
-
-        where = ["--listen", "tls/127.0.0.1:0"]
-        if its == "router":
-            where = ["--connect", start("router", "router", *where).line().split()[-1]]
-        physics = start("physics", "physics", f"{tmp_path}/scenario.yaml", *where, "--duration", "20")
-        endpoint = physics.line().split()[2].rstrip(",")
-        hosts = [start(role, "agents", "--connect", endpoint) for role in ("amy", "ben", "shed", "agents_1", "agents_2")]
-        code, out, err = physics.end()
-        assert code == 0, out + err
-        assert out.split()[-1] == local_hash(SMALL, 200)
-        assert [host.end(10.0)[0] for host in hosts] == [0] * 5
-
-
-@pytest.mark.parametrize("killed", ["host", *(pytest.param(one, marks=pytest.mark.soak) for one in ("physics", "router"))])
-def test_who_is_killed_comes_back_as_the_same_role(killed, folder, tmp_path):
-    """Under the same session, which the others may still have in mind."""
-    with ExitStack() as stack:
-        fleet = Processes(tmp_path, stack)
-        pace = ["--secure", str(folder / "physics"), "--speed", "15", "--duration", "20", "--snapshots", str(tmp_path / "snapshots")]
-        place = ["--listen", f"tls/127.0.0.1:{free_port()}"]
-        routing = ["processes.router", *place, "--secure", str(folder / "router")]
-        if killed == "router":
-            middle = fleet.start(*routing)
-            assert middle.line().startswith("listening on")
-            place = ["--connect", place[1]]
-        fleet.physics(SMALL, *place, *pace)
-        for role in ("amy", "ben", "shed", "agents_1", "agents_2"):
-            fleet.host("--secure", str(folder / role))
-        with client(fleet.endpoint, identity=Keyring.load(folder).of("logger")) as bus:
-            bus.subscribe(KEYS.of("clock"))
-            Somebody(bus, fleet.run).wait(Sample, lambda sample: read(sample.payload, Clock).tick >= 30)
-        match killed:
-            case "host":
-                fleet.hosts.pop(0).kill()
-                fleet.host("--secure", str(folder / "amy"))
-            case "physics":
-                fleet.world.kill()
-                fleet.physics(SMALL, *place, *pace, "--resume", "--run", fleet.run)
-            case "router":
-                middle.kill()
-                assert fleet.start(*routing).line().startswith("listening on")
-        assert fleet.end() == local_hash(SMALL, 200)
-
-
-@needs_machines
-def test_a_secured_run_over_two_machines_is_local_mode(folder, tmp_path):
-    """The guest has its own role's files only, and knows the other machine by its address."""
-    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
-    own = str(shutil.copytree(folder / "shed", tmp_path / "shed"))
-    with machines("s") as (host, guest), ExitStack() as stack:
-        here, there = "tls/127.0.0.1:7447", "tls/192.168.1.10:7447"
-        listen = ["--listen", "tls/0.0.0.0:7447", "--secure", str(folder / "physics")]
-        physics = Process("processes.physics", f"{tmp_path}/scenario.yaml", *listen, "--duration", "20", before=within(host))
-        stack.callback(physics.kill)
-        assert physics.line().startswith("listening on")
-        for role in ("amy", "ben", "agents_1", "agents_2"):
-            stack.callback(Process("processes.agents", "--connect", here, "--secure", str(folder / role), before=within(host)).kill)
-        stack.callback(Process("processes.agents", "--connect", there, "--secure", own, before=within(guest)).kill)
-        code, out, err = physics.end()
-        assert code == 0, out + err
-        assert out.split()[-1] == local_hash(SMALL, 200)
-
-
-@needs_machines
-def test_the_commands_of_the_document_run_the_carriers_on_another_machine(tmp_path):
-    block = re.search(r"```sh secured, two machines\n(.*?)```", (ROOT / "docs" / "security.md").read_text(), re.S).group(1)
-    commands = [shlex.split(line) for line in block.splitlines() if not line.startswith("#")]
-    assert all(words[:2] == [".venv/bin/python", "run.py"] for words in commands)
-    make_roles, first, second = ([sys.executable, str(ROOT / "run.py"), *words[2:]] for words in commands)
-    first += ["--rows", "3", "--duration", "30", "--record", "none", "--summary", str(tmp_path / "summary.json")]
-    here, there = tmp_path / "here", tmp_path / "there"
-    for folder in (here, there):
-        folder.mkdir()
-    subprocess.run([*make_roles, "--rows", "3"], cwd=here, check=True, timeout=SECONDS)
-    shutil.copytree(here / "roles" / "shed", there / "shed")
-    with machines("d") as (host, guest):
-        one = subprocess.Popen([*within(host), *first], cwd=here, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        try:
-            said = line_with("carrier: left to others", one)
-            other = subprocess.run([*within(guest), *second], cwd=there, capture_output=True, text=True, timeout=3 * SECONDS)
-            rest, _ = one.communicate(timeout=SECONDS)
-        finally:
-            one.kill()
-    assert (one.returncode, other.returncode) == (0, 0), said + rest + other.stdout + other.stderr
-    assert summary_of(tmp_path / "summary.json")["hash"] == local_hash(Scenario(rows=3), 300)
 
 
 # -- an agent, and what is another's
@@ -511,144 +305,3 @@ def test_nobody_writes_what_is_anothers():
     assert rules["logger ingress put"] == [f"orchard/hosts/{Role('logger', 'logger').session}/refused"]
     assert "operator ingress put" not in rules
     assert not [name for name in rules if "delete" in name]
-
-
-# -- the directory
-
-
-def test_keys_are_for_the_owners_eyes_only(folder):
-    assert folder.stat().st_mode & 0o777 == 0o700
-    for role in folder.iterdir():
-        assert role.stat().st_mode & 0o777 == 0o700
-        assert (role / "key.pem").stat().st_mode & 0o777 == 0o600
-
-
-def secured(*arguments: object):
-    """`run.py secure` in this process: what it printed, and its exit code."""
-    return CliRunner().invoke(run.app, ["secure", *map(str, arguments)], catch_exceptions=False)
-
-
-def test_an_authority_is_not_overwritten_unasked(tmp_path):
-    path = tmp_path / "roles"
-    assert secured(path, "--rows", 3, "--hosts", 2).exit_code == 0
-    before = (path / "authority" / "key.pem").read_bytes()
-    again = secured(path, "--rows", 3, "--hosts", 1)
-    assert again.exit_code == 2
-    assert "--anew" in again.stderr
-    assert (path / "authority" / "key.pem").read_bytes() == before
-    assert secured(path, "--rows", 3, "--hosts", 1, "--anew").exit_code == 0
-    assert (path / "authority" / "key.pem").read_bytes() != before
-    assert not (path / "agents_2").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (["--role", "shed"], "shed: wanted is NAME=KIND|AGENT"),
-        (["--role", "Shed!=carrier"], "Shed!: not a name for a role"),
-        (["--role", "physics=carrier"], "physics is the name of two roles"),
-        (["--role", "shed=carier"], "carier: no such agent or kind"),
-        (["--role", "shed=carrier", "--role", "barn=carrier_01"], "carrier_01 is in two roles"),
-        (["--address", "http://shed"], "http://shed: neither an address nor the name of a machine"),
-    ],
-)
-def test_what_cannot_be_made_is_named_and_nothing_is_written(arguments, named, tmp_path):
-    done = secured(tmp_path / "roles", "--rows", 3, *arguments)
-    assert done.exit_code == 2
-    assert named in done.stderr
-    assert not (tmp_path / "roles").exists()
-
-
-def test_another_directorys_things_are_left_alone(tmp_path):
-    (tmp_path / "diary.txt").write_text("dear diary")
-    done = secured(tmp_path, "--rows", 3)
-    assert done.exit_code == 2
-    assert "there is something else in it" in done.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["diary.txt"]
-
-
-# -- what a user may get wrong
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (["--secure", "nowhere"], "nowhere: no roles there"),
-        (["--secure", "{folder}", "--listen", "tcp/127.0.0.1:0"], "not secure; with --secure an endpoint is like tls/"),
-        (["--listen", "tls/127.0.0.1:0"], "tls needs certificates; --secure DIR"),
-        (["--secure", "{folder}", "--pickers", 3], "no role for"),
-        (["--secure", "{folder}", "--hosts", 2], "leave out --hosts"),
-        (["--secure", "{folder}", "--mode", "local"], "local mode is one process"),
-        (["--secure", "{folder}", "--without", "bin_01"], "ben is the role of bin_01, picker_02"),
-        (["--secure", "{folder}/shed"], "no role for bin_01"),
-        (["--secure", "{folder}", "--connect", "tls/127.0.0.1:9", "--only", "carrier"], "with --only name the one to play"),
-    ],
-)
-def test_what_cannot_be_run_is_named(arguments, named, folder, tmp_path):
-    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
-    words = [str(word).format(folder=folder) for word in arguments]
-    guest = [] if "--only" in words else [tmp_path / "scenario.yaml", "--record", "none"]
-    done = CliRunner().invoke(run.app, ["harvest", *map(str, guest), *words], catch_exceptions=False, env={"COLUMNS": "200"})
-    assert done.exit_code == 2, done.output
-    assert named in " ".join(done.stderr.split())
-
-
-def spoil(what: str, own: Path, stranger: Path) -> None:
-    """Make a role's directory useless in one way."""
-    match what:
-        case "missing":
-            (own / "key.pem").unlink()
-        case "another key":
-            shutil.copy(stranger / "amy" / "key.pem", own)
-        case "another authority":
-            shutil.copy(stranger / "amy" / AUTHORITY, own)
-        case "another role":
-            for name in ("certificate.pem", "key.pem"):
-                shutil.copy(own.parent / "ben" / name, own)
-        case "expired":
-            Authority.begin(30).vouch("amy", own, until=datetime.now(UTC) - timedelta(minutes=1))
-        case "nonsense":
-            (own / "certificate.pem").write_text("nonsense")
-        case "no role":
-            (own / "role.json").write_text("{}")
-
-
-@pytest.mark.parametrize(
-    ("what", "named"),
-    [
-        ("missing", "key.pem: no such file"),
-        ("another key", "not the key of the certificate"),
-        ("another authority", "not by the authority in authority.pem"),
-        ("another role", "the certificate of ben, not of amy"),
-        ("expired", "and not now"),
-        ("nonsense", "certificate.pem: not a certificate"),
-        ("no role", "role.json: not as `run.py secure` wrote it"),
-    ],
-)
-def test_a_directory_of_no_use_is_named(what, named, folder, stranger, tmp_path):
-    shutil.copytree(folder, tmp_path / "roles")
-    spoil(what, tmp_path / "roles" / "amy", stranger)
-    with pytest.raises(ValueError, match=named):
-        Keyring.load(tmp_path / "roles").of("amy")
-
-
-# -- without security
-
-
-def test_a_public_address_without_security_is_warned_of_once(tmp_path):
-    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
-    done = orchard(tmp_path / "scenario.yaml", "--listen", "tcp/0.0.0.0:0", "--duration", 1, "--record", "none")
-    assert done.returncode == 0, done.stderr
-    assert (done.stdout + done.stderr).count("whoever reaches this address") == 1
-
-
-@pytest.mark.parametrize(("address", "is_open"), [("0.0.0.0", True), ("127.0.0.1", False)])
-def test_a_router_warns_of_a_public_address_only(address, is_open):
-    routing = Process("processes.router", "--listen", f"tcp/{address}:0")
-    try:
-        assert routing.line().startswith("listening on")
-        routing.signal(signal.SIGTERM)
-        _, _, err = routing.end()
-    finally:
-        routing.kill()
-    assert ("whoever reaches this address" in err) == is_open

@@ -1,0 +1,90 @@
+"""A secured run for tests, and those who come to it: sessions with one role's certificate each, which try this and that."""
+
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from alone import SMALL
+from fleet import SECONDS
+
+from orchard.bus import Bus, Final, Replied, Sample, client
+from orchard.identity import Keyring
+from orchard.keys import Keys
+from orchard.messages import pack
+from orchard.security import host_roles, make
+from orchard.wire.course import Join, Joined
+from orchard.wire.driving import Drive, Velocities, Velocity
+from orchard.wire.geometry_msgs import Angular, Linear
+from orchard.wire.sensing import Odometry
+from orchard.wire.vocabulary import read
+from processes.passes import shares
+from processes.together import agent_names
+
+KEYS = Keys()
+MINE, HERS = "picker_01", "picker_02"
+WISHES = [f"amy={MINE}", f"ben={HERS},bin_01", "shed=carrier"]
+
+
+def make_roles(path: Path, *addresses: str) -> Path:
+    """What `run.py secure` makes, for the small scenario: a role for each of two pickers, one for the carriers, two for the rest."""
+    make(path, host_roles(agent_names(SMALL), WISHES, lambda rest: shares(rest, 2)), list(addresses), 30)
+    return path
+
+
+class Somebody:
+    """A session with one role's certificate, and what it does with it."""
+
+    def __init__(self, bus: Bus, run: str) -> None:
+        self.bus, self.run = bus, run
+
+    def drive(self, name: str, tick: int) -> None:
+        self.bus.publish(KEYS.of("velocity", name), pack(Velocity(self.run, tick, Linear(1.0), Angular(0.0))))
+
+    def drive_as(self, session: str, holder: str, name: str, tick: int) -> None:
+        """By a message for all that a session holds."""
+        velocities = Velocities(self.run, tick, holder, {name: Drive(Linear(1.0), Angular(0.0))})
+        self.bus.publish(KEYS.of("velocities", session=session), pack(velocities))
+
+    def join(self, name: str) -> str:
+        """Why it may not hold an agent; '' if it may."""
+        [reply] = self.asks("join", Join(self.run, self.bus.id, [name]), self.bus.id)
+        return read(reply.payload, Joined).refused.get(name, "")
+
+    def asks(self, what: str, message=None, session: str = "*") -> list[Replied]:
+        """All replies to a query."""
+        self.bus.ask(KEYS.of(what, session=session), pack(message) if message else b"", what, SECONDS)
+        replies = []
+        while not isinstance(item := self.wait(Replied | Final), Final):
+            replies.append(item)
+        return replies
+
+    def wait(self, type_: type, wanted=lambda item: True):
+        """The first thing of a type that arrives, for which something is so."""
+        deadline = time.monotonic() + SECONDS
+        while time.monotonic() < deadline:
+            item = self.bus.inbox.take(max(0.0, deadline - time.monotonic()))
+            if isinstance(item, type_) and wanted(item):
+                return item
+        raise AssertionError(f"no {type_.__name__} came")
+
+    def pose(self, name: str) -> Odometry:
+        """The next one of a robot."""
+        return read(self.wait(Sample, lambda sample: sample.key == KEYS.of("pose", name)).payload, Odometry)
+
+    def sees_it_move(self, name: str, driving) -> Odometry:
+        """The first pose of a robot that is not the next one, while somebody drives."""
+        deadline, first = time.monotonic() + SECONDS, self.pose(name)
+        while (pose := self.pose(name)).pose == first.pose:
+            assert time.monotonic() < deadline, f"{name} does not move"
+            driving(pose.tick)
+        return pose
+
+
+class Farm:
+    """A secured run, of which nobody holds an agent, and those who come to it."""
+
+    def __init__(self, folder: Path, endpoint: str, run: str, stack: ExitStack) -> None:
+        self.keyring, self.endpoint, self.run, self._stack = Keyring.load(folder), endpoint, run, stack
+
+    def come(self, role: str) -> Somebody:
+        return Somebody(self._stack.enter_context(client(self.endpoint, identity=self.keyring.of(role))), self.run)

@@ -175,3 +175,21 @@ def until(heard: queue.Queue, wanted, seconds: float = SECONDS):
         message = heard.get(timeout=max(0.01, deadline - time.monotonic()))
         if wanted(message):
             return message
+
+
+def assert_stands(poses, ticks: int = 20) -> dict:
+    """From now on, and whatever it did before, a robot does not move for so many ticks; its last pose."""
+    for _ in range(poses.qsize()):
+        poses.get()
+    first = until(poses, lambda pose: not any([*pose["twist"]["linear"].values(), *pose["twist"]["angular"].values()]))
+    last = until(poses, lambda pose: pose["pose"] != first["pose"] or pose["tick"] >= first["tick"] + ticks)
+    assert last["pose"] == first["pose"]
+    return last
+
+
+def assert_goes_on(poses) -> None:
+    """From now on, a robot moves."""
+    for _ in range(poses.qsize()):
+        poses.get()
+    standing = until(poses, lambda pose: True)
+    until(poses, lambda pose: pose["pose"] != standing["pose"])

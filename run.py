@@ -24,12 +24,13 @@ import typer
 from rich.console import Console
 
 from orchard.access import WARDEN
-from orchard.config import Scenario, ScenarioError, check, load, with_changes
+from orchard.config import Scenario, check, load, with_changes
 from orchard.endpoints import BusError, check_free
 from orchard.guard import replaced
 from orchard.layout import lay_out
 from orchard.lockstep import PATIENCE
 from orchard.parts import parts_of
+from orchard.problems import ScenarioError
 from orchard.progress import Progress
 from orchard.snapshot import Snapshot, SnapshotError, newest
 from orchard.viewer import viewer_program, window

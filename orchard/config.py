@@ -4,31 +4,26 @@
 writes the JSON schema with which an editor completes and checks a scenario while it is typed.
 """
 
-import difflib
 import json
 import math
 import re
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
 from orchard.kinds import KINDS
+from orchard.problems import Lines, Problem, ScenarioError, dotted, key_text, problem_of, show
 
 TIME_STEP = 0.1  # s
-MOST_TOLD = 50  # problems that an error's text names
 MOST_GUESTS = 50  # people together, animals together, weeds
 LARGEST_FILE = 65536  # bytes; a whole scenario needs less than 2,000
 DEEPEST = 8  # levels in a file; a scenario needs 2
 SCHEMA = Path("config/scenario.schema.json")
-
-Lines = dict[tuple[str, ...], int]  # path in the file -> its line, from 1
 
 
 def _count(what: str) -> Any:
@@ -107,34 +102,9 @@ class Scenario(_Section):
         return self
 
 
-@dataclass(frozen=True)
-class Problem:
-    """One thing that is wrong with a scenario: where, what is there, and what is allowed."""
-
-    file: str  # or where else the values come from
-    text: str  # what is wrong, and what is allowed
-    path: str = ""  # dotted path in the file; empty: the file as a whole
-    value: str = ""  # as a person reads it; empty where the path itself is wrong
-    line: int = 0  # from 1; 0: not known
-
-    def __str__(self) -> str:
-        where = f"{self.file}:{self.line}" if self.line else self.file
-        what = f"{self.path} = {self.value}" if self.value else self.path
-        return f"{where}: {what}: {self.text}" if what else f"{where}: {self.text}"
-
-
-class ScenarioError(Exception):
-    """A scenario that cannot be used; `problems` tells all that is wrong with it, in the file's order, the message the first of it."""
-
-    def __init__(self, problems: list[Problem]) -> None:
-        self.problems = sorted(problems, key=lambda problem: problem.line)
-        more = len(problems) - MOST_TOLD
-        super().__init__("\n".join([*map(str, self.problems[:MOST_TOLD]), *([f"and {more} more problems"] if more > 0 else [])]))
-
-
 def load(path: str | Path) -> Scenario:
     """The scenario in a YAML file; what the file leaves out keeps its default. Raises `ScenarioError`."""
-    source = _key(str(path))
+    source = key_text(str(path))
     return parse(_read(path, source), source)
 
 
@@ -178,9 +148,9 @@ def schema_text() -> str:
 def check(values: Any, source: str = "scenario", lines: Lines | None = None, known: list[Problem] | None = None) -> Scenario:
     """The scenario with these values, or a `ScenarioError` with all that is wrong, `known` problems among it."""
     if not isinstance(values, Mapping | BaseModel):
-        raise ScenarioError([*(known or []), Problem(source, f"must be a map of keys and values, and not {_show(values)}")])
+        raise ScenarioError([*(known or []), Problem(source, f"must be a map of keys and values, and not {show(values)}")])
     plain = _plain(values)
-    problems = list(known or []) + [_problem(error, source, lines or {}) for error in _errors(plain)]
+    problems = list(known or []) + [problem_of(error, Scenario, source, lines or {}) for error in _errors(plain)]
     if problems:
         raise ScenarioError(problems)
     return Scenario.model_validate(plain)
@@ -192,7 +162,7 @@ def _plain(values: Any, levels: int = 2) -> Any:
         values = values.model_dump()
     if levels == 0 or not isinstance(values, Mapping):
         return values
-    return {_key(key): _plain(value, levels - 1) for key, value in values.items()}
+    return {key_text(key): _plain(value, levels - 1) for key, value in values.items()}
 
 
 def _errors(values: dict[str, Any]) -> list[dict[str, Any]]:
@@ -233,60 +203,6 @@ def _without(values: dict[str, Any], paths: set[tuple[str, ...]], at: tuple[str,
     return {key: _without(value, paths, (*at, key)) if isinstance(value, dict) else value for key, value in kept.items()}
 
 
-def _problem(error: dict[str, Any], source: str, lines: Lines) -> Problem:
-    loc, value = error["loc"], _show(error["input"])
-    if error["type"] == "rule":
-        fields = [(*loc, field) for field in error["ctx"]["fields"]]
-        line = max(lines.get(field, 0) for field in fields)
-        return Problem(source, error["msg"], ", ".join(map(_dotted, fields)), ", ".join(map(str, error["ctx"]["values"])), line)
-    if error["of_key"]:
-        return Problem(source, f"no kind ({', '.join(KINDS)}), and no name of one, as picker_01", _dotted(loc), "", lines.get(loc, 0))
-    text = _unknown(loc) if error["type"] == "extra_forbidden" else f"must be {_wanted(loc)}"
-    return Problem(source, text, _dotted(loc), value, lines.get(loc, 0))
-
-
-def _wanted(path: tuple[str, ...]) -> str:
-    """What a field may hold: 'a number from 5.0 to 12.0 (width of a row between its trees, m)'."""
-    if path[0] == "agents" and len(path) > 1:
-        return "the class that drives it, as my_package.MyPicker"
-    if path[0] == "agents":
-        return f"a map of kinds ({', '.join(KINDS)}) or names and the classes that drive them: {{picker: my_package.MyPicker}}"
-    field = _keys(path[:-1])[path[-1]]
-    if section := _section(field):
-        return f"a map with some of the keys {', '.join(section.model_fields)}"
-    limits = {type(limit).__name__: limit for limit in field.metadata}
-    kinds: dict[Any, str] = {bool: "true or false", float: "a number", int: "a whole number"}
-    kind = kinds.get(field.annotation, "null or a whole number")
-    span = f" from {limits['Ge'].ge} to {limits['Le'].le}" if "Ge" in limits else ""
-    return f"{kind}{span} ({field.description})"
-
-
-def _unknown(path: tuple[str, ...]) -> str:
-    """That there is no such key, the known one that is closest, and all that there are."""
-    here = _keys(path[:-1])
-    sections = {name: _section(field) for name, field in Scenario.model_fields.items()}
-    elsewhere = {key: f"{name}.{key}" for name, section in sections.items() if section for key in section.model_fields}
-    elsewhere |= {key: key for key in sections}
-    key = path[-1].lower().replace("-", "_").replace(" ", "_")[:60]
-    near = [close for known in (here, elsewhere) for close in difflib.get_close_matches(key, known, n=1)]
-    guess = near and (near[0] if near[0] in here else elsewhere[near[0]])
-    return f"unknown key{f'; did you mean {guess}?' if guess else ';'} known here: {', '.join(here)}"
-
-
-def _keys(path: tuple[str, ...]) -> dict[str, FieldInfo]:
-    """The fields of the section at a path."""
-    model: Any = Scenario
-    for part in path:
-        model = model.model_fields[part].annotation
-    fields: dict[str, FieldInfo] = model.model_fields
-    return fields
-
-
-def _section(field: FieldInfo) -> type[_Section] | None:
-    kind = field.annotation
-    return kind if isinstance(kind, type) and issubclass(kind, _Section) else None
-
-
 def _nested(keys: list[str], value: Any) -> Any:
     return {keys[0]: _nested(keys[1:], value)} if keys else value
 
@@ -297,25 +213,6 @@ def _merge(values: dict[str, Any], changes: dict[str, Any]) -> None:
             _merge(values[key], change)
         else:
             values[key] = change
-
-
-def _key(key: Any) -> str:
-    return key if isinstance(key, str) and key.isprintable() and key else _show(key)
-
-
-def _dotted(path: tuple[str, ...]) -> str:
-    return ".".join(part if len(part) <= 60 else part[:57] + "..." for part in path)
-
-
-def _show(value: Any) -> str:
-    """A value as one writes it in YAML, shortened, whatever it is."""
-    if value is None or isinstance(value, bool):
-        return {None: "null", True: "true", False: "false"}[value]
-    try:
-        text = repr(value)
-    except Exception:  # a whole number of more than 4,300 digits, for one
-        text = f"some {type(value).__name__}"
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 # --- file -> values ---
@@ -394,10 +291,10 @@ def _walk(node: yaml.Node | None, source: str, lines: Lines, at: tuple[str, ...]
     for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
         if not isinstance(key, yaml.ScalarNode):
             continue
-        path, line = (*at, _key(key.value)), key.start_mark.line + 1
+        path, line = (*at, key_text(key.value)), key.start_mark.line + 1
         if path in lines:
             text = f"given twice, in lines {lines[path]} and {line}; once is allowed"
-            repeated.append(Problem(source, text, _dotted(path), value.value[:60] if isinstance(value, yaml.ScalarNode) else "...", line))
+            repeated.append(Problem(source, text, dotted(path), value.value[:60] if isinstance(value, yaml.ScalarNode) else "...", line))
         lines[path] = line
         repeated += _walk(value, source, lines, path)
     return repeated

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from orchard.config import ScenarioError, check
+from orchard.config import check
 from orchard.doer import TRAFFIC
 from orchard.kinds import KINDS
 from orchard.layout import ROW_LENGTH, lay_out
+from orchard.problems import ScenarioError
 from orchard.snapshot import Snapshot, SnapshotError
 from orchard.wire.vocabulary import FASTEST, LAST_TICK
 from orchard.world import NOBODY, World, new_world

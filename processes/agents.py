@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection
 
 from orchard.agent import Agent
 from orchard.bus import Bus, Inbox, Item, Signal, client
-from orchard.config import ScenarioError, check
+from orchard.config import check
 from orchard.endpoints import BusError
 from orchard.guard import place
 from orchard.host import GONE_SECONDS, Ended, Host, newcomer
@@ -22,6 +22,7 @@ from orchard.identity import Identity, identity_in
 from orchard.keys import PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.names import chosen
+from orchard.problems import ScenarioError
 from processes import hourglass
 from processes.memory import settle
 from processes.seconds import seconds

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from orchard.bus import Alive, Bus, Inbox, Item, Sample, Signal, client
 from orchard.camera import talk_of
-from orchard.config import ScenarioError, check
+from orchard.config import check
 from orchard.endpoints import BusError
 from orchard.frames import Event, Frame
 from orchard.host import GONE_SECONDS, Ended, newcomer, tell_refusals
@@ -25,6 +25,7 @@ from orchard.identity import identity_in
 from orchard.keys import LOGGER, PHYSICS, PREFIX, Keys
 from orchard.layout import Layout, lay_out
 from orchard.lockstep import Refusals, Refused, understood
+from orchard.problems import ScenarioError
 from orchard.view import Recorder, optimize
 from orchard.view.parts import before
 from orchard.wire.course import End, Lost

@@ -14,12 +14,13 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 from orchard.bus import Bus, Inbox, Signal, client, router
-from orchard.config import TIME_STEP, Scenario, ScenarioError, load
+from orchard.config import TIME_STEP, Scenario, load
 from orchard.endpoints import LOOPBACK, SECURE_LOOPBACK, BusError
 from orchard.identity import Identity, identity_in
 from orchard.keys import PREFIX, Keys
 from orchard.lockstep import PATIENCE
 from orchard.names import chosen
+from orchard.problems import ScenarioError
 from orchard.snapshot import Snapshot, SnapshotError
 from processes.harvest import Options
 from processes.keeper import SNAPSHOT_SECONDS, last, sole

@@ -2,10 +2,8 @@
 
 import pytest
 
-from orchard.config import (
-    ScenarioError,
-    parse,
-)
+from orchard.config import parse
+from orchard.problems import ScenarioError
 
 
 def refused(text: str) -> list[str]:

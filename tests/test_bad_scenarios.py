@@ -6,7 +6,8 @@ from contextlib import suppress
 
 import pytest
 
-from orchard.config import LARGEST_FILE, ScenarioError, load
+from orchard.config import LARGEST_FILE, load
+from orchard.problems import ScenarioError
 
 BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
     f"{c}: &{c} [{','.join('*' + p for _ in range(9))}]\n" for p, c in itertools.pairwise("abcdefghi")

@@ -6,18 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from orchard.config import (
-    TIME_STEP,
-    People,
-    Scenario,
-    ScenarioError,
-    check,
-    json_schema,
-    load,
-    parse,
-    schema_text,
-    with_changes,
-)
+from orchard.config import TIME_STEP, People, Scenario, check, json_schema, load, parse, schema_text, with_changes
+from orchard.problems import ScenarioError
 
 CONFIG = Path(__file__).parent.parent / "config"
 

@@ -5,16 +5,8 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orchard.config import (
-    People,
-    Scenario,
-    ScenarioError,
-    check,
-    load,
-    parse,
-    to_yaml,
-    with_changes,
-)
+from orchard.config import People, Scenario, check, load, parse, to_yaml, with_changes
+from orchard.problems import ScenarioError
 
 SECTIONS = ("people", "animals", "laser")
 legal = st.builds(

@@ -7,13 +7,8 @@ from pathlib import Path
 import pytest
 from mistakes import refusal
 
-from orchard.config import (
-    LARGEST_FILE,
-    Scenario,
-    ScenarioError,
-    load,
-    parse,
-)
+from orchard.config import LARGEST_FILE, Scenario, load, parse
+from orchard.problems import ScenarioError
 
 
 def unreadable(path: Path | str) -> str:

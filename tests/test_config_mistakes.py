@@ -3,12 +3,8 @@
 import pytest
 from mistakes import refusal, refused
 
-from orchard.config import (
-    People,
-    Scenario,
-    ScenarioError,
-    parse,
-)
+from orchard.config import People, Scenario, parse
+from orchard.problems import ScenarioError
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,10 @@ from alone import SMALL, local_hash
 from fleet import ROOT, SECONDS
 
 from orchard.agents import cast
-from orchard.config import Scenario, ScenarioError, parse
+from orchard.config import Scenario, parse
 from orchard.layout import lay_out
 from orchard.local import Local
+from orchard.problems import ScenarioError
 from processes.agents import made
 
 README = (ROOT / "README.md").read_text()

@@ -4,9 +4,10 @@ from typing import Any
 
 from orchard.app.entries import entries, flat, nested
 from orchard.app.numbers import hint, number_of
-from orchard.config import Problem, Scenario, ScenarioError, check
+from orchard.config import Scenario, check
 from orchard.guard import replaced
 from orchard.layout import lay_out
+from orchard.problems import Problem, ScenarioError
 
 CLASSES = "agents"  # the path of the users' own classes, which come with a file and are not entered
 

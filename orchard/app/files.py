@@ -5,7 +5,8 @@ from collections.abc import Callable
 from nicegui import events, ui
 
 from orchard.app.order import ROOT
-from orchard.config import LARGEST_FILE, Scenario, ScenarioError, load, parse, to_yaml
+from orchard.config import LARGEST_FILE, Scenario, load, parse, to_yaml
+from orchard.problems import ScenarioError
 
 Take = Callable[[Scenario], None]
 

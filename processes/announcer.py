@@ -46,7 +46,7 @@ class Announcer:
             self.listen()
         for holder, names in holders.items():
             self._show(seen, holder, names, [of for of in asked if of.to in names])
-        for what in ("pose", "scan") if self._are_robots_heard() else ():
+        for what in ("pose", "scan") if self.are_robots_heard() else ():
             for body, name in enumerate(seen.names):
                 self._show_alone(what, seen, body, name)
         if self.is_heard("clock"):
@@ -74,7 +74,7 @@ class Announcer:
 
     def driven(self, name: str, velocity: Velocity) -> None:
         """A velocity that came with others, to those who listen on its robot's key."""
-        if self._are_robots_heard() and self._is_heard(self._keys.of("velocity", name)):
+        if self._is_heard(self._keys.of("velocity", name)):
             self._bus.publish(self._keys.of("velocity", name), pack(velocity))
 
     def _put(self, key: str, message: Message) -> None:
@@ -105,7 +105,7 @@ class Announcer:
         """Whether somebody listens to a key of that kind."""
         return self._is_heard(self._keys.of(what))
 
-    def _are_robots_heard(self) -> bool:
+    def are_robots_heard(self) -> bool:
         """Whether somebody listens to a robot's pose, scan or velocity."""
         return self._is_heard(self._robots)
 

@@ -90,31 +90,31 @@ class Drivers:
 
     def drive(self, name: str, velocity: Velocity) -> None:
         """Raises Refused for what does not count."""
-        self._refuse_what_cannot_be(name, velocity)
+        if velocity.linear.y:
+            self._refuse_sideways(name)
         if name in self.roster.holders:
             self.answers.take(name, velocity)
-        else:
+        elif name in self._engine.layout.index:
             self.loose.take(name, velocity)
+        else:
+            raise Refused("no such robot", name)
 
     def drive_all(self, velocities: Velocities) -> list[Refused]:
         """Each velocity of a session counts, or is refused, for itself: those that were refused."""
-        refusals = []
+        refusals, is_heard = [], self._announcer.are_robots_heard()
         for name in tuple(velocities.velocities):
             try:
                 velocity = velocity_of(velocities, name)
                 self.drive(name, velocity)
-                self._announcer.driven(name, velocity)
+                if is_heard:
+                    self._announcer.driven(name, velocity)
             except Refused as refusal:
                 refusals.append(refusal)
                 del velocities.velocities[name]
         return refusals
 
-    def _refuse_what_cannot_be(self, name: str, velocity: Velocity) -> None:
+    def _refuse_sideways(self, name: str) -> None:
         layout = self._engine.layout
-        if name not in layout.index:
-            if name in self.roster.holders:
-                return
-            raise Refused("no such robot", name)
-        kind = layout.starts[layout.index[name]].kind
-        if velocity.linear.y and not KINDS[kind].sideways:
+        kind = layout.starts[layout.index[name]].kind if name in layout.index else ""
+        if kind and not KINDS[kind].sideways:
             raise Refused("out of bounds", f"linear.y: a {kind} does not move sideways")

@@ -91,16 +91,30 @@ def arc(x, y, yaw, forward, left, turn, seconds):
 
 
 @jit
-def move_all(
-    twist, pose, coupled, shapes, tows, solid, walls, wall_frame, wall_begin, wall_members, body_frame, distance, refused, held, blocked
-):
+def advance(
+    wanted, twist, pose, coupled, fill, pickers, speed, turn, sideways, shapes, tows, solid, walls, wall_frame, wall_begin, wall_members,
+    body_frame, row_y, row_picked, row_from, picking_speed, distance, refused, held, blocked,
+):  # fmt: skip
+    """One time step of all bodies: what they can do of what they want, (n, 3), where that brings them, and what the pickers pick.
+
+    What `move_all` and `pick` return. In one piece, because to call a kernel from Python takes longer than to limit thirty bodies.
+    """
+    top = top_speeds(speed, pickers, pose, coupled, fill, row_y, row_picked, row_from, picking_speed)
+    limit(wanted, top, coupled, turn, sideways, twist)
+    before, walls_near = pose.copy(), Grid(wall_frame, wall_begin, wall_members)
+    begun = move_all(twist, pose, coupled, shapes, tows, solid, walls, walls_near, body_frame, distance, refused, held, blocked)
+    return begun, pick(pickers, before, pose, coupled, row_y, row_picked, row_from, fill)
+
+
+@jit
+def move_all(twist, pose, coupled, shapes, tows, solid, walls, wall_grid, body_frame, distance, refused, held, blocked):
     """Move every body with its twist for one time step, one after another, where nothing solid is in the way.
 
-    shapes (n, 7) and walls (w, 7): boxes; wall_...: the Grid of walls that are near; body_frame: that of a grid for the bodies.
+    shapes (n, 7) and walls (w, 7): boxes; wall_grid: the Grid of walls that are near; body_frame: that of a grid for the bodies.
     A body that cannot move keeps its pose, and its twist becomes 0.
     Returns the collisions that begin, (c, 2) int64: a body's index, and what is in its way: a body's index, or n + a wall's.
     """
-    n, boxes, wall_grid = len(pose), shapes.copy(), Grid(wall_frame, wall_begin, wall_members)
+    n, boxes = len(pose), shapes.copy()
     place(pose, boxes)
     body_grid = sort_into_cells(boxes, solid, body_frame)
     begun, count, moved = np.empty((n, 2), np.int64), 0, np.empty(boxes.shape[1])

@@ -11,7 +11,7 @@ from orchard.events import Event
 from orchard.geometry import EAST, angle_between
 from orchard.layout import BAY, QUEUE, ROW_LENGTH
 from orchard.messages import Deed
-from orchard.move_kernel import allowed, limit, move_all, pick, top_speeds
+from orchard.move_kernel import advance, allowed
 from orchard.world import NOBODY, World
 
 UNLOADING_TICKS = 50  # 5.0 s
@@ -26,34 +26,22 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
     """
     wanted = allowed(twists, world.stopped)
     events = do_deeds(world, wanted, deeds)
-    before = world.pose.copy()
-    _limit(world, wanted)
-    events += _move(world)
-    events += _pick(world, before)
+    begun, picked_from = _advance(world, wanted)
+    events += [_collision(world, *pair) for pair in begun.tolist()]
+    events += _picked(world, picked_from)
     events += _unload(world)
     world.tick += 1
     return events
 
 
-def _rows(world: World) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What the kernels must know of the rows: their y, how far they are picked, and from where."""
-    return world.lane_y, world.row_picked, world.row_from
-
-
-def _limit(world: World, wanted: np.ndarray) -> None:
-    """Let every body drive as fast as it wants and can; a picker that picks goes at the picking speed."""
-    bodies, picking_speed = world.bodies, world.layout.scenario.picking_speed
-    top = top_speeds(bodies.speed, world.pickers, world.pose, world.coupled, world.fill, *_rows(world), picking_speed)
-    limit(wanted, top, world.coupled, bodies.turn, bodies.sideways, world.twist)
-
-
-def _move(world: World) -> list[Event]:
-    """Move all bodies, in body order; a collision is told when it begins."""
-    bodies, counts = world.bodies, (world.distance, world.refused, world.held, world.blocked)
-    begun = move_all(
-        world.twist, world.pose, world.coupled, bodies.boxes, bodies.tows, bodies.solid, world.walls, *world.wall_grid, world.frame, *counts
-    )
-    return [_collision(world, *pair) for pair in begun.tolist()]
+def _advance(world: World, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Move all bodies, in body order, and pick: the collisions that begin, and from which row each picker picks, or NOBODY."""
+    bodies, rows = world.bodies, (world.lane_y, world.row_picked, world.row_from, world.layout.scenario.picking_speed)
+    state = (world.twist, world.pose, world.coupled, world.fill)
+    kinds = (world.pickers, bodies.speed, bodies.turn, bodies.sideways, bodies.boxes, bodies.tows, bodies.solid)
+    around, counts = (world.walls, *world.wall_grid, world.frame), (world.distance, world.refused, world.held, world.blocked)
+    begun, picked_from = advance(wanted, *state, *kinds, *around, *rows, *counts)
+    return begun, picked_from
 
 
 def _collision(world: World, i: int, obstacle: int) -> Event:
@@ -69,9 +57,8 @@ def _wall(world: World, number: int) -> str:
     return f"{what} at ({x:g}, {y:g})"
 
 
-def _pick(world: World, before: np.ndarray) -> list[Event]:
-    """Fill the bins with what the pickers drove over since they stood at `before`, (n, 3)."""
-    picked_from = pick(world.pickers, before, world.pose, world.coupled, *_rows(world), world.fill)
+def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
+    """The rows and bins that are full with what was picked from these rows, one for each picker."""
     events, names = [], world.layout.names
     for i, r in zip(world.pickers.tolist(), picked_from.tolist(), strict=True):
         if r == NOBODY:

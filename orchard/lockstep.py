@@ -186,13 +186,18 @@ class Answers:
     def take(self, name: str, velocity: Velocity) -> None:
         if velocity.holder != self._roster.holders[name]:
             raise Refused("not the holder", WHOSE["not the holder"])
-        if velocity in (self.velocities.get(name), self._before.get(name)):
-            return  # sent again, in case it was lost
-        refuse_other_tick(velocity.tick, self.tick, self.tick)
-        if name not in self.missing:
-            raise Refused("answered already", f"tick {velocity.tick}")
+        if velocity.tick != self.tick or name not in self.missing:
+            self._refuse_unless_repeated(name, velocity)
+            return
         self.velocities[name], self._actions[name] = velocity, action_of(velocity)
         self.missing.discard(name)
+
+    def _refuse_unless_repeated(self, name: str, velocity: Velocity) -> None:
+        """One that is not waited for: sent again, in case it was lost, or a mistake."""
+        if velocity in (self.velocities.get(name), self._before.get(name)):
+            return
+        refuse_other_tick(velocity.tick, self.tick, self.tick)
+        raise Refused("answered already", f"tick {velocity.tick}")
 
     def actions(self) -> dict[str, Action]:
         """What to apply, in the order of names: never in that of arrival."""

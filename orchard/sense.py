@@ -55,7 +55,7 @@ def something_ahead(seen: Observation, blind_to: list[Box]) -> bool:
     """Whether anything returns from the swept corridor nearer than the stopping distance."""
     kind = KINDS[kind_of(seen.name)]
     inside = seen.scan < corridor(corridor_half_width(kind, seen.hitch is not None), STOP_DISTANCE)
-    if not inside.any():
+    if not np.count_nonzero(inside):
         return False
     if not blind_to:
         return True
@@ -126,10 +126,10 @@ def _not_on(points: np.ndarray, pose: Pose, boxes: list[Box]) -> np.ndarray:
 def nearest_in_path(seen: Observation, reach: float) -> float:
     """Metres ahead to the nearest return in a walker's own path, up to a reach; infinity where it is free."""
     kind = KINDS[kind_of(seen.name)]
-    if not (seen.scan < reach).any():
+    if not np.count_nonzero(seen.scan < reach):
         return float("inf")
     chosen = seen.scan < corridor(kind.width / 2 + SIDE_MARGIN, reach)
-    if not chosen.any():
+    if not np.count_nonzero(chosen):
         return float("inf")
     cosines, _ = beams(kind.laser)
     return float((seen.scan[chosen] * cosines[chosen]).min())

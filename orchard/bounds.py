@@ -8,11 +8,10 @@ from dataclasses import dataclass
 
 from orchard.geometry import EAST, HEADINGS, Pose, angle_between
 from orchard.kinds import EIGHTH
-from orchard.layout import QUEUE, QUEUE_HEAD, ROW_EAST, ROW_LENGTH, ROW_WEST, TOP_ROAD, Layout
+from orchard.layout import QUEUE, QUEUE_HEAD, ROW_EAST, ROW_LENGTH, ROW_WEST, TOP_ROAD, UNLOADING_SECONDS, Layout
 from orchard.roads import EAST_SIDE, SIDES, WEST_SIDE, Side, fetch, go_to_lane, go_to_next_row, leave_queue, pick, swap_bins
 from orchard.steps import DriveTo, Face, Step
 
-UNLOADING = 5.0  # s at rest in the bay (reference.md)
 TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and the gap to the next one; for so long, at 1 m/s, the bay changes hands
 
 
@@ -79,7 +78,7 @@ def bounds_of(layout: Layout) -> Bounds:
         crossing_seconds=_mean([_crossing(layout, row, side) for row, side in exchanges if row < layout.scenario.rows]),
         approach_seconds=_mean(approaches),
         cycle_seconds=_mean(cycles),
-        bay_seconds=UNLOADING + TRAIN,
+        bay_seconds=UNLOADING_SECONDS + TRAIN,
         least_approach_seconds=min(approaches),
         least_cycle_seconds=min(cycles),
         queue_seconds=duration([DriveTo(x=QUEUE_HEAD)], Pose(QUEUE.west, TOP_ROAD, EAST)),
@@ -96,7 +95,7 @@ def approach(layout: Layout, row: int, side: Side) -> float:
 
 def cycle(layout: Layout, row: int, side: Side) -> float:
     """C, of one row."""
-    return duration(fetch(layout, 0, row, SIDES[side.name], "", ""), HEAD) + UNLOADING
+    return duration(fetch(layout, 0, row, SIDES[side.name], "", ""), HEAD) + UNLOADING_SECONDS
 
 
 def _crossing(layout: Layout, row: int, side: Side) -> float:

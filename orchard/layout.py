@@ -26,6 +26,7 @@ ROW_LENGTH = ROW_EAST - ROW_WEST
 DRIVEWAY = Rect(-34.67 - 15.0, 28.51 - 5.0, -34.67 + 15.0, 28.51 + 5.0)
 
 BAY = Rect(-34.5, 23.6, -29.5, 25.4)  # the driveway's south edge: a bin at rest in here is unloaded
+UNLOADING_SECONDS = 5.0  # at rest in it (reference.md)
 BAY_STOP = -30.0  # x of a carrier that unloads: its bin stands 1.9 m west of it
 TOP_ROAD = 24.5  # y of the road through the bay to the queue
 QUEUE_LINES = (24.5, 21.5, 18.5, 27.5)  # y of the queue's lines, in the order in which they are filled

@@ -6,15 +6,16 @@ Rules and figures: reference.md, 'Towing', 'The behaviours', 'The work'.
 
 import numpy as np
 
+from orchard.config import TIME_STEP
 from orchard.deeds import do_deeds
 from orchard.events import Event
 from orchard.geometry import EAST, angle_between
-from orchard.layout import BAY, QUEUE, ROW_LENGTH
+from orchard.layout import BAY, QUEUE, ROW_LENGTH, UNLOADING_SECONDS
 from orchard.messages import Deed
 from orchard.move_kernel import advance, allowed
 from orchard.world import NOBODY, World
 
-UNLOADING_TICKS = 50  # 5.0 s
+UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
 FACING = 1e-6  # rad
 
 

@@ -15,8 +15,9 @@ from orchard.doer import TRAFFIC
 from orchard.events import Event
 from orchard.geometry import STILL
 from orchard.invariants import Invariants
+from orchard.kinds import kind_of
 from orchard.layout import lay_out
-from orchard.messages import Deed
+from orchard.messages import Deed, Flatten
 from orchard.observe import observe
 from orchard.physics import harvest_is_over, step
 from orchard.scan import Scanner
@@ -65,6 +66,14 @@ class Engine:
         """The orchard of a snapshot. Raises SnapshotError for one that does not fit together."""
         with fitting(snapshot):
             return cls(world_from(snapshot), snapshot.digest, snapshot.figures)
+
+    def rehearse(self) -> None:
+        """Do a step with the same bodies in a world that nobody sees: all kernels are compiled, or loaded, before a tick waits for them."""
+        rehearsal = Engine(new_world(self.layout))
+        rehearsal.observe()
+        weeds = [name for name in self.layout.names if kind_of(name) == "weed"]
+        rehearsal.advance({name: Action(deeds=[Flatten()]) for name in weeds[:1]}, {})
+        rehearsal.violations()
 
     def figures_as_data(self) -> dict[str, Any]:
         """What it must remember besides the world and the hash, plain: for a snapshot's figures."""

@@ -12,6 +12,7 @@ import signal
 import sys
 from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from orchard.bus import Bus, Inbox, Signal, client, router
 from orchard.config import TIME_STEP, Scenario, load
@@ -28,6 +29,9 @@ from processes.memory import settle
 from processes.result import leave
 from processes.seconds import seconds, simulated_seconds
 from processes.ticks import Physics
+
+if TYPE_CHECKING:
+    from orchard.engine import Engine
 
 log = logging.getLogger("orchard")
 
@@ -68,16 +72,20 @@ def _run(bus: Bus, keys: Keys, before: Snapshot | None, arguments: argparse.Name
     options = Options(arguments.mode, pace, ticks, arguments.patience, tuple(absent), arguments.run, arguments.recorded, *kept)
     physics = Physics(bus, keys, engine, options, before)
     physics.listen()
-    settle()
     where = "connected to" if arguments.connect else "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.harvest.run}", flush=True)
-    end = physics.run()
+    end = physics.run(lambda: _get_ready(engine))
     if arguments.result is not None:
         leave(end, arguments.result)
     print(f"{end.why}: tick {end.tick}, {end.summary['wall_seconds']} s, hash {end.hash}", flush=True)
     for violation in end.summary["violations"]:
         print(f"violated: {violation}", flush=True)
     return 1 if end.why.startswith("jammed") or end.summary["violations"] else 0
+
+
+def _get_ready(engine: "Engine") -> None:
+    engine.rehearse()
+    settle()
 
 
 def _speed(text: str) -> float:

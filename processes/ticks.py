@@ -7,6 +7,7 @@ There is no agent in it: a robot that nobody drives stands still. In realtime it
 import logging
 import math
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from orchard.bus import Bus
@@ -43,9 +44,15 @@ class Physics:
     def listen(self) -> None:
         self.arrivals.listen()
 
-    def run(self) -> End:
-        """All ticks; the end that was told to everybody."""
+    def run(self, get_ready: Callable[[], None]) -> End:
+        """All ticks; the end that was told to everybody.
+
+        `get_ready`: what physics does before the first tick, once those who wait have been told of the run and get ready as well.
+        """
         try:
+            for _ in range(len(self.bus.inbox)):
+                self.arrivals.take(0.0)
+            get_ready()
             self.gather()
             self._chronicle.begin()
             while not (why := self._why_over()):

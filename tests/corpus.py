@@ -117,13 +117,13 @@ class Run:
     """Physics and one host with all agents, each in its thread."""
 
     def __init__(self, scenario, run: str, ticks: int) -> None:
-        self.net, engine = Net(), Engine.begin(scenario)
-        self.physics = Physics(StandIn(self.net, "physics1"), KEYS, engine, Options(ticks=ticks, run=run))
-        self.host = Host(StandIn(self.net, HOST), KEYS, run, "lockstep", engine.layout, cast(engine.layout))
+        self.net, self.engine = Net(), Engine.begin(scenario)
+        self.physics = Physics(StandIn(self.net, "physics1"), KEYS, self.engine, Options(ticks=ticks, run=run))
+        self.host = Host(StandIn(self.net, HOST), KEYS, run, "lockstep", self.engine.layout, cast(self.engine.layout))
 
     def to_the_end(self):
         """The end that physics tells."""
-        ends, run = [], threading.Thread(target=lambda: ends.append(self.physics.run()), daemon=True)
+        ends, run = [], threading.Thread(target=lambda: ends.append(self.physics.run(self.engine.rehearse)), daemon=True)
         self.physics.listen()
         self.host.listen()
         run.start()

@@ -8,6 +8,7 @@ import numpy as np
 from orchard.world import World
 
 _NOTHING = np.zeros(0, dtype=np.float32)
+_LITTLE = {kind: np.dtype(f"<{kind}") for kind in ("f8", "f4", "i8", "b1")}
 
 
 class RunDigest:
@@ -33,4 +34,4 @@ class RunDigest:
 
 def _little_endian(array: np.ndarray) -> memoryview:
     """An array's bytes, the same on every machine."""
-    return np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<")).data
+    return np.ascontiguousarray(array, dtype=_LITTLE[array.dtype.kind + str(array.itemsize)]).data

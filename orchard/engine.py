@@ -173,4 +173,6 @@ class Engine:
         return np.fromiter(chain.from_iterable(twists), dtype=np.float64).reshape(-1, 3)
 
     def _deeds(self, actions: Mapping[str, Action]) -> list[tuple[int, Deed]]:
-        return [(i, deed) for i, name in enumerate(self.layout.names) if name in actions for deed in actions[name].deeds]
+        """In body order."""
+        doers = sorted(self.layout.index[name] for name, action in actions.items() if action.deeds and name in self.layout.index)
+        return [(i, deed) for i in doers for deed in actions[self.layout.names[i]].deeds]

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from orchard.agent import Action
 from orchard.bounds import bounds_of
 from orchard.config import TIME_STEP
@@ -32,9 +34,9 @@ class Figures:
         for event in events:
             self._count(event)
         self.busy_ticks += sum(not QUEUE.contains(x, y) for x, y, _ in world.pose[world.carriers].tolist())
-        steps = sum(action.steps_done for name, action in actions.items() if kind_of(name) in ("picker", "carrier"))
-        progress = steps + float(world.row_picked.sum())
-        if progress != self.progress or world.stopped.any():
+        steps = sum(actions[name].steps_done for name in world.planners if name in actions)
+        progress = steps + sum(world.row_picked.tolist())
+        if progress != self.progress or np.count_nonzero(world.stopped):
             self.progress, self.progress_tick = progress, world.tick
 
     def _count(self, event: Event) -> None:

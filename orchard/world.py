@@ -84,6 +84,11 @@ class World:
         """The indices of the carriers."""
         return self._all_of("carrier")
 
+    @cached_property
+    def planners(self) -> tuple[str, ...]:
+        """The names of pickers and carriers: the harvest goes on while they get on with their plans."""
+        return tuple(self.layout.names[i] for i in [*self.pickers.tolist(), *self.carriers.tolist()])
+
     def _all_of(self, kind: str) -> np.ndarray:
         return np.array([i for i, start in enumerate(self.layout.starts) if start.kind == kind], dtype=np.int64)
 

@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from itertools import accumulate, chain
-from math import isfinite
+from itertools import accumulate
 from struct import Struct
 from typing import Any
 
@@ -88,11 +87,9 @@ def _states_of(states: bytes) -> list[tuple[float, ...]]:
     """Seven numbers a body. Raises ValueError for what is no number, or no place."""
     if len(states) % _SEVEN.size:
         raise ValueError(f"states: {len(states)} bytes are no multiple of {_SEVEN.size}")
-    found = [*_SEVEN.iter_unpack(states)]
-    numbers = [*chain.from_iterable(found)]
-    if numbers and not (isfinite(sum(numbers)) and min(numbers) >= -FARTHEST and max(numbers) <= FARTHEST):
+    if not np.abs(np.frombuffer(states, "<f8")).max(initial=0.0) <= FARTHEST:
         raise ValueError("states: not a number, or out of bounds")
-    return found
+    return [*_SEVEN.iter_unpack(states)]
 
 
 @lru_cache(maxsize=MOST_BODIES)
@@ -118,10 +115,17 @@ def _fitting(ranges: bytes, names: Sequence[str]) -> bytes:
 
 def _sweeps_of(names: Sequence[str], ranges: Iterable[bytes]) -> list[np.ndarray]:
     """Each body's ranges, of fitting ones one after another. Raises ValueError for what no laser can have measured."""
-    ends, measured = [*accumulate(map(_beams_of, names))], np.frombuffer(b"".join(ranges), "<f4")
-    if ends and not np.minimum.reduce(measured) >= 0.0:
+    measured = np.frombuffer(b"".join(ranges), "<f4")
+    if not measured.min(initial=0.0) >= 0.0:
         raise ValueError("ranges: not a number, or below 0")
-    return [measured[begin:end] for begin, end in zip([0, *ends], ends, strict=False)]
+    return [measured[part] for part in _parts(tuple(names))]
+
+
+@lru_cache(maxsize=64)
+def _parts(names: tuple[str, ...]) -> list[slice]:
+    """Where in the ranges of all these bodies each one's are."""
+    ends = [*accumulate(map(_beams_of, names))]
+    return [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
 
 
 def picture_of(run: str, frame: Frame) -> Picture:

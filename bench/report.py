@@ -13,8 +13,8 @@ METHOD = """\
 
 One machine, one run, one thing at a time. Of our own rates the median of five stretches. The core, ours and the others', is timed
 in processor time: each is one thread, so on an idle machine that is wall time. All else is wall time.
-A machine whose processor others share is slower at times: trees that hardly differ gave, three times within four hours, rates a third apart;
-compare the ratios, and rates of one run with each other.
+A machine whose processor others share is slower at times: trees that hardly differ gave rates a third apart within three hours; compare
+the ratios, and rates of one run with each other.
 
 **Core.** A field of 100 x 64 m, fenced, with 5 lines of 12 trees and 11 posts, and N robots of 1.0 x 0.8 m at random places, each
 with a laser of 180 beams over half a turn that reaches 10 m; steps of 0.1 s; a new velocity for each robot every 2 s; one process,

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from yard import Yard, yard
 
+from orchard.agent import Action
+from orchard.config import Scenario
+from orchard.engine import Engine
 from orchard.geometry import EAST, NORTH, Pose, Twist
+from orchard.kinds import kind_of
 from orchard.messages import Couple, Flatten, Uncouple
 
 # -- coupling
@@ -108,3 +112,11 @@ def test_only_weeds_are_flattened():
     near = yard(("worker", Pose(0, 0, NORTH)), ("visitor", Pose(1.1, 0, NORTH)))
     near.drive(1, worker_01=Twist(0.1))
     assert near.do("visitor_02", Flatten())[0].what == "deed refused"
+
+
+def test_deeds_are_done_in_body_order_whatever_the_order_of_the_actions():
+    engine = Engine.begin(Scenario())
+    weeds = [name for name in engine.layout.names if kind_of(name) == "weed"]
+    engine.observe()
+    events = engine.advance({name: Action(deeds=[Flatten()]) for name in reversed(weeds)}, {})
+    assert [event.who for event in events] == weeds

@@ -21,9 +21,10 @@ app: $(VENV)/ready  ## the page in the browser
 view: $(VENV)/ready  ## open the newest recording
 	$(RUN) run.py view
 
-lint: $(VENV)/ready  ## style and types
+lint: $(VENV)/ready  ## style, types, and the order of the packages
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/mypy
+	$(VENV)/bin/lint-imports
 
 test: $(VENV)/ready  ## all tests but the long matrix
 	$(RUN) -m pytest --numprocesses 3 --dist loadfile
@@ -38,9 +39,7 @@ bench: $(VENV)/ready  ## how fast it is, beside what else one could use: docs/be
 	$(RUN) -m bench
 
 docs: $(VENV)/ready  ## all generated files: keyspace.md, the schema, the drawings
-	$(RUN) -m orchard.keys
-	$(RUN) -m orchard.config
-	$(RUN) docs/draw.py
+	$(RUN) -m docs.generate
 
 pictures: $(VENV)/ready  ## docs/orchard.png, by the viewer itself; needs .ci/apt-packages.txt
 	$(RUN) docs/pictures.py

@@ -1,11 +1,11 @@
 """Harvest an orchard: start the processes, watch them, tell how it goes and how it went.
 
-    python run.py [SCENARIO.yaml] [--rows 5 --pickers 2 ...]
-    python run.py view [FILE.rrd]
-    python run.py app [--port 8080]
-    python run.py stop [ROBOT ...]
-    python run.py reset [ROBOT ...]
-    python run.py secure DIR [SCENARIO.yaml]
+python run.py [SCENARIO.yaml] [--rows 5 --pickers 2 ...]
+python run.py view [FILE.rrd]
+python run.py app [--port 8080]
+python run.py stop [ROBOT ...]
+python run.py reset [ROBOT ...]
+python run.py secure DIR [SCENARIO.yaml]
 """
 
 import signal
@@ -23,23 +23,23 @@ from typing import Any
 import typer
 from rich.console import Console
 
-from orchard.access import WARDEN
-from orchard.config import Scenario, check, load, with_changes
-from orchard.endpoints import BusError, check_free
-from orchard.guard import replaced
-from orchard.layout import lay_out
-from orchard.lockstep import PATIENCE
-from orchard.parts import parts_of
-from orchard.problems import ScenarioError
-from orchard.progress import Progress
-from orchard.snapshot import Snapshot, SnapshotError, newest
-from orchard.viewer import viewer_program, window
-from processes import options
-from processes.folder import Runs, check_writable
-from processes.keeper import sole
-from processes.options import Mode, check_guest, check_places, check_secure, named, pace
-from processes.terminal import BAD_INPUT, FINISHED, tell, tell_error, tell_of_recording, tell_of_snapshots, told
-from processes.wish import Wish
+from orchard.agents.catalogue import named_classes
+from orchard.field.layout import lay_out
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario, check, load, with_changes
+from orchard.launch import options
+from orchard.launch.options import Mode, check_guest, check_places, check_secure, named, pace
+from orchard.launch.request import RunRequest
+from orchard.launch.runs import Runs, check_writable
+from orchard.launch.terminal import BAD_INPUT, FINISHED, exit_on_errors, tell, tell_error, tell_of_recording, tell_of_snapshots
+from orchard.net.endpoints import BusError, check_free
+from orchard.net.lockstep import PATIENCE
+from orchard.report.progress import Progress
+from orchard.security.roles import WARDEN
+from orchard.server.snapshots import sole
+from orchard.sim.snapshot import Snapshot, SnapshotError, newest
+from orchard.view.files import parts_of
+from orchard.view.program import viewer_program, window
 
 HERE = Path(__file__).parent
 RUNS = Runs(HERE / "runs")
@@ -93,18 +93,18 @@ def harvest(
         others |= {"mode": mode != Mode.lockstep, "resume": resume}
         check_guest(changes | others | {"view": view, "web": web})
         raise typer.Exit(_visit(connect, only, without or [], secure, hosts))
-    with told(ScenarioError, SnapshotError, BusError, OSError, ValueError):
+    with exit_on_errors(ScenarioError, SnapshotError, BusError, OSError, ValueError):
         before = None if resume is None else _snapshot(resume, changes | {"scenario": scenario})
         chosen = _scenario(scenario, changes) if before is None else check(before.scenario, "the snapshot's scenario")
-        replaced(lay_out(chosen))
+        named_classes(lay_out(chosen))
         recording, snapshots = RUNS.recording(record), RUNS.snapshots(resume)
         _check_outputs(summary, web)
         if recording is not None or view or web is not None:
             viewer_program()
     place = (listen, connect, tuple(without or ()), patience or PATIENCE, secure, web, RUNS.folder)
     speed = pace(mode, speed, view or web is not None)
-    wish = Wish(chosen, mode.value, speed, hosts, duration, recording, view, snapshots, before, *place)
-    result, why = (_alone if mode == Mode.local else _together)(wish)
+    request = RunRequest(chosen, mode.value, speed, hosts, duration, recording, view, snapshots, before, *place)
+    result, why = (_alone if mode == Mode.local else _together)(request)
     code = tell(result, why, recording, summary)
     tell_of_snapshots(HERE / "run.py", snapshots, why)
     tell_of_recording(HERE / "run.py", recording)
@@ -137,28 +137,28 @@ def _check_outputs(summary: Path | None, web: int | None) -> None:
         check_free(f"tcp/127.0.0.1:{port}")
 
 
-def _alone(wish: Wish) -> tuple[dict[str, Any], str]:
+def _alone(request: RunRequest) -> tuple[dict[str, Any], str]:
     """All in this process."""
-    from processes.watched import run_watched
+    from orchard.launch.local_run import run_watched
 
-    return run_watched(wish)
+    return run_watched(request)
 
 
-def _together(wish: Wish) -> tuple[dict[str, Any] | None, str]:
+def _together(request: RunRequest) -> tuple[dict[str, Any] | None, str]:
     """Physics, agents and logger as processes of their own."""
-    from processes.together import run
+    from orchard.launch.distributed import run
 
-    with told(BusError, ValueError), Progress(Console(emoji=False, highlight=False)) as progress:
-        return run(wish, progress)
+    with exit_on_errors(BusError, ValueError), Progress(Console(emoji=False, highlight=False)) as progress:
+        return run(request, progress)
 
 
 def _visit(endpoint: str, only: list[str], without: list[str], secure: Path | None, hosts: int | None) -> int:
     """Run these agents of a run elsewhere; the exit code."""
-    from processes.passes import passes_of
-    from processes.together import visit
+    from orchard.launch.credentials import credentials_of
+    from orchard.launch.distributed import visit
 
-    with told(BusError, ValueError), Progress(Console(emoji=False, highlight=False)) as progress:
-        return visit(endpoint, only, without, passes_of(secure, hosts), progress)
+    with exit_on_errors(BusError, ValueError), Progress(Console(emoji=False, highlight=False)) as progress:
+        return visit(endpoint, only, without, credentials_of(secure, hosts), progress)
 
 
 # -- the emergency stop
@@ -178,12 +178,12 @@ def reset(robots: options.Robots = None, connect: options.There = None, secure: 
 
 def _switch(robots: list[str], connect: str | None, secure: Path | None, stop: bool) -> int:
     """Stop or reset, and tell what came of it; the exit code."""
-    from orchard.identity import Keyring
-    from processes.stopping import switch, the_run
+    from orchard.launch.emergency_stop import find_run, switch
+    from orchard.security.identity import Keyring
 
-    with told(BusError, ValueError):
+    with exit_on_errors(BusError, ValueError):
         identity = None if secure is None else Keyring.load(secure).of(WARDEN)
-        answer = switch(the_run(RUNS.folder, connect), robots, stop, identity, tell_error)
+        answer = switch(find_run(RUNS.folder, connect), robots, stop, identity, tell_error)
     console = Console(emoji=False, highlight=False, soft_wrap=True)
     before = [name for name in answer.stopped if name not in answer.changed]
     console.print(f"{'stopped' if stop else 'reset'}: {', '.join(answer.changed) or 'nobody more'}", markup=False)
@@ -211,11 +211,11 @@ def secure(
     anew: options.Anew = False,
 ) -> None:
     """Make certificates and rules, so that each process of a run may do only its own."""
-    from orchard.security import host_roles, make
-    from processes.passes import shares
-    from processes.together import agent_names
+    from orchard.launch.credentials import shares
+    from orchard.launch.distributed import agent_names
+    from orchard.security.create import host_roles, make
 
-    with told(ScenarioError, OSError, ValueError):
+    with exit_on_errors(ScenarioError, OSError, ValueError):
         chosen = _scenario(scenario, {"rows": rows, "pickers": pickers, "carriers": carriers})
         roles = make(folder, host_roles(agent_names(chosen), role or (), lambda rest: shares(rest, hosts)), address or (), days, anew)
     console = Console(emoji=False, highlight=False)
@@ -233,7 +233,7 @@ def view(recording: options.Recording = None) -> None:
     if path is None or not path.is_file():
         tell_error(f"{path or RUNS.folder}: no recording there; `make run` makes one")
         raise typer.Exit(BAD_INPUT)
-    with told(OSError):
+    with exit_on_errors(OSError):
         command = window(*map(str, parts_of(path)))
     raise typer.Exit(subprocess.run(command).returncode)
 

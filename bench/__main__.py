@@ -8,7 +8,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from bench.measure import STEPS, measure
 from bench.report import markdown
-from processes.fleet import QUICK_TICKS
+from orchard.launch.supervisor import QUICK_TICKS
 
 TARGET = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 

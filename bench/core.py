@@ -7,13 +7,13 @@ import numpy as np
 
 from bench.clocked import MOST_STEPS
 from bench.field import STEP, Field, velocities
-from orchard.config import TIME_STEP, Animals, People, Scenario
-from orchard.geometry import Pose
-from orchard.kinds import name_of
-from orchard.layout import Layout, Start
-from orchard.physics import step
-from orchard.scan import Scanner
-from orchard.world import World, new_world
+from orchard.field.geometry import Pose
+from orchard.field.kinds import name_of
+from orchard.field.layout import Layout, Start
+from orchard.field.scenario import TIME_STEP, Animals, People, Scenario
+from orchard.sim.physics import step
+from orchard.sim.scan import Scanner
+from orchard.sim.world import World, new_world
 
 ROBOT = "dog"  # the kind that has the size of field.py, and drives as robots do: forward and round
 

@@ -19,7 +19,7 @@ from queue import SimpleQueue
 import zenoh
 from zenoh.handlers import Callback
 
-from processes.fleet import QUICK_TICKS, take_turns
+from orchard.launch.supervisor import QUICK_TICKS, take_turns
 
 WARM_UP = 50  # ticks
 

@@ -16,11 +16,11 @@ import psutil
 from bench.core import world_of
 from bench.field import field
 from bench.floor import Traffic, Way
-from orchard.bus import Bus, Inbox, Sample, client
-from orchard.config import Scenario
-from orchard.keys import Keys
+from orchard.field.scenario import Scenario
 from orchard.local import Local
-from orchard.scan import Scanner
+from orchard.net.bus import Bus, Inbox, Sample, client
+from orchard.sim.scan import Scanner
+from orchard.wire.keys import Keys
 
 ROOT = Path(__file__).parents[1]
 MEGABYTE = 1e6

@@ -11,13 +11,13 @@ from typing import NamedTuple
 import psutil
 
 from chaos.harvest import Harvest
-from orchard.bus import Alive, Sample, client
-from orchard.config import Scenario, to_yaml
-from orchard.keys import PHYSICS, Keys
+from orchard.field.scenario import Scenario, to_yaml
+from orchard.launch.supervisor import free_port
 from orchard.local import Local
-from orchard.wire.vocabulary import read
-from orchard.wire.watching import Figures
-from processes.fleet import free_port
+from orchard.net.bus import Alive, Sample, client
+from orchard.wire.keys import PHYSICS, Keys
+from orchard.wire.messages import Figures
+from orchard.wire.types import read
 
 TICKS = 100_000
 WARM_UP = 20_000  # ticks, after which all that is made once has been made

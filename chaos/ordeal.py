@@ -14,12 +14,12 @@ from chaos.harvest import Harvest
 from chaos.place import DELAY_SECONDS, Place
 from chaos.schedule import ALL, BYTES, CUT, DELAY, FREEZE, HOST, KILL, LINKS, LOGGER, PHYSICS, ROUTER, STALL, Fault, Trial
 from chaos.stranger import babble
-from orchard.bus import Bus, Sample, client
-from orchard.endpoints import BusError
-from orchard.keys import Keys
-from orchard.lockstep import Refused, understood
-from orchard.wire.sensing import Clock
-from orchard.wire.vocabulary import read
+from orchard.net.bus import Bus, Sample, client
+from orchard.net.endpoints import BusError
+from orchard.net.refusals import Refused, read_message
+from orchard.wire.keys import Keys
+from orchard.wire.messages import Clock
+from orchard.wire.types import read
 
 UNDER_WAY = 3  # ticks that may be under way when a fault begins; further ones were stepped after it
 START_SECONDS = 90.0  # for a run to begin, and beyond all that is reckoned
@@ -70,7 +70,7 @@ class Ordeal:
         """The clock of the run, or what a stranger says in its place."""
         with suppress(Refused, ValueError):
             self._run = self._run or read(sample.payload, Clock).run
-            self.tick = understood(sample.payload, Clock, self._run).tick
+            self.tick = read_message(sample.payload, Clock, self._run).tick
         now = time.monotonic()
         self.recoveries += [Recovery(fault.name, now - begun) for fault, begun, tick in self._hurt if self.tick > tick + UNDER_WAY]
         self._hurt = [hurt for hurt in self._hurt if self.tick <= hurt[2] + UNDER_WAY]

@@ -5,7 +5,7 @@ import time
 from contextlib import ExitStack, suppress
 
 from chaos.relay import Relay
-from processes.fleet import Fleet, Program, free_port
+from orchard.launch.supervisor import ProcessSpec, Supervisor, free_port
 
 ROUTER = "router"
 START_SECONDS = 30.0  # for which the router may take to listen
@@ -24,7 +24,7 @@ class Place:
 
     def __enter__(self) -> "Place":
         if self.relay is not None:
-            self._fleet = self._stack.enter_context(Fleet(say=lambda words: None))
+            self._fleet = self._stack.enter_context(Supervisor(say=lambda words: None))
             self.start_router()
             self._wait_for_router()
             self._stack.enter_context(self.relay)
@@ -34,7 +34,7 @@ class Place:
         self._stack.close()
 
     def start_router(self) -> None:
-        self._fleet.start(Program(ROUTER, "processes.router", ["--listen", self.endpoint]))
+        self._fleet.start(ProcessSpec(ROUTER, "processes.router", ["--listen", self.endpoint]))
 
     def kill_router(self) -> bool:
         """Whether there was one to kill."""

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from random import Random
 from typing import NamedTuple
 
-from orchard.config import TIME_STEP
+from orchard.field.scenario import TIME_STEP
 
 PHYSICS, HOST, LOGGER, ROUTER, ALL = "physics", "agents", "logger", "router", "everybody"
 LINK, LINKS = "a link", "all links"

@@ -9,7 +9,7 @@ from chaos.place import Place
 from chaos.schedule import Trial, trial
 from chaos.undisturbed import Result, Undisturbed, scenario
 from chaos.verdict import Verdict, verdict
-from orchard.config import TIME_STEP
+from orchard.field.scenario import TIME_STEP
 
 Say = Callable[[str], None]
 

@@ -9,9 +9,9 @@ import time
 from contextlib import suppress
 from random import Random
 
-from orchard.bus import Bus, Sample, client
-from orchard.endpoints import BusError
-from orchard.keys import TABLE, Keys
+from orchard.net.bus import Bus, Sample, client
+from orchard.net.endpoints import BusError
+from orchard.wire.keys import TABLE, Keys
 
 LISTENS = 0.3  # s, for what is really said
 SAYS = 150  # things

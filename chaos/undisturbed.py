@@ -2,9 +2,9 @@
 
 from typing import NamedTuple
 
-from orchard.config import Scenario
+from orchard.field.scenario import Scenario
 from orchard.local import Local
-from orchard.metrics import rows_picked
+from orchard.report.metrics import rows_picked
 
 EVERY = 600  # ticks; runs end at a multiple of it, or when all is harvested
 

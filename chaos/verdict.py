@@ -6,7 +6,7 @@ from typing import Any
 from chaos.ordeal import Course, Recovery
 from chaos.schedule import Trial
 from chaos.undisturbed import Result, scenario
-from orchard.config import TIME_STEP
+from orchard.field.scenario import TIME_STEP
 
 
 @dataclass

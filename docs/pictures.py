@@ -15,13 +15,13 @@ from tempfile import TemporaryDirectory
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-from orchard.config import Scenario
-from orchard.layout import lay_out
-from orchard.view import Recorder
-from orchard.viewer import viewer_program
-from processes.alone import run
-from processes.fleet import free_port
-from processes.wish import Wish
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
+from orchard.launch.local_run import run
+from orchard.launch.request import RunRequest
+from orchard.launch.supervisor import free_port
+from orchard.view.program import viewer_program
+from orchard.view.recorder import Recorder
 
 HERE = Path(__file__).parent
 SCENARIO = Scenario(rows=8, pickers=4, seed=1)
@@ -35,7 +35,7 @@ PATIENCE = 60.0  # s of wall time
 def record(path: Path) -> None:
     """Harvest for a while."""
     recorder = Recorder(lay_out(SCENARIO), "8 rows, 4 pickers", path)
-    wish = Wish(SCENARIO, "local", math.inf, 0, RECORDED, path, view=False, snapshots=path.parent)
+    wish = RunRequest(SCENARIO, "local", math.inf, 0, RECORDED, path, view=False, snapshots=path.parent)
     run(wish, recorder.tick, lambda *_: None)
     recorder.close()
 

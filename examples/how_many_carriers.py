@@ -14,10 +14,10 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from orchard.bounds import bounds_of
-from orchard.config import Animals, People, Scenario
+from orchard.field.scenario import Animals, People, Scenario
 from orchard.local import Local
-from orchard.metrics import Figures, harvest_figures
+from orchard.report.bounds import bounds_of
+from orchard.report.metrics import HarvestFigures, harvest_figures
 
 CARRIERS = (1, 2, 3, 4, 6, 8, 10, 14, 20)
 NOBODY = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0}  # for equal conditions
@@ -25,7 +25,7 @@ NOBODY = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, ca
 
 def harvest(scenario: Scenario) -> dict:
     """The figures of one whole harvest, and the bounds beside them."""
-    local, figures = Local(scenario), Figures()
+    local, figures = Local(scenario), HarvestFigures()
     while not local.engine.over:
         events = local.tick()
         figures.update(local.engine.world, events, local.actions)

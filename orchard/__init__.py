@@ -1,1 +1,9 @@
-"""A kiwifruit orchard harvested by robots: the library. Start reading at `orchard/local.py`."""
+"""A kiwifruit orchard harvested by robots: the library. `orchard.local` is the whole program in one loop: read it first.
+
+What users need is imported from here: `from orchard import Scenario, Local, Action, Twist, connect`. `__init__.pyi` lists all of it. Each
+name is imported when it is first used, so an agent's process does not load Rerun, and local mode does not load Zenoh.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

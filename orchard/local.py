@@ -2,15 +2,15 @@
 
 from typing import Any
 
-from orchard.agent import Action, Agent, Mail, without_body
-from orchard.agents import cast
-from orchard.config import Scenario
-from orchard.engine import Engine
-from orchard.events import Event
-from orchard.messages import pack, unpack
-from orchard.post import PostOffice, digest_of
-from orchard.snapshot import Snapshot
-from orchard.thaw import fitting
+from orchard.agents.catalogue import make_agents
+from orchard.contract.agent import Action, Agent, Mail, without_body
+from orchard.contract.events import Event
+from orchard.contract.mail import LocalMail, digest_of
+from orchard.contract.messages import pack, unpack
+from orchard.field.scenario import Scenario
+from orchard.sim.engine import Engine
+from orchard.sim.restore import fitting
+from orchard.sim.snapshot import Snapshot
 
 
 class Local:
@@ -18,17 +18,17 @@ class Local:
 
     def __init__(self, scenario: Scenario, agents: dict[str, Agent] | None = None) -> None:
         self.engine = Engine.begin(scenario)
-        self.agents = agents if agents is not None else cast(self.engine.layout)
+        self.agents = agents if agents is not None else make_agents(self.engine.layout)
         self.memories: dict[str, Any] = {}
         self.actions: dict[str, Action] = {}
-        self.post = PostOffice()
+        self.post = LocalMail()
 
     @classmethod
     def resume(cls, snapshot: Snapshot) -> "Local":
         """The run of a snapshot, from its tick on; as often as one likes, to try what would have been. Raises SnapshotError."""
         engine = Engine.resume(snapshot)
         local = cls(engine.layout.scenario)
-        local.engine, local.post = engine, PostOffice(dict(snapshot.letters))
+        local.engine, local.post = engine, LocalMail(dict(snapshot.letters))
         memories = {name: memory for name, memory in snapshot.memories.items() if memory is not None}
         with fitting(snapshot):
             local.memories = {name: unpack(memory, local.agents[name].Memory) for name, memory in memories.items()}

@@ -1,27 +1,28 @@
 """Drive robots of a run that goes on elsewhere with an agent of your own.
 
-    with connect("tcp/127.0.0.1:7447") as orchard:
-        orchard.play("picker_01", MyAgent())
+with connect("tcp/127.0.0.1:7447") as orchard:
+    orchard.play("picker_01", MyAgent())
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from orchard.agent import Agent
-from orchard.bus import Bus, Inbox, client
-from orchard.config import check
-from orchard.endpoints import BusError
-from orchard.host import Ended, Host, newcomer
-from orchard.identity import identity_in
-from orchard.keys import PREFIX, Keys
-from orchard.layout import lay_out
-from orchard.wire.course import Newcomer
+from orchard.contract.agent import Agent
+from orchard.field.layout import lay_out
+from orchard.field.scenario import check
+from orchard.net.bus import Bus, Inbox, client
+from orchard.net.endpoints import BusError
+from orchard.net.host import Host, HostEnded
+from orchard.net.requests import fetch_run
+from orchard.security.identity import identity_in
+from orchard.wire.keys import PREFIX, Keys
+from orchard.wire.messages import RunInfo
 
 
 class Remote:
     """A run, as one sees it who comes along. `layout` tells where everything stands, `names` whom an agent can drive."""
 
-    def __init__(self, bus: Bus, keys: Keys, known: Newcomer) -> None:
+    def __init__(self, bus: Bus, keys: Keys, known: RunInfo) -> None:
         self._bus, self._keys = bus, keys
         self.run, self.mode, self.names = known.run, known.mode, known.agents
         self.layout = lay_out(check(known.scenario, "the scenario that physics sent"))
@@ -38,10 +39,10 @@ class Remote:
         return str(end)
 
 
-def _end_of(host: Host) -> Ended:
+def _end_of(host: Host) -> HostEnded:
     try:
         host.run()
-    except Ended as end:
+    except HostEnded as end:
         return end
 
 
@@ -53,4 +54,4 @@ def connect(endpoint: str, prefix: str = PREFIX, secure: str | None = None) -> I
     """
     keys = Keys(prefix)
     with client(endpoint, Inbox(), identity=identity_in(secure, prefix)) as bus:
-        yield Remote(bus, keys, newcomer(bus, keys))
+        yield Remote(bus, keys, fetch_run(bus, keys))

@@ -12,20 +12,21 @@ import signal
 import sys
 from collections.abc import Callable, Collection
 
-from orchard.agent import Agent
-from orchard.bus import Bus, Inbox, Item, Signal, client
-from orchard.config import check
-from orchard.endpoints import BusError
-from orchard.guard import place
-from orchard.host import GONE_SECONDS, Ended, Host, newcomer
-from orchard.identity import Identity, identity_in
-from orchard.keys import PREFIX, Keys
-from orchard.layout import Layout, lay_out
-from orchard.names import chosen
-from orchard.problems import ScenarioError
-from processes import hourglass
-from processes.memory import settle
-from processes.seconds import seconds
+from orchard.contract.agent import Agent
+from orchard.contract.guard import place
+from orchard.field.kinds import select_agents
+from orchard.field.layout import Layout, lay_out
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import check
+from orchard.launch.options_time import seconds
+from orchard.net import deadline_monitor
+from orchard.net.bus import Bus, Inbox, Item, Signal, client
+from orchard.net.endpoints import BusError
+from orchard.net.host import GONE_SECONDS, Host, HostEnded
+from orchard.net.process import settle
+from orchard.net.requests import fetch_run
+from orchard.security.identity import Identity, identity_in
+from orchard.wire.keys import PREFIX, Keys
 
 log = logging.getLogger("orchard")
 
@@ -34,7 +35,7 @@ Factory = Callable[[Layout, Collection[str]], dict[str, Agent]]
 
 def _only_signals(item: Item) -> None:
     if isinstance(item, Signal):
-        raise Ended(0, "asked to stop")
+        raise HostEnded(0, "asked to stop")
 
 
 # -- which agents
@@ -74,7 +75,7 @@ def main(argv: list[str] | None = None) -> int:
         identity = identity_in(options.secure, options.prefix)
         with client(options.connect, inbox, identity=identity) as bus:
             _host(bus, options, identity).run()
-    except Ended as end:
+    except HostEnded as end:
         if end.code:
             log.error("%s", end)
         return end.code
@@ -86,15 +87,15 @@ def main(argv: list[str] | None = None) -> int:
 
 def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None) -> Host:
     keys = Keys(options.prefix)
-    run = newcomer(bus, keys, _only_signals)
+    run = fetch_run(bus, keys, _only_signals)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     allowed = run.agents if identity is None else set(run.agents) & set(identity.role.names)
-    names = chosen(sorted(allowed), options.only, options.without, options.share)
+    names = select_agents(sorted(allowed), options.only, options.without, options.share)
     agents = made(options.agents, layout, names)  # no others: a class that ends its process shall end no more than its own
     host = Host(bus, keys, run.run, run.mode, layout, agents, options.patience)
     host.listen()
     settle()
-    hourglass.turn(host)
+    deadline_monitor.monitor(host)
     return host
 
 
@@ -107,7 +108,9 @@ def _options(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--without", action="append", default=[], metavar="KIND|NAME", help="host all but these (repeatable)")
     parser.add_argument("--share", default="0/1", metavar="I/N", help="of those, host the I-th (from 0) and every N-th after it")
     parser.add_argument("--patience", type=seconds, default=GONE_SECONDS, metavar="SECONDS", help="how long physics may be gone")
-    parser.add_argument("--agents", default="orchard.agents:cast", metavar="MODULE:FUNCTION", help="(layout, names) -> {name: agent}")
+    parser.add_argument(
+        "--agents", default="orchard.agents.catalogue:make_agents", metavar="MODULE:FUNCTION", help="(layout, names) -> {name: agent}"
+    )
     return parser.parse_args(argv)
 
 

@@ -15,24 +15,23 @@ import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from orchard.bus import Alive, Bus, Inbox, Item, Sample, Signal, client
-from orchard.camera import talk_of
-from orchard.config import check
-from orchard.endpoints import BusError
-from orchard.frames import Event, Frame
-from orchard.host import GONE_SECONDS, Ended, newcomer, tell_refusals
-from orchard.identity import identity_in
-from orchard.keys import LOGGER, PHYSICS, PREFIX, Keys
-from orchard.layout import Layout, lay_out
-from orchard.lockstep import Refusals, Refused, understood
-from orchard.problems import ScenarioError
-from orchard.view import Recorder, optimize
-from orchard.view.parts import before
-from orchard.wire.course import End, Lost
-from orchard.wire.letters import Letters
-from orchard.wire.translate import frame_of
-from orchard.wire.watching import Events, Picture
-from processes.pages import Page, Pages, Writer
+from orchard.contract.events import Event, Frame
+from orchard.field.layout import Layout, lay_out
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import check
+from orchard.net.bus import Alive, Bus, Inbox, Item, Sample, Signal, client
+from orchard.net.endpoints import BusError
+from orchard.net.host import GONE_SECONDS, HostEnded
+from orchard.net.refusals import Refusals, Refused, read_message
+from orchard.net.requests import fetch_run, publish_refusals
+from orchard.record.frame_queue import FrameQueue, QueuedFrame, Writer
+from orchard.security.identity import identity_in
+from orchard.sim.frames import talk_of
+from orchard.view.reader import before, optimize
+from orchard.view.recorder import Recorder
+from orchard.wire.codec import frame_of
+from orchard.wire.keys import LOGGER, PHYSICS, PREFIX, Keys
+from orchard.wire.messages import End, Events, Letters, Lost, Picture
 
 log = logging.getLogger("orchard")
 
@@ -43,10 +42,10 @@ LOOK_SECONDS = 0.5  # between two looks whether the writer still writes
 class Logger:
     """One run's pictures and words, on their way to the writer."""
 
-    def __init__(self, bus: Bus, keys: Keys, run: str, layout: Layout, pages: Pages) -> None:
+    def __init__(self, bus: Bus, keys: Keys, run: str, layout: Layout, pages: FrameQueue) -> None:
         self.bus, self.keys, self.run_id, self.layout, self.pages = bus, keys, run, layout, pages
         self.refusals = Refusals()
-        self._notes: list[tuple[int, Event]] = []  # those that wait for the next picture, with their ticks
+        self._notes: list[Event] = []  # those that wait for the next picture
         self._gone_until = math.inf  # on the clock: when physics, which is gone, counts as gone for ever
         self._tick: int | None = None  # of the newest picture that is of use
 
@@ -74,14 +73,14 @@ class Logger:
                 item = self.bus.inbox.take(LOOK_SECONDS)
                 if item is not None:
                     self._handle(item)
-        except Ended as end:
+        except HostEnded as end:
             log.info("%s", end)
             return end.code
         return 1 if self._gone_until < math.inf else 0
 
     def _handle(self, item: Item) -> None:
         if isinstance(item, Signal):
-            raise Ended(0, "asked to stop")
+            raise HostEnded(0, "asked to stop")
         if isinstance(item, Alive) and item.key == self.keys.of("alive", PHYSICS, self.run_id):
             self._gone_until = math.inf if item.up else time.monotonic() + GONE_SECONDS
         if isinstance(item, Sample):
@@ -89,35 +88,34 @@ class Logger:
                 self._hear(item)
             except Refused as refusal:
                 self.refusals.note(item.key, refusal)
-                tell_refusals(self.bus, self.keys, self.run_id, self.refusals)
+                publish_refusals(self.bus, self.keys, self.run_id, self.refusals)
 
     def _hear(self, sample: Sample) -> None:
         match self.keys.parts(sample.key):
             case ["picture"]:
                 self._see(self._frame(sample.payload))
             case ["letters"]:
-                letters = understood(sample.payload, Letters, self.run_id)
+                letters = read_message(sample.payload, Letters, self.run_id)
                 for name, written in letters.letters.items():
                     answers = [(given.to, given.body) for given in written.answers]
-                    self._note(letters.tick, map(Event._make, talk_of(name, written.requests, answers)))
+                    self._note(talk_of(letters.tick, name, written.requests, answers))
             case ["events"]:
-                events = understood(sample.payload, Events, self.run_id)
-                self._note(events.tick, (Event(event.what, event.who, event.whom, event.detail) for event in events.events))
+                self._note(read_message(sample.payload, Events, self.run_id).events)
             case ["lost"]:
-                lost = understood(sample.payload, Lost, self.run_id)
-                self._note(lost.tick, (Event("lost", name, "", "its agent does not answer; it stands") for name in lost.names))
+                lost = read_message(sample.payload, Lost, self.run_id)
+                self._note(Event(lost.tick, "lost", name, "", "its agent does not answer; it stands") for name in lost.names)
             case ["end"]:
-                raise Ended(0, understood(sample.payload, End, self.run_id).why)
+                raise HostEnded(0, read_message(sample.payload, End, self.run_id).why)
             case _:
                 raise Refused("no such key")
 
-    def _note(self, tick: int, events: Iterable[Event]) -> None:
+    def _note(self, events: Iterable[Event]) -> None:
         if len(self._notes) >= MOST_NOTES:
             raise Refused("too many", f"{MOST_NOTES} notes wait for a picture")
-        self._notes += [(tick, event) for event in events]
+        self._notes += events
 
     def _frame(self, payload: bytes) -> Frame:
-        picture = understood(payload, Picture, self.run_id)
+        picture = read_message(payload, Picture, self.run_id)
         try:
             return frame_of(picture, self.layout)
         except ValueError as error:
@@ -127,7 +125,7 @@ class Logger:
         """Pass a picture on; after one that was missed only a whole one, because others tell only what has changed."""
         if frame.is_whole or (self._tick is not None and frame.tick == self._tick + 1):
             self._tick = frame.tick
-            self.pages.put(Page(frame, self._notes))
+            self.pages.put(QueuedFrame(frame, self._notes))
             self._notes = []
 
 
@@ -140,7 +138,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         with client(arguments.connect, inbox, identity=identity_in(arguments.secure, arguments.prefix)) as bus:
             code, file = _record(bus, arguments)
-    except Ended as end:
+    except HostEnded as end:
         return end.code
     except (BusError, ScenarioError, ValueError, OSError, RuntimeError) as error:
         log.error("%s", error)
@@ -153,9 +151,9 @@ def main(argv: list[str] | None = None) -> int:
 def _record(bus: Bus, arguments: argparse.Namespace) -> tuple[int, Path | None]:
     """The exit code, and the part that was written."""
     keys = Keys(arguments.prefix)
-    run = newcomer(bus, keys)
+    run = fetch_run(bus, keys)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
-    opening, logger = Opening(layout, run.run, arguments.record, arguments.serve), Logger(bus, keys, run.run, layout, Pages())
+    opening, logger = Opening(layout, run.run, arguments.record, arguments.serve), Logger(bus, keys, run.run, layout, FrameQueue())
     logger.listen(arguments.session or bus.id)
     writer = Writer(logger.pages, opening.begin)
     writer.start()

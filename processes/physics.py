@@ -14,24 +14,24 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from orchard.bus import Bus, Inbox, Signal, client, router
-from orchard.config import TIME_STEP, Scenario, load
-from orchard.endpoints import LOOPBACK, SECURE_LOOPBACK, BusError
-from orchard.identity import Identity, identity_in
-from orchard.keys import PREFIX, Keys
-from orchard.lockstep import PATIENCE
-from orchard.names import chosen
-from orchard.problems import ScenarioError
-from orchard.snapshot import Snapshot, SnapshotError
-from processes.harvest import Options
-from processes.keeper import SNAPSHOT_SECONDS, last, sole
-from processes.memory import settle
-from processes.result import leave
-from processes.seconds import seconds, simulated_seconds
-from processes.ticks import Physics
+from orchard.field.kinds import select_agents
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import TIME_STEP, Scenario, load
+from orchard.launch.options_time import seconds, simulated_seconds
+from orchard.net.bus import Bus, Inbox, Signal, client, router
+from orchard.net.endpoints import LOOPBACK, SECURE_LOOPBACK, BusError
+from orchard.net.lockstep import PATIENCE
+from orchard.net.process import settle
+from orchard.security.identity import Identity, identity_in
+from orchard.server.harvest import RunOptions
+from orchard.server.loop import Physics
+from orchard.server.result import leave
+from orchard.server.snapshots import SNAPSHOT_SECONDS, last, sole
+from orchard.sim.snapshot import Snapshot, SnapshotError
+from orchard.wire.keys import PREFIX, Keys
 
 if TYPE_CHECKING:
-    from orchard.engine import Engine
+    from orchard.sim.engine import Engine
 
 log = logging.getLogger("orchard")
 
@@ -62,14 +62,14 @@ def _meeting(arguments: argparse.Namespace, inbox: Inbox, identity: Identity | N
 
 def _run(bus: Bus, keys: Keys, before: Snapshot | None, arguments: argparse.Namespace) -> int:
     # Late, because numba takes seconds to load on a busy machine, and meanwhile the others can find the router.
-    from orchard.engine import Engine
+    from orchard.sim.engine import Engine
 
     scenario = load(arguments.scenario) if arguments.scenario else Scenario()
     engine = Engine.begin(scenario) if before is None else Engine.resume(before)
-    absent = chosen(engine.agents, arguments.absent, []) if arguments.absent else []
+    absent = select_agents(engine.agents, arguments.absent, []) if arguments.absent else []
     ticks = math.inf if arguments.duration is None else round(arguments.duration / TIME_STEP)
     pace, kept = _pace(arguments), (arguments.snapshots, arguments.snapshot_every)
-    options = Options(arguments.mode, pace, ticks, arguments.patience, tuple(absent), arguments.run, arguments.recorded, *kept)
+    options = RunOptions(arguments.mode, pace, ticks, arguments.patience, tuple(absent), arguments.run, arguments.recorded, *kept)
     physics = Physics(bus, keys, engine, options, before)
     physics.listen()
     where = "connected to" if arguments.connect else "listening on"

@@ -10,10 +10,10 @@ import logging
 import signal
 import sys
 
-from orchard.bus import Inbox, Signal, router
-from orchard.endpoints import BusError, check_free, with_port
-from orchard.identity import identity_in
-from orchard.keys import PREFIX
+from orchard.net.bus import Inbox, Signal, router
+from orchard.net.endpoints import BusError, check_free, with_port
+from orchard.security.identity import identity_in
+from orchard.wire.keys import PREFIX
 
 log = logging.getLogger("orchard")
 

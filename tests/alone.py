@@ -2,7 +2,7 @@
 
 from functools import cache
 
-from orchard.config import Animals, People, Scenario
+from orchard.field.scenario import Animals, People, Scenario
 from orchard.local import Local
 
 SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)

@@ -9,12 +9,12 @@ import time
 
 import msgspec
 
-from orchard import agents, bus
-from orchard.agent import Action, Mail, Observation
-from orchard.doer import TRAFFIC
-from orchard.geometry import Twist
-from orchard.layout import Layout
-from orchard.messages import BinState, State
+from orchard.agents import catalogue
+from orchard.contract.agent import Action, Mail, Observation
+from orchard.contract.messages import TRAFFIC, BinState, StateRequest
+from orchard.field.geometry import Twist
+from orchard.field.layout import Layout
+from orchard.net import bus
 
 
 class Counted(msgspec.Struct):
@@ -42,7 +42,7 @@ class Caller:
         state = BinState(True, float(memory.heard), self.name)
         answers = [(heard, state) for heard in mail.requests if self._draw(heard.sender, seen.tick) % 3]
         friends = [self.names[self._draw(f"to {i}", seen.tick) % len(self.names)] for i in range(2)]
-        requests = [(name, State()) for name in (*friends, *self.strangers)]
+        requests = [(name, StateRequest()) for name in (*friends, *self.strangers)]
         twist = Twist(0.01 * (memory.heard % 5), 0.0, 0.001 * (memory.replies % 7) - 0.001 * (memory.unanswered % 3))
         return Action(twist, requests=requests, answers=answers, memory=memory, doing="calling", steps_done=seen.tick)
 
@@ -88,7 +88,7 @@ def slow(layout: Layout, names: object = None) -> dict[str, Slow]:
 
 def slow_harvesters(layout: Layout, names: object = None) -> dict[str, Slow]:
     """The orchard's own agents, as slow."""
-    return _all_slow(agents.cast(layout), 1e-4)
+    return _all_slow(catalogue.make_agents(layout), 1e-4)
 
 
 def _all_slow(cast: dict, seconds: float) -> dict[str, Slow]:

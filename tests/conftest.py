@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchard.engine import Engine
-from orchard.layout import lay_out
-from orchard.view import Recorder
-from processes.fleet import QUICK_START
+from orchard.field.layout import lay_out
+from orchard.launch.supervisor import QUICK_START
+from orchard.sim.engine import Engine
+from orchard.view.recorder import Recorder
 
 sys.path.insert(0, str(Path(__file__).parent))
 os.environ |= QUICK_START | os.environ  # hundreds of processes follow

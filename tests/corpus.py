@@ -8,18 +8,16 @@ from collections.abc import Callable, Iterator
 
 import msgpack
 
-from orchard.agents import cast
-from orchard.bus import Alive, Final, Inbox, Question, Replied, Sample
-from orchard.engine import Engine
-from orchard.host import Ended, Host
-from orchard.keys import TABLE, Keys
-from orchard.keyspace import EXAMPLES
-from orchard.messages import pack
-from orchard.wire.course import Command, Stop
-from orchard.wire.letters import Recall
-from orchard.wire.vocabulary import MAX_PAYLOAD
-from processes.harvest import Options
-from processes.ticks import Physics
+from docs.keyspace import EXAMPLES
+from orchard.agents.catalogue import make_agents
+from orchard.contract.messages import MAX_PAYLOAD, pack
+from orchard.net.bus import Alive, Final, Inbox, Query, Replied, Sample
+from orchard.net.host import Host, HostEnded
+from orchard.server.harvest import RunOptions
+from orchard.server.loop import Physics
+from orchard.sim.engine import Engine
+from orchard.wire.keys import TABLE, Keys
+from orchard.wire.messages import Command, Recall, Stop
 
 KEYS = Keys()
 HOST = "host1"
@@ -28,7 +26,7 @@ HOST = "host1"
 # -- a run without a network
 
 
-class Query(Question):
+class Query(Query):
     """A query as a queryable gets it, and what it gets back."""
 
     def __init__(self, key: str, payload: bytes, replied: Callable[[Replied], None] = lambda reply: None, ticket: object = None) -> None:
@@ -118,8 +116,8 @@ class Run:
 
     def __init__(self, scenario, run: str, ticks: int) -> None:
         self.net, self.engine = Net(), Engine.begin(scenario)
-        self.physics = Physics(StandIn(self.net, "physics1"), KEYS, self.engine, Options(ticks=ticks, run=run))
-        self.host = Host(StandIn(self.net, HOST), KEYS, run, "lockstep", self.engine.layout, cast(self.engine.layout))
+        self.physics = Physics(StandIn(self.net, "physics1"), KEYS, self.engine, RunOptions(ticks=ticks, run=run))
+        self.host = Host(StandIn(self.net, HOST), KEYS, run, "lockstep", self.engine.layout, make_agents(self.engine.layout))
 
     def to_the_end(self):
         """The end that physics tells."""
@@ -129,7 +127,7 @@ class Run:
         run.start()
         try:
             self.host.run()
-        except Ended:
+        except HostEnded:
             for name in self.host.performers:
                 self.net.alive(KEYS.of("alive", name, HOST), False)
         run.join(20.0)

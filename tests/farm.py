@@ -7,18 +7,15 @@ from pathlib import Path
 from alone import SMALL
 from fleet import SECONDS
 
-from orchard.bus import Bus, Final, Replied, Sample, client
-from orchard.identity import Keyring
-from orchard.keys import Keys
-from orchard.messages import pack
-from orchard.security import host_roles, make
-from orchard.wire.course import Join, Joined
-from orchard.wire.driving import Drive, Velocities, Velocity
-from orchard.wire.geometry_msgs import Angular, Linear
-from orchard.wire.sensing import Odometry
-from orchard.wire.vocabulary import read
-from processes.passes import shares
-from processes.together import agent_names
+from orchard.contract.messages import pack
+from orchard.launch.credentials import shares
+from orchard.launch.distributed import agent_names
+from orchard.net.bus import Bus, Final, Replied, Sample, client
+from orchard.security.create import host_roles, make
+from orchard.security.identity import Keyring
+from orchard.wire.keys import Keys
+from orchard.wire.messages import Angular, Drive, Join, Joined, Linear, Odometry, Velocities, Velocity
+from orchard.wire.types import read
 
 KEYS = Keys()
 MINE, HERS = "picker_01", "picker_02"

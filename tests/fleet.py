@@ -17,8 +17,8 @@ from pathlib import Path
 import msgpack
 import zenoh
 
-from orchard.config import Scenario, to_yaml
-from orchard.keys import Keys
+from orchard.field.scenario import Scenario, to_yaml
+from orchard.wire.keys import Keys
 
 ROOT = Path(__file__).parent.parent
 PHYSICS = ("processes.physics",)  # the program that owns the world, where a test has none of its own for it
@@ -90,13 +90,15 @@ class Fleet:
         assert found, line + self.world.end()[2]
         self.endpoint, _, self.run = found.groups()
 
-    def host(self, *arguments: str, agents: str = "orchard.agents:cast", endpoint: str = "", before: Sequence[str] = ()) -> Process:
+    def host(
+        self, *arguments: str, agents: str = "orchard.agents.catalogue:make_agents", endpoint: str = "", before: Sequence[str] = ()
+    ) -> Process:
         """`endpoint`: where it finds the others, if that is not where physics says."""
         where = ("--connect", endpoint or self.endpoint)
         self.hosts.append(self.start("processes.agents", *where, "--agents", agents, *arguments, before=before))
         return self.hosts[-1]
 
-    def share(self, hosts: int, agents: str = "orchard.agents:cast") -> None:
+    def share(self, hosts: int, agents: str = "orchard.agents.catalogue:make_agents") -> None:
         for i in range(hosts):
             self.host("--share", f"{i}/{hosts}", agents=agents)
 

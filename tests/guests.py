@@ -2,7 +2,7 @@
 
 from stage import Stage, empty_orchard
 
-from orchard.config import Animals, People
+from orchard.field.scenario import Animals, People
 
 
 def meadow(**changes) -> Stage:

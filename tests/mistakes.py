@@ -2,8 +2,8 @@
 
 import pytest
 
-from orchard.config import parse
-from orchard.problems import ScenarioError
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import parse
 
 
 def refused(text: str) -> list[str]:

@@ -5,8 +5,8 @@ import random
 
 from corpus import mutants, rewritten
 
-from orchard.keys import TABLE
-from orchard.lockstep import Refused, understood
+from orchard.net.refusals import Refused, read_message
+from orchard.wire.keys import TABLE
 
 RUN = "run1"
 
@@ -19,7 +19,7 @@ def make_sense(what: str, payload: bytes) -> bool:
 
 def refusal_of(payload: bytes, type_: type, run: str) -> str:
     try:
-        understood(payload, type_, run)
+        read_message(payload, type_, run)
     except Refused as refusal:
         return refusal.reason
     return ""

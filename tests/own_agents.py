@@ -3,9 +3,9 @@
 import math
 import os
 
-from orchard.agent import Action
-from orchard.geometry import Twist
-from orchard.messages import Call, Uncouple
+from orchard.contract.agent import Action
+from orchard.contract.messages import Call, Uncouple
+from orchard.field.geometry import Twist
 
 
 class Eastward:

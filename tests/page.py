@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from processes.fleet import free_port
+from orchard.launch.supervisor import free_port
 
 ROOT = Path(__file__).parent.parent
 PROGRAMS = [shutil.which("chromium"), shutil.which("chromedriver")]

@@ -1,9 +1,9 @@
 """What stands in for the network and the clock in the tests of lockstep's and realtime's rules: queries, letters, holders, time."""
 
-from orchard.lockstep import Roster
-from orchard.messages import State, pack
-from orchard.wire.letters import Answered, Letter, Received
-from orchard.wire.vocabulary import read
+from orchard.contract.messages import StateRequest, pack
+from orchard.net.roster import Roster
+from orchard.wire.messages import Answered, Letter, Received
+from orchard.wire.types import read
 
 RUN = "run1"
 
@@ -32,7 +32,7 @@ class Clock:
 
 
 def letter(sender="bin_01", tick=4, number=0):
-    return pack(Letter(RUN, tick, sender, number, State()))
+    return pack(Letter(RUN, tick, sender, number, StateRequest()))
 
 
 def roster(*held):

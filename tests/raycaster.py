@@ -5,11 +5,11 @@ A box is (x, y, half length, half width, yaw); metres and radians.
 
 import numpy as np
 
-from orchard.config import Animals, People, Scenario
-from orchard.geometry import Pose
-from orchard.kinds import KINDS, LASER_RANGE
-from orchard.layout import Lane, Layout, Start
-from orchard.world import World, new_world
+from orchard.field.geometry import Pose
+from orchard.field.kinds import KINDS, LASER_RANGE
+from orchard.field.layout import Lane, Layout, Start
+from orchard.field.scenario import Animals, People, Scenario
+from orchard.sim.world import World, new_world
 
 TOUCH = 1e-9  # m: on the edge of a box
 FAR_AWAY = (1000.0, 1000.0, 0.25, 0.25)

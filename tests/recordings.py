@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from rerun.chunk import RrdReader
 
-from orchard.parts import parts_of
+from orchard.view.files import parts_of
 
 History = dict[tuple[str, str], list[tuple[float, object]]]  # (entity, component) -> (s, simulated, value) in the order of time
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchard.config import Scenario
-from orchard.frames import Frame
-from orchard.geometry import Pose
-from orchard.kinds import KINDS, name_of
-from orchard.layout import QUEUE_HEAD, ROW_LENGTH, Layout, Start, lay_out
+from orchard.contract.events import Event, Frame
+from orchard.field.geometry import Pose
+from orchard.field.kinds import KINDS, name_of
+from orchard.field.layout import QUEUE_HEAD, ROW_LENGTH, Layout, Start, lay_out
+from orchard.field.scenario import Scenario
 
 GUESTS = {
     "worker": [(-20, 22), (25, 20), (44, 18), (-44, -15)], "visitor": [(-47, 8), (-6, 22), (44, 6)],
@@ -44,7 +44,7 @@ class Stage:
         self.coupled, self.fill, self.alive = np.full(n, -1), np.zeros(n), np.ones(n, bool)
         self.row_picked, self.delivered = np.zeros(len(layout.lanes)), 0
         self.doing: dict[str, str] = {}
-        self.events: list[tuple[str, str, str, str]] = []
+        self.events: list[Event] = []
         for start in layout.starts:
             if start.bin:
                 i, j = layout.index[start.name], layout.index[start.bin]
@@ -95,9 +95,9 @@ class Stage:
         self.doing[name] = f"picking row {row}" if into < 70 else f"leaving row {row}" if into < 76 else "waiting for a bin"
         if abs(into - 70.0) < 0.05:
             callers = [s.name for s in self.layout.starts if s.kind == "carrier"]
-            self.events += [("call", start.bin, carrier, f"call, lane {row} east") for carrier in callers]
-            self.events += [("offer", carrier, start.bin, "offer, 40 m") for carrier in callers]
-            self.events += [("come", start.bin, callers[0], f"come, lane {row} east")]
+            self.events += [Event(0, "call", start.bin, carrier, f"call, lane {row} east") for carrier in callers]
+            self.events += [Event(0, "offer", carrier, start.bin, "offer, 40 m") for carrier in callers]
+            self.events += [Event(0, "come", start.bin, callers[0], f"come, lane {row} east")]
 
     def _carrier(self, i: int, start: Start, now: float) -> None:
         wait = 8.0 * int(start.name[-2:])
@@ -110,7 +110,7 @@ class Stage:
         self.fill[self.layout.index[start.bin]] = ROW_LENGTH if y < 10 or x < -31 else 0.0
         if bay and x > -28.1:
             self.delivered += 1
-            self.events.append(("delivered", start.name, "", "a bin"))
+            self.events.append(Event(0, "delivered", start.name, "", "a bin"))
 
     def _tractor(self, i: int, start: Start, now: float) -> None:
         leg, into = divmod(now, 33.0)

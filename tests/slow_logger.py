@@ -3,10 +3,10 @@
 import sys
 import time
 
-from orchard.frames import Frame
-from orchard.view import Recorder
+from orchard.contract.events import Frame
+from orchard.record.frame_queue import FrameQueue
+from orchard.view.recorder import Recorder
 from processes import logger
-from processes.pages import Pages
 
 SECONDS = 0.2  # a picture
 MOST = 20
@@ -19,5 +19,5 @@ class SlowRecorder(Recorder):
 
 
 if __name__ == "__main__":
-    logger.Recorder, logger.Pages = SlowRecorder, lambda: Pages(MOST)
+    logger.Recorder, logger.Pages = SlowRecorder, lambda: FrameQueue(MOST)
     sys.exit(logger.main())

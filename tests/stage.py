@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 
-from orchard.agent import Action, Agent, Mail, Observation
-from orchard.config import Animals, People, Scenario
-from orchard.events import Event
-from orchard.geometry import HEADINGS, STILL, Twist, angle_between
+from orchard.contract.agent import Action, Agent, Mail, Observation
+from orchard.contract.events import Event
+from orchard.field.geometry import HEADINGS, STILL, Twist, angle_between
+from orchard.field.scenario import Animals, People, Scenario
 from orchard.local import Local
-from orchard.metrics import collisions
-from orchard.world import NOBODY
-from processes.account import Account
+from orchard.report.metrics import collisions
+from orchard.server.figures import RunFigures
+from orchard.sim.world import NOBODY
 
 NOBODY_ABOUT = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0}
 
@@ -46,7 +46,7 @@ class Stage:
     def __init__(self, scenario: Scenario, **agents: Agent) -> None:
         self.local = Local(scenario)
         self.local.agents |= agents
-        self.account = Account(self.local.engine)
+        self.account = RunFigures(self.local.engine)
         self.events: list[Event] = []
 
     @property
@@ -95,8 +95,11 @@ class Stage:
         return took
 
     def who_is_where(self) -> str:
-        lines = [f"{n} at {tuple(self.pose(n))}: {a.doing}, waits for {a.waits_for or 'nobody'}" for n, a in self.local.actions.items()
-                 if n in self.world.index]
+        lines = [
+            f"{n} at {tuple(self.pose(n))}: {a.doing}, waits for {a.waits_for or 'nobody'}"
+            for n, a in self.local.actions.items()
+            if n in self.world.index
+        ]
         return "\n".join(["", *lines])
 
     # -- asking

@@ -3,8 +3,8 @@
 from contextlib import suppress
 from pathlib import Path
 
-from orchard.snapshot import SnapshotError, read
-from orchard.thaw import world_from
+from orchard.sim.restore import world_from
+from orchard.sim.snapshot import SnapshotError, read
 
 
 def assert_usable_or_refused(path: Path, data: bytes) -> None:

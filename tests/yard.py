@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from raycaster import world_of
 
-from orchard.config import Scenario
-from orchard.geometry import EAST, Pose, Twist
-from orchard.layout import ROW_WEST, lay_out
-from orchard.messages import Deed
-from orchard.physics import step
-from orchard.world import NOBODY, World, new_world
+from orchard.contract.messages import Deed
+from orchard.field.geometry import EAST, Pose, Twist
+from orchard.field.layout import ROW_WEST, lay_out
+from orchard.field.scenario import Scenario
+from orchard.sim.physics import step
+from orchard.sim.world import NOBODY, World, new_world
 
 LANE = 10.75  # y of row 1's centre line
 AHEAD = Twist(1.0)

@@ -1,11 +1,11 @@
 """Animals, cats and dogs: every 3 s a new direction and a new speed, at random; they turn away from obstacles too."""
 
-from orchard.agent import Action, Mail, Observation
 from orchard.agents.walker import WalkerMemory, tell_where, walk
-from orchard.draw import draw
-from orchard.geometry import Twist
-from orchard.kinds import KINDS, kind_of
-from orchard.layout import Layout
+from orchard.contract.agent import Action, Mail, Observation
+from orchard.field.geometry import Twist
+from orchard.field.kinds import KINDS, kind_of
+from orchard.field.layout import Layout
+from orchard.field.repeatable import draw
 
 MIND_CHANGES = 30  # ticks: every 3 s (manual)
 SLOW = 0.05  # m/s: slower than this is standing

@@ -2,13 +2,13 @@
 
 import msgspec
 
-from orchard import trig
-from orchard.agent import Action, Heard, Hitch, Mail, Observation
-from orchard.config import TIME_STEP
-from orchard.geometry import STILL, Pose, Twist, angle_between, from_frame, to_frame
-from orchard.kinds import KINDS, kind_of
-from orchard.layout import Layout
-from orchard.messages import Answer, BinState, Call, Carrier, Come, Confirm, EmptyBin, No, Offer, State, Yes
+from orchard.contract.agent import Action, Heard, Hitch, Mail, Observation
+from orchard.contract.messages import Answer, BinState, Call, CarrierComing, Come, Confirm, EmptyBin, No, Offer, StateRequest, Yes
+from orchard.field import repeatable
+from orchard.field.geometry import STILL, Pose, Twist, angle_between, from_frame, to_frame
+from orchard.field.kinds import KINDS, kind_of
+from orchard.field.layout import Layout
+from orchard.field.scenario import TIME_STEP
 
 CALL_AGAIN = 20  # ticks from a call that found nobody to the next one
 ASK_AGAIN = 50  # ticks between two questions to a carrier whether it still comes
@@ -49,10 +49,10 @@ class Bin:
         return action
 
     def answer(self, seen: Observation, memory: BinMemory, heard: Heard) -> Answer:
-        if isinstance(heard.body, State):
+        if isinstance(heard.body, StateRequest):
             return BinState(full=seen.full, fill=seen.fill, coupled_to=seen.hitch.name if seen.hitch else "")
         if isinstance(heard.body, EmptyBin):
-            return Carrier(memory.carrier if memory.coming else "")
+            return CarrierComing(memory.carrier if memory.coming else "")
         if isinstance(heard.body, Confirm):
             return Yes() if memory.carrier == heard.sender else No("another carrier comes")
         return No("a bin knows nothing of that")
@@ -112,8 +112,8 @@ def place_behind(hitch: Hitch, yaw: float) -> Pose:
     robot = moved(hitch.pose, hitch.twist)
     x, y = from_frame(robot, -KINDS[kind_of(hitch.name)].tows, 0.0)
     off = angle_between(robot.yaw, yaw)
-    quarter = trig.QUARTER * int(off / trig.QUARTER + (0.5 if off >= 0 else -0.5))
-    return Pose(x, y, trig.wrap(robot.yaw + quarter))
+    quarter = repeatable.QUARTER * int(off / repeatable.QUARTER + (0.5 if off >= 0 else -0.5))
+    return Pose(x, y, repeatable.wrap(robot.yaw + quarter))
 
 
 def moved(pose: Pose, twist: Twist) -> Pose:
@@ -121,7 +121,7 @@ def moved(pose: Pose, twist: Twist) -> Pose:
     turn = twist.yaw * TIME_STEP
     ahead, left = arc(twist.x * TIME_STEP, 0.0, turn)
     x, y = from_frame(pose, ahead, left)
-    return Pose(x, y, trig.wrap(pose.yaw + turn))
+    return Pose(x, y, repeatable.wrap(pose.yaw + turn))
 
 
 def arc(ahead: float, left: float, turn: float) -> tuple[float, float]:
@@ -134,7 +134,7 @@ def chord(turn: float) -> tuple[float, float]:
     """sin(turn) / turn and (1 - cos(turn)) / turn."""
     if abs(turn) < 1e-6:
         return 1.0, 0.5 * turn
-    s, c = trig.sin_cos(turn)
+    s, c = repeatable.sin_cos(turn)
     return s / turn, (1.0 - c) / turn
 
 

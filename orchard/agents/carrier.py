@@ -2,13 +2,13 @@
 
 import msgspec
 
-from orchard.agent import Action, Heard, Mail, Observation
-from orchard.bystanders import bystanders_of
-from orchard.doer import Doer
-from orchard.layout import QUEUE_HEAD, QUEUE_PITCH, Layout
-from orchard.messages import Answer, Call, Come, No, Offer, Yes
-from orchard.roads import SIDES, close_up, distance, fetch, line_of
-from orchard.steps import Plan, Realign
+from orchard.agents.bystanders import bystanders_of
+from orchard.agents.robot import PlanExecutor
+from orchard.agents.route import SIDES, close_up, distance, fetch, line_of
+from orchard.agents.steps import Plan, Realign
+from orchard.contract.agent import Action, Heard, Mail, Observation
+from orchard.contract.messages import Answer, Call, Come, No, Offer, Yes
+from orchard.field.layout import QUEUE_HEAD, QUEUE_PITCH, Layout
 
 
 class Job(msgspec.Struct):
@@ -36,13 +36,13 @@ class Carrier:
         self.layout, self.line, self.bystanders = layout, line_of(int(name.rsplit("_", 1)[1])), bystanders_of(layout)
 
     def tick(self, seen: Observation, mail: Mail, memory: CarrierMemory | None) -> Action:
-        me = Doer(seen, mail, memory or CarrierMemory(plan=[Realign(), *close_up()]), self.bystanders)
+        me = PlanExecutor(seen, mail, memory or CarrierMemory(plan=[Realign(), *close_up()]), self.bystanders)
         for heard in mail.requests:
             me.action.answers.append((heard, self.answer(me, heard)))
         me.follow()
         return me.finish()
 
-    def answer(self, me: Doer, heard: Heard) -> Answer:
+    def answer(self, me: PlanExecutor, heard: Heard) -> Answer:
         """To bins: a waiting carrier tells where it is, and goes for the first that sends for it; a busy one says no."""
         job, body = me.memory.job, heard.body
         if isinstance(body, Come) and job and job.bin == heard.sender:
@@ -61,12 +61,12 @@ class Carrier:
         self.accept(me, heard.sender, body)
         return Yes()
 
-    def is_next(self, me: Doer) -> bool:
+    def is_next(self, me: PlanExecutor) -> bool:
         """Whether it is at the head of its line, or on its way into that place: nobody stands before it who could stay there."""
         behind = QUEUE_HEAD - me.pose.x
         return behind < 0.1 or (behind < QUEUE_PITCH + 0.2 and me.seen.twist.x > 0.0)
 
-    def accept(self, me: Doer, bin_name: str, come: Come) -> None:
+    def accept(self, me: PlanExecutor, bin_name: str, come: Come) -> None:
         me.memory.job = Job(bin_name, come.lane, come.side, come.picker)
         me.memory.plan = fetch(self.layout, self.line, come.lane, SIDES[come.side], come.picker, bin_name)
         me.memory.asked = {}

@@ -1,10 +1,10 @@
 """People, workers and visitors: walk in a straight line, and turn only when something is in their path."""
 
-from orchard.agent import Action, Mail, Observation
 from orchard.agents.walker import WalkerMemory, tell_where, walk
-from orchard.geometry import Twist
-from orchard.kinds import KINDS, kind_of
-from orchard.layout import Layout
+from orchard.contract.agent import Action, Mail, Observation
+from orchard.field.geometry import Twist
+from orchard.field.kinds import KINDS, kind_of
+from orchard.field.layout import Layout
 
 
 class Person:

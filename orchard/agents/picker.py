@@ -1,12 +1,12 @@
 """The picker: drives its rows, fills its bin, leaves it when it is full, and fetches an empty one for the next row."""
 
-from orchard.agent import Action, Heard, Mail, Observation
-from orchard.bystanders import bystanders_of
-from orchard.doer import Doer
-from orchard.layout import Layout
-from orchard.messages import Answer, Here, No, Yes
-from orchard.roads import harvest
-from orchard.steps import Plan, Realign
+from orchard.agents.bystanders import bystanders_of
+from orchard.agents.robot import PlanExecutor
+from orchard.agents.route import harvest
+from orchard.agents.steps import Plan, Realign
+from orchard.contract.agent import Action, Heard, Mail, Observation
+from orchard.contract.messages import Answer, Here, No, Yes
+from orchard.field.layout import Layout
 
 
 class PickerMemory(Plan):
@@ -27,13 +27,13 @@ class Picker:
         self.layout, self.rows, self.bystanders = layout, layout.blocks[name], bystanders_of(layout)
 
     def tick(self, seen: Observation, mail: Mail, memory: PickerMemory | None) -> Action:
-        me = Doer(seen, mail, memory or PickerMemory(plan=[Realign(), *harvest(self.layout, self.rows)]), self.bystanders)
+        me = PlanExecutor(seen, mail, memory or PickerMemory(plan=[Realign(), *harvest(self.layout, self.rows)]), self.bystanders)
         for heard in mail.requests:
             me.action.answers.append((heard, self.answer(me, heard)))
         me.follow()
         return me.finish()
 
-    def answer(self, me: Doer, heard: Heard) -> Answer:
+    def answer(self, me: PlanExecutor, heard: Heard) -> Answer:
         """To a carrier that brings a bin: yes, once it is coupled and the place where it stands is taken over."""
         if not isinstance(heard.body, Here):
             return No("a picker knows nothing of that")

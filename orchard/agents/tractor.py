@@ -1,10 +1,10 @@
 """The tractor: drives up and down the driveway, waits at each end, turns about, and stops for whatever is in its way."""
 
-from orchard.agent import Action, Mail, Observation
-from orchard.bystanders import bystanders_of
-from orchard.doer import Doer
-from orchard.layout import Layout
-from orchard.steps import Again, DriveTo, Face, Plan, Realign, Say, Step, Wait
+from orchard.agents.bystanders import bystanders_of
+from orchard.agents.robot import PlanExecutor, Step
+from orchard.agents.steps import Again, DriveTo, Face, Plan, Realign, Say, Wait
+from orchard.contract.agent import Action, Mail, Observation
+from orchard.field.layout import Layout
 
 WEST_END, EAST_END = -45.0, -25.0  # x, m: 20 m apart (reference.md)
 WORK = 5.0  # s at each end
@@ -34,6 +34,6 @@ class Tractor:
         self.bystanders = bystanders_of(layout)
 
     def tick(self, seen: Observation, mail: Mail, memory: Plan | None) -> Action:
-        me = Doer(seen, mail, memory or Plan(plan=[Realign(), Again(ROUND)]), self.bystanders)
+        me = PlanExecutor(seen, mail, memory or Plan(plan=[Realign(), Again(ROUND)]), self.bystanders)
         me.follow()
         return me.finish()

@@ -7,13 +7,13 @@ to two partners in an exchange of bins. Every word of a robot is complete, so wo
 
 import msgspec
 
-from orchard.agent import Action, Heard, Mail, Observation
-from orchard.messages import Answer, Claim, Places
+from orchard.contract.agent import Action, Heard, Mail, Observation
+from orchard.contract.messages import Answer, Claim, Places
 
 FORGET = 30  # ticks after which a wish that is not repeated is dropped
 
 
-class Wish(msgspec.Struct):
+class PendingClaim(msgspec.Struct):
     """What a robot waits for."""
 
     places: list[str]
@@ -22,20 +22,20 @@ class Wish(msgspec.Struct):
     heard: int  # tick in which it was last heard
 
 
-class Ledger(msgspec.Struct):
+class ReservationTable(msgspec.Struct):
     """Who holds which places, and who waits for which."""
 
     holds: dict[str, list[str]] = {}
-    wishes: dict[str, Wish] = {}
+    wishes: dict[str, PendingClaim] = {}
 
 
 class Traffic:
     """Gives places on the roads."""
 
-    Memory = Ledger
+    Memory = ReservationTable
 
-    def tick(self, seen: Observation, mail: Mail, memory: Ledger | None) -> Action:
-        ledger = memory or Ledger()
+    def tick(self, seen: Observation, mail: Mail, memory: ReservationTable | None) -> Action:
+        ledger = memory or ReservationTable()
         claims = [(heard, heard.body) for heard in mail.requests if isinstance(heard.body, Claim)]
         for heard, claim in claims:
             note(ledger, heard.sender, claim, seen.tick)
@@ -46,7 +46,7 @@ class Traffic:
         return Action(answers=answers, memory=ledger, doing=f"{sum(map(len, ledger.holds.values()))} places held")
 
 
-def note(ledger: Ledger, name: str, claim: Claim, tick: int) -> None:
+def note(ledger: ReservationTable, name: str, claim: Claim, tick: int) -> None:
     """Enter a robot's word: what it does not keep is free, what it wants is waited for."""
     ledger.holds[name] = [place for place in ledger.holds.get(name, []) if place in claim.keep or place in claim.want]
     if not claim.want:
@@ -54,10 +54,10 @@ def note(ledger: Ledger, name: str, claim: Claim, tick: int) -> None:
         return
     before = ledger.wishes.get(name)
     since = before.since if before and before.places == claim.want else tick
-    ledger.wishes[name] = Wish(claim.want, claim.beside, since, tick)
+    ledger.wishes[name] = PendingClaim(claim.want, claim.beside, since, tick)
 
 
-def grant(ledger: Ledger) -> None:
+def grant(ledger: ReservationTable) -> None:
     """Serve the wishes, first come first served."""
     waited_for: set[str] = set()
     for name, wish in sorted(ledger.wishes.items(), key=lambda item: (item[1].since, item[0])):
@@ -70,12 +70,12 @@ def grant(ledger: Ledger) -> None:
             waited_for.update(missing)
 
 
-def _joins_partner(ledger: Ledger, wish: Wish, missing: list[str]) -> bool:
+def _joins_partner(ledger: ReservationTable, wish: PendingClaim, missing: list[str]) -> bool:
     """Whether a robot only joins its partner, who could not leave otherwise: then it need not stand in line."""
     return all(place in ledger.holds.get(wish.beside, []) for place in missing)
 
 
-def blockers(ledger: Ledger, name: str, wish: Wish) -> list[str]:
+def blockers(ledger: ReservationTable, name: str, wish: PendingClaim) -> list[str]:
     """Who holds what a robot waits for."""
     return [
         other
@@ -84,7 +84,7 @@ def blockers(ledger: Ledger, name: str, wish: Wish) -> list[str]:
     ]
 
 
-def answer(ledger: Ledger, name: str) -> Places:
+def answer(ledger: ReservationTable, name: str) -> Places:
     """What a robot is told: its places, and who is in the way of its wish."""
     held, wish = ledger.holds[name], ledger.wishes.get(name)
     others = {place for other, places in ledger.holds.items() if other != name for place in places}

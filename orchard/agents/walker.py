@@ -2,14 +2,13 @@
 
 import msgspec
 
-from orchard.agent import Heard, Mail, Observation
-from orchard.config import TIME_STEP
-from orchard.draw import draw
-from orchard.geometry import STILL, Twist, angle_between
-from orchard.kinds import Kind
-from orchard.messages import Answer, No, Position, Where
-from orchard.sense import free_directions, freer_side, nearest_in_path
-from orchard.trig import PI, wrap
+from orchard.agents.sense import free_directions, freer_side, nearest_in_path
+from orchard.contract.agent import Heard, Mail, Observation
+from orchard.contract.messages import Answer, No, Position, Where
+from orchard.field.geometry import STILL, Twist, angle_between
+from orchard.field.kinds import Kind
+from orchard.field.repeatable import PI, draw, wrap
+from orchard.field.scenario import TIME_STEP
 
 STEER_WITHIN = 4.0  # m (reference.md)
 TURN_WITHIN = 1.0  # m

@@ -5,9 +5,9 @@ import math
 import msgspec
 import numpy as np
 
-from orchard.agent import Action, Mail, Observation
-from orchard.layout import Layout
-from orchard.messages import Flatten
+from orchard.contract.agent import Action, Mail, Observation
+from orchard.contract.messages import Flatten
+from orchard.field.layout import Layout
 
 NEAR = 1.36  # m from its centre: a metre from its farthest point, its corner at 0.354 m; physics decides what is near enough
 SURE = 5.0  # standard deviations of the lasers' noise by which what it sees must change

@@ -1,4 +1,4 @@
-"""The page: set an orchard up in the browser, run it, and watch it. The one place for NiceGUI.
+"""The page in the browser: set up an orchard, see its plan, run it and watch it. `python -m orchard.app` serves it.
 
-`python -m orchard.app` serves it on the loopback. What it runs is `run.py`, as one would by hand.
+This is the only package that imports NiceGUI. A run is started through `run.py`, as by hand.
 """

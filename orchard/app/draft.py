@@ -2,12 +2,12 @@
 
 from typing import Any
 
+from orchard.agents.catalogue import named_classes
 from orchard.app.entries import entries, flat, nested
 from orchard.app.numbers import hint, number_of
-from orchard.config import Scenario, check
-from orchard.guard import replaced
-from orchard.layout import lay_out
-from orchard.problems import Problem, ScenarioError
+from orchard.field.layout import lay_out
+from orchard.field.problems import Problem, ScenarioError
+from orchard.field.scenario import Scenario, check
 
 CLASSES = "agents"  # the path of the users' own classes, which come with a file and are not entered
 
@@ -37,7 +37,7 @@ class Draft:
         try:
             scenario = check(nested(self.values) | {CLASSES: self.classes}, "page")
             if self.classes:
-                replaced(lay_out(scenario))
+                named_classes(lay_out(scenario))
         except ScenarioError as error:
             self.problems = {path: words + hint(self.values.get(path)) for path, words in _by_field(error.problems).items()}
         except ValueError as error:

@@ -10,7 +10,7 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from orchard.config import Scenario
+from orchard.field.scenario import Scenario
 
 MOST_STEPS = 1e6  # beyond this a slider is of no use
 

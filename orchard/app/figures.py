@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 from orchard.app.entries import entries
-from orchard.bounds import bounds_of
-from orchard.layout import TOP, TREES_X, X_MAX, Layout
+from orchard.field.layout import TOP, TREES_X, X_MAX, Layout
+from orchard.report.bounds import bounds_of
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from nicegui import events, ui
 
 from orchard.app.order import ROOT
-from orchard.config import LARGEST_FILE, Scenario, load, parse, to_yaml
-from orchard.problems import ScenarioError
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import LARGEST_FILE, Scenario, load, parse, to_yaml
 
 Take = Callable[[Scenario], None]
 

@@ -8,7 +8,7 @@ from nicegui import ui
 from orchard.app.controls import AutomaticControl, Change, Control, control
 from orchard.app.draft import Draft
 from orchard.app.entries import entries
-from orchard.config import Scenario
+from orchard.field.scenario import Scenario
 
 GROUPS = {
     "Orchard": ("rows", "row_width", "seed"),

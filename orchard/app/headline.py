@@ -1,4 +1,4 @@
-"""Reads the plain lines of `orchard.progress.headline`."""
+"""Reads the plain lines of `orchard.report.progress.headline`."""
 
 import re
 from collections.abc import Mapping

@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 from orchard.app.numbers import hint, number_of, shown
-from orchard.config import Scenario
+from orchard.field.scenario import Scenario
 
 ROOT = Path(__file__).parent.parent.parent
 MODES = {

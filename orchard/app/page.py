@@ -10,12 +10,12 @@ from orchard.app.draft import Draft
 from orchard.app.files import FileButtons, complain
 from orchard.app.form import Form
 from orchard.app.preview import FiguresView
-from orchard.app.runner import Report, Runner
+from orchard.app.runner import Runner, RunReport
 from orchard.app.stage import Stage
 from orchard.app.watch import ProgressView
-from orchard.app.wishes import Wishes
-from orchard.config import Scenario
-from orchard.layout import lay_out
+from orchard.app.wishes import RunControls
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
 
 STYLE = Path(__file__).with_name("style.css")
 REDRAW_SECONDS = 0.1  # between two looks at whether something was changed
@@ -28,7 +28,7 @@ class Page:
     def __init__(self, runner: Runner, scenario: Scenario) -> None:
         self.runner, self.draft = runner, Draft(scenario)
         self._changed = True
-        self._seen: Report | None = None  # what is on the stage
+        self._seen: RunReport | None = None  # what is on the stage
         self._build()
         self.form.show(self.draft.values)
         ui.timer(REDRAW_SECONDS, self._redraw)
@@ -57,7 +57,7 @@ class Page:
     def _build_run(self) -> None:
         with ui.element("div").classes("run-card"):
             with ui.element("div").classes("wishes"):
-                self.wishes = Wishes(self._mark, self.runner.run.order if self.runner.run else None)
+                self.wishes = RunControls(self._mark, self.runner.run.order if self.runner.run else None)
                 self.start_button = ui.button("Run", icon="play_arrow", on_click=self._start)
                 self.start_button.props("no-caps unelevated data-action=run")
                 self.stop_button = ui.button("Stop", icon="stop", on_click=self._stop)

@@ -4,9 +4,9 @@ from nicegui import ui
 from nicegui.events import ValueChangeEventArguments
 
 from orchard.app.figures import Figure, figures, terms
-from orchard.kinds import KINDS
-from orchard.layout import Layout
-from orchard.plan import COLOURS, orchard_plan
+from orchard.field.kinds import KINDS
+from orchard.field.layout import Layout
+from orchard.report.plan import COLOURS, orchard_plan
 
 
 class PlanView:

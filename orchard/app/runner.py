@@ -16,8 +16,8 @@ from typing import Any
 
 from orchard.app.headline import Headline, of_summary, read_headline
 from orchard.app.order import Files, Order, command
-from orchard.config import to_yaml
-from orchard.parts import parts_of
+from orchard.field.scenario import to_yaml
+from orchard.view.files import parts_of
 from orchard.view.web import free_pair, serve_web
 
 KEPT_LINES = 500
@@ -34,7 +34,7 @@ def _ctrl_c_held_back() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-class State(StrEnum):
+class RunState(StrEnum):
     """What a run is doing."""
 
     running = "running"
@@ -45,15 +45,15 @@ class State(StrEnum):
 
     @property
     def is_over(self) -> bool:
-        return self not in (State.running, State.stopping)
+        return self not in (RunState.running, RunState.stopping)
 
 
 @dataclass(frozen=True)
-class Report:
+class RunReport:
     """How a run is at one moment. What is seen at once is of one moment: a run may end between two questions about it."""
 
     run: "Run"
-    state: State
+    state: RunState
     headline: Headline | None
     summary: dict[str, Any] | None
 
@@ -115,17 +115,17 @@ class Run:
     def is_over(self) -> bool:
         return not self._listener.is_alive()
 
-    def report(self) -> Report:
+    def report(self) -> RunReport:
         """How it is now. The state is asked for first: where it tells of the end, the rest is final."""
         state = self._state()
-        return Report(self, state, self.headline, self.summary)
+        return RunReport(self, state, self.headline, self.summary)
 
-    def _state(self) -> State:
+    def _state(self) -> RunState:
         if not self.is_over:
-            return State.stopping if self.asked_to_stop else State.running
+            return RunState.stopping if self.asked_to_stop else RunState.running
         if self._process.returncode == 0 and self.summary is not None:
-            return State.stopped if self.asked_to_stop and not self.summary["finished"] else State.finished
-        return State.stopped if self.asked_to_stop else State.failed
+            return RunState.stopped if self.asked_to_stop and not self.summary["finished"] else RunState.finished
+        return RunState.stopped if self.asked_to_stop else RunState.failed
 
     def stop(self) -> None:
         """Ask it to end; a second time is not needed, for one that does not listen is killed."""

@@ -10,7 +10,7 @@ from nicegui import app, ui
 
 from orchard.app.page import Page
 from orchard.app.runner import Runner
-from orchard.config import Scenario
+from orchard.field.scenario import Scenario
 
 ICON = "🥝"
 PATIENCE = 30.0  # s for which a browser may be too busy to answer, as it is while it loads the picture's viewer

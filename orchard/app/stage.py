@@ -6,7 +6,7 @@ from typing import TypeVar
 from nicegui import ui
 
 from orchard.app.preview import PlanView
-from orchard.app.runner import Report
+from orchard.app.runner import RunReport
 from orchard.app.watch import MessagesView, PictureView, SummaryView
 
 VIEWS = ("Plan", "Picture", "Summary", "Messages")
@@ -30,17 +30,17 @@ class Stage:
         panel.bind_visibility_from(self._choice, "value", value=name)
         return view
 
-    def is_settled(self, report: Report) -> bool:
+    def is_settled(self, report: RunReport) -> bool:
         """Whether nothing more will come of a run."""
         return report.is_over and self._picture.is_settled(report.run)
 
-    def show(self, report: Report) -> None:
+    def show(self, report: RunReport) -> None:
         """Bring all that is seen of a run up to date."""
         self._picture.is_seen = self._choice.value == "Picture"
         for view in (self._picture, self._summary, self._messages):
             view.show(report)
 
-    def turn_to_run(self, report: Report) -> None:
+    def turn_to_run(self, report: RunReport) -> None:
         """A run is new on this page."""
         live = "Picture" if report.run.order.live else "Messages"
         self._choice.set_value("Summary" if report.is_over else live)

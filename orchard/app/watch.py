@@ -6,16 +6,16 @@ from typing import Any
 
 from nicegui import ui
 
-from orchard.app.runner import Report, Run, State
-from orchard.summary import as_table
+from orchard.app.runner import Run, RunReport, RunState
+from orchard.report.summary import as_table
 from orchard.view.web import LOOPBACK, page_url
 
 BADGES = {
-    State.running: ("running", "primary"),
-    State.stopping: ("stopping", "warning"),
-    State.finished: ("finished", "positive"),
-    State.stopped: ("stopped", "warning"),
-    State.failed: ("failed", "negative"),
+    RunState.running: ("running", "primary"),
+    RunState.stopping: ("stopping", "warning"),
+    RunState.finished: ("finished", "positive"),
+    RunState.stopped: ("stopped", "warning"),
+    RunState.failed: ("failed", "negative"),
 }
 
 
@@ -29,20 +29,20 @@ class ProgressView:
             self._words = ui.label().classes("figure-line").props("data-view=progress")
         self._box.set_visibility(False)
 
-    def show(self, report: Report) -> None:
+    def show(self, report: RunReport) -> None:
         text, colour = BADGES[report.state]
         self._box.set_visibility(True)
         self._badge.set_text(text)
         self._badge.props(f"color={colour}")
         known = report.headline
-        done = 1.0 if report.state is State.finished else known.fraction if known else 0.0
+        done = 1.0 if report.state is RunState.finished else known.fraction if known else 0.0
         self._bar.set_value(done)
         is_unknown = not known and not report.is_over
         self._bar.props(f"color={colour} {'indeterminate' if is_unknown else ''}", remove="" if is_unknown else "indeterminate")
         self._words.set_text(_progress(report))
 
 
-def _progress(report: Report) -> str:
+def _progress(report: RunReport) -> str:
     if (known := report.headline) is None:
         return "" if report.is_over else "starting"
     minutes, seconds = divmod(round(known.sim_seconds), 60)
@@ -58,7 +58,7 @@ class MessagesView:
         self._run: Run | None = None
         self._shown = 0
 
-    def show(self, report: Report) -> None:
+    def show(self, report: RunReport) -> None:
         run = report.run
         if run is not self._run:
             self._log.clear()
@@ -86,7 +86,7 @@ class PictureView:
         """Whether it shows the recording of a run that is over, or never will."""
         return self._is_vain or self._shown == (run, True)
 
-    def show(self, report: Report) -> None:
+    def show(self, report: RunReport) -> None:
         """Point the frame at a run once its servers answer; then leave it alone, for it would load anew."""
         run, now = report.run, (report.run, report.is_over)
         if now == self._shown or not self.is_seen:
@@ -109,7 +109,7 @@ class PictureView:
             element.set_visibility(not words)
 
 
-def _without_picture(report: Report) -> str:
+def _without_picture(report: RunReport) -> str:
     if not report.is_over:
         return "The picture is being prepared." if report.run.order.live else "Its recording appears here when it is over."
     return "The recording is being opened." if report.run.files.recording.exists() else "No recording was made."
@@ -131,7 +131,7 @@ class SummaryView:
         with self._box:
             ui.label("The summary appears here when a harvest has ended.").classes("hint")
 
-    def show(self, report: Report) -> None:
+    def show(self, report: RunReport) -> None:
         """Once, when it is over."""
         if not report.is_over or report.run is self._run:
             return
@@ -140,7 +140,7 @@ class SummaryView:
         with self._box:
             if report.summary is not None:
                 _table(report.summary, report.run.files.recording)
-            elif report.state is State.stopped:
+            elif report.state is RunState.stopped:
                 ui.label("It was stopped before there was anything to sum up.").classes("hint")
             else:
                 ui.label("There is no summary. What the run said:").classes("hint")

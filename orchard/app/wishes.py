@@ -7,13 +7,13 @@ from nicegui.events import GenericEventArguments
 
 from orchard.app.numbers import number_of, shown
 from orchard.app.order import DURATIONS, MODES, SPEEDS, Order, Pace
-from orchard.config import Scenario
+from orchard.field.scenario import Scenario
 
 FASTEST = 50  # of the slider; the field takes more
 AT_FIRST = 8.0
 
 
-class Wishes:
+class RunControls:
     """The controls above the stage."""
 
     def __init__(self, change: Callable[[], None], last: Order | None) -> None:

@@ -1,6 +1,4 @@
-"""The picture: frames -> a Rerun recording. The one place for rerun."""
+"""The picture in Rerun: frames become a recording, and a blueprint arranges it.
 
-from orchard.view.parts import optimize
-from orchard.view.recorder import Recorder
-
-__all__ = ["Recorder", "optimize"]
+This is the only package that imports Rerun. Nothing here changes a run.
+"""

@@ -3,7 +3,7 @@
 import rerun as rr
 import rerun.blueprint as rrb
 
-from orchard.layout import ROW_WEST, TOP, Layout
+from orchard.field.layout import ROW_WEST, TOP, Layout
 from orchard.view import legend, palette
 from orchard.view.scenery import PLAN_CAMERA, plan_size
 

@@ -5,11 +5,11 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import rerun as rr
 
-from orchard.kinds import ANIMALS, KINDS, PEOPLE
-from orchard.layout import ROW_LENGTH, Layout
-from orchard.starts import Start
+from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
+from orchard.field.layout import ROW_LENGTH, Layout
+from orchard.field.placement import Start
 from orchard.view import palette
-from orchard.view.mesh import Part, mesh_of
+from orchard.view.mesh import MeshPart, mesh_of
 from orchard.view.scenery import archetype
 from orchard.view.shapes import FLAG, body
 
@@ -24,8 +24,8 @@ BIN_FLOOR, BIN_RIM = 0.2, 0.94  # z between which the fruit stands, m
 FILL_STEPS = 14
 WHOLE, UNSEEN = (1.0, 1.0, 1.0), (0.01, 0.01, 0.01)  # scales
 NAME_ASIDE = 3.0  # m to the left, of every other robot's name on the plan: those of a queue do not cover each other
-FRUIT = [Part("cab", (0.88, 0.88, 1.0), (0, 0, -0.5), palette.KIWI), *(
-    Part("ball", (0.3, 0.3, 0.24), (x, y, 0.0), palette.KIWI_FLESH if (i + j) % 2 else palette.KIWI)
+FRUIT = [MeshPart("cab", (0.88, 0.88, 1.0), (0, 0, -0.5), palette.KIWI), *(
+    MeshPart("ball", (0.3, 0.3, 0.24), (x, y, 0.0), palette.KIWI_FLESH if (i + j) % 2 else palette.KIWI)
     for i, x in enumerate((-0.27, 0.0, 0.27)) for j, y in enumerate((-0.27, 0.0, 0.27))
 )]  # fmt: skip
 
@@ -36,7 +36,7 @@ def path_of(start: Start) -> str:
     return f"world/{'people' if group == 'person' else group + 's'}/{start.name}"
 
 
-class Bodies:
+class BodyView:
     """The bodies' entities; every method logs at the time that is set on the stream, and only what has changed."""
 
     def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:

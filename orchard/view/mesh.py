@@ -12,7 +12,7 @@ from orchard.view.palette import Colour
 LIGHT = np.array([0.35, -0.5, 0.79])  # where the sun stands, for the shade that is painted onto the faces
 
 
-class Part(NamedTuple):
+class MeshPart(NamedTuple):
     """One form, stretched to a size, tilted, and put with its middle at a place."""
 
     form: str  # a key of FORMS
@@ -37,7 +37,7 @@ class Mesh:
         return np.arange(len(self.points), dtype=np.uint32).reshape(-1, 3)
 
 
-def mesh_of(parts: Iterable[Part]) -> Mesh:
+def mesh_of(parts: Iterable[MeshPart]) -> Mesh:
     """All parts as one mesh, shaded."""
     pieces = [(_placed(part), part.colour) for part in parts]
     corners = np.concatenate([piece for piece, _ in pieces])
@@ -58,7 +58,7 @@ def faceted(corners: np.ndarray, colours: np.ndarray) -> Mesh:
     )
 
 
-def _placed(part: Part) -> np.ndarray:
+def _placed(part: MeshPart) -> np.ndarray:
     """(f, 3, 3): the corners of a part's triangles where they belong."""
     placed: np.ndarray = FORMS[part.form]() * np.array(part.size) @ _turn(part.pitch, part.yaw).T + np.array(part.at)
     return placed

@@ -9,17 +9,16 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from orchard.camera import SCAN_TICKS
-from orchard.config import TIME_STEP
-from orchard.frames import Event, Frame
-from orchard.kinds import KINDS, LASER_RANGE, Laser
-from orchard.layout import ROW_LENGTH, Layout
+from orchard.contract.events import SCAN_TICKS, Event, Frame
+from orchard.field.kinds import KINDS, LASER_RANGE, Laser
+from orchard.field.layout import ROW_LENGTH, Layout
+from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
 from orchard.view.blueprint import TIMELINE, blueprint
-from orchard.view.bodies import Bodies
+from orchard.view.bodies import BodyView
 from orchard.view.legend import log_legend
-from orchard.view.parts import LEFT_OUT, MISSING, SINCE
-from orchard.view.rows import Rows
+from orchard.view.reader import LEFT_OUT, MISSING, SINCE
+from orchard.view.rows import RowView
 from orchard.view.scenery import log_scenery
 from orchard.view.talk import Talk, gathered, level_of, line_of
 
@@ -55,7 +54,7 @@ class Recorder:
         log_scenery(self.rec, layout)
         log_legend(self.rec)
         _log_series(self.rec)
-        self.bodies, self.rows, self.talk = Bodies(self.rec, layout), Rows(self.rec, layout), Talk(self.rec, layout)
+        self.bodies, self.rows, self.talk = BodyView(self.rec, layout), RowView(self.rec, layout), Talk(self.rec, layout)
         self._scan_chunk = CHUNK_TICKS if serve else SCAN_CHUNK_TICKS
         self._scanned = self.bodies.scanned(scanned)
         self._poses: list[tuple[int, np.ndarray]] = []
@@ -92,12 +91,15 @@ class Recorder:
         self.rec.set_time(TIMELINE, duration=until * TIME_STEP)
         self.rec.log(MISSING, rr.AnyValues(True, **{SINCE: since}))
         words = f"nothing recorded from {since * TIME_STEP:.1f} s to {until * TIME_STEP:.1f} s: {why}"
-        self.tell(until, Event("nothing recorded", "logger", "", words))
+        self.tell(Event(until, "nothing recorded", "logger", "", words))
         self.talk.forget()
 
-    def tell(self, tick: int, event: Event) -> None:
-        """Log an event of a tick of which there is no frame."""
-        self._events.append((tick, line_of(*event), level_of(event.what)))
+    def tell(self, event: Event) -> None:
+        """Log an event of a tick that has no frame."""
+        self._log(event.tick, event, level_of(event.what))
+
+    def _log(self, tick: int, event: Event, level: str) -> None:
+        self._events.append((tick, line_of(event), level))
 
     def _send_chunk(self, tick: int) -> None:
         self._second = tick // CHUNK_TICKS
@@ -114,7 +116,7 @@ class Recorder:
         if self._left_out:
             self.rec.log(MISSING, rr.AnyValues(True, **{LEFT_OUT: self._left_out}))
             words = f"left out {self._left_out} pictures, which came faster than they can be recorded"
-            self.tell(tick, Event("left out", "logger", "", words))
+            self.tell(Event(tick, "left out", "logger", "", words))
             self._left_out = 0
 
     def flush(self) -> None:
@@ -189,12 +191,13 @@ class Recorder:
             if self._doing.get(name) != text:
                 self._doing[name] = text
                 self.bodies.doing(name, text)
-        events = [Event._make(event) for event in frame.events]
-        news = [event for event in events if self.talk.is_news(frame.tick, event)]
+        news = [event for event in frame.events if self.talk.is_news(frame.tick, event)]
         lines = gathered(news)
         for event in lines:
-            self.tell(frame.tick, event)
-        self._events += [(frame.tick, line_of(*event), "DEBUG") for event in events if event not in lines]
+            self._log(frame.tick, event, level_of(event.what))
+        for event in frame.events:
+            if event not in lines:
+                self._log(frame.tick, event, "DEBUG")
         self.talk.show(frame.tick, frame.poses, fresh=self.talk.hear(frame.tick, news))
 
     def _figures(self, frame: Frame, is_due: bool) -> None:

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import rerun as rr
 
-from orchard.layout import ROW_EAST, ROW_LENGTH, ROW_WEST, Layout
+from orchard.field.layout import ROW_EAST, ROW_LENGTH, ROW_WEST, Layout
 from orchard.view import palette
 from orchard.view.scenery import ROW_Z
 
@@ -14,7 +14,7 @@ FRUIT_IN_A_CHUNK = 8
 FRUIT_Z = 1.95  # m: it hangs just below the pergola
 
 
-class Rows:
+class RowView:
     """One strip of ground and one cloud of fruit a row; `show` logs those of which another piece has been picked."""
 
     def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:

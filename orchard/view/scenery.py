@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 import rerun as rr
 
-from orchard import layout as field
-from orchard.layout import Layout
+from orchard.field import layout as field
+from orchard.field.layout import Layout
 from orchard.view import palette
-from orchard.view.mesh import Mesh, Part, mesh_of
+from orchard.view.mesh import Mesh, MeshPart, mesh_of
 from orchard.view.shapes import CROWN, LINE_POST, TRUNK, vine_patch
 
 WORLD_FRAME = "tf#/"  # Rerun's name for the frame of the root entity
@@ -69,12 +69,12 @@ def _over_lanes(layout: Layout) -> np.ndarray:
     return _grid(field.TREES_X, [lane.y for lane in layout.lanes])
 
 
-def _slab(west: float, south: float, east: float, north: float, z: float, colour: palette.Colour) -> Part:
+def _slab(west: float, south: float, east: float, north: float, z: float, colour: palette.Colour) -> MeshPart:
     """A flat piece of ground."""
-    return Part("box", (east - west, north - south, 0.02), ((west + east) / 2, (south + north) / 2, z), colour)
+    return MeshPart("box", (east - west, north - south, 0.02), ((west + east) / 2, (south + north) / 2, z), colour)
 
 
-def _ground(layout: Layout) -> list[Part]:
+def _ground(layout: Layout) -> list[MeshPart]:
     """Fields around, mown grass within the fences, bare soil below the trees, the beaten roads around the rows, and the driveway."""
     first, last = layout.tree_lines[0], layout.tree_lines[-1]
     drive = field.DRIVEWAY
@@ -92,7 +92,7 @@ def _ground(layout: Layout) -> list[Part]:
     ]
 
 
-def _fields() -> list[Part]:
+def _fields() -> list[MeshPart]:
     """A patchwork of fields to the horizon; the same one every time. One of them is the orchard's meadow."""
     draw = np.random.default_rng(1)
     edges = [-2000.0, -1300.0, -850.0, -560.0, -360.0, -220.0, 180.0, 310.0, 520.0, 800.0, 1250.0, 2000.0]
@@ -106,14 +106,14 @@ def _any(draw: np.random.Generator) -> palette.Colour:
     return palette.FIELDS[int(draw.integers(len(palette.FIELDS)))]
 
 
-def _lawn(layout: Layout) -> list[Part]:
+def _lawn(layout: Layout) -> list[MeshPart]:
     """The grass within the fences, in the stripes that a mower leaves."""
     edges = np.linspace(layout.bottom, field.TOP, round((field.TOP - layout.bottom) / MOWER) + 1)
     colours = (palette.GRASS, palette.MOWN)
     return [_slab(-field.X_MAX, s, field.X_MAX, n, GRASS_Z, colours[i % 2]) for i, (s, n) in enumerate(pairwise(edges))]
 
 
-def _bay() -> list[Part]:
+def _bay() -> list[MeshPart]:
     """The unloading bay, marked in white on the ground."""
     west, south, east, north = field.BAY
     z, white = DRIVEWAY_Z + 0.12, (250, 250, 245)
@@ -121,20 +121,20 @@ def _bay() -> list[Part]:
     return sides + [_slab(x, south, x + 0.15, north, z, white) for x in (west, east - 0.15)]
 
 
-def _fences(layout: Layout) -> list[Part]:
+def _fences(layout: Layout) -> list[MeshPart]:
     """A kerb as wide as the laser sees it, posts every 5 m or so, three rails: 2.5 m high, and one can look through."""
     low, top, x = layout.bottom, field.TOP, field.X_MAX
     corners = [(-x, low), (x, low), (x, top), (-x, top)]
     return [part for i in range(4) for part in _fence(corners[i], corners[(i + 1) % 4])]
 
 
-def _fence(start: tuple[float, float], end: tuple[float, float]) -> list[Part]:
+def _fence(start: tuple[float, float], end: tuple[float, float]) -> list[MeshPart]:
     length, middle = float(np.hypot(end[0] - start[0], end[1] - start[1])), np.add(start, end) / 2
     yaw = 0.0 if start[1] == end[1] else 90.0
     posts = np.linspace(start, end, max(2, round(length / 5.0)), endpoint=False)
-    parts = [Part("box", (0.25, 0.25, field.FENCE_HEIGHT), (px, py, field.FENCE_HEIGHT / 2), palette.FENCE) for px, py in posts]
-    parts += [Part("box", (length, 0.1, 0.16), (*middle, z), palette.FENCE, yaw=yaw) for z in (0.9, 1.6, 2.3)]
-    return [*parts, Part("box", (length + 1.0, field.FENCE_THICKNESS, 0.25), (*middle, 0.0), palette.KERB, yaw=yaw)]
+    parts = [MeshPart("box", (0.25, 0.25, field.FENCE_HEIGHT), (px, py, field.FENCE_HEIGHT / 2), palette.FENCE) for px, py in posts]
+    parts += [MeshPart("box", (length, 0.1, 0.16), (*middle, z), palette.FENCE, yaw=yaw) for z in (0.9, 1.6, 2.3)]
+    return [*parts, MeshPart("box", (length + 1.0, field.FENCE_THICKNESS, 0.25), (*middle, 0.0), palette.KERB, yaw=yaw)]
 
 
 def _wires(layout: Layout) -> list[np.ndarray]:
@@ -144,17 +144,17 @@ def _wires(layout: Layout) -> list[np.ndarray]:
     return along + [np.array([(x, first, 2.78), (x, last, 2.78)]) for x in field.POSTS_X]
 
 
-def _shade(layout: Layout) -> list[Part]:
+def _shade(layout: Layout) -> list[MeshPart]:
     """Of the crowns, around noon."""
     places = _grid(field.TREES_X, layout.tree_lines)
-    return [Part("drum", (5.6, 1.7, 0.01), (x - 0.3, y + 0.3, SHADE_Z), palette.SHADE) for x, y, _ in places]
+    return [MeshPart("drum", (5.6, 1.7, 0.01), (x - 0.3, y + 0.3, SHADE_Z), palette.SHADE) for x, y, _ in places]
 
 
 def _plan_canopy(rec: rr.RecordingStream, layout: Layout) -> None:
     """The canopy of the plan: flat and see-through, and the rows' numbers beside it."""
     size = (1.7, layout.scenario.row_width - 0.5, 0.02)
-    patches = [Part("box", size, (x, y, 3.2), palette.VINE[0]) for x, y, _ in _over_lanes(layout)]
-    crowns = [Part("drum", (5.5, 1.4, 0.02), (x, y, 3.4), palette.LEAVES[0]) for x, y, _ in _grid(field.TREES_X, layout.tree_lines)]
+    patches = [MeshPart("box", size, (x, y, 3.2), palette.VINE[0]) for x, y, _ in _over_lanes(layout)]
+    crowns = [MeshPart("drum", (5.5, 1.4, 0.02), (x, y, 3.4), palette.LEAVES[0]) for x, y, _ in _grid(field.TREES_X, layout.tree_lines)]
     _mesh(rec, "plan/pergola", mesh_of(patches), alpha=70)
     _mesh(rec, "plan/crowns", mesh_of(crowns), alpha=130)
     numbers = [(field.ROW_WEST - 2.5, lane.y, 4.0) for lane in layout.lanes]

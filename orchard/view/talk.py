@@ -1,14 +1,15 @@
 """Who speaks to whom: arcs between the two for a few seconds, and the log of events."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
+from msgspec.structs import replace
 
-from orchard.config import TIME_STEP
-from orchard.frames import Event
-from orchard.layout import Layout
+from orchard.contract.events import Event
+from orchard.field.layout import Layout
+from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
 
 MOST_LINES = 40  # at once: when all call at once, who is sent counts more than who was asked
@@ -27,21 +28,22 @@ def level_of(what: str) -> str:
     return "DEBUG" if word in palette.QUIET else ALARMS.get(word, "INFO")
 
 
-def line_of(what: str, who: str, whom: str, text: str) -> str:
+def line_of(event: Event) -> str:
     """An event as one line: 'bin_01 > carrier_02: call, lane 3 east'."""
+    what, text = event.what, event.detail
     said = text if not what or text.lower().startswith(what.lower()) else f"{what}, {text}" if text else what
-    return f"{who} > {whom}: {said}" if whom else f"{who}: {said}"
+    return f"{event.who} > {event.whom}: {said}" if event.whom else f"{event.who}: {said}"
 
 
 def gathered(events: Sequence[Event]) -> list[Event]:
     """What one asks of many at a tick, and what many answer one, as one event each, of '14 carriers'; the rest as it is."""
-    said = [alike[0]._replace(whom=_together([e.whom for e in alike]), text=_text(alike)) for alike in _alike(events, "who")]
-    return [alike[0]._replace(who=_together([e.who for e in alike]), text=_text(alike)) for alike in _alike(said, "whom")]
+    said = [replace(alike[0], whom=_together([e.whom for e in alike]), detail=_text(alike)) for alike in _alike(events, "who")]
+    return [replace(alike[0], who=_together([e.who for e in alike]), detail=_text(alike)) for alike in _alike(said, "whom")]
 
 
 def _alike(events: Sequence[Event], end: str) -> list[list[Event]]:
     """Those of the conversation that say the same kind of thing, and have the same one at this end, together; all others alone."""
-    groups: dict[tuple[str, ...], list[Event]] = {}
+    groups: dict[Hashable, list[Event]] = {}
     for event in events:
         is_said = palette.plain(event.what) in palette.TALK and event.whom
         groups.setdefault((event.what, getattr(event, end)) if is_said else event, []).append(event)
@@ -56,7 +58,7 @@ def _together(names: Sequence[str]) -> str:
 
 def _text(alike: Sequence[Event]) -> str:
     """What all of them say, or a few; of many that say different things, nothing."""
-    texts = dict.fromkeys(event.text for event in alike)
+    texts = dict.fromkeys(event.detail for event in alike)
     return "; ".join(texts) if len(texts) == 1 or len(alike) <= MOST_NAMES else ""
 
 
@@ -79,20 +81,21 @@ class Talk:
         self._renewed = -1  # the half second in which they were drawn last
         self._said: dict[tuple[str, str, str, str], int] = {}  # what was said -> tick
 
-    def is_news(self, tick: int, event: tuple[str, str, str, str]) -> bool:
+    def is_news(self, tick: int, event: Event) -> bool:
         """Whether it was not said in the last half minute: agents ask again and again until they are heard."""
         if len(self._said) >= MOST_SAID:
             self._said = {}
-        last, self._said[event] = self._said.get(event), tick
+        said = event.what, event.who, event.whom, event.detail
+        last, self._said[said] = self._said.get(said), tick
         return last is None or tick - last > REPEAT_TICKS
 
-    def hear(self, tick: int, events: Sequence[tuple[str, str, str, str]]) -> bool:
+    def hear(self, tick: int, events: Sequence[Event]) -> bool:
         """Remember what is to be drawn; whether there is anything new."""
         before = len(self._lines)
-        for what, who, whom, _ in events:
-            look = palette.TALK.get(palette.plain(what))
-            if look and who in self.index and whom in self.index:
-                self._lines.append(Drawn(tick + round(look.seconds / TIME_STEP), self.index[who], self.index[whom], look))
+        for event in events:
+            look = palette.TALK.get(palette.plain(event.what))
+            if look and event.who in self.index and event.whom in self.index:
+                self._lines.append(Drawn(tick + round(look.seconds / TIME_STEP), self.index[event.who], self.index[event.whom], look))
         return len(self._lines) > before
 
     def forget(self) -> None:

@@ -10,7 +10,7 @@ import socket
 import subprocess
 from urllib.parse import urlencode
 
-from orchard.viewer import viewer_program
+from orchard.view.program import viewer_program
 
 LOOPBACK = "127.0.0.1"
 

@@ -1,1 +1,4 @@
-"""The messages on the wire: ROS's names, SI units, bounds. Each is a msgpack map; what its fields say here, keyspace.md repeats."""
+"""Messages as bytes: their fields and bounds, the table of keys, and the translation to and from what agents and physics use.
+
+Nothing here sends or receives. A change here is a change of keyspace.md.
+"""

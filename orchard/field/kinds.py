@@ -1,0 +1,90 @@
+"""The kinds of bodies: sizes, colours, speeds, lasers, towing; and names: which agents a user's words mean.
+
+Figures: docs/reference.md, "The things in it".
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from orchard.field.repeatable import PI
+
+
+@dataclass(frozen=True)
+class Laser:
+    """A range finder: `beams` from `first` counter-clockwise, `increment` apart (radians), mounted `ahead` of the centre (m)."""
+
+    beams: int
+    first: float
+    increment: float
+    ahead: float
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What all bodies of a kind have in common."""
+
+    length: float  # m, along the direction it faces
+    width: float  # m
+    height: float  # m
+    colour: tuple[int, int, int]  # sRGB
+    speed: float  # m/s, the most that it can do
+    turn: float  # rad/s, the most that it can do
+    laser: Laser
+    tows: float = 0.0  # m from its centre back to its coupled bin's centre; 0: tows nothing
+    solid: bool = True
+    robot: bool = False  # moves first, before people and animals
+    sideways: bool = False  # can move to its left and right (only a bin, on its bar)
+
+
+LASER_RANGE = 10.0  # m
+
+
+def _front(length: float) -> Laser:
+    return Laser(beams=180, first=-PI / 2, increment=PI / 179, ahead=length / 2)
+
+
+AROUND = Laser(beams=60, first=0.0, increment=2 * PI / 60, ahead=0.0)
+EIGHTH = PI / 8
+
+KINDS: dict[str, Kind] = {
+    "picker": Kind(2.5, 1.5, 1.0, (238, 130, 238), 1.0, EIGHTH, _front(2.5), tows=2.25, robot=True),
+    "carrier": Kind(1.8, 1.5, 0.5, (0, 170, 255), 1.0, EIGHTH, _front(1.8), tows=1.9, robot=True),
+    "bin": Kind(1.0, 1.0, 1.0, (178, 34, 34), 3.0, 2 * PI, AROUND, robot=True, sideways=True),
+    "tractor": Kind(5.0, 3.0, 3.0, (220, 30, 30), 1.0, EIGHTH, _front(5.0), robot=True),
+    "worker": Kind(0.55, 1.0, 1.7, (34, 139, 34), 1.0, PI, _front(0.55)),
+    "visitor": Kind(0.55, 1.0, 1.7, (127, 255, 212), 1.0, PI, _front(0.55)),
+    "dog": Kind(1.0, 0.8, 0.7, (128, 128, 128), 3.0, 2 * PI, _front(1.0)),
+    "cat": Kind(1.0, 0.8, 0.7, (255, 140, 0), 3.0, 2 * PI, _front(1.0)),
+    "weed": Kind(0.5, 0.5, 0.5, (60, 160, 40), 0.0, 0.0, AROUND, solid=False),
+}
+
+PEOPLE = ("worker", "visitor")
+ANIMALS = ("dog", "cat")
+
+
+def kind_of(name: str) -> str:
+    """The kind that a name tells: 'picker_01' is a picker."""
+    return name.rsplit("_", 1)[0]
+
+
+def name_of(kind: str, number: int) -> str:
+    """The name of the number-th of a kind, counted from 1."""
+    return f"{kind}_{number:02d}"
+
+
+def select_agents(names: Iterable[str], only: list[str], without: list[str], share: str = "0/1") -> list[str]:
+    """Those of the names that these words choose: kinds or names, and every n-th of what is left. Raises ValueError for other words."""
+    names = list(names)
+    for word in [*only, *without]:
+        if not any(word in (name, kind_of(name)) for name in names):
+            raise ValueError(f"{word}: no such agent or kind; there are {', '.join(sorted({kind_of(name) for name in names}))}")
+    first, of = _share(share)
+    kept = [name for name in names if not only or name in only or kind_of(name) in only]
+    return [name for name in kept if name not in without and kind_of(name) not in without][first::of]
+
+
+def _share(text: str) -> tuple[int, int]:
+    first, _, of = text.partition("/")
+    if not (first.isdecimal() and of.isdecimal() and int(first) < int(of)):
+        raise ValueError(f"share {text}: wanted is I/N, with I from 0 to N - 1")
+    return int(first), int(of)

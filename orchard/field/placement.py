@@ -1,0 +1,182 @@
+"""Where people, animals and weeds stand at the beginning: the given place where it is free, else the nearest free one.
+
+A place is free for a body where a circle around its box, so at any yaw, is clear of all that stands there. Poses are
+built with + - * / and sqrt alone, because they are hashed and must have the same bits on every machine. Metres.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchard.field.geometry import EAST, HEADINGS, Pose, Rect
+from orchard.field.kinds import ANIMALS, KINDS, PEOPLE, name_of
+from orchard.field.repeatable import TURN, draw, wrap
+from orchard.field.scenario import Scenario
+
+CLEAR = 0.3  # m from anything solid
+AHEAD_OF_PICKER = 1.5  # m from its front
+TRACK = Rect(-48.0, 26.0, -22.0, 32.0)  # what the tractor sweeps, turning included, is within
+GRID = 0.25  # m: how finely the nearest free place is looked for
+TRIES = 20  # random places that are tried before the nearest free one to the first of them is taken
+
+# reference.md, 'The things in it'; further ones stand at random
+GIVEN = {
+    "worker": ((-20.0, 22.0), (25.0, 25.0), (36.0, 18.0), (-44.0, -15.0)),
+    "visitor": ((-47.0, 8.0), (-6.0, 22.0), (44.0, 6.0)),
+    "dog": ((20.0, -11.0), (20.0, 15.0)),
+    "cat": ((-47.0, -11.0),),
+    "weed": (),
+}
+
+Obstacle = tuple[float, float, float, float, float]  # x, y, half length along x, half width along y, how far to keep off
+
+
+@dataclass(frozen=True)
+class Start:
+    """A body at the beginning, and the bin behind it."""
+
+    name: str
+    kind: str
+    pose: Pose
+    bin: str = ""
+
+
+class Placement:
+    """Places guests one after another, each clear of everything before it.
+
+    `walls`: (n, 4), x, y, half length along x, half width along y of all that is fixed. `inside`: between the fences.
+    `rows`: between the first and the last tree line, where people do not stand. `keep_off`: where no guest stands.
+    """
+
+    def __init__(self, walls: np.ndarray, inside: Rect, rows: Rect, keep_off: Iterable[Rect] = ()) -> None:
+        self.walls, self.inside, self.rows, self.keep_off = walls, inside, rows, tuple(keep_off)
+
+    def guests(self, scenario: Scenario, machines: list[Start]) -> list[Start]:
+        """The starts of all people, animals and weeds; `machines` face east. The same seed gives the same starts."""
+        solid = [(*wall, CLEAR) for wall in self.walls.tolist()] + [_box(machine) for machine in machines]
+        areas = [_area(rect) for rect in (*self.keep_off, TRACK, *_ways(machines))]
+        grounds = {kind: _Ground(self.inside, _radius(kind), solid + areas) for kind in ANIMALS}
+        grounds |= {kind: _Ground(self.inside, _radius(kind), [*solid, *areas, _area(self.rows)]) for kind in PEOPLE}
+        starts = []
+        for kind, number in _in_order(scenario):
+            start = _start(grounds[kind], self.inside, scenario.seed, kind, number)
+            starts.append(start)
+            for ground in grounds.values():
+                ground.take((start.pose.x, start.pose.y, 0.0, 0.0, _radius(kind) + CLEAR))
+        return starts + self._weeds(scenario, solid)
+
+    def _weeds(self, scenario: Scenario, solid: list[Obstacle]) -> list[Start]:
+        """The odd ones above the rows, the even ones below. They are not solid: people and animals may stand on them."""
+        above = Rect(self.inside.west, self.rows.north, self.inside.east, self.inside.north)
+        below = Rect(self.inside.west, self.inside.south, self.inside.east, self.rows.south)
+        grounds = [_Ground(strip, _radius("weed"), solid) for strip in (above, below)]
+        starts = []
+        for number in range(1, scenario.weeds + 1):
+            ground = grounds[(number - 1) % 2]
+            start = _start(ground, ground.within, scenario.seed, "weed", number)
+            starts.append(start)
+            ground.take((start.pose.x, start.pose.y, 0.0, 0.0, _radius("weed") + CLEAR))
+        return starts
+
+
+class _Ground:
+    """Where bodies of one size may stand: within a rectangle, and off all obstacles."""
+
+    def __init__(self, within: Rect, radius: float, obstacles: list[Obstacle]) -> None:
+        self.within, self.radius = within, radius
+        self.obstacles = list(obstacles)
+        self.xs, self.ys = _steps(within.west, within.east), _steps(within.south, within.north)
+        self.open = np.ones((len(self.ys), len(self.xs)), dtype=bool)  # the points of the grid that are free
+        for obstacle in obstacles:
+            self._close(obstacle)
+
+    def take(self, obstacle: Obstacle) -> None:
+        self.obstacles.append(obstacle)
+        self._close(obstacle)
+
+    def free(self, x: float, y: float) -> bool:
+        if not self.within.contains(x, y):
+            return False
+        ox, oy, half_x, half_y, gap = np.array(self.obstacles).T
+        return bool(np.all(_squared(np.abs(ox - x) - half_x, np.abs(oy - y) - half_y) >= (gap + self.radius) * (gap + self.radius)))
+
+    def nearest(self, x: float, y: float) -> tuple[float, float]:
+        """The free point of the grid that is nearest; of equals the southernmost, then the westernmost."""
+        distance = np.where(self.open, _squared(np.abs(self.xs - x)[None, :], np.abs(self.ys - y)[:, None]), np.inf)
+        row, column = divmod(int(np.argmin(distance)), len(self.xs))
+        if not self.open[row, column]:
+            raise ValueError("the orchard is full: no free place is left")
+        return float(self.xs[column]), float(self.ys[row])
+
+    def _close(self, obstacle: Obstacle) -> None:
+        x, y, half_x, half_y, gap = obstacle
+        reach = gap + self.radius
+        columns = slice(*np.searchsorted(self.xs, (x - half_x - reach, x + half_x + reach)))
+        rows = slice(*np.searchsorted(self.ys, (y - half_y - reach, y + half_y + reach)))
+        beside = np.abs(self.xs[columns] - x)[None, :] - half_x, np.abs(self.ys[rows] - y)[:, None] - half_y
+        self.open[rows, columns] &= _squared(*beside) >= reach * reach
+
+
+def _start(ground: _Ground, area: Rect, seed: int, kind: str, number: int) -> Start:
+    name = name_of(kind, number)
+    given = GIVEN[kind][number - 1 : number]
+    places = given or tuple(_random_places(area, seed, name))
+    x, y = next((place for place in places if ground.free(*place)), None) or ground.nearest(*places[0])
+    return Start(name, kind, Pose(x, y, _yaw(seed, name, kind)))
+
+
+def _random_places(area: Rect, seed: int, name: str) -> Iterator[tuple[float, float]]:
+    for number in range(TRIES):
+        u, v = draw(seed, f"place of {name}", number, 2)
+        yield round(area.west + u * (area.east - area.west), 2), round(area.south + v * (area.north - area.south), 2)
+
+
+def _yaw(seed: int, name: str, kind: str) -> float:
+    """People face along one of the four headings, animals anywhere, weeds east."""
+    (u,) = draw(seed, f"yaw of {name}", 0)
+    if kind in PEOPLE:
+        return tuple(HEADINGS.values())[int(4.0 * u)]
+    return wrap(TURN * u) if kind in ANIMALS else EAST
+
+
+def _in_order(scenario: Scenario) -> list[tuple[str, int]]:
+    """Kind and number of all people and animals, first those with a given place."""
+    people, animals = scenario.people, scenario.animals
+    counts = {"worker": people.workers, "visitor": people.visitors, "dog": animals.dogs, "cat": animals.cats}
+    everybody = [(kind, number) for kind, count in counts.items() for number in range(1, count + 1)]
+    return sorted(everybody, key=lambda guest: guest[1] > len(GIVEN[guest[0]]))
+
+
+def _radius(kind: str) -> float:
+    """Of the circle around a body's box."""
+    length, width = KINDS[kind].length, KINDS[kind].width
+    return 0.5 * math.sqrt(length * length + width * width)
+
+
+def _box(machine: Start) -> Obstacle:
+    kind = KINDS[machine.kind]
+    return machine.pose.x, machine.pose.y, kind.length / 2, kind.width / 2, CLEAR
+
+
+def _ways(machines: list[Start]) -> list[Rect]:
+    """The ground ahead of the pickers."""
+    half_length, half_width = KINDS["picker"].length / 2, KINDS["picker"].width / 2
+    starts = [(machine.pose.x + half_length, machine.pose.y) for machine in machines if machine.kind == "picker"]
+    return [Rect(x, y - half_width, x + AHEAD_OF_PICKER, y + half_width) for x, y in starts]
+
+
+def _area(rect: Rect) -> Obstacle:
+    return (rect.west + rect.east) / 2, (rect.south + rect.north) / 2, (rect.east - rect.west) / 2, (rect.north - rect.south) / 2, 0.0
+
+
+def _steps(first: float, last: float) -> np.ndarray:
+    return first + GRID * np.arange(int((last - first) / GRID) + 1)
+
+
+def _squared(beside: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """The square of the distance to a box that is so far away along x and along y (negative: abreast of it)."""
+    beside, along = np.maximum(beside, 0.0), np.maximum(along, 0.0)
+    squared: np.ndarray = beside * beside + along * along
+    return squared

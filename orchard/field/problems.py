@@ -1,0 +1,114 @@
+"""What is said of a scenario that cannot be used: the file, the line, the key, what is there and what would be right."""
+
+import difflib
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from orchard.field.kinds import KINDS
+
+MOST_TOLD = 50  # problems that an error's text names
+
+Lines = dict[tuple[str, ...], int]  # path in the file -> its line, from 1
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong with a scenario: where, what is there, and what is allowed."""
+
+    file: str  # or where else the values come from
+    text: str  # what is wrong, and what is allowed
+    path: str = ""  # dotted path in the file; empty: the file as a whole
+    value: str = ""  # as a person reads it; empty where the path itself is wrong
+    line: int = 0  # from 1; 0: not known
+
+    def __str__(self) -> str:
+        where = f"{self.file}:{self.line}" if self.line else self.file
+        what = f"{self.path} = {self.value}" if self.value else self.path
+        return f"{where}: {what}: {self.text}" if what else f"{where}: {self.text}"
+
+
+class ScenarioError(Exception):
+    """A scenario that cannot be used; `problems` tells all that is wrong with it, in the file's order, the message the first of it."""
+
+    def __init__(self, problems: list[Problem]) -> None:
+        self.problems = sorted(problems, key=lambda problem: problem.line)
+        more = len(problems) - MOST_TOLD
+        super().__init__("\n".join([*map(str, self.problems[:MOST_TOLD]), *([f"and {more} more problems"] if more > 0 else [])]))
+
+
+def problem_of(error: dict[str, Any], model: type[BaseModel], source: str, lines: Lines) -> Problem:
+    """What is wrong, from an error of pydantic's about values of a model; `lines` tells where each key is."""
+    loc, value = error["loc"], show(error["input"])
+    if error["type"] == "rule":
+        fields = [(*loc, field) for field in error["ctx"]["fields"]]
+        line = max(lines.get(field, 0) for field in fields)
+        return Problem(source, error["msg"], ", ".join(map(dotted, fields)), ", ".join(map(str, error["ctx"]["values"])), line)
+    if error["of_key"]:
+        return Problem(source, f"no kind ({', '.join(KINDS)}), and no name of one, as picker_01", dotted(loc), "", lines.get(loc, 0))
+    text = _unknown(loc, model) if error["type"] == "extra_forbidden" else f"must be {_wanted(loc, model)}"
+    return Problem(source, text, dotted(loc), value, lines.get(loc, 0))
+
+
+def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
+    """What a field may hold: 'a number from 5.0 to 12.0 (width of a row between its trees, m)'."""
+    if path[0] == "agents" and len(path) > 1:
+        return "the class that drives it, as my_package.MyPicker"
+    if path[0] == "agents":
+        return f"a map of kinds ({', '.join(KINDS)}) or names and the classes that drive them: {{picker: my_package.MyPicker}}"
+    field = _keys(path[:-1], model)[path[-1]]
+    if section := _section(field):
+        return f"a map with some of the keys {', '.join(section.model_fields)}"
+    limits = {type(limit).__name__: limit for limit in field.metadata}
+    kinds: dict[Any, str] = {bool: "true or false", float: "a number", int: "a whole number"}
+    kind = kinds.get(field.annotation, "null or a whole number")
+    span = f" from {limits['Ge'].ge} to {limits['Le'].le}" if "Ge" in limits else ""
+    return f"{kind}{span} ({field.description})"
+
+
+def _unknown(path: tuple[str, ...], model: type[BaseModel]) -> str:
+    """That there is no such key, the known one that is closest, and all that there are."""
+    here = _keys(path[:-1], model)
+    sections = {name: _section(field) for name, field in model.model_fields.items()}
+    elsewhere = {key: f"{name}.{key}" for name, section in sections.items() if section for key in section.model_fields}
+    elsewhere |= {key: key for key in sections}
+    key = path[-1].lower().replace("-", "_").replace(" ", "_")[:60]
+    near = [close for known in (here, elsewhere) for close in difflib.get_close_matches(key, known, n=1)]
+    guess = near and (near[0] if near[0] in here else elsewhere[near[0]])
+    return f"unknown key{f'; did you mean {guess}?' if guess else ';'} known here: {', '.join(here)}"
+
+
+def _keys(path: tuple[str, ...], model: Any) -> dict[str, FieldInfo]:
+    """The fields of the section at a path."""
+    for part in path:
+        model = model.model_fields[part].annotation
+    fields: dict[str, FieldInfo] = model.model_fields
+    return fields
+
+
+def _section(field: FieldInfo) -> type[BaseModel] | None:
+    kind = field.annotation
+    return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
+
+
+def key_text(key: Any) -> str:
+    """A key as a person reads it, whatever it is."""
+    return key if isinstance(key, str) and key.isprintable() and key else show(key)
+
+
+def dotted(path: tuple[str, ...]) -> str:
+    """A path in a file as a person reads it: people.workers."""
+    return ".".join(part if len(part) <= 60 else part[:57] + "..." for part in path)
+
+
+def show(value: Any) -> str:
+    """A value as one writes it in YAML, shortened, whatever it is."""
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    try:
+        text = repr(value)
+    except Exception:  # a whole number of more than 4,300 digits, for one
+        text = f"some {type(value).__name__}"
+    return text if len(text) <= 60 else text[:57] + "..."

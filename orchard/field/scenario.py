@@ -1,0 +1,298 @@
+"""The scenario: what a user may set, with its limits, and how it is read. The one place for YAML.
+
+`load(path)` gives a `Scenario`, or a `ScenarioError` that names every problem at once. `python -m orchard.config`
+writes the JSON schema with which an editor completes and checks a scenario while it is typed.
+"""
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
+
+from orchard.field.kinds import KINDS
+from orchard.field.problems import Lines, Problem, ScenarioError, dotted, key_text, problem_of, show
+
+TIME_STEP = 0.1  # s
+MOST_GUESTS = 50  # people together, animals together, weeds
+LARGEST_FILE = 65536  # bytes; a whole scenario needs less than 2,000
+DEEPEST = 8  # levels in a file; a scenario needs 2
+
+
+def _count(what: str) -> Any:
+    return Field(ge=0, le=MOST_GUESTS, description=what)
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    def _demand(self, holds: bool, text: str, *fields: str) -> None:
+        """A rule about several fields: unless it holds, an error that names them and their values."""
+        if not holds:
+            raise PydanticCustomError("rule", text, {"fields": fields, "values": [getattr(self, field) for field in fields]})
+
+
+class People(_Section):
+    """Workers and visitors, who walk about: at most 50 together."""
+
+    workers: Annotated[int, _count("workers, yellow hats, number")] = 4
+    visitors: Annotated[int, _count("visitors, number")] = 3
+
+    @model_validator(mode="after")
+    def _not_too_many(self) -> "People":
+        self._demand(self.workers + self.visitors <= MOST_GUESTS, f"must be at most {MOST_GUESTS} together", "workers", "visitors")
+        return self
+
+
+class Animals(_Section):
+    """Dogs and cats, who run about: at most 50 together."""
+
+    dogs: Annotated[int, _count("dogs, number")] = 2
+    cats: Annotated[int, _count("cats, number")] = 1
+
+    @model_validator(mode="after")
+    def _not_too_many(self) -> "Animals":
+        self._demand(self.dogs + self.cats <= MOST_GUESTS, f"must be at most {MOST_GUESTS} together", "dogs", "cats")
+        return self
+
+
+class LaserSettings(_Section):
+    """What all lasers have in common."""
+
+    noise: Annotated[float, Field(ge=0.0, le=0.02, description="standard deviation of a measured range, m")] = 0.0
+
+
+_NAME = "[A-Za-z_][A-Za-z0-9_]*"
+ClassPath = Annotated[str, Field(pattern=rf"^{_NAME}(\.{_NAME})*[.:]{_NAME}$", max_length=200)]
+Driven = Annotated[str, Field(pattern=rf"^({'|'.join(KINDS)})(_[0-9]+)?$")]
+Classes = Annotated[dict[Driven, ClassPath], Field(max_length=200, description="kind or name -> module.Class that drives in place of ours")]
+
+
+class Scenario(_Section):
+    """An orchard, its machines and its guests. Figures: reference.md, from the manual."""
+
+    rows: Annotated[int, Field(ge=3, le=20, description="rows that are picked, number; each is 70 m long and fills one bin")] = 5
+    pickers: Annotated[int, Field(ge=2, le=20, description="picking robots, number; at most one a row")] = 2
+    row_width: Annotated[float, Field(ge=5.0, le=12.0, description="width of a row between its trees, m")] = 5.0
+    carriers: Annotated[int | None, Field(ge=1, le=40, description="bin carriers, number; null: 7 for every 10 pickers, rounded up")] = None
+    picking_speed: Annotated[float, Field(ge=0.02, le=1.0, description="a picker's speed while it picks, m/s; a person's: 0.03")] = 1.0
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1, description="what all chance depends on: the same seed, the same harvest")] = 1
+    people: Annotated[People, Field(description="who walks about")] = People()
+    animals: Annotated[Animals, Field(description="who runs about")] = Animals()
+    weeds: Annotated[int, _count("weeds above and below the rows, number")] = 10
+    tractor: Annotated[bool, Field(description="whether a tractor drives up and down the driveway")] = True
+    laser: Annotated[LaserSettings, Field(description="the range finders of all that moves")] = LaserSettings()
+    agents: Classes = {}
+
+    @property
+    def carrier_count(self) -> int:
+        """Carriers, by default 7 for every 10 pickers, rounded up (manual)."""
+        return self.carriers if self.carriers is not None else math.ceil(self.pickers * 7 / 10)
+
+    @model_validator(mode="after")
+    def _no_idle_pickers(self) -> "Scenario":
+        self._demand(self.pickers <= self.rows, "must be at most one picker a row", "pickers", "rows")
+        return self
+
+
+def load(path: str | Path) -> Scenario:
+    """The scenario in a YAML file; what the file leaves out keeps its default. Raises `ScenarioError`."""
+    source = key_text(str(path))
+    return parse(_read(path, source), source)
+
+
+def parse(text: str, source: str = "scenario") -> Scenario:
+    """The scenario in a YAML text; `source` names the text in errors. Raises `ScenarioError`."""
+    values, lines, repeated = _parse(text, source)
+    return check({} if values is None else values, source, lines, repeated)
+
+
+def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
+    """A scenario with some values changed, checked anew. Raises `ScenarioError`.
+
+    A nested value is named by its dotted path, or a map changes some of a section:
+    `with_changes(s, rows=8, **{"people.workers": 0})`, `with_changes(s, people={"workers": 0})`.
+    """
+    values = scenario.model_dump()
+    for path, value in changes.items():
+        *sections, key = path.split(".")
+        _merge(values, _nested([*sections, key], value))
+    return check(values, "changes")
+
+
+def to_yaml(scenario: Scenario) -> str:
+    """All values of a scenario as YAML, which `parse` reads back to an equal scenario."""
+    return yaml.safe_dump(scenario.model_dump(), sort_keys=False)
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON schema of a scenario file. What several fields allow together is not in it."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
+
+
+def schema_text() -> str:
+    """What stands in `config/scenario.schema.json`."""
+    return json.dumps(json_schema(), indent=2) + "\n"
+
+
+# --- values -> Scenario, or every problem ---
+
+
+def check(values: Any, source: str = "scenario", lines: Lines | None = None, known: list[Problem] | None = None) -> Scenario:
+    """The scenario with these values, or a `ScenarioError` with all that is wrong, `known` problems among it."""
+    if not isinstance(values, Mapping | BaseModel):
+        raise ScenarioError([*(known or []), Problem(source, f"must be a map of keys and values, and not {show(values)}")])
+    plain = _plain(values)
+    problems = list(known or []) + [problem_of(error, Scenario, source, lines or {}) for error in _errors(plain)]
+    if problems:
+        raise ScenarioError(problems)
+    return Scenario.model_validate(plain)
+
+
+def _plain(values: Any, levels: int = 2) -> Any:
+    """Sections as dicts whose keys are printable text."""
+    if isinstance(values, BaseModel):
+        values = values.model_dump()
+    if levels == 0 or not isinstance(values, Mapping):
+        return values
+    return {key_text(key): _plain(value, levels - 1) for key, value in values.items()}
+
+
+def _errors(values: dict[str, Any]) -> list[dict[str, Any]]:
+    """All errors. Pydantic tries a rule about several fields only where each is right by itself: so what is wrong is
+    set back to its default and the rest is tried again, until no rule is left that was not tried."""
+    found: list[dict[str, Any]] = []
+    wrong: set[tuple[str, ...]] = set()
+    while errors := _failures(values):
+        found += [error for error in errors if not wrong & _fields(error)]
+        if any(error["loc"] == () for error in errors):
+            break
+        wrong |= {error["loc"] for error in errors}
+        values = _without(values, {error["loc"] for error in errors})
+    return found
+
+
+def _failures(values: dict[str, Any]) -> list[dict[str, Any]]:
+    try:
+        Scenario.model_validate(values)
+    except ValidationError as failure:
+        return [_located(error) for error in failure.errors(include_url=False)]
+    return []
+
+
+def _located(error: Any) -> dict[str, Any]:
+    """An error with its path; pydantic marks what is wrong with a key of `agents`, and not with its value."""
+    of_key = error["loc"][2:] == ("[key]",)
+    return dict(error) | {"loc": error["loc"][:2] if of_key else error["loc"], "of_key": of_key}
+
+
+def _fields(error: dict[str, Any]) -> set[tuple[str, ...]]:
+    """The paths of the fields that an error is about."""
+    return {(*error["loc"], field) for field in error["ctx"]["fields"]} if error["type"] == "rule" else {error["loc"]}
+
+
+def _without(values: dict[str, Any], paths: set[tuple[str, ...]], at: tuple[str, ...] = ()) -> dict[str, Any]:
+    kept = {key: value for key, value in values.items() if (*at, key) not in paths}
+    return {key: _without(value, paths, (*at, key)) if isinstance(value, dict) else value for key, value in kept.items()}
+
+
+def _nested(keys: list[str], value: Any) -> Any:
+    return {keys[0]: _nested(keys[1:], value)} if keys else value
+
+
+def _merge(values: dict[str, Any], changes: dict[str, Any]) -> None:
+    for key, change in changes.items():
+        if isinstance(change, dict) and isinstance(values.get(key), dict):
+            _merge(values[key], change)
+        else:
+            values[key] = change
+
+
+# --- file -> values ---
+
+
+def _read(path: str | Path, source: str) -> str:
+    try:
+        with open(path, "rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+    except FileNotFoundError:
+        raise ScenarioError([Problem(source, "no such file")]) from None
+    except (OSError, ValueError) as error:
+        raise ScenarioError([Problem(source, f"cannot be read: {getattr(error, 'strerror', None) or error}")]) from None
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise ScenarioError([Problem(source, "is not UTF-8 text", line=line)]) from None
+
+
+class _Loader(yaml.SafeLoader):
+    """Plain data only, after YAML 1.2: 010 is not 8, 1:30 is not 90, `on` is not true, 1e-1 is a number."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - as yaml wants it
+
+
+for _tag, _pattern, _first in (
+    ("null", r"(~|null|Null|NULL|)$", ["~", "n", "N", ""]),
+    ("bool", r"(true|True|TRUE|false|False|FALSE)$", list("tTfF")),
+    ("int", r"[-+]?(0|[1-9][0-9]{0,18})$", list("-+0123456789")),
+    ("float", r"[-+]?(0|[1-9][0-9]*)?(\.[0-9]+|(?<=[0-9])\.?)([eE][-+]?[0-9]+)?$", list("-+.0123456789")),
+    ("float", r"([-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN))$", list("-+.")),
+):
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), _first)
+
+
+def _parse(text: str, source: str) -> tuple[Any, Lines, list[Problem]]:
+    """What a YAML text holds, the line of every key, and the keys that are in it more than once."""
+    if len(text.encode("utf-8", "replace")) > LARGEST_FILE:
+        raise ScenarioError([Problem(source, f"is larger than {LARGEST_FILE} bytes; a scenario needs less than 2000")])
+    try:
+        _refuse_what_is_not_plain(text, source)
+        loader = _Loader(text)
+        node = loader.get_single_node()
+        lines: Lines = {}
+        repeated = _walk(node, source, lines)
+        return (loader.construct_document(node) if node else None), lines, repeated
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        raise ScenarioError([_at(mark, source, f"is not YAML: {error.problem or error.context}")]) from None
+    except (yaml.YAMLError, ValueError, OverflowError) as error:
+        raise ScenarioError([Problem(source, f"is not YAML: {' '.join(str(error).split())}")]) from None
+
+
+def _refuse_what_is_not_plain(text: str, source: str) -> None:
+    """Before anything is built: aliases (a few lines of them fill the memory), tags (they name types), deep nesting."""
+    depth = 0
+    for event in yaml.parse(text, Loader=_Loader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        what = "nested too deeply" if depth > DEEPEST else "aliases (*name)" if isinstance(event, yaml.AliasEvent) else ""
+        what = what or ("tags (!name)" if getattr(event, "tag", None) else "")
+        if what:
+            raise ScenarioError([_at(event.start_mark, source, f"{what}: not allowed in a scenario")])
+
+
+def _at(mark: Any, source: str, text: str) -> Problem:
+    """A problem with a place in the text."""
+    if mark is None:
+        return Problem(source, text)
+    return Problem(source, f"{text} (line {mark.line + 1}, column {mark.column + 1})", line=mark.line + 1)
+
+
+def _walk(node: yaml.Node | None, source: str, lines: Lines, at: tuple[str, ...] = ()) -> list[Problem]:
+    """Notes the line of every key; gives the repeated ones."""
+    repeated = []
+    for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
+        if not isinstance(key, yaml.ScalarNode):
+            continue
+        path, line = (*at, key_text(key.value)), key.start_mark.line + 1
+        if path in lines:
+            text = f"given twice, in lines {lines[path]} and {line}; once is allowed"
+            repeated.append(Problem(source, text, dotted(path), value.value[:60] if isinstance(value, yaml.ScalarNode) else "...", line))
+        lines[path] = line
+        repeated += _walk(value, source, lines, path)
+    return repeated

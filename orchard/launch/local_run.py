@@ -1,0 +1,138 @@
+"""Local mode: a whole run in this process, with its recording, its live viewers and its snapshots."""
+
+import math
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+
+from orchard.contract.events import Event, Frame
+from orchard.field.layout import lay_out
+from orchard.field.scenario import TIME_STEP
+from orchard.launch.request import RunRequest
+from orchard.launch.supervisor import open_viewer
+from orchard.local import Local
+from orchard.net.pacer import Pacer
+from orchard.report.progress import Progress
+from orchard.server.figures import RunFigures
+from orchard.server.snapshots import SNAPSHOT_SECONDS, SnapshotWriter, sole
+from orchard.sim.frames import FrameBuilder, talk_of
+from orchard.sim.kernels.cache import COMPILING, are_compiled
+from orchard.sim.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from orchard.view.recorder import Recorder
+
+NAP_SECONDS = 0.2  # between two looks whether to stop, while the next tick is not due
+
+
+@contextmanager
+def interruptible() -> Iterator[Callable[[], bool]]:
+    """Within this, Ctrl-C and SIGTERM only say that it is time to stop."""
+    asked: list[int] = []
+    old = {number: signal.signal(number, lambda number, frame: asked.append(number)) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: bool(asked)
+    finally:
+        for number, handler in old.items():
+            signal.signal(number, handler)
+
+
+def run(
+    request: RunRequest, look: Callable[[Frame], None] | None, show: Callable[[dict[str, Any], dict[str, str], dict[str, str]], None]
+) -> tuple[dict[str, Any], str]:
+    """Harvest; the summary, and why it ended. Every frame goes to `look`, the figures now and then to `show`."""
+    local = Local(request.scenario) if request.resumed is None else Local.resume(request.resumed)
+    engine, account = local.engine, RunFigures(local.engine, request.resumed.figures if request.resumed else {})
+    camera, pacer, snapshot_writer = FrameBuilder(engine.world), Pacer(request.speed), SnapshotWriter(request.snapshots, SNAPSHOT_SECONDS)
+    ticks = math.inf if request.duration is None else round(request.duration / TIME_STEP)
+    account.begin()
+    with sole(request.snapshots), interruptible() as is_stopped:
+        while not (why := _end(local, account, ticks, is_stopped())):
+            if snapshot_writer.is_due():
+                snapshot_writer.keep(_snapshot(local, account))
+            if left := pacer.wait():
+                time.sleep(min(left, NAP_SECONDS))
+                continue
+            pacer.begin()
+            events = local.tick()
+            account.update(events, local.actions)
+            if look is not None:
+                frame = camera.frame(engine.scans, local.actions, events)
+                frame.events = [*frame.events, *_talk(local)]
+                look(frame)
+            if account.is_due():
+                message = account.message("", {})
+                show(message.figures, message.doing, message.waits_for)
+    snapshot_writer.keep(_snapshot(local, account))
+    snapshot_writer.finish()
+    summary = {"hash": engine.hash, "mode": "local", "hosts": 1} | account.figures()
+    return summary | {"messages_refused": {}, "finished": engine.over, "violations": engine.violations()}, why
+
+
+def _snapshot(local: Local, account: RunFigures) -> Snapshot:
+    snapshot = local.snapshot()
+    snapshot.figures |= account.as_data()
+    return snapshot
+
+
+def _end(local: Local, account: RunFigures, ticks: float, stopped: bool) -> str:
+    """Why the run is over; '' if it is not."""
+    if local.engine.over:
+        return "harvested"
+    if local.engine.tick >= ticks:
+        return "duration"
+    if stopped:
+        return "stopped"
+    return "\n".join(["jammed", *account.jam]) if account.jam else ""
+
+
+def _talk(local: Local) -> list[Event]:
+    said, tick = [], local.engine.tick - 1
+    for name, action in local.actions.items():
+        if action.requests or action.answers:
+            said += talk_of(tick, name, action.requests, [(heard.sender, body) for heard, body in action.answers])
+    return said
+
+
+def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
+    """Harvest, and show it; the summary, and why it ended."""
+    recorder, browser, viewer = _recorder(request), _web_viewer(request), open_viewer(request.uri) if request.view else None
+    try:
+        with Progress(Console(emoji=False, highlight=False)) as progress:
+            if not are_compiled():
+                progress.say(COMPILING)
+            summary, why = run(request, None if recorder is None else recorder.tick, progress.show)
+        if viewer is not None and why == "stopped":
+            viewer.terminate()
+        return summary, why
+    finally:
+        if recorder is not None:
+            recorder.close()
+        if browser is not None:
+            browser.terminate()
+            browser.wait()
+
+
+def _recorder(request: RunRequest) -> "Recorder | None":
+    """Where frames go; None where nobody wants them."""
+    if request.recording is None and not request.is_live:
+        return None
+    from orchard.view.recorder import Recorder  # late: Rerun takes half a second to load
+
+    name, port = f"{request.scenario.rows} rows, seed {request.scenario.seed}", request.data_port if request.is_live else 0
+    return Recorder(lay_out(request.scenario), name, request.recording, serve=request.is_live, port=port)
+
+
+def _web_viewer(request: RunRequest) -> subprocess.Popen[bytes] | None:
+    """The process that serves browsers; None where nobody asked for it."""
+    if request.web is None:
+        return None
+    from orchard.view.web import page_url, serve_web
+
+    Console(emoji=False, highlight=False).print(f"Live: {page_url(request.web)}", soft_wrap=True)
+    return serve_web(request.web, request.uri)

@@ -1,0 +1,4 @@
+"""The network: Zenoh sessions, the hosts of agents, their mail, and when all answers to a tick are in.
+
+Nothing here simulates. Only `bus.py` imports Zenoh.
+"""

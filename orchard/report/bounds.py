@@ -1,0 +1,123 @@
+"""What a harvest can reach at best, from its geometry and speeds alone (closed forms; their derivation: docs/bounds.md).
+
+Times in seconds, rates in bins per second. A bound counts the ways as the traffic plan lays them out, driven without a stop.
+"""
+
+import math
+from dataclasses import dataclass
+
+from orchard.agents.robot import Step
+from orchard.agents.route import EAST_SIDE, SIDES, WEST_SIDE, Side, fetch, go_to_lane, go_to_next_row, leave_queue, pick, swap_bins
+from orchard.agents.steps import DriveTo, Face
+from orchard.field.geometry import EAST, HEADINGS, Pose, angle_between
+from orchard.field.kinds import EIGHTH
+from orchard.field.layout import QUEUE, QUEUE_HEAD, ROW_EAST, ROW_LENGTH, ROW_WEST, TOP_ROAD, UNLOADING_SECONDS, Layout
+
+TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and the gap to the next one; for so long, at 1 m/s, the bay changes hands
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The closed forms' terms for one scenario, and what follows from them."""
+
+    rows: int
+    pickers: int
+    carriers: int
+    row_seconds: float  # T, to pick one row
+    crossing_seconds: float  # t_x, from the end of a row to the head of the next
+    approach_seconds: float  # A, from the queue's head until the picker has its empty bin, mean of all rows
+    cycle_seconds: float  # C, from the queue's head around the orchard and back, mean of all rows
+    bay_seconds: float  # t_bay, for which one carrier occupies the bay
+    least_approach_seconds: float  # A of the row where it is least
+    least_cycle_seconds: float  # C of the row where it is least
+    queue_seconds: float  # from the queue's tail to its head; a harvest is over when the last carrier stands anywhere in it
+
+    @property
+    def terms(self) -> dict[str, float]:
+        """Bins per second that each part of the harvest allows."""
+        cycle = self.row_seconds + self.crossing_seconds + self.approach_seconds
+        return {
+            "pickers": self.pickers / cycle,
+            "carriers": self.carriers / self.cycle_seconds,
+            "unloading": 1.0 / self.bay_seconds,
+        }
+
+    @property
+    def bottleneck(self) -> str:
+        """The part that allows least."""
+        return min(self.terms, key=lambda name: self.terms[name])
+
+    @property
+    def bins_per_hour(self) -> float:
+        """No harvest of this scenario can do more for long."""
+        return 3600.0 * min(self.terms.values())
+
+    @property
+    def harvest_seconds(self) -> float:
+        """No harvest of this scenario is over sooner, the carriers back in the queue, which the last need not drive up."""
+        rounds, rows_each = math.ceil(self.rows / self.carriers), math.ceil(self.rows / self.pickers)
+        by_carriers = self.row_seconds + rounds * self.least_cycle_seconds
+        between = (rows_each - 1) * (self.crossing_seconds + self.least_approach_seconds)
+        return max(by_carriers, rows_each * self.row_seconds + between + self.least_cycle_seconds) - self.queue_seconds
+
+    @property
+    def enough_carriers(self) -> float:
+        """The number of carriers beyond which more do not help."""
+        return self.cycle_seconds * self.terms["pickers"]
+
+
+def bounds_of(layout: Layout) -> Bounds:
+    """The bounds of an orchard, averaged over its rows."""
+    exchanges = [(row, EAST_SIDE if i % 2 == 0 else WEST_SIDE) for rows in layout.blocks.values() for i, row in enumerate(rows)]
+    approaches = [approach(layout, row, side) for row, side in exchanges]
+    cycles = [cycle(layout, row, side) for row, side in exchanges]
+    return Bounds(
+        rows=layout.scenario.rows,
+        pickers=layout.scenario.pickers,
+        carriers=layout.scenario.carrier_count,
+        row_seconds=ROW_LENGTH / layout.scenario.picking_speed,
+        crossing_seconds=_mean([_crossing(layout, row, side) for row, side in exchanges if row < layout.scenario.rows]),
+        approach_seconds=_mean(approaches),
+        cycle_seconds=_mean(cycles),
+        bay_seconds=UNLOADING_SECONDS + TRAIN,
+        least_approach_seconds=min(approaches),
+        least_cycle_seconds=min(cycles),
+        queue_seconds=duration([DriveTo(x=QUEUE_HEAD)], Pose(QUEUE.west, TOP_ROAD, EAST)),
+    )
+
+
+HEAD = Pose(QUEUE_HEAD, TOP_ROAD, EAST)
+
+
+def approach(layout: Layout, row: int, side: Side) -> float:
+    """A, of one row."""
+    return duration(leave_queue(layout) + go_to_lane(layout, row, side), HEAD)
+
+
+def cycle(layout: Layout, row: int, side: Side) -> float:
+    """C, of one row."""
+    return duration(fetch(layout, 0, row, SIDES[side.name], "", ""), HEAD) + UNLOADING_SECONDS
+
+
+def _crossing(layout: Layout, row: int, side: Side) -> float:
+    start = Pose(ROW_EAST if side is EAST_SIDE else ROW_WEST, layout.lane(row).y, HEADINGS[side.heading("EAST")])
+    return duration(pick(layout, row, side, False) + swap_bins(row, side) + go_to_next_row(layout, row, row + 1, side), start)
+
+
+def duration(steps: list[Step], start: Pose) -> float:
+    """Seconds that a plan's drives and turns take when nothing holds them up."""
+    x, y, yaw = start
+    seconds = 0.0
+    for step in steps:
+        if isinstance(step, Face):
+            seconds += abs(angle_between(yaw, HEADINGS[step.heading])) / EIGHTH
+            yaw = HEADINGS[step.heading]
+        elif isinstance(step, DriveTo):
+            to_x, to_y = x if step.x is None else step.x, y if step.y is None else step.y
+            seconds += (abs(to_x - x) + abs(to_y - y)) / step.speed
+            x, y = to_x, to_y
+    return seconds
+
+
+def _mean(values: list[float]) -> float:
+    return sum(values) / len(values) if values else 0.0

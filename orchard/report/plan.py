@@ -1,0 +1,150 @@
+"""A plan of an orchard, drawn to scale as SVG: fences, trees, rows, roads, places, and everything at its start."""
+
+import html
+
+from orchard.agents.route import (
+    COUPLING,
+    D_ROAD,
+    EAST_SIDE,
+    F_ROAD,
+    FULL_BIN,
+    HOLD,
+    PARKED,
+    STOP,
+    WAITING,
+    WEST_SIDE,
+    Side,
+    inner_corner,
+    outer_corner,
+)
+from orchard.field.kinds import KINDS, kind_of
+from orchard.field.layout import BAY, DRIVEWAY, QUEUE, QUEUE_LINES, ROW_EAST, ROW_WEST, TOP, TOP_ROAD, TREES_X, X_MAX, Layout
+
+COLOURS = {
+    "ground": "#dfe8cf",
+    "driveway": "#cbb98f",
+    "lane": "#c7b08a",
+    "tree": "#7fae5d",
+    "trunk": "#5b4128",
+    "fence": "#6b6b6b",
+    "D": "#2f7fd1",
+    "F": "#c0392b",
+    "picker": "#b23bb2",
+    "bay": "#e0a030",
+}
+PIXELS = 12  # a metre
+
+
+class Drawing:
+    """SVG elements in metres, y north."""
+
+    def __init__(self, west: float, south: float, east: float, north: float) -> None:
+        self.west, self.north = west, north
+        self.elements: list[str] = []
+        self.width, self.height = (east - west) * PIXELS, (north - south) * PIXELS
+
+    def x(self, x: float) -> float:
+        return round((x - self.west) * PIXELS, 2)
+
+    def y(self, y: float) -> float:
+        return round((self.north - y) * PIXELS, 2)
+
+    def box(self, x: float, y: float, half_x: float, half_y: float, style: str, title: str = "") -> None:
+        """A rectangle about its centre."""
+        label = f"<title>{html.escape(title)}</title>" if title else ""
+        size = f'width="{round(2 * half_x * PIXELS, 2)}" height="{round(2 * half_y * PIXELS, 2)}"'
+        self.elements.append(f'<rect x="{self.x(x - half_x)}" y="{self.y(y + half_y)}" {size} style="{style}">{label}</rect>')
+
+    def line(self, points: list[tuple[float, float]], style: str) -> None:
+        path = " ".join(f"{self.x(x)},{self.y(y)}" for x, y in points)
+        self.elements.append(f'<polyline points="{path}" style="fill:none;{style}"/>')
+
+    def circle(self, x: float, y: float, radius: float, style: str) -> None:
+        self.elements.append(f'<circle cx="{self.x(x)}" cy="{self.y(y)}" r="{round(radius * PIXELS, 2)}" style="{style}"/>')
+
+    def text(self, x: float, y: float, words: str, size: float = 0.9) -> None:
+        at = f'x="{self.x(x)}" y="{self.y(y)}"'
+        self.elements.append(f'<text {at} font-size="{size * PIXELS}" font-family="sans-serif">{html.escape(words)}</text>')
+
+    def svg(self) -> str:
+        head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {self.width} {self.height}">'
+        return "\n".join([head, *self.elements, "</svg>", ""])
+
+
+def orchard_plan(layout: Layout) -> str:
+    """The whole orchard."""
+    drawing = Drawing(-X_MAX - 1, layout.bottom - 1, X_MAX + 1, TOP + 1)
+    _ground(drawing, layout)
+    _roads(drawing, layout)
+    _bodies(drawing, layout)
+    return drawing.svg()
+
+
+def exchange_plan(layout: Layout) -> str:
+    """The places at the east ends of the first three lanes, with what turns sweep there; the west is its mirror image."""
+    low, high = layout.lane(3).y - 4, layout.lane(1).y + 5
+    drawing = Drawing(30.0, low, 46.0, high)
+    _ground(drawing, layout)
+    _roads(drawing, layout)
+    for lane in layout.lanes[:3]:
+        _exchange(drawing, lane.y, EAST_SIDE)
+    return drawing.svg()
+
+
+def _ground(drawing: Drawing, layout: Layout) -> None:
+    middle, half = (TOP + layout.bottom) / 2, (TOP - layout.bottom) / 2
+    drawing.box(0, middle, X_MAX, half, f"fill:{COLOURS['ground']};stroke:{COLOURS['fence']};stroke-width:{PIXELS}")
+    for rect, colour in ((DRIVEWAY, COLOURS["driveway"]), (BAY, COLOURS["bay"])):
+        x, y = (rect.west + rect.east) / 2, (rect.south + rect.north) / 2
+        drawing.box(x, y, (rect.east - rect.west) / 2, (rect.north - rect.south) / 2, f"fill:{colour}")
+    for lane in layout.lanes:
+        drawing.box((ROW_EAST + ROW_WEST) / 2, lane.y, (ROW_EAST - ROW_WEST) / 2, 1.0, f"fill:{COLOURS['lane']};opacity:0.6")
+        drawing.text(-2.5, lane.y - 0.3, f"row {lane.number}")
+    for y in layout.tree_lines:
+        for x in TREES_X:
+            drawing.box(x, y, 2.75, 0.5, f"fill:{COLOURS['tree']};opacity:0.7")
+    for x, y, half_x, half_y in layout.walls[4:]:
+        drawing.box(x, y, half_x, half_y, f"fill:{COLOURS['trunk']}")
+
+
+def _roads(drawing: Drawing, layout: Layout) -> None:
+    inner, outer = inner_corner(layout), outer_corner(layout)
+    top = layout.lane(1).y
+    d_road = [(33, TOP_ROAD), (D_ROAD, TOP_ROAD), (D_ROAD, outer), (WEST_SIDE.x(D_ROAD), outer), (WEST_SIDE.x(D_ROAD), top + STOP)]
+    f_road = [(F_ROAD, top), (F_ROAD, inner), (WEST_SIDE.x(F_ROAD), inner), (WEST_SIDE.x(F_ROAD), TOP_ROAD), (33, TOP_ROAD)]
+    for points, colour in ((d_road, COLOURS["D"]), (f_road, COLOURS["F"])):
+        drawing.line(points, f"stroke:{colour};stroke-width:{1.5 * PIXELS};opacity:0.18")
+        drawing.line(points, f"stroke:{colour};stroke-width:2")
+    for y in QUEUE_LINES:
+        drawing.line([(QUEUE.west, y), (QUEUE.east, y)], f"stroke:{COLOURS['D']};stroke-width:1;stroke-dasharray:6")
+    for side in (EAST_SIDE, WEST_SIDE):
+        column = [(side.x(WAITING), top), (side.x(WAITING), layout.lanes[-1].y)]
+        drawing.line(column, f"stroke:{COLOURS['picker']};stroke-width:2;stroke-dasharray:4")
+        for lane in layout.lanes:
+            for road, x in (("D", D_ROAD), ("F", F_ROAD)):
+                hold = side.y(lane.y, -HOLD + 0.9)
+                drawing.line([(side.x(x) - 0.75, hold), (side.x(x) + 0.75, hold)], f"stroke:{COLOURS[road]};stroke-width:3")
+
+
+def _bodies(drawing: Drawing, layout: Layout) -> None:
+    for start in layout.starts:
+        kind = KINDS[kind_of(start.name)]
+        colour = "rgb({},{},{})".format(*kind.colour)
+        drawing.box(start.pose.x, start.pose.y, kind.length / 2, kind.width / 2, f"fill:{colour};stroke:black;stroke-width:1", start.name)
+
+
+def _exchange(drawing: Drawing, y: float, side: Side) -> None:
+    """Every place of an exchange, outlined, with the circles that turns sweep."""
+    picker, carrier, fruit = KINDS["picker"], KINDS["carrier"], KINDS["bin"]
+    outline = "fill:none;stroke-width:1.5;stroke:"
+    for x in (WAITING, PARKED):
+        drawing.box(side.x(x), y, picker.length / 2, picker.width / 2, outline + COLOURS["picker"])
+    for x in (FULL_BIN, D_ROAD):
+        drawing.box(side.x(x), y, fruit.length / 2, fruit.width / 2, outline + "firebrick")
+    stop = side.y(y, STOP)
+    drawing.box(side.x(D_ROAD), stop, carrier.width / 2, carrier.length / 2, outline + COLOURS["D"])
+    drawing.box(side.x(COUPLING), y, carrier.length / 2, carrier.width / 2, outline + COLOURS["F"])
+    for x, at, radius in ((D_ROAD, stop, 1.17), (COUPLING, stop, 1.17), (COUPLING, y, 1.17), (F_ROAD, y, 2.45), (WAITING, y, 2.80)):
+        drawing.circle(side.x(x), at, radius, "fill:none;stroke:#888;stroke-width:0.7;stroke-dasharray:3")
+    path = [(D_ROAD, stop), (COUPLING, stop), (COUPLING, y), (F_ROAD, y)]
+    drawing.line([(side.x(x), at) for x, at in path], "stroke:black;stroke-width:1")

@@ -1,0 +1,139 @@
+"""Certificates: an authority, what it vouches for, and a look at whether they still hold. The one place for cryptography.
+
+The keys are of the elliptic curve P-256. An authority's own key never leaves its directory; a role needs its certificate, its key,
+and the authority's certificate, by which it knows the others.
+"""
+
+import ipaddress
+import os
+import secrets
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY
+
+EARLIER = timedelta(hours=1)  # from when on a certificate holds: another machine's clock may be behind
+SERVES, CALLS = ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH
+
+
+@dataclass(frozen=True)
+class Authority:
+    """Who vouches for all roles."""
+
+    certificate: x509.Certificate
+    key: ec.EllipticCurvePrivateKey
+
+    @classmethod
+    def begin(cls, days: float) -> "Authority":
+        """A new one, unlike any other, whose certificates hold for so many days."""
+        name = f"orchard {secrets.token_hex(8)}"
+        key = ec.generate_private_key(ec.SECP256R1())
+        draft = _draft(name, name, key, datetime.now(UTC) + timedelta(days=days))
+        draft = draft.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        return cls(draft.add_extension(_signs_certificates(), critical=True).sign(key, hashes.SHA256()), key)
+
+    def write(self, folder: Path) -> None:
+        """Its own certificate and key."""
+        _write(folder, self.certificate, self.key)
+
+    def vouch(self, name: str, folder: Path, addresses: Iterable[str] = (), until: datetime | None = None) -> None:
+        """Write a role's files. Only who has addresses can be connected to; the others only connect."""
+        key = ec.generate_private_key(ec.SECP256R1())
+        draft = _draft(name, _name_of(self.certificate.subject), key, until or self.certificate.not_valid_after_utc)
+        draft = draft.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        names = [address(text) for text in addresses]
+        draft = draft.add_extension(x509.ExtendedKeyUsage([SERVES, CALLS] if names else [CALLS]), critical=False)
+        if names:
+            draft = draft.add_extension(x509.SubjectAlternativeName(names), critical=False)
+        _write(folder, draft.sign(self.key, hashes.SHA256()), key)
+        (folder / AUTHORITY).write_bytes(_pem(self.certificate))
+
+
+def _draft(name: str, issuer: str, key: ec.EllipticCurvePrivateKey, until: datetime) -> x509.CertificateBuilder:
+    begin = min(datetime.now(UTC), until) - EARLIER
+    draft = x509.CertificateBuilder(_name(issuer), _name(name), key.public_key(), x509.random_serial_number())
+    return draft.not_valid_before(begin).not_valid_after(until)
+
+
+def _name(text: str) -> x509.Name:
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, text)])
+
+
+def _name_of(name: x509.Name) -> str:
+    return str(name.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value)
+
+
+def _signs_certificates() -> x509.KeyUsage:
+    """What an authority's key may do, and nothing else."""
+    never = ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement")
+    return x509.KeyUsage(**dict.fromkeys(never, False), key_cert_sign=True, crl_sign=True, encipher_only=False, decipher_only=False)
+
+
+def address(text: str) -> x509.GeneralName:
+    """An IP address, or the name of a machine. Raises ValueError for what is neither."""
+    try:
+        return x509.IPAddress(ipaddress.ip_address(text))
+    except ValueError:
+        if not text or not all(part and part.replace("-", "").isalnum() and part.isascii() for part in text.split(".")):
+            raise ValueError(f"{text}: neither an address nor the name of a machine; like 192.168.1.10 or shed.local") from None
+        return x509.DNSName(text)
+
+
+def _pem(certificate: x509.Certificate) -> bytes:
+    return certificate.public_bytes(serialization.Encoding.PEM)
+
+
+def _write(folder: Path, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
+    """Both files, in a directory for the owner's eyes only."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    (folder / CERTIFICATE).write_bytes(_pem(certificate))
+    secret = key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
+    (folder / KEY).unlink(missing_ok=True)
+    with open(os.open(folder / KEY, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        file.write(secret)
+
+
+# -- what a user may have got wrong
+
+
+def check(folder: Path, name: str) -> None:
+    """ValueError, with what is wrong, where a role's files are of no use: not there, not its own, not by the authority, out of date."""
+    certificate, authority = _read(folder / CERTIFICATE), _read(folder / AUTHORITY)
+    if _name_of(certificate.subject) != name:
+        raise ValueError(f"{folder / CERTIFICATE}: this is the certificate of {_name_of(certificate.subject)}, not of {name}")
+    try:
+        certificate.verify_directly_issued_by(authority)
+    except (ValueError, TypeError, InvalidSignature):
+        raise ValueError(f"{folder / CERTIFICATE}: not by the authority in {AUTHORITY} beside it; are they of one directory?") from None
+    if _public_key(folder / KEY) != certificate.public_key():
+        raise ValueError(f"{folder / KEY}: not the key of the certificate beside it")
+    for one in (certificate, authority):
+        if not one.not_valid_before_utc <= datetime.now(UTC) <= one.not_valid_after_utc:
+            span = f"from {one.not_valid_before_utc:%Y-%m-%d %H:%M} to {one.not_valid_after_utc:%Y-%m-%d %H:%M} UTC"
+            raise ValueError(f"{folder}: its certificate holds {span}, and not now; `run.py secure --anew` makes new ones")
+
+
+def _read(path: Path) -> x509.Certificate:
+    try:
+        return x509.load_pem_x509_certificate(path.read_bytes())
+    except OSError as error:
+        raise ValueError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
+    except ValueError as error:
+        raise ValueError(f"{path}: not a certificate") from error
+
+
+def _public_key(path: Path) -> object:
+    try:
+        return serialization.load_pem_private_key(path.read_bytes(), None).public_key()
+    except OSError as error:
+        raise ValueError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}: not a private key without a password") from error

@@ -1,0 +1,162 @@
+"""Who may do what on which key, as rules that a Zenoh router keeps. What is not allowed here is denied.
+
+A role is a kind of process of one run: physics, a host of some agents, the logger, the operator. By its certificate the router
+knows which one somebody is, and looks at every message that comes from it (ingress) or goes to it (egress).
+"""
+
+import hashlib
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+from orchard.field.kinds import kind_of
+from orchard.wire.keys import LIVELINESS, LOGGER, PHYSICS, QUERY, TABLE, Keys
+
+Duty = Literal["physics", "router", "host", "logger", "operator", "warden"]
+
+# -- roles
+
+
+@dataclass(frozen=True)
+class Role:
+    """What somebody with one certificate is for."""
+
+    name: str
+    duty: Duty
+    names: tuple[str, ...] = ()  # under which it is alive: a host's are those of its agents
+
+    @property
+    def session(self) -> str:
+        """The id of its Zenoh session, which some keys name: hexadecimal, the same in every run."""
+        return "a" + hashlib.sha256(self.name.encode()).hexdigest()[:15]  # zenoh wants no leading 0
+
+
+WARDEN = "warden"  # who stops robots in an emergency, beside run.py, which is the operator and at work already
+SERVANTS = (
+    Role(PHYSICS, "physics", (PHYSICS,)),
+    Role("router", "router"),
+    Role(LOGGER, "logger", (LOGGER,)),
+    Role("operator", "operator"),
+    Role(WARDEN, "warden"),
+)
+
+# -- rights
+
+
+class Party(NamedTuple):
+    """Those with one duty, on all keys of a kind, or only on those that name what is their own: its agents, its session."""
+
+    duty: Duty
+    own: bool = False
+
+
+THE_PHYSICS, ITS_TOKEN = Party("physics"), Party("physics", own=True)
+OWN_HOST, ANY_HOST = Party("host", own=True), Party("host")
+THE_LOGGER, LOGGER_ITSELF = Party("logger"), Party("logger", own=True)
+OPERATOR, THE_WARDEN = Party("operator"), Party("warden")
+ALL = (THE_PHYSICS, ANY_HOST, THE_LOGGER, OPERATOR)
+AUDIENCE = (ANY_HOST, THE_LOGGER, OPERATOR)
+
+
+class Right(NamedTuple):
+    """Who uses a kind of key from which end. Of a key that is put and queried, who hears it may ask as well."""
+
+    sends: tuple[Party, ...]  # who puts, asks, or declares a token
+    hears: tuple[Party, ...]  # who subscribes, answers, or watches
+
+
+RIGHTS: dict[str, Right] = {
+    "velocity": Right((OWN_HOST, THE_PHYSICS), (THE_PHYSICS, THE_LOGGER)),
+    "velocities": Right((OWN_HOST,), (THE_PHYSICS,)),
+    "pose": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER)),
+    "scan": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER)),
+    "clock": Right((THE_PHYSICS,), AUDIENCE),
+    "seen": Right((THE_PHYSICS,), (OWN_HOST,)),
+    "mail": Right((ANY_HOST,), (OWN_HOST,)),
+    "letters": Right((THE_PHYSICS,), (THE_LOGGER,)),
+    "recall": Right((ANY_HOST,), (THE_PHYSICS,)),
+    "state": Right((OWN_HOST,), (ANY_HOST, THE_LOGGER)),
+    "events": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
+    "picture": Right((THE_PHYSICS,), (THE_LOGGER,)),
+    "figures": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
+    "refused": Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),  # it counts, and moves nothing
+    "scenario": Right((*AUDIENCE, THE_WARDEN), (THE_PHYSICS,)),
+    "join": Right((OWN_HOST,), (THE_PHYSICS,)),
+    "lost": Right((THE_PHYSICS,), AUDIENCE),
+    "command": Right((OPERATOR,), (THE_PHYSICS,)),
+    "stop": Right((OPERATOR, THE_WARDEN), (THE_PHYSICS,)),
+    "end": Right((THE_PHYSICS,), AUDIENCE),
+    "alive": Right((OWN_HOST, LOGGER_ITSELF, ITS_TOKEN), ALL),
+}
+
+# -- what a router must let through for that
+
+
+class _Passage(NamedTuple):
+    """One kind of Zenoh's messages in one direction, as seen by the router."""
+
+    flow: str
+    message: str
+
+
+_LEARNS_WHO_HEARS = _Passage("egress", "declare_subscriber")  # a publisher that knows of nobody sends nothing
+_PUTS = (_Passage("ingress", "put"), _LEARNS_WHO_HEARS)
+_SUBSCRIBES = (_Passage("ingress", "declare_subscriber"), _Passage("egress", "put"))
+_ASKS = (_Passage("ingress", "query"), _Passage("egress", "reply"))
+_ANSWERS = (_Passage("ingress", "declare_queryable"), _Passage("egress", "query"), _Passage("ingress", "reply"))
+_LIVES = (_Passage("ingress", "liveliness_token"),)
+_WATCHES = (_Passage("ingress", "declare_liveliness_subscriber"), _Passage("egress", "liveliness_token"))
+
+
+def access_control(roles: Iterable[Role], keys: Keys) -> dict[str, Any]:
+    """Zenoh's `access_control` for a router at which these meet: each under its certificate and with its session, and nobody else."""
+    rules, subjects, policies = [], [], []
+    for role in roles:
+        its = [_rule(role, passage, list(dict.fromkeys(exprs))) for passage, exprs in _allowed(role, keys).items()]
+        if its:
+            rules += its
+            subjects.append({"id": role.name, "cert_common_names": [role.name], "zids": [role.session]})
+            policies.append({"rules": [rule["id"] for rule in its], "subjects": [role.name]})
+    return {"enabled": True, "default_permission": "deny", "rules": rules, "subjects": subjects, "policies": policies}
+
+
+def _rule(role: Role, passage: _Passage, exprs: list[str]) -> dict[str, Any]:
+    name = f"{role.name} {passage.flow} {passage.message}"
+    return {"id": name, "permission": "allow", "flows": [passage.flow], "messages": [passage.message], "key_exprs": exprs}
+
+
+def _allowed(role: Role, keys: Keys) -> dict[_Passage, list[str]]:
+    """On which keys what may pass to and from a role."""
+    allowed: dict[_Passage, list[str]] = defaultdict(list)
+    for what, right in RIGHTS.items():
+        for parties, passages in zip(right, _ends(what), strict=True):
+            for party in parties:
+                if party.duty == role.duty:
+                    for passage in passages:
+                        allowed[passage] += _exprs(what, party, role, keys) if passage != _LEARNS_WHO_HEARS else [keys.of(what)]
+    return allowed
+
+
+def _ends(what: str) -> tuple[tuple[_Passage, ...], tuple[_Passage, ...]]:
+    """What passes for who sends on a kind of key, and for who hears."""
+    key = TABLE[what]
+    if key.delivery == LIVELINESS:
+        return _LIVES, _WATCHES
+    if key.delivery == QUERY:
+        return _ASKS, _ANSWERS
+    return (_PUTS + _ANSWERS, _SUBSCRIBES + _ASKS) if key.replies else (_PUTS, _SUBSCRIBES)
+
+
+def _exprs(what: str, party: Party, role: Role, keys: Keys) -> Iterator[str]:
+    """The keys of a kind that are meant."""
+    if not party.own:
+        yield keys.of(what)
+        return
+    session = role.session if role.duty == "host" or what != "alive" else "*"  # in their tokens physics and logger may name the run
+    for name in role.names:
+        if kind_of(name) == "bin" or "{bin}" not in TABLE[what].template:
+            yield keys.of(what, name, session)
+
+
+CERTIFICATE, KEY, AUTHORITY = "certificate.pem", "key.pem", "authority.pem"

@@ -1,0 +1,97 @@
+"""What bodies ask of physics besides moving: coupling, uncoupling, and a weed's end. Physics decides whether it happens."""
+
+import numpy as np
+
+from orchard.contract.events import Event
+from orchard.contract.messages import Couple, Deed, Flatten, Uncouple
+from orchard.field import repeatable
+from orchard.field.geometry import Pose, angle_between, to_frame
+from orchard.sim.kernels.boxes import place
+from orchard.sim.kernels.move import mover_near
+from orchard.sim.world import NOBODY, World
+
+COUPLING_REACH = 0.1  # m, from the bin's centre to the coupling point
+COUPLING_ANGLE = 5.0 * repeatable.PI / 180.0  # rad, between the sides of robot and bin
+WEED_REACH = 1.0  # m, edge to edge
+
+
+class DeedRefused(Exception):
+    """Why a deed does not happen."""
+
+
+def do_deeds(world: World, wanted: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
+    """Do the deeds, (body index, deed) in body order, or tell why not; wanted (n, 3): the twists wanted for this step.
+
+    Those of stopped bodies are left out, without a word at every tick: that they are stopped was told.
+    """
+    return [_do_one(world, wanted, i, deed) for i, deed in deeds if not world.stopped[i]]
+
+
+def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
+    name = world.layout.names[i]
+    try:
+        match deed:
+            case Couple():
+                return Event(world.tick, "coupled", name, _couple(world, wanted, i, deed.bin))
+            case Uncouple():
+                return Event(world.tick, "uncoupled", name, _uncouple(world, wanted, i))
+            case Flatten():
+                return Event(world.tick, "weed flattened", name, _flatten(world, i))
+    except DeedRefused as reason:
+        whom = deed.bin if isinstance(deed, Couple) else ""
+        return Event(world.tick, "deed refused", name, whom, f"{type(deed).__name__.lower()}: {reason}")
+    raise TypeError(f"not a deed: {deed!r}")
+
+
+def _couple(world: World, wanted: np.ndarray, robot: int, bin_name: str) -> str:
+    bin_ = world.index.get(bin_name, NOBODY)
+    _refuse_if(world.bodies.tows[robot] == 0.0, "it tows nothing")
+    _refuse_if(bin_ == NOBODY or world.layout.starts[bin_].kind != "bin", "no such bin")
+    _refuse_if(world.coupled[robot] != NOBODY, "it has a bin")
+    _refuse_if(world.coupled[bin_] != NOBODY, "the bin is coupled")
+    _refuse_if(bool(world.stopped[bin_]), "the bin is stopped")
+    _refuse_unless_both_stand(world, wanted, robot, bin_)
+    _refuse_unless_in_place(world, robot, bin_)
+    world.coupled[robot], world.coupled[bin_] = bin_, robot
+    return bin_name
+
+
+def _refuse_unless_in_place(world: World, robot: int, bin_: int) -> None:
+    """A bin is square, so any quarter turn does."""
+    pose, other = Pose(*world.pose[robot].tolist()), Pose(*world.pose[bin_].tolist())
+    ahead, left = to_frame(pose, other.x, other.y)
+    ahead += float(world.bodies.tows[robot])
+    _refuse_if(ahead * ahead + left * left > COUPLING_REACH * COUPLING_REACH, "the bin is not at the coupling point")
+    askew = angle_between(pose.yaw, other.yaw)
+    askew -= repeatable.QUARTER * round(askew / repeatable.QUARTER)
+    _refuse_if(abs(askew) > COUPLING_ANGLE, "the bin is not square to it")
+
+
+def _uncouple(world: World, wanted: np.ndarray, robot: int) -> str:
+    bin_ = int(world.coupled[robot])
+    _refuse_if(world.bodies.tows[robot] == 0.0, "it tows nothing")
+    _refuse_if(bin_ == NOBODY, "it has no bin")
+    _refuse_unless_both_stand(world, wanted, robot, bin_)
+    world.coupled[robot] = world.coupled[bin_] = NOBODY
+    return world.layout.names[bin_]
+
+
+def _flatten(world: World, weed: int) -> str:
+    _refuse_if(world.layout.starts[weed].kind != "weed", "it is no weed")
+    _refuse_if(not world.alive[weed], "it is flat")
+    boxes = world.bodies.boxes.copy()
+    place(world.pose, boxes)
+    mover = mover_near(weed, WEED_REACH, world.twist, boxes)
+    _refuse_if(mover == NOBODY, "nothing moves within 1 m")
+    world.alive[weed] = False
+    return world.layout.names[int(mover)]
+
+
+def _refuse_unless_both_stand(world: World, wanted: np.ndarray, robot: int, bin_: int) -> None:
+    for i in (robot, bin_):
+        _refuse_if(world.twist[i].any() or wanted[i].any(), f"{world.layout.names[i]} moves")
+
+
+def _refuse_if(wrong: bool, reason: str) -> None:
+    if wrong:
+        raise DeedRefused(reason)

@@ -1,0 +1,273 @@
+"""The inner loops of physics: limits, movement, picking. Arrays have one row per body, in moving order; SI units."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orchard.field.layout import ROW_EAST, ROW_LENGTH, ROW_WEST
+from orchard.field.scenario import TIME_STEP
+from orchard.sim.kernels.boxes import (
+    COSINE,
+    ROWS,
+    SINE,
+    TOUCH,
+    Grid,
+    X,
+    Y,
+    cell_of,
+    circles_meet,
+    column_and_row,
+    gap,
+    overlap,
+    place,
+    sort_into_cells,
+    strip,
+)
+from orchard.sim.kernels.jit import inlined, jit, sin_cos, wrap
+
+NOBODY = -1
+BAR = 0.3  # m; a coupled bin further off its place than this holds its robot
+LANE_REACH = 1.0  # m; a picker this near a lane's centre line drives in that row
+PICK_REACH = 0.2  # m; what is picked goes on from where it ended, or from a row's end; a step is at most half of this
+FULL_WITHIN = 1e-6  # m; a row or a bin that lacks no more than this is full
+_FRONTIER = 1e-9  # m
+
+
+class Bodies(NamedTuple):
+    """What the bodies are and does not change."""
+
+    boxes: np.ndarray  # (n, 7): half sizes and radius hold, the rest is written when they are placed
+    speed: np.ndarray  # (n,) m/s
+    turn: np.ndarray  # (n,) rad/s
+    tows: np.ndarray  # (n,) m from its centre back to its coupled bin's; 0: tows nothing
+    solid: np.ndarray  # (n,) bool
+    sideways: np.ndarray  # (n,) bool: a bin, which moves only while it is coupled
+
+
+class Rows(NamedTuple):
+    """The rows and how far they are picked; r of them."""
+
+    y: np.ndarray  # (r,) m, the lanes' centre lines
+    picked: np.ndarray  # (r,) m
+    begun: np.ndarray  # (r,) int64: -1 from the west, +1 from the east, 0 not yet
+
+
+@jit
+def allowed(wanted, stopped):
+    """Twists, (n, 3), with those that are not finite, and those of stopped bodies, (n,) bool, replaced by standing still."""
+    twists = wanted.copy()
+    for i in range(len(twists)):
+        if stopped[i] or not (np.isfinite(twists[i, 0]) and np.isfinite(twists[i, 1]) and np.isfinite(twists[i, 2])):
+            twists[i, :] = 0.0
+    return twists
+
+
+@jit
+def limit(wanted, top, coupled, turn, sideways, twists):
+    """Write into twists, (n, 3), what bodies can do of what they want; top (n,) m/s and turn (n,) rad/s: how fast each may be now."""
+    for i in range(len(wanted)):
+        if sideways[i] and coupled[i] == NOBODY:
+            twists[i, :] = 0.0
+            continue
+        forward = min(max(wanted[i, 0], -top[i]), top[i])
+        left = min(max(wanted[i, 1], -top[i]), top[i]) if sideways[i] else 0.0
+        speed = np.sqrt(forward * forward + left * left)
+        share = top[i] / speed if speed > top[i] else 1.0
+        twists[i, 0] = forward * share
+        twists[i, 1] = left * share
+        twists[i, 2] = min(max(wanted[i, 2], -turn[i]), turn[i])
+
+
+@jit
+def arc(x, y, yaw, forward, left, turn, seconds):
+    """Where a body is after a constant twist: the exponential of SE(2).
+
+    The chord of the arc points half the turn further than the body, and is shorter than the arc by sin(h) / h.
+    """
+    half = 0.5 * turn * seconds
+    s, c = sin_cos(yaw + half)
+    length = seconds if half == 0.0 else seconds * (sin_cos(half)[0] / half)
+    return x + length * (c * forward - s * left), y + length * (s * forward + c * left), wrap(yaw + turn * seconds)
+
+
+@jit
+def advance(
+    wanted, twist, pose, coupled, fill, pickers, speed, turn, sideways, shapes, tows, solid, walls, wall_frame, wall_begin, wall_members,
+    body_frame, row_y, row_picked, row_from, picking_speed, distance, refused, held, blocked,
+):  # fmt: skip
+    """One time step of all bodies: what they can do of what they want, (n, 3), where that brings them, and what the pickers pick.
+
+    What `move_all` and `pick` return. In one piece, because to call a kernel from Python takes longer than to limit thirty bodies.
+    """
+    top = top_speeds(speed, pickers, pose, coupled, fill, row_y, row_picked, row_from, picking_speed)
+    limit(wanted, top, coupled, turn, sideways, twist)
+    before, walls_near = pose.copy(), Grid(wall_frame, wall_begin, wall_members)
+    begun = move_all(twist, pose, coupled, shapes, tows, solid, walls, walls_near, body_frame, distance, refused, held, blocked)
+    return begun, pick(pickers, before, pose, coupled, row_y, row_picked, row_from, fill)
+
+
+@jit
+def move_all(twist, pose, coupled, shapes, tows, solid, walls, wall_grid, body_frame, distance, refused, held, blocked):
+    """Move every body with its twist for one time step, one after another, where nothing solid is in the way.
+
+    shapes (n, 7) and walls (w, 7): boxes; wall_grid: the Grid of walls that are near; body_frame: that of a grid for the bodies.
+    A body that cannot move keeps its pose, and its twist becomes 0.
+    Returns the collisions that begin, (c, 2) int64: a body's index, and what is in its way: a body's index, or n + a wall's.
+    """
+    n, boxes = len(pose), shapes.copy()
+    place(pose, boxes)
+    body_grid = sort_into_cells(boxes, solid, body_frame)
+    begun, count, moved = np.empty((n, 2), np.int64), 0, np.empty(boxes.shape[1])
+    for i in range(n):
+        obstacle = _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused, held, moved)
+        if obstacle != NOBODY and not blocked[i]:
+            begun[count, 0], begun[count, 1] = i, obstacle
+            count += 1
+        blocked[i] = obstacle != NOBODY
+    return begun[:count]
+
+
+@inlined
+def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused, held, moved):
+    """Move one body, if it can; what is in its way, or NOBODY. In `moved`, (7,), it is tried where it would stand."""
+    forward, left, turn = twist[i]
+    if forward == 0.0 and left == 0.0 and turn == 0.0:
+        return NOBODY
+    x, y, yaw = arc(pose[i, 0], pose[i, 1], pose[i, 2], forward, left, turn, TIME_STEP)
+    _put(boxes[i], x, y, yaw, moved)
+    if _leaves_its_bin(moved, i, coupled, tows, boxes):
+        held[i] += 1
+        twist[i, :] = 0.0
+        return NOBODY
+    obstacle = _in_the_way(moved, i, boxes, body_grid, walls, wall_grid)
+    if obstacle != NOBODY:
+        refused[i] += 1
+        twist[i, :] = 0.0
+        return obstacle
+    boxes[i] = moved
+    pose[i, 0], pose[i, 1], pose[i, 2] = x, y, yaw
+    distance[i] += np.sqrt(forward * forward + left * left) * TIME_STEP
+    return NOBODY
+
+
+@inlined
+def _put(box, x, y, yaw, moved):
+    """Write a box into `moved`, at another pose."""
+    moved[:] = box
+    s, c = sin_cos(yaw)
+    moved[X], moved[Y], moved[COSINE], moved[SINE] = x, y, c, s
+
+
+@inlined
+def _leaves_its_bin(moved, me, coupled, tows, boxes):
+    """Whether a robot, once moved, would have its coupled bin too far off its place."""
+    if tows[me] == 0.0 or coupled[me] == NOBODY:
+        return False
+    off_x = boxes[coupled[me], X] - (moved[X] - tows[me] * moved[COSINE])
+    off_y = boxes[coupled[me], Y] - (moved[Y] - tows[me] * moved[SINE])
+    return off_x * off_x + off_y * off_y > BAR * BAR + TOUCH
+
+
+@inlined
+def _in_the_way(moved, me, boxes, body_grid, walls, wall_grid):
+    """The first solid thing that a moved body would overlap: a body's index, n + a wall's, or NOBODY.
+
+    The bodies' grid was made before anything moved; its cells leave room for that.
+    """
+    first = len(boxes)
+    column, row = column_and_row(body_grid.frame, moved[X], moved[Y])
+    for near in range(max(row - 1, 0), min(row + 2, int(body_grid.frame[ROWS]))):
+        begin, end = strip(body_grid, column, near)
+        for k in range(begin, end):
+            j = body_grid.members[k]
+            if j < first and j != me and circles_meet(moved, boxes, j) and overlap(moved, boxes[j]):
+                first = j
+    if first < len(boxes):
+        return first
+    cell = cell_of(wall_grid, moved[X], moved[Y])
+    for k in wall_grid.members[wall_grid.begin[cell] : wall_grid.begin[cell + 1]]:
+        if circles_meet(moved, walls, k) and overlap(moved, walls[k]):
+            return len(boxes) + k
+    return NOBODY
+
+
+@jit
+def mover_near(me, reach, twist, boxes):
+    """The first body that moved in the last step (only solid ones can) and is within `reach` metres of a body, edge to edge, or NOBODY."""
+    for j in range(len(boxes)):
+        moves = twist[j, 0] != 0.0 or twist[j, 1] != 0.0 or twist[j, 2] != 0.0
+        if j != me and moves and gap(boxes[me], boxes[j]) <= reach:
+            return j
+    return NOBODY
+
+
+@jit
+def row_at(y, rows):
+    """The index of the row in whose lane a y lies, or NOBODY."""
+    for r in range(len(rows.y)):
+        if abs(y - rows.y[r]) <= LANE_REACH:
+            return r
+    return NOBODY
+
+
+@jit
+def top_speeds(speed, pickers, pose, coupled, fill, row_y, row_picked, row_from, picking_speed):
+    """(n,) m/s: how fast bodies may go now: `speed`; pickers in an unpicked part of a row, with a bin that is not full, slower."""
+    rows, top = Rows(row_y, row_picked, row_from), speed.copy()
+    for i in pickers:
+        if coupled[i] == NOBODY or fill[coupled[i]] >= ROW_LENGTH or pose[i, 0] < ROW_WEST or pose[i, 0] > ROW_EAST:
+            continue
+        r = row_at(pose[i, 1], rows)
+        if r == NOBODY or rows.picked[r] >= ROW_LENGTH:
+            continue
+        done = pose[i, 0] - ROW_WEST if rows.begun[r] < 0 else ROW_EAST - pose[i, 0]
+        if rows.begun[r] == 0 or done >= rows.picked[r] - _FRONTIER:
+            top[i] = min(top[i], picking_speed)
+    return top
+
+
+@jit
+def pick(pickers, before, pose, coupled, row_y, row_picked, row_from, fill):
+    """Pick what the pickers drove over in this step, `before` (n, 3) being the poses at its beginning.
+
+    Returns for each picker the index of the row that it picked from, or NOBODY.
+    """
+    rows, picked_from = Rows(row_y, row_picked, row_from), np.full(len(pickers), NOBODY)
+    for k in range(len(pickers)):
+        i = pickers[k]
+        start, end = before[i, 0], pose[i, 0]
+        if coupled[i] == NOBODY or max(start, end) < ROW_WEST or min(start, end) > ROW_EAST:
+            continue
+        r = row_at(pose[i, 1], rows)
+        if r != NOBODY and _pick_row(r, min(max(end, ROW_WEST), ROW_EAST), coupled[i], rows, fill):
+            picked_from[k] = r
+    return picked_from
+
+
+@jit
+def _pick_row(r, x, a_bin, rows, fill):
+    """Pick a row up to x, where that goes on from what is picked of it, into a bin. Whether anything was picked."""
+    from_west, from_east = x - ROW_WEST, ROW_EAST - x
+    if rows.begun[r] == 0 and min(from_west, from_east) <= PICK_REACH and fill[a_bin] < ROW_LENGTH:
+        rows.begun[r] = -1 if from_west <= from_east else 1
+    done = from_west if rows.begun[r] < 0 else from_east
+    grows = min(done - rows.picked[r], ROW_LENGTH - fill[a_bin])
+    if rows.begun[r] == 0 or grows <= 0.0 or done - rows.picked[r] > PICK_REACH:
+        return False
+    rows.picked[r] = _or_full(min(rows.picked[r] + grows, done))
+    fill[a_bin] = _or_full(fill[a_bin] + grows)
+    return True
+
+
+@jit
+def _or_full(metres):
+    return ROW_LENGTH if metres >= ROW_LENGTH - FULL_WITHIN else metres
+
+
+@jit
+def quaternions(pose):
+    """(n, 2): z and w of the quaternion of every pose; x and y are 0."""
+    parts = np.empty((len(pose), 2))
+    for i in range(len(pose)):
+        parts[i, 0], parts[i, 1] = sin_cos(0.5 * pose[i, 2])
+    return parts

@@ -1,0 +1,52 @@
+"""What dogs and cats do."""
+
+from dataclasses import replace
+
+import pytest
+from guests import one_guest
+
+from orchard.agents.animal import Animal
+from orchard.contract.agent import Mail
+from orchard.field.scenario import Scenario
+from orchard.local import Local
+
+
+@pytest.mark.parametrize("kind", ["dog", "cat"])
+def test_random_animals_change_direction_and_speed_every_three_seconds(kind):
+    stage = one_guest(kind, 0.0, 20.0)
+    speeds = []
+    for _ in range(20):
+        stage.run(3)
+        speeds.append(stage.local.memories[f"{kind}_01"].speed)
+    assert len(set(speeds)) == 20
+    assert all(0 <= speed <= 3 for speed in speeds)
+
+
+def test_animals_keep_their_mind_for_three_seconds():
+    stage = one_guest("dog", 0.0, 20.0)
+    minds = []
+    for _ in range(300):
+        stage.tick()
+        minds.append(stage.local.memories["dog_01"].speed)
+    changes = [i for i in range(1, 300) if minds[i] != minds[i - 1]]
+    assert changes == list(range(30, 300, 30))
+
+
+def test_animals_change_their_mind_although_they_do_not_see_every_tick():
+    """As in realtime, where ticks may be left out."""
+    seen = one_guest("dog", 0.0, 20.0).local.engine.observe()["dog_01"]
+    dog = Animal(Local(Scenario()).engine.layout, "dog_01")
+    memory = dog.tick(seen, Mail(), None).memory
+    minds = []
+    for tick in (29, 31, 59, 61):
+        memory = dog.tick(replace(seen, tick=tick), Mail(), memory).memory
+        minds.append(memory.speed)
+    assert minds[0] != minds[1] == minds[2] != minds[3]
+
+
+@pytest.mark.parametrize("kind", ["dog", "cat"])
+def test_animals_turn_away_from_obstacles(kind):
+    stage = one_guest(kind, 47.0, 31.0)  # in a corner between two fences
+    stage.run(120)
+    assert stage.world.distance[stage.world.index[f"{kind}_01"]] > 30
+    assert stage.world.refused[stage.world.index[f"{kind}_01"]] < 20

@@ -1,0 +1,30 @@
+"""What bins tell."""
+
+import pytest
+from stage import Stage, empty_orchard
+
+from orchard.contract.agent import Action, Mail, Observation
+from orchard.contract.messages import BinState, StateRequest
+
+
+class Asker:
+    """Asks bin_01 for its state at the beginning, and when it has been left full."""
+
+    Memory = dict
+
+    def __init__(self) -> None:
+        self.answers: list = []
+
+    def tick(self, seen: Observation, mail: Mail, memory: object) -> Action:
+        self.answers += [reply.body for reply in mail.replies]
+        return Action(requests=[("bin_01", StateRequest())] if seen.tick in (0, 720) else [], memory=memory)
+
+
+def test_bins_tell_whether_they_are_full_and_on_whom():
+    asker = Asker()
+    stage = Stage(empty_orchard(), asker=asker)
+    stage.run(73)
+    begun, left = asker.answers
+    assert (begun.full, begun.coupled_to) == (False, "picker_01")
+    assert begun.fill == pytest.approx(0.1), "asked at 0 s, heard at 0.1 s"
+    assert left == BinState(full=True, fill=70.0, coupled_to="")

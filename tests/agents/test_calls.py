@@ -1,0 +1,128 @@
+"""Bin calls: one exchange, one carrier; and whatever goes wrong with a call ends in a new one, never in a lost bin."""
+
+from stage import Stage, empty_orchard
+
+from orchard.contract.agent import Mail
+from orchard.contract.messages import Call, Come, Confirm
+
+
+class HardOfHearing:
+    """A carrier that does not hear some requests before a certain tick."""
+
+    def __init__(self, agent, deaf_to, until: int) -> None:
+        self.agent, self.Memory, self.deaf_to, self.until = agent, agent.Memory, deaf_to, until
+
+    def tick(self, seen, mail, memory):
+        if seen.tick < self.until:
+            mail = Mail([heard for heard in mail.requests if not isinstance(heard.body, self.deaf_to)], mail.replies)
+        return self.agent.tick(seen, mail, memory)
+
+
+class LateAnswerer:
+    """A carrier whose answers to being sent for never arrive before a certain tick, although it acts on them."""
+
+    def __init__(self, agent, until: int) -> None:
+        self.agent, self.Memory, self.until = agent, agent.Memory, until
+
+    def tick(self, seen, mail, memory):
+        action = self.agent.tick(seen, mail, memory)
+        if seen.tick < self.until:
+            action.answers = [(heard, answer) for heard, answer in action.answers if not isinstance(heard.body, Come)]
+        return action
+
+
+class Forgetful:
+    """A carrier that forgets its job at one tick, as one whose memory was lost."""
+
+    def __init__(self, agent, at: int) -> None:
+        self.agent, self.Memory, self.at = agent, agent.Memory, at
+
+    def tick(self, seen, mail, memory):
+        if seen.tick == self.at:
+            memory.job, memory.plan = None, []
+        return self.agent.tick(seen, mail, memory)
+
+
+def stage_with(change, **scenario) -> Stage:
+    """An orchard in which every carrier is changed."""
+    stage = Stage(empty_orchard(**scenario))
+    for name in [name for name in stage.local.agents if name.startswith("carrier")]:
+        stage.local.agents[name] = change(name, stage.local.agents[name])
+    return stage
+
+
+def exchanges(stage: Stage) -> list[tuple[str, str]]:
+    """(carrier, full bin) of every full bin that was taken."""
+    return [(e.who, e.whom) for e in stage.happened("coupled") if e.who.startswith("carrier")]
+
+
+def assert_every_bin_was_taken_once(stage: Stage, rows: int) -> None:
+    bins = [bin_name for _, bin_name in exchanges(stage)]
+    assert len(bins) == len(set(bins)) == rows
+    assert stage.world.delivered == rows
+
+
+def test_the_nearest_carrier_by_road_is_sent_which_is_the_head_of_the_nearest_line():
+    stage = Stage(empty_orchard(rows=3, pickers=2, carriers=25))
+    stage.run_until(lambda: bool(exchanges(stage)), 200)
+    assert exchanges(stage)[0][0] == "carrier_25", "its line is the southernmost; it is the last by name"
+
+
+def test_two_bins_that_call_at_the_same_tick_get_two_carriers():
+    stage = Stage(empty_orchard(rows=3, pickers=3, carriers=3))
+    stage.run_to_the_end()
+    assert len({carrier for carrier, _ in exchanges(stage)}) == 3
+    assert_every_bin_was_taken_once(stage, 3)
+
+
+def test_bins_that_call_while_all_carriers_work_wait_their_turn():
+    stage = Stage(empty_orchard(rows=4, pickers=4, carriers=2))
+    stage.run_to_the_end()
+    assert_every_bin_was_taken_once(stage, 4)
+
+
+def test_a_call_that_nobody_answers_is_repeated():
+    stage = stage_with(lambda name, agent: HardOfHearing(agent, Call, until=2000))
+    stage.run(195)
+    assert exchanges(stage) == []
+    stage.run_to_the_end()
+    assert_every_bin_was_taken_once(stage, 3)
+
+
+def test_a_carrier_that_does_not_answer_when_it_is_sent_is_given_up_for_the_head_of_another_line():
+    stage = stage_with(lambda name, agent: HardOfHearing(agent, Come, until=60000 if name == "carrier_13" else 0), carriers=13)
+    stage.run_until(lambda: stage.world.delivered == 1, 1000)
+    assert stage.pose("carrier_13")[0] == 35.4, "nearest by road, but it never answers"
+    stage.run_to_the_end()
+    assert_every_bin_was_taken_once(stage, 3)
+
+
+def test_only_the_head_of_a_line_is_sent_so_that_nobody_who_stays_stands_before_it():
+    stage = Stage(empty_orchard(rows=6, pickers=6, carriers=6))
+    stage.run_to_the_end()
+    order = [event.who for event in stage.happened("uncoupled") if event.who.startswith("carrier")]
+    assert sorted(order) == [f"carrier_{i + 1:02d}" for i in range(6)]
+    assert_every_bin_was_taken_once(stage, 6)
+
+
+def test_a_carrier_that_came_although_its_answer_was_lost_is_still_the_only_one():
+    stage = stage_with(lambda name, agent: LateAnswerer(agent, until=760))
+    stage.run_to_the_end()
+    assert_every_bin_was_taken_once(stage, 3)
+
+
+def test_a_carrier_whose_confirmation_is_not_heard_waits_and_then_goes():
+    stage = Stage(empty_orchard())
+    for name in [name for name in stage.local.agents if name.startswith("bin")]:
+        stage.local.agents[name] = HardOfHearing(stage.local.agents[name], Confirm, until=1000)
+    stage.run(99)
+    assert stage.pose("carrier_01")[0] == 35.4, "it stays in the queue until the bin has confirmed"
+    stage.run_to_the_end()
+    assert_every_bin_was_taken_once(stage, 3)
+
+
+def test_a_carrier_that_forgot_its_job_on_the_way_is_replaced_by_a_new_call():
+    stage = stage_with(lambda name, agent: Forgetful(agent, at=715 if name == "carrier_01" else -1), carriers=3)
+    stage.run_until(lambda: len(exchanges(stage)) == 1, 400)
+    stage.run_to_the_end()
+    assert_every_bin_was_taken_once(stage, 3)

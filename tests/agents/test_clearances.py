@@ -1,0 +1,66 @@
+"""The traffic plan's figures: what turns sweep, and how much room is left between two that may happen at once."""
+
+import numpy as np
+import pytest
+
+from orchard.agents.route import COUPLING, D_ROAD, F_ROAD, FULL_BIN, STOP, WAITING
+from orchard.field.geometry import EAST, SOUTH, WEST
+from orchard.field.kinds import KINDS
+
+PITCH = 5.5  # m, at the narrowest rows
+QUARTER = np.pi / 2
+
+
+def outline(kind: str, x: float = 0.0) -> np.ndarray:
+    """(m, 2): points on the sides of a box with its centre at (x, 0), 2 cm apart."""
+    length, width = KINDS[kind].length / 2, KINDS[kind].width / 2
+    along, across = np.arange(-length, length + 0.01, 0.02), np.arange(-width, width + 0.01, 0.02)
+    sides = [np.stack([along, np.full(len(along), y)], axis=1) for y in (-width, width)]
+    ends = [np.stack([np.full(len(across), end), across], axis=1) for end in (-length, length)]
+    return np.concatenate([*sides, *ends]) + np.array([x, 0.0])
+
+
+def train(kind: str) -> np.ndarray:
+    """A robot with its bin."""
+    return np.concatenate([outline(kind), outline("bin", -KINDS[kind].tows)])
+
+
+def swept(shape: np.ndarray, x: float, y: float, start: float, turn: float) -> np.ndarray:
+    """All points that a shape passes while it turns on the spot, in steps of half a degree."""
+    angles = start + np.linspace(0.0, turn, 181)
+    c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    px, py = shape[:, 0], shape[:, 1]
+    return np.stack([x + c * px - s * py, y + s * px + c * py], axis=-1).reshape(-1, 2)
+
+
+def gap(one: np.ndarray, other: np.ndarray) -> float:
+    """The least distance between two sets of points, m."""
+    near = one[np.abs(one[:, None, :2].mean(axis=1) - other.mean(axis=0)).max(axis=1) < 8.0]
+    return float(min(np.hypot(*(other - point).T).min() for point in near[:: max(1, len(near) // 4000)]))
+
+
+def test_what_turns_sweep_is_what_the_plan_says():
+    for shape, radius in ((outline("carrier"), 1.17), (train("carrier"), 2.45), (train("picker"), 2.80)):
+        assert np.hypot(*shape.T).max() == pytest.approx(radius, abs=0.005)
+
+
+def test_a_carriers_turn_at_its_stop_stays_clear_of_the_next_pickers_exit_turn():
+    carrier = swept(outline("carrier"), D_ROAD, -STOP, SOUTH, -QUARTER)
+    picker = swept(train("picker"), WAITING, -PITCH, EAST, -QUARTER)
+    assert gap(carrier, picker) == pytest.approx(0.28, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "start", "least"),
+    [(D_ROAD, -STOP, SOUTH, 0.22), (COUPLING, -STOP, WEST, 0.22), (COUPLING, 0.0, QUARTER, 0.22)],
+)
+def test_a_carriers_turns_on_its_loop_stay_clear_of_both_bins(x, y, start, least):
+    turn = swept(outline("carrier"), x, y, start, -QUARTER)
+    bins = [outline("bin", at) for at in (FULL_BIN, D_ROAD)]
+    assert min(gap(turn, fruit) for fruit in bins) >= least
+
+
+def test_a_carrier_that_leaves_with_the_full_bin_stays_off_the_road_of_deliveries_but_for_its_own_place():
+    turn = swept(train("carrier"), F_ROAD, 0.0, EAST, -QUARTER)
+    assert turn[:, 1].max() < 2.8, "nobody waits nearer than that"
+    assert turn[:, 0].max() < D_ROAD - 0.75 - 0.1

@@ -1,0 +1,147 @@
+"""What every robot can do: sense, turn, move, realign, be followed by its bin, and stand when it has bumped into something."""
+
+import pytest
+from guests import meadow, one_guest
+from stage import Driven, Stage, Standing
+
+from orchard.agents.steps import Again, Ahead, DriveTo, Face, MoveTo, Realign
+from orchard.field.geometry import HEADINGS, Twist
+
+# -- sensing
+
+
+def test_sensing_a_robot_stops_for_what_its_laser_sees():
+    stage = one_guest("worker", 0.0, 18.0)
+    stage.local.agents["worker_01"] = Standing()
+    stage.put("carrier_01", -10.0, 18.0)
+    stage.give("carrier_01", [DriveTo(x=10.0)])
+    stage.run(30)
+    front = stage.pose("carrier_01")[0] + 0.9
+    assert 0.6 < (0.0 - 0.275) - front <= 0.8, "stops 0.8 m before the worker, less at most one step"
+    stage.assert_no_collisions()
+
+
+# -- turning
+
+
+@pytest.mark.parametrize(("heading", "seconds"), [("NORTH", 4.0), ("SOUTH", 4.0), ("WEST", 8.0)])
+def test_turning_by_ninety_degrees_takes_four_seconds_and_is_exact(heading, seconds):
+    stage = meadow()
+    stage.put("carrier_01", 0.0, 20.0)
+    stage.give("carrier_01", [Face(heading)])
+    took = stage.run_until(lambda: not stage.local.memories["carrier_01"].plan, 20)
+    assert took == pytest.approx(seconds + 0.1), "a tick more to see that it is done"
+    stage.assert_at("carrier_01", 0.0, 20.0, heading)
+
+
+def test_turning_waits_while_something_stands_in_what_the_bin_will_sweep():
+    stage = one_guest("worker", -2.0, 21.6)
+    stage.local.agents["worker_01"] = Standing()
+    stage.put("carrier_01", 0.0, 20.0)
+    stage.give("carrier_01", [Face("SOUTH")])  # to the right: the bin swings to the north, where the worker stands
+    stage.run(10)
+    stage.assert_at("carrier_01", 0.0, 20.0, "EAST")
+    stage.assert_no_collisions()
+    assert stage.local.actions["carrier_01"].waits_for == "an obstacle in its turn"
+
+
+# -- directed movement
+
+
+@pytest.mark.parametrize("metres", [3.0, 2.55, 0.04])
+def test_directed_movement_by_x_metres_ends_there_with_the_remainder_driven_slower(metres):
+    stage = meadow()
+    stage.put("carrier_01", 0.0, 20.0)
+    stage.give("carrier_01", [Ahead(metres)])
+    stage.run(metres + 1)
+    stage.assert_at("carrier_01", metres, 20.0, "EAST")
+
+
+def test_directed_movement_to_a_point_goes_along_its_own_axis_first():
+    stage = meadow()
+    stage.put("carrier_01", 0.0, 18.0)
+    stage.give("carrier_01", [MoveTo(6.0, 24.0)])
+    stage.run_until(lambda: stage.pose("carrier_01")[1] > 18.1, 60)
+    stage.assert_at("carrier_01", x=6.0, heading="NORTH")
+    stage.run_until(lambda: not stage.local.memories["carrier_01"].plan, 60)
+    stage.assert_at("carrier_01", 6.0, 24.0, "NORTH")
+
+
+def test_directed_movement_to_a_point_behind_turns_about():
+    stage = meadow()
+    stage.put("carrier_01", 0.0, 18.0)
+    stage.give("carrier_01", [MoveTo(-5.0, 18.0)])
+    stage.run_until(lambda: not stage.local.memories["carrier_01"].plan, 60)
+    stage.assert_at("carrier_01", -5.0, 18.0, "WEST")
+
+
+def test_directed_movement_ends_right_although_something_was_in_the_way():
+    stage = one_guest("worker", 0.0, 18.0, "NORTH")
+    stage.local.agents["worker_01"] = Standing()
+    stage.put("carrier_01", -6.0, 18.0)
+    stage.give("carrier_01", [DriveTo(x=4.3)])
+    stage.run_until(lambda: stage.local.actions and stage.local.actions["carrier_01"].waits_for == "an obstacle ahead", 20)
+    stage.local.agents["worker_01"] = Driven(Twist(x=1.0))  # it walks away to the north
+    stage.run_until(lambda: not stage.local.memories["carrier_01"].plan, 60)
+    stage.assert_at("carrier_01", 4.3, 18.0, "EAST")
+
+
+# -- awareness
+
+
+@pytest.mark.parametrize("off", [0.3, -0.3, 0.02, -1e-5])
+def test_awareness_realigns_to_the_nearest_heading_exactly(off):
+    stage = meadow()
+    stage.put("carrier_01", 0.0, 20.0)
+    i, j = (stage.world.index[name] for name in ("carrier_01", stage.bin_of("carrier_01")))
+    stage.world.coupled[[i, j]] = -1
+    stage.world.pose[j] = 20.0, 20.0, 0.0
+    stage.world.pose[i, 2] = HEADINGS["NORTH"] + off
+    stage.give("carrier_01", [Realign()])
+    stage.run_until(lambda: not stage.local.memories["carrier_01"].plan, 20)
+    stage.assert_at("carrier_01", 0.0, 20.0, "NORTH")
+
+
+# -- following
+
+
+@pytest.mark.parametrize("robot", ["picker_01", "carrier_01"])
+def test_following_a_bin_keeps_its_place_behind_its_robot(robot):
+    stage = meadow()
+    stage.put(robot, -15.0, 20.0)
+    stage.give(robot, [MoveTo(-5.0, 26.0), MoveTo(10.0, 20.0), Face("NORTH"), Face("SOUTH"), DriveTo(y=19.0)])
+    fruit = stage.bin_of(robot)
+    worst = 0.0
+    while stage.local.memories[robot].plan:
+        assert stage.seconds < 120
+        stage.tick()
+        worst = max(worst, off_its_place(stage, robot, fruit))
+    stage.run(0.2)
+    assert 0.05 < worst <= 0.15
+    assert off_its_place(stage, robot, fruit) < 1e-9, "exactly on its place at rest"
+    assert stage.world.held.sum() == 0
+
+
+def off_its_place(stage: Stage, robot: str, fruit: str) -> float:
+    from orchard.field.geometry import Pose, from_frame
+    from orchard.field.kinds import KINDS, kind_of
+
+    x, y = from_frame(Pose(*stage.pose(robot)), -KINDS[kind_of(robot)].tows, 0.0)
+    here = stage.pose(fruit)
+    return ((here[0] - x) ** 2 + (here[1] - y) ** 2) ** 0.5
+
+
+# -- safety
+
+
+def test_a_robot_stands_for_a_second_after_a_step_that_physics_refused():
+    stage = meadow()
+    stage.put("carrier_01", 0.0, 20.0)
+    stage.put("carrier_02", 0.0, 17.0)
+    stage.local.agents["carrier_02"] = Driven(Twist(x=0.0))
+    stage.give("carrier_01", [Again([DriveTo(x=5.0)])], moving=True)
+    stage.tick()
+    assert stage.pose("carrier_01")[0] == 0.0
+    assert stage.local.actions["carrier_01"].waits_for == "what it bumped into"
+    stage.run(1.0)
+    assert stage.pose("carrier_01")[0] > 0.0

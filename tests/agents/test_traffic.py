@@ -1,0 +1,211 @@
+"""Nothing jams: the ledger of places, and the meetings for which it is there."""
+
+import random
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from stage import Driven, Stage, Standing, empty_orchard
+
+from orchard.agents.route import D_ROAD, EAST_SIDE, F_ROAD, WEST_SIDE
+from orchard.agents.traffic import ReservationTable, grant, note
+from orchard.contract.messages import Claim
+from orchard.field.geometry import Twist
+from orchard.field.scenario import Animals, LaserSettings, People, Scenario
+
+PLACES = st.lists(st.sampled_from(["D/1", "D/2", "F/1", "F/2"]), max_size=3, unique=True)
+CLAIMS = st.lists(st.tuples(st.sampled_from(["a", "b", "c", "d"]), st.sets(st.integers(0, 3)), PLACES), max_size=40)
+
+
+@given(CLAIMS)
+def test_no_place_is_ever_held_by_two_that_are_not_partners(claims):
+    ledger = ReservationTable()
+    for tick, (name, kept, want) in enumerate(claims):
+        held = ledger.holds.get(name, [])
+        note(ledger, name, Claim(keep=[p for i, p in enumerate(held) if i in kept], want=want, beside=""), tick)
+        grant(ledger)
+        everything = [place for places in ledger.holds.values() for place in places]
+        assert len(everything) == len(set(everything))
+
+
+def test_places_are_given_all_together_or_not_at_all():
+    ledger = ReservationTable()
+    note(ledger, "a", Claim([], ["D/1"], ""), 0)
+    grant(ledger)
+    note(ledger, "b", Claim([], ["F/1", "D/1"], ""), 1)
+    grant(ledger)
+    assert ledger.holds == {"a": ["D/1"], "b": []}
+
+
+def test_who_asked_first_is_served_first_and_ties_go_by_name():
+    ledger = ReservationTable()
+    for name, tick in (("a", 0), ("c", 1), ("b", 1), ("d", 2)):
+        note(ledger, name, Claim([], ["D/1"], ""), tick)
+        grant(ledger)
+    served = ["a"]
+    while ledger.wishes:
+        note(ledger, served[-1], Claim([], [], ""), 3)
+        grant(ledger)
+        served += [name for name, places in ledger.holds.items() if places]
+    assert served == ["a", "b", "c", "d"]
+
+
+def test_a_partner_joins_at_once_although_others_stand_in_line():
+    ledger = ReservationTable()
+    note(ledger, "carrier", Claim([], ["D/1"], ""), 0)
+    grant(ledger)
+    note(ledger, "other", Claim([], ["D/1"], ""), 1)
+    note(ledger, "picker", Claim([], ["D/1"], "carrier"), 2)
+    grant(ledger)
+    assert ledger.holds == {"carrier": ["D/1"], "other": [], "picker": ["D/1"]}
+
+
+# -- whole harvests, with nobody about and with everybody
+
+
+@pytest.mark.parametrize(
+    ("rows", "pickers", "carriers", "row_width"),
+    [(3, 2, None, 5.0), (5, 2, None, 5.0), (5, 5, None, 5.0), (4, 4, 1, 6.3), pytest.param(6, 2, 14, 12.0, marks=pytest.mark.soak)],
+)
+def test_a_harvest_ends_without_a_collision(rows, pickers, carriers, row_width):
+    """The tractor on its driveway is not in the way of unloading either."""
+    stage = Stage(empty_orchard(rows=rows, pickers=pickers, carriers=carriers, row_width=row_width, tractor=True))
+    stage.run_to_the_end()
+    assert stage.world.delivered == rows
+    stage.assert_no_collisions()
+    assert stage.world.held.sum() == 0
+
+
+@pytest.mark.parametrize("pickers", [12, pytest.param(20, marks=pytest.mark.soak)])
+def test_all_pickers_call_at_once_and_all_are_served(pickers):
+    stage = Stage(empty_orchard(rows=pickers, pickers=pickers))
+    stage.run_until(lambda: bool((stage.world.row_picked >= 70.0).all()), 75)
+    stage.run_to_the_end()
+    assert stage.world.delivered == pickers
+    assert len(stage.happened("unloaded")) == len({(event.tick, event.who) for event in stage.happened("unloaded")}) == pickers
+    stage.assert_no_collisions()
+
+
+@pytest.mark.parametrize(
+    ("rows", "pickers", "seed"),
+    [(3, 2, 1), (5, 2, 1), (5, 5, 1), (8, 3, 1), (12, 6, 1), pytest.param(5, 2, 3, marks=pytest.mark.soak)],
+)
+def test_a_harvest_among_people_and_animals_ends_without_a_collision(rows, pickers, seed):
+    stage = Stage(Scenario(rows=rows, pickers=pickers, seed=seed))
+    stage.run_to_the_end()
+    assert stage.world.delivered == rows
+    stage.assert_no_collisions()
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(("rows", "pickers"), [(20, 10), (20, 20)])
+def test_soak_a_large_harvest_ends_without_a_collision(rows, pickers):
+    test_a_harvest_among_people_and_animals_ends_without_a_collision(rows, pickers, 1)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("number", range(200))
+def test_soak_a_random_legal_scenario_ends_with_all_bins_delivered(number):
+    scenario = random_scenario(number)
+    print(f"scenario {number} of seed {RANDOM_SEED}: {scenario}")
+    stage = Stage(scenario)
+    slow = 70 * scenario.rows / scenario.pickers / scenario.picking_speed
+    stage.run_to_the_end(seconds=3 * slow + 1200 * scenario.rows)
+    assert stage.world.delivered == scenario.rows
+    stage.assert_no_collisions()
+
+
+RANDOM_SEED = 20260  # of the soak's scenarios
+
+
+def random_scenario(number: int) -> Scenario:
+    """One of the legal scenarios, any number of anything; picking not so slow that a run takes hours."""
+    chance = random.Random(f"{RANDOM_SEED}/{number}")
+    rows = chance.randint(3, 20)
+    return Scenario(
+        rows=rows,
+        pickers=chance.randint(2, rows),
+        row_width=round(chance.uniform(5.0, 12.0), 2),
+        carriers=chance.choice([None, chance.randint(1, 40)]),
+        picking_speed=round(chance.uniform(0.2, 1.0), 3),
+        seed=chance.randint(0, 10**6),
+        people=People(workers=chance.randint(0, 25), visitors=chance.randint(0, 25)),
+        animals=Animals(dogs=chance.randint(0, 10), cats=chance.randint(0, 10)),
+        weeds=chance.randint(0, 50),
+        tractor=chance.random() < 0.8,
+        laser=LaserSettings(noise=chance.choice([0.0, 0.0, 0.01, 0.02])),
+    )
+
+
+# -- meetings
+
+
+def test_a_full_queue_closes_up_and_serves_from_its_head():
+    stage = Stage(empty_orchard(rows=3, pickers=3, carriers=40))
+    stage.run_until(lambda: len(stage.happened("row picked")) == 3, 80)
+    stage.run_to_the_end()
+    left = {event.who for event in stage.happened("uncoupled") if event.who.startswith("carrier")}
+    assert len(left) == 3
+    heads = [name for name in stage.world.layout.names if name.startswith("carrier") and abs(stage.pose(name)[0] - 35.4) < 1e-6]
+    assert len(heads) == 4, "every line has closed up to its head"
+
+
+def test_a_person_standing_in_a_row_holds_up_only_that_row():
+    stage = Stage(empty_orchard(rows=4, pickers=2, people=People(workers=1, visitors=0)), worker_01=Standing())
+    stage.put("worker_01", 10.0, stage.world.layout.lane(1).y, "NORTH")
+    stage.run_until(lambda: bool((stage.world.row_picked[2:] >= 70.0).all()), 800)
+    assert 42.9 < stage.world.row_picked[0] <= 43.0 + 1e-6, "0.8 m before the person, less at most one step"
+    stage.local.agents["worker_01"] = Driven(Twist(x=1.0))
+    stage.run_until(lambda: stage.world.row_picked[0] == 70.0, 60)
+
+
+def test_an_animal_that_crosses_in_front_of_a_carrier_is_not_run_over():
+    stage = Stage(empty_orchard(animals=Animals(dogs=1, cats=0)), dog_01=Driven(Twist(x=0.6)))
+    stage.put("dog_01", 20.0, 10.9, "EAST")
+    stage.run_until(lambda: stage.world.delivered == 1, 600)
+    stage.assert_no_collisions()
+
+
+def test_two_carriers_that_meet_at_neighbouring_lanes_both_get_through():
+    stage = Stage(empty_orchard(rows=3, pickers=3, carriers=2))
+    stage.run_until(lambda: len([e for e in stage.happened("uncoupled") if e.who.startswith("carrier")]) == 2, 200)
+    both_at_work = [stage.pose(name)[1] for name in ("carrier_01", "carrier_02")]
+    assert abs(both_at_work[0] - both_at_work[1]) < 15, "they are at neighbouring lanes at the same time"
+    stage.run_until(lambda: stage.world.delivered == 2, 400)
+    stage.assert_no_collisions()
+
+
+# -- what the plan rests on
+
+
+def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
+    """(side, road, lane) of every place on a road in which a carrier or its bin is at this moment, while it drives along the road."""
+    x, y, _ = stage.pose(carrier)
+    facing = stage.world.pose[stage.world.index[carrier], 2]
+    touched = []
+    for side, along in ((EAST_SIDE, -1), (WEST_SIDE, 1)):
+        if abs(facing - along * np.pi / 2) > 0.1:
+            continue
+        for road, road_x in (("D", D_ROAD), ("F", F_ROAD)):
+            if abs(x - side.x(road_x)) > 0.01:
+                continue
+            front, tail = 0.9, -2.4 if stage.bin_of(carrier) else -0.9
+            for lane in stage.world.layout.lanes:
+                here = along * (y - lane.y)  # metres past the lane
+                if here + front > -2.6 and here + tail < 3.0:  # where others turn, cross and deliver at that lane
+                    touched.append((side.name, road, lane.number))
+    return touched
+
+
+@pytest.mark.parametrize(("rows", "pickers", "row_width"), [(5, 3, 5.0), (4, 2, 9.0)])
+def test_a_carrier_on_a_road_holds_every_place_that_it_or_its_bin_is_in(rows, pickers, row_width):
+    stage = Stage(empty_orchard(rows=rows, pickers=pickers, row_width=row_width, carriers=4))
+    carriers = [f"carrier_{i + 1:02d}" for i in range(4)]
+    while not stage.local.engine.over:
+        stage.tick()
+        for carrier in carriers:
+            held = stage.local.memories[carrier].held
+            for side, road, lane in lanes_touched(stage, carrier):
+                place = f"{side}/{road}/{lane}"
+                assert place in held, f"{carrier} at {stage.pose(carrier)} is in {place} and holds {held}"

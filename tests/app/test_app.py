@@ -1,0 +1,106 @@
+"""The page as a person fills it in: a real server, and headless Chromium."""
+
+import socket
+import subprocess
+
+import psutil
+from page import ROOT, page, skip_without_packages, wait_for
+
+from orchard.field.scenario import Scenario, load
+from orchard.view.web import data_uri, free_pair, page_url, serve_web
+
+skip_without_packages()
+
+# -- the server
+
+
+def test_a_port_that_is_taken_is_named_with_exit_code_2():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        done = subprocess.run(page("--port", port), cwd=ROOT, capture_output=True, text=True, timeout=30)
+    assert done.returncode == 2
+    assert f"--port {port}" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_web_viewer_is_on_the_loopback_only():
+    port = free_pair()
+    viewer = serve_web(port, data_uri(port))
+    try:
+        wait_for(viewer, page_url(port))
+        listening = [one.laddr for one in psutil.Process(viewer.pid).net_connections("inet") if one.status == psutil.CONN_LISTEN]
+        assert {(address.ip, address.port) for address in listening} == {("127.0.0.1", port)}
+    finally:
+        viewer.terminate()
+        viewer.wait(10)
+
+
+# -- in the browser
+
+
+def test_the_plan_and_the_figures_follow_every_change(browser):
+    assert browser.figure("Trees") == "72"
+    browser.fill("rows", 8)
+    browser.until(lambda: browser.tree_lines() == 9, "a plan of 8 rows")
+    assert browser.figure("Trees") == "108"
+    before = browser.figure("Bound")
+    browser.fill("pickers", 8)
+    browser.until(lambda: browser.figure("Carriers") == "6", "carriers follow the pickers")
+    assert browser.figure("Bins") == "14"
+    assert browser.figure("Bound") != before
+    assert browser.field("carriers").get_attribute("value") == "6"
+
+
+def test_a_slider_moves_its_field(browser):
+    browser.one(".field .q-slider").click()
+    rows = browser.field("rows")
+    browser.until(lambda: rows.get_attribute("value") in ("11", "12"), "rows in the middle")
+    browser.until(lambda: browser.tree_lines() == int(rows.get_attribute("value")) + 1, "a plan of as many")
+
+
+def test_bad_values_are_explained_at_their_fields_and_cannot_be_run(browser):
+    browser.fill("rows", 21)
+    browser.until(lambda: "from 3 to 20" in browser.problem("rows"), "the limits at the field")
+    browser.fill("people.workers", 48)
+    browser.until(lambda: "at most 50 together" in browser.problem("people.visitors"), "people are too many together")
+    assert "48" in browser.problem("people.workers")
+    assert "3 fields" in browser.view("trouble").text
+    assert not browser.one("[data-action=run]").is_enabled()
+    assert not browser.one("[data-action=save]").is_enabled()
+    browser.fill("rows", 4)
+    browser.fill("people.workers", 1)
+    browser.until(lambda: not browser.problem("rows") and not browser.problem("people.visitors"), "all is well again")
+    browser.until(lambda: browser.tree_lines() == 5, "a plan of 4 rows")
+
+
+def test_more_pickers_than_rows_is_explained_at_both(browser):
+    browser.fill("pickers", 6)
+    for path in ("pickers", "rows"):
+        browser.until(lambda path=path: "must be at most one picker a row" in browser.problem(path), f"told at {path}")
+
+
+def test_what_is_saved_can_be_loaded(browser, downloads):
+    browser.fill("rows", 9)
+    browser.fill("seed", 2**63 - 1)
+    browser.until(lambda: browser.tree_lines() == 10, "a plan of 9 rows")
+    saved = browser.saved(downloads)
+    assert load(saved) == Scenario(rows=9, seed=2**63 - 1)
+
+
+def test_a_file_can_be_opened(browser, tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("rows: 12\npickers: 4\ncarriers: 9\n")
+    browser.one("input[type=file]").send_keys(str(file))
+    browser.until(lambda: browser.tree_lines() == 13, "a plan of 12 rows")
+    assert browser.field("carriers").get_attribute("value") == "9"
+    assert browser.figure("Carriers") == "9"
+
+
+def test_a_bad_file_is_explained_and_changes_nothing(browser, tmp_path):
+    file = tmp_path / "bad.yaml"
+    file.write_text("rows: 99\npikers: 3\n")
+    browser.one("input[type=file]").send_keys(str(file))
+    told = browser.until(lambda: browser.view("complaint").text, "a complaint")
+    assert "bad.yaml:1: rows = 99" in told
+    assert "did you mean pickers" in told
+    assert browser.field("rows").get_attribute("value") == "5"

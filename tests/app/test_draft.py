@@ -1,0 +1,113 @@
+"""The page's form and orders, without a browser: what is asked for, what is wrong and where, and what run.py is told."""
+
+import pytest
+
+from orchard.app.draft import Draft
+from orchard.app.entries import entries, flat, nested
+from orchard.app.headline import read_headline
+from orchard.app.order import Files, Pace, command
+from orchard.app.runner import Runner
+from orchard.field.scenario import Scenario, check
+from orchard.report.progress import headline
+
+
+def test_the_page_asks_for_every_value_of_a_scenario():
+    assert list(entries()) == list(flat(Scenario()))
+    assert check(nested(flat(Scenario(rows=7, carriers=3)))) == Scenario(rows=7, carriers=3)
+
+
+def test_limits_and_steps_come_from_the_model():
+    rows, noise, seed = (entries()[path] for path in ("rows", "laser.noise", "seed"))
+    assert (rows.low, rows.high, rows.step, rows.limits) == (3, 20, 1, "3 to 20")
+    assert (noise.step, noise.limits, noise.label) == (0.0002, "0 to 0.02 m", "Laser noise")
+    assert not seed.has_slider, "a browser's numbers do not hold it"
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"rows": 21.0}, {"rows": "from 3 to 20"}),
+        ({"rows": 5.5}, {"rows": "a whole number"}),
+        ({"rows": None}, {"rows": "a whole number"}),
+        ({"pickers": 6.0}, {"pickers": "one picker a row", "rows": "one picker a row"}),
+        ({"people.workers": 30.0, "people.visitors": 30.0}, {"people.workers": "at most 50 together", "people.visitors": "at most 50"}),
+        ({"seed": "many"}, {"seed": "a whole number"}),
+        ({"seed": "9223372036854775808"}, {"seed": "to 9223372036854775807"}),
+        ({"rows": 2.0, "laser.noise": 1.0}, {"rows": "from 3", "laser.noise": "to 0.02"}),
+    ],
+)
+def test_what_is_wrong_is_told_at_its_field(changes, told):
+    draft = Draft(Scenario())
+    for path, value in changes.items():
+        draft.set(path, value)
+    assert draft.scenario is None
+    assert draft.problems.keys() == told.keys()
+    assert all(words in draft.problems[path] for path, words in told.items())
+
+
+def test_a_large_seed_keeps_every_digit():
+    draft = Draft(Scenario())
+    draft.set("seed", " 9223372036854775807 ")
+    assert draft.scenario == Scenario(seed=2**63 - 1)
+
+
+@pytest.mark.parametrize(("typed", "told"), [("5,5", "write a point: 5.5"), ("abc", "from 5.0 to 12"), ("", "number"), ("1e999", "to 12")])
+def test_what_is_no_number_stays_and_is_told(typed, told):
+    draft = Draft(Scenario())
+    draft.set("row_width", typed)
+    assert draft.scenario is None
+    assert told in draft.problems["row_width"]
+
+
+def test_the_classes_of_a_scenario_survive_changes():
+    draft = Draft(Scenario(agents={"picker": "tests.own_agents.Eastward"}))
+    draft.set("rows", "7")
+    assert draft.scenario == Scenario(rows=7, agents={"picker": "tests.own_agents.Eastward"})
+    draft.drop_classes()
+    assert draft.scenario == Scenario(rows=7)
+
+
+def test_a_class_for_a_robot_that_is_gone_is_told():
+    draft = Draft(Scenario(pickers=3, agents={"picker_03": "tests.own_agents.Eastward"}))
+    assert draft.scenario is not None
+    draft.set("pickers", "2")
+    assert draft.scenario is None
+    assert "agents.picker_03: no such agent or kind" in draft.problems["agents"]
+
+
+@pytest.mark.parametrize(
+    ("pace", "told"),
+    [
+        (Pace("lockstep", "max"), {"speed": "from 0.1 to 1000"}),
+        (Pace("realtime", "max"), {"speed": "it cannot be max"}),
+        (Pace("realtime", "", as_fast_as_it_goes=True), {"speed": "it cannot be max"}),
+        (Pace("local", "0,5", "-1"), {"speed": "write a point: 0.5", "duration": "from 1 to 1000000"}),
+        (Pace("local", "", "soon", as_fast_as_it_goes=True), {"duration": "empty: the whole harvest"}),
+    ],
+)
+def test_what_is_wrong_with_a_pace_is_told_at_its_field(pace, told):
+    assert pace.problems.keys() == told.keys()
+    assert all(words in pace.problems[name] for name, words in told.items())
+
+
+def test_a_pace_is_what_run_py_is_told(tmp_path):
+    def options(pace):
+        line = command(pace.order(Scenario(), live=False), Files(tmp_path, "run"), 9090)
+        return [line[line.index(name) + 1] if name in line else None for name in ("--mode", "--speed", "--duration")]
+
+    assert options(Pace("realtime", "12", "0" + "90.5", as_fast_as_it_goes=True)) == ["realtime", "12", "90.5"]
+    assert options(Pace("lockstep", "", " ", as_fast_as_it_goes=True)) == ["lockstep", "max", None]
+    assert options(Pace("local", "0.125", "1000000")) == ["local", "0.125", "1000000"]
+
+
+def test_two_runs_of_a_second_have_files_of_their_own(tmp_path):
+    runner = Runner(tmp_path)
+    assert len({runner._fresh_files().scenario for _ in range(5)}) == 5
+
+
+def test_progress_is_read_from_what_run_py_prints():
+    figures = {"sim_seconds": 1234.5, "times_real_time": 8.0, "rows_picked": 4, "bins_delivered": 2, "rows": 6}
+    read = read_headline(headline(figures))
+    assert (read.sim_seconds, read.times_real_time, read.rows_picked, read.bins_delivered, read.rows) == (1234.5, 8.0, 4, 2, 6)
+    assert read.fraction == 0.5
+    assert read_headline("agents 1: started again") is None

@@ -1,0 +1,228 @@
+"""The soak's own parts: its schedule follows from the seed, its relay passes and cuts, its nonsense is of no run, its report tells all."""
+
+import itertools
+import socket
+import threading
+from random import Random
+
+import pytest
+from typer.testing import CliRunner
+
+from chaos.__main__ import app
+from chaos.endurance import Course as Memory
+from chaos.endurance import Endurance, Look
+from chaos.ordeal import Course, Recovery, time_limit
+from chaos.relay import Relay
+from chaos.report import Results, markdown
+from chaos.schedule import ALL, BYTES, HOST, KILL, LINK, LINKS, LOGGER, MOST_DEATHS, ROUTER, Fault, most_deaths, trial
+from chaos.stranger import nonsense_of
+from chaos.undisturbed import Undisturbed
+from chaos.verdict import verdict
+from orchard.contract.messages import pack
+from orchard.launch.supervisor import DEATHS, free_port
+from orchard.net.refusals import Refused, read_message
+from orchard.wire.messages import Clock, Stamp
+
+RUN = "5f0c2a9e4b7d4c11"
+TRIALS = [trial(1, number) for number in range(300)]
+
+
+# -- the schedule
+
+
+def test_the_same_seed_and_number_do_the_same_and_others_do_not():
+    assert [trial(1, number) for number in range(300)] == TRIALS
+    assert len({this.faults for this in TRIALS}) == len(TRIALS)
+    assert trial(2, 0).faults != TRIALS[0].faults
+
+
+def test_every_fault_comes_while_the_run_goes_on_in_the_order_of_ticks():
+    for this in TRIALS:
+        ticks = [fault.tick for fault in this.faults]
+        assert ticks == sorted(ticks)
+        assert ticks[0] > 0 and ticks[-1] < 10 * (this.seconds or 550)
+
+
+def test_no_process_is_killed_as_often_as_makes_it_be_given_up():
+    assert MOST_DEATHS < DEATHS
+    assert max(most_deaths(this.faults) for this in TRIALS) == MOST_DEATHS
+    assert most_deaths([Fault(9, KILL, target, 0.0, 0) for target in (HOST, HOST, ALL, LOGGER)]) == 3
+
+
+def test_faults_hit_only_what_is_there():
+    for this in TRIALS:
+        targets = {fault.target for fault in this.faults}
+        assert this.is_recorded or LOGGER not in targets
+        assert this.is_routed or not targets & {ROUTER, LINK, LINKS}
+
+
+def test_in_ten_minutes_there_is_everything():
+    few = TRIALS[:30]
+    assert {fault.name for this in few for fault in this.faults} == {fault.name for this in TRIALS for fault in this.faults}
+    assert {this.mode for this in few} == {"lockstep", "realtime"}
+    assert any(this.seconds is None for this in few)
+    assert any(fault.kind == BYTES for this in few for fault in this.faults)
+
+
+# -- the relay
+
+
+def is_over(end):
+    """Whether the other side has hung up, one way or the other."""
+    try:
+        return end.recv(1) == b""
+    except ConnectionResetError:
+        return True
+
+
+@pytest.fixture
+def link():
+    """(relay, one end, the other end) of a connection through it."""
+    with socket.create_server(("127.0.0.1", 0)) as server, Relay(free_port(), server.getsockname()[1]) as relay:
+        near = socket.create_connection(("127.0.0.1", relay.port), 10.0)
+        far, _ = server.accept()
+        far.settimeout(10.0)
+        with near, far:
+            near.sendall(b"hello")
+            assert far.recv(5) == b"hello"
+            yield relay, near, far
+
+
+def test_a_relay_passes_everything_on_both_ways(link):
+    _, near, far = link
+    far.sendall(b"and back")
+    assert near.recv(8) == b"and back"
+
+
+def test_a_link_that_is_cut_is_cut_for_both(link):
+    relay, near, far = link
+    relay.cut(None)
+    for end in (near, far):
+        assert is_over(end)
+
+
+def test_a_link_that_is_stalled_loses_nothing(link):
+    relay, near, far = link
+    relay.stall(17)
+    near.sendall(b"later")
+    far.settimeout(0.2)
+    with pytest.raises(TimeoutError):
+        far.recv(5)
+    relay.heal()
+    far.settimeout(10.0)
+    assert far.recv(5) == b"later"
+
+
+def test_a_relay_whose_router_is_away_hangs_up():
+    with Relay(free_port(), free_port()) as relay, socket.create_connection(("127.0.0.1", relay.port), 10.0) as near:
+        assert is_over(near)
+
+
+# -- the stranger
+
+
+def test_no_nonsense_is_of_the_run():
+    said, chance = pack(Clock(RUN, 12, Stamp(1, 2))), Random(1)
+    for _ in range(2000):
+        with pytest.raises(Refused):
+            read_message(nonsense_of(chance, said, RUN), Clock, RUN)
+
+
+# -- what must come of a run
+
+
+@pytest.fixture(scope="module")
+def wanted():
+    return Undisturbed().result(1, 600)
+
+
+def summary(wanted, **changes):
+    good = {"ticks": 600, "hash": wanted.hash, "bins_delivered": wanted.bins, "rows_picked": wanted.rows}
+    return good | {"messages_refused": {"malformed": 3}, "violations": [], "finished": False} | changes
+
+
+LOCKSTEP = next(this for this in TRIALS if this.mode == "lockstep")
+REALTIME = next(this for this in TRIALS if this.mode == "realtime" and this.seconds is None)
+
+
+def course(exit_code=0):
+    return Course(["kill physics", "kill physics"], [Recovery("kill physics", 1.0), Recovery("kill physics", 3.0)], exit_code, 600, 99.0)
+
+
+def test_a_run_that_came_to_what_local_mode_does_is_good(wanted):
+    found = verdict(LOCKSTEP, course(), summary(wanted), wanted)
+    assert found.complaints == []
+    assert found.refused == 3
+
+
+@pytest.mark.parametrize(
+    ("exit_code", "changes", "broken"),
+    [
+        (0, {"hash": "another"}, "hashes changed"),
+        (0, {"rows_picked": -1}, "bins lost"),
+        (1, {"violations": ["bin_01 is nowhere"]}, "invariants broken"),
+        (0, {"ticks": 599}, "runs that did not finish"),
+        (1, {}, "runs that did not finish"),
+        (None, {}, "runs that did not finish"),
+    ],
+)
+def test_whatever_is_broken_is_counted_and_told(wanted, exit_code, changes, broken):
+    found = verdict(LOCKSTEP, course(exit_code), summary(wanted, **changes), wanted)
+    results = Results(1, "today", [found])
+    assert dict(results.promises())[broken] == 1
+    assert found.complaints
+    assert not results.is_good
+
+
+def test_a_whole_harvest_in_realtime_must_deliver_every_bin(wanted):
+    good = verdict(REALTIME, course(), summary(wanted, finished=True, bins_delivered=3), None)
+    lacking = verdict(REALTIME, course(), summary(wanted, finished=True, bins_delivered=2), None)
+    assert (good.bins_lost, lacking.bins_lost) == (0, 1)
+    assert (good.complaints == [], lacking.complaints == []) == (True, False)
+
+
+def test_every_run_has_a_time_limit():
+    assert all(0 < time_limit(this) < 900 for this in TRIALS)
+
+
+# -- memory
+
+
+def memory(megabytes, handles):
+    return Memory("physics", [Look(5000 * i, float(m), h) for i, (m, h) in enumerate(zip(megabytes, handles, strict=True))])
+
+
+def test_flat_is_neither_a_leak_of_memory_nor_of_handles():
+    assert memory([100, 101, 100, 101], [9, 10, 9, 9]).is_flat
+    assert not memory([100, 103, 106, 109], [9, 9, 9, 9]).is_flat
+    assert not memory([100, 100, 100, 100], [9, 9, 10, 10]).is_flat
+
+
+# -- the report
+
+
+def test_the_report_has_the_median_and_the_worst_of_each_fault(wanted):
+    results = Results(5, "today", [verdict(LOCKSTEP, course(), summary(wanted), wanted)], 60.0)
+    results.endurance = Endurance(100_000, [memory([100, 101, 100, 101], [9, 9, 9, 9])], {"lockstep": 600.0})
+    text = markdown(results)
+    assert "| kill physics, lockstep | 2 | 2 | 2.00 | 3.00 |" in text
+    assert "| bins lost | 0 |" in text
+    assert "seed 5" in text
+    assert "| physics | 100.0 | 101.0 |" in text
+
+
+def test_the_command_line_names_what_it_does_not_know():
+    done = CliRunner().invoke(app, ["--only", "-1"])
+    assert done.exit_code == 2
+    assert "--only" in done.output
+
+
+def test_a_relay_has_no_thread_when_it_is_closed():
+    before = threading.active_count()
+    with Relay(free_port(), free_port()):
+        assert threading.active_count() == before + 1
+    assert threading.active_count() == before
+
+
+def test_trials_are_told_apart_by_their_numbers():
+    assert len({str(this) for this in itertools.islice(TRIALS, 50)}) == 50

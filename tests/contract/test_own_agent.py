@@ -1,0 +1,165 @@
+"""Robots that others drive: the README's own agent, a client that knows only keyspace.md, and classes that a scenario names."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+from alone import SMALL, local_hash
+from fleet import ROOT, SECONDS
+
+from orchard.agents.catalogue import make_agents
+from orchard.field.layout import lay_out
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario, parse
+from orchard.local import Local
+from processes.agents import made
+
+README = (ROOT / "README.md").read_text()
+
+
+def readme(tag):
+    """A block of the README, with the endpoint in it."""
+    return re.search(rf"```python {tag}\n(.*?)```", README, re.S).group(1)
+
+
+def foreign(fleet, *command):
+    done = subprocess.run([sys.executable, *command], capture_output=True, text=True, timeout=SECONDS, cwd=ROOT)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def with_picker_01(agent_class):
+    """The hash of local mode with another agent for picker_01."""
+    layout = lay_out(SMALL)
+    return local_hash(SMALL, 40, make_agents(layout) | {"picker_01": agent_class(layout, "picker_01")})
+
+
+def test_the_readmes_agent_drives_a_picker(fleet):
+    fleet.physics(SMALL, "--duration", "4")
+    fleet.host("--without", "picker_01")
+    code = readme("own agent")
+    assert len(code.splitlines()) <= 18
+    foreign(fleet, "-c", code.replace("tcp/127.0.0.1:7447", fleet.endpoint))
+    assert fleet.end() != local_hash(SMALL, 40)
+
+
+def test_the_readmes_bare_client_drives_a_picker(fleet):
+    fleet.physics(SMALL, "--duration", "4")
+    fleet.host("--without", "picker_01")
+    code = readme("bare zenoh")
+    assert "orchard." not in code.replace("orchard/", "")
+    assert len(code.splitlines()) <= 24
+    foreign(fleet, "-c", code.replace("tcp/127.0.0.1:7447", fleet.endpoint))
+    fleet.end()
+
+
+def test_a_client_that_knows_only_keyspace_drives_a_picker(fleet):
+    fleet.physics(SMALL, "--duration", "4")
+    fleet.host("--without", "picker_01")
+    assert foreign(fleet, str(ROOT / "tests" / "foreign_client.py"), fleet.endpoint, "picker_01") == "40 ticks answered\n"
+    fleet.end()
+
+
+def test_who_only_drives_begins_with_a_velocity_for_tick_0(fleet):
+    fleet.physics(SMALL, "--duration", "2")
+    fleet.host("--without", "picker_01")
+    assert any(fleet.world.error() == "physics: waiting for 1 agents: picker_01\n" for _ in range(10))
+    fleet.client().drive("picker_01", 0, 0.5)
+    fleet.end()
+
+
+def test_a_name_that_is_taken_is_refused_to_an_own_agent_as_well(fleet):
+    fleet.physics(SMALL, "--speed", "10", "--duration", "60")
+    fleet.host()
+    code = readme("own agent").replace("tcp/127.0.0.1:7447", fleet.endpoint)
+    clock = fleet.client().hear("orchard/clock")
+    clock.get(timeout=SECONDS)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=SECONDS, cwd=ROOT)
+    assert done.returncode != 0
+    assert "picker_01: it is taken" in done.stderr
+
+
+# -- classes that a scenario names
+
+
+def scenario(**classes):
+    return SMALL.model_copy(update={"agents": {kind: f"own_agents.{name}" for kind, name in classes.items()}})
+
+
+def test_a_class_of_the_scenario_drives_alike_in_every_mode(fleet):
+    own = scenario(picker="Eastward")
+    local = Local(own)
+    for _ in range(40):
+        local.tick()
+    assert local.actions["picker_01"].doing == local.actions["picker_02"].doing == "driving on"
+    fleet.physics(own, "--duration", "4")
+    fleet.share(2)
+    assert fleet.end() == local.engine.hash != local_hash(SMALL, 40)
+
+
+def test_a_name_counts_more_than_a_kind():
+    local = Local(scenario(picker_01="Eastward", picker="Forgetful"))
+    local.tick()
+    assert [local.actions[name].doing for name in ("picker_01", "picker_02")] == ["driving on", "broken"]
+
+
+@pytest.mark.parametrize(
+    ("class_", "said"),
+    [
+        ("own_agents.Forgetful", r"no method tick.*own_agents\.py, line \d+"),
+        ("own_agents:Unmakeable", r"LookupError: no map \(.*own_agents\.py, line \d+"),
+        ("own_agents.Nowhere", "has no attribute 'Nowhere'"),
+        ("nowhere_at_all.Agent", "No module named 'nowhere_at_all'"),
+        ("own_agents.Wrong", "wanted are numbers"),
+        ("own_agents.Sideways", "a picker does not move sideways"),
+        ("own_agents.Silent", "tick gave NoneType back"),
+        ("own_agents.Secretive", "made a mistake at tick 0"),
+        ("own_agents.Quitter", r"made a mistake at tick 0(.|\n)*SystemExit: 3"),
+        ("own_agents.Refuser", r"SystemExit: no licence \(.*own_agents\.py, line \d+"),
+        ("own_agents.Wordless", "doing None.*wanted are texts"),
+        ("own_agents.Backward", "steps_done -1: wanted is a whole number from 0"),
+        ("own_agents.Busy", "17 deeds in one tick; at most 16"),
+        ("own_agents.Lost", "matching regex"),
+        ("own_agents.Talkative", "its memory takes 300005 bytes; at most 32768"),
+        ("own_agents.Idle", "made a mistake at tick 0"),
+    ],
+)
+def test_a_mistake_is_told_with_its_place_the_robot_stands_and_the_others_go_on(class_, said, caplog):
+    local = Local(SMALL.model_copy(update={"agents": {"picker_01": class_}}))
+    for _ in range(10):
+        local.tick()
+    (record,) = [record for record in caplog.records if "picker_01" in record.getMessage()]
+    assert re.search(said, record.getMessage())
+    assert local.actions["picker_01"].doing == "broken"
+    assert local.engine.observe()["picker_01"].twist.x == 0.0
+    assert local.actions["picker_02"].doing != "broken"
+
+
+def test_who_is_not_there_cannot_be_replaced():
+    with pytest.raises(ValueError, match=r"agents\.picker_99: no such agent or kind"):
+        make_agents(lay_out(Scenario(rows=3, agents={"picker_99": "own_agents.Eastward"})))
+
+
+NO_MAP = "a map of kinds .* or names and the classes"
+NO_CLASS = "must be the class that drives it, as"
+NO_KIND = r"no kind \(picker, .*, as picker_01"
+
+
+@pytest.mark.parametrize(
+    ("value", "why"),
+    [("5", NO_MAP), ("{picker: 5}", NO_CLASS), ("{picker: MyPicker}", NO_CLASS), ("{picker: 'a b.C'}", NO_CLASS), ("{piker: a.B}", NO_KIND),
+     ("{'[key]': a.B}", NO_KIND)],
+)  # fmt: skip
+def test_what_is_no_class_or_no_kind_is_named(value, why):
+    with pytest.raises(ScenarioError, match=why):
+        parse(f"agents: {value}")
+
+
+@pytest.mark.parametrize(
+    ("function", "mistake"),
+    [("lost", r"LookupError: no map \(.*own_agents.py, line \d+\)"), ("nobody", "KeyError: 'picker_01'"), ("none", "no attribute 'none'")],
+)
+def test_a_function_that_makes_no_agents_is_told_with_its_place(function, mistake):
+    with pytest.raises(ValueError, match=f"agents own_agents:{function}: .*{mistake}.*wanted is"):
+        made(f"own_agents:{function}", lay_out(SMALL), ["picker_01"])

@@ -1,0 +1,129 @@
+"""The scenario: what is shipped, what is fine, and what a change makes of it."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import TIME_STEP, People, Scenario, check, json_schema, load, parse, schema_text, with_changes
+
+CONFIG = Path(__file__).parents[2] / "config"
+
+
+# -- what is shipped
+
+
+def test_the_time_step_is_a_tenth_of_a_second() -> None:
+    assert TIME_STEP == 0.1
+
+
+def test_the_default_file_says_exactly_the_defaults() -> None:
+    assert load(CONFIG / "orchard.yaml") == Scenario()
+    assert yaml.safe_load((CONFIG / "orchard.yaml").read_text()) == Scenario().model_dump()
+
+
+def test_the_realistic_file_picks_at_a_persons_rate() -> None:
+    realistic = load(CONFIG / "realistic.yaml")
+    bins_an_hour = realistic.picking_speed * 3600 / 70
+    assert 1.2 <= bins_an_hour <= 1.8
+    assert (realistic.pickers, realistic.carrier_count) == (5, 2)
+
+
+def test_the_committed_schema_is_the_models() -> None:
+    assert (CONFIG / "scenario.schema.json").read_text() == schema_text(), "run: python -m orchard.config"
+    assert json.loads(schema_text()) == json_schema()
+
+
+@pytest.mark.parametrize("file", sorted(CONFIG.glob("*.yaml")), ids=lambda file: file.name)
+def test_every_scenario_file_names_the_schema(file: Path) -> None:
+    assert file.read_text().startswith("# yaml-language-server: $schema=scenario.schema.json\n")
+    load(file)
+
+
+def fields(section: dict, schema: dict) -> dict[str, dict]:
+    """All fields that are not sections, by name."""
+    found = {}
+    for name, field in section["properties"].items():
+        below = schema["$defs"].get(field.get("$ref", "").rpartition("/")[2])
+        found |= fields(below, schema) if below else {name: field}
+    return found
+
+
+def test_every_field_is_described_and_limited() -> None:
+    found = fields(json_schema(), json_schema())
+    assert {"rows", "workers", "noise", "carriers"} <= set(found)
+    for name, field in found.items():
+        assert field["description"], name
+        limited = field["anyOf"][0] if "anyOf" in field else field
+        assert field.get("type") in ("boolean", "object") or {"minimum", "maximum"} <= set(limited), name
+
+
+@pytest.mark.parametrize(("pickers", "carriers"), [(2, 2), (3, 3), (5, 4), (10, 7), (11, 8), (20, 14)])
+def test_carriers_follow_the_pickers(pickers: int, carriers: int) -> None:
+    assert Scenario(rows=20, pickers=pickers).carrier_count == carriers
+    assert Scenario(rows=20, pickers=pickers, carriers=9).carrier_count == 9
+
+
+# -- what is fine
+
+
+@pytest.mark.parametrize("text", ["", "# nothing but a comment\n", "---\n", "{}", "\ufeff", "people: {}\n"])
+def test_an_empty_file_is_all_defaults(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "empty.yaml"
+    file.write_text(text, encoding="utf-8")
+    assert load(file) == Scenario()
+
+
+def test_an_integer_is_fine_where_a_number_is_wanted() -> None:
+    assert parse("row_width: 6\nlaser: {noise: 0}").row_width == 6.0
+    assert type(parse("row_width: 6").row_width) is float
+
+
+@pytest.mark.parametrize(("text", "speed"), [("1e-1", 0.1), ("5.0E-2", 0.05), (".5", 0.5), ("1.", 1.0), ("+0.25", 0.25), ("1", 1.0)])
+def test_numbers_are_written_in_any_usual_way(text: str, speed: float) -> None:
+    assert parse(f"picking_speed: {text}").picking_speed == speed
+
+
+@pytest.mark.parametrize(("pickers", "rows"), [(2, 3), (3, 3), (20, 20)])
+def test_a_picker_a_row_is_fine(pickers: int, rows: int) -> None:
+    assert parse(f"pickers: {pickers}\nrows: {rows}").pickers == pickers
+
+
+def test_fifty_people_and_fifty_animals_are_fine() -> None:
+    scenario = parse("people: {workers: 25, visitors: 25}\nanimals: {dogs: 0, cats: 50}")
+    assert (scenario.people.visitors, scenario.animals.cats) == (25, 50)
+
+
+# -- changes and back
+
+
+def test_changes_are_checked_anew() -> None:
+    scenario = Scenario()
+    assert with_changes(scenario, rows=8, seed=7).rows == 8
+    assert with_changes(scenario) == scenario
+    with pytest.raises(ScenarioError) as caught:
+        with_changes(scenario, rows=3, pickers=4, weeds=99)
+    assert [problem.path for problem in caught.value.problems] == ["weeds", "pickers, rows"]
+
+
+def test_a_change_reaches_into_a_section_and_leaves_the_rest() -> None:
+    scenario = Scenario()
+    by_path = with_changes(scenario, **{"people.workers": 9})
+    assert by_path.people == People(workers=9, visitors=3)
+    assert with_changes(scenario, people={"workers": 9}) == by_path
+    assert with_changes(scenario, people=People(workers=9)) == by_path
+    assert scenario.people.workers == 4
+
+
+@pytest.mark.parametrize("path", ["rowz", "people.wokers", "rows.x", "", ".", "people.", "people.workers.x", "a.b.c"])
+def test_a_change_of_what_is_not_there(path: str) -> None:
+    with pytest.raises(ScenarioError):
+        with_changes(Scenario(), **{path: 1})
+
+
+def test_values_from_python_are_as_strict() -> None:
+    for value in (True, 5.0, "5", 10**5000, float("nan"), object(), None, b"5"):
+        with pytest.raises(ScenarioError, match="rows = "):
+            check({"rows": value})

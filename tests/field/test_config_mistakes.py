@@ -1,0 +1,175 @@
+"""Every mistake in a scenario is named with its place, all of them at once."""
+
+import pytest
+from mistakes import refusal, refused
+
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import People, Scenario, parse
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("rows: 2", "rows = 2: must be a whole number from 3 to 20"),
+        ("rows: 21", "rows = 21: must be a whole number from 3 to 20"),
+        ("pickers: 1", "pickers = 1: must be a whole number from 2 to 20"),
+        ("row_width: 4.99", "row_width = 4.99: must be a number from 5.0 to 12.0 (width of a row between its trees, m)"),
+        ("row_width: 12.01", "row_width = 12.01: must be a number from 5.0 to 12.0"),
+        ("carriers: 0", "carriers = 0: must be null or a whole number from 1 to 40"),
+        ("carriers: 41", "carriers = 41: must be null or a whole number from 1 to 40"),
+        ("picking_speed: 0.01", "picking_speed = 0.01: must be a number from 0.02 to 1.0"),
+        ("picking_speed: -1", "picking_speed = -1: must be"),
+        ("seed: -1", "seed = -1: must be a whole number from 0 to 9223372036854775807"),
+        ("seed: 9223372036854775808", "must be a whole number from 0 to 9223372036854775807"),
+        ("weeds: 51", "weeds = 51: must be a whole number from 0 to 50"),
+        ("people: {workers: -1}", "people.workers = -1: must be a whole number from 0 to 50"),
+        ("people: {visitors: 51}", "people.visitors = 51: must be"),
+        ("animals: {dogs: 51}", "animals.dogs = 51: must be"),
+        ("animals: {cats: 51}", "animals.cats = 51: must be"),
+        ("weeds: 5\nagents: {piker: a.B}", ":2: agents.piker: no kind (picker, carrier, bin, tractor,"),
+        ("laser: {noise: 0.2}", "laser.noise = 0.2: must be a number from 0.0 to 0.02 (standard deviation of a measured range, m)"),
+    ],
+)
+def test_out_of_range(text: str, wanted: str) -> None:
+    assert wanted in refusal(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "rows: true",
+        "rows: 5.0",
+        "rows: '5'",
+        "rows: null",
+        "rows: [5]",
+        "rows: {a: 5}",
+        "rows: five",
+        "rows: 010",
+        "rows: 1:05",
+        "rows: 1_0",
+        "rows: 2020-02-02",
+        "row_width: true",
+        "row_width: wide",
+        "row_width: .nan",
+        "row_width: .inf",
+        "picking_speed: -.inf",
+        "laser: {noise: .NaN}",
+        "carriers: true",
+        "carriers: many",
+        "seed: 1.5",
+        "tractor: 1",
+        "tractor: yes",
+        "tractor: null",
+        "people: 3",
+        "people: null",
+        "people: [1, 2]",
+        "animals: dogs",
+        "laser: 0.1",
+        "weeds: .inf",
+    ],
+)
+def test_wrong_type(text: str) -> None:
+    key = text.split(":")[0]
+    line = refusal(text)
+    assert line.startswith(f"my.yaml:1: {key}")
+    assert ": must be " in line
+
+
+def test_a_section_that_is_none_tells_its_keys() -> None:
+    assert refusal("animals: 3") == "my.yaml:1: animals = 3: must be a map with some of the keys dogs, cats"
+
+
+@pytest.mark.parametrize(
+    ("text", "path", "guess"),
+    [
+        ("row: 5", "row", "rows"),
+        ("picker: 5", "picker", "pickers"),
+        ("Row-Width: 5", "Row-Width", "row_width"),
+        ("lazer: {noise: 0}", "lazer", "laser"),
+        ("people: {wokers: 1}", "people.wokers", "workers"),
+        ("workers: 1", "workers", "people.workers"),
+        ("cat: 1", "cat", "animals.cats"),
+        ("people: {dogs: 1}", "people.dogs", "animals.dogs"),
+    ],
+)
+def test_an_unknown_key_tells_the_closest(text: str, path: str, guess: str) -> None:
+    line = refusal(text)
+    assert line.startswith(f"my.yaml:1: {path} = ")
+    assert f"did you mean {guess}?" in line
+
+
+def test_an_unknown_key_tells_the_known_ones() -> None:
+    assert refusal("xyzzy: 1").endswith(
+        "unknown key; known here: rows, pickers, row_width, carriers, picking_speed, seed, people, animals, weeds, tractor, laser, agents"
+    )
+
+
+@pytest.mark.parametrize("text", ["3: 1", "null: 1", "true: 1", "1.5: 1", '"": 1', '"a\\nb": 1', '"\\ud800": 1', '"\\e[31m": 1', "<<: 1"])
+def test_a_strange_key_is_an_unknown_one_and_prints_cleanly(text: str) -> None:
+    line = refusal(text)
+    assert "unknown key" in line
+    assert line.isprintable()
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("rows: 3\npickers: 4", "my.yaml:2: pickers, rows = 4, 3: must be at most one picker a row"),
+        ("pickers: 6", "my.yaml:1: pickers, rows = 6, 5: must be at most one picker a row"),
+        ("people:\n  workers: 26\n  visitors: 25", "my.yaml:3: people.workers, people.visitors = 26, 25: must be at most 50 together"),
+        ("people: {workers: 48}", "my.yaml:1: people.workers, people.visitors = 48, 3: must be at most 50 together"),
+        ("animals: {dogs: 50, cats: 1}", "my.yaml:1: animals.dogs, animals.cats = 50, 1: must be at most 50 together"),
+    ],
+)
+def test_what_fields_allow_together(text: str, wanted: str) -> None:
+    assert refusal(text) == wanted
+
+
+def test_a_model_made_by_hand_is_checked_too() -> None:
+    with pytest.raises(ValueError, match="one picker a row"):
+        Scenario(rows=3, pickers=4)
+    with pytest.raises(ValueError, match="at most 50 together"):
+        People(workers=50, visitors=1)
+
+
+def test_a_key_that_is_given_twice() -> None:
+    assert refusal("rows: 4\nseed: 1\nrows: 5") == "my.yaml:3: rows = 5: given twice, in lines 1 and 3; once is allowed"
+    assert "people.workers = 2: given twice, in lines 2 and 3" in refusal("people:\n  workers: 1\n  workers: 2\n")
+
+
+def test_all_problems_are_told_at_once() -> None:
+    lines = refused(
+        "rowz: 4\n"
+        "rows: 4\n"
+        "pickers: 6\n"
+        "row_width: wide\n"
+        "people:\n"
+        "  wokers: 3\n"
+        "  workers: 30\n"
+        "  visitors: 30\n"
+        "animals: {dogs: 99}\n"
+        "seed: 1\n"
+        "seed: 2\n"
+    )
+    starts = [
+        "my.yaml:1: rowz",
+        "my.yaml:3: pickers, rows = 6, 4",
+        "my.yaml:4: row_width",
+        "my.yaml:6: people.wokers",
+        "my.yaml:8: people.workers, people.visitors = 30, 30",
+        "my.yaml:9: animals.dogs = 99",
+        "my.yaml:11: seed",
+    ]
+    assert [line[: len(start)] for line, start in zip(lines, starts, strict=True)] == starts
+
+
+def test_no_rule_is_blamed_on_a_field_that_is_wrong_by_itself() -> None:
+    assert "rows = 99: must be" in refusal("rows: 99\npickers: 20")
+    assert "people.visitors = -1: must be" in refusal("people: {workers: 50, visitors: -1}")
+
+
+def test_problems_are_data_too() -> None:
+    with pytest.raises(ScenarioError) as caught:
+        parse("seed: 1\nrows: 99", "my.yaml")
+    (problem,) = caught.value.problems
+    assert (problem.file, problem.line, problem.path, problem.value) == ("my.yaml", 2, "rows", "99")

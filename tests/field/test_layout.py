@@ -1,0 +1,324 @@
+"""Where everything stands at the beginning: the figures of the reference, and nothing overlapping in any legal scenario."""
+
+import dataclasses
+import math
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from orchard.field import placement
+from orchard.field.geometry import HEADINGS, Pose
+from orchard.field.kinds import ANIMALS, KINDS, PEOPLE, kind_of, name_of
+from orchard.field.layout import BAY, DRIVEWAY, QUEUE, ROW_EAST, ROW_WEST, Layout, Start, bottom, lay_out
+from orchard.field.scenario import Animals, People, Scenario
+
+BIGGEST = Scenario(
+    rows=20,
+    pickers=20,
+    row_width=12.0,
+    carriers=40,
+    people=People(workers=25, visitors=25),
+    animals=Animals(dogs=25, cats=25),
+    weeds=50,
+)
+FULLEST = BIGGEST.model_copy(update={"rows": 3, "pickers": 3, "row_width": 5.0})  # all of it on the smallest ground
+
+
+@st.composite
+def scenarios(draw: st.DrawFn) -> Scenario:
+    """Any legal scenario."""
+    rows = draw(st.integers(3, 20))
+    workers, dogs = draw(st.integers(0, 50)), draw(st.integers(0, 50))
+    return Scenario(
+        rows=rows,
+        pickers=draw(st.integers(2, rows)),
+        row_width=draw(st.floats(5.0, 12.0)),
+        carriers=draw(st.none() | st.integers(1, 40)),
+        seed=draw(st.integers(0, 2**63 - 1)),
+        people=People(workers=workers, visitors=draw(st.integers(0, 50 - workers))),
+        animals=Animals(dogs=dogs, cats=draw(st.integers(0, 50 - dogs))),
+        weeds=draw(st.integers(0, 50)),
+        tractor=draw(st.booleans()),
+    )
+
+
+def corners(x: float, y: float, half_length: float, half_width: float, yaw: float) -> np.ndarray:
+    s, c = math.sin(yaw), math.cos(yaw)
+    signs = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    return np.array([(x + c * i * half_length - s * j * half_width, y + s * i * half_length + c * j * half_width) for i, j in signs])
+
+
+def box(start: Start) -> np.ndarray:
+    kind = KINDS[start.kind]
+    return corners(start.pose.x, start.pose.y, kind.length / 2, kind.width / 2, start.pose.yaw)
+
+
+def overlap(a: np.ndarray, b: np.ndarray) -> bool:
+    """Whether two boxes share ground: no side of either separates their corners."""
+    for one in (a, b):
+        for axis in (one[1] - one[0], one[2] - one[1]):
+            in_a, in_b = a @ axis, b @ axis
+            if in_a.max() <= in_b.min() or in_b.max() <= in_a.min():
+                return False
+    return True
+
+
+def near(boxes: list[tuple[str, np.ndarray]], others: list[tuple[str, np.ndarray]]) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]:
+    """Pairs of boxes whose upright bounds touch: the rest is apart anyway."""
+    low, high = np.array([b.min(axis=0) for _, b in others]), np.array([b.max(axis=0) for _, b in others])
+    for name, b in boxes:
+        for i in np.flatnonzero(np.all((low <= b.max(axis=0)) & (high >= b.min(axis=0)), axis=1)):
+            yield name, others[i][0], b, others[i][1]
+
+
+def overlapping(layout: Layout) -> list[tuple[str, str]]:
+    """All pairs that overlap and should not. Weeds are not solid: people and animals may stand on them."""
+    bodies = [(start.name, box(start)) for start in layout.starts]
+    walls = [(f"wall {i}", corners(*wall, 0.0)) for i, wall in enumerate(layout.walls)]
+    pairs = [(a, b) for a, b, one, other in near(bodies, bodies + walls) if a < b and overlap(one, other)]
+    return [pair for pair in pairs if not may_overlap(*map(kind_of, pair))]
+
+
+def may_overlap(a: str, b: str) -> bool:
+    return "weed" in (a, b) and bool({a, b} & {*PEOPLE, *ANIMALS})
+
+
+def of(layout: Layout, *kinds: str) -> list[Start]:
+    return [start for start in layout.starts if start.kind in kinds]
+
+
+def strictly_in(points: np.ndarray, west: float, south: float, east: float, north: float) -> bool:
+    """Whether a box's middle or a corner is in there; good enough for bodies that are smaller than it is."""
+    x, y = np.vstack([points, points.mean(axis=0)]).T
+    return bool(np.any((west < x) & (x < east) & (south < y) & (y < north)))
+
+
+# --- every legal scenario ---
+
+
+@settings(max_examples=40, deadline=None)
+@given(scenarios())
+@example(BIGGEST)
+@example(FULLEST)
+@example(Scenario())
+def test_every_legal_scenario_lays_out(scenario: Scenario) -> None:
+    layout = lay_out(scenario)
+    assert overlapping(layout) == []
+    assert all(inside_the_fences(layout, start) for start in layout.starts)
+    assert len(set(layout.names)) == len(layout.names)
+    assert all(kind_of(start.name) == start.kind for start in layout.starts)
+    assert_counts(layout)
+    assert_people_keep_off(layout)
+    assert_weeds_in_their_strips(layout)
+
+
+def inside_the_fences(layout: Layout, start: Start) -> bool:
+    low, high = box(start).min(axis=0), box(start).max(axis=0)
+    return bool(np.all(low >= (-49.5, layout.bottom + 0.5)) and np.all(high <= (49.5, 33.5)))
+
+
+def assert_counts(layout: Layout) -> None:
+    scenario = layout.scenario
+    wanted = {
+        "picker": scenario.pickers,
+        "carrier": scenario.carrier_count,
+        "bin": scenario.pickers + scenario.carrier_count,
+        "tractor": int(scenario.tractor),
+        "worker": scenario.people.workers,
+        "visitor": scenario.people.visitors,
+        "dog": scenario.animals.dogs,
+        "cat": scenario.animals.cats,
+        "weed": scenario.weeds,
+    }
+    for kind, count in wanted.items():
+        assert sorted(start.name for start in of(layout, kind)) == sorted(name_of(kind, i + 1) for i in range(count))
+
+
+def assert_people_keep_off(layout: Layout) -> None:
+    lines = layout.tree_lines
+    for start in of(layout, *PEOPLE):
+        assert not strictly_in(box(start), ROW_WEST, lines[-1], ROW_EAST, lines[0]), start
+        assert start.pose.yaw in HEADINGS.values()
+    ways = [(p.pose.x + 1.25, p.pose.y - 0.75, p.pose.x + 2.75, p.pose.y + 0.75) for p in of(layout, "picker")]
+    for start in of(layout, *PEOPLE, *ANIMALS):
+        assert not strictly_in(box(start), *QUEUE), start
+        assert not strictly_in(box(start), -48.0, 26.0, -22.0, 32.0), start
+        assert not any(strictly_in(box(start), *way) for way in ways), start
+
+
+def assert_weeds_in_their_strips(layout: Layout) -> None:
+    first, last = layout.tree_lines[0], layout.tree_lines[-1]
+    above = [weed for weed in of(layout, "weed") if weed.pose.y >= first]
+    below = [weed for weed in of(layout, "weed") if weed.pose.y <= last]
+    assert len(above) + len(below) == layout.scenario.weeds
+    assert 0 <= len(above) - len(below) <= 1
+
+
+@settings(max_examples=10, deadline=None)
+@given(scenarios())
+def test_guests_are_clear_of_walls_and_machines_at_any_yaw(scenario: Scenario) -> None:
+    layout = lay_out(scenario)
+    machines = [start for start in layout.starts if KINDS[start.kind].robot]
+    still = [tuple(wall) for wall in layout.walls] + [
+        (m.pose.x, m.pose.y, KINDS[m.kind].length / 2, KINDS[m.kind].width / 2) for m in machines
+    ]
+    for start in of(layout, *PEOPLE, *ANIMALS):
+        radius = math.hypot(KINDS[start.kind].length, KINDS[start.kind].width) / 2
+        gaps = [math.hypot(max(abs(start.pose.x - x) - a, 0), max(abs(start.pose.y - y) - b, 0)) for x, y, a, b in still]
+        assert min(gaps) - radius >= 0.3 - 1e-9, start
+
+
+@settings(max_examples=10, deadline=None)
+@given(scenarios())
+def test_the_same_scenario_gives_the_same_layout(scenario: Scenario) -> None:
+    one, other = lay_out(scenario), lay_out(scenario.model_copy())
+    assert one.starts == other.starts
+    assert np.array_equal(one.walls, other.walls)
+
+
+def test_start_poses_are_plain_floats() -> None:
+    for start in lay_out(BIGGEST).starts:
+        assert all(type(value) is float for value in start.pose), start
+
+
+def test_another_seed_moves_the_weeds_and_not_the_given_places() -> None:
+    one, other = lay_out(Scenario(seed=1)), lay_out(Scenario(seed=2))
+    assert not {s.pose for s in of(one, "weed")} & {s.pose for s in of(other, "weed")}
+    assert [s.pose[:2] for s in of(one, *PEOPLE, *ANIMALS)] == [s.pose[:2] for s in of(other, *PEOPLE, *ANIMALS)]
+
+
+def test_the_weeds_are_laid_in_halves() -> None:
+    weeds = of(lay_out(Scenario(weeds=10)), "weed")
+    assert sum(weed.pose.y > 13.5 for weed in weeds) == 5
+
+
+@pytest.mark.parametrize("scenario", [BIGGEST, FULLEST], ids=["biggest", "fullest"])
+def test_a_big_orchard_is_laid_out_in_well_under_a_second(scenario: Scenario) -> None:
+    took = []
+    for _ in range(3):
+        begin = time.perf_counter()
+        lay_out(scenario)
+        took.append(time.perf_counter() - begin)
+    assert min(took) < 0.5
+
+
+# --- the given places ---
+
+
+def places(scenario: Scenario) -> dict[str, tuple[float, float]]:
+    return {start.name: (start.pose.x, start.pose.y) for start in lay_out(scenario).starts}
+
+
+def test_guests_stand_where_the_manual_puts_them() -> None:
+    at = places(Scenario())
+    assert at["worker_01"] == (-20.0, 22.0)
+    assert at["worker_04"] == (-44.0, -15.0)
+    assert at["visitor_01"] == (-47.0, 8.0)
+    assert at["visitor_03"] == (44.0, 6.0)
+    assert at["dog_01"] == (20.0, -11.0)
+    assert at["dog_02"] == (20.0, 15.0)
+    assert at["cat_01"] == (-47.0, -11.0)
+
+
+@pytest.mark.parametrize(("name", "given_place"), [("worker_02", (25.0, 25.0)), ("worker_03", (36.0, 18.0)), ("visitor_02", (-6.0, 22.0))])
+def test_a_given_place_in_the_queue_gives_way_to_the_nearest_free_one(name: str, given_place: tuple[float, float]) -> None:
+    x, y = places(Scenario())[name]
+    moved = math.dist((x, y), given_place)
+    to_the_edge = min(QUEUE.north - given_place[1], given_place[1] - QUEUE.south, abs(QUEUE.east - given_place[0]))
+    assert 0.0 < moved <= max(to_the_edge, 0.0) + 0.571 + 0.5  # half a body, and the grid
+
+
+@pytest.mark.parametrize("place", [(-33.0, 10.75), (-30.0, 29.0), (0.0, 21.0)], ids=["ahead of a picker", "track", "queue"])
+def test_a_dog_is_not_put_where_robots_drive_off(place: tuple[float, float], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(placement.GIVEN, "dog", (place,))
+    x, y = places(Scenario())["dog_01"]
+    assert 0.0 < math.dist((x, y), place) < 5.0
+
+
+def test_animals_may_stand_in_rows_but_not_in_trees() -> None:
+    at = places(Scenario(rows=7, row_width=6.75))
+    assert all(abs(at["dog_01"][i] - (20.0, -11.0)[i]) < 2.0 for i in (0, 1))
+
+
+def test_the_given_places_are_kept_for_those_they_are_given_to() -> None:
+    crowded = Scenario(people=People(workers=40, visitors=10), animals=Animals(dogs=40, cats=10))
+    few, many = places(Scenario()), places(crowded)
+    assert {name: many[name] for name in few if kind_of(name) in (*PEOPLE, *ANIMALS)} == {
+        name: place for name, place in few.items() if kind_of(name) in (*PEOPLE, *ANIMALS)
+    }
+
+
+# --- the figures of the reference ---
+
+
+@settings(max_examples=30, deadline=None)
+@given(rows=st.integers(3, 20), width=st.floats(5.0, 12.0))
+def test_the_field_is_as_high_as_the_manual_says(rows: int, width: float) -> None:
+    height = width * rows + 0.5 * (rows + 1) + 41.0
+    assert bottom(Scenario(rows=rows, row_width=width)) == pytest.approx(34.0 - height)
+
+
+@pytest.mark.parametrize(("rows", "width"), [(3, 5.0), (5, 5.0), (20, 12.0), (7, 6.4)])
+def test_trees_and_lanes_lie_where_the_reference_puts_them(rows: int, width: float) -> None:
+    layout = lay_out(Scenario(rows=rows, row_width=width))
+    lines = [13.5 - i * (width + 0.5) for i in range(rows + 1)]
+    assert layout.tree_lines == pytest.approx(lines)
+    assert [lane.number for lane in layout.lanes] == list(range(1, rows + 1))
+    assert [lane.y for lane in layout.lanes] == pytest.approx([y - (width + 0.5) / 2 for y in lines[:-1]])
+    assert lines[-1] - layout.bottom == pytest.approx(21.0)
+
+
+def test_every_line_has_twelve_trees_and_eleven_posts() -> None:
+    layout = lay_out(Scenario(rows=4))
+    for y in layout.tree_lines:
+        xs = sorted(wall[0] for wall in layout.walls if wall[1] == pytest.approx(y) and wall[2] == 0.25)
+        assert xs == [-34.5 + 3.0 * i for i in range(23)]  # trees and posts by turns
+    assert len(layout.walls) == 4 + 5 * 23
+
+
+def test_fences_are_a_metre_thick_and_close_the_field() -> None:
+    layout = lay_out(Scenario())
+    north, south, west, east = layout.walls[:4]
+    assert (north[1] - north[3], south[1] + south[3]) == (33.5, layout.bottom + 0.5)
+    assert (west[0] + west[2], east[0] - east[2]) == (-49.5, 49.5)
+    assert (north[0] - north[2], north[0] + north[2]) == (-50.5, 50.5)
+    assert (west[1] + west[3], west[1] - west[3]) == pytest.approx((34.5, layout.bottom - 0.5))
+
+
+def test_the_driveway_and_the_bay_are_in_the_top_left_corner() -> None:
+    assert (DRIVEWAY.east - DRIVEWAY.west, DRIVEWAY.north - DRIVEWAY.south) == pytest.approx((30.0, 10.0))
+    assert ((DRIVEWAY.east + DRIVEWAY.west) / 2, (DRIVEWAY.north + DRIVEWAY.south) / 2) == pytest.approx((-34.67, 28.51))
+    assert DRIVEWAY.west <= BAY.west < BAY.east <= DRIVEWAY.east
+    assert BAY.north < 26.1  # outside the tractor's sweep
+
+
+@pytest.mark.parametrize(
+    ("rows", "pickers", "blocks"),
+    [
+        (5, 2, [(1, 2), (3, 4, 5)]),
+        (3, 3, [(1,), (2,), (3,)]),
+        (20, 3, [tuple(range(1, 7)), tuple(range(7, 13)), tuple(range(13, 21))]),
+    ],
+)
+def test_a_picker_has_neighbouring_rows_and_the_last_the_remainder(rows: int, pickers: int, blocks: list) -> None:
+    assert list(lay_out(Scenario(rows=rows, pickers=pickers)).blocks.values()) == blocks
+
+
+@settings(max_examples=15, deadline=None)
+@given(scenarios())
+def test_robots_start_with_their_bins_behind_them(scenario: Scenario) -> None:
+    layout = lay_out(scenario)
+    for start in of(layout, "picker", "carrier"):
+        behind = layout.starts[layout.index[start.bin]]
+        assert behind.pose == Pose(start.pose.x - KINDS[start.kind].tows, start.pose.y, 0.0)
+    for picker in of(layout, "picker"):
+        assert picker.pose == Pose(-35.5, layout.lane(layout.blocks[picker.name][0]).y, 0.0)
+
+
+def test_starts_are_frozen() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        lay_out(Scenario()).starts[0].name = "nobody"

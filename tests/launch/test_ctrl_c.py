@@ -1,0 +1,93 @@
+"""Ctrl-C at any moment: before there is anything to stop, and where a viewer was opened."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import psutil
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SECONDS = 30.0  # that anything here may take on a busy machine
+SHORT = ("--rows", "3", "--record", "none", "--speed", "1", "--duration", "30")
+STAND_IN = f"""#!{sys.executable}
+import os, signal, sys
+with open(os.environ["VIEWER_PID"], "a") as file:
+    print(os.getpid(), file=file)
+signal.pause()
+"""
+
+
+def interrupted_after(module: str, *command: str) -> tuple[int, str]:
+    """Start a program, and press Ctrl-C when it has just imported a module; its exit code, and what it said."""
+    line = [sys.executable, "-X", "importtime", *command]
+    process = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    try:
+        assert process.stderr is not None
+        assert any(told.split("|")[-1].strip() == module for told in process.stderr), f"{module} was never imported"
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=SECONDS)
+    finally:
+        process.kill()
+        process.communicate()
+    return process.returncode, "\n".join(told for told in said.splitlines() if not told.startswith("import time:"))
+
+
+@pytest.mark.parametrize(
+    "module", ["math", "typer", "rich.console", "numpy", "pydantic", "orchard.field.scenario", "orchard.launch.request", "zenoh"]
+)
+def test_ctrl_c_while_run_py_is_still_importing_ends_it_without_a_word(module):
+    code, said = interrupted_after(module, "run.py", *SHORT)
+    assert code in (-signal.SIGINT, 130), "what a shell shows as 130"
+    assert said.strip() == ""
+
+
+def test_ctrl_c_that_was_held_back_from_before_the_start_is_heard():
+    """As the page does: Python loses one that comes while it starts."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        line = [sys.executable, "run.py", *SHORT]
+        process = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        process.send_signal(signal.SIGINT)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    try:
+        said, _ = process.communicate(timeout=SECONDS)
+    finally:
+        process.kill()
+    assert process.returncode == -signal.SIGINT
+    assert said == ""
+
+
+@pytest.mark.parametrize("command", [("run.py", "app"), ("-m", "orchard.app")])
+def test_ctrl_c_while_the_page_is_still_importing_ends_it_without_a_word(command):
+    pytest.importorskip("nicegui")
+    code, said = interrupted_after("nicegui.helpers", *command, "--quiet", "--port", "0")
+    assert code in (-signal.SIGINT, 130)
+    assert said.strip() == ""
+
+
+@pytest.mark.parametrize("mode", ["local", "lockstep"])
+def test_ctrl_c_ends_the_viewer_that_the_run_has_opened(mode, tmp_path):
+    viewer, pids = tmp_path / "viewer", tmp_path / "pids"
+    viewer.write_text(STAND_IN)
+    viewer.chmod(0o755)
+    pids.touch()
+    line = [sys.executable, "-u", "run.py", "--mode", mode, "--view", *SHORT]
+    there = os.environ | {"RERUN_CLI_PATH": str(viewer), "VIEWER_PID": str(pids)}
+    run = subprocess.Popen(line, cwd=ROOT, env=there, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+    try:
+        assert run.stdout is not None
+        assert any(pids.read_text() and "real time" in told for told in run.stdout), "it runs, and the viewer does"
+        seen = psutil.Process(int(pids.read_text()))
+        run.send_signal(signal.SIGINT)
+        run.wait(SECONDS)
+        seen.wait(SECONDS)
+    finally:
+        for pid in map(int, pids.read_text().split()):  # first, for it holds run.py's output open
+            if psutil.pid_exists(pid):
+                os.kill(pid, signal.SIGKILL)
+        run.kill()
+        run.communicate(timeout=SECONDS)

@@ -1,0 +1,122 @@
+"""Who dies is started again: at once, then ever later, and not for ever. In virtual time, with processes that are only said to die."""
+
+import os
+import subprocess
+import sys
+from queue import SimpleQueue
+
+import pytest
+from fleet import until
+
+from orchard.launch.supervisor import DEATHS, QUICK_SECONDS, ProcessSpec, Supervisor, take_turns
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+class Child:
+    """A process that runs until it is told to die."""
+
+    def __init__(self, arguments):
+        self.arguments, self.returncode = arguments, None
+
+    def poll(self):
+        return self.returncode
+
+    def die(self, code=-9):
+        self.returncode = code
+
+
+@pytest.fixture
+def clock():
+    return Clock()
+
+
+class Watched(Supervisor):
+    """A fleet whose processes are children in name only."""
+
+    def __init__(self, clock):
+        super().__init__(say=lambda line: self.said.append(line), clock=clock)
+        self.said, self.children = [], []
+
+    def _open(self, program, arguments):
+        self.children.append(Child(list(arguments)))
+        return self.children[-1]
+
+
+@pytest.fixture
+def fleet(clock):
+    fleet = Watched(clock)
+    fleet.start(
+        ProcessSpec("agents 1", "processes.agents", ["--only", "picker"], again=True, afterwards=["--resume"], agents=["picker_01"])
+    )
+    return fleet
+
+
+def test_who_dies_is_started_again_at_once_with_what_it_is_told_afterwards(fleet, clock):
+    clock.now += 60.0
+    fleet.children[0].die()
+    fleet.watch()
+    assert [child.arguments for child in fleet.children] == [["--only", "picker"], ["--only", "picker", "--resume"]]
+    assert fleet.said == ["agents 1 ended with code -9; starting it again"]
+
+
+def test_what_a_child_says_that_is_no_text_is_passed_on_and_does_not_block_it(tmp_path, monkeypatch):
+    """It would block for ever once the pipe is full, that is after 64 kB."""
+    (tmp_path / "shouting.py").write_text("import sys\nsys.stderr.buffer.write(b'\\xff\\n' + 20_000 * b'loud\\n' + b'over\\n')")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    said = SimpleQueue()
+    with Supervisor(said.put) as fleet:
+        fleet.start(ProcessSpec("child", "shouting", []))
+        assert said.get(timeout=20.0) == r"child: \xff"
+        until(said, lambda line: line == "child: over", 20.0)
+        fleet.wait(20.0)
+        assert fleet.exit_code("child") == 0
+
+
+def test_who_ends_well_or_need_not_live_is_left_alone(fleet):
+    fleet.start(ProcessSpec("viewer", "rerun", []))
+    fleet.children[0].die(code=0)
+    fleet.children[1].die()
+    fleet.watch()
+    assert len(fleet.children) == 2
+
+
+def waits(fleet, clock):
+    """For how long the fleet waits before it starts the last one again, which dies at once."""
+    fleet.children[-1].die()
+    begun, count = clock.now, len(fleet.children)
+    while True:
+        fleet.watch()
+        if len(fleet.children) > count or fleet.given_up:
+            return clock.now - begun
+        clock.now += 0.125
+
+
+def test_quick_deaths_are_followed_by_ever_longer_waits_and_by_giving_up_by_name(fleet, clock):
+    assert [waits(fleet, clock) for _ in range(DEATHS)] == [0.0, 0.25, 0.5, 1.0, 0.0]
+    assert list(fleet.given_up) == ["agents 1"]
+    assert "agents 1" in fleet.said[-1] and "giving up on it; these stand: picker_01" in fleet.said[-1]
+    fleet.watch()
+    assert len(fleet.children) == DEATHS
+
+
+def test_deaths_that_are_far_apart_are_not_in_a_row(fleet, clock):
+    for _ in range(3 * DEATHS):
+        clock.now += QUICK_SECONDS
+        assert waits(fleet, clock) == 0.0
+    assert not fleet.given_up
+
+
+@pytest.mark.skipif(not hasattr(os, "SCHED_BATCH"), reason="only Linux knows of it")
+def test_processes_take_turns():
+    """Whoever wakes up does not interrupt another."""
+    child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+    take_turns(child.pid)
+    assert os.sched_getscheduler(child.pid) == os.SCHED_BATCH
+    child.communicate(b"\n", timeout=20)
+    take_turns(child.pid)  # who has ended takes no turn, and that is no mistake

@@ -1,0 +1,199 @@
+"""run.py as a person uses it: one command, real processes."""
+
+import re
+import signal
+import subprocess
+import time
+
+import psutil
+import pytest
+from alone import AGENTS, SMALL, local_hash
+from command_line import SECONDS, orchard, running, summary_of, wait_until_simulated
+from recordings import seconds_of
+
+from orchard.field.scenario import Scenario, to_yaml
+
+FIRST_CALLS = 80  # s, simulated: the first bins are full at 71 s, and carriers come
+FIRST_UNLOADING = 300  # s, simulated: the first bin of 3 rows and 2 pickers is unloaded before, with seeds 1 to 5
+
+
+def processes_of(run: subprocess.Popen) -> dict[str, psutil.Process]:
+    """The processes that a run has started, by the last word of their modules; of several the last."""
+    children = psutil.Process(run.pid).children(recursive=True)
+    return {word.removeprefix("processes."): child for child in children for word in child.cmdline() if word.startswith("processes.")}
+
+
+# -- whole harvests
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory):
+    """A whole harvest in local mode."""
+    path = tmp_path_factory.mktemp("local") / "summary.json"
+    done = orchard("--rows", 3, "--mode", "local", "--record", "none", "--summary", path)
+    assert done.returncode == 0, done.stderr
+    return summary_of(path)
+
+
+@pytest.fixture(scope="module")
+def lockstep(tmp_path_factory):
+    """The same harvest in lockstep, recorded; its summary, its recording and what it printed."""
+    folder = tmp_path_factory.mktemp("lockstep")
+    done = orchard("--rows", 3, "--record", folder / "run.rrd", "--summary", folder / "summary.json")
+    assert done.returncode == 0, done.stderr
+    return summary_of(folder / "summary.json"), folder / "run.rrd", done.stdout
+
+
+def test_a_harvest_in_lockstep_is_that_of_local_mode(local, lockstep):
+    assert lockstep[0]["hash"] == local["hash"]
+    own = {"mode", "hosts", "wall_seconds", "times_real_time", "recording_parts", "recording_gaps", "messages_dropped"}
+    assert {k: v for k, v in local.items() if k not in own} == {k: v for k, v in lockstep[0].items() if k not in own}
+
+
+def test_the_summary_tells_how_good_the_harvest_was(lockstep):
+    summary, _, printed = lockstep
+    assert summary["finished"] is True
+    assert summary["rows_picked"] == summary["bins_delivered"] == summary["rows"] == 3
+    assert summary["ticks"] == pytest.approx(10 * summary["sim_seconds"])
+    assert 0 < summary["bins_per_hour"] <= summary["bound_bins_per_hour"]
+    assert 0 < summary["bound_sim_seconds"] <= summary["sim_seconds"]
+    assert summary["bottleneck"] in ("pickers", "carriers", "unloading")
+    assert 0 < summary["carrier_utilisation"] < 1
+    assert 20 < summary["picker_waiting_seconds"] < 300
+    assert summary["distance_metres"]["picker"] > 3 * 70
+    assert {"hash", "mode", "seed", "wall_seconds", "agents", "hosts", "collisions", "refused_moves", "weeds_flattened"} <= summary.keys()
+    assert "bins delivered" in printed
+    assert summary["hash"] in printed
+
+
+def test_the_last_line_is_the_command_that_opens_the_recording(lockstep):
+    _, recording, printed = lockstep
+    last = printed.strip().splitlines()[-1]
+    assert re.fullmatch(r"To watch it: \S+ run\.py view \S+", last)
+    assert last.endswith(str(recording))
+
+
+def test_the_recording_holds_the_whole_run(lockstep):
+    summary, recording, _ = lockstep
+    assert seconds_of(recording) == pytest.approx(summary["sim_seconds"], abs=1.0)
+    lacks = {key: summary[key] for key in ("recording_parts", "recording_gaps", "messages_dropped")}
+    assert lacks == {"recording_parts": ["run.rrd"], "recording_gaps": [], "messages_dropped": 0}
+
+
+# -- the hash of lockstep is that of local mode, for any number of agent processes
+
+
+@pytest.mark.parametrize(("hosts", "seed"), [(1, 1), (5, 2)])
+def test_the_hash_does_not_depend_on_processes(tmp_path, hosts, seed):
+    """With a recording as well in `make soak`; `lockstep`, above, has one."""
+    summary = check_against_local(tmp_path, hosts, seed, "none", FIRST_UNLOADING)
+    assert summary["bins_delivered"] >= 1
+
+
+def test_the_hash_does_not_depend_on_processes_when_each_agent_has_its_own(tmp_path):
+    """Of few agents, to the first calls; of all, to the first unloading, in `make soak`."""
+    few, path, ticks = SMALL.model_copy(update={"carriers": 2}), tmp_path / "few.yaml", FIRST_CALLS * 10
+    path.write_text(to_yaml(few))
+    summary = tmp_path / "summary.json"
+    done = orchard(path, "--hosts", "each", "--record", "none", "--duration", FIRST_CALLS, "--summary", summary)
+    assert done.returncode == 0, done.stdout + done.stderr
+    told = summary_of(summary)
+    assert told["hosts"] == AGENTS + 2, "a carrier more, and its bin"
+    assert told["hash"] == local_hash(few, ticks)
+    assert told["rows_picked"] >= 2, "carriers are called"
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("seed", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("hosts", [1, 2, 5, "each"])
+@pytest.mark.parametrize("record", [True, False])
+def test_soak_the_hash_does_not_depend_on_processes(tmp_path, hosts, seed, record):
+    summary = check_against_local(tmp_path, hosts, seed, tmp_path / "run.rrd" if record else "none", FIRST_UNLOADING)
+    assert summary["bins_delivered"] >= 1
+
+
+def check_against_local(folder, hosts, seed, recording, seconds):
+    """The summary of a run that has the hash of local mode."""
+    path = folder / "summary.json"
+    done = orchard("--rows", 3, "--seed", seed, "--hosts", hosts, "--record", recording, "--duration", seconds, "--summary", path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    summary = summary_of(path)
+    assert summary["hash"] == local_hash(Scenario(rows=3, seed=seed), seconds * 10)
+    return summary
+
+
+# -- stopping, killing, jams
+
+
+def test_ctrl_c_stops_everything_within_three_seconds_and_closes_the_recording(tmp_path):
+    recording = tmp_path / "run.rrd"
+    with running("--rows", 3, "--record", recording, "--speed", 8) as run:
+        children = list(processes_of(run).values())
+        assert len(children) == 3, "physics, agents (two of one name), logger"
+        wait_until_simulated(run, 1.0)
+        begun = time.monotonic()
+        run.send_signal(signal.SIGINT)
+        printed, _ = run.communicate(timeout=10)
+        assert time.monotonic() - begun < 3.0
+        assert run.returncode == 0
+        assert not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children)
+    assert "To watch it" in printed
+    assert seconds_of(recording) > 0.5
+
+
+@pytest.mark.soak
+def test_a_run_without_its_logger_goes_on(tmp_path):
+    path = tmp_path / "summary.json"
+    with running("--rows", 3, "--record", tmp_path / "run.rrd", "--duration", 150, "--summary", path) as run:
+        processes_of(run)["logger"].kill()
+        run.communicate(timeout=SECONDS)
+        assert run.returncode == 0
+    assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), 1500)
+
+
+# -- bad input
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["--rows", "21"], "rows = 21"),
+        (["--rows", "3", "--pickers", "4"], "pickers"),
+        (["--row-width", "4.9", "--carriers", "0"], "carriers = 0"),
+        (["nothing.yaml"], "nothing.yaml: no such file"),
+        (["--speed", "0"], "--speed"),
+        (["--hosts", "0"], "--hosts"),
+        (["--duration", "-1"], "--duration"),
+        (["--duration", "1e308"], "at most 6871947674"),
+        (["--only", "picker", "--connect", "tcp/127.0.0.1:9", "--seed", "0", "--resume", "last", "--mode", "realtime"], "--seed, --mode"),
+        (["--patience", "1"], "--patience"),
+        (["--summary", "/nowhere/at/all.json"], "/nowhere/at"),
+        (["--mode", "sideways"], "--mode"),
+        (["view", "nothing.rrd"], "nothing.rrd"),
+    ],
+)
+def test_bad_input_is_named_with_exit_code_2_and_no_traceback(arguments, named):
+    done = orchard(*arguments, seconds=30)
+    assert done.returncode == 2
+    assert named in done.stderr
+    assert "Traceback" not in done.stderr + done.stdout
+
+
+@pytest.mark.parametrize(
+    ("word", "told"),
+    [("piker", "own.yaml:1: agents.piker: no kind (picker"), ("picker_99", "agents.picker_99: no such agent or kind")],
+)
+def test_a_class_for_nobody_is_named(tmp_path, word, told):
+    file = tmp_path / "own.yaml"
+    file.write_text(f"agents: {{{word}: my_package.MyPicker}}\n")
+    done = orchard(file, seconds=30)
+    assert done.returncode == 2
+    assert told in done.stderr
+
+
+def test_all_errors_of_a_scenario_file_are_told_at_once(tmp_path):
+    file = tmp_path / "bad.yaml"
+    file.write_text("rows: 99\npikers: 3\npeople:\n  workers: many\n")
+    done = orchard(file, seconds=30)
+    assert done.returncode == 2
+    assert all(words in done.stderr for words in ("rows = 99", "pikers", "people.workers", "did you mean pickers"))

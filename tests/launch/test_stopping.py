@@ -1,0 +1,137 @@
+"""`run.py stop` and `run.py reset`: how they find the run that goes on, and what they tell of its answer."""
+
+import os
+import re
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from queue import SimpleQueue
+
+import msgpack
+import psutil
+import pytest
+from command_line import line_with, summary_of
+from fleet import ROOT, Client, assert_goes_on, assert_stands, until
+
+from orchard.contract.messages import pack
+from orchard.launch import emergency_stop
+from orchard.launch.emergency_stop import RunNote, find_run, noted, running_here, switch
+from orchard.net.bus import router
+from orchard.net.endpoints import BusError
+from orchard.wire.messages import RunInfo, Stopped
+
+README = [
+    line.split()[2:] for line in re.search(r"```sh emergency stop\n(.*?)```", (ROOT / "README.md").read_text(), re.S).group(1).splitlines()
+]
+
+
+@contextmanager
+def running(folder: Path, *arguments: object):
+    """A run.py of its own, which leaves its notes in a folder of its own; nothing is left behind."""
+    (folder / "run.py").symlink_to(ROOT / "run.py")
+    command = [sys.executable, "-u", folder / "run.py", ROOT / "config" / "orchard.yaml", "--rows", 3, "--record", "none", *arguments]
+    process = subprocess.Popen(list(map(str, command)), cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        line_with("real time", process)
+        yield process
+    finally:
+        for child in psutil.Process(process.pid).children(recursive=True) if process.poll() is None else []:
+            child.kill()
+        process.kill()
+        process.communicate()
+
+
+def run_py(folder: Path, *arguments: str) -> subprocess.CompletedProcess:
+    command = [sys.executable, str(folder / "run.py"), *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, env=os.environ | {"COLUMNS": "200"})
+
+
+@pytest.mark.parametrize("mode", [("--mode", "realtime", "--speed", 5), ("--speed", 4)], ids=["realtime", "lockstep"])
+def test_the_command_line_stops_a_robot_of_the_run_that_goes_on_here(tmp_path, mode):
+    path = tmp_path / "summary.json"
+    with running(tmp_path, *mode, "--duration", 3000, "--summary", path) as run, ExitStack() as stack:
+        (going,) = running_here(tmp_path / "runs")
+        someone = stack.enter_context(Client.open(going.endpoint, going.run))
+        poses, velocities = someone.hear("orchard/picker_01/pose"), someone.hear("orchard/picker_01/velocity")
+        done = run_py(tmp_path, "stop", "picker_01")
+        assert (done.returncode, done.stdout) == (0, "stopped: bin_01, picker_01\n"), done.stderr
+        stands = assert_stands(poses)
+        until(velocities, lambda velocity: velocity["tick"] > stands["tick"] and velocity["linear"]["x"] > 0.0)
+        assert_stands(poses)
+        done = run_py(tmp_path, "stop", "carrier", "piker_01")
+        assert done.returncode == 2
+        assert "piker_01: no such agent or kind" in done.stderr
+        done = run_py(tmp_path, "stop")
+        assert re.fullmatch(r"stopped: bin_02, .*tractor_01\nstopped before: bin_01, picker_01\n", done.stdout), done.stdout
+        assert run_py(tmp_path, "reset", "picker_01").stdout.startswith("reset: bin_01, picker_01\nstill stopped: bin_02, ")
+        assert_goes_on(poses)
+        for words in README:
+            assert run_py(tmp_path, *words).returncode == 0, words
+        assert_goes_on(poses)
+        someone.ask("orchard/command", msgpack.packb({"run": going.run, "command": "stop"}))
+        out, _ = run.communicate(timeout=120)
+        assert run.returncode == 0, out
+    summary = summary_of(path)
+    assert summary["violations"] == []
+    assert summary["stopped_seconds"]["picker_01"] > 2.0
+    assert running_here(tmp_path / "runs") == []
+    assert not list((tmp_path / "runs").glob("*.going"))
+
+
+def test_a_stop_without_a_run_is_told_so(tmp_path):
+    (tmp_path / "run.py").symlink_to(ROOT / "run.py")
+    done = run_py(tmp_path, "stop")
+    assert done.returncode == 2
+    assert "no run goes on here" in done.stderr
+    done = run_py(tmp_path, "stop", "--connect", "tcp/127.0.0.1:9")
+    assert done.returncode == 2
+    assert "nobody listens there" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_whom_physics_lets_wait_is_told_so_and_gets_the_answer_that_comes_late(monkeypatch):
+    monkeypatch.setattr(emergency_stop, "QUIET_SECONDS", 0.2)
+    told, robots = SimpleQueue(), ["picker_01"]
+    with router() as physics, ThreadPoolExecutor() as pool:
+        physics.answer("orchard/stop")
+        asked = pool.submit(switch, RunNote("a", physics.endpoint), robots, True, None, told.put)
+        question = physics.inbox.take(20.0)
+        assert "does not answer yet" in told.get(timeout=20.0)
+        question.reply(pack(Stopped("a", 0, robots, robots)))
+        question.drop()
+        assert asked.result(20.0).changed == robots
+
+
+def test_where_the_run_must_first_be_asked_for_the_stop_is_still_asked_once():
+    """What is left of the first question must not be taken for an end of the second."""
+    with router() as physics, ThreadPoolExecutor() as pool:
+        for what in ("scenario", "stop"):
+            physics.answer(f"orchard/{what}")
+        asked = pool.submit(switch, RunNote("", physics.endpoint), [], True, None, print)
+        replies = {"scenario": RunInfo("a", 0, "lockstep", [], {}), "stop": Stopped("a", 0, [], [])}
+        for what in replies:
+            question = physics.inbox.take(20.0)
+            assert question.key == f"orchard/{what}"
+            assert physics.inbox.take(1.0) is None
+            question.reply(pack(replies[what]))
+            question.drop()
+        assert asked.result(20.0).kept is False
+
+
+def test_whom_physics_never_answers_is_told_that_nobody_knows(monkeypatch):
+    monkeypatch.setattr(emergency_stop, "ANSWER_SECONDS", 1.0)
+    with router() as physics, pytest.raises(BusError, match="did not answer within 1 s; it may have heard of this, or not"):
+        physics.answer("orchard/stop")
+        switch(RunNote("a", physics.endpoint), [], True, None, print)
+
+
+def test_several_runs_are_named_and_the_note_of_one_that_was_killed_is_removed(tmp_path):
+    with noted(tmp_path, RunNote("b", "tcp/127.0.0.1:2")):
+        assert find_run(tmp_path, None) == RunNote("b", "tcp/127.0.0.1:2")
+        with noted(tmp_path, RunNote("a", "tcp/127.0.0.1:1")), pytest.raises(BusError, match=r"2 runs go on here(.|\n)*:1 (.|\n)*:2 "):
+            find_run(tmp_path, None)
+        (tmp_path / "killed.going").write_text('{"run": "killed", "endpoint": "tcp/127.0.0.1:3"}')
+        assert find_run(tmp_path, None).run == "b"
+    assert list(tmp_path.iterdir()) == []

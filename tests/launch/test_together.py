@@ -1,0 +1,99 @@
+"""What run.py does about a run of many processes: whom it believes its end, for whom it waits then, and whose snapshots it takes."""
+
+import io
+import signal
+
+import pytest
+from alone import SMALL
+from command_line import ROOT, orchard, running
+from rich.console import Console
+
+from orchard.contract.messages import pack
+from orchard.field.scenario import to_yaml
+from orchard.launch import distributed
+from orchard.launch.supervisor import ProcessSpec, Supervisor
+from orchard.net.bus import Inbox, Sample, Signal
+from orchard.net.refusals import Refused
+from orchard.report.progress import Progress
+from orchard.server.snapshots import sole
+from orchard.sim.snapshot import SnapshotError
+from orchard.wire.messages import End
+
+DEAF = """\
+import signal, sys, time
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+print("deaf", file=sys.stderr, flush=True)
+time.sleep(600)
+"""
+PROGRESS = Progress(Console(file=io.StringIO()))
+
+
+def an_end(**summary):
+    return Sample("orchard/end", pack(End("run1", 5, True, "harvested", "0" * 64, summary)))
+
+
+def test_an_end_that_says_nothing_of_the_run_is_refused_whoever_sends_it():
+    with pytest.raises(Refused, match="malformed"):
+        distributed._hear(an_end(), "run1", PROGRESS)
+    with pytest.raises(Refused, match="malformed"):
+        distributed._hear(an_end(hash="0", ticks="many", violations=[]), "run1", PROGRESS)
+    assert distributed._hear(an_end(hash="0", ticks=5, violations=[]), "run1", PROGRESS).why == "harvested"
+
+
+@pytest.fixture
+def deaf(tmp_path, monkeypatch):
+    """A fleet with a host whose agent hears of nothing, and what the fleet says."""
+    (tmp_path / "deaf.py").write_text(DEAF)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    said, begun = [], []
+    with Supervisor(lambda line: (begun if line.endswith("deaf") else said).append(line)) as fleet:
+        fleet.start(ProcessSpec("agents 1", "deaf", []))
+        while not begun:
+            assert fleet.exit_code("agents 1") is None, said
+        yield fleet, said
+
+
+def test_an_agent_that_thinks_on_after_the_end_is_not_waited_for(deaf, monkeypatch):
+    monkeypatch.setattr(distributed, "THINK_SECONDS", 0.0)
+    fleet, said = deaf
+    distributed._part(fleet, ["agents 1"], Inbox(), 60.0)
+    assert fleet.exit_code("agents 1") == -signal.SIGKILL
+    assert said[0].startswith("agents 1 still thinks")
+
+
+def test_ctrl_c_ends_the_waiting_for_those_who_have_not_ended(deaf, monkeypatch):
+    monkeypatch.setattr(distributed, "STOP_SECONDS", 0.0)
+    fleet, said = deaf
+    inbox = Inbox()
+    inbox.put(Signal(signal.SIGINT))
+    distributed._part(fleet, ["agents 1"], inbox, 60.0)
+    assert fleet.exit_code("agents 1") == -signal.SIGKILL
+    assert said == []
+
+
+# -- snapshots
+
+
+def test_nobody_else_keeps_snapshots_where_somebody_does(tmp_path):
+    folder = tmp_path / "one.snapshots"
+    with sole(folder):
+        with pytest.raises(SnapshotError, match=r"one.snapshots: the run of these snapshots goes on still"), sole(folder):
+            pass
+        with sole(tmp_path / "other.snapshots"), sole(None):
+            pass
+    with sole(folder):
+        pass
+
+
+@pytest.mark.parametrize("mode", ["local", "lockstep"])
+def test_a_run_that_goes_on_is_not_gone_on_with_a_second_time(tmp_path, mode):
+    scenario = tmp_path / "small.yaml"
+    scenario.write_text(to_yaml(SMALL))
+    with running(scenario, "--mode", mode, "--speed", 5, "--duration", 60, "--record", "none") as run:
+        (folder,) = (ROOT / "runs").glob(f"*-{run.pid}.snapshots")
+        again = orchard("--resume", folder, "--record", "none")
+        assert again.returncode == 2
+        assert "the run of these snapshots goes on still; stop it first" in again.stderr
+        run.send_signal(signal.SIGINT)
+        printed, _ = run.communicate(timeout=30)
+    assert run.returncode == 0, printed

@@ -1,0 +1,40 @@
+"""What a stranger could fill is bounded: what is told, what is counted, who is there."""
+
+import msgpack
+from alone import SMALL
+from corpus import Run
+
+from orchard.net.bus import Alive, Sample
+from orchard.net.refusals import Refusals, Refused
+
+
+def test_what_is_told_is_short_and_does_nothing_to_a_terminal(caplog):
+    refusals = Refusals()
+    for number in range(3000):
+        refusals.note(f"orchard/{number}\x1b[2J{'x' * 60_000}/velocity", Refused("malformed", "\x1b[2J\n" + "y" * 100_000))
+    assert refusals.counts == {"malformed": 3000}
+    assert len(refusals._told) == 1000
+    assert all(len(key) <= 200 and key.isprintable() for key, _ in refusals._told)
+    assert all(len(record.getMessage()) < 500 and record.getMessage().isprintable() for record in caplog.records)
+
+
+def test_reasons_and_sessions_that_are_made_up_are_bounded():
+    physics = Run(SMALL, "run1", 1).physics
+    for number in range(3000):
+        count = {"malformed": 1} if number % 2 else {f"reason {number}": 1}
+        physics.bus.inbox.put(Sample(f"orchard/hosts/made{number}/refused", msgpack.packb({"run": "run1", "counts": count})))
+        physics.bus.inbox.put(Alive(f"orchard/alive/picker_01/s{number}{'x' * 100}", True))
+    while physics.arrivals.take(0.0):
+        pass
+    assert len(physics.harvest.refusal_totals.there) == 1000
+    assert physics.harvest.refusal_totals.own.counts == {"malformed": 1500 + 3000, "too many": 500}
+    assert not physics.harvest.drivers.roster.anybody()
+
+
+def test_tokens_are_bounded():
+    physics = Run(SMALL, "run1", 1).physics
+    for number in range(11_000):
+        physics.bus.inbox.put(Alive(f"orchard/alive/picker_01/s{number}", True))
+    while physics.arrivals.take(0.0):
+        pass
+    assert physics.harvest.refusal_totals.own.counts == {"too many": 1000}

@@ -1,0 +1,315 @@
+"""Lockstep with a real router and real processes: the trajectory is that of local mode, whatever the network does."""
+
+import math
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import msgpack
+import pytest
+from alone import AGENTS, SMALL, TICKS, TOY, local_hash
+from fleet import ROOT, until
+
+from orchard.field.scenario import Scenario
+from orchard.launch.supervisor import free_port
+from orchard.net import bus
+from orchard.net.bus import Inbox, client, router
+from orchard.net.endpoints import BusError
+from orchard.net.refusals import Refusals
+from orchard.net.requests import PhysicsRequest, ask
+from orchard.wire.keys import TABLE
+
+# -- the same as local mode
+
+
+@pytest.mark.parametrize("hosts", [1, 2, AGENTS])
+def test_agents_that_call_each_other_do_as_in_local_mode(fleet, undisturbed, hosts):
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    fleet.share(hosts, TOY)
+    assert fleet.end() == undisturbed
+
+
+def test_slow_agents_and_slow_handlers_change_nothing(fleet, undisturbed):
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    fleet.share(2, "callers:slow")
+    assert fleet.end() == undisturbed
+
+
+def test_someone_who_hears_everything_changes_nothing(fleet, undisturbed):
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    everything = fleet.client().hear("**")
+    fleet.share(2, TOY)
+    assert fleet.end() == undisturbed
+    assert everything.qsize() > TICKS * 3 * (AGENTS - 1)  # pose, scan and velocity of each body
+
+
+def test_the_harvest_begins_as_in_local_mode(fleet):
+    scenario = Scenario(rows=3)
+    fleet.physics(scenario, "--duration", "60")
+    fleet.share(2)
+    assert fleet.end() == local_hash(scenario, 600)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("seed", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("hosts", [2, 5])
+def test_soak_slow_harvesters_and_slow_handlers_change_nothing(fleet, seed, hosts):
+    scenario = Scenario(rows=3, seed=seed)
+    fleet.physics(scenario, "--duration", "300")
+    fleet.share(hosts, "callers:slow_harvesters")
+    assert fleet.end(seconds=600.0) == local_hash(scenario, 3000)
+
+
+def test_another_seed_is_another_run():
+    assert local_hash(Scenario(rows=3), 50) != local_hash(Scenario(rows=3, seed=2), 50)
+
+
+# -- who drives
+
+
+def stop(fleet, someone):
+    """Ask the run to end, as a person does."""
+    (reply,) = someone.ask("orchard/command", msgpack.packb({"run": fleet.run, "command": "stop"}))
+    assert reply["run"] == fleet.run
+    fleet.end()
+
+
+def test_a_robot_stands_until_someone_drives_it(fleet):
+    fleet.physics(SMALL, "--absent", "picker_01", "--speed", "4")
+    someone = fleet.client()
+    poses = someone.hear("orchard/picker_01/pose")
+    fleet.host("--without", "picker_01")
+    pose = until(poses, lambda pose: pose["tick"] >= 10)
+    assert pose["pose"]["position"]["x"] == -35.5, "it stands"
+    while pose["pose"]["position"]["x"] < -34.5:
+        someone.drive("picker_01", pose["tick"], 0.5)
+        pose = until(poses, lambda pose: True)
+    standing = until(poses, lambda later: later["tick"] > pose["tick"] + 10 and later["twist"]["linear"]["x"] == 0.0)
+    assert standing["pose"]["position"]["x"] < -33.0, "half a second after the last velocity it stands"
+    stop(fleet, someone)
+
+
+def test_only_the_holder_drives_a_robot(fleet):
+    fleet.physics(SMALL, "--absent", "picker_02", "--speed", "20")
+    someone = fleet.client()
+    figures, clock = someone.hear("orchard/figures"), someone.hear("orchard/clock")
+    fleet.host("--without", "picker_02", agents=TOY)
+    tick = until(clock, lambda message: True)["tick"]
+    someone.drive("picker_01", tick, 1.0)
+    someone.drive("picker_02", tick, 1.0, holder="me")
+    someone.put("orchard/picker_02/velocity", tick=tick, linear={"x": 0.0, "y": 1.0}, angular={"z": 0.0})
+    someone.put("orchard/picker_02/velocity", tick=tick + 10**6, linear={"x": 0.0}, angular={"z": 0.0})
+    someone.put("orchard/picker_02/velocity", tick=tick, linear={"x": float("nan")}, angular={"z": 0.0})
+    someone.put("orchard/picker_99/velocity", tick=tick, linear={"x": 0.0}, angular={"z": 0.0})
+    someone.put("orchard/picker_02/velocity", run="another", tick=tick, linear={"x": 0.0}, angular={"z": 0.0})
+    wanted = {"not the holder", "not held", "out of bounds", "future tick", "malformed", "no such robot", "other run"}
+    refused = until(figures, lambda message: sum(message["messages_refused"].values()) >= len(wanted))["messages_refused"]
+    assert refused == dict.fromkeys(wanted, 1)
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+
+
+def test_a_bare_client_is_waited_for_in_lockstep(fleet):
+    fleet.physics(SMALL, "--duration", "3")
+    fleet.host("--without", "worker_01", agents=TOY)
+    someone = fleet.client()
+    poses, clock = someone.hear("orchard/worker_01/pose"), someone.hear("orchard/clock")
+    token = someone.session.liveliness().declare_token("orchard/alive/worker_01/me")
+    join = msgpack.packb({"run": fleet.run, "holder": "me", "names": ["worker_01"]})
+    assert someone.ask("orchard/hosts/me/join", join)[0]["memories"] == {"worker_01": None}
+    places = []
+    for tick in range(30):
+        until(clock, lambda message, tick=tick: message["tick"] == tick)
+        pose = until(poses, lambda message, tick=tick: message["tick"] == tick)["pose"]["position"]
+        places.append((pose["x"], pose["y"]))
+        someone.drive("worker_01", tick, 0.5, holder="me")
+    token.undeclare()
+    fleet.end()
+    assert math.dist(places[0], places[-1]) == pytest.approx(0.5 * 2.9)
+
+
+def test_a_name_that_is_taken_is_refused_by_name(fleet):
+    fleet.physics(SMALL, "--speed", "10")
+    clock = fleet.client().hear("orchard/clock")
+    first = fleet.host(agents=TOY)
+    until(clock, lambda message: True)
+    second = fleet.host("--only", "picker_01", agents=TOY)
+    code, _, err = second.end()
+    assert code == 2
+    assert "picker_01: it is taken" in err
+    fleet.hosts = [first]
+    fleet.world.signal(signal.SIGINT)
+    fleet.end()
+
+
+def test_the_robot_of_a_broken_agent_stands_and_the_others_go_on(fleet):
+    fleet.physics(SMALL, "--duration", "2")
+    host = fleet.host(agents="callers:broken")
+    code, _, err = fleet.world.end()
+    assert code == 0
+    code, _, err = host.end(10.0)
+    assert code == 0
+    assert err.count("picker_01 made a mistake at tick 0") == 1
+    assert "callers.py" in err
+
+
+# -- comings and goings
+
+
+def test_the_robot_of_a_killed_host_stands_and_a_new_host_takes_it_over(fleet):
+    fleet.physics(SMALL, "--patience", "0.5", "--speed", "10")
+    someone = fleet.client()
+    lost, poses, velocities = (someone.hear(f"orchard/{key}") for key in ("lost", "picker_01/pose", "picker_01/velocity"))
+    fleet.host("--without", "picker_01", agents=TOY)
+    killed = fleet.host("--only", "picker_01", agents=TOY)
+    before = until(velocities, lambda velocity: velocity["tick"] >= 5 and velocity["report"]["memory"])
+    killed.signal(signal.SIGKILL)
+    tick = until(lost, lambda message: message["names"] == ["picker_01"])["tick"]
+    until(poses, lambda pose: pose["tick"] > tick + 2 and pose["twist"]["linear"]["x"] == 0.0)
+    fleet.hosts.remove(killed)
+    fleet.host("--only", "picker_01", agents=TOY)
+    after = until(velocities, lambda velocity: velocity["tick"] > tick and velocity["report"]["memory"])
+    assert msgpack.unpackb(after["report"]["memory"])["heard"] >= msgpack.unpackb(before["report"]["memory"])["heard"]
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+
+
+def test_a_host_that_hangs_is_named_and_joins_again_when_it_wakes(fleet):
+    fleet.physics(SMALL, "--patience", "0.3", "--speed", "10")
+    someone = fleet.client()
+    lost, velocities = someone.hear("orchard/lost"), someone.hear("orchard/picker_01/velocity")
+    fleet.host("--without", "picker_01", agents=TOY)
+    hung = fleet.host("--only", "picker_01", agents=TOY)
+    until(velocities, lambda velocity: velocity["tick"] >= 3)
+    hung.signal(signal.SIGSTOP)
+    tick = until(lost, lambda message: message["names"] == ["picker_01"])["tick"]
+    hung.signal(signal.SIGCONT)
+    again = until(velocities, lambda velocity: velocity["tick"] > tick)
+    until(velocities, lambda velocity: velocity["tick"] > again["tick"] + 5)
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+    assert "joining again" in hung.complaints
+
+
+def test_hosts_leave_when_physics_is_gone(fleet):
+    fleet.physics(SMALL, "--speed", "10")
+    clock = fleet.client().hear("orchard/clock")
+    host = fleet.host("--patience", "1", agents=TOY)
+    until(clock, lambda message: message["tick"] == 3)
+    fleet.world.signal(signal.SIGKILL)
+    code, _, err = host.end(10.0)
+    assert code == 1
+    assert "physics is gone" in err
+
+
+def test_physics_names_who_is_missing_and_all_stop_when_asked(fleet):
+    fleet.physics(SMALL)
+    host = fleet.host("--without", "picker_02", agents=TOY)
+    assert fleet.world.error() == "physics: waiting for 1 agents: picker_02\n"
+    begun = time.monotonic()
+    host.signal(signal.SIGTERM)
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+    assert time.monotonic() - begun < 3.0
+
+
+# -- questions
+
+
+def test_bins_tell_their_state_and_nonsense_gets_an_error(fleet):
+    fleet.physics(SMALL, "--speed", "10")
+    someone = fleet.client()
+    states = someone.hear("orchard/bin_01/state")
+    fleet.host(agents=TOY)
+    published = until(states, lambda state: True)
+    assert (published["full"], published["fill"], published["coupled_to"]) == (False, 0.0, "picker_01")
+    assert someone.ask("orchard/bin_01/state")[0]["coupled_to"] == "picker_01"
+    for key in ("hosts/me/join", "command", "picker_01/mail"):
+        assert "malformed" in someone.ask(f"orchard/{key}", b"\x93nonsense")[0]
+    assert "other run" in someone.ask("orchard/command", msgpack.packb({"run": "another", "command": "stop"}))[0]
+    answer = someone.ask("orchard/scenario")[0]
+    assert answer["run"] == fleet.run
+    assert Scenario.model_validate(answer["scenario"]) == SMALL
+    stop(fleet, someone)
+
+
+def test_bad_bytes_on_every_key_change_nothing(fleet, undisturbed):
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    someone, chance = fleet.client(), random.Random(1)
+    fleet.share(2, TOY)
+    keys = [someone.keys.of(what, name, "me") for what in TABLE for name in ("picker_01", "bin_02", "traffic")]
+    heard = someone.hear("orchard/clock")
+    until(heard, lambda message: True)
+    for _ in range(5):
+        for key in keys:
+            someone.session.put(key, chance.randbytes(chance.randrange(60)))
+        someone.session.get("orchard/bin_02/mail", lambda reply: None, payload=chance.randbytes(20), timeout=5.0)
+    code, out, err = fleet.world.end()
+    assert code == 0
+    assert undisturbed in out
+    assert "refused on orchard/picker_01/velocity: malformed" in err
+    assert err.count("refused on orchard/picker_01/velocity") == 1, "logged once"
+
+
+# -- the network itself
+
+
+def test_an_endpoint_that_nobody_listens_on_is_named(monkeypatch):
+    monkeypatch.setattr(bus, "CONNECT_SECONDS", 0.3)
+    with pytest.raises(BusError, match=r"tcp/127\.0\.0\.1:9: nobody listens"), client("tcp/127.0.0.1:9"):
+        pass
+
+
+def test_an_endpoint_that_is_none_is_named():
+    with pytest.raises(BusError, match="nonsense: not an endpoint"), client("nonsense"):
+        pass
+
+
+def test_a_port_in_use_is_named(fleet):
+    with router() as taken:
+        process = fleet.start("processes.physics", "--listen", taken.endpoint)
+        code, _, err = process.end()
+    assert code == 2
+    assert f"{taken.endpoint}: cannot listen there; the port is in use" in err
+
+
+def test_a_get_that_nobody_answers_ends_without_a_reply():
+    inbox = Inbox()
+    with router(inbox=inbox) as alone:
+        for key in ("orchard/nobody/mail", "this//is no key"):
+            alone.ask(key, b"", "ticket")
+            assert inbox.take(5.0) == bus.Final("ticket")
+
+
+def test_who_asks_does_something_meanwhile_although_nobody_answers():
+    """A host looks whether physics is gone."""
+
+    looks = iter(("it is there", "it is there"))
+
+    def look() -> None:
+        if next(looks, None) is None:
+            raise TimeoutError("physics is gone")
+
+    with router() as silent, client(silent.endpoint) as asker:
+        silent.answer("orchard/recall")
+        with pytest.raises(TimeoutError, match="physics is gone"):
+            ask(asker, PhysicsRequest("orchard/recall", b"", bytes), lambda item: None, Refusals(), look)
+
+
+def test_agents_load_neither_the_compiler_nor_the_viewer():
+    code = "import sys, processes.agents, orchard.agents, processes.physics; print({'numba', 'rerun'} & set(sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=30).stdout == "set()\n"
+
+
+def test_a_second_run_with_the_same_prefix_must_go_and_the_first_goes_on(fleet, undisturbed, tmp_path):
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    fleet.router(endpoint)
+    fleet.physics(SMALL, "--duration", str(TICKS / 10), "--connect", endpoint)
+    assert "waiting for 9 agents" in fleet.world.error()
+    code, _, said = fleet.start("processes.physics", "--connect", endpoint).end()
+    assert code == 2
+    assert f"run {fleet.run} goes on there, with prefix orchard; choose another router or prefix" in said
+    fleet.share(2, TOY)
+    assert fleet.end() == undisturbed

@@ -1,0 +1,156 @@
+"""Several machines: the hash is that of local mode, whoever runs where; and the README's commands for it, as they stand."""
+
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+from contextlib import ExitStack
+
+import pytest
+from alone import SMALL, local_hash
+from command_line import line_with, orchard, summary_of
+from fleet import ROOT, SECONDS, Process
+from machines import machines, needs_machines, within
+
+from orchard.field.scenario import Scenario, to_yaml
+from orchard.net.bus import router
+
+TICKS = 200
+PORT = 7447
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Start a process on a machine; it does not survive the test."""
+    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
+    with ExitStack() as stack:
+
+        def start_on(machine: str, module: str, *arguments: str) -> Process:
+            process = Process(module, *arguments, before=within(machine))
+            stack.callback(process.kill)
+            return process
+
+        yield start_on
+
+
+def hash_of(physics: Process) -> str:
+    code, out, err = physics.end()
+    assert code == 0, out + err
+    return re.search(r"hash (\w+)", out).group(1)
+
+
+@needs_machines
+def test_lockstep_over_two_machines_is_local_mode(start, tmp_path):
+    with machines("a") as (host, guest):
+        physics = start(host, "processes.physics", f"{tmp_path}/scenario.yaml", "--listen", f"tcp/0.0.0.0:{PORT}", "--duration", "20")
+        assert physics.line().startswith("listening on")
+        here = start(host, "processes.agents", "--connect", f"tcp/127.0.0.1:{PORT}", "--without", "picker")
+        there = start(guest, "processes.agents", "--connect", f"tcp/192.168.1.10:{PORT}", "--only", "picker")
+        assert hash_of(physics) == local_hash(SMALL, TICKS)
+        assert here.end(10.0)[0] == there.end(10.0)[0] == 0
+
+
+@needs_machines
+def test_lockstep_over_three_machines_with_a_router_of_its_own_is_local_mode(start, tmp_path):
+    with machines("a", "b") as (middle, one, other):
+        routing = start(middle, "processes.router", "--listen", f"tcp/0.0.0.0:{PORT}")
+        assert routing.line() == f"listening on tcp/0.0.0.0:{PORT}\n"
+        physics = start(one, "processes.physics", f"{tmp_path}/scenario.yaml", "--connect", f"tcp/192.168.1.10:{PORT}", "--duration", "20")
+        assert physics.line().startswith("connected to")
+        hosts = [
+            start(one, "processes.agents", "--connect", f"tcp/192.168.1.10:{PORT}", "--only", "bin", "--only", "traffic"),
+            start(other, "processes.agents", "--connect", f"tcp/192.168.2.10:{PORT}", "--without", "bin", "--without", "traffic"),
+        ]
+        assert hash_of(physics) == local_hash(SMALL, TICKS)
+        assert [host.end(10.0)[0] for host in hosts] == [0, 0]
+        routing.signal(signal.SIGTERM)
+        assert routing.end(10.0)[0] == 0
+
+
+@needs_machines
+def test_the_readmes_two_commands_run_the_carriers_on_another_machine(tmp_path):
+    block = re.search(r"```sh two machines\n(.*?)```", (ROOT / "README.md").read_text(), re.S).group(1)
+    commands = [shlex.split(line) for line in block.splitlines() if not line.startswith("#")]
+    assert all(words[:2] == [".venv/bin/python", "run.py"] for words in commands)
+    first, second = ([sys.executable, str(ROOT / "run.py"), *words[2:]] for words in commands)
+    first += ["--rows", "3", "--duration", "60", "--record", "none", "--summary", str(tmp_path / "summary.json")]
+    with machines("a") as (host, guest):
+        one = subprocess.Popen([*within(host), *first], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        try:
+            said = line_with("carrier: left to others", one)
+            other = subprocess.run([*within(guest), *second], capture_output=True, text=True, timeout=3 * SECONDS)
+            rest, _ = one.communicate(timeout=SECONDS)
+        finally:
+            one.kill()
+    assert (one.returncode, other.returncode) == (0, 0), said + rest + other.stdout + other.stderr
+    assert summary_of(tmp_path / "summary.json")["hash"] == local_hash(Scenario(rows=3), 600)
+
+
+# -- on one machine
+
+
+def running(*arguments: str) -> subprocess.Popen:
+    command = [sys.executable, "-u", "run.py", *arguments]
+    wide = os.environ | {"COLUMNS": "200"}
+    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=wide)
+
+
+def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
+    path = tmp_path / "summary.json"
+    left = ["--without", "carrier", "--without", "picker_01"]
+    run = running("--rows", "3", *left, "--duration", "5", "--record", "none", "--summary", str(path))
+    try:
+        endpoint = re.search(r"who connect to (\S+)", line_with("who connect to", run)).group(1)
+        said = line_with("waiting for", run)
+        assert "carrier_01, carrier_02" in said
+        guest = orchard("--connect", endpoint, "--only", "carrier", "--only", "picker_01", seconds=60)
+        assert guest.returncode == 0, guest.stdout + guest.stderr
+        assert "hosting carrier_01, carrier_02, picker_01" in guest.stdout
+        out, _ = run.communicate(timeout=SECONDS)
+    finally:
+        run.kill()
+    assert run.returncode == 0, out
+    assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), 50)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["--connect", "tcp/127.0.0.1:9", "--only", "carrier"], "tcp/127.0.0.1:9: nobody listens there"),
+        (["--connect", "tcp/127.0.0.1:9", "--record", "none"], "tcp/127.0.0.1:9: nobody listens there"),
+        (["--connect", "tcp/127.0.0.1:9", "--only", "carrier", "--rows", "3"], "leave out --rows"),
+        (["--listen", "nonsense"], "nonsense: not an endpoint"),
+        (["--listen", "tcp/127.0.0.1:99999"], "tcp/127.0.0.1:99999: 99999 is no port"),
+        (["--listen", "tcp/127.0.0.1:seven"], "tcp/127.0.0.1:seven: seven is no port"),
+        (["--without", "carier"], "carier: no such agent or kind"),
+        (["--only", "carrier"], "--connect"),
+        (["--mode", "local", "--without", "carrier"], "local mode is one process"),
+        (["--listen", "tcp/127.0.0.1:7", "--connect", "tcp/127.0.0.1:9"], "--listen or --connect"),
+    ],
+)
+def test_what_cannot_be_is_named_within_ten_seconds(arguments, named):
+    done = orchard(*arguments, seconds=10)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert named in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_second_run_at_one_router_is_refused(tmp_path):
+    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
+    with router() as middle, ExitStack() as stack:
+        for _ in range(2):
+            physics = Process("processes.physics", f"{tmp_path}/scenario.yaml", "--connect", middle.endpoint)
+            stack.callback(physics.kill)
+            assert physics.line().startswith("connected to")
+        code, _, err = physics.end()
+        assert code == 2
+        assert f"{middle.endpoint}: run" in err
+
+
+def test_a_port_in_use_is_named():
+    with router() as taken:
+        done = orchard("--rows", 3, "--record", "none", "--listen", taken.endpoint, seconds=30)
+    assert done.returncode == 2
+    assert f"{taken.endpoint}: cannot listen there; the port is in use" in done.stderr

@@ -1,0 +1,328 @@
+"""The rules of lockstep without a network: mail, who holds what, and velocities that nobody waits for."""
+
+import pytest
+from pretended import RUN, Clock, Query, heard_at, letter, roster
+
+from orchard.contract.agent import Action, Heard
+from orchard.contract.mail import LocalMail
+from orchard.contract.messages import Given, StateRequest, Written, Yes, pack
+from orchard.field.geometry import Twist
+from orchard.net.lockstep import LockstepBarrier
+from orchard.net.mailbox import Mailbox
+from orchard.net.pacer import Pacer
+from orchard.net.recovery import RecoveryLog
+from orchard.net.refusals import Refused
+from orchard.net.unheld import UnheldCommands
+from orchard.wire.messages import Angular, Answered, AskedOf, Linear, Received, Report, Velocity
+
+
+def mailbox(tick=5):
+    """One that will tick next at a tick."""
+    box = Mailbox(RUN)
+    box.join(tick)
+    return box
+
+
+def settled(tick):
+    """One that has ticked for a while."""
+    box = mailbox(tick - 2)
+    for before in (tick - 2, tick - 1):
+        box.deliver(before)
+    return box
+
+
+# -- rules 3, 5 and 7: who is asked
+
+
+def test_a_request_is_received_at_once_heard_at_the_next_tick_and_answered_then():
+    box, query = mailbox(), Query(letter(tick=5))
+    box.hear("picker_01", query)
+    assert query.replies == [Received(RUN, 5)]
+    assert heard_at(box, 5) == []
+    (heard,) = heard_at(box, 6)
+    box.write("picker_01", Action(answers=[(heard, Yes())]))
+    box.close()
+    assert query.replies[1] == Answered(RUN, 6, Yes())
+    assert query.dropped
+
+
+def test_requests_are_heard_in_one_order_whatever_the_order_of_arrival():
+    box = mailbox()
+    for sender, number in [("bin_02", 1), ("bin_03", 0), ("bin_02", 0), ("bin_01", 3)]:
+        box.hear("picker_01", Query(letter(sender, 4, number)))
+    assert [(heard.sender, heard.number) for heard in heard_at(box, 5)] == [("bin_01", 3), ("bin_02", 0), ("bin_02", 1), ("bin_03", 0)]
+
+
+def test_a_query_that_nobody_answers_is_told_so_in_the_tick_in_which_it_is_heard():
+    box, query = mailbox(), Query(letter(tick=4))
+    box.hear("picker_01", query)
+    box.deliver(5)
+    box.close()
+    assert query.replies[1:] == [Answered(RUN, 5, None)]
+    assert query.dropped
+
+
+@pytest.mark.parametrize("tick", [0, 3, 6, 99])
+def test_a_request_of_another_tick_is_dropped_at_once(tick):
+    box, query = mailbox(5), Query(letter(tick=tick))
+    with pytest.raises(Refused, match="tick"):
+        box.hear("picker_01", query)
+    assert query.dropped
+    assert not query.replies
+
+
+def test_a_repeat_takes_the_place_of_what_it_repeats():
+    box, first, second = mailbox(), Query(letter()), Query(letter())
+    box.hear("picker_01", first)
+    box.hear("picker_01", second)
+    assert first.dropped
+    assert len(heard_at(box, 5)) == 1
+
+
+def test_nonsense_gets_an_error_reply():
+    query = Query(b"\xc1")
+    with pytest.raises(Refused):
+        mailbox().hear("picker_01", query)
+    assert query.error.startswith("malformed")
+
+
+def test_an_answer_to_what_was_heard_earlier_goes_nowhere():
+    box, query = mailbox(), Query(letter(tick=4))
+    box.hear("picker_01", query)
+    (heard,) = heard_at(box, 5)
+    box.close()
+    box.deliver(6)
+    box.write("picker_01", Action(answers=[(heard, Yes()), (Heard("bin_09", 5, 0, StateRequest()), Yes())]))
+    assert query.replies[1:] == [Answered(RUN, 5, None)]
+
+
+# -- rules 2, 4, 6 and 8: who asks
+
+
+def ask(box, tick=5):
+    box.deliver(tick)
+    (asked,) = box.write("bin_01", Action(requests=[("picker_01", StateRequest())]))
+    return asked
+
+
+def test_a_tick_waits_for_every_request_of_the_last_one_of_which_physics_tells():
+    box = settled(5)
+    expected = [AskedOf("picker_01", "bin_01", 0), AskedOf("picker_01", "bin_02", 3)]
+    assert box.is_settled(5, []) and not box.doubts(5, [])
+    box.hear("picker_01", Query(letter("bin_01", 4, 0)))
+    box.hear("picker_01", Query(letter("bin_02", 4, 2)))
+    box.hear("picker_01", Query(letter("bin_02", 5, 3)))
+    assert not box.is_settled(5, expected), "the one is of another number, the other of another tick"
+    assert box.doubts(5, expected)
+    box.hear("picker_01", Query(letter("bin_02", 4, 3)))
+    assert box.is_settled(5, expected) and not box.doubts(5, expected)
+
+
+def test_who_has_just_joined_waits_for_no_request():
+    assert mailbox(5).is_settled(5, [AskedOf("picker_01", "bin_01", 0)])
+
+
+def test_a_tick_waits_until_each_get_of_two_ticks_ago_is_final():
+    box = mailbox()
+    asked = ask(box)
+    box.deliver(6)
+    assert not box.is_settled(7, [])
+    asked.final = True
+    assert box.is_settled(7, [])
+
+
+def test_an_answer_is_heard_two_ticks_after_the_request():
+    box = mailbox()
+    asked = ask(box)
+    box.replied(asked, pack(Received(RUN, 5)))
+    box.replied(asked, pack(Answered(RUN, 6, Yes())))
+    assert box.deliver(6) == {}
+    ((reply,),) = (mail.replies for mail in box.deliver(7).values())
+    assert (reply.sender, reply.number, reply.body) == ("picker_01", 0, Yes())
+
+
+def test_no_answer_is_heard_as_none():
+    box = mailbox()
+    ask(box).final = True
+    box.deliver(6)
+    assert box.deliver(7)["bin_01"].replies[0].body is None
+
+
+@pytest.mark.parametrize("tick", [5, 7])
+def test_an_answer_of_another_tick_is_refused(tick):
+    box = mailbox()
+    asked = ask(box)
+    box.replied(asked, pack(Received(RUN, 5)))
+    with pytest.raises(Refused, match="an answer of"):
+        box.replied(asked, pack(Answered(RUN, tick, Yes())))
+    assert asked.answer is None
+
+
+def test_who_joins_again_forgets_all_mail():
+    box, query = mailbox(), Query(letter())
+    box.hear("picker_01", query)
+    ask(box)
+    box.join(7)
+    assert query.dropped
+    assert box.is_settled(7, [])
+    assert box.deliver(7) == {}
+
+
+# -- who holds what
+
+
+def test_an_agent_has_one_holder_until_that_one_is_gone():
+    one = roster(("picker_01", "a"))
+    one.token("picker_01", "b", True)
+    assert one.may_join("picker_01", "b") == "it is taken, by session a"
+    assert one.may_join("picker_01", "a") == ""
+    one.token("picker_01", "a", False)
+    assert one.may_join("picker_01", "b") == ""
+
+
+def test_strangers_and_the_silent_cannot_join():
+    assert roster().may_join("picker_99", "a") == "there is no such agent"
+    assert roster().may_join("picker_01", "a") == "its liveliness token is missing"
+
+
+def test_the_released_are_told_by_holder():
+    one = roster(("picker_01", "a"), ("bin_01", "a"))
+    assert one.release({"picker_01", "bin_01"}) == {"a": ["bin_01", "picker_01"]}
+    assert one.holders == {}
+
+
+def velocity(tick=3, holder="", x=1.0, report=None):
+    return Velocity(RUN, tick, Linear(x), Angular(0.0), holder, report=report)
+
+
+def test_a_tick_takes_one_answer_from_each_holder():
+    answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "b")))
+    answers.open(3)
+    for wrong, reason in [(velocity(holder="b"), "not the holder"), (velocity(2, "a"), "past tick"), (velocity(4, "a"), "future tick")]:
+        with pytest.raises(Refused, match=reason):
+            answers.take("picker_01", wrong)
+    answers.take("picker_01", velocity(holder="a"))
+    with pytest.raises(Refused, match="answered already"):
+        answers.take("picker_01", velocity(holder="a", x=0.5))
+    assert answers.missing == {"bin_01"}
+
+
+def test_an_answer_that_is_sent_again_counts_once_and_is_no_mistake():
+    answers = LockstepBarrier(roster(("picker_01", "a")))
+    for tick in (3, 4):
+        answers.open(tick)
+        answers.take("picker_01", velocity(tick, "a"))
+        answers.take("picker_01", velocity(tick, "a"))
+    answers.take("picker_01", velocity(3, "a"))
+    assert answers.actions()["picker_01"].twist == Twist(1.0)
+    with pytest.raises(Refused, match="past tick"):
+        answers.take("picker_01", velocity(3, "a", x=0.5))
+
+
+# -- mail that may have been missed
+
+
+def test_who_has_just_joined_was_not_there_to_hear_the_mail_of_two_ticks():
+    box = mailbox(5)
+    assert [box.doubts(tick, []) for tick in (5, 6, 7)] == [True, True, False]
+
+
+def test_a_get_that_ends_without_a_word_leaves_a_doubt_and_one_that_was_told_leaves_none():
+    box = settled(5)
+    asked = ask(box)
+    asked.final = True
+    box.deliver(6)
+    assert box.is_settled(7, []) and box.doubts(7, [])
+    box.replied(asked, pack(Received(RUN, 5)))
+    box.replied(asked, pack(Answered(RUN, 6, None)))
+    assert not box.doubts(7, [])
+
+
+def test_the_ledger_keeps_the_newest_memories_and_the_letters_of_two_ticks():
+    ledger = RecoveryLog()
+    written = Written([("bin_01", StateRequest())], [])
+    for tick, memory in enumerate([b"a", None, b"c", None]):
+        ledger.keep(tick, {"picker_01": velocity(tick, report=Report(memory=memory, letters=written if tick != 2 else None))})
+    assert ledger.memories == {"picker_01": b"c"}
+    assert ledger.letters == {3: {"picker_01": written}}
+    assert (ledger.asked(3), ledger.asked(2)) == ([AskedOf("bin_01", "picker_01", 0)], [])
+
+
+def test_nobody_answers_in_anothers_place():
+    """Of the copies of a tick's letters only the answer of the one that was asked counts."""
+    asked, given = Written([("bin_01", StateRequest())], []), [Given("picker_01", 3, 0, Yes())]
+    for answers, body in (({"bin_02": Written([], given)}, None), ({"bin_01": Written([], given)}, Yes())):
+        (reply,) = LocalMail({3: {"picker_01": asked}, 4: answers}).deliver(5)["picker_01"].replies
+        assert (reply.sender, reply.body) == ("bin_01", body)
+
+
+def test_each_that_comes_back_gives_all_some_time_but_once_in_a_tick():
+    clock = Clock()
+    answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "b")), 15.0, clock)
+    answers.open(3)
+    for name, deadline in (("picker_01", 125.0), ("bin_01", 135.0), ("picker_01", 135.0)):
+        clock.now += 10.0
+        answers.expect(name)
+        assert answers.deadline == deadline
+    answers.open(4)
+    answers.expect("picker_01")
+    assert answers.deadline == clock.now + 15.0
+
+
+def test_answers_are_applied_in_one_order():
+    answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "a")))
+    answers.open(3)
+    for name in ("picker_01", "bin_01"):
+        answers.take(name, velocity(holder="a"))
+    assert list(answers.actions()) == ["bin_01", "picker_01"]
+
+
+# -- velocities that nobody waits for
+
+
+def loose(ticks):
+    clock = Clock()
+    one = UnheldCommands(clock)
+    for tick in range(ticks):
+        one.begin(tick)
+    return one, clock
+
+
+def test_the_newest_velocity_drives_for_half_a_second_of_the_slower_clock():
+    one, clock = loose(4)
+    one.take("picker_01", velocity(3))
+    assert one.actions(3)["picker_01"].twist == Twist(1.0)
+    assert "picker_01" in one.actions(100), "no wall time has passed"
+    clock.now += 0.5
+    assert "picker_01" in one.actions(7), "4 ticks have passed"
+    assert one.actions(8) == {}
+
+
+def test_what_is_older_than_half_a_second_or_than_the_last_is_past():
+    one, clock = loose(20)
+    one.take("picker_01", velocity(10))
+    with pytest.raises(Refused, match="past tick"):
+        one.take("picker_01", velocity(9))
+    one.take("bin_01", velocity(1))
+    clock.now += 0.5
+    one.begin(20)
+    with pytest.raises(Refused, match="past tick"):
+        one.take("weed_01", velocity(15))
+    with pytest.raises(Refused, match="future tick"):
+        one.take("weed_01", velocity(21))
+    one.take("weed_01", velocity(16))
+
+
+def test_ticks_are_spread_over_time_and_a_little_is_made_good():
+    clock = Clock()
+    pacer = Pacer(2.0, clock)
+    pacer.begin()
+    assert pacer.wait() == pytest.approx(0.05)
+    clock.now += 10.0
+    pacer.begin()
+    assert pacer.wait() == 0.0
+    clock.now += Pacer.CATCH_UP
+    assert pacer.wait() == 0.0
+    for _ in range(20):
+        pacer.begin()
+    assert 0.0 < pacer.wait() < 1.0

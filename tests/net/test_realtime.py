@@ -1,0 +1,290 @@
+"""Realtime: the clock goes on, the newest velocity counts, and who falls silent stands. The rules without a network, and real processes."""
+
+import re
+import signal
+import time
+
+import pytest
+from alone import SMALL, local_at
+from command_line import orchard, running, summary_of
+from fleet import until
+from pretended import RUN, Clock, Query, heard_at, letter, roster
+
+from orchard.contract.agent import Action
+from orchard.contract.messages import Couple, StateRequest, Written, Yes, pack
+from orchard.field.geometry import Twist
+from orchard.field.scenario import to_yaml
+from orchard.net.mailbox import STALE_TICKS, LatestObservations, RealtimeMailbox
+from orchard.net.realtime import SLACK, Delays, RealtimeBarrier
+from orchard.net.refusals import Refused
+from orchard.server.figures import RunFigures
+from orchard.sim.physics import is_full
+from orchard.sim.snapshot import write
+from orchard.wire.messages import Angular, Answered, AskedOf, Linear, Received, Report, Seen, Velocity
+
+STEP = 0.125  # s of wall time to a tick
+COUPLE = Couple("bin_01")
+
+
+# -- whose velocity counts
+
+
+def live(*held):
+    clock = Clock()
+    return RealtimeBarrier(roster(*held or [("picker_01", "a")]), STEP, clock), clock
+
+
+def velocity(tick, x=1.0, once=False, deeds=(), memory=None, holder="a"):
+    report = Report(deeds=list(deeds), memory=memory)
+    return Velocity(RUN, tick, Linear(x), Angular(0.0), holder, once, report)
+
+
+def driven(one, clock, ticks):
+    """The forward velocities of picker_01 in the next ticks, in which nothing new comes."""
+    speeds = []
+    for _ in range(ticks):
+        action = one.actions().get("picker_01", Action())
+        speeds.append(action.twist.x)
+        clock.now += STEP
+        one.open(one.tick + 1)
+    return speeds
+
+
+def test_a_velocity_drives_on_until_its_half_second_is_over():
+    one, clock = live()
+    one.open(0)
+    one.take("picker_01", velocity(0))
+    assert driven(one, clock, 8) == [1.0] * 5 + [0.0] * 3
+
+
+def test_the_newest_velocity_counts_although_it_is_late():
+    one, clock = live()
+    for tick in range(3):
+        one.open(tick)
+        clock.now += STEP
+    one.take("picker_01", velocity(1, 0.5))
+    assert one.actions()["picker_01"].twist == Twist(0.5)
+    one.take("picker_01", velocity(2, 0.7))
+    assert one.actions()["picker_01"].twist == Twist(0.7)
+    for wrong, reason in [(velocity(1), "past tick"), (velocity(2), "answered already"), (velocity(9), "future tick")]:
+        with pytest.raises(Refused, match=reason):
+            one.take("picker_01", wrong)
+    with pytest.raises(Refused, match="not the holder"):
+        one.take("picker_01", velocity(2, holder="b"))
+
+
+def test_what_is_older_than_half_a_second_is_refused():
+    one, clock = live()
+    for tick in range(10):
+        one.open(tick)
+        clock.now += STEP
+    with pytest.raises(Refused, match="past tick"):
+        one.take("picker_01", velocity(3))
+
+
+def test_an_exact_velocity_drives_one_step_and_only_from_the_pose_that_it_answers():
+    one, clock = live()
+    one.open(0)
+    one.take("picker_01", velocity(0, once=True))
+    assert driven(one, clock, 2) == [1.0, 0.0]
+    one.take("picker_01", velocity(1, 0.5, once=True))
+    assert driven(one, clock, 2) == [0.5, 0.0], "late, but the robot has stood since"
+    one.take("picker_01", velocity(2, 0.5, once=True))
+    assert driven(one, clock, 1) == [0.0], "late, and the robot has moved since"
+
+
+def test_deeds_are_done_once_and_nothing_that_was_said_is_lost():
+    one, clock = live()
+    one.open(0)
+    one.take("picker_01", velocity(0, deeds=[COUPLE], memory=b"old"))
+    clock.now += STEP
+    one.open(1)
+    one.take("picker_01", velocity(1))
+    assert one.actions()["picker_01"].deeds == [COUPLE]
+    assert one.velocities["picker_01"].report.memory == b"old"
+    one.open(2)
+    assert one.actions()["picker_01"].deeds == []
+    assert one.velocities == {}
+
+
+def test_letters_are_told_once_though_a_bare_velocity_follows_in_the_same_tick():
+    one, clock = live()
+    said = velocity(0)
+    said.report.letters = Written([("bin_01", StateRequest())], [])
+    one.open(0)
+    one.take("picker_01", said)
+    clock.now += STEP
+    one.open(1)
+    one.take("picker_01", Velocity(RUN, 1, Linear(0.5), Angular(0.0), "a"))
+    assert one.actions()["picker_01"].twist.x == 0.5
+    assert len(one.velocities["picker_01"].report.letters.requests) == 1
+
+
+def test_who_answers_in_time_has_a_moment_longer_than_the_tick_and_who_was_late_has_less():
+    one, clock = live(("picker_01", "a"), ("bin_01", "b"))
+    one.open(0)
+    assert one.deadline == pytest.approx(clock.now + STEP + SLACK)
+    one.take("picker_01", velocity(0))
+    assert one.give_up() == set()
+    one.actions()
+    clock.now += STEP
+    one.open(1, lag=0.15)
+    assert one.deadline == pytest.approx(clock.now + STEP + SLACK - 0.15)
+    one.take("picker_01", velocity(1))
+    assert one.deadline == pytest.approx(clock.now + STEP / 2)
+    one.actions()
+    one.open(2, lag=10.0)
+    assert one.deadline == pytest.approx(clock.now + STEP / 2), "the clock does not wait"
+    figures = one.figures()
+    assert (figures["ticks_late"], figures["velocities_missed"]) == (2, 2)
+
+
+def test_the_robot_of_one_who_is_gone_stands_at_once():
+    one, _ = live()
+    one.open(0)
+    one.take("picker_01", velocity(0))
+    one.release("picker_01")
+    assert one.actions() == {}
+
+
+# -- mail, and ticks that are left out
+
+
+def test_mail_is_heard_at_the_next_tick_whichever_that_is():
+    box, query = RealtimeMailbox(RUN), Query(letter(tick=7))
+    box.join(5)
+    box.hear("picker_01", query)
+    (heard,) = heard_at(box, 9)
+    box.write("picker_01", Action(answers=[(heard, Yes())]))
+    box.close()
+    assert query.replies == [Received(RUN, 7), Answered(RUN, 9, Yes())]
+    assert query.dropped
+    assert heard_at(box, 10) == []
+
+
+def test_answers_come_when_they_come_and_silence_ends():
+    box = RealtimeMailbox(RUN)
+    box.join(5)
+    box.deliver(5)
+    one, _ = box.write("bin_01", Action(requests=[("picker_01", StateRequest()), ("picker_02", StateRequest())]))
+    assert box.is_settled(6, [AskedOf("picker_01", "bin_01", 7)]), "no tick waits for mail"
+    box.replied(one, pack(Received(RUN, 5)))
+    box.replied(one, pack(Answered(RUN, 11, Yes())))
+    one.final = True
+    assert [reply.body for reply in box.deliver(12)["bin_01"].replies] == [Yes()]
+    assert box.deliver(5 + STALE_TICKS) == {}
+    assert [reply.body for reply in box.deliver(6 + STALE_TICKS)["bin_01"].replies] == [None]
+    with pytest.raises(Refused, match="past tick"):
+        box.hear("bin_01", Query(letter(tick=1)))
+
+
+def test_the_newest_tick_is_what_is_seen_and_a_repetition_is_no_news():
+    sight = LatestObservations(RUN, ["traffic"], [])
+    assert [sight.seen(pack(nothing_at(tick))) for tick in (3, 5, 5)] == [True, True, False]
+    assert sight.tick == 5
+    with pytest.raises(Refused, match="past tick"):
+        sight.seen(pack(nothing_at(4)))
+
+
+def test_what_is_seen_without_a_body_that_is_held_is_refused():
+    sight = LatestObservations(RUN, ["picker_01"], ["picker_01"])
+    with pytest.raises(Refused, match="bodies are missing"):
+        sight.seen(pack(nothing_at(3)))
+    assert sight.tick == -1
+
+
+def test_delays_are_told_by_the_share_that_is_below():
+    delays = Delays()
+    assert delays.below(50) == 0.0
+    for milliseconds in range(100):
+        delays.add(milliseconds / 1000 + 1e-5)
+    delays.add(7.0)
+    assert (delays.below(50), delays.below(99)) == (50.1, 99.1)
+
+
+def nothing_at(tick):
+    return Seen(RUN, tick, [], b"", b"", {}, {}, [])
+
+
+# -- real processes
+
+
+def test_the_clock_goes_on_while_a_host_hangs_and_its_robot_stands(fleet):
+    fleet.physics(SMALL, "--mode", "realtime", "--speed", "2")
+    someone = fleet.client()
+    clock, poses = someone.hear("orchard/clock"), someone.hear("orchard/worker_01/pose")
+    fleet.host("--without", "worker_01", agents="callers:cast")
+    hung = fleet.host("--only", "worker_01", agents="callers:steady")
+    until(poses, lambda pose: pose["twist"]["linear"]["x"] == 0.5)
+    hung.signal(signal.SIGSTOP)
+    begun, first = time.monotonic(), until(clock, lambda message: clock.empty())["tick"]
+    last = until(clock, lambda message: message["tick"] >= first + 25)["tick"]
+    assert (last - first) / 20 == pytest.approx(time.monotonic() - begun, abs=1.0)
+    until(poses, lambda pose: pose["tick"] >= last - 5 and pose["twist"]["linear"]["x"] == 0.0)
+    hung.signal(signal.SIGCONT)
+    until(poses, lambda pose: pose["tick"] > last and pose["twist"]["linear"]["x"] == 0.5)
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+
+
+def test_the_robot_of_a_killed_host_stands_and_a_new_host_takes_it_over(fleet):
+    fleet.physics(SMALL, "--mode", "realtime", "--speed", "2")
+    someone = fleet.client()
+    lost, velocities = someone.hear("orchard/lost"), someone.hear("orchard/picker_01/velocity")
+    fleet.host("--without", "picker_01", agents="callers:cast")
+    killed = fleet.host("--only", "picker_01", agents="callers:cast")
+    before = until(velocities, lambda velocity: velocity["tick"] >= 5)["tick"]
+    killed.signal(signal.SIGKILL)
+    until(lost, lambda message: message["names"] == ["picker_01"])
+    fleet.hosts.remove(killed)
+    fleet.host("--only", "picker_01", agents="callers:cast")
+    until(velocities, lambda velocity: velocity["tick"] > before + 10)
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+
+
+def test_a_part_of_a_harvest_with_a_process_for_each_agent(tmp_path):
+    """After 10 s, paced by the wall clock, the pickers are well within their rows."""
+    path, scenario = tmp_path / "summary.json", tmp_path / "small.yaml"
+    scenario.write_text(to_yaml(SMALL))
+    done = orchard(scenario, "--mode", "realtime", "--hosts", "each", "--record", "none", "--duration", 10, "--summary", path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    summary = summary_of(path)
+    assert summary["mode"] == "realtime"
+    assert summary["wall_seconds"] > 9.0
+    assert summary["distance_metres"]["picker"] > 10.0
+    assert {"ticks_late", "velocities_missed"} <= summary.keys()
+
+
+@pytest.mark.soak
+def test_the_exchange_of_bins_works_in_realtime(tmp_path):
+    """At speed 10, from before the first bins are full until one is delivered; where the machine does not keep up, it takes longer."""
+    before = local_at(650)
+    taken = before.snapshot()
+    taken.run, taken.figures = "exchange", taken.figures | RunFigures(before.engine).as_data()
+    write(taken, tmp_path)
+    assert not is_full(before.engine.world, before.engine.world.index["bin_01"])
+    with running("--resume", tmp_path, "--mode", "realtime", "--speed", 10, "--hosts", 1, "--record", "none", "--duration", 900) as run:
+        assert any(re.search(r"bins delivered [1-3]/3", line) for line in run.stdout)
+        run.send_signal(signal.SIGINT)
+        printed, _ = run.communicate(timeout=60)
+    assert run.returncode == 0, printed
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(("speed", "hosts"), [(1, "each"), (5, "each"), (20, 2)])
+def test_soak_a_whole_harvest_in_realtime(tmp_path, speed, hosts):
+    path = tmp_path / "summary.json"
+    arguments = ["--rows", 3, "--mode", "realtime", "--speed", speed, "--hosts", hosts, "--record", "none", "--summary", path]
+    done = orchard(*arguments, seconds=3000)
+    assert done.returncode == 0, done.stdout + done.stderr
+    summary = summary_of(path)
+    assert summary["finished"], summary
+    assert summary["bins_delivered"] == 3
+
+
+def test_realtime_without_a_pace_is_refused():
+    done = orchard("--mode", "realtime", "--speed", "max", seconds=30)
+    assert done.returncode == 2
+    assert "--speed" in done.stderr
+    assert "wall clock" in done.stderr

@@ -1,0 +1,164 @@
+"""The logger in a real run: killed it goes on in a further part of the recording, slow it holds nobody up."""
+
+import re
+import signal
+import subprocess
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import psutil
+import pytest
+from alone import local_hash
+from command_line import orchard, running, summary_of
+from fleet import Process, until
+from recordings import lines_of, rows_of, seen_at
+from rerun.chunk import RrdReader
+from slow_logger import MOST, SECONDS
+
+from orchard.field.scenario import Scenario
+from orchard.view.files import parts_of
+from orchard.view.reader import missing, read_part
+
+
+def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
+    fleet.physics(Scenario(rows=3), "--speed", "2", "--duration", "60")
+    someone = fleet.client()
+    pictures = someone.hear(someone.keys.of("picture"))
+    fleet.share(2)
+    before_ = until(pictures, lambda told: told["tick"] % 50 == 5)
+    assert before_["alive"] is None
+    token = someone.session.liveliness().declare_token(someone.keys.of("alive", "logger", "me"))
+    whole = until(pictures, lambda told: told["alive"] is not None)
+    assert whole["tick"] % 50 != 0
+    assert None not in (whole["coupled"], whole["fill"], whole["row_picked"])
+    assert {"picker_01", "carrier_01"} <= whole["doing"].keys()
+    token.undeclare()
+
+
+def test_a_slow_recorder_holds_physics_up_no_more_than_none(fleet, tmp_path):
+    file, ticks = tmp_path / "slow.rrd", 600
+    fleet.physics(Scenario(rows=3), "--duration", str(ticks / 10))
+    slow = Process("slow_logger", "--connect", fleet.endpoint, "--record", str(file))
+    fleet._stack.callback(slow.kill)
+    assert slow.line().startswith("recording")
+    fleet.share(2)
+    begun = time.monotonic()
+    hash_ = fleet.end()
+    assert time.monotonic() - begun < ticks * SECONDS / 3, "the recorder would take 120 s for all of them"
+    assert hash_ == local_hash(Scenario(rows=3), ticks)
+    code, _, complaints = slow.end()
+    assert code == 0
+    left_out = read_part(file).left_out
+    assert left_out > ticks / 3
+    assert f"{left_out} pictures" in complaints
+    assert missing(file, ticks) == {"recording_parts": ["slow.rrd"], "recording_gaps": [], "messages_dropped": left_out}
+    assert ticks - left_out > MOST
+
+
+TICKS = 2000
+SPEED = 10
+
+
+def wait_for(what, seconds: float = 60.0):
+    """What it gives, once it gives something."""
+    deadline = time.monotonic() + seconds
+    while not (found := what()):
+        assert time.monotonic() < deadline, "it never came"
+        time.sleep(0.01)
+    return found
+
+
+def loggers_of(run: subprocess.Popen) -> list[psutil.Process]:
+    """Those that live."""
+    found = []
+    for child in psutil.Process(run.pid).children(recursive=True):
+        with suppress(psutil.Error):  # one that has just ended
+            found += [child] if "processes.logger" in child.cmdline() else []
+    return found
+
+
+def next_logger(run: subprocess.Popen, old: psutil.Process) -> psutil.Process:
+    """The one that was started in the place of another."""
+    return wait_for(lambda: [logger for logger in loggers_of(run) if logger.pid != old.pid])[0]
+
+
+def has_begun(file: Path) -> bool:
+    """Whether there is more in it than the scenery and the first pictures, which are 700 kB."""
+    return file.exists() and file.stat().st_size > 900_000
+
+
+@pytest.fixture(scope="module")
+def battered(tmp_path_factory):
+    """A run whose logger is killed, killed while it starts, and frozen; its recording, its summary, and what it printed."""
+    folder = tmp_path_factory.mktemp("battered")
+    file = folder / "run.rrd"
+    options = ["--rows", 3, "--speed", SPEED, "--duration", TICKS / 10, "--record", file, "--summary", folder / "summary.json"]
+    with running(*options) as run:
+        wait_for(lambda: has_begun(file))
+        (first,) = loggers_of(run)
+        first.kill()
+        second = next_logger(run, first)
+        second.kill()
+        third = next_logger(run, second)
+        wait_for(lambda: has_begun(file.with_suffix(".part2.rrd")))
+        third.send_signal(signal.SIGSTOP)
+        next_logger(run, third)
+        printed, _ = run.communicate(timeout=240)
+        assert run.returncode == 0, printed
+    return file, summary_of(folder / "summary.json"), printed
+
+
+@pytest.fixture(scope="module")
+def unharmed(tmp_path_factory):
+    """The same run, whole: what was recorded, and its summary."""
+    folder = tmp_path_factory.mktemp("unharmed")
+    where = ("--record", folder / "run.rrd", "--summary", folder / "summary.json")
+    done = orchard("--rows", 3, "--mode", "local", "--duration", TICKS / 10, *where)
+    assert done.returncode == 0, done.stderr
+    return rows_of(folder / "run.rrd"), summary_of(folder / "summary.json")
+
+
+@pytest.fixture(scope="module")
+def rows(battered):
+    """What was recorded of the battered run."""
+    return rows_of(battered[0])
+
+
+def test_a_run_whose_logger_is_battered_ends_well_with_the_same_hash(battered, unharmed):
+    _, summary, printed = battered
+    assert summary["hash"] == unharmed[1]["hash"]
+    assert len(re.findall(r"logger ended with code -9; starting it again", printed)) == 3
+
+
+def test_its_parts_are_one_recording(battered):
+    file, summary, printed = battered
+    parts = parts_of(file)
+    assert summary["recording_parts"] == [path.name for path in parts] == ["run.rrd", "run.part2.rrd", "run.part3.rrd"]
+    assert len({RrdReader(path).recordings()[0].recording_id for path in parts}) == 1
+    assert all(len(RrdReader(path).blueprints()) == 1 for path in parts)
+    assert printed.strip().splitlines()[-1].endswith(f"view {file}")
+
+
+def test_the_gaps_are_named_in_the_summary_and_in_the_recording_and_are_where_nothing_is(battered, rows):
+    _, summary, _ = battered
+    gaps = summary["recording_gaps"]
+    assert len(gaps) == 2
+    told = lines_of(rows)
+    for since, until_ in gaps:
+        assert (until_, f"logger: nothing recorded from {since:.1f} s to {until_:.1f} s: the logger was away") in told
+    times = {round(t, 1) for t, _ in rows["/tf", "Transform3D:translation"]}
+    lost = {tick / 10 for tick in range(1, TICKS + 1)} - times
+    assert lost == {tick / 10 for since, until_ in gaps for tick in range(round(since * 10) + 1, round(until_ * 10))}
+    assert summary["messages_dropped"] == 0
+
+
+def test_after_the_gaps_everything_is_as_if_there_had_been_none(battered, rows, unharmed):
+    (_, summary, _), (whole, _) = battered, unharmed
+    changed = [
+        key for key, course in whole.items() for since, until_ in summary["recording_gaps"] if any(since < t < until_ for t, _ in course)
+    ]
+    assert any(entity.startswith("/world/rows") for entity, _ in changed), "a row was picked meanwhile"
+    for seconds in [until_ for _, until_ in summary["recording_gaps"]] + [TICKS / 10]:
+        seen, meant = seen_at(rows, seconds), seen_at(whole, seconds)
+        assert {key for key in seen.keys() | meant.keys() if seen.get(key) != meant.get(key)} == set()

@@ -1,0 +1,88 @@
+"""The figures of a run, the closed forms beside them, and how a jam is told."""
+
+import pytest
+from stage import Stage, Standing, empty_orchard
+
+from orchard.agents.steps import DriveTo, Face
+from orchard.field.geometry import EAST, Pose
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
+from orchard.report.bounds import bounds_of, duration
+from orchard.report.metrics import HarvestFigures, harvest_figures, who_waits
+
+
+class Watched(Stage):
+    """A stage that keeps the figures, too."""
+
+    def __init__(self, scenario: Scenario, **agents) -> None:
+        super().__init__(scenario, **agents)
+        self.figures = HarvestFigures()
+
+    def tick(self) -> None:
+        told = len(self.events)
+        super().tick()
+        self.figures.update(self.world, self.events[told:], self.local.actions)
+
+
+def test_a_run_in_which_nothing_goes_on_for_ten_minutes_is_jammed_and_names_who_waits_for_whom():
+    idle = {f"carrier_0{i}": Standing() for i in (1, 2)}
+    stage = Watched(empty_orchard(), **idle)
+    took = stage.run_until(lambda: stage.figures.jammed(stage.world), 900)
+    assert 600 + 70 < took < 600 + 90, "the last thing that happened is a picker that came to its waiting place"
+    told = "\n".join(who_waits(stage.local.actions))
+    assert "picker_01 (waiting for an empty bin) waits for bin_01" in told
+    assert "bin_01 (full, calling) waits for a carrier" in told
+
+
+def test_a_run_in_which_somebody_works_is_not_jammed():
+    stage = Watched(empty_orchard(picking_speed=0.02))
+    stage.run(700)
+    assert not stage.figures.jammed(stage.world)
+
+
+def test_the_figures_of_a_whole_harvest():
+    stage = Watched(empty_orchard(rows=4, pickers=4, carriers=2))
+    stage.run_to_the_end()
+    figures = harvest_figures(stage.world, stage.figures)
+    assert figures["rows_picked"] == figures["bins_delivered"] == 4
+    assert figures["distance_metres"]["picker"] == pytest.approx(4 * (70 + 6 + 3))
+    assert figures["bins_per_hour"] == pytest.approx(4 * 36000 / stage.world.tick)
+    assert len(stage.figures.waits) == 4
+    assert figures["bins_per_hour"] <= figures["bound_bins_per_hour"]
+    assert 0.5 < figures["carrier_utilisation"] <= 1.0
+
+
+def test_the_duration_of_a_plan_is_its_drives_and_turns():
+    plan = [DriveTo(x=10.0), Face("SOUTH"), DriveTo(y=-5.0, speed=0.5), Face("NORTH")]
+    assert duration(plan, Pose(0.0, 0.0, EAST)) == pytest.approx(10 + 4 + 10 + 8)
+
+
+@pytest.mark.parametrize(
+    ("changes", "bottleneck"),
+    [
+        ({"rows": 10, "pickers": 10, "carriers": 7}, "carriers"),
+        ({"rows": 10, "pickers": 2, "carriers": 20}, "pickers"),
+        ({"rows": 20, "pickers": 20, "carriers": 40, "picking_speed": 0.02}, "pickers"),
+    ],
+)
+def test_the_bottleneck_is_the_part_that_allows_least(changes, bottleneck):
+    bounds = bounds_of(lay_out(Scenario(**changes)))
+    assert bounds.bottleneck == bottleneck
+    assert bounds.bins_per_hour == pytest.approx(3600 * bounds.terms[bottleneck])
+
+
+def test_a_carrier_that_nothing_holds_up_takes_as_long_as_the_closed_form_says():
+    stage = Stage(empty_orchard(rows=3, pickers=3, carriers=1))
+    called = stage.run_until(lambda: stage.local.memories.get("carrier_01") and stage.local.memories["carrier_01"].job is not None, 90)
+    took = stage.run_until(lambda: stage.world.delivered == 1, 600)
+    took += stage.run_until(lambda: abs(stage.pose("carrier_01")[0] - 35.4) < 1e-6 and stage.pose("carrier_01")[1] > 24, 200)
+    bounds = bounds_of(stage.world.layout)
+    assert called > 70
+    assert bounds.cycle_seconds - 20 < took < bounds.cycle_seconds + 20
+
+
+@pytest.mark.parametrize(("pickers", "carriers"), [(2, 1), (4, 4), (2, 6)])
+def test_no_harvest_is_over_sooner_than_the_bound(pickers, carriers):
+    stage = Stage(empty_orchard(rows=4, pickers=pickers, carriers=carriers))
+    bound = bounds_of(stage.world.layout).harvest_seconds
+    assert bound <= stage.run_to_the_end() < 1.6 * bound

@@ -1,0 +1,303 @@
+"""Who may do what, by effect: real certificates, real sessions, a real physics process, and those who try what is not theirs."""
+
+import json
+import shutil
+import time
+from contextlib import ExitStack
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import pytest
+import zenoh
+from alone import SMALL
+from farm import HERS, KEYS, MINE, Farm, Somebody
+from fleet import SECONDS
+from fleet import Fleet as Processes
+
+from orchard.contract.messages import pack
+from orchard.launch.distributed import agent_names
+from orchard.net.bus import Alive, Final, Query, Sample, client, router
+from orchard.net.endpoints import BusError
+from orchard.security.certificates import Authority
+from orchard.security.identity import Identity, Keyring
+from orchard.security.roles import AUTHORITY, RIGHTS, SERVANTS, Role, access_control
+from orchard.wire.keys import TABLE
+from orchard.wire.messages import Angular, Command, Drive, Figures, Join, Joined, Linear, Odometry, RefusedThere, Report, Stop, Velocities
+from orchard.wire.types import read
+
+NOBODY = [word for name in agent_names(SMALL) for word in ("--absent", name)]
+
+
+@pytest.fixture
+def farm(folder, tmp_path):
+    with ExitStack() as stack:
+        processes = Processes(tmp_path, stack)
+        processes.physics(SMALL, "--secure", str(folder / "physics"), "--speed", "4", *NOBODY)
+        farm = Farm(folder, processes.endpoint, processes.run, stack)
+        farm.physics = processes.world
+        yield farm
+
+
+@pytest.fixture
+def meeting(folder):
+    """A router with physics' rules, and nobody at it yet."""
+    with ExitStack() as stack, router("tls/127.0.0.1:0", identity=Keyring.load(folder).of("physics")) as bus:
+        farm = Farm(folder, bus.endpoint, "", stack)
+        farm.bus = bus
+        yield farm
+
+
+# -- an agent, and what is another's
+
+
+def test_an_agent_moves_its_own_robot_and_no_other(farm):
+    amy, ben, witness = farm.come("amy"), farm.come("ben"), farm.come("logger")
+    for name in (MINE, HERS):
+        witness.bus.subscribe(KEYS.of("pose", name))
+    start = witness.pose(HERS)
+
+    def amy_drives(tick: int) -> None:
+        amy.drive(HERS, tick)
+        for session in (amy.bus.id, ben.bus.id):
+            for holder in ("", amy.bus.id, ben.bus.id):
+                amy.drive_as(session, holder, HERS, tick)
+        amy.drive(MINE, tick)
+
+    moved = witness.sees_it_move(MINE, amy_drives)
+    still = witness.pose(HERS)
+    assert still.tick >= moved.tick
+    assert still.pose == start.pose
+    witness.sees_it_move(HERS, lambda tick: ben.drive(HERS, tick))
+
+
+def test_an_agent_does_not_move_what_another_holds(farm):
+    """Physics waits for ben's answer; that of amy, in ben's name, is none."""
+    amy, ben = farm.come("amy"), farm.come("ben")
+    ben.bus.subscribe(KEYS.of("pose", HERS))
+    ben.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
+    start = ben.pose(HERS)
+    assert ben.join(HERS) == ""
+    tick = ben.pose(HERS).tick
+    for ahead in range(3):
+        amy.drive_as(amy.bus.id, ben.bus.id, HERS, tick + ahead)
+        amy.drive_as(ben.bus.id, ben.bus.id, HERS, tick + ahead)
+    assert amy.asks("scenario")  # physics has read what came before
+    for ahead in range(3):
+        velocities = Velocities(farm.run, tick + ahead, ben.bus.id, {HERS: Drive(Linear(0.0), Angular(0.0))})
+        ben.bus.publish(KEYS.of("velocities", session=ben.bus.id), pack(velocities))
+        after = ben.pose(HERS)
+    assert after.tick > tick
+    assert after.pose == start.pose
+
+
+def test_an_agent_is_alive_under_its_own_name_only(farm):
+    amy, ben = farm.come("amy"), farm.come("ben")
+    amy.bus.declare_alive(KEYS.of("alive", HERS, amy.bus.id))
+    amy.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
+    amy.bus.declare_alive(KEYS.of("alive", MINE, amy.bus.id))
+    missing = "its liveliness token is missing"
+    assert amy.join(MINE) == ""  # physics has heard of what came before
+    assert amy.join(HERS) == missing
+    assert ben.join(HERS) == missing
+    ben.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
+    assert ben.join(HERS) == ""
+
+
+def test_nobody_joins_in_anothers_name(farm):
+    """Ben's token stands, and physics knows what its agent remembers: it tells ben alone."""
+    amy, ben = farm.come("amy"), farm.come("ben")
+    ben.bus.subscribe(KEYS.of("pose", HERS))
+    ben.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
+    assert ben.join(HERS) == ""
+    tick = ben.pose(HERS).tick
+    drive = Drive(Linear(0.0), Angular(0.0), report=Report(memory=b"where it hid the key"))
+    ben.bus.publish(KEYS.of("velocities", session=ben.bus.id), pack(Velocities(farm.run, tick, ben.bus.id, {HERS: drive})))
+    ben.wait(Sample, lambda sample: sample.key == KEYS.of("pose", HERS) and read(sample.payload, Odometry).tick > tick)
+    wish = Join(farm.run, ben.bus.id, [HERS])
+    for session in (ben.bus.id, "*", "**", f"{ben.bus.id[:3]}$*"):
+        assert amy.asks("join", wish, session) == [], "it goes nowhere"
+    assert amy.asks("join", Join(farm.run, amy.bus.id, [HERS]), ben.bus.id) == []
+    [refusal] = amy.asks("join", wish, amy.bus.id)
+    assert refusal.error.startswith("not the holder")
+    [reply] = ben.asks("join", wish, ben.bus.id)
+    assert read(reply.payload, Joined).memories == {HERS: b"where it hid the key"}
+
+
+def test_an_agent_hears_its_own_mail_and_no_other(meeting):
+    amy, ben, asker = meeting.come("amy"), meeting.come("ben"), meeting.come("shed")
+    amy.bus.answer(KEYS.of("mail", HERS))
+    for name, somebody in ((MINE, amy), (HERS, ben)):  # what amy declared first has come before what she declares second
+        somebody.bus.answer(KEYS.of("mail", name))
+        assert who_answers(asker, name, [amy, ben]) == [somebody]
+
+
+def who_answers(asker: Somebody, name: str, others: list[Somebody]) -> list[Somebody]:
+    """All of them whom a request to a robot's agent reaches. It is asked again until there is one."""
+    deadline, heard = time.monotonic() + SECONDS, []
+    while not heard:
+        assert time.monotonic() < deadline, f"nobody answers for {name}"
+        asker.bus.ask(KEYS.of("mail", name), b"", name, SECONDS)
+        while not isinstance(asker.bus.inbox.take(0.01), Final):
+            for other in others:
+                if isinstance(question := other.bus.inbox.take(0.0), Query):
+                    heard.append(other)
+                    question.reply(b"yes")
+                    question.drop()
+    return heard
+
+
+def test_an_agent_sees_its_own_robot_and_no_other(farm):
+    amy, ben = farm.come("amy"), farm.come("ben")
+    for what in ("pose", "scan", "velocity"):
+        amy.bus.subscribe(KEYS.of(what, HERS))
+    amy.bus.subscribe(KEYS.of("picture"))
+    amy.bus.subscribe(KEYS.of("pose", MINE))
+    ben.bus.subscribe(KEYS.of("pose", HERS))
+    tick, newest = ben.pose(HERS).tick, -1
+    while newest <= tick:
+        heard = amy.wait(Sample)
+        assert heard.key == KEYS.of("pose", MINE)
+        newest = read(heard.payload, Odometry).tick
+
+
+def test_another_session_with_a_roles_certificate_may_nothing(meeting):
+    """The rules name the session as well: nobody is alive under another's id."""
+    meeting.bus.subscribe(KEYS.of("velocity"))
+    amy = meeting.keyring.of("amy")
+    with client(meeting.endpoint, identity=replace(amy, role=replace(amy.role, name="amys_sister"))) as sister:
+        sister.publish(KEYS.of("velocity", MINE), b"sister")
+    meeting.come("amy").bus.publish(KEYS.of("velocity", MINE), b"amy")
+    assert Somebody(meeting.bus, "").wait(Sample).payload == b"amy"
+
+
+# -- the logger, and the operator
+
+
+def test_the_logger_moves_nothing_and_stops_nothing(farm):
+    """What it may put is how much it refused: that is counted, and is what comes last here."""
+    logger, operator = farm.come("logger"), farm.come("operator")
+    logger.bus.subscribe(KEYS.of("pose", MINE))
+    operator.bus.subscribe(KEYS.of("figures"))
+    start = logger.pose(MINE)
+    logger.drive(MINE, start.tick)
+    logger.bus.declare_alive(KEYS.of("alive", MINE, logger.bus.id))
+    assert logger.asks("command", Command(farm.run, "stop")) == []
+    assert logger.asks("join", Join(farm.run, logger.bus.id, [MINE]), logger.bus.id) == []
+    logger.bus.publish(KEYS.of("refused", session=logger.bus.id), pack(RefusedThere(farm.run, {"malformed": 7})))
+    counted = operator.wait(Sample, lambda sample: read(sample.payload, Figures).messages_refused.get("malformed") == 7)
+    tick = read(counted.payload, Figures).tick
+    while (pose := logger.pose(MINE)).tick < tick:
+        pass
+    assert pose.pose == start.pose
+
+
+def test_the_operator_stops_the_run_and_an_agent_cannot(farm):
+    amy, operator = farm.come("amy"), farm.come("operator")
+    stop = Command(farm.run, "stop")
+    assert amy.asks("command", stop) == []
+    assert len(operator.asks("command", stop)) == 1
+    code, out, err = farm.physics.end()
+    assert code == 0, err
+    assert "stopped" in out
+
+
+def test_the_warden_stops_a_robot_and_an_agent_cannot(farm):
+    amy, warden, witness = farm.come("amy"), farm.come("warden"), farm.come("logger")
+    stop = Stop(farm.run, True, [MINE])
+    assert amy.asks("stop", stop) == []
+    assert len(warden.asks("stop", stop)) == 1
+    witness.bus.subscribe(KEYS.of("pose", MINE))
+    assert warden.asks("command", Command(farm.run, "stop")) == []
+    assert witness.pose(MINE)
+
+
+# -- strangers
+
+
+def test_who_has_no_certificate_is_not_let_in(meeting):
+    config = zenoh.Config()
+    tls = {"transport/link/tls/root_ca_certificate": str(meeting.keyring.folder / "amy" / AUTHORITY)}
+    settings = {"mode": "client", "connect/endpoints": [meeting.endpoint], "connect/timeout_ms": 2000, "connect/exit_on_failure": True}
+    for key, value in (settings | tls | {"scouting/multicast/enabled": False}).items():
+        config.insert_json5(key, json.dumps(value))
+    with pytest.raises(zenoh.ZError):
+        zenoh.open(config)
+
+
+def test_who_speaks_no_tls_is_not_let_in(meeting):
+    with pytest.raises(BusError, match="nobody listens there"), client(meeting.endpoint.replace("tls/", "tcp/"), seconds=1.0):
+        pass
+
+
+def test_another_authoritys_certificate_is_worth_nothing(meeting, stranger):
+    amy = Keyring.load(stranger).of("amy")
+    with pytest.raises(BusError, match="does not vouch for"), client(meeting.endpoint, seconds=1.0, identity=amy):
+        pass
+
+
+def test_a_router_believes_no_other_authority_either(meeting, stranger, tmp_path):
+    """A stranger who knows whom to trust is still a stranger."""
+    own = shutil.copytree(stranger / "amy", tmp_path / "amy")
+    shutil.copy(meeting.keyring.folder / "amy" / AUTHORITY, own / AUTHORITY)
+    identity = Identity(meeting.keyring.of("amy").role, own)
+    with pytest.raises(BusError, match="wants none of"), client(meeting.endpoint, seconds=1.0, identity=identity):
+        pass
+
+
+def test_an_agent_cannot_pose_as_physics(folder, tmp_path):
+    """Its certificate is for calling, not for being called."""
+    own = shutil.copytree(folder / "amy", tmp_path / "amy")
+    shutil.copy(folder / "physics" / "access.json", own)
+    ben = Keyring.load(folder).of("ben")
+    with router("tls/127.0.0.1:0", identity=Identity.load(own)) as false:
+        calling = client(false.endpoint, seconds=1.0, identity=ben)
+        with pytest.raises(BusError, match="does not vouch for"):
+            calling.__enter__()
+
+
+def test_a_certificate_holds_for_its_addresses_only(folder):
+    keyring = Keyring.load(folder)
+    with router("tls/127.0.0.2:0", identity=keyring.of("physics")) as elsewhere:
+        calling = client(elsewhere.endpoint, seconds=1.0, identity=keyring.of("amy"))
+        with pytest.raises(BusError, match="does not vouch for: IP address mismatch"):
+            calling.__enter__()
+
+
+def test_a_connection_ends_with_its_certificate(folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "roles")
+    authority, keyring = Authority.begin(1), Keyring.load(tmp_path / "roles")
+    authority.vouch("physics", keyring.roles["physics"], ["127.0.0.1"])
+    authority.vouch("amy", keyring.roles["amy"], until=datetime.now(UTC) + timedelta(seconds=3))
+    with router("tls/127.0.0.1:0", identity=keyring.of("physics")) as bus, client(bus.endpoint, identity=keyring.of("amy")) as amy:
+        bus.watch(KEYS.of("alive"))
+        amy.declare_alive(KEYS.of("alive", MINE, amy.id))
+        physics = Somebody(bus, "")
+        assert physics.wait(Alive).up
+        assert not physics.wait(Alive).up
+
+
+def test_a_role_is_at_work_once(meeting):
+    meeting.come("amy")
+    with pytest.raises(BusError, match="at work there already"), client(meeting.endpoint, seconds=1.0, identity=meeting.keyring.of("amy")):
+        pass
+
+
+# -- the rules
+
+
+def test_every_key_has_somebody_who_may():
+    assert set(RIGHTS) == set(TABLE)
+
+
+def test_nobody_writes_what_is_anothers():
+    roles = [*SERVANTS, Role("amy", "host", (MINE,)), Role("ben", "host", (HERS,))]
+    rules = {rule["id"]: rule["key_exprs"] for rule in access_control(roles, KEYS)["rules"]}
+    amy = roles[-2].session
+    written = {f"orchard/{MINE}/velocity", f"orchard/hosts/{amy}/velocities", f"orchard/hosts/{amy}/refused"}
+    assert set(rules["amy ingress put"]) == written
+    asked = {f"orchard/hosts/{amy}/join", "orchard/*/mail", "orchard/*/state", "orchard/recall", "orchard/scenario"}
+    assert set(rules["amy ingress query"]) == set(rules["amy egress reply"]) == asked
+    assert rules["amy ingress liveliness_token"] == [f"orchard/alive/{MINE}/{amy}"]
+    assert rules["logger ingress put"] == [f"orchard/hosts/{Role('logger', 'logger').session}/refused"]
+    assert "operator ingress put" not in rules
+    assert not [name for name in rules if "delete" in name]

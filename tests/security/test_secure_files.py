@@ -1,0 +1,133 @@
+"""The directory of roles: who may read it, what `run.py secure` does not make, and what a user may get wrong."""
+
+import shutil
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from alone import SMALL
+from typer.testing import CliRunner
+
+import run
+from orchard.field.scenario import to_yaml
+from orchard.security.certificates import Authority
+from orchard.security.identity import Keyring
+from orchard.security.roles import AUTHORITY
+
+# -- the directory
+
+
+def test_keys_are_for_the_owners_eyes_only(folder):
+    assert folder.stat().st_mode & 0o777 == 0o700
+    for role in folder.iterdir():
+        assert role.stat().st_mode & 0o777 == 0o700
+        assert (role / "key.pem").stat().st_mode & 0o777 == 0o600
+
+
+def secured(*arguments: object):
+    """`run.py secure` in this process: what it printed, and its exit code."""
+    return CliRunner().invoke(run.app, ["secure", *map(str, arguments)], catch_exceptions=False)
+
+
+def test_an_authority_is_not_overwritten_unasked(tmp_path):
+    path = tmp_path / "roles"
+    assert secured(path, "--rows", 3, "--hosts", 2).exit_code == 0
+    before = (path / "authority" / "key.pem").read_bytes()
+    again = secured(path, "--rows", 3, "--hosts", 1)
+    assert again.exit_code == 2
+    assert "--anew" in again.stderr
+    assert (path / "authority" / "key.pem").read_bytes() == before
+    assert secured(path, "--rows", 3, "--hosts", 1, "--anew").exit_code == 0
+    assert (path / "authority" / "key.pem").read_bytes() != before
+    assert not (path / "agents_2").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["--role", "shed"], "shed: wanted is NAME=KIND|AGENT"),
+        (["--role", "Shed!=carrier"], "Shed!: not a name for a role"),
+        (["--role", "physics=carrier"], "physics is the name of two roles"),
+        (["--role", "shed=carier"], "carier: no such agent or kind"),
+        (["--role", "shed=carrier", "--role", "barn=carrier_01"], "carrier_01 is in two roles"),
+        (["--address", "http://shed"], "http://shed: neither an address nor the name of a machine"),
+    ],
+)
+def test_what_cannot_be_made_is_named_and_nothing_is_written(arguments, named, tmp_path):
+    done = secured(tmp_path / "roles", "--rows", 3, *arguments)
+    assert done.exit_code == 2
+    assert named in done.stderr
+    assert not (tmp_path / "roles").exists()
+
+
+def test_another_directorys_things_are_left_alone(tmp_path):
+    (tmp_path / "diary.txt").write_text("dear diary")
+    done = secured(tmp_path, "--rows", 3)
+    assert done.exit_code == 2
+    assert "there is something else in it" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["diary.txt"]
+
+
+# -- what a user may get wrong
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["--secure", "nowhere"], "nowhere: no roles there"),
+        (["--secure", "{folder}", "--listen", "tcp/127.0.0.1:0"], "not secure; with --secure an endpoint is like tls/"),
+        (["--listen", "tls/127.0.0.1:0"], "tls needs certificates; --secure DIR"),
+        (["--secure", "{folder}", "--pickers", 3], "no role for"),
+        (["--secure", "{folder}", "--hosts", 2], "leave out --hosts"),
+        (["--secure", "{folder}", "--mode", "local"], "local mode is one process"),
+        (["--secure", "{folder}", "--without", "bin_01"], "ben is the role of bin_01, picker_02"),
+        (["--secure", "{folder}/shed"], "no role for bin_01"),
+        (["--secure", "{folder}", "--connect", "tls/127.0.0.1:9", "--only", "carrier"], "with --only name the one to play"),
+    ],
+)
+def test_what_cannot_be_run_is_named(arguments, named, folder, tmp_path):
+    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
+    words = [str(word).format(folder=folder) for word in arguments]
+    guest = [] if "--only" in words else [tmp_path / "scenario.yaml", "--record", "none"]
+    done = CliRunner().invoke(run.app, ["harvest", *map(str, guest), *words], catch_exceptions=False, env={"COLUMNS": "200"})
+    assert done.exit_code == 2, done.output
+    assert named in " ".join(done.stderr.split())
+
+
+def spoil(what: str, own: Path, stranger: Path) -> None:
+    """Make a role's directory useless in one way."""
+    match what:
+        case "missing":
+            (own / "key.pem").unlink()
+        case "another key":
+            shutil.copy(stranger / "amy" / "key.pem", own)
+        case "another authority":
+            shutil.copy(stranger / "amy" / AUTHORITY, own)
+        case "another role":
+            for name in ("certificate.pem", "key.pem"):
+                shutil.copy(own.parent / "ben" / name, own)
+        case "expired":
+            Authority.begin(30).vouch("amy", own, until=datetime.now(UTC) - timedelta(minutes=1))
+        case "nonsense":
+            (own / "certificate.pem").write_text("nonsense")
+        case "no role":
+            (own / "role.json").write_text("{}")
+
+
+@pytest.mark.parametrize(
+    ("what", "named"),
+    [
+        ("missing", "key.pem: no such file"),
+        ("another key", "not the key of the certificate"),
+        ("another authority", "not by the authority in authority.pem"),
+        ("another role", "the certificate of ben, not of amy"),
+        ("expired", "and not now"),
+        ("nonsense", "certificate.pem: not a certificate"),
+        ("no role", "role.json: not as `run.py secure` wrote it"),
+    ],
+)
+def test_a_directory_of_no_use_is_named(what, named, folder, stranger, tmp_path):
+    shutil.copytree(folder, tmp_path / "roles")
+    spoil(what, tmp_path / "roles" / "amy", stranger)
+    with pytest.raises(ValueError, match=named):
+        Keyring.load(tmp_path / "roles").of("amy")

@@ -1,0 +1,157 @@
+"""Whole secured runs: in one command and in many, over several machines, with kills; and what is said of a run that is not secured."""
+
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+from contextlib import ExitStack
+
+import pytest
+from alone import SMALL, local_hash
+from command_line import line_with, orchard, summary_of
+from farm import KEYS, Somebody
+from fleet import ROOT, SECONDS, Process
+from fleet import Fleet as Processes
+from machines import machines, needs_machines, within
+
+from orchard.field.scenario import Scenario, to_yaml
+from orchard.launch.supervisor import free_port
+from orchard.net.bus import Sample, client
+from orchard.security.identity import Keyring
+from orchard.wire.messages import Clock
+from orchard.wire.types import read
+
+# -- a whole run
+
+
+def test_a_secured_run_is_local_mode(folder, tmp_path):
+    summary, recording = tmp_path / "summary.json", tmp_path / "run.rrd"
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text(to_yaml(SMALL))
+    done = orchard(scenario, "--secure", folder, "--duration", 30, "--record", recording, "--summary", summary)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert summary_of(summary)["hash"] == local_hash(SMALL, 300)
+    assert summary_of(summary)["messages_refused"] == {}
+    assert recording.stat().st_size > 100_000  # the logger has heard what happened
+
+
+@pytest.mark.parametrize("its", ["router", pytest.param("physics", marks=pytest.mark.soak)])
+def test_a_machine_needs_no_more_than_its_roles_directory(its, folder, tmp_path):
+    """Each process with a copy of its own role's files, and nothing beside them; physics is the router, or there is one of its own."""
+    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
+    copies = {path.name: str(shutil.copytree(path, tmp_path / f"machine of {path.name}" / path.name)) for path in folder.iterdir()}
+    with ExitStack() as stack:
+
+        def start(role: str, module: str, *arguments: str) -> Process:
+            process = Process(f"processes.{module}", *arguments, "--secure", copies[role])
+            stack.callback(process.kill)
+            return process
+
+        where = ["--listen", "tls/127.0.0.1:0"]
+        if its == "router":
+            where = ["--connect", start("router", "router", *where).line().split()[-1]]
+        physics = start("physics", "physics", f"{tmp_path}/scenario.yaml", *where, "--duration", "20")
+        endpoint = physics.line().split()[2].rstrip(",")
+        hosts = [start(role, "agents", "--connect", endpoint) for role in ("amy", "ben", "shed", "agents_1", "agents_2")]
+        code, out, err = physics.end()
+        assert code == 0, out + err
+        assert out.split()[-1] == local_hash(SMALL, 200)
+        assert [host.end(10.0)[0] for host in hosts] == [0] * 5
+
+
+@pytest.mark.parametrize("killed", ["host", *(pytest.param(one, marks=pytest.mark.soak) for one in ("physics", "router"))])
+def test_who_is_killed_comes_back_as_the_same_role(killed, folder, tmp_path):
+    """Under the same session, which the others may still have in mind."""
+    with ExitStack() as stack:
+        fleet = Processes(tmp_path, stack)
+        pace = ["--secure", str(folder / "physics"), "--speed", "15", "--duration", "20", "--snapshots", str(tmp_path / "snapshots")]
+        place = ["--listen", f"tls/127.0.0.1:{free_port()}"]
+        routing = ["processes.router", *place, "--secure", str(folder / "router")]
+        if killed == "router":
+            middle = fleet.start(*routing)
+            assert middle.line().startswith("listening on")
+            place = ["--connect", place[1]]
+        fleet.physics(SMALL, *place, *pace)
+        for role in ("amy", "ben", "shed", "agents_1", "agents_2"):
+            fleet.host("--secure", str(folder / role))
+        with client(fleet.endpoint, identity=Keyring.load(folder).of("logger")) as bus:
+            bus.subscribe(KEYS.of("clock"))
+            Somebody(bus, fleet.run).wait(Sample, lambda sample: read(sample.payload, Clock).tick >= 30)
+        match killed:
+            case "host":
+                fleet.hosts.pop(0).kill()
+                fleet.host("--secure", str(folder / "amy"))
+            case "physics":
+                fleet.world.kill()
+                fleet.physics(SMALL, *place, *pace, "--resume", "--run", fleet.run)
+            case "router":
+                middle.kill()
+                assert fleet.start(*routing).line().startswith("listening on")
+        assert fleet.end() == local_hash(SMALL, 200)
+
+
+@needs_machines
+def test_a_secured_run_over_two_machines_is_local_mode(folder, tmp_path):
+    """The guest has its own role's files only, and knows the other machine by its address."""
+    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
+    own = str(shutil.copytree(folder / "shed", tmp_path / "shed"))
+    with machines("s") as (host, guest), ExitStack() as stack:
+        here, there = "tls/127.0.0.1:7447", "tls/192.168.1.10:7447"
+        listen = ["--listen", "tls/0.0.0.0:7447", "--secure", str(folder / "physics")]
+        physics = Process("processes.physics", f"{tmp_path}/scenario.yaml", *listen, "--duration", "20", before=within(host))
+        stack.callback(physics.kill)
+        assert physics.line().startswith("listening on")
+        for role in ("amy", "ben", "agents_1", "agents_2"):
+            stack.callback(Process("processes.agents", "--connect", here, "--secure", str(folder / role), before=within(host)).kill)
+        stack.callback(Process("processes.agents", "--connect", there, "--secure", own, before=within(guest)).kill)
+        code, out, err = physics.end()
+        assert code == 0, out + err
+        assert out.split()[-1] == local_hash(SMALL, 200)
+
+
+@needs_machines
+def test_the_commands_of_the_document_run_the_carriers_on_another_machine(tmp_path):
+    block = re.search(r"```sh secured, two machines\n(.*?)```", (ROOT / "docs" / "security.md").read_text(), re.S).group(1)
+    commands = [shlex.split(line) for line in block.splitlines() if not line.startswith("#")]
+    assert all(words[:2] == [".venv/bin/python", "run.py"] for words in commands)
+    make_roles, first, second = ([sys.executable, str(ROOT / "run.py"), *words[2:]] for words in commands)
+    first += ["--rows", "3", "--duration", "30", "--record", "none", "--summary", str(tmp_path / "summary.json")]
+    here, there = tmp_path / "here", tmp_path / "there"
+    for folder in (here, there):
+        folder.mkdir()
+    subprocess.run([*make_roles, "--rows", "3"], cwd=here, check=True, timeout=SECONDS)
+    shutil.copytree(here / "roles" / "shed", there / "shed")
+    with machines("d") as (host, guest):
+        one = subprocess.Popen([*within(host), *first], cwd=here, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        try:
+            said = line_with("carrier: left to others", one)
+            other = subprocess.run([*within(guest), *second], cwd=there, capture_output=True, text=True, timeout=3 * SECONDS)
+            rest, _ = one.communicate(timeout=SECONDS)
+        finally:
+            one.kill()
+    assert (one.returncode, other.returncode) == (0, 0), said + rest + other.stdout + other.stderr
+    assert summary_of(tmp_path / "summary.json")["hash"] == local_hash(Scenario(rows=3), 300)
+
+
+# -- without security
+
+
+def test_a_public_address_without_security_is_warned_of_once(tmp_path):
+    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
+    done = orchard(tmp_path / "scenario.yaml", "--listen", "tcp/0.0.0.0:0", "--duration", 1, "--record", "none")
+    assert done.returncode == 0, done.stderr
+    assert (done.stdout + done.stderr).count("whoever reaches this address") == 1
+
+
+@pytest.mark.parametrize(("address", "is_open"), [("0.0.0.0", True), ("127.0.0.1", False)])
+def test_a_router_warns_of_a_public_address_only(address, is_open):
+    routing = Process("processes.router", "--listen", f"tcp/{address}:0")
+    try:
+        assert routing.line().startswith("listening on")
+        routing.signal(signal.SIGTERM)
+        _, _, err = routing.end()
+    finally:
+        routing.kill()
+    assert ("whoever reaches this address" in err) == is_open

@@ -1,0 +1,169 @@
+"""Kill any process of run.py's, with nobody at hand: the same run goes on, and its hash is that of one that nothing happened to."""
+
+import json
+import re
+import signal
+import subprocess
+import time
+from contextlib import suppress
+
+import psutil
+import pytest
+from alone import SMALL, local_hash
+from command_line import ROOT, orchard, running, starting, summary_of, wait_until_simulated
+from recordings import seconds_of
+
+from orchard.field.scenario import Scenario, to_yaml
+from orchard.launch.supervisor import free_port
+
+SECONDS = 30.0  # simulated
+PACE = ("--rows", 3, "--speed", 10, "--duration", SECONDS)
+
+
+@pytest.fixture(scope="module")
+def undisturbed():
+    return local_hash(Scenario(rows=3), round(SECONDS * 10))
+
+
+def process_of(run: subprocess.Popen, word: str) -> psutil.Process:
+    return next(child for child in psutil.Process(run.pid).children(recursive=True) if f"processes.{word}" in child.cmdline())
+
+
+def first_process(run: subprocess.Popen, word: str) -> psutil.Process:
+    """As soon as it is there."""
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline:
+        with suppress(StopIteration, psutil.Error):  # not there yet, or just gone
+            return process_of(run, word)
+    raise AssertionError(f"{word} was never started")
+
+
+def end(run: subprocess.Popen) -> str:
+    """What it printed, once it has ended well."""
+    printed, _ = run.communicate(timeout=120)
+    assert run.returncode == 0, printed
+    return printed
+
+
+@pytest.mark.parametrize("word", ["physics", "agents", pytest.param("logger", marks=pytest.mark.soak)])
+def test_whatever_is_killed_the_same_run_goes_on(tmp_path, undisturbed, word):
+    path = tmp_path / "summary.json"
+    with running(*PACE, "--record", tmp_path / "run.rrd", "--summary", path) as run:
+        wait_until_simulated(run, 5.0)
+        process_of(run, word).kill()
+        printed = end(run)
+    assert re.search(rf"{word}.* ended with code -9; starting it again", printed)
+    assert summary_of(path)["hash"] == undisturbed
+
+
+def test_physics_that_is_killed_as_soon_as_it_is_there_is_started_again(tmp_path):
+    path = tmp_path / "summary.json"
+    with starting("--rows", 3, "--duration", 10, "--record", "none", "--summary", path) as run:
+        first_process(run, "physics").kill()
+        printed = end(run)
+    assert "physics ended with code -9; starting it again" in printed
+    assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), 100)
+
+
+def test_ctrl_c_while_physics_does_not_listen_yet_ends_the_run():
+    with starting(*PACE, "--record", "none") as run:
+        physics = first_process(run, "physics")
+        physics.suspend()
+        first_process(run, "agents")
+        run.send_signal(signal.SIGINT)
+        printed, _ = run.communicate(timeout=60)
+        assert "Traceback" not in printed
+        assert run.returncode in (1, 130), "there was nothing to finish yet; 130 is what a shell shows while it is still loading"
+        assert not physics.is_running()
+
+
+def test_a_run_that_is_stopped_goes_on_where_it_was(tmp_path, undisturbed):
+    with running(*PACE, "--record", "none") as run:
+        wait_until_simulated(run, 5.0)
+        run.send_signal(signal.SIGINT)
+        printed = end(run)
+    folder = re.search(r"To go on: .* --resume (\S+)", printed).group(1)
+    assert max(int(path.stem.removeprefix("tick-")) for path in (ROOT / folder).iterdir()) >= 50
+    for mode in ("local", "lockstep"):
+        path = tmp_path / f"{mode}.json"
+        done = orchard("--resume", folder, "--mode", mode, "--duration", SECONDS, "--record", "none", "--summary", path)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert json.loads(path.read_text())["hash"] == undisturbed
+
+
+def test_resuming_nothing_or_with_other_options_is_told(tmp_path):
+    nothing = orchard("--resume", tmp_path)
+    assert nothing.returncode == 2
+    assert f"{tmp_path}: no snapshot there" in nothing.stderr
+    both = orchard("--resume", tmp_path, "--rows", 3)
+    assert both.returncode == 2
+    assert "leave out --rows" in both.stderr
+
+
+# -- processes that cannot live
+
+
+def with_class(folder, class_):
+    """A scenario in which a class of `own_agents` drives picker_01."""
+    path = folder / "scenario.yaml"
+    path.write_text(to_yaml(SMALL.model_copy(update={"agents": {"picker_01": f"own_agents.{class_}"}})))
+    return path
+
+
+@pytest.fixture
+def own_agents(monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))
+
+
+def test_a_run_that_can_never_begin_ends_and_names_whom_it_lacks(tmp_path, own_agents):
+    done = orchard(with_class(tmp_path, "Stillborn"), "--hosts", 2, "--record", "none")
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert re.search(r"agents \d ended with code 7, 5 times in a row; giving up on it; these stand: .*picker_01", done.stdout)
+    assert re.search(r"the run cannot begin without .*picker_01", done.stderr)
+    assert "picker_02" not in done.stderr
+
+
+@pytest.mark.soak
+def test_the_robots_of_a_process_that_dies_again_and_again_stand_and_the_run_goes_on(tmp_path, own_agents):
+    arguments = ("--hosts", 2, "--record", "none", "--duration", 40, "--patience", 3)
+    path = tmp_path / "summary.json"
+    done = orchard(with_class(tmp_path, "Mortal"), *arguments, "--summary", path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search("no answer to tick 20 from .*picker_01.*: no longer waited for", done.stdout)
+    assert summary_of(path)["ticks"] == 400
+
+
+# -- realtime
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("word", ["physics", "agents"])
+def test_in_realtime_too_whatever_is_killed_the_run_goes_on_and_finishes(tmp_path, word):
+    path = tmp_path / "summary.json"
+    arguments = ("--rows", 3, "--mode", "realtime", "--speed", 10, "--hosts", 1, "--duration", 80, "--record", "none", "--summary", path)
+    with running(*arguments) as run:
+        wait_until_simulated(run, 5.0)
+        process_of(run, word).kill()
+        printed = end(run)
+    assert re.search(rf"{word}.* ended with code -9; starting it again", printed)
+    summary = summary_of(path)
+    assert summary["ticks"] == 800
+    assert summary["distance_metres"]["picker"] > 60.0, "they drive again"
+
+
+# -- the end, without a bus
+
+
+@pytest.mark.soak
+def test_a_run_whose_router_is_down_at_its_end_has_ended_well(fleet, tmp_path):
+    endpoint, path, recording = f"tcp/127.0.0.1:{free_port()}", tmp_path / "summary.json", tmp_path / "run.rrd"
+    arguments = ("--mode", "realtime", "--speed", 2, "--duration", 12, "--record", recording, "--summary", path)
+    router = fleet.router(endpoint)
+    with running("--rows", 3, "--hosts", 1, "--connect", endpoint, *arguments) as run:
+        wait_until_simulated(run, 5.0)
+        router.kill()
+        printed = end(run)
+    summary = summary_of(path)
+    assert summary["ticks"] == 120
+    assert "To watch it" in printed
+    assert seconds_of(recording) > 4.0

@@ -1,0 +1,226 @@
+"""Kill it, freeze it, cut it off: lockstep waits, goes on, and has the hash of a run that nothing happened to."""
+
+import signal
+from types import SimpleNamespace
+
+import callers
+import msgpack
+import pytest
+from alone import SMALL, TICKS, local_hash
+from fleet import until
+
+from orchard.contract.messages import pack
+from orchard.field.layout import lay_out
+from orchard.launch.supervisor import free_port
+from orchard.local import Local
+from orchard.net.bus import Alive, Query
+from orchard.server.harvest import RunOptions
+from orchard.server.loop import Physics
+from orchard.sim.engine import Engine
+from orchard.wire.keys import Keys
+from orchard.wire.messages import Join
+
+PACE = ("--speed", "15", "--duration", str(TICKS / 10))  # slow enough that a fault meets the run where it shall
+FRIENDS = "callers:friends"  # of whose mail nothing is recalled unless somebody was away
+
+
+@pytest.fixture(scope="module")
+def undisturbed():
+    """The hash when nothing happens to them."""
+    return local_hash(SMALL, TICKS, callers.friends(lay_out(SMALL)))
+
+
+def wait_for_tick(fleet, tick):
+    until(fleet.client().hear("orchard/clock"), lambda message: message["tick"] >= tick)
+
+
+def end(process):
+    """Kill it, with nobody at hand."""
+    process.signal(signal.SIGKILL)
+    process.end()
+
+
+# -- agents
+
+
+IN_SOAK = [pytest.param(2, 2, marks=pytest.mark.soak), pytest.param(1, 17, marks=pytest.mark.soak)]
+
+
+@pytest.mark.parametrize(("killed", "tick"), [(1, 1), (2, 60), *IN_SOAK])
+def test_hosts_that_are_killed_at_any_tick_and_started_again_change_nothing(fleet, undisturbed, killed, tick):
+    fleet.physics(SMALL, *PACE)
+    fleet.share(2, FRIENDS)
+    wait_for_tick(fleet, tick)
+    for host in fleet.hosts[:killed]:
+        end(host)
+    fleet.hosts = fleet.hosts[killed:]
+    for number in range(killed):
+        fleet.host("--share", f"{number}/2", agents=FRIENDS)
+    assert fleet.end() == undisturbed
+
+
+def test_a_host_that_is_killed_again_and_again_changes_nothing(fleet, undisturbed):
+    fleet.physics(SMALL, *PACE)
+    fleet.share(2, FRIENDS)
+    for tick in (10, 25, 26, 50, 80):
+        wait_for_tick(fleet, tick)
+        end(fleet.hosts.pop(0))
+        fleet.hosts.insert(0, fleet.host("--share", "0/2", agents=FRIENDS))
+        fleet.hosts.pop()
+    assert fleet.end() == undisturbed
+
+
+def test_a_host_that_sleeps_for_a_while_changes_nothing(fleet, undisturbed):
+    fleet.physics(SMALL, *PACE, "--patience", "30")
+    fleet.share(2, FRIENDS)
+    clock = fleet.client().hear("orchard/clock")
+    until(clock, lambda message: message["tick"] >= 20)
+    fleet.hosts[0].signal(signal.SIGSTOP)
+    seen_again = fleet.client().hear("orchard/hosts/*/seen")
+    first = seen_again.get(timeout=20)
+    until(seen_again, lambda message: message["tick"] == first["tick"])  # physics asks again, for it is not answered
+    fleet.hosts[0].signal(signal.SIGCONT)
+    assert fleet.end() == undisturbed
+
+
+def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_it_wakes(fleet):
+    """3 s: those who had letters for it learn within two that it does not answer, and are in time."""
+    fleet.physics(SMALL, "--speed", "5", "--patience", "3")
+    someone = fleet.client()
+    lost, velocities, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "picker_01/velocity", "clock"))
+    fleet.host("--without", "picker_01", agents=FRIENDS)
+    hung = fleet.host("--only", "picker_01", agents=FRIENDS)
+    until(velocities, lambda velocity: velocity["tick"] >= 20)
+    hung.signal(signal.SIGSTOP)
+    named = until(lost, lambda message: True)
+    assert named["names"] == ["picker_01"]
+    until(clock, lambda message: message["tick"] >= named["tick"] + 20)
+    hung.signal(signal.SIGCONT)
+    until(velocities, lambda velocity: velocity["tick"] > named["tick"])
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+    assert "no answer" in fleet.world.complaints
+
+
+def test_what_one_says_late_who_was_given_up_is_refused_until_it_joins_again(fleet):
+    fleet.physics(SMALL, "--speed", "5", "--patience", "1")
+    someone = fleet.client()
+    lost, figures, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "figures", "clock"))
+    fleet.host("--without", "worker_01")
+    token = someone.session.liveliness().declare_token("orchard/alive/worker_01/me")
+    join = msgpack.packb({"run": fleet.run, "holder": "me", "names": ["worker_01"]})
+    assert not someone.ask("orchard/hosts/me/join", join)[0]["refused"]
+    until(lost, lambda message: message["holder"] == "me")
+    someone.drive("worker_01", 0, 0.5, holder="me")
+    until(figures, lambda message: message["messages_refused"] == {"not held": 1})
+    until(clock, lambda message: message["tick"] >= 20)
+    assert not someone.ask("orchard/hosts/me/join", join)[0]["refused"]
+    someone.drive("worker_01", 0, 0.5, holder="me")
+    until(figures, lambda message: message["messages_refused"] == {"not held": 1, "past tick": 1})
+    token.undeclare()
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+
+
+# -- physics
+
+
+@pytest.mark.parametrize("tick", [3, pytest.param(40, marks=pytest.mark.soak)])
+def test_physics_that_is_killed_goes_on_from_its_last_snapshot_to_the_same_hash(fleet, undisturbed, tmp_path, tick):
+    keeping = ("--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "0.2")
+    fleet.physics(SMALL, *PACE, *keeping)
+    fleet.share(2, FRIENDS)
+    wait_for_tick(fleet, tick)
+    end(fleet.world)
+    fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
+    assert fleet.end() == undisturbed
+
+
+def test_physics_and_a_host_that_are_killed_together_change_nothing(fleet, undisturbed, tmp_path):
+    keeping = ("--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "0.2")
+    fleet.physics(SMALL, *PACE, *keeping)
+    fleet.share(2, FRIENDS)
+    wait_for_tick(fleet, 30)
+    end(fleet.hosts.pop())
+    end(fleet.world)
+    fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
+    fleet.host("--share", "1/2", agents=FRIENDS)
+    assert fleet.end() == undisturbed
+
+
+def test_a_torn_snapshot_is_named_and_the_one_before_it_is_used(fleet, undisturbed, tmp_path):
+    folder = tmp_path / "snapshots"
+    keeping = ("--snapshots", str(folder), "--snapshot-every", "0.1")
+    fleet.physics(SMALL, *PACE, *keeping)
+    fleet.share(2, FRIENDS)
+    until(fleet.client().hear("orchard/clock"), lambda _: len(list(folder.glob("tick-*.snapshot"))) >= 2)
+    end(fleet.world)
+    torn = max(folder.glob("tick-*.snapshot"))
+    torn.write_bytes(torn.read_bytes()[:1000])
+    fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
+    assert torn.name in fleet.world.error()
+    assert fleet.end() == undisturbed
+
+
+# -- the router
+
+
+def test_a_router_that_is_killed_and_started_again_changes_nothing(fleet, undisturbed):
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    router = fleet.start("processes.router", "--listen", endpoint)
+    router.line()
+    fleet.physics(SMALL, *PACE, "--connect", endpoint)
+    fleet.share(2, FRIENDS)
+    wait_for_tick(fleet, 30)
+    end(router)
+    again = fleet.start("processes.router", "--listen", endpoint)
+    assert "listening" in again.line()
+    assert fleet.end() == undisturbed
+
+
+# -- who comes back
+
+
+class SlowStart:
+    """A bus at which one agent after another joins again, each so many seconds after the last, on a clock of its own."""
+
+    id, endpoint = "here", "nowhere"
+
+    def __init__(self, names, seconds):
+        self.inbox, self.now, self._seconds = self, 0.0, seconds
+        self._items = iter([item for name in names for item in (Alive(f"orchard/alive/{name}/s-{name}", True), Knock(name, f"s-{name}"))])
+
+    def take(self, seconds, enough=1):
+        item = next(self._items, None)
+        self.now += seconds if item is None else 0.5 * self._seconds
+        return item
+
+    def clock(self):
+        return self.now
+
+
+class Knock(Query):
+    """The wish to join."""
+
+    def __init__(self, name, session):
+        self.key, self.payload = f"orchard/hosts/{session}/join", pack(Join("here", session, [name]))
+
+    def reply(self, payload):
+        pass
+
+    def drop(self):
+        pass
+
+
+@pytest.mark.parametrize(("seconds", "is_there"), [(10.0, True), (20.0, False)])
+def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(monkeypatch, seconds, is_there):
+    local = Local(SMALL)
+    local.tick()
+    before = local.snapshot()
+    before.run = "here"
+    names = before.held = before.held[:4]
+    bus = SlowStart(names, seconds)
+    monkeypatch.setattr("orchard.server.loop.time", SimpleNamespace(monotonic=bus.clock))
+    physics = Physics(bus, Keys(), Engine.resume(before), RunOptions(patience=15.0), before)
+    physics.gather()
+    assert (sorted(physics.harvest.drivers.roster.holders) == names) == is_there

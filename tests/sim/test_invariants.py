@@ -1,0 +1,298 @@
+"""The invariants: each one is broken by hand, and named; a run from any tick on, with stops in it, breaks none."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from stage import empty_orchard
+
+from orchard.contract.events import Event
+from orchard.contract.messages import pack, unpack
+from orchard.field.layout import ROW_LENGTH, lay_out
+from orchard.field.scenario import Animals, People, Scenario
+from orchard.local import Local
+from orchard.sim.invariants import Invariants
+from orchard.sim.physics import step
+from orchard.sim.snapshot import Snapshot
+from orchard.sim.state_times import StateTimes
+from orchard.sim.world import NOBODY, World, new_world
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def world() -> World:
+    return new_world(lay_out(empty_orchard(people=People(workers=1, visitors=0))))
+
+
+@pytest.fixture
+def checker(world) -> Invariants:
+    return Invariants(world)
+
+
+def after(checker: Invariants, world: World, *events: Event) -> list[str]:
+    """What is violated after one more tick in which nobody moves, and in which these events happen."""
+    checker.update(world, step(world, np.zeros_like(world.twist), []) + list(events))
+    return checker.violations
+
+
+def happens(what: str, who: str, whom: str = "", detail: str = "") -> Event:
+    return Event(0, what, who, whom, detail)
+
+
+def couple(world: World, robot: str, bin_: str) -> None:
+    world.coupled[world.index[robot]], world.coupled[world.index[bin_]] = world.index[bin_], world.index[robot]
+
+
+def test_an_orchard_in_order_violates_nothing(checker, world):
+    assert after(checker, world) == []
+    assert checker.end(world, finished=True) == []
+
+
+# -- bins = at pickers + on carriers + standing + unloading
+
+
+def test_a_bin_on_two_robots_is_named(checker, world):
+    world.coupled[world.index["carrier_01"]] = world.index["bin_01"]
+    found = after(checker, world)
+    assert "tick 1: bin_01 is not at one place: it is on picker_01, and coupled to carrier_01 and picker_01" in found
+    assert "tick 1: bin_03 is not at one place: it is on carrier_01, and coupled to nobody" in found
+
+
+def test_a_bin_that_its_robot_does_not_have_is_named(checker, world):
+    world.coupled[world.index["picker_01"]] = NOBODY
+    assert after(checker, world) == ["tick 1: bin_01 is not at one place: it is on picker_01, and coupled to nobody"]
+
+
+def test_a_robot_on_the_bar_of_a_robot_is_named(checker, world):
+    world.coupled[world.index["bin_01"]] = NOBODY
+    world.coupled[world.index["picker_01"]] = world.index["picker_02"]
+    assert after(checker, world) == ["tick 1: picker_01 is coupled to picker_02, which is no bin of a picker's or a carrier's"]
+
+
+def test_a_bin_that_is_unloaded_without_a_carrier_is_named(checker, world):
+    world.bay_ticks[world.index["bin_01"]] = 7
+    assert checker.end(world, finished=False) == ["tick 0: bin_01 is being unloaded, but on no carrier"]
+
+
+# -- metres and rows
+
+
+@pytest.mark.parametrize("metres", [-0.5, ROW_LENGTH + 0.5])
+def test_a_bin_that_holds_what_no_bin_can_is_named(checker, world, metres):
+    world.fill[world.index["bin_01"]] = metres
+    found = after(checker, world)
+    assert f"tick 1: bin_01 holds {metres:g} m; a bin holds 0 to 70 m" in found
+    assert f"tick 1: 0.000 m are picked, but {metres:.3f} m are in bins or delivered" in found
+
+
+def test_a_metre_that_is_picked_into_no_bin_is_named(checker, world):
+    world.row_picked[1] = 1.0
+    assert after(checker, world) == ["tick 1: 1.000 m are picked, but 0.000 m are in bins or delivered"]
+
+
+def test_a_row_that_grows_back_is_named(checker, world):
+    world.row_picked[1] = world.fill[world.index["bin_01"]] = 1.0
+    assert after(checker, world) == []
+    world.row_picked[1] = world.fill[world.index["bin_01"]] = 0.5
+    assert after(checker, world) == ["tick 2: row 2 was picked for 1 m, and now for 0.5 m; it only grows, to 70 m"]
+
+
+def test_a_row_that_is_longer_than_a_row_is_named(checker, world):
+    world.row_picked[0], world.fill[world.index["bin_01"]], world.fill[world.index["bin_02"]] = 71.0, 70.0, 1.0
+    assert after(checker, world) == ["tick 1: row 1 was picked for 0 m, and now for 71 m; it only grows, to 70 m"]
+
+
+def test_a_row_that_is_picked_twice_is_named(checker, world):
+    after(checker, world, happens("row picked", "picker_01", "bin_01", "row 1"))
+    assert after(checker, world, happens("row picked", "picker_02", "bin_02", "row 1")) == [
+        "tick 2: row 1 was picked a second time, by picker_02"
+    ]
+
+
+def test_a_delivery_that_nobody_made_is_named(checker, world):
+    world.delivered += 1
+    assert "tick 1: 1 bins count as delivered, but 0 were unloaded" in after(checker, world)
+
+
+# -- every call ends in one exchange
+
+FULL = happens("bin full", "bin_01", "picker_01")
+TAKEN = happens("coupled", "carrier_01", "bin_01")
+EMPTY_ONE = happens("coupled", "picker_01", "bin_03")
+
+
+def test_a_bin_that_two_carriers_take_is_named(checker, world):
+    found = after(checker, world, FULL, TAKEN, happens("uncoupled", "carrier_01", "bin_01"), happens("coupled", "carrier_02", "bin_01"))
+    assert found == ["tick 1: bin_01 was taken twice for one call: by carrier_01, and then by carrier_02"]
+
+
+def test_a_bin_that_is_unloaded_on_another_carrier_is_named(checker, world):
+    found = after(checker, world, FULL, TAKEN, happens("unloaded", "bin_01", "carrier_02"))
+    assert "tick 1: bin_01 was unloaded on carrier_02, but carrier_01 had taken it" in found
+
+
+def test_a_bin_that_is_full_twice_without_being_unloaded_is_named(checker, world):
+    assert after(checker, world, FULL, TAKEN, FULL) == ["tick 1: bin_01 is full again, but was not unloaded since it was full last"]
+
+
+def test_a_call_that_is_open_when_the_harvest_is_over_is_named_and_one_that_is_open_when_the_time_is_over_is_not(checker, world):
+    after(checker, world, FULL, EMPTY_ONE)
+    assert checker.end(world, finished=False) == []
+    assert checker.end(world, finished=True) == ["tick 1: the harvest is over, but bin_01's call did not end in an exchange"]
+
+
+def test_a_picker_that_got_no_empty_bin_is_named(checker, world):
+    after(checker, world, FULL, TAKEN)
+    world.delivered = 1
+    after(checker, world, happens("unloaded", "bin_01", "carrier_01"))
+    assert "the harvest is over, but picker_01 got no empty bin for bin_01" in checker.end(world, finished=True)[-1]
+
+
+# -- bodies
+
+
+@pytest.mark.parametrize("other", ["picker_02", "worker_01", "bin_03"])
+def test_a_body_in_another_is_named(checker, world, other):
+    x, y, _ = world.pose[world.index[other]]
+    world.pose[world.index["carrier_02"]] = x + 0.5, y, 0.3
+    found = checker.end(world, finished=False)
+    assert any("stands in" in violation and "carrier_02" in violation and other in violation for violation in found), found
+
+
+def test_a_robot_in_a_tree_is_named(checker, world):
+    x, y = world.layout.walls[4, :2]
+    world.pose[world.index["picker_01"], :2] = x, y
+    assert f"tick 0: picker_01 stands in a fence, trunk or post, at ({x:.2f}, {y:.2f})" in checker.end(world, finished=False)
+
+
+def test_bodies_are_looked_at_once_a_second(checker, world):
+    world.pose[world.index["carrier_02"], :2] = world.pose[world.index["picker_01"], :2]
+    found = [bool(after(checker, world)) for _ in range(10)]
+    assert found == [False] * 9 + [True]
+
+
+def test_what_stays_wrong_is_told_once(checker, world):
+    world.row_picked[1] = 1.0
+    assert len([after(checker, world) for _ in range(30)][-1]) == 1
+
+
+# -- stops
+
+
+def test_a_stopped_robot_that_moves_and_a_pair_that_is_stopped_by_half_are_named(checker, world):
+    i = world.index["picker_01"]
+    world.stopped[i], world.twist[i, 0] = True, 0.5
+    checker.update(world, [])
+    assert "tick 0: picker_01 moves, but is stopped" in checker.violations
+    assert "tick 0: picker_01 is stopped, but bin_01, which is coupled to it, is not" in checker.violations
+
+
+# -- states
+
+
+def test_states_that_do_not_add_up_to_the_run_are_named(world):
+    states = StateTimes(world)
+    for _ in range(5):
+        after(Invariants(world), world)
+        states.update(world)
+    assert states.faults(world) == []
+    world.tick += 1
+    assert "tick 6: picker_01's states add up to 5 ticks, the run to 6" in states.faults(world)
+
+
+def test_states_go_on_from_data(world):
+    states = StateTimes(world)
+    after(Invariants(world), world)
+    states.update(world)
+    after(Invariants(world), world)
+    resumed = StateTimes(world, unpack(pack(states.as_data()), dict))
+    assert resumed.faults(world) != [], "a tick was left out"
+    resumed.update(world)
+    assert resumed.faults(world) == []
+
+
+# -- runs
+
+WORDS = st.lists(st.sampled_from(["picker_01", "bin_01", "bin_03", "carrier", "carrier_01", "tractor"]), max_size=2)
+SWITCHES = st.lists(st.tuples(st.integers(0, 1400), st.booleans(), WORDS), max_size=8)
+SCENARIOS = st.builds(
+    Scenario,
+    rows=st.integers(3, 4),
+    pickers=st.integers(2, 3),
+    carriers=st.integers(1, 4),
+    seed=st.integers(1, 10**6),
+    row_width=st.sampled_from([5.0, 6.3, 9.0]),
+    picking_speed=st.sampled_from([0.5, 1.0]),
+    people=st.builds(People, workers=st.integers(0, 3), visitors=st.integers(0, 3)),
+    animals=st.builds(Animals, dogs=st.integers(0, 2), cats=st.integers(0, 1)),
+)
+
+
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(SCENARIOS, SWITCHES, st.integers(0, 1400))
+def test_no_run_violates_anything_whoever_is_stopped_and_wherever_the_checker_begins(scenario, switches, begins):
+    local = Local(scenario)
+    for tick in range(1500):
+        for _, stop, words in [switch for switch in switches if switch[0] == tick]:
+            (local.engine.stop if stop else local.engine.reset)(words)
+        if tick == begins:
+            local = Local.resume(unpack(pack(local.snapshot()), Snapshot))
+            late, states = Invariants(local.engine.world), StateTimes(local.engine.world)
+        events = local.tick()
+        if tick >= begins:
+            late.update(local.engine.world, events)
+            states.update(local.engine.world)
+    world = local.engine.world
+    assert late.end(world, finished=False) == local.engine.invariants.end(world, finished=False) == states.faults(world) == []
+
+
+def test_a_call_of_before_a_snapshot_is_known_after_it():
+    local = Local(Scenario(rows=3))
+    while not local.engine.invariants.known.calls:
+        local.tick()
+    resumed = Local.resume(local.snapshot())
+    assert resumed.engine.invariants.known == local.engine.invariants.known
+    assert resumed.engine.invariants.known.calls
+
+
+# -- a violation is exit code 1, in every mode
+
+SABOTAGE = """
+import sys
+import orchard.sim.engine, orchard.sim.physics
+def step(world, twists, deeds):
+    events = orchard.sim.physics.step(world, twists, deeds)
+    world.row_picked[2] += 0.01
+    return events
+orchard.sim.engine.step = step
+"""
+
+
+def sabotaged(program: str, *arguments: str, folder: Path) -> subprocess.CompletedProcess:
+    """A program whose physics picks a row that nobody drives in."""
+    command = [sys.executable, "-c", SABOTAGE + program, *arguments]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200"}
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120)
+
+
+def test_a_violation_in_local_mode_is_exit_code_1_and_in_the_summary(tmp_path):
+    arguments = ["--mode", "local", "--rows", "3", "--duration", "2", "--record", "none", "--summary", "summary.json"]
+    done = sabotaged("import run; run.main()", *arguments, folder=tmp_path)
+    assert done.returncode == 1, done.stderr
+    assert "violated: tick 1: " in done.stderr
+    assert "m are picked, but" in (tmp_path / "summary.json").read_text()
+
+
+def test_a_violation_in_physics_is_exit_code_1(tmp_path):
+    everybody = [word for kind in ("picker", "carrier", "bin", "tractor", "worker", "visitor", "dog", "cat", "weed", "traffic")
+                 for word in ("--absent", kind)]  # fmt: skip
+    program = "from processes.physics import main; sys.exit(main(sys.argv[1:]))"
+    done = sabotaged(program, "--duration", "2", *everybody, folder=tmp_path)
+    assert done.returncode == 1, done.stderr
+    assert "violated: tick 1: " in done.stdout

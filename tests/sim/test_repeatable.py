@@ -1,0 +1,122 @@
+"""The same seed gives the same run, to the last bit: again, from any agent's memory, and on any processor."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from alone import HARVEST_TICKS, harvest_hash, local_hash
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from orchard.agents.catalogue import ROLES, make_agents
+from orchard.agents.traffic import Traffic
+from orchard.contract.messages import TRAFFIC, pack, unpack
+from orchard.field.kinds import kind_of
+from orchard.field.scenario import LaserSettings, Scenario
+from orchard.local import Local
+
+
+def test_the_same_seed_gives_the_same_run_and_another_seed_another():
+    hashes = [local_hash(Scenario(rows=3, seed=seed), 300) for seed in (1, 1, 2, 3, 4, 5)]
+    assert hashes[0] == hashes[1]
+    assert len(set(hashes)) == 5
+
+
+def test_laser_noise_is_repeatable_and_part_of_the_run():
+    noisy = Scenario(rows=3, laser=LaserSettings(noise=0.02))
+    assert local_hash(noisy, 200) == local_hash(noisy, 200) != local_hash(Scenario(rows=3), 200)
+
+
+def test_a_velocity_that_is_off_by_a_trillionth_changes_the_hash():
+    class Touched:
+        """A worker whose velocity is off at one tick."""
+
+        def __init__(self, agent) -> None:
+            self.agent, self.Memory = agent, agent.Memory
+
+        def tick(self, seen, mail, memory):
+            action = self.agent.tick(seen, mail, memory)
+            if seen.tick == 40:
+                action.twist = action.twist._replace(x=action.twist.x - 1e-12)
+            return action
+
+    local, other = Local(Scenario(rows=3)), Local(Scenario(rows=3))
+    name = next(n for n, a in local.agents.items() if n.startswith("picker"))
+    other.agents[name] = Touched(other.agents[name])
+    for _ in range(60):
+        local.tick(), other.tick()
+    assert local.engine.hash != other.engine.hash
+
+
+ASKED = {
+    "the hash": lambda engine: engine.hash,
+    "the snapshot's digest": lambda engine: engine.digest,
+    "the snapshot's figures": lambda engine: engine.figures_as_data(),
+    "the summary": lambda engine: engine.states.figures(),
+    "violations": lambda engine: engine.violations(),
+}
+
+
+@pytest.mark.parametrize("asked", ASKED)
+def test_a_step_that_is_accounted_for_later_counts_the_same(asked):
+    at_once, later = Local(Scenario(rows=3)), Local(Scenario(rows=3))
+    later.engine.advance = later.engine.step
+    for tick in range(200):
+        for local in (at_once, later):
+            local.tick()
+            if tick == 30:
+                assert "picker_01" in local.engine.stop(["picker_01"]), "it drives, and stands from now on"
+            if tick == 60:
+                local.engine.reset()
+    assert ASKED[asked](later.engine) == ASKED[asked](at_once.engine)
+
+
+AGENTS = sorted(make_agents(Local(Scenario(rows=3)).engine.layout))
+RESTARTS = st.lists(st.tuples(st.integers(1, HARVEST_TICKS - 1), st.sampled_from(AGENTS)), min_size=1, max_size=40)
+
+
+@settings(max_examples=8, deadline=None)
+@given(RESTARTS)
+def test_an_agent_started_afresh_from_its_memory_at_any_tick_changes_nothing(restarts):
+    local = Local(Scenario(rows=3))
+    for tick in range(HARVEST_TICKS):
+        for when, name in restarts:
+            if when == tick:
+                start_afresh(local, name)
+        local.tick()
+    assert local.engine.hash == harvest_hash()
+
+
+def test_all_agents_started_afresh_at_every_tick_changes_nothing():
+    local = Local(Scenario(rows=3))
+    for tick in range(HARVEST_TICKS):
+        if tick:
+            for name in local.agents:
+                start_afresh(local, name)
+        local.tick()
+    assert local.engine.hash == harvest_hash()
+
+
+def start_afresh(local: Local, name: str) -> None:
+    """What another process would do: a new agent, and its memory from bytes."""
+    local.agents[name] = Traffic() if name == TRAFFIC else ROLES[kind_of(name)](local.engine.layout, name)
+    local.memories[name] = unpack(pack(local.memories[name]), local.agents[name].Memory)
+
+
+OTHER_PROCESSORS = {
+    "numpy without AVX-512": {"NPY_DISABLE_CPU_FEATURES": "X86_V4"},
+    "another BLAS": {"OPENBLAS_CORETYPE": "Nehalem"},
+    "glibc without FMA and AVX2": {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2,-AVX2_Usable,-FMA_Usable"},
+    "compiled for any x86-64": {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": ""},
+}
+
+
+@pytest.mark.parametrize("processor", OTHER_PROCESSORS)
+def test_the_hash_is_the_same_on_another_processor(processor, tmp_path):
+    program = "from alone import harvest_hash; print(harvest_hash())"
+    environment = os.environ | OTHER_PROCESSORS[processor] | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    if "NUMBA_CPU_NAME" in environment:
+        environment["NUMBA_CACHE_DIR"] = str(tmp_path)
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=120)
+    assert done.stdout.strip() == harvest_hash(), done.stderr

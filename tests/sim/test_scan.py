@@ -1,0 +1,161 @@
+"""The laser: exact, blind to what it must not see, repeatable in its noise."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from raycaster import bounds_of, world_of
+
+from orchard.field.geometry import Pose
+from orchard.field.kinds import KINDS, LASER_RANGE
+from orchard.field.layout import lay_out
+from orchard.field.scenario import LaserSettings, Scenario
+from orchard.sim.scan import Scanner
+from orchard.sim.world import new_world
+
+EXACT = 1e-9  # m; a beam that passes a corner this near may hit or miss it
+AHEAD = 90  # of the beams of a laser that looks forward, the first left of straight ahead; 89 is the first right of it
+
+coordinates = st.one_of(st.integers(-12, 12).map(float), st.floats(-12.0, 12.0))
+yaws = st.one_of(st.integers(-3, 4).map(lambda quarter: quarter * math.pi / 2), st.floats(-math.pi, math.pi))
+poses = st.builds(Pose, coordinates, coordinates, yaws)
+field_poses = st.builds(Pose, st.floats(-55.0, 55.0), st.floats(-45.0, 40.0), yaws)
+bodies = st.lists(st.tuples(st.sampled_from(sorted(KINDS)), poses), min_size=1, max_size=7)
+sizes = st.one_of(st.just(0.25), st.floats(0.1, 6.0))
+walls = st.lists(st.tuples(coordinates, coordinates, sizes, sizes), min_size=1, max_size=5)
+
+
+def scan_of(world, i: int = 0) -> np.ndarray:
+    return Scanner(world.layout).scan(world)[i]
+
+
+def assert_agrees_with_raycaster(world) -> None:
+    """Every range is right to EXACT, against boxes that are right to EXACT."""
+    ends = np.cumsum([KINDS[start.kind].laser.beams for start in world.layout.starts])
+    for i, ranges in enumerate(np.split(Scanner(world.layout).ranges(world), ends[:-1])):
+        least, most = bounds_of(world, i, EXACT)
+        wrong = ~((least <= ranges) & (ranges <= most))
+        assert not wrong.any(), (world.layout.names[i], np.flatnonzero(wrong), least[wrong], ranges[wrong], most[wrong])
+
+
+@settings(max_examples=150, deadline=None)
+@given(bodies, walls)
+def test_every_beam_is_exact_against_any_boxes(bodies, walls):
+    assert_agrees_with_raycaster(world_of(*bodies, walls=walls))
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.tuples(st.sampled_from(sorted(KINDS)), field_poses), min_size=1, max_size=6))
+def test_every_beam_is_exact_anywhere_in_an_orchard_and_just_outside(bodies):
+    assert_agrees_with_raycaster(world_of(*bodies, walls=lay_out(Scenario()).walls.tolist()))
+
+
+def test_the_orchard_at_its_start_is_seen_as_the_raycaster_sees_it():
+    assert_agrees_with_raycaster(new_world(lay_out(Scenario(rows=6, pickers=3, carriers=14))))
+
+
+def test_a_forward_laser_has_180_beams_and_a_bin_60():
+    world = world_of(("picker", Pose(0, 0, 0)), ("bin", Pose(-5, 0, 0)), ("weed", Pose(5, 5, 0)))
+    scans = Scanner(world.layout).scan(world)
+    assert [len(scan) for scan in scans] == [180, 60, 60]
+    assert all(scan.dtype == np.float32 for scan in scans)
+
+
+def test_a_fence_3_m_before_the_front_edge_is_seen_at_3_m_and_askew_at_more():
+    world = world_of(("picker", Pose(0, 0, 0)), walls=[(4.25 + 0.5, 0.0, 0.5, 20.0)])
+    scan = scan_of(world)
+    for beam in (30, 89, 90, 150):
+        angle = -math.pi / 2 + beam * math.pi / 179
+        assert scan[beam] == pytest.approx(3.0 / math.cos(angle), abs=1e-6)
+
+
+def test_ranges_count_counter_clockwise_from_the_right():
+    world = world_of(("worker", Pose(0, 0, math.pi / 2)), walls=[(3.0, 0.275, 1.0, 1.0)])  # east of one who faces north
+    assert scan_of(world)[0] == pytest.approx(2.0, abs=1e-6)
+    assert np.isinf(scan_of(world)[90:]).all()
+
+
+def test_a_bin_looks_all_around():
+    world = world_of(("bin", Pose(0, 0, 0)), walls=[(x, y, 0.5, 0.5) for x, y in ((3, 0), (0, 4), (-5, 0), (0, -6))])
+    assert scan_of(world)[[0, 15, 30, 45]] == pytest.approx([2.5, 3.5, 4.5, 5.5], abs=1e-6)
+
+
+def test_nothing_within_10_m_is_no_return():
+    assert np.isinf(scan_of(world_of(("picker", Pose(0, 0, 0)), walls=[(1.25 + 10.0 + 1.001, 0, 1.0, 30.0)]))).all()
+    assert np.isfinite(scan_of(world_of(("picker", Pose(0, 0, 0)), walls=[(1.25 + 10.0 + 0.999, 0, 1.0, 30.0)]))).any()
+
+
+def test_a_robot_sees_its_own_bin_not_and_its_bin_sees_it():
+    world = world_of(("picker", Pose(0, 0, 0)), ("bin", Pose(-2.25, 0, 0)))
+    robot, bin_ = Scanner(world.layout).scan(world)
+    assert np.isinf(robot).all()  # behind it
+    assert bin_[0] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_nobody_sees_a_weed_and_a_weed_sees_everybody():
+    world = world_of(("worker", Pose(0, 0, 0)), ("weed", Pose(2, 0, 0)))
+    worker, weed = Scanner(world.layout).scan(world)
+    assert np.isinf(worker).all()
+    assert weed[30] == pytest.approx(2.0 - 0.275, abs=1e-6)
+
+
+def test_a_flattened_weed_sees_nothing():
+    world = world_of(("worker", Pose(0, 0, 0)), ("weed", Pose(2, 0, 0)))
+    world.alive[1] = False
+    assert np.isinf(scan_of(world, 1)).all()
+
+
+def test_a_laser_that_touches_a_box_measures_0_and_inside_one_the_way_out():
+    touching = world_of(("worker", Pose(0, 0, 0)), walls=[(0.275 + 1.0, 0, 1.0, 1.0)])
+    assert scan_of(touching)[AHEAD] == 0.0
+    inside = world_of(("worker", Pose(0, 0, 0)), walls=[(0.275, 0, 1.0, 2.0)])
+    assert scan_of(inside)[0] == pytest.approx(2.0, abs=1e-6)
+    assert scan_of(inside)[AHEAD] == pytest.approx(1.0 / math.cos(math.pi / 358), abs=1e-6)
+
+
+def test_the_nearer_of_two_hides_the_farther():
+    world = world_of(("worker", Pose(0, 0, 0)), ("visitor", Pose(6, 0, math.pi)), ("dog", Pose(3, 0, math.pi / 2)))
+    assert scan_of(world)[AHEAD] == pytest.approx(3 - 0.4 - 0.275, abs=1e-3)
+
+
+def test_a_scan_that_was_kept_does_not_change():
+    world = world_of(("worker", Pose(0, 0, 0)), walls=[(5.0, 0, 1.0, 1.0)])
+    scanner = Scanner(world.layout)
+    kept = scanner.scan(world)[0]
+    before = kept.copy()
+    world.pose[0, 0] = 1.0
+    assert not np.array_equal(scanner.scan(world)[0], before)
+    assert np.array_equal(kept, before)
+
+
+def noisy(seed: int = 1, noise: float = 0.02, tick: int = 0):
+    workers = ("worker", Pose(0, 0, 0)), ("worker", Pose(0, 1.5, 0))
+    world = world_of(*workers, walls=[(8.0, 0, 1.0, 90.0)], seed=seed, laser=LaserSettings(noise=noise))
+    world.tick = tick
+    return Scanner(world.layout).scan(world)
+
+
+def test_noise_is_the_same_for_the_same_seed_name_and_tick_and_another_otherwise():
+    assert np.array_equal(noisy()[0], noisy()[0])
+    for other in (noisy(seed=2)[0], noisy(tick=1)[0], noisy()[1]):
+        assert (other[60:120] != noisy()[0][60:120]).all()
+
+
+def test_noise_has_the_deviation_that_the_scenario_sets_and_no_bias():
+    clean = noisy(noise=0.0)[0]
+    sure = clean < 9.0  # not cut off at the range
+    errors = np.concatenate([noisy(tick=tick)[0][sure] - clean[sure] for tick in range(40)])
+    assert len(errors) > 3000
+    assert abs(errors.mean()) < 0.002
+    assert errors.std() == pytest.approx(0.02, rel=0.05)
+    assert np.mean(np.abs(errors) < 0.02) == pytest.approx(0.683, abs=0.03)  # the normal distribution's share
+
+
+def test_noise_stays_within_the_range_and_off_beams_without_a_return():
+    clean = noisy(noise=0.0)[0]
+    for tick in range(20):
+        scan = noisy(noise=0.02, tick=tick)[0]
+        assert np.array_equal(np.isinf(scan), np.isinf(clean))
+        assert (scan[np.isfinite(scan)] <= LASER_RANGE).all() and (scan >= 0.0).all()

@@ -1,0 +1,266 @@
+"""The emergency stop outranks motion: in the engine, and over the bus, whoever drives and whoever dies."""
+
+import signal
+import time
+from pathlib import Path
+
+import msgpack
+import pytest
+from alone import HARVEST_TICKS, SMALL, harvest_hash
+from fleet import Client, Fleet, assert_goes_on, assert_stands, until
+from stage import Driven, Stage, Standing, empty_orchard
+
+from orchard.contract.messages import Couple, pack, unpack
+from orchard.field.geometry import Twist
+from orchard.field.kinds import kind_of
+from orchard.field.scenario import Scenario
+from orchard.local import Local
+from orchard.sim.frames import FrameBuilder
+from orchard.sim.snapshot import Snapshot
+
+ROBOTS = ("picker", "carrier", "bin", "tractor")
+MOVERS = (*ROBOTS, "worker", "visitor", "dog", "cat")
+FORWARD = Twist(x=0.5)
+
+
+# -- the latch
+
+
+@pytest.fixture
+def driven() -> Stage:
+    """A picker whose agent drives it, come what may."""
+    stage = Stage(empty_orchard(), picker_01=Driven(FORWARD))
+    stage.run(3.0)
+    return stage
+
+
+@pytest.mark.parametrize(("stopped", "reset"), [("picker_01", "picker_01"), ("picker_01", "bin_01"), ("bin_01", "picker_01")])
+def test_a_robot_and_its_bin_stand_though_their_agents_drive_until_they_are_reset(driven, stopped, reset):
+    assert sorted(driven.local.engine.stop([stopped])) == ["bin_01", "picker_01"]
+    where = driven.pose("picker_01"), driven.pose("bin_01")
+    driven.run(5.0)
+    assert driven.local.actions["picker_01"].twist == FORWARD, "its agent drives"
+    assert (driven.pose("picker_01"), driven.pose("bin_01")) == where
+    driven.local.engine.reset([reset])
+    driven.run(4.0)
+    assert driven.pose("picker_01")[0] == pytest.approx(where[0][0] + 2.0)
+    assert driven.pose("bin_01")[0] == pytest.approx(where[1][0] + 2.0)
+
+
+def test_all_robots_stand_and_people_and_animals_walk_on():
+    stage = Stage(Scenario(rows=3))
+    stage.run(5.0)
+    stage.local.engine.stop()
+    where = {name: stage.pose(name) for name in stage.world.index}
+    stage.run(20.0)
+    moved = {kind_of(name) for name in where if stage.pose(name) != where[name]}
+    assert not moved & set(ROBOTS)
+    assert moved == set(MOVERS) - set(ROBOTS)
+    stage.local.engine.reset()
+    stage.run(20.0)
+    assert stage.pose("picker_01") != where["picker_01"]
+    assert stage.pose("tractor_01") != where["tractor_01"]
+
+
+@pytest.mark.parametrize("word", ["picker_99", "worker", "worker_01", "traffic", ""])
+def test_a_word_that_means_no_robot_is_refused_and_nobody_is_stopped(driven, word):
+    with pytest.raises(ValueError, match="no such agent or kind; there are bin, carrier, picker"):
+        driven.local.engine.stop(["picker_01", word])
+    assert not driven.world.stopped.any()
+
+
+def test_who_is_stopped_already_is_not_stopped_again_and_a_reset_of_others_does_not_concern_it(driven):
+    engine = driven.local.engine
+    engine.stop(["picker"])
+    assert engine.stop(["picker_01"]) == []
+    assert sorted(engine.reset(["picker_02"])) == ["bin_02", "picker_02"]
+    assert driven.world.stopped[driven.world.index["picker_01"]]
+
+
+def test_a_stop_in_the_middle_of_coupling_ends_well_when_it_is_reset():
+    stage = Stage(empty_orchard())
+    stage.run_until(lambda: bool(stage.happened("uncoupled", "carrier_01")), 300)
+    offered = stage.happened("uncoupled", "carrier_01")[0].whom
+    stage.local.engine.stop(["picker_01"])
+    stage.run(10.0)
+    assert stage.local.memories["picker_01"].offered == offered
+    assert stage.local.actions["picker_01"].deeds == [Couple(offered)], "its agent asks for it"
+    assert stage.bin_of("picker_01") == ""
+    stage.local.engine.stop([offered])
+    stage.local.engine.reset(["picker_01"])
+    stage.run(3.0)
+    assert stage.bin_of("picker_01") == "", "the bin is stopped now"
+    assert stage.happened("deed refused", "picker_01")[-1].detail == "couple: the bin is stopped"
+    stage.local.engine.reset([offered])
+    stage.run_until(lambda: stage.bin_of("picker_01") == offered, 5)
+    stage.run_to_the_end()
+    assert stage.world.delivered == 3
+
+
+def test_an_orchard_that_is_stopped_for_long_is_not_jammed_and_one_that_was_is_again():
+    stage = Stage(empty_orchard(), **{name: Standing() for name in ("carrier_01", "carrier_02")})
+    stage.run(100)
+    stage.local.engine.stop()
+    stage.run(700)
+    assert stage.account.jam == []
+    stage.local.engine.reset()
+    stage.run(590)
+    assert stage.account.jam == []
+    stage.run_until(lambda: stage.account.jam != [], 20)
+
+
+def test_what_people_are_told_and_the_figures(driven):
+    camera = FrameBuilder(driven.world)
+    driven.local.engine.stop(["picker_01"])
+    driven.run(2.0)
+    assert {event.who for event in driven.happened("stopped")} == {"picker_01", "bin_01"}
+    assert driven.account.message("", {}).doing["picker_01"] == "stopped"
+    assert camera.frame([], driven.local.actions, []).doing["picker_01"] == "stopped"
+    assert driven.account.figures()["stopped_seconds"] == {"bin_01": 2.0, "picker_01": 2.0}
+    driven.local.engine.reset()
+    driven.run(1.0)
+    assert {event.who for event in driven.happened("reset")} == {"picker_01", "bin_01"}
+    assert camera.frame([], driven.local.actions, []).doing["picker_01"] != "stopped"
+    assert driven.account.figures()["stopped_seconds"] == {"bin_01": 2.0, "picker_01": 2.0}
+    assert driven.account.figures()["state_seconds"]["picker"]["stopped"] == 2.0
+
+
+def test_a_run_that_goes_on_from_a_snapshot_is_still_stopped():
+    local = Local(Scenario(rows=3))
+    local.engine.stop(["picker_01"])
+    resumed = Local.resume(unpack(pack(local.snapshot()), Snapshot))
+    where = resumed.engine.world.pose[0].copy()
+    for _ in range(50):
+        resumed.tick()
+    i = resumed.engine.world.index["picker_01"]
+    assert resumed.engine.world.distance[i] == 0.0
+    assert resumed.engine.world.distance[resumed.engine.world.index["picker_02"]] > 1.0
+    assert (resumed.engine.world.pose[0] == where).all()
+
+
+def test_a_stop_that_is_reset_before_the_next_step_changes_nothing():
+    local = Local(Scenario(rows=3))
+    for tick in range(HARVEST_TICKS):
+        if tick % 100 == 7:
+            local.engine.stop()
+            local.engine.reset()
+        local.tick()
+    assert local.engine.hash == harvest_hash()
+
+
+# -- over the bus
+
+
+def ask(someone: Client, stop: bool, *names: str, **changes) -> object:
+    """The one reply to a stop or a reset."""
+    (reply,) = someone.ask("orchard/stop", msgpack.packb({"run": someone.run, "stop": stop, "names": list(names)} | changes))
+    return reply
+
+
+def end(fleet: Fleet) -> None:
+    fleet.world.signal(signal.SIGTERM)
+    fleet.end()
+
+
+def test_a_foreign_clients_velocity_moves_no_stopped_robot(fleet):
+    fleet.physics(SMALL, "--absent", "picker_01", "--speed", "10")
+    someone = fleet.client()
+    poses = someone.hear("orchard/picker_01/pose")
+    fleet.host("--without", "picker_01")
+    pose = until(poses, lambda pose: True)
+    while pose["twist"]["linear"]["x"] == 0.0:
+        someone.drive("picker_01", pose["tick"], 0.5)
+        pose = until(poses, lambda pose: True)
+    told = ask(someone, True, "picker_01")
+    assert sorted(told["changed"]) == sorted(told["stopped"]) == ["bin_01", "picker_01"]
+    stands = until(poses, lambda pose: pose["tick"] == told["tick"] + 1)
+    for _ in range(30):
+        someone.drive("picker_01", stands["tick"], 0.5)
+        pose = until(poses, lambda pose: True)
+        assert pose["pose"] == stands["pose"]
+    assert ask(someone, False)["stopped"] == []
+    while pose["pose"] == stands["pose"]:
+        someone.drive("picker_01", pose["tick"], 0.5)
+        pose = until(poses, lambda pose: True)
+    end(fleet)
+
+
+def test_what_is_refused_is_answered_with_the_reason_and_stops_nobody(fleet):
+    fleet.physics(SMALL, "--absent", "picker_01")
+    someone = fleet.client()
+    assert ask(someone, True, "picker_01", "piker") == "no such robot: piker: no such agent or kind; there are bin, carrier, picker"
+    assert ask(someone, True, run="another").startswith("other run")
+    assert ask(someone, "yes").startswith("malformed")
+    assert someone.ask("orchard/stop", b"nonsense")[0].startswith("malformed")
+    assert ask(someone, False) == {"run": fleet.run, "tick": 0, "changed": [], "stopped": [], "kept": False}
+    end(fleet)
+
+
+def test_the_latch_outlives_the_agent_and_its_host(fleet):
+    fleet.physics(SMALL, "--speed", "10")
+    someone = fleet.client()
+    poses, velocities = someone.hear("orchard/picker_01/pose"), someone.hear("orchard/picker_01/velocity")
+    fleet.host("--without", "picker_01")
+    killed = fleet.host("--only", "picker_01")
+    old = until(velocities, lambda velocity: velocity["linear"]["x"] > 0.0)["holder"]
+    ask(someone, True, "picker_01")
+    killed.signal(signal.SIGKILL)
+    fleet.hosts.remove(killed)
+    fleet.host("--only", "picker_01")
+    until(velocities, lambda velocity: velocity["holder"] != old and velocity["linear"]["x"] > 0.0)
+    assert_stands(poses)
+    ask(someone, False)
+    assert_goes_on(poses)
+    end(fleet)
+
+
+NOBODY = [word for kind in ("picker", "carrier", "bin", "worker", "weed", "traffic") for word in ("--absent", kind)]
+
+
+def kept_in(folder: Path) -> list[str]:
+    return ["--speed", "10", "--snapshots", str(folder / "snapshots"), "--snapshot-every", "1000", *NOBODY]
+
+
+def test_a_stop_that_was_taken_outlives_physics_killed_at_once(fleet, tmp_path):
+    keep = kept_in(tmp_path)
+    fleet.physics(SMALL, *keep)
+    someone = fleet.client()
+    until(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
+    told = ask(someone, True, "picker_01")
+    assert told["kept"]
+    fleet.world.signal(signal.SIGKILL)
+    fleet.physics(SMALL, *keep, "--resume")
+    someone = fleet.client()
+    answer = ask(someone, False, "picker")
+    assert answer["tick"] >= told["tick"]
+    assert answer["changed"] == told["stopped"]
+    end(fleet)
+
+
+@pytest.mark.soak
+def test_on_a_slow_disk_a_stop_is_answered_while_it_is_written_and_what_is_kept_outlives_physics(fleet, tmp_path):
+    keep = kept_in(tmp_path)
+    fleet.physics(SMALL, *keep, module=("slow_disk", "5"))
+    someone = fleet.client()
+    until(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
+    begun = time.monotonic()
+    told = ask(someone, True, "picker_01")
+    assert time.monotonic() - begun < 4.5, "sooner than one snapshot is written, and that of the first tick is before it"
+    assert (sorted(told["stopped"]), told["kept"]) == (["bin_01", "picker_01"], False)
+    answers = [ask(someone, True, "picker_01") for _ in range(6)]
+    assert [answer["kept"] for answer in answers][-1], "the same stop again, until the disk has it"
+    assert all(answer["changed"] == [] and answer["stopped"] == told["stopped"] for answer in answers)
+    fleet.world.signal(signal.SIGKILL)
+    fleet.physics(SMALL, *keep, "--resume")
+    assert ask(fleet.client(), False)["changed"] == told["stopped"]
+    end(fleet)
+
+
+def test_a_stop_that_cannot_be_kept_is_answered_so(fleet, tmp_path):
+    (tmp_path / "snapshots").write_text("a file where the folder should be")
+    fleet.physics(SMALL, *kept_in(tmp_path))
+    someone = fleet.client()
+    until(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
+    told = ask(someone, True, "picker_01")
+    assert (sorted(told["stopped"]), told["kept"]) == (["bin_01", "picker_01"], False)
+    end(fleet)

@@ -1,0 +1,101 @@
+"""The parts of a recording: where it goes on, and what is missing between them."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from recordings import lines_of, rows_of, seen_at
+from scripted_orchard import acted_layout, frames
+
+from orchard.contract.events import Frame
+from orchard.view.reader import before, missing
+from orchard.view.recorder import Recorder
+
+LAYOUT = acted_layout(rows=3, pickers=2)
+
+
+def recorded(path: Path, run: str, ticks: range) -> None:
+    recorder = Recorder(LAYOUT, run, path)
+    for frame in list(frames(LAYOUT, ticks.stop / 10))[ticks.start : ticks.stop]:
+        recorder.tick(frame)
+    recorder.close()
+
+
+def test_a_recording_goes_on_where_it_can_be_read_to(tmp_path):
+    path = tmp_path / "run.rrd"
+    assert before(path, "a")[:2] == (path, 0)
+    recorded(path, "a", range(0, 53))
+    assert before(path, "a")[:2] == (tmp_path / "run.part2.rrd", 52)
+    whole = path.read_bytes()
+    recorder = Recorder(LAYOUT, "a", path)
+    for frame in frames(LAYOUT, 30.0):
+        recorder.tick(frame)
+    recorder.rec.flush()
+    torn = path.read_bytes()
+    recorder.close()
+    path.write_bytes(torn[: len(torn) * 9 // 10])
+    known = before(path, "a")
+    assert known.file == tmp_path / "run.part2.rrd"
+    assert 100 < known.last < 300, "the last tenth is torn off"
+    assert known.said["/world/pickers/picker_01"] == ["picking row 1"]
+    path.write_bytes(whole[:100])
+    assert before(path, "a")[:2] == (path, 0), "nothing in it can be read"
+    path.write_bytes(b"")
+    assert before(path, "a")[:2] == (path, 0)
+
+
+def test_a_recording_of_another_run_is_not_gone_on_with(tmp_path):
+    recorded(tmp_path / "run.rrd", "a", range(0, 20))
+    assert before(tmp_path / "run.rrd", "b")[:2] == (tmp_path / "run.rrd", 0)
+
+
+def test_what_is_missing_is_read_from_the_parts(tmp_path):
+    path = tmp_path / "run.rrd"
+    recorded(path, "a", range(0, 53))
+    recorder = Recorder(LAYOUT, "a", before(path, "a").file)
+    recorder.gap(52, 90, "the logger was away")
+    for frame in list(frames(LAYOUT, 15.0))[90:150]:
+        recorder.tick(replace(frame, left_out=7) if frame.tick == 120 else frame)
+    recorder.close()
+    told = missing(path, 170)
+    assert told["recording_parts"] == ["run.rrd", "run.part2.rrd"]
+    assert told["recording_gaps"] == [[5.2, 9.0], [14.9, 17.0]], "the second: nothing came after"
+    assert told["messages_dropped"] == 7
+    texts = lines_of(rows_of(path))
+    assert (9.0, "logger: nothing recorded from 5.2 s to 9.0 s: the logger was away") in texts
+    assert any("left out 7 pictures" in text for _, text in texts)
+
+
+def test_every_tick_counts_when_pictures_are_left_out(tmp_path):
+    """No picture falls on a whole second, and yet the file is written as it goes on."""
+    path = tmp_path / "run.rrd"
+    recorder = Recorder(LAYOUT, "a", path)
+    for frame in list(frames(LAYOUT, 60.0))[3:600:7]:
+        if frame.tick % 10:
+            recorder.tick(replace(frame, left_out=6))
+    recorder.rec.flush()
+    assert before(path, "a").last > 580
+    recorder.close()
+
+
+def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
+    """A weed, a bar, the fruit of a row: the part before says that they are there."""
+    path, poses = tmp_path / "run.rrd", np.array([start.pose for start in LAYOUT.starts])
+    weed, picker = LAYOUT.index["weed_01"], LAYOUT.index["picker_01"]
+    alive, coupled = np.ones(len(poses), bool), np.full(len(poses), -1)
+    coupled[picker] = LAYOUT.index["bin_01"]
+    early = Frame(1, poses, coupled=coupled.copy(), fill=np.zeros(len(poses)), alive=alive.copy(), row_picked=np.zeros(3))
+    alive[weed], coupled[picker] = False, -1
+    late = Frame(60, poses, coupled=coupled, fill=np.zeros(len(poses)), alive=alive, row_picked=np.array([70.0, 0.0, 0.0]))
+    recorder = Recorder(LAYOUT, "a", path)
+    recorder.tick(early)
+    recorder.close()
+    further = Recorder(LAYOUT, "a", before(path, "a").file)
+    further.gap(1, 60, "the logger was away")
+    further.tick(late)
+    further.close()
+    rows = rows_of(path)
+    seen, then = seen_at(rows, 6.0), seen_at(rows, 1.0)
+    assert ("/world/weeds/weed_01", "Mesh3D:vertex_positions") in then.keys() - seen.keys()
+    assert ("/world/pickers/picker_01/bar", "LineStrips3D:strips") in then.keys() - seen.keys()
+    assert ("/canopy/fruit/row_01", "Points3D:positions") in then.keys() - seen.keys()

@@ -1,0 +1,211 @@
+"""The picture, read back from the file with Rerun's own reader."""
+
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recordings import Rows, chunks, entities_with, poses_at
+from rerun.chunk import RrdReader
+from scripted_orchard import ACTED_SECONDS
+
+from orchard.contract.events import Event, Frame
+from orchard.field.kinds import KINDS
+from orchard.field.layout import Layout
+from orchard.launch.supervisor import free_port
+from orchard.view.palette import STATES, state_of
+from orchard.view.reader import optimize
+from orchard.view.recorder import Recorder, hits
+
+LAYERS = {"world", "canopy", "scans", "pins", "plan", "metrics", "events", "talk", "legend", "tf"}
+
+
+def same_pose(seen: tuple[float, float, float], meant: np.ndarray) -> bool:
+    turned = np.angle(np.exp(1j * (seen[2] - meant[2])))
+    return abs(seen[0] - meant[0]) < 1e-4 and abs(seen[1] - meant[1]) < 1e-4 and abs(turned) < 1e-4
+
+
+@pytest.mark.parametrize("seconds", [0.0, 12.3, 71.0, ACTED_SECONDS])
+def test_every_body_is_drawn_where_the_frame_says(layout: Layout, acted: list[Frame], recording: Path, seconds: float) -> None:
+    seen, meant = poses_at(recording, seconds), acted[round(seconds * 10)].poses
+    assert set(seen) == set(layout.names)
+    assert [name for i, name in enumerate(layout.names) if not same_pose(seen[name], meant[i])] == []
+
+
+def test_layers_are_separate_and_time_is_physics_time(recording: Path) -> None:
+    logged = [chunk for chunk in chunks(recording) if not chunk.entity_path.startswith("/__")]
+    assert {chunk.entity_path.split("/")[1] for chunk in logged} - {""} == LAYERS
+    assert {name for chunk in logged for name in chunk.timeline_names} == {"sim_time"}
+    times = [t for t, _ in Rows(recording, "/tf").rows]
+    assert (min(times), max(times)) == (0.0, ACTED_SECONDS)
+
+
+def test_every_body_has_a_shape_in_a_frame_of_its_own(layout: Layout, recording: Path) -> None:
+    shaped = {path.split("/")[-1] for path in entities_with(recording, "Mesh3D:vertex_positions")}
+    assert set(layout.names) <= shaped
+    assert Rows(recording, "/world/pickers/picker_01").static["CoordinateFrame:frame"] == ["picker_01"]
+
+
+def test_what_a_robot_does_is_its_state_and_the_colour_of_its_pin(recording: Path) -> None:
+    said = [(t, state[0]) for t, state in Rows(recording, "/world/pickers/picker_01").values("StateChange:state")]
+    assert said[:3] == [(0.0, "picking row 1"), (70.0, "leaving row 1"), (76.0, "waiting for a bin")]
+    r, g, b = STATES["waiting"]
+    _, colour = Rows(recording, "/pins/picker_01").values("Points3D:colors")[-1]
+    assert colour == [r << 24 | g << 16 | b << 8 | 255]
+
+
+def test_scans_are_thinned_and_in_the_frame_of_their_robot(recording: Path) -> None:
+    clouds = Rows(recording, "/scans/carrier_01").values("Points3D:positions")
+    assert [t for t, _ in clouds] == [pytest.approx(0.5 * i) for i in range(len(clouds))]
+    assert len(clouds) == 2 * ACTED_SECONDS + 1
+    points = np.array(clouds[0][1])
+    assert len(points) == 45  # every second beam of the 90 that hit
+    assert np.all(points[:, :2] * 32 == np.round(points[:, :2] * 32))
+    assert np.hypot(points[:, 0] - KINDS["carrier"].laser.ahead, points[:, 1]) == pytest.approx(4.0, abs=0.03)
+
+
+def test_hits_leaves_out_what_is_not_there() -> None:
+    sweeps = np.array([[np.inf, 2.0, np.inf, 3.0, 10.0], [1.0, 10.0, 10.0, 10.0, np.inf]], np.float32)
+    points, lengths = hits(sweeps, KINDS["picker"].laser, every=1)
+    assert points.shape == (3, 3)
+    assert lengths.tolist() == [2, 1]
+    points, lengths = hits(np.full((2, 180), np.inf, np.float32), KINDS["picker"].laser, every=2)
+    assert points.shape == (0, 3)
+    assert lengths.tolist() == [0, 0]
+
+
+def test_a_row_turns_pale_as_it_is_picked_and_its_fruit_goes(recording: Path) -> None:
+    painted = Rows(recording, "/world/rows/row_01").values("Mesh3D:vertex_colors")
+    fruit = Rows(recording, "/canopy/fruit/row_01").values("Points3D:positions")
+    assert len(painted) == 36  # at the beginning, and every 2 m of 70
+    assert len(set(painted[0][1])) == 1 and len(set(painted[10][1])) == 2
+    assert painted[10][1][0] != painted[0][1][0]  # from the west
+    assert [len(points) for _, points in fruit] == sorted((len(points) for _, points in fruit), reverse=True)
+    assert fruit[-1][1] == []
+
+
+def test_a_row_that_is_picked_from_the_east_turns_pale_there(layout: Layout, tmp_path: Path) -> None:
+    recorder, poses = Recorder(layout, "east", tmp_path / "east.rrd"), np.array([start.pose for start in layout.starts])
+    poses[layout.index["picker_01"]] = 24.5, layout.lane(1).y, np.pi
+    recorder.tick(Frame(0, poses, row_picked=np.array([10.0, 0.0, 0.0])))
+    recorder.close()
+    (_, colours), = Rows(tmp_path / "east.rrd", "/world/rows/row_01").values("Mesh3D:vertex_colors")  # fmt: skip
+    assert colours[0] != colours[-1] and colours[-1] == colours[-20]
+
+
+def test_a_bin_fills_and_its_bar_comes_and_goes(layout: Layout, tmp_path: Path) -> None:
+    path, i, j = tmp_path / "bins.rrd", layout.index["picker_01"], layout.index["bin_01"]
+    recorder, poses = Recorder(layout, "bins", path), np.array([start.pose for start in layout.starts])
+    fill, coupled = np.zeros(len(poses)), np.full(len(poses), -1)
+    for tick, (metres, other) in enumerate([(0.0, j), (35.0, j), (70.0, -1)]):
+        fill[j], coupled[i] = metres, other
+        recorder.tick(Frame(tick, poses, fill=fill, coupled=coupled))
+    recorder.close()
+    heights = [pose[0][2] for _, pose in Rows(path, "/world/bins/bin_01/fruit").values("InstancePoses3D:translations")]
+    assert heights == sorted(heights) and len(heights) == 3
+    flags = [scale[0][0] for _, scale in Rows(path, "/world/bins/bin_01/full").values("InstancePoses3D:scales")]
+    assert [flag > 0.5 for flag in flags] == [False, False, True]
+    assert [len(bars) for _, bars in Rows(path, "/world/pickers/picker_01/bar").values("LineStrips3D:strips")] == [1, 0]
+
+
+def test_a_flattened_weed_vanishes(recording: Path) -> None:
+    rows = Rows(recording, "/world/weeds/weed_01").rows
+    assert any(row.get("Mesh3D:vertex_positions") for _, row in rows)
+    assert any(row.get("Clear:is_recursive") == [False] for _, row in rows)
+
+
+def test_the_conversation_is_logged_and_drawn(recording: Path) -> None:
+    told = [(t, text[0]) for t, text in Rows(recording, "/events").values("TextLog:text")]
+    assert (70.0, "bin_01 > carrier_01: come, lane 1 east") in told
+    drawn = [(t, len(lines)) for t, lines in Rows(recording, "/talk").values("LineStrips3D:strips")]
+    assert drawn[0][0] == 70.0 and drawn[0][1] >= 3
+    assert drawn[-1][1] == 0  # and gone again
+
+
+def test_the_legend_names_every_state_and_its_colour(recording: Path) -> None:
+    look = Rows(recording, "/legend").static
+    shown = dict(zip(look["Points2D:labels"], look["Points2D:colors"], strict=True))
+    for state, (r, g, b) in STATES.items():
+        assert shown[state] == r << 24 | g << 16 | b << 8 | 255
+
+
+def test_what_is_said_again_is_no_news(layout: Layout, tmp_path: Path) -> None:
+    path, poses = tmp_path / "again.rrd", np.array([start.pose for start in layout.starts])
+    recorder = Recorder(layout, "again", path)
+    for tick in (0, 20, 40, 400):
+        recorder.tick(Frame(tick, poses, events=[Event(0, "call", "bin_01", "carrier_01", "")]))
+    recorder.close()
+    assert [level[0] for _, level in Rows(path, "/events").values("TextLog:level")] == ["INFO", "DEBUG", "DEBUG", "INFO"]
+
+
+def test_a_live_recording_is_served_on_the_loopback_only(layout: Layout) -> None:
+    port = free_port()
+    recorder = Recorder(layout, "live", serve=True, port=port)
+    assert recorder.uri.startswith("rerun+http://127.0.0.1:")
+    with socket.create_connection(("127.0.0.1", port), timeout=5):
+        pass
+    recorder.close()
+
+
+@pytest.mark.parametrize(
+    ("doing", "state"),
+    [
+        ("picking row 3", "picking"),
+        ("waiting for a bin", "waiting"),
+        ("stopped: obstacle ahead", "stopped"),
+        ("full, calling", "calling"),
+        ("coupling bin_03", "handling a bin"),
+        ("unloading", "unloading"),
+        ("taking bin_02 to the bay", "hauling a full bin"),
+        ("driving to the queue", "driving"),
+        ("", "resting"),
+    ],
+)
+def test_states(doing: str, state: str) -> None:
+    assert state_of(doing) == state
+
+
+def test_figures_become_plots(recording: Path) -> None:
+    full = Rows(recording, "/metrics/bins/full").values("Scalars:scalars")
+    waiting = Rows(recording, "/metrics/robots/pickers_waiting").values("Scalars:scalars")
+    assert full[0] == (0.0, [0.0])
+    assert max(value[0] for _, value in waiting) == 2.0
+
+
+def test_a_recording_brings_its_blueprint(recording: Path) -> None:
+    assert len(RrdReader(recording).blueprints()) == 1
+
+
+def test_optimize_packs_without_loss(recording: Path, tmp_path: Path) -> None:
+    packed = tmp_path / "packed.rrd"
+    packed.write_bytes(recording.read_bytes())
+    optimize(packed)
+    assert packed.stat().st_size < recording.stat().st_size
+    assert poses_at(packed, 50.0) == poses_at(recording, 50.0)
+    assert list(tmp_path.iterdir()) == [packed]
+
+
+KILLED = """
+import os, signal, sys
+from scripted_orchard import acted_layout, frames
+from orchard.view import Recorder
+layout = acted_layout(rows=3, pickers=2)
+recorder = Recorder(layout, "killed", sys.argv[1])
+for frame in frames(layout, 20.0):
+    recorder.tick(frame)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
+def test_a_recording_opens_after_a_kill(tmp_path: Path) -> None:
+    path, here = tmp_path / "killed.rrd", Path(__file__).parents[1]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(here), str(here.parent)])}
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(path)], env=environment, timeout=60, check=False)
+    assert killed.returncode < 0
+    assert max(t for t, _ in Rows(path, "/tf").rows) == 20.0
+    optimize(path)
+    assert RrdReader(path).recordings()

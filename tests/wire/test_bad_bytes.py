@@ -1,0 +1,238 @@
+"""A hundred thousand bad messages on all keys: refused, counted, without effect; memory stays as it is.
+
+In an unsecured run a stranger can do what keyspace.md allows to anybody: stop robots and the run, drive what nobody holds, hold what
+nobody holds; and, who gives itself out for physics or for a holder, whatever these can. Such messages are none of these tests', which
+throw what was meant for another run, what is no message, and what cannot be.
+"""
+
+import logging
+import math
+from collections import Counter
+from contextlib import ExitStack
+from types import SimpleNamespace
+
+import msgpack
+import numpy as np
+import psutil
+import pytest
+import zenoh
+from alone import SMALL, local_hash
+from corpus import HOST, KEYS, Net, Query, Run, StandIn, oversized
+from fleet import Fleet, until
+from nonsense import RUN, bad, refusal_of
+
+from orchard.contract.messages import pack
+from orchard.field.layout import lay_out
+from orchard.launch.distributed import _hear as follow
+from orchard.net.bus import Alive, Final, Replied, Sample
+from orchard.net.refusals import Refused
+from orchard.record.frame_queue import FrameQueue
+from orchard.wire.keys import TABLE
+from orchard.wire.messages import Angular, Linear, Velocity
+from processes.logger import Logger
+
+TICKS = 60
+MOST_MEMORY = 64 << 20  # bytes, that 100,000 messages may leave behind
+TO_PHYSICS = ("velocity", "velocities", "refused", "scenario", "join", "recall", "stop", "command")
+TO_HOST = ("seen", "lost", "end", "mail", "state")
+TO_LOGGER = ("picture", "events", "letters", "lost", "end")
+TO_RUN_PY = ("figures", "end")
+ASKED = ("scenario", "join", "recall", "stop", "command", "mail", "state")
+
+
+def impossible(what: str, tick: int, host: str = HOST):
+    """(payload, how many refusals): well-formed messages of this run that cannot be."""
+    drive = {"linear": {"x": 0.7}, "angular": {"z": 0.1}}
+    one, many = {"run": RUN, **drive}, {"run": RUN, "velocities": {name: drive for name in ("picker_01", "bin_02", "worker_01")}}
+    return {
+        "velocity": [
+            (one | {"tick": tick + 5000, "holder": host}, 1),
+            (one | {"tick": tick, "holder": "stranger"}, 1),
+            (one | {"tick": tick}, 1),
+        ],
+        "velocities": [(many | {"tick": tick + 5000, "holder": host}, 1), (many | {"tick": tick, "holder": "stranger"}, 3)],
+        "join": [({"run": RUN, "holder": "stranger", "names": ["picker_01"]}, 1)],
+        "recall": [({"run": RUN, "tick": tick + 5000}, 1)],
+        "stop": [({"run": RUN, "stop": True, "names": ["nobody"]}, 1), ({"run": RUN, "stop": True, "names": ["picker_01", "cat"]}, 1)],
+        "mail": [
+            ({"run": RUN, "tick": tick + 5000, "sender": "picker_01", "number": 0, "body": {"type": "where"}}, 1),
+            ({"run": RUN, "tick": tick, "sender": "nobody_01", "number": 0, "body": {"type": "where"}}, 1),
+        ],
+        "seen": [({"run": RUN, "tick": tick + 5000, "names": [], "states": b"", "ranges": b"", "hitches": {}, "fills": {}, "full": []}, 1)],
+    }.get(what, [])
+
+
+class Thrower:
+    """Throws at a run while it goes on, at each tick some, and knows how many of them must be refused."""
+
+    def __init__(self, run: Run, messages, count: int) -> None:
+        self.run, self.expected, self.memory = run, Counter(), []
+        self.asked = 0
+        self.replies: list[Replied] = []  # a list, for both threads append to it
+        self.by_key = Counter()
+        self._messages, self._each = messages, count // ((TICKS - 8) * len(TO_PHYSICS + TO_HOST))
+        run.net.on_put = self.at_clock
+
+    def at_clock(self, key: str, payload: bytes) -> None:
+        if key != KEYS.of("clock") or not 2 <= (tick := msgpack.unpackb(payload)["tick"]) < TICKS - 6:
+            return
+        self.run.net.sent.clear()
+        self.run.net.queries.clear()
+        self.memory.append(psutil.Process().memory_info().rss)
+        for whats, bus in ((TO_PHYSICS, self.run.physics.bus), (TO_HOST, self.run.host.bus)):
+            for what in whats:
+                for key_, bad_ in bad(self._messages, what, self._each, tick):
+                    self.throw(bus, what, key_, bad_, 1)
+                for message, refusals in impossible(what, tick):
+                    self.throw(bus, what, KEYS.of(what, "picker_01", "stranger"), msgpack.packb(message), refusals)
+        for number in range(10):
+            self.throw_tokens(tick * 10 + number)
+
+    def throw(self, bus: StandIn, what: str, key: str, payload: bytes, refusals: int) -> None:
+        self.expected[bus.id] += refusals
+        self.by_key[what] += 1
+        if what in ASKED:
+            self.asked += 1
+            bus.inbox.put(Query(KEYS.of(what, key.split("/")[1], HOST), payload, self.hear))
+        else:
+            bus.inbox.put_quietly(Sample(key if key.count("/") <= 3 else KEYS.of(what), payload))
+
+    def hear(self, item: Replied | Final) -> None:
+        if isinstance(item, Replied):
+            self.replies.append(item)
+
+    def throw_tokens(self, number: int) -> None:
+        """Names that are not there; tokens and keys that stand for many."""
+        bus = self.run.physics.bus
+        for key in (f"orchard/alive/nobody_{number}/x", "orchard/**", "orchard/alive/*/x", "orchard/alive/picker_01/*", "**"):
+            bus.inbox.put(Alive(key, number % 2 == 0))
+        bus.inbox.put(Sample("orchard/**", b"\x80"))
+        bus.inbox.put(Sample(f"orchard/nobody_{number}/velocity", pack(Velocity(RUN, 1, Linear(1.0), Angular(0.0)))))
+        self.run.host.bus.inbox.put(Sample("orchard/**", b"\x80"))
+        self.run.host.bus.inbox.put(Alive("orchard/alive/**", False))
+        self.expected[bus.id] += 7
+        self.expected[self.run.host.bus.id] += 1
+        self.by_key["tokens and wildcards"] += 9
+
+
+def test_a_run_under_a_rain_of_bad_messages_is_the_same_to_the_last_bit(other, caplog):
+    caplog.set_level(logging.WARNING)
+    run = Run(SMALL, RUN, TICKS)
+    thrower = Thrower(run, other, 75_000)
+    end = run.to_the_end()
+    assert end.hash == local_hash(SMALL, TICKS), "no effect"
+    assert run.physics.harvest.refusal_totals.own.counts.total() == thrower.expected["physics1"]
+    assert run.host.refusals.counts.total() == thrower.expected[HOST]
+    assert len(thrower.replies) == thrower.asked and all(reply.error for reply in thrower.replies), "nonsense gets an error reply"
+    assert sum(thrower.by_key.values()) > 75_000
+    assert max(thrower.memory) - thrower.memory[len(thrower.memory) // 5] < MOST_MEMORY
+    drivers = run.physics.harvest.drivers
+    assert len(run.physics.harvest.refusal_totals.there) <= 1000 and not drivers.loose._puts and len(drivers.ledger.memories) <= 9
+    assert not any("Traceback" in record.getMessage() or record.exc_info or len(record.getMessage()) > 700 for record in caplog.records)
+    refused = run.physics.harvest.refusal_totals.own.counts, run.host.refusals.counts
+    print(dict(thrower.by_key), *map(dict, refused), [m >> 20 for m in thrower.memory[::10]])
+
+
+@pytest.fixture
+def logger():
+    return Logger(StandIn(Net(), "logger1"), KEYS, RUN, lay_out(SMALL), FrameQueue())
+
+
+def test_the_logger_refuses_them_and_writes_nothing(other, logger):
+    thrown = 0
+    for what in TO_LOGGER:
+        for key, payload in [*bad(other, what, 3000, 0), *((KEYS.of(what), p) for p in oversized())]:
+            logger._handle(Sample(key, payload))
+            thrown += 1
+    for key in ("orchard/**", "orchard/nobody"):
+        logger._handle(Sample(key, b""))
+    assert logger.refusals.counts.total() == thrown + 2
+    assert not logger._notes and not len(logger.pages)
+
+
+def test_pictures_that_are_not_of_this_orchard_are_refused(other, logger):
+    picture = next(p for _, p in reversed(other["picture"]) if msgpack.unpackb(p)["scans"] and len(msgpack.unpackb(p)["poses"]) > 24)
+    good = msgpack.unpackb(picture) | {"run": RUN}
+    changes = [
+        {"poses": good["poses"][:-24]},
+        {"poses": b"abc"},
+        {"poses": np.full(len(good["poses"]) // 8, math.nan).tobytes()},
+        {"scans": good["scans"][1:]},
+        {"scans": [b"\0" * 4] * len(good["scans"])},
+        {"coupled": [0]},
+        {"coupled": [2**40]},
+        {"fill": [math.nan]},
+        {"row_picked": [1.0]},
+        {"alive": [True]},
+        {"tick": 2**50},
+        {"doing": {"Not A Name": "x"}},
+    ]
+    for change in changes:
+        logger._handle(Sample("orchard/picture", msgpack.packb(good | change)))
+    assert logger.refusals.counts == {"malformed": len(changes)}
+    assert not len(logger.pages)
+    logger._handle(
+        Sample(
+            "orchard/picture",
+            msgpack.packb(
+                good
+                | {name: [0] * 9 for name in ("fill", "coupled")}
+                | {
+                    "alive": [True] * (len(good["poses"]) // 24),
+                    "row_picked": [0.0] * 3,
+                    "fill": [0.0] * (len(good["poses"]) // 24),
+                    "coupled": [-1] * (len(good["poses"]) // 24),
+                }
+            ),
+        )
+    )
+    assert len(logger.pages) == 1, "the good one is taken"
+
+
+def test_run_py_refuses_them_and_shows_nothing(other):
+    shown = []
+    progress = SimpleNamespace(show=lambda *what: shown.append(what))
+    half = {"run": RUN, "tick": 1, "figures": {"sim_seconds": "x"}, "doing": {}, "waits_for": {}, "messages_refused": {}}
+    thrown = [item for what in TO_RUN_PY for item in bad(other, what, 3000, 1)] + [("orchard/figures", msgpack.packb(half))]
+    for key, payload in thrown:
+        with pytest.raises(Refused):
+            follow(Sample(key, payload), RUN, progress)
+    assert not shown
+
+
+def test_keys_that_only_others_hear_are_read_by_the_same_rules(other):
+    for what in ("pose", "scan", "clock", "state"):
+        for _, payload in bad(other, what, 1500, 2):
+            assert refusal_of(payload, TABLE[what].message, RUN)
+
+
+# -- over Zenoh
+
+
+def test_thousands_over_the_network_change_nothing(tmp_path, other):
+    with ExitStack() as stack:
+        fleet = Fleet(tmp_path, stack)
+        fleet.physics(SMALL, "--duration", "6")
+        someone = fleet.client()
+        ends, thrown = someone.hear("orchard/end"), 0
+        for what in ("velocity", "velocities", "refused"):
+            for key, payload in bad(other, what, 1000, 7):
+                someone.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+                thrown += 1
+        tokens = [
+            someone.session.liveliness().declare_token(key) for key in ("orchard/**", "orchard/alive/*/x", "orchard/alive/picker_01/*")
+        ]
+        for what in ("join", "recall", "stop", "command"):
+            for key, payload in bad(other, what, 50, 7):
+                (error,) = someone.ask(key, payload)
+                assert isinstance(error, str) and error.split(":")[0] in ("malformed", "other run")
+                thrown += 1
+        fleet.share(2)
+        for what in ("seen", "lost", "end", "velocities", "picture"):
+            for key, payload in bad(other, what, 300, 8):
+                someone.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+        for token in tokens:
+            token.undeclare()
+        end = until(ends, lambda message: isinstance(message, dict) and message.get("run") == fleet.run)
+        assert fleet.end() == local_hash(SMALL, 60)
+        assert sum(end["summary"]["messages_refused"].values()) >= thrown + len(tokens)

@@ -1,0 +1,45 @@
+"""keyspace.md and the code say the same, and the examples in it are what they claim to be."""
+
+import re
+from pathlib import Path
+
+import msgpack
+import pytest
+
+from docs.keyspace import EXAMPLES, document
+from orchard.wire.keys import TABLE, Keys
+from orchard.wire.types import read
+
+KEYSPACE = Path(__file__).parents[2] / "keyspace.md"
+
+
+def test_keyspace_is_what_the_table_says():
+    assert KEYSPACE.read_text() == document(), "run: make docs"
+
+
+def test_every_message_of_the_table_has_an_example():
+    used = {message for key in TABLE.values() for message in (key.message, *key.replies) if message}
+    assert used == set(EXAMPLES)
+
+
+def test_the_hex_examples_are_these_messages():
+    blocks = re.findall(r"```hex\n([0-9a-f\n]+)```", KEYSPACE.read_text())
+    maps = [msgpack.unpackb(bytes.fromhex(block.replace("\n", ""))) for block in blocks]
+    shown = [type_ for key in TABLE.values() for type_ in dict.fromkeys((key.message, *key.replies)) if type_]
+    assert len(maps) == len(shown)
+    for map_, type_, block in zip(maps, shown, blocks, strict=True):
+        assert set(map_) >= {"run"}
+        assert read(bytes.fromhex(block.replace("\n", "")), type_) == EXAMPLES[type_]
+
+
+def test_keys_are_made_and_taken_apart():
+    keys = Keys("farm/west")
+    assert keys.of("velocity", "picker_01") == "farm/west/picker_01/velocity"
+    assert keys.of("pose") == "farm/west/*/pose"
+    assert keys.parts(keys.of("alive", "bin_02", "3fa9")) == ["alive", "bin_02", "3fa9"]
+
+
+@pytest.mark.parametrize("prefix", ["", "/", "a//b", "a/*", "**", "a b", "a/", "#", "a?x"])
+def test_a_prefix_that_is_no_key_is_refused(prefix):
+    with pytest.raises(ValueError, match="prefix"):
+        Keys(prefix)

@@ -1,0 +1,206 @@
+"""What travels arrives as it was, to the last bit; what is nonsense is refused with its reason."""
+
+import math
+
+import msgpack
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from orchard.contract.agent import Action, Hitch, Observation
+from orchard.contract.messages import FASTEST, MAX_PAYLOAD, Call, Couple, Offer, Uncouple, pack
+from orchard.contract.observations import Observations
+from orchard.field.geometry import Twist
+from orchard.field.kinds import AROUND, KINDS
+from orchard.net.refusals import Refused, read_message
+from orchard.wire import codec
+from orchard.wire.codec import action_of, drive_of, odometry_of, scan_of, seen_of, velocity_of
+from orchard.wire.messages import Answered, Command, Join, Letter, OtherSeen, Recall, Recalled, Received, Seen, Velocities, Velocity
+from orchard.wire.types import read
+
+RUN = "run1"
+
+names = st.sampled_from(["picker_01", "bin_02", "carrier_11"])
+metres = st.floats(-1e3, 1e3)
+speeds = st.floats(-100, 100)
+units = st.floats(-1, 1)
+twists = st.builds(Twist, speeds, speeds, speeds)
+ranges = st.one_of(st.floats(0, 10, width=32), st.just(math.inf))
+
+
+def scans(beams):
+    return st.lists(ranges, min_size=beams, max_size=beams).map(lambda values: np.array(values, dtype=np.float32))
+
+
+hitches = st.builds(Hitch, names, metres, metres, st.tuples(units, units), twists, st.none() | scans(60))
+seen = st.builds(
+    Observation, st.just("picker_01"), st.integers(0, 2**35), metres, metres, st.tuples(units, units), twists, scans(180),
+    st.none() | hitches, st.floats(0, 70), st.booleans(),
+)  # fmt: skip
+
+
+def same_scan(one, other):
+    return (one is None and other is None) or one.tobytes() == other.tobytes()
+
+
+def sights_of(observations):
+    """What several bodies see at one tick, as physics puts it together."""
+    states = np.array([(seen.x, seen.y, *seen.orientation, *seen.twist) for seen in observations])
+    hitches = {seen.name: seen.hitch for seen in observations if seen.hitch}
+    fills = {seen.name: seen.fill for seen in observations if seen.fill}
+    full = {seen.name for seen in observations if seen.fill and seen.full}
+    names = [seen.name for seen in observations]
+    return Observations(7, names, states, [seen.scan for seen in observations], hitches, fills, full)
+
+
+@given(st.lists(seen, min_size=1, max_size=4))
+@settings(max_examples=60, deadline=None)
+def test_what_is_seen_arrives_to_the_last_bit(several):
+    for number, observation in enumerate(several):
+        observation.name, observation.tick = f"picker_{number:02d}", 7
+        observation.full = observation.full and observation.fill > 0.0
+    sent = sights_of(several)
+    bodies = list(range(len(several)))[::2]
+    heard = codec.observations_of(read(pack(seen_of(RUN, sent, bodies, [])), Seen))
+    assert list(heard) == [sent.names[body] for body in bodies]
+    for body in bodies:
+        assert_same(heard[sent.names[body]], several[body])
+
+
+def assert_same(heard, observation):
+    for field in ("name", "tick", "x", "y", "orientation", "twist", "fill", "full"):
+        assert repr(getattr(heard, field)) == repr(getattr(observation, field))  # repr tells -0.0 from 0.0
+    assert same_scan(heard.scan, observation.scan)
+    assert (heard.hitch is None) == (observation.hitch is None)
+    if heard.hitch is not None:
+        assert repr(heard.hitch[:5]) == repr(observation.hitch[:5])
+        assert same_scan(heard.hitch.scan, observation.hitch.scan)
+
+
+def seen_message():
+    observation = Observation("picker_01", 7, 1.0, 2.0, (0.0, 1.0), Twist(), np.zeros(180, dtype=np.float32))
+    return seen_of(RUN, sights_of([observation]), [0], [])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"states": bytes(55)}, {"states": np.full(7, np.nan).tobytes()}, {"ranges": bytes(4 * 179)}, {"names": []}, {"names": ["pear_01"]}],
+    ids=["short", "no numbers", "a beam too few", "nobody's", "no such kind"],
+)
+def test_arrays_that_do_not_fit_are_refused(change):
+    with pytest.raises(ValueError, match=r"fit|number|kind|multiple"):
+        codec.observations_of(msgspec.structs.replace(seen_message(), **change))
+
+
+def test_a_beam_too_many_of_the_one_does_not_make_up_for_one_too_few_of_the_other():
+    behind = {"picker_01": OtherSeen("bin_01", (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), bytes(4 * 61))}
+    with pytest.raises(ValueError, match="fit"):
+        codec.observations_of(msgspec.structs.replace(seen_message(), ranges=bytes(4 * 179), hitches=behind))
+
+
+@given(seen)
+@settings(max_examples=60, deadline=None)
+def test_pose_and_scan_of_one_robot_say_the_same(observation):
+    pose = msgpack.unpackb(pack(odometry_of(RUN, observation)))
+    scan = msgpack.unpackb(pack(scan_of(RUN, observation, KINDS["picker"].laser, AROUND)))
+    position, orientation = pose["pose"]["position"], pose["pose"]["orientation"]
+    assert (position["x"], position["y"], position["z"]) == (observation.x, observation.y, 0.0)
+    assert (orientation["z"], orientation["w"]) == observation.orientation
+    assert pose["twist"]["linear"]["x"] == observation.twist.x
+    assert scan["ranges"] == observation.scan.tobytes()
+    assert (pose["hitch"] is None) == (observation.hitch is None)
+    if observation.hitch is not None:
+        assert pose["hitch"]["name"] == observation.hitch.name
+        assert (scan["rear"] and scan["rear"]["ranges"]) == (None if observation.hitch.scan is None else observation.hitch.scan.tobytes())
+
+
+@given(twists, st.lists(st.sampled_from([Couple("bin_01"), Uncouple()]), max_size=3), st.binary(max_size=64), st.none() | st.binary())
+@settings(max_examples=60, deadline=None)
+def test_an_action_arrives_to_the_last_bit(twist, deeds, mail, memory):
+    action = Action(twist, deeds, doing="picking row 1", waits_for="bin_01", steps_done=7)
+    sent = Velocities(RUN, 3, "a1", {"picker_01": drive_of(action, mail, memory)})
+    velocity = velocity_of(read(pack(sent), Velocities), "picker_01")
+    assert action_of(velocity) == action
+    assert (velocity.run, velocity.tick, velocity.holder) == (RUN, 3, "a1")
+    assert (velocity.report.mail, velocity.report.memory) == (mail, memory)
+
+
+@pytest.mark.parametrize("body", [Call(3, "east"), Offer(1.0, 2.0, 3.5)])
+def test_letters_arrive_as_they_were(body):
+    message = Letter(RUN, 1, "bin_01", 0, body) if isinstance(body, Call) else Answered(RUN, 1, body)
+    assert read(pack(message), type(message)) == message
+
+
+GOOD = {"run": RUN, "tick": 1, "linear": {"x": 1}, "angular": {"z": 0}}
+
+
+def test_a_whole_number_is_a_velocity_and_what_is_optional_may_be_left_out():
+    assert action_of(read(msgpack.packb(GOOD), Velocity)).twist == Twist(1.0)
+
+
+BAD = {
+    "no number": {"linear": {"x": math.nan}},
+    "infinite": {"angular": {"z": math.inf}},
+    "too fast": {"linear": {"x": 101.0}},
+    "a text": {"linear": {"x": "1"}},
+    "a truth": {"linear": {"x": True}},
+    "upward": {"linear": {"x": 1.0, "z": 0.1}},
+    "rolling": {"angular": {"z": 0.0, "x": 0.1}},
+    "misspelt": {"linaer": {"x": 1.0}},
+    "before the beginning": {"tick": -1},
+    "half a tick": {"tick": 1.5},
+    "a huge tick": {"tick": 2**63},
+    "no run": {"run": None},
+    "a strange deed": {"report": {"deeds": [{"type": "fly"}]}},
+    "a long tale": {"report": {"doing": "x" * 201}},
+}
+
+
+@pytest.mark.parametrize("change", BAD.values(), ids=BAD.keys())
+def test_a_bad_velocity_is_refused(change):
+    with pytest.raises(Refused) as refusal:
+        read_message(msgpack.packb(GOOD | change), Velocity, RUN)
+    assert refusal.value.reason == "malformed"
+
+
+@pytest.mark.parametrize("missing", GOOD)
+def test_a_velocity_without_a_field_is_refused(missing):
+    with pytest.raises(Refused, match=missing):
+        read_message(msgpack.packb({key: value for key, value in GOOD.items() if key != missing}), Velocity, RUN)
+
+
+def test_another_run_is_refused_by_name():
+    with pytest.raises(Refused, match="'run2' is not 'run1'"):
+        read_message(msgpack.packb(GOOD | {"run": "run2"}), Velocity, RUN)
+
+
+def test_what_is_too_big_is_not_even_read():
+    with pytest.raises(Refused, match="at most"):
+        read_message(bytes(MAX_PAYLOAD + 1), Velocity, RUN)
+
+
+MESSAGES = (Velocity, Velocities, Seen, Recall, Recalled, Letter, Join, Command)
+
+
+@given(st.binary(max_size=200), st.sampled_from(MESSAGES))
+@settings(max_examples=300, deadline=None)
+def test_random_bytes_are_refused(payload, type_):
+    with pytest.raises(Refused):
+        read_message(payload, type_, RUN)
+    with pytest.raises(Refused):
+        read_message(payload, Received | Answered, RUN)
+
+
+@given(st.data())
+@settings(max_examples=300, deadline=None)
+def test_a_damaged_velocity_is_refused_or_still_one(data):
+    payload = bytearray(msgpack.packb(GOOD | {"report": {"doing": "picking", "memory": b"abc"}}))
+    place = data.draw(st.integers(0, len(payload) - 1))
+    payload[place] = data.draw(st.integers(0, 255))
+    try:
+        velocity = read_message(bytes(payload), Velocity, RUN)
+    except Refused:
+        return
+    assert all(abs(part) <= FASTEST for part in action_of(velocity).twist)

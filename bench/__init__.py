@@ -1,1 +1,1 @@
-"""How fast it is, beside what else one could use: `python -m bench`, which writes docs/benchmarks.md."""
+"""Benchmarks of the simulator and of comparable simulators. `python -m bench` runs them and writes docs/benchmarks.md."""

@@ -1,4 +1,4 @@
-"""Measure everything, print the tables and write docs/benchmarks.md: `python -m bench`, in less than ten minutes."""
+"""Run all benchmarks, print the tables and write docs/benchmarks.md: `python -m bench`. It takes less than ten minutes."""
 
 import os
 from pathlib import Path
@@ -14,21 +14,21 @@ TARGET = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 
 
 def main() -> None:
-    os.environ |= QUICK_TICKS | os.environ  # the floor's hub is this process
+    os.environ |= QUICK_TICKS | os.environ  # this process is the hub of the floor benchmark, so it needs them too
     console = Console(stderr=True, highlight=False)
     columns = (BarColumn(30), TimeElapsedColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("", total=STEPS)
 
-        def say(what: str) -> None:
-            progress.update(task, advance=1, description=what)
+        def say(line: str) -> None:
+            progress.update(task, advance=1, description=line)
             if not console.is_terminal:
-                console.print(what)
+                console.print(line)
 
         text = markdown(measure(say))
     TARGET.write_text(text)
     print(text)
-    console.print(f"written to {TARGET.relative_to(Path.cwd()) if TARGET.is_relative_to(Path.cwd()) else TARGET}")
+    console.print(f"wrote {TARGET.relative_to(Path.cwd()) if TARGET.is_relative_to(Path.cwd()) else TARGET}")
 
 
 if __name__ == "__main__":

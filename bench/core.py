@@ -1,12 +1,12 @@
-"""Our own core in the peers' field: physics, scan and collisions, with robots that drive without agents."""
+"""Our own core in the field of the peers: physics, scans and collisions, with robots that drive without agents."""
 
 import time
 from statistics import median
 
 import numpy as np
 
-from bench.clocked import MOST_STEPS
 from bench.field import STEP, Field, velocities
+from bench.timing import MOST_STEPS
 from orchard.field.geometry import Pose
 from orchard.field.kinds import name_of
 from orchard.field.layout import Layout, Start
@@ -15,36 +15,36 @@ from orchard.sim.physics import step
 from orchard.sim.scan import Scanner
 from orchard.sim.world import World, new_world
 
-ROBOT = "dog"  # the kind that has the size of field.py, and drives as robots do: forward and round
+ROBOT = "dog"  # the kind with the size that field.py gives; it drives forward and turns
 
 assert STEP == TIME_STEP
 
 
-def world_of(place: Field) -> World:
-    """An orchard's world with the field's walls and robots, and nothing else in it."""
-    nobody = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0, "tractor": False}
-    starts = tuple(Start(name_of(ROBOT, i + 1), ROBOT, Pose(*pose)) for i, pose in enumerate(place.starts.tolist()))
-    return new_world(Layout(Scenario(**nobody), (), {}, starts, place.walls))
+def world_of(area: Field) -> World:
+    """Return a world with only the walls and robots of the field."""
+    no_obstacles = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0, "tractor": False}
+    starts = tuple(Start(name_of(ROBOT, i + 1), ROBOT, Pose(*pose)) for i, pose in enumerate(area.starts.tolist()))
+    return new_world(Layout(Scenario(**no_obstacles), (), {}, starts, area.walls))
 
 
 def twists(robots: int, steps: int) -> np.ndarray:
-    """(steps, robots, 3): what physics is asked for at each step."""
+    """Return the twists that physics gets, (steps, robots, 3): m/s forward, m/s sideways (0), rad/s."""
     forward_and_turn = velocities(robots, steps)
     return np.insert(forward_and_turn, 1, 0.0, axis=2)
 
 
 def drive(world: World, scanner: Scanner, steps: int) -> None:
-    """So many steps: each a scan of all robots, and their movement."""
+    """Run `steps` steps: each scans and moves all robots."""
     for twist in twists(len(world.pose), steps):
         scanner.scan(world)
         step(world, twist, [])
 
 
-def steps_per_second(place: Field, seconds: float, repeats: int = 5) -> float:
-    """The median of some stretches of so many seconds in all."""
-    world = world_of(place)
-    scanner, wanted = Scanner(world.layout), twists(len(place.starts), MOST_STEPS)
-    drive(world, scanner, 3)  # what is compiled is loaded
+def steps_per_second(area: Field, seconds: float, repeats: int = 5) -> float:
+    """Return the median rate of `repeats` measurements, which together take `seconds`."""
+    world = world_of(area)
+    scanner, wanted = Scanner(world.layout), twists(len(area.starts), MOST_STEPS)
+    drive(world, scanner, 3)  # loads the compiled kernels
     rates, k = [], 0
     for _ in range(repeats):
         begun, used, first = time.perf_counter(), time.process_time(), k

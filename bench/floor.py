@@ -1,9 +1,10 @@
-"""The floor under lockstep: the same number and size of messages between the same number of processes, over bare Zenoh, and nothing else.
+"""The floor benchmark: the cost of lockstep's messages alone. It sends messages of the same number and size over bare Zenoh.
 
-    python -m bench.floor ENDPOINT NUMBER AHEAD BACK SIZE   (started by `ticks_per_second`)
+    python -m bench.floor ENDPOINT NUMBER TO_CLIENT FROM_CLIENT SIZE   (`ticks_per_second` starts these client processes)
 
-The hub is the router, as physics is. At each tick it sends every client what physics sends it, and waits until all have sent all that
-agents send. Nothing is packed, unpacked, checked or computed.
+There are as many processes as in the real run. The hub is the router, as physics is. At each tick it sends to each client the messages
+that physics would send, and waits until all clients have sent the messages that agents would send. Nothing is packed, unpacked, checked
+or computed.
 """
 
 import json
@@ -25,41 +26,41 @@ WARM_UP = 50  # ticks
 
 
 @dataclass(frozen=True)
-class Way:
-    """What travels one way between the hub and each client."""
+class Flow:
+    """The messages of one tick in one direction between the hub and each client."""
 
     messages: int
     size: int  # bytes of each
 
-    def apart(self, messages: int) -> "Way":
-        """The same bytes in so many messages."""
-        return Way(messages, round(self.messages * self.size / messages))
+    def split(self, messages: int) -> "Flow":
+        """Return the same bytes in so many messages."""
+        return Flow(messages, round(self.messages * self.size / messages))
 
 
 @dataclass(frozen=True)
 class Traffic:
-    """What travels at every tick, but for queries."""
+    """The messages of one tick, without queries."""
 
     clients: int
-    ahead: Way  # to each client
-    back: Way  # from each
+    to_client: Flow  # to each client
+    from_client: Flow  # from each client
 
-    def apart(self, bodies: int) -> "Traffic":
-        """The same with a message for each body's pose, scan and velocity."""
+    def split(self, bodies: int) -> "Traffic":
+        """Return the same bytes with a separate message for the pose, the scan and the velocity of each body."""
         each = max(1, round(bodies / self.clients))
-        return Traffic(self.clients, self.ahead.apart(2 * each), self.back.apart(each))
+        return Traffic(self.clients, self.to_client.split(2 * each), self.from_client.split(each))
 
 
 def ticks_per_second(traffic: Traffic, seconds: float) -> float:
-    """Start the clients, and tick with them."""
+    """Start the clients and tick with them for `seconds`. Return the rate."""
     endpoint = f"tcp/127.0.0.1:{_free_port()}"
     with zenoh.open(_config("router", "listen", endpoint)) as session:
         arrived: SimpleQueue[None] = SimpleQueue()
-        counter = _Counter(traffic.clients * traffic.back.messages, lambda: arrived.put(None))
+        counter = _Counter(traffic.clients * traffic.from_client.messages, lambda: arrived.put(None))
         ready: SimpleQueue[None] = SimpleQueue()
-        kept = [
-            session.declare_subscriber("floor/back/*/*", _calling(counter.count)),
-            session.liveliness().declare_subscriber("floor/ready/*", _calling(lambda sample: ready.put(None)), history=True),
+        declared = [
+            session.declare_subscriber("floor/back/*/*", _callback(counter.count)),
+            session.liveliness().declare_subscriber("floor/ready/*", _callback(lambda sample: ready.put(None)), history=True),
         ]
         clients = [_start(endpoint, i, traffic) for i in range(traffic.clients)]
         try:
@@ -70,26 +71,26 @@ def ticks_per_second(traffic: Traffic, seconds: float) -> float:
             session.put("floor/end", b"")
             for client in clients:
                 client.wait(timeout=20)
-            del kept
+            del declared
 
 
 class _Counter:
-    """Rings once for so many messages."""
+    """Calls `signal` after every `enough` messages."""
 
-    def __init__(self, enough: int, ring: Callable[[], None]) -> None:
-        self.enough, self.ring, self.seen = enough, ring, 0
+    def __init__(self, enough: int, signal: Callable[[], None]) -> None:
+        self.enough, self.signal, self.seen = enough, signal, 0
 
     def count(self, sample: zenoh.Sample) -> None:
         sample.payload.to_bytes()
         self.seen += 1
         if self.seen == self.enough:
             self.seen = 0
-            self.ring()
+            self.signal()
 
 
 def _tick(session: zenoh.Session, traffic: Traffic, arrived: "SimpleQueue[None]", seconds: float) -> float:
-    publishers = [_publisher(session, f"floor/ahead/{i}/{k}") for i in range(traffic.clients) for k in range(traffic.ahead.messages)]
-    payload = bytes(traffic.ahead.size)
+    publishers = [_publisher(session, f"floor/ahead/{i}/{k}") for i in range(traffic.clients) for k in range(traffic.to_client.messages)]
+    payload = bytes(traffic.to_client.size)
 
     def tick() -> None:
         for publisher in publishers:
@@ -105,23 +106,23 @@ def _tick(session: zenoh.Session, traffic: Traffic, arrived: "SimpleQueue[None]"
     return ticks / (time.perf_counter() - begun)
 
 
-def _client(endpoint: str, number: int, ahead: int, back: int, size: int) -> None:
-    """Answer so many messages with so many others."""
-    awake: SimpleQueue[bool] = SimpleQueue()
+def _client(endpoint: str, number: int, to_client: int, from_client: int, size: int) -> None:
+    """Answer each `to_client` messages with `from_client` messages of `size` bytes."""
+    events: SimpleQueue[bool] = SimpleQueue()  # True: a tick to answer; False: the end
     with zenoh.open(_config("client", "connect", endpoint)) as session:
-        publishers, payload = [_publisher(session, f"floor/back/{number}/{k}") for k in range(back)], bytes(size)
-        kept = [
-            session.declare_subscriber(f"floor/ahead/{number}/*", _calling(_Counter(ahead, lambda: awake.put(True)).count)),
-            session.declare_subscriber("floor/end", _calling(lambda sample: awake.put(False))),
+        publishers, payload = [_publisher(session, f"floor/back/{number}/{k}") for k in range(from_client)], bytes(size)
+        declared = [
+            session.declare_subscriber(f"floor/ahead/{number}/*", _callback(_Counter(to_client, lambda: events.put(True)).count)),
+            session.declare_subscriber("floor/end", _callback(lambda sample: events.put(False))),
         ]
-        kept.append(session.liveliness().declare_token(f"floor/ready/{number}"))
-        while awake.get():
+        declared.append(session.liveliness().declare_token(f"floor/ready/{number}"))
+        while events.get():
             for publisher in publishers:
                 publisher.put(payload)
 
 
-def _calling(function: Callable[[zenoh.Sample], object]) -> Callback:
-    """In zenoh's own thread, as the bus does it."""
+def _callback(function: Callable[[zenoh.Sample], object]) -> Callback:
+    """A handler that runs in zenoh's own thread, as those of the bus do."""
     return Callback(function, indirect=False)
 
 
@@ -130,8 +131,8 @@ def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
 
 
 def _start(endpoint: str, number: int, traffic: Traffic) -> subprocess.Popen:
-    figures = (number, traffic.ahead.messages, traffic.back.messages, traffic.back.size)
-    client = subprocess.Popen([sys.executable, "-m", "bench.floor", endpoint, *map(str, figures)], env=QUICK_TICKS | os.environ)
+    arguments = (number, traffic.to_client.messages, traffic.from_client.messages, traffic.from_client.size)
+    client = subprocess.Popen([sys.executable, "-m", "bench.floor", endpoint, *map(str, arguments)], env=QUICK_TICKS | os.environ)
     take_turns(client.pid)
     return client
 

@@ -1,1 +1,1 @@
-"""A seeded soak: harvests whose processes are killed and frozen, whose links are cut, and who hear nonsense. See docs/reliability.md."""
+"""A seeded soak test: harvests under random kills, freezes, network faults and malformed messages. See docs/reliability.md."""

@@ -1,10 +1,10 @@
-"""Do random things to random harvests, and see whether anything comes of it; then whether memory stays as it is.
+"""Inject random faults into random harvests and check the results. Then check that memory stays constant over a long run.
 
     python -m chaos [--seconds 600] [--seed 1]
     python -m chaos --seed 1 --only 17
     python -m chaos endurance
 
-Exit code 1 where a promise is broken. Ten minutes and more include the endurance, and write docs/chaos.md.
+The exit code is 1 if a promise is broken. A soak of ten minutes or more includes the endurance test and writes docs/chaos.md.
 """
 
 import itertools
@@ -35,11 +35,11 @@ console = Console(highlight=False)
 @app.callback(invoke_without_command=True)
 def chaos(
     context: typer.Context,
-    seconds: Annotated[float, typer.Option(min=1.0, help="Begin no further run after so many.")] = FULL_SECONDS,
-    seed: Annotated[int, typer.Option(help="The same seed does the same to the same runs.")] = 1,
-    only: Annotated[int | None, typer.Option(min=0, help="Just this run, again.")] = None,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Start no further run after so many seconds.")] = FULL_SECONDS,
+    seed: Annotated[int, typer.Option(help="The same seed gives the same runs and the same faults.")] = 1,
+    only: Annotated[int | None, typer.Option(min=0, help="Repeat only the run with this number.")] = None,
 ) -> None:
-    """Do random things to random harvests."""
+    """Inject random faults into random harvests and check the results."""
     if context.invoked_subcommand is not None:
         return
     is_full = only is None and seconds >= FULL_SECONDS
@@ -48,20 +48,20 @@ def chaos(
         results.verdicts = soak(seed, itertools.count() if only is None else [only], seconds, _shown(progress), _say)
         results.seconds = time.monotonic() - begun
         if is_full:
-            results.endurance = endure(lambda tick, where: _shown(progress)(seconds + tick / 500, f"{where}: tick {tick}"))
+            results.endurance = endure(lambda tick, mode: _shown(progress)(seconds + tick / 500, f"{mode}: tick {tick}"))
     results.load = os.getloadavg()[0]
     if is_full:
         TARGET.write_text(markdown(results))
-        _say(f"written to {TARGET.relative_to(ROOT)}")
-    _tell(results)
+        _say(f"wrote {TARGET.relative_to(ROOT)}")
+    _finish(results)
 
 
 @app.command()
 def endurance() -> None:
-    """Whether memory and file handles stay as they are over 100,000 ticks."""
+    """Check that memory and file handles stay constant over 100,000 ticks."""
     with _progress(2 * TICKS) as progress:
-        found = endure(lambda tick, where: _shown(progress)(tick + TICKS * (where == "local mode"), where))
-    _tell(Results(endurance=found))
+        found = endure(lambda tick, mode: _shown(progress)(tick + TICKS * (mode == "local mode"), mode))
+    _finish(Results(endurance=found))
 
 
 def _progress(total: float) -> Progress:
@@ -71,20 +71,20 @@ def _progress(total: float) -> Progress:
 
 
 def _shown(progress: Progress) -> Callable[[float, str], None]:
-    return lambda done, what: progress.update(progress.task_ids[0], completed=done, description=what)
+    return lambda done, description: progress.update(progress.task_ids[0], completed=done, description=description)
 
 
-def _say(words: str) -> None:
-    console.print(words, markup=False, soft_wrap=True)
+def _say(line: str) -> None:
+    console.print(line, markup=False, soft_wrap=True)
 
 
-def _tell(results: Results) -> None:
-    """All tables; exit code 1 where something is wrong."""
+def _finish(results: Results) -> None:
+    """Print all tables and exit: with code 1 if a promise is broken."""
     for table in as_tables(results):
         console.print(table)
     raise typer.Exit(0 if results.is_good else 1)
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # so that no process is left behind
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # an exception, so that each `with` ends its processes
     app()

@@ -1,4 +1,4 @@
-"""Whether memory and file handles stay as they are over 100,000 ticks: of physics and two hosts in lockstep, and of local mode."""
+"""Measures whether memory and file handles stay constant over 100,000 ticks: of physics and two hosts in lockstep, and of local mode."""
 
 import tempfile
 import time
@@ -20,78 +20,82 @@ from orchard.wire.messages import Figures
 from orchard.wire.types import read
 
 TICKS = 100_000
-WARM_UP = 20_000  # ticks, after which all that is made once has been made
-EVERY = 5_000  # ticks between two looks
-MOST_GROWTH = 0.05  # of the memory, from the end of the warm-up to the end
-SILENCE_SECONDS = 120.0  # without a figure: it hangs
+WARM_UP = 20_000  # ticks, after which all one-time allocations are done
+EVERY = 5_000  # ticks between two samples
+MOST_GROWTH = 0.05  # relative growth of the memory, from the end of the warm-up to the end of the run
+SILENCE_SECONDS = 120.0  # without figures; after that the run counts as hung
 MEGABYTE = 1e6
-LONG = Scenario(rows=6, pickers=2, carriers=2, picking_speed=0.02)  # three rows each, of an hour each: more than 100,000 ticks
+LONG = Scenario(rows=6, pickers=2, carriers=2, picking_speed=0.02)  # three rows for each picker, an hour a row: more than 100,000 ticks
 
-Say = Callable[[int, str], None]  # (tick, where)
+Say = Callable[[int, str], None]  # (tick, mode)
 
 
-class Look(NamedTuple):
-    """A process at a tick."""
+class MemorySample(NamedTuple):
+    """The resources of a process at one tick."""
 
     tick: int
     megabytes: float  # resident
     handles: int  # open files and sockets
 
 
-class Course(NamedTuple):
-    """A process over a run; the warm-up is left out."""
+class MemorySeries(NamedTuple):
+    """The samples of one process over a run, without the warm-up."""
 
-    who: str
-    looks: list[Look]
+    name: str  # of the process
+    samples: list[MemorySample]
 
     @property
     def growth(self) -> float:
-        """Of the memory, as a straight line goes through it: 0.05 is five per cent."""
-        slope = linear_regression([look.tick for look in self.looks], [look.megabytes for look in self.looks]).slope
-        return slope * (self.looks[-1].tick - self.looks[0].tick) / self.looks[0].megabytes
+        """The relative growth of the memory along a fitted straight line: 0.05 is five per cent."""
+        slope = linear_regression([sample.tick for sample in self.samples], [sample.megabytes for sample in self.samples]).slope
+        return slope * (self.samples[-1].tick - self.samples[0].tick) / self.samples[0].megabytes
 
     @property
     def more_handles(self) -> int:
-        """In the later half than in the earlier; a file that is open for a moment, as a snapshot is, does not count."""
-        middle = len(self.looks) // 2
-        earlier, later = (min(look.handles for look in part) for part in (self.looks[:middle], self.looks[middle:]))
+        """How many more handles the later half has than the earlier half.
+
+        Each half counts with its minimum, so a file that is open for a moment, such as a snapshot, does not matter.
+        """
+        middle = len(self.samples) // 2
+        earlier, later = (min(sample.handles for sample in part) for part in (self.samples[:middle], self.samples[middle:]))
         return later - earlier
 
     @property
     def is_flat(self) -> bool:
+        """Whether the memory grows by no more than MOST_GROWTH and the handles do not increase."""
         return self.growth <= MOST_GROWTH and self.more_handles <= 0
 
 
 class Endurance(NamedTuple):
-    """What came of it."""
+    """The result of the endurance test."""
 
     ticks: int
-    courses: list[Course]
-    ticks_per_second: dict[str, float]  # mode ->
+    series: list[MemorySeries]
+    ticks_per_second: dict[str, float]  # mode -> rate
 
     @property
     def is_good(self) -> bool:
-        return all(course.is_flat for course in self.courses)
+        return all(series.is_flat for series in self.series)
 
 
 def endure(say: Say, ticks: int = TICKS) -> Endurance:
-    """Both modes, one after the other. Raises RuntimeError where a run does not go on."""
+    """Run lockstep mode, then local mode. Raises RuntimeError where a run stops making progress."""
     rates = {}
-    courses = []
-    for mode, looked in (("lockstep", _lockstep), ("local", _local)):
+    series = []
+    for mode, sampled in (("lockstep", _lockstep), ("local", _local)):
         begun = time.monotonic()
-        courses += courses_of(looked(say, ticks))
+        series += series_of(sampled(say, ticks))
         rates[mode] = ticks / (time.monotonic() - begun)
-    return Endurance(ticks, courses, rates)
+    return Endurance(ticks, series, rates)
 
 
-def courses_of(looks: Iterator[tuple[int, Mapping[str, psutil.Process]]]) -> list[Course]:
-    """Look at all processes whenever there is something to look at."""
-    found: dict[str, list[Look]] = defaultdict(list)
-    for tick, processes in looks:
-        for who, process in processes.items():
-            found[who].append(Look(tick, process.memory_info().rss / MEGABYTE, process.num_fds()))
-    return [Course(who, seen) for who, seen in found.items()]
+def series_of(moments: Iterator[tuple[int, Mapping[str, psutil.Process]]]) -> list[MemorySeries]:
+    """Sample the named processes at each moment (tick, processes). Return a series for each name."""
+    found: dict[str, list[MemorySample]] = defaultdict(list)
+    for tick, processes in moments:
+        for name, process in processes.items():
+            found[name].append(MemorySample(tick, process.memory_info().rss / MEGABYTE, process.num_fds()))
+    return [MemorySeries(name, samples) for name, samples in found.items()]
 
 
 def _lockstep(say: Say, ticks: int) -> Iterator[tuple[int, Mapping[str, psutil.Process]]]:
@@ -99,8 +103,8 @@ def _lockstep(say: Say, ticks: int) -> Iterator[tuple[int, Mapping[str, psutil.P
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "long.yaml"
         file.write_text(to_yaml(LONG))
-        words = [str(file), "--hosts", "2", "--duration", str(ticks / 10), "--record", "none", "--listen", endpoint]
-        with Harvest(words, "endurance") as harvest:
+        arguments = [str(file), "--hosts", "2", "--duration", str(ticks / 10), "--record", "none", "--listen", endpoint]
+        with Harvest(arguments, "endurance") as harvest:
             for tick in _ticks_at(endpoint, ticks):
                 say(tick, "lockstep, 2 hosts")
                 if tick >= WARM_UP:
@@ -110,7 +114,7 @@ def _lockstep(say: Say, ticks: int) -> Iterator[tuple[int, Mapping[str, psutil.P
 
 
 def _ticks_at(endpoint: str, ticks: int) -> Iterator[int]:
-    """Whenever another 5,000 ticks have gone by; physics tells its figures twice a second."""
+    """Yield a tick after every 5,000 ticks; physics publishes its figures twice a second."""
     with client(endpoint, seconds=SILENCE_SECONDS) as bus:
         bus.subscribe(Keys().of("figures"))
         bus.watch(Keys().of("alive", PHYSICS))
@@ -118,7 +122,7 @@ def _ticks_at(endpoint: str, ticks: int) -> Iterator[int]:
         while due < ticks:
             item = bus.inbox.take(SILENCE_SECONDS)
             if item is None or (isinstance(item, Alive) and not item.up):
-                raise RuntimeError(f"the long run does not go on after tick {due - EVERY}")
+                raise RuntimeError(f"the endurance run stopped making progress after tick {due - EVERY}")
             if isinstance(item, Sample) and (tick := read(item.payload, Figures).tick) >= due:
                 due = tick - tick % EVERY + EVERY
                 yield tick

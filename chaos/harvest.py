@@ -1,4 +1,4 @@
-"""One run.py that the soak has started: its processes by role, its summary, and its end. Nothing of it is left behind."""
+"""A run.py process that the soak starts and ends: its processes by role, its log and its summary."""
 
 import json
 import shutil
@@ -13,21 +13,22 @@ import psutil
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "runs" / "chaos"  # logs and recordings
-STOP_SECONDS = 15.0  # for which a run may take to stop, when it is asked to
+STOP_SECONDS = 15.0  # within which a run must stop when it is asked to
 
 
 class Harvest:
-    """A run.py; use it with `with`. What it prints goes to `log`, which stays until `tidy`."""
+    """A run.py process. Use it with `with`, which leaves no process behind. Its output goes to `log`, which stays until `tidy`."""
 
-    def __init__(self, words: Sequence[str], name: str) -> None:
+    def __init__(self, arguments: Sequence[str], name: str) -> None:
+        """`arguments`: of run.py. `name`: of the log and of the other files."""
         FOLDER.mkdir(parents=True, exist_ok=True)
         self.log, self._summary, self._recording = (FOLDER / f"{name}.{ending}" for ending in ("log", "json", "rrd"))
-        self._words, self._name = words, name
+        self._arguments, self._name = arguments, name
 
     def __enter__(self) -> "Harvest":
         self.tidy()
-        record = [] if "--record" in self._words else ["--record", str(self._recording)]
-        command = [sys.executable, "-u", "run.py", *self._words, *record, "--summary", str(self._summary)]
+        record = [] if "--record" in self._arguments else ["--record", str(self._recording)]
+        command = [sys.executable, "-u", "run.py", *self._arguments, *record, "--summary", str(self._summary)]
         with self.log.open("w") as file:
             self._popen = subprocess.Popen(command, cwd=ROOT, stdout=file, stderr=subprocess.STDOUT, start_new_session=True)
         return self
@@ -47,28 +48,28 @@ class Harvest:
 
     @property
     def exit_code(self) -> int | None:
-        """None while it runs."""
+        """The exit code of run.py; None while it runs."""
         return self._popen.poll()
 
     def processes(self, role: str) -> list[psutil.Process]:
-        """Those of `processes/{role}.py`, in an order that stays when one is started again."""
+        """Return the processes of `processes/{role}.py`. Their order stays the same when one is started again."""
         found = []
         for process in self._children():
             with suppress(psutil.Error):
-                words = process.cmdline()
-                if f"processes.{role}" in words and process.status() != psutil.STATUS_ZOMBIE:
-                    found.append((words, process))
+                command = process.cmdline()
+                if f"processes.{role}" in command and process.status() != psutil.STATUS_ZOMBIE:
+                    found.append((command, process))
         return [process for _, process in sorted(found, key=lambda pair: pair[0])]
 
     def summary(self) -> dict[str, Any] | None:
-        """None where it has written none."""
+        """Return the summary of the run; None if it wrote none."""
         with suppress(OSError, json.JSONDecodeError):
             summary: dict[str, Any] = json.loads(self._summary.read_text())
             return summary
         return None
 
     def tidy(self) -> None:
-        """Remove all that it has left on the disk."""
+        """Remove all files of the run."""
         for path in FOLDER.glob(f"{self._name}.*"):
             path.unlink()
         if hasattr(self, "_popen"):

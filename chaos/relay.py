@@ -1,31 +1,29 @@
-"""A relay in front of a router, whose links can be cut, stalled and delayed one by one: the network of the soak."""
+"""A TCP relay that simulates a bad network: it cuts, stalls and delays the connections that pass through it.
+
+TCP hides the loss of single packets. What remains visible of a bad network is delay, silence, and connections that break, also in the
+middle of a message.
+"""
 
 import asyncio
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from random import Random
 from typing import Any
+
+from orchard.launch.supervisor import free_port
 
 CHUNK = 1 << 16  # bytes
 
 
 class _Link:
-    """One connection through the relay, both ways."""
+    """One connection through the relay, both directions."""
 
     def __init__(self, *writers: asyncio.StreamWriter) -> None:
         self.writers = writers
-        self.open = asyncio.Event()  # not set: nothing passes, and nobody is told
+        self.open = asyncio.Event()  # while it is not set, nothing passes and neither end is notified
         self.open.set()
-        self.delay = 0.0  # s, for every piece
-
-    async def pump(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        with suppress(OSError):
-            while piece := await reader.read(CHUNK):
-                await self.open.wait()
-                await asyncio.sleep(self.delay)
-                writer.write(piece)
-                await writer.drain()
-        self.cut()
+        self.delay = 0.0  # s, for each chunk
 
     def cut(self) -> None:
         for writer in self.writers:
@@ -34,10 +32,20 @@ class _Link:
 
 
 class Relay:
-    """Listens on one port of the loopback and passes everything on to another; use it with `with`. Its own thread does the work."""
+    """A relay between a free port and another port of the loopback. Use it with `with`; it works in its own thread.
 
-    def __init__(self, port: int, to: int) -> None:
-        self.port, self._to = port, to
+    `target`: the port to which each connection is passed on. `chunk`: the most bytes that are passed on at a time.
+    `max_delay`: s; each chunk is delayed by a random time of at most this length.
+    `mean_life`: bytes that each direction of a link carries on average before the link breaks; 0: links do not break by themselves.
+    `seed`: of the random delays and lives. `cuts` counts the links that broke by themselves.
+    """
+
+    def __init__(self, target: int, *, chunk: int = CHUNK, seed: int = 1, max_delay: float = 0.0, mean_life: float = 0.0) -> None:
+        self.port = free_port()
+        self.cuts = 0
+        self._target, self._chunk, self._max_delay, self._mean_life = target, chunk, max_delay, mean_life
+        self._random = Random(seed)
+        self._stalls_new = False
         self._loop = asyncio.new_event_loop()
         self._links: list[_Link] = []
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
@@ -53,20 +61,27 @@ class Relay:
         self._thread.join()
         self._loop.close()
 
-    def cut(self, which: int | None) -> None:
-        """Drop a connection, without a word; any number names one of those that are there, None names all of them."""
+    @property
+    def endpoint(self) -> str:
+        """The Zenoh endpoint at which clients reach the relay."""
+        return f"tcp/127.0.0.1:{self.port}"
+
+    def cut(self, which: int | None = None) -> None:
+        """Break a link without notice. `which`: any number, it selects one of the present links; None: all links."""
         self._change(which, _Link.cut)
 
-    def stall(self, which: int | None) -> None:
-        """Let nothing pass, until all is healed; nothing is lost."""
+    def stall(self, which: int | None = None, new: bool = False) -> None:
+        """Let nothing pass through one link or all links until `heal`; nothing is lost. `new`: also stall links that are opened later."""
+        self._stalls_new = new
         self._change(which, lambda link: link.open.clear())
 
     def delay(self, which: int | None, seconds: float) -> None:
-        """Let every piece take so much longer, until all is healed."""
+        """Delay each chunk of one link or of all links by so many seconds until `heal`."""
         self._change(which, lambda link: setattr(link, "delay", seconds))
 
     def heal(self) -> None:
-        """Nothing is stalled or delayed any more."""
+        """End all stalls, and the delays set by `delay`."""
+        self._stalls_new = False
 
         def change(link: _Link) -> None:
             link.delay = 0.0
@@ -74,8 +89,12 @@ class Relay:
 
         self._change(None, change)
 
+    def calm(self) -> None:
+        """Let no further link break by itself."""
+        self._mean_life = 0.0
+
     def _change(self, which: int | None, change: Callable[[_Link], None]) -> None:
-        """It is done when this returns."""
+        """Return when the change is made."""
 
         async def do() -> None:
             for link in list(self._links) if which is None else self._links[which % max(1, len(self._links)) :][:1]:
@@ -93,17 +112,35 @@ class Relay:
 
     async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
-            there_reader, there_writer = await asyncio.open_connection("127.0.0.1", self._to)
-        except OSError:  # the router is away
+            target_reader, target_writer = await asyncio.open_connection("127.0.0.1", self._target)
+        except OSError:  # the router is down
             writer.transport.abort()
             return
-        link = _Link(writer, there_writer)
+        link = _Link(writer, target_writer)
+        if self._stalls_new:
+            link.open.clear()
         self._links.append(link)
-        await asyncio.gather(link.pump(reader, there_writer), link.pump(there_reader, writer))
+        await asyncio.gather(self._pump(link, reader, target_writer), self._pump(link, target_reader, writer))
         self._links.remove(link)
+
+    async def _pump(self, link: _Link, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Pass on one direction of a link until an end closes it or it is cut."""
+        left = self._random.expovariate(1.0 / self._mean_life) if self._mean_life else 0.0  # bytes
+        with suppress(OSError):
+            while chunk := await reader.read(self._chunk):
+                await link.open.wait()
+                await asyncio.sleep(link.delay + self._random.random() * self._max_delay)
+                is_broken = self._mean_life > 0.0 and len(chunk) >= left
+                writer.write(chunk[: int(left)] if is_broken else chunk)
+                await writer.drain()
+                left -= len(chunk)
+                if is_broken:
+                    self.cuts += 1
+                    break
+        link.cut()
 
     async def _close(self) -> None:
         self._server.close()
         for link in list(self._links):
             link.cut()
-        await asyncio.sleep(0.05)  # for those who pump to find that out
+        await asyncio.sleep(0.05)  # the pumps need a moment to end

@@ -1,4 +1,4 @@
-"""What came of a soak: a table for the terminal, and docs/chaos.md."""
+"""The results of a soak: tables for the terminal, and docs/chaos.md."""
 
 import os
 import platform
@@ -11,28 +11,28 @@ from statistics import median
 from rich.table import Table
 
 from chaos.endurance import EVERY, MOST_GROWTH, WARM_UP, Endurance
-from chaos.verdict import Verdict
+from chaos.oracle import Verdict
 
 HEAD = ("fault", "times", "recovered", "median s", "worst s")
 
 
 @dataclass
 class Results:
-    """All runs of a soak."""
+    """The verdicts of all runs of a soak, and the endurance test if it ran."""
 
     seed: int = 0
-    day: str = ""
+    day: str = ""  # ISO date
     verdicts: list[Verdict] = field(default_factory=list)
-    seconds: float = 0.0  # that the soak took
+    seconds: float = 0.0  # wall time of the soak
     endurance: Endurance | None = None
-    load: float = 0.0  # of the machine, at the end
+    load: float = 0.0  # one-minute load average of the machine, at the end
 
     @property
     def is_good(self) -> bool:
         return not any(v.complaints for v in self.verdicts) and (self.endurance is None or self.endurance.is_good)
 
     def promises(self) -> list[tuple[str, int]]:
-        """What must be 0."""
+        """Return (description, count) of all that must be 0."""
         return [
             ("runs that did not finish", sum(v.is_unfinished for v in self.verdicts)),
             ("bins lost", sum(v.bins_lost for v in self.verdicts)),
@@ -41,7 +41,7 @@ class Results:
         ]
 
     def faults(self) -> list[tuple[str, ...]]:
-        """A line for each kind of fault, in lockstep and in realtime: how often, and how long it took to recover."""
+        """Return the rows below HEAD: one for each fault, in lockstep and in realtime."""
         times: dict[str, Counter[str]] = {"lockstep": Counter(), "realtime": Counter()}
         seconds: dict[tuple[str, str], list[float]] = defaultdict(list)
         for v in self.verdicts:
@@ -49,9 +49,10 @@ class Results:
             for recovery in v.recoveries:
                 seconds[v.trial.mode, recovery.fault].append(recovery.seconds)
         lines = [(fault, mode, n, seconds[mode, fault]) for mode, counter in times.items() for fault, n in sorted(counter.items())]
-        return [(f"{fault}, {mode}", str(n), str(len(took)), *_middle_and_worst(took)) for fault, mode, n, took in lines]
+        return [(f"{fault}, {mode}", str(n), str(len(took)), *_median_and_worst(took)) for fault, mode, n, took in lines]
 
     def figures(self) -> list[tuple[str, ...]]:
+        """Return (description, figure) of the whole soak."""
         runs = Counter(v.trial.mode for v in self.verdicts)
         whole = sum(v.trial.seconds is None for v in self.verdicts)
         injected = sum(len(v.injected) for v in self.verdicts)
@@ -64,12 +65,12 @@ class Results:
         ]
 
 
-def _middle_and_worst(seconds: list[float]) -> tuple[str, str]:
+def _median_and_worst(seconds: list[float]) -> tuple[str, str]:
     return (f"{median(seconds):.2f}", f"{max(seconds):.2f}") if seconds else ("-", "-")
 
 
 def as_tables(results: Results) -> list[Table]:
-    """For the terminal."""
+    """Return all results as tables for the terminal."""
     parts: list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]] = []
     if results.verdicts:
         parts += [("The soak", ("", ""), results.figures()), ("Faults and recoveries", HEAD, results.faults())]
@@ -91,14 +92,14 @@ ENDURANCE_HEAD = ("process", "MB after the warm-up", "MB at the end", "growth", 
 def _endurance(endurance: Endurance) -> list[tuple[str, ...]]:
     return [
         (
-            course.who,
-            f"{course.looks[0].megabytes:.1f}",
-            f"{course.looks[-1].megabytes:.1f}",
-            f"{course.growth:+.1%}",
-            f"{course.looks[0].handles} to {course.looks[-1].handles}",
-            "yes" if course.is_flat else "no",
+            series.name,
+            f"{series.samples[0].megabytes:.1f}",
+            f"{series.samples[-1].megabytes:.1f}",
+            f"{series.growth:+.1%}",
+            f"{series.samples[0].handles} to {series.samples[-1].handles}",
+            "yes" if series.is_flat else "no",
         )
-        for course in endurance.courses
+        for series in endurance.series
     ]
 
 
@@ -106,19 +107,20 @@ def _endurance(endurance: Endurance) -> list[tuple[str, ...]]:
 
 
 def markdown(results: Results) -> str:
-    """The whole of docs/chaos.md."""
-    head = f"# A soak\n\n{_machine(results)} What it does, and what it promises: [reliability.md](reliability.md)."
+    """Return the text of docs/chaos.md."""
+    head = f"# Results of the soak test\n\n{_machine(results)} The test and its promises: [reliability.md](reliability.md)."
     parts = [head, _lines(("what", "figure"), results.figures()), "## Faults and recoveries", RECOVERY, _lines(HEAD, results.faults())]
     if results.endurance is not None:
-        parts += ["## Memory and file handles", _endurance_words(results.endurance), _lines(ENDURANCE_HEAD, _endurance(results.endurance))]
+        parts += ["## Memory and file handles", _endurance_text(results.endurance), _lines(ENDURANCE_HEAD, _endurance(results.endurance))]
     return "\n\n".join(parts) + "\n"
 
 
 RECOVERY = """\
-A recovery is the wall time from the beginning of the fault to the first tick that is stepped after it and lies beyond all that was
-heard before it, at somebody who listens on the bus: physics that goes on from a snapshot has then caught up. Of a freeze, a stall or a
-delay the time that it lasts is in it. What ended with its run before that is not counted as recovered; the run itself is judged.
-A few hundredths of a second mean that nobody was held up, or that who listens, on a busy machine, was that far behind."""
+A recovery is the wall time from the beginning of a fault to the first tick that was stepped after the fault and is later than all
+ticks received before it. A client of the bus measures it. Physics that resumes from a snapshot has caught up at that tick. The time
+includes the duration of a freeze, a stall or a delay. A fault does not count as recovered if its run ended earlier; the run itself is
+judged all the same. A few hundredths of a second mean that the fault held up no process, or that the measuring client itself was that
+late on a busy machine."""
 
 
 def _machine(results: Results) -> str:
@@ -134,11 +136,12 @@ def _processor() -> str:
     return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.processor() or "unknown")
 
 
-def _endurance_words(endurance: Endurance) -> str:
+def _endurance_text(endurance: Endurance) -> str:
     rates = " and ".join(f"{rate:,.0f} ticks/s in {mode}" for mode, rate in endurance.ticks_per_second.items())
     return (
-        f"Over {endurance.ticks:,} ticks at {rates}, looked at every {EVERY:,} ticks from tick {WARM_UP:,} on. Flat is a memory that grows "
-        f"by no more than {MOST_GROWTH:.0%}, as a straight line goes through it, and no more file handles in the later half than before."
+        f"{endurance.ticks:,} ticks at {rates}, sampled every {EVERY:,} ticks from tick {WARM_UP:,} on. A process is flat if its memory "
+        f"grows by no more than {MOST_GROWTH:.0%} along a fitted straight line and it has no more file handles in the later half of the "
+        f"run than in the earlier half."
     )
 
 

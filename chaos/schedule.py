@@ -1,4 +1,4 @@
-"""What happens to which harvest, and when: all of it follows from a seed and a number. Times are ticks, as heard from `clock`."""
+"""The schedule of the soak: trials and their faults, derived from a seed and a number. Times are ticks, as received on the key `clock`."""
 
 from collections.abc import Sequence
 from random import Random
@@ -6,16 +6,16 @@ from typing import NamedTuple
 
 from orchard.field.scenario import TIME_STEP
 
-PHYSICS, HOST, LOGGER, ROUTER, ALL = "physics", "agents", "logger", "router", "everybody"
+PHYSICS, HOST, LOGGER, ROUTER, ALL = "physics", "agents", "logger", "router", "all processes"
 LINK, LINKS = "a link", "all links"
 KILL, FREEZE, CUT, STALL, DELAY, BYTES = "kill", "freeze", "cut", "stall", "delay", "bad bytes"
-LASTS = {FREEZE: (0.2, 5.0), STALL: (0.2, 5.0), DELAY: (1.0, 4.0)}  # s of wall time
-ROUTER_AWAY = (0.2, 3.0)  # s, from a router's death until it is started again
-MOST_DEATHS = 4  # of one process in a run: run.py gives up on what dies five times in a row; it may end what is frozen, too
-FIRST, LAST = 0.05, 0.85  # of a run: before and after there are no faults, so that every recovery is seen
-WHOLE_HARVEST = 5000  # ticks; one of 3 rows takes 5,500 at least
-SECONDS = (60, 120, 180, 300)  # simulated, of a run that is no whole harvest
-SEEDS = 4  # of scenarios, so that few runs of local mode tell all the hashes
+LASTS = {FREEZE: (0.2, 5.0), STALL: (0.2, 5.0), DELAY: (1.0, 4.0)}  # s of wall time: the least and the most
+ROUTER_AWAY = (0.2, 3.0)  # s, from the death of the router until it is started again
+MOST_DEATHS = 4  # of one process in a run; run.py gives up after five deaths in a row, and it may also kill a frozen process
+FIRST, LAST = 0.05, 0.85  # shares of a run; no fault lies before or after, so that each recovery is seen
+WHOLE_HARVEST = 5000  # ticks; a harvest of 3 rows takes at least 5,500
+SECONDS = (60, 120, 180, 300)  # simulated s, of a run that is not a whole harvest
+SEEDS = 4  # scenario seeds; few, so that few local runs give all the hashes
 
 KILLS = ((KILL, PHYSICS), (KILL, HOST), (KILL, HOST), (KILL, LOGGER), (KILL, ALL))
 ANYWHERE = (*KILLS, (FREEZE, PHYSICS), (FREEZE, HOST), (FREEZE, LOGGER), (BYTES, ALL))
@@ -23,13 +23,13 @@ AT_A_ROUTER = ((KILL, ROUTER), (CUT, LINK), (CUT, LINKS), (STALL, LINK), (STALL,
 
 
 class Fault(NamedTuple):
-    """Something that is done to a run."""
+    """A fault that is injected into a run."""
 
     tick: int  # at which it begins
-    kind: str
+    kind: str  # KILL, FREEZE, CUT, STALL, DELAY or BYTES
     target: str
-    seconds: float  # of wall time that it lasts; 0.0: over at once
-    chance: int  # which of several hosts or links, and which bytes
+    seconds: float  # duration in wall time; 0.0: none
+    chance: int  # a random number: selects one of several hosts or links, or seeds the fuzzer
 
     @property
     def name(self) -> str:
@@ -37,61 +37,61 @@ class Fault(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """One harvest and all that happens to it."""
+    """One run of the soak and its faults."""
 
     seed: int  # of the soak
     number: int
     orchard: int  # the scenario's seed
     mode: str
     speed: str
-    seconds: int | None  # simulated; None: until all is harvested
-    hosts: str
+    seconds: int | None  # simulated s; None: until the harvest is finished
+    hosts: str  # as in run.py --hosts: a number, or "each" for a host for each agent
     is_recorded: bool
-    is_routed: bool  # all meet at a router of its own, and every link goes through a relay
+    is_routed: bool  # there is a router process of its own, and every link goes through a relay
     faults: tuple[Fault, ...]
 
     def __str__(self) -> str:
-        how_long = "whole harvest" if self.seconds is None else f"{self.seconds} s"
-        where = "router" if self.is_routed else "no router"
-        return f"run {self.number}: {self.mode}, {how_long} at {self.speed}, hosts {self.hosts}, {where}, {len(self.faults)} faults"
+        length = "whole harvest" if self.seconds is None else f"{self.seconds} s"
+        network = "router" if self.is_routed else "no router"
+        return f"run {self.number}: {self.mode}, {length} at {self.speed}, hosts {self.hosts}, {network}, {len(self.faults)} faults"
 
 
 def trial(seed: int, number: int) -> Trial:
-    """The same for the same seed and number. Every sixth run is a whole harvest, every fourth is in realtime."""
-    chance = Random(f"{seed}/{number}")
+    """Return the trial of a seed and a number; it depends on nothing else. Every sixth is a whole harvest, every fourth is in realtime."""
+    random = Random(f"{seed}/{number}")
     mode = "realtime" if number % 4 == 3 else "lockstep"
-    seconds = None if number % 6 == 5 else chance.choice(SECONDS)
-    speed = _speed(chance, mode, seconds)
-    hosts = chance.choice(("1", "2", "2", "3", "4", "each" if seconds in SECONDS[:2] else "2"))
-    is_recorded, is_routed = chance.random() < 0.5, chance.random() < 0.6
+    seconds = None if number % 6 == 5 else random.choice(SECONDS)
+    speed = _speed(random, mode, seconds)
+    hosts = random.choice(("1", "2", "2", "3", "4", "each" if seconds in SECONDS[:2] else "2"))
+    is_recorded, is_routed = random.random() < 0.5, random.random() < 0.6
     ticks = WHOLE_HARVEST if seconds is None else round(seconds / TIME_STEP)
-    orchard = chance.randint(1, SEEDS)
-    return Trial(seed, number, orchard, mode, speed, seconds, hosts, is_recorded, is_routed, _faults(chance, ticks, is_recorded, is_routed))
+    orchard = random.randint(1, SEEDS)
+    return Trial(seed, number, orchard, mode, speed, seconds, hosts, is_recorded, is_routed, _faults(random, ticks, is_recorded, is_routed))
 
 
-def _speed(chance: Random, mode: str, seconds: int | None) -> str:
-    """Simulated seconds to a second, so that no run takes long, and a fault meets it where it shall."""
+def _speed(random: Random, mode: str, seconds: int | None) -> str:
+    """Simulated seconds in a second of wall time: fast enough for a short run, slow enough for faults to begin at their ticks."""
     if mode == "realtime":
         return "20" if seconds is None or seconds > 120 else "10"
-    return "max" if seconds is None else chance.choice(("15", "30", "max"))
+    return "max" if seconds is None else random.choice(("15", "30", "max"))
 
 
-def _faults(chance: Random, ticks: int, is_recorded: bool, is_routed: bool) -> tuple[Fault, ...]:
-    """Some faults, in the order of their ticks; now and then two at once."""
+def _faults(random: Random, ticks: int, is_recorded: bool, is_routed: bool) -> tuple[Fault, ...]:
+    """At most 7 faults, in the order of their ticks; some begin at the same tick."""
     possible = [(kind, target) for kind, target in ANYWHERE + AT_A_ROUTER * is_routed if target != LOGGER or is_recorded]
     faults: list[Fault] = []
-    for _ in range(chance.randint(3, 7)):
-        kind, target = chance.choice(possible)
-        together = faults and chance.random() < 0.2
-        tick = faults[-1].tick if together else chance.randint(round(FIRST * ticks), round(LAST * ticks))
-        seconds = chance.uniform(*ROUTER_AWAY) if target == ROUTER else chance.uniform(*LASTS[kind]) if kind in LASTS else 0.0
-        faults.append(Fault(tick, kind, target, round(seconds, 2), chance.randrange(2**32)))
+    for _ in range(random.randint(3, 7)):
+        kind, target = random.choice(possible)
+        is_simultaneous = faults and random.random() < 0.2
+        tick = faults[-1].tick if is_simultaneous else random.randint(round(FIRST * ticks), round(LAST * ticks))
+        seconds = random.uniform(*ROUTER_AWAY) if target == ROUTER else random.uniform(*LASTS[kind]) if kind in LASTS else 0.0
+        faults.append(Fault(tick, kind, target, round(seconds, 2), random.randrange(2**32)))
         if most_deaths(faults) > MOST_DEATHS:
             faults.pop()
     return tuple(sorted(faults))
 
 
 def most_deaths(faults: Sequence[Fault]) -> int:
-    """How often one process may have to be started again."""
-    ends = [fault.target for fault in faults if fault.kind in (KILL, FREEZE)]
-    return ends.count(ALL) + max(ends.count(target) for target in (PHYSICS, HOST, LOGGER))
+    """The most restarts that these faults may cause for one process."""
+    targets = [fault.target for fault in faults if fault.kind in (KILL, FREEZE)]
+    return targets.count(ALL) + max(targets.count(target) for target in (PHYSICS, HOST, LOGGER))

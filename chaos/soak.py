@@ -1,55 +1,58 @@
-"""Run after run, until the time is over; each is judged, and the log of one that is not good is kept."""
+"""Runs trial after trial until the time is over. Each run is judged; the log of a run that is not good is kept."""
 
 import time
 from collections.abc import Callable, Iterable
 
+from chaos.baseline import Baseline, Result, scenario
+from chaos.fault_injection import inject_faults
 from chaos.harvest import ROOT, Harvest
-from chaos.ordeal import undergo
-from chaos.place import Place
+from chaos.network import Network
+from chaos.oracle import Verdict, judge
 from chaos.schedule import Trial, trial
-from chaos.undisturbed import Result, Undisturbed, scenario
-from chaos.verdict import Verdict, verdict
 from orchard.field.scenario import TIME_STEP
 
 Say = Callable[[str], None]
 
 
 def soak(seed: int, numbers: Iterable[int], seconds: float, show: Callable[[float, str], None], say: Say) -> list[Verdict]:
-    """These runs, but none begins after so many seconds. `show` is told how far it is; `say` a line for each run."""
-    undisturbed, begun, verdicts = Undisturbed(), time.monotonic(), []
+    """Run the trials with these numbers, but begin none after `seconds`. Return their verdicts.
+
+    `show` gets the elapsed seconds and the trial before each run; `say` gets a line after each run.
+    """
+    baseline, begun, verdicts = Baseline(), time.monotonic(), []
     for number in numbers:
-        if (gone := time.monotonic() - begun) >= seconds:
+        if (elapsed := time.monotonic() - begun) >= seconds:
             break
         this = trial(seed, number)
-        show(gone, str(this))
-        verdicts.append(_tried(this, _wanted(this, undisturbed), say))
+        show(elapsed, str(this))
+        verdicts.append(_run(this, _expected(this, baseline), say))
     return verdicts
 
 
-def _wanted(this: Trial, undisturbed: Undisturbed) -> Result | None:
-    """What the run must come to; None in realtime."""
+def _expected(this: Trial, baseline: Baseline) -> Result | None:
+    """The result that the run must reach; None in realtime."""
     if this.mode == "realtime":
         return None
-    return undisturbed.result(this.orchard, None if this.seconds is None else round(this.seconds / TIME_STEP))
+    return baseline.result(this.orchard, None if this.seconds is None else round(this.seconds / TIME_STEP))
 
 
-def _tried(this: Trial, wanted: Result | None, say: Say) -> Verdict:
-    with Place(this.is_routed) as place:
-        harvest = Harvest([*_words(this), *place.words], f"seed-{this.seed}-run-{this.number}")
+def _run(this: Trial, expected: Result | None, say: Say) -> Verdict:
+    with Network(this.is_routed) as network:
+        harvest = Harvest([*_arguments(this), *network.arguments], f"seed-{this.seed}-run-{this.number}")
         with harvest:
-            course = undergo(this, harvest, place)
-    found = verdict(this, course, harvest.summary(), wanted)
-    say(f"{this}: {'; '.join(found.complaints) or 'good'}")
-    if found.complaints:
-        say(f"  again: python -m chaos --seed {this.seed} --only {this.number}; its log: {harvest.log.relative_to(ROOT)}")
+            execution = inject_faults(this, harvest, network)
+    verdict = judge(this, execution, harvest.summary(), expected)
+    say(f"{this}: {'; '.join(verdict.complaints) or 'good'}")
+    if verdict.complaints:
+        say(f"  to repeat it: python -m chaos --seed {this.seed} --only {this.number}; log: {harvest.log.relative_to(ROOT)}")
     else:
         harvest.tidy()
-    return found
+    return verdict
 
 
-def _words(this: Trial) -> list[str]:
-    """What run.py is told."""
+def _arguments(this: Trial) -> list[str]:
+    """The trial's options of run.py."""
     rows = scenario(this.orchard).rows
-    words = ["--rows", str(rows), "--seed", str(this.orchard), "--mode", this.mode, "--speed", this.speed, "--hosts", this.hosts]
-    words += [] if this.seconds is None else ["--duration", str(this.seconds)]
-    return words + ([] if this.is_recorded else ["--record", "none"])
+    arguments = ["--rows", str(rows), "--seed", str(this.orchard), "--mode", this.mode, "--speed", this.speed, "--hosts", this.hosts]
+    arguments += [] if this.seconds is None else ["--duration", str(this.seconds)]
+    return arguments + ([] if this.is_recorded else ["--record", "none"])

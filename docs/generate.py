@@ -1,8 +1,8 @@
-"""Writes every file that is generated from the code: keyspace.md, the scenario's JSON schema, and the drawings in docs/."""
+"""Writes every file that is generated from the code: keyspace.md, the scenario's JSON schema, docs/reference.md, and drawings."""
 
 from pathlib import Path
 
-from docs.keyspace import document
+from docs import keyspace, reference
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, schema_text
 from orchard.report.plan import exchange_plan, orchard_plan
@@ -14,8 +14,9 @@ def generated() -> dict[str, str]:
     """Each file's path in the repository, and its text."""
     layout = lay_out(Scenario())
     return {
-        "keyspace.md": document(),
+        "keyspace.md": keyspace.document(),
         "config/scenario.schema.json": schema_text(),
+        "docs/reference.md": reference.document(),
         "docs/plan.svg": orchard_plan(layout),
         "docs/exchange-east.svg": exchange_plan(layout),
     }

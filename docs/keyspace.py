@@ -1,4 +1,4 @@
-"""keyspace.md: the table of keys and the messages' own words about themselves, with an example of each in bytes."""
+"""The text of keyspace.md: the table of keys, and for each message its docstring, its fields and an example in bytes."""
 
 from collections.abc import Iterator
 from typing import Any, get_args
@@ -7,17 +7,15 @@ import msgspec
 import numpy as np
 from msgspec import inspect
 
-from orchard.contract.agent import Observation
+from orchard.contract.agent import Observation, Observations
 from orchard.contract.events import Event
 from orchard.contract.messages import MAX_PAYLOAD, Answer, Call, Deed, Offer, Request, Written, pack
-from orchard.contract.observations import Observations
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS
 from orchard.net.lockstep import AGAIN_SECONDS
 from orchard.net.mailbox import DOUBT_SECONDS, STALE_TICKS
-from orchard.net.realtime import SLACK
+from orchard.net.realtime import SLACK, WATCHDOG, WATCHDOG_TICKS
 from orchard.net.roster import MOST_TOKENS
-from orchard.net.unheld import WATCHDOG, WATCHDOG_TICKS
 from orchard.wire.codec import odometry_of, scan_of, seen_of
 from orchard.wire.keys import QUERY, TABLE, Key, Keys
 from orchard.wire.messages import (
@@ -116,7 +114,7 @@ EXAMPLES: dict[type, SubMessage] = {
     )
 }
 
-# -- what a message says about its fields
+# -- the fields of a message
 
 
 def _map(type_: type) -> inspect.StructType:
@@ -126,7 +124,7 @@ def _map(type_: type) -> inspect.StructType:
 
 
 def _rows(struct: inspect.StructType, path: str = "") -> Iterator[tuple[str, str, str]]:
-    """(path, type, meaning) of a map's fields, those of the maps in it included."""
+    """Yield (path, type, meaning) of the fields of a map, with those of the maps in it."""
     if struct.tag_field:
         yield struct.tag_field, f"'{struct.tag}'", "which message this is"
     for field in struct.fields:
@@ -140,7 +138,7 @@ def _rows(struct: inspect.StructType, path: str = "") -> Iterator[tuple[str, str
 
 
 def _bare(type_: inspect.Type) -> tuple[inspect.Type, str]:
-    """A type and what is said about it."""
+    """A type without its metadata, and its description."""
     if not isinstance(type_, inspect.Metadata):
         return type_, ""
     return type_.type, (type_.extra_json_schema or {}).get("description", "")
@@ -163,7 +161,7 @@ _NAMES: dict[type, str] = {
 
 
 def _type_name(type_: inspect.Type) -> str:
-    """How a type is called in msgpack, with its bounds."""
+    """The name of a type in msgpack, with its bounds."""
     if isinstance(type_, inspect.Metadata):
         return _type_name(type_.type)
     if isinstance(type_, inspect.UnionType):
@@ -194,7 +192,7 @@ def _bounds(type_: Any) -> str:
     low, high, most = getattr(type_, "ge", None), getattr(type_, "le", None), getattr(type_, "max_length", None)
     if low is not None and high is not None:
         return f", {low:g} to {high:g}" if low != high else f", {low:g}"
-    unit = "bytes" if isinstance(type_, inspect.BytesType) else "letters"
+    unit = "bytes" if isinstance(type_, inspect.BytesType) else "characters"
     return f", at most {most} {unit}" if most is not None else ""
 
 
@@ -206,90 +204,92 @@ HEAD = """# The keys
 
 Generated from orchard/wire/keys.py by `make docs`; do not edit.
 
-A process opens a Zenoh session (Zenoh 1.x, mode `client`, the endpoint on which physics or a router listens, multicast scouting off)
-and puts, hears, asks and answers on the keys below. `{{prefix}}` is `orchard` unless the run was started with another.
+A process opens a Zenoh session: Zenoh 1.x, mode `client`, the endpoint on which physics or a router listens, multicast scouting off.
+It publishes, subscribes, queries and replies on the keys below. `{{prefix}}` is `orchard` unless the run was started with another prefix.
 
-- **Payloads** are msgpack: a map with text keys. `float` is float 64 (whole numbers are read as well), `bin` is msgpack's bin, not text.
-  Fields called optional may be left out. Unknown fields are refused.
-- **Every message carries `run`**, the run's id, **and `tick`**, the number of the time step: 0.1 s of simulated time each, from 0 (join, command and stop: the run only).
-- **Frames** (REP-103, REP-105): `map` is x east, y north, z up, metres; yaw is 0 to the east, counter-clockwise positive. `base_link` is the body's:
-  x forward, y to the left. Names and meanings of fields are ROS's.
-- **Delivery**: "never lost" is put with congestion control BLOCK, "newest wins" with DROP; a query is a get with target ALL, consolidation NONE.
+- **Payloads** are msgpack: a map with text keys. `float` is float 64 (integers are accepted too). `bin` is msgpack's bin, not text.
+  Optional fields may be left out. Unknown fields are refused.
+- **Every message carries `run`**, the run's id, **and `tick`**, the number of the time step, from 0. A step is 0.1 s of simulated time.
+  The messages Join, Command, Stop and RefusedThere carry only `run`.
+- **Frames** (REP-103, REP-105): in `map`, x points east, y north and z up, in metres. A yaw of 0 faces east; yaw grows counter-clockwise.
+  In the frame of a body, `base_link`, x points forward and y to the left. Names and meanings of fields are those of ROS.
+- **Delivery**: "never lost" is published with congestion control BLOCK, "newest wins" with DROP. A query is a get with target ALL and consolidation NONE.
 
 | key | message | sender | rate | delivery |
 | --- | --- | --- | --- | --- |
 {table}
 
-In a secured run ([docs/security.md](docs/security.md)) a session may do what its role is for, and nothing else.
+In a secured run ([docs/security.md](docs/security.md)) a session has only the rights of its role.
 
 ## How to drive a robot
 
-Query `{{prefix}}/scenario` (no payload): the answer tells the run's id, and every name. It comes as soon as physics runs; ask again while nothing comes.
+Query `{{prefix}}/scenario` without a payload. The reply holds the run's id and the names of all agents. It comes as soon as physics runs; repeat the query until it comes.
 
-**A robot that no agent holds** (started so that its agent is absent, or its agent was lost) is driven by whoever puts a velocity on its key: subscribe to
-`{{prefix}}/picker_01/pose`, and put a velocity with the `run` and the `tick` of the newest pose on `{{prefix}}/picker_01/velocity`. The newest one counts. It drives the robot until
-a newer one comes, but at most for {watchdog} s and {ticks} ticks, whichever is later; then the robot stands. `linear.x` and `angular.z` beyond what the kind can do are cut to that.
-Before tick 0 there are no poses: physics waits until every agent that was left to others is held or driven. A velocity for tick 0 is enough to begin.
+**A robot whose agent no session holds** (the agent was absent from the start, or was lost) is driven by any client that publishes velocities on its key. Subscribe to
+`{{prefix}}/picker_01/pose`, and publish a velocity with the `run` and the `tick` of the newest pose on `{{prefix}}/picker_01/velocity`. The newest velocity counts. It drives the robot until
+a newer one comes, but at most for {watchdog} s and {ticks} ticks, whichever is later; then the robot stands. `linear.x` and `angular.z` are limited to what the kind of robot can do.
+Before tick 0 there are no poses: physics waits until each agent that is left to other sessions is held or driven. A velocity for tick 0 is enough to begin.
 
-**An agent in lockstep** is waited for: physics goes on to tick k + 1 only when each agent that is held has answered tick k. To hold one:
+**To hold an agent in lockstep.** Physics waits for each held agent: it continues with tick k + 1 only when all held agents have answered tick k.
 
-1. Choose a session id, letters and digits that nobody else uses.
-2. Subscribe to the robot's `pose` and `scan` and to `clock` (or, which is cheaper for many, to `seen` of your session), to `lost` and `end`. Declare a queryable on its
-   `mail` if it shall hear requests.
-3. Declare the liveliness token `{{prefix}}/alive/picker_01/<session id>`. Keep it: when it goes, the robot is given to others.
-4. Query `{{prefix}}/hosts/<session id>/join` with `run`, `holder` (the session id again) and `names`. The answer tells the present tick, or under `refused` why you cannot hold them:
-   a name that is taken is never given twice.
-5. For each tick there comes one `pose` and one `scan` of the robot, and then `clock`. Put exactly one velocity with that very `tick` and with `holder`. Until it comes, the whole run waits.
-   Each subscriber of a program may hear in its own thread (in Python each callback does), and so `clock` before the `pose` of its tick: wait until the ticks agree.
-   While it is missing, pose, scan and clock come again every {again} s: put the same velocity again, if you have put it before.
-   In realtime (`mode` in the answer to the scenario query) nothing waits, and late answers count as well: see below.
-   Who holds many puts one message for all on `velocities` of its session.
-6. If `lost` names your session, physics has waited for longer than its patience (15 s unless set): the robot stands. Join again.
-7. At `end` undeclare the token and close the session.
+1. Choose a session id of letters and digits that no other session uses.
+2. Subscribe to the robot's `pose` and `scan` and to `clock`, or to the `seen` of your session, which is cheaper for many robots. Subscribe to `lost` and `end`.
+   Declare a queryable on the robot's `mail` if its agent shall receive requests.
+3. Declare the liveliness token `{{prefix}}/alive/picker_01/<session id>`. Keep it: without it, another session may take the agent.
+4. Query `{{prefix}}/hosts/<session id>/join` with `run`, `holder` (again the session id) and `names`. The reply holds the present tick or, under `refused`, why you cannot hold the agents.
+   An agent is never held by two sessions.
+5. For each tick physics sends one `pose` and one `scan` of the robot, and then `clock`. Publish exactly one velocity with this `tick` and with `holder`. The whole run waits for it.
+   If each subscriber of your program has its own thread (in Python each callback has), `clock` may arrive before the `pose` of its tick: wait until the ticks agree.
+   While the velocity is missing, physics sends pose, scan and clock again every {again} s: publish the same velocity again if you have already published it.
+   In realtime (`mode` in the reply to the scenario query) physics does not wait, and late answers count too: see below.
+   A session that holds many agents publishes one message for all of them on its `velocities`.
+6. If `lost` names your session, physics has waited for longer than its patience (15 s by default), and the robot stands. Join again.
+7. At `end`, undeclare the token and close the session.
 
-**In realtime** physics keeps to the wall clock. A tick's answers have until the next tick is due ({slack} s longer where the machine hiccups, which later ticks make good);
-then physics goes on without those that are missing. Of each held robot the newest velocity counts: its `tick` may be the present one or an earlier one, newer than that of the last
-one that counted, and no older than {watchdog} s and {ticks} ticks, whichever is later. It drives the robot until a newer one comes, and as long as it is no older than that; then the robot stands.
-With `once` it drives for one step only, and only if the robot has not moved since the pose of its `tick`: that is for agents that end exactly where they want, and the orchard's
-own use it. Deeds are done once. Ticks may be left out: answer the newest whose `clock` has come. Mail is heard at whatever tick comes next, up to {stale} ticks apart, and a velocity waits
-for no mail. A robot whose token is gone stands at once.
+**In realtime** physics keeps to the wall clock. The answers to a tick have until the next tick is due ({slack} s longer if the machine is delayed for a moment; later ticks make up for it).
+Then physics continues without the missing answers. Of each held robot the newest velocity counts. Its `tick` must be the present one or an earlier one, newer than that of the last
+velocity that counted, and no older than {watchdog} s and {ticks} ticks, whichever is later. It drives the robot until a newer one comes or it is older than that; then the robot stands.
+A velocity with `once` drives for one step only, and only if the robot has not moved since the pose of its `tick`. This is for agents that must end at an exact place; the orchard's own agents
+use it. Each deed is done once. Ticks may be left out: answer the newest tick whose `clock` has come. Mail is heard at the next tick of the recipient; the ticks of sender and recipient
+may be up to {stale} apart. A velocity does not wait for mail. If the token of a robot's holder is gone, the robot stands at once.
 
-**The scan** is raw bytes: `ranges` holds 4 bytes a beam, little-endian float32, metres; +inf where nothing returns within `range_max`. Beam i points to
-`angle_min + i * angle_increment`, radians, counter-clockwise, 0 straight ahead. In Python: `numpy.frombuffer(scan["ranges"], "<f4")`.
+**The scan** is raw bytes: `ranges` holds 4 bytes per beam, little-endian float32, metres; +inf for a beam without a return within `range_max`. Beam i points to
+`angle_min + i * angle_increment`, radians, counter-clockwise; 0 is straight ahead. In Python: `numpy.frombuffer(scan["ranges"], "<f4")`.
 
-**Requests**: a get on `{{prefix}}/<name>/mail`, stamped with the tick in which it is asked, numbered from 0 in each tick. The first reply, `received`, comes at once.
-It is heard at the next tick, and answered in that tick or never: the answer is the second reply, stamped asked + 1, with nil where there is none. The asker acts on it at asked + 2.
-Who answers must reply `received` at once, hold the query, and reply once more in the tick in which it is heard.
-In lockstep nothing depends on a query's luck: a copy of each letter goes to physics with the velocity (`report.letters`), and physics tells with the next tick who was asked
-(`asked` in `seen`): wait for those requests before that tick is answered. Who has just joined, who got no second reply, and to whom a request that it was told of has not come for
-{doubt:g} s asks physics on `{{prefix}}/recall` for the mail of the tick and hears that instead. Who sends no copies must not send the velocity of a tick before each of
-its gets has got its `received`, or has ended.
+**Requests.** A request is a get on `{{prefix}}/<name>/mail`, stamped with the tick in which it is sent, and numbered from 0 for each sender and tick. The first reply, `received`, comes at once.
+The request is heard at the next tick, and answered in that tick or never. The answer is the second reply, stamped with the tick of the request + 1; its body is nil if there is no answer.
+The agent that asks acts on it at the tick of the request + 2.
+The recipient's host must reply `received` at once, hold the query, and reply once more in the tick in which the request is heard.
+In lockstep a lost query changes nothing. A copy of each letter goes to physics with the velocity (`report.letters`), and with the next tick physics lists the requests to your agents
+(`asked` in `seen`): wait for these requests before you answer that tick. A host asks physics on `{{prefix}}/recall` for the mail of the tick, and uses that mail instead, in three cases:
+it has just joined; a second reply is missing; or a listed request has not come for {doubt:g} s. A client that sends no copies must not send the velocity of a tick before each of its gets
+has received its `received` or has ended.
 
 ## What is refused
 
-Refused means: not applied, counted (`messages_refused` in `figures` and in the summary, by reason, of physics, hosts
-and logger together) and logged once for each key and reason. Queries get an error reply with the reason.
+A refused message is not applied. It is counted by reason (`messages_refused` in `figures` and in the summary holds the sum over physics, hosts and logger), and logged once for each
+key and reason. A refused query gets an error reply with the reason.
 
-| reason | what |
+| reason | refused messages |
 | --- | --- |
-| malformed | no msgpack, an unknown or missing field, a wrong type, NaN or infinity, a value out of the bounds below, more than {most} bytes |
-| other run | `run` is not this run's id |
-| past tick, future tick | of a held agent in lockstep: not the present tick; of others, and in realtime: older than {watchdog} s and {ticks} ticks, older than the last one that counted, or ahead of physics |
-| not the holder | someone else holds this agent; or `holder` is not the session in the key of `velocities` or `join` |
-| not held | `holder` is set, but nobody holds the agent: join first |
+| malformed | not msgpack, an unknown or missing field, a wrong type, NaN or infinity, a value out of the bounds below, more than {most} bytes |
+| other run | a message whose `run` is not this run's id |
+| past tick, future tick | for a held agent in lockstep: any tick but the present one; else, and in realtime: a tick older than {watchdog} s and {ticks} ticks, older than the last one that counted, or ahead of physics |
+| not the holder | a message for an agent that another session holds; a `holder` that is not the session in the key of `velocities` or `join` |
+| not held | a velocity with `holder` for an agent that no session holds: join first |
 | answered already | a second velocity of a held agent for one tick |
-| no such robot | nothing of that name has a body; of a stop: the name is no robot's or kind's |
-| no such agent | of a letter's sender, or in a liveliness token: the name is no agent's of this run |
-| no such key | a key expression with wildcards in it, which means no single key |
-| not all | of `seen`: bodies of the session are missing in it |
-| too many | more than anybody needs: {tokens} liveliness tokens, sessions that refused something, notes for the logger |
-| out of bounds | `linear.y` other than 0 of what cannot move sideways, held or not; only a bin can |
+| no such robot | a name without a body; in a stop: a name that is not that of a robot or a kind of robot |
+| no such agent | in the sender of a letter or in a liveliness token: a name that is not that of an agent of this run |
+| no such key | a key expression with wildcards, which does not name a single key |
+| not all | a `seen` without some bodies of the session |
+| too many | more than any run needs: {tokens} liveliness tokens, sessions that refused messages, events that wait at the logger |
+| out of bounds | `linear.y` other than 0 for a body that cannot move sideways, held or not; only a bin can |
 
 ## The robots
 
-A name is a kind and a number: `picker_01`. `traffic` is an agent without a body: it has mail only.
+A name is a kind and a number: `picker_01`. An agent without a body, such as `traffic`, has only mail.
 
-| kind | most m/s, forward and back | most rad/s | beams of its laser |
+| kind | maximum m/s, forward and back | maximum rad/s | beams of its laser |
 | --- | --- | --- | --- |
 {kinds}
 
@@ -298,7 +298,7 @@ A name is a kind and a number: `picker_01`. `traffic` is an agent without a body
 
 
 def document() -> str:
-    """keyspace.md."""
+    """Return the text of keyspace.md."""
     table = "\n".join(map(_table_row, TABLE.values()))
     kinds = "\n".join(f"| {name} | {kind.speed:g} | {kind.turn:.6g} | {kind.laser.beams} |" for name, kind in KINDS.items())
     times = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "slack": SLACK, "stale": STALE_TICKS}
@@ -314,10 +314,10 @@ def _table_row(key: Key) -> str:
 
 def _section(what: str, key: Key) -> str:
     example = Keys().of(what, "bin_01" if "{bin}" in key.template else "picker_01", SESSION)
-    parts = [f"### {what}\n\n`{key.template}`, for instance `{example}`. {key.meaning}\n"]
+    parts = [f"### {what}\n\n`{key.template}`, for example `{example}`. {key.meaning}\n"]
     if key.message:
-        parts.append(_message("Asked with" if key.delivery == QUERY else "", key.message))
-    parts += [_message("Replied with", reply) for reply in key.replies if reply is not key.message]
+        parts.append(_message("Query" if key.delivery == QUERY else "", key.message))
+    parts += [_message("Reply", reply) for reply in key.replies if reply is not key.message]
     return "\n".join(parts)
 
 
@@ -333,7 +333,7 @@ def _example(message: SubMessage) -> str:
     data = pack(message).hex()
     lines = "\n".join(data[i : i + 128] for i in range(0, len(data), 128))
     shown = msgspec.json.encode(_readable(msgspec.to_builtins(message, builtin_types=(bytes,)))).decode()
-    return f"For instance `{shown}`:\n\n```hex\n{lines}\n```"
+    return f"For example `{shown}`:\n\n```hex\n{lines}\n```"
 
 
 def _readable(value: Any) -> Any:

@@ -20,7 +20,7 @@ from orchard.field.scenario import Scenario
 from orchard.launch.local_run import run
 from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import free_port
-from orchard.view.program import viewer_program
+from orchard.view.files import viewer_program
 from orchard.view.recorder import Recorder
 
 HERE = Path(__file__).parent

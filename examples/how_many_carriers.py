@@ -1,7 +1,7 @@
-"""Scenario: ten pickers, ten rows. How many carriers are worth it, at the manual's picking speed and at a person's?
+"""How many carriers are useful for ten pickers in ten rows, at the manual's picking speed and at a person's?
 
-Harvests the same orchard with more and more carriers, in local mode, and puts what came of it beside the bound that no harvest can
-beat. Beyond the number of carriers that the closed forms call enough, one more gains nothing.
+Harvests the same orchard with more and more carriers, in local mode, and compares each result with the theoretical bound. Beyond the
+number of carriers that the closed forms call enough, a further carrier gains nothing.
 
     python examples/how_many_carriers.py [--rows 10] [--pickers 10] [--speeds 1.0 0.03]
 """
@@ -20,11 +20,15 @@ from orchard.report.bounds import bounds_of
 from orchard.report.metrics import HarvestFigures, harvest_figures
 
 CARRIERS = (1, 2, 3, 4, 6, 8, 10, 14, 20)
-NOBODY = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0}  # for equal conditions
+NO_OBSTACLES = {
+    "people": People(workers=0, visitors=0),
+    "animals": Animals(dogs=0, cats=0),
+    "weeds": 0,
+}  # for equal conditions
 
 
 def harvest(scenario: Scenario) -> dict:
-    """The figures of one whole harvest, and the bounds beside them."""
+    """Return the figures of one whole harvest, its bounds, and the number of carriers that is enough ("enough")."""
     local, figures = Local(scenario), HarvestFigures()
     while not local.engine.over:
         events = local.tick()
@@ -39,7 +43,7 @@ def main() -> None:
     parser.add_argument("--speeds", type=float, nargs="+", default=[1.0, 0.03], help="picking speeds, m/s")
     arguments = parser.parse_args()
     scenarios = [
-        Scenario(rows=arguments.rows, pickers=arguments.pickers, carriers=carriers, picking_speed=speed, **NOBODY)
+        Scenario(rows=arguments.rows, pickers=arguments.pickers, carriers=carriers, picking_speed=speed, **NO_OBSTACLES)
         for speed in arguments.speeds
         for carriers in CARRIERS
     ]
@@ -49,7 +53,7 @@ def main() -> None:
 
 
 def table_of(scenarios: list[Scenario], results: list[dict]) -> Table:
-    """One line a harvest."""
+    """Return a table with one line for each harvest."""
     table = Table("picking, m/s", "carriers", "harvest, s", "at least, s", "bins/h", "bound", "bottleneck", "enough", "wait, s", "busy")
     for scenario, result in zip(scenarios, results, strict=True):
         table.add_row(

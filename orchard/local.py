@@ -1,10 +1,23 @@
-"""The whole program in one loop: look, think, write, act. Everything else is detail of one of these four."""
+"""The whole program in one loop, without a network: observe, tick the agents, collect their mail, advance the world.
 
+Start reading here, and then follow the data:
+
+    orchard.field.scenario   what a user sets, read from YAML and checked
+    orchard.field.layout     scenario -> fences, trees, lanes, and the start of each body
+    orchard.sim.engine       one step of the simulation: world (the state), physics (what moves and happens), scan (observations)
+    orchard.contract         what an agent receives and returns: observation, mail, action
+    orchard.agents           what each kind of robot, person and animal does
+
+`orchard.server.loop` is the same loop with the network in the middle.
+"""
+
+from contextlib import suppress
 from typing import Any
 
 from orchard.agents.catalogue import make_agents
 from orchard.contract.agent import Action, Agent, Mail, without_body
 from orchard.contract.events import Event
+from orchard.contract.guard import Guarded
 from orchard.contract.mail import LocalMail, digest_of
 from orchard.contract.messages import pack, unpack
 from orchard.field.scenario import Scenario
@@ -14,9 +27,10 @@ from orchard.sim.snapshot import Snapshot
 
 
 class Local:
-    """An orchard with all its agents in one process, without a network: `tick()` until `engine.over`."""
+    """An orchard and all its agents in one process. Call `tick()` until `engine.over`."""
 
     def __init__(self, scenario: Scenario, agents: dict[str, Agent] | None = None) -> None:
+        """`agents`: name -> agent; None: those of the scenario."""
         self.engine = Engine.begin(scenario)
         self.agents = agents if agents is not None else make_agents(self.engine.layout)
         self.memories: dict[str, Any] = {}
@@ -25,7 +39,7 @@ class Local:
 
     @classmethod
     def resume(cls, snapshot: Snapshot) -> "Local":
-        """The run of a snapshot, from its tick on; as often as one likes, to try what would have been. Raises SnapshotError."""
+        """Return the run of a snapshot, from its tick on. To compare variants, resume it several times. Raises SnapshotError."""
         engine = Engine.resume(snapshot)
         local = cls(engine.layout.scenario)
         local.engine, local.post = engine, LocalMail(dict(snapshot.letters))
@@ -35,14 +49,27 @@ class Local:
         return local
 
     def snapshot(self) -> Snapshot:
-        """The run between two ticks, as data."""
+        """Return the state of the run between two ticks, as data."""
         engine = self.engine
         memories = {name: None if memory is None else pack(memory) for name, memory in self.memories.items()}
         scenario, letters = engine.layout.scenario.model_dump(), list(self.post.written.items())
         return Snapshot("", scenario, engine.as_data(), engine.digest, memories, letters, engine.figures_as_data(), sorted(self.agents))
 
+    def play(self, name: str, agent: Agent) -> None:
+        """Let `agent` drive `name` from the next tick on; it is guarded as in a run of many processes.
+
+        It receives the memory of the agent before it, or None if that does not fit its `Memory`. Raises ValueError for an unknown name.
+        """
+        if name not in self.engine.layout.agents:
+            raise ValueError(f"{name}: no such agent; there are {', '.join(self.engine.layout.agents)}")
+        self.agents[name] = Guarded(name, agent)
+        self.agents = dict(sorted(self.agents.items()))
+        memory = self.memories.pop(name, None)
+        with suppress(ValueError):
+            self.memories[name] = unpack(pack(memory), self.agents[name].Memory)
+
     def tick(self) -> list[Event]:
-        """One tenth of a second; what happened in it."""
+        """Advance the run by one tick, 0.1 s, and return the events of the step."""
         tick, seen, mail = self.engine.tick, self.engine.observe().observations(), self.post.deliver(self.engine.tick)
         for name, agent in self.agents.items():
             observation = seen.get(name) or without_body(name, tick)

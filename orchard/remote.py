@@ -1,4 +1,4 @@
-"""Drive robots of a run that goes on elsewhere with an agent of your own.
+"""Drive a robot of a run in other processes with your own agent.
 
 with connect("tcp/127.0.0.1:7447") as orchard:
     orchard.play("picker_01", MyAgent())
@@ -20,7 +20,7 @@ from orchard.wire.messages import RunInfo
 
 
 class Remote:
-    """A run, as one sees it who comes along. `layout` tells where everything stands, `names` whom an agent can drive."""
+    """A connection to a run. `layout`: where everything is at the start. `names`: the agents that can be driven."""
 
     def __init__(self, bus: Bus, keys: Keys, known: RunInfo) -> None:
         self._bus, self._keys = bus, keys
@@ -28,7 +28,7 @@ class Remote:
         self.layout = lay_out(check(known.scenario, "the scenario that physics sent"))
 
     def play(self, name: str, agent: Agent) -> str:
-        """Drive a robot until the run ends; why it did. Raises BusError where the robot is somebody else's, or physics is gone."""
+        """Drive a robot until the run ends. Return why it ended. Raises BusError if another session holds the robot, or physics is gone."""
         if name not in self.names:
             raise BusError(f"{name}: no such agent; there are {', '.join(self.names)}")
         host = Host(self._bus, self._keys, self.run, self.mode, self.layout, {name: agent})
@@ -48,9 +48,9 @@ def _end_of(host: Host) -> HostEnded:
 
 @contextmanager
 def connect(endpoint: str, prefix: str = PREFIX, secure: str | None = None) -> Iterator[Remote]:
-    """The run that goes on at an endpoint; a secured one takes in who names its role's directory.
+    """Connect to the run at an endpoint, and close the connection at the end. A secured run requires `secure`, the role's directory.
 
-    Raises BusError where nobody listens, or no run is; ValueError where the directory is of no use.
+    Raises BusError if no router answers or no run is there, ValueError if the directory is not valid.
     """
     keys = Keys(prefix)
     with client(endpoint, Inbox(), identity=identity_in(secure, prefix)) as bus:

@@ -1,86 +1,72 @@
-"""The process that owns the world and the clock: its command line.
+"""The physics process: it owns the world and the clock of a run.
 
     python -m processes.physics config/orchard.yaml --listen tcp/127.0.0.1:7447
 
-It is the router for the others, unless it is told where another one is. What it does then is in ticks.py.
+It is the router for the other processes, unless `--connect` names another one. `run.py` passes all options in one file, with `--request`.
 """
 
 import argparse
-import logging
-import math
-import signal
+import json
 import sys
 from contextlib import AbstractContextManager
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import msgspec
 
 from orchard.field.kinds import select_agents
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import TIME_STEP, Scenario, load
-from orchard.launch.options_time import seconds, simulated_seconds
-from orchard.net.bus import Bus, Inbox, Signal, client, router
+from orchard.field.scenario import check, load
+from orchard.net.bus import Bus, Inbox, client, router
 from orchard.net.endpoints import LOOPBACK, SECURE_LOOPBACK, BusError
-from orchard.net.lockstep import PATIENCE
-from orchard.net.process import settle
+from orchard.net.process import run_process, settle
 from orchard.security.identity import Identity, identity_in
-from orchard.server.harvest import RunOptions
+from orchard.server.harvest import RunOptions, write_end
 from orchard.server.loop import Physics
-from orchard.server.result import leave
-from orchard.server.snapshots import SNAPSHOT_SECONDS, last, sole
+from orchard.server.snapshots import last, sole
 from orchard.sim.snapshot import Snapshot, SnapshotError
-from orchard.wire.keys import PREFIX, Keys
+from orchard.wire.keys import Keys
 
 if TYPE_CHECKING:
     from orchard.sim.engine import Engine
 
-log = logging.getLogger("orchard")
-
 
 def main(argv: list[str] | None = None) -> int:
+    """Run an orchard. Return the exit code: 0; 1 if it jammed, broke an invariant or had a broken agent; 2 for bad input."""
     arguments = _arguments(argv)
-    logging.basicConfig(level=logging.WARNING, format="physics: %(message)s")
-    inbox = Inbox()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
-    try:
-        keys = Keys(arguments.prefix)
-        with sole(arguments.snapshots):
-            before = last(arguments.snapshots) if arguments.resume else None
-            with _meeting(arguments, inbox, identity_in(arguments.secure, arguments.prefix)) as bus:
-                return _run(bus, keys, before, arguments)
-    except (BusError, ScenarioError, SnapshotError, ValueError) as error:
-        log.error("%s", error)
-        return 2
+    return run_process("physics", lambda inbox: _run(inbox, _options(arguments)), BusError, ScenarioError, SnapshotError, ValueError)
 
 
-def _meeting(arguments: argparse.Namespace, inbox: Inbox, identity: Identity | None) -> AbstractContextManager[Bus]:
-    """The session: with a router elsewhere, or as the router."""
-    if arguments.connect:
-        return client(arguments.connect, inbox, identity=identity)
-    return router(arguments.listen or (LOOPBACK if identity is None else SECURE_LOOPBACK), inbox, identity)
+def _run(inbox: Inbox, options: RunOptions) -> int:
+    keys, snapshots = Keys(options.prefix), options.snapshot_folder
+    with sole(snapshots):
+        before = last(snapshots) if options.resume and snapshots else None
+        with _session(options, inbox, identity_in(options.secure, options.prefix)) as bus:
+            return _simulate(bus, keys, before, options)
 
 
-def _run(bus: Bus, keys: Keys, before: Snapshot | None, arguments: argparse.Namespace) -> int:
-    # Late, because numba takes seconds to load on a busy machine, and meanwhile the others can find the router.
-    from orchard.sim.engine import Engine
+def _session(options: RunOptions, inbox: Inbox, identity: Identity | None) -> AbstractContextManager[Bus]:
+    """Open the session: a client of another router, or the router itself."""
+    if options.connect:
+        return client(options.connect, inbox, identity=identity)
+    return router(options.listen or (LOOPBACK if identity is None else SECURE_LOOPBACK), inbox, identity)
 
-    scenario = load(arguments.scenario) if arguments.scenario else Scenario()
-    engine = Engine.begin(scenario) if before is None else Engine.resume(before)
-    absent = select_agents(engine.agents, arguments.absent, []) if arguments.absent else []
-    ticks = math.inf if arguments.duration is None else round(arguments.duration / TIME_STEP)
-    pace, kept = _pace(arguments), (arguments.snapshots, arguments.snapshot_every)
-    options = RunOptions(arguments.mode, pace, ticks, arguments.patience, tuple(absent), arguments.run, arguments.recorded, *kept)
-    physics = Physics(bus, keys, engine, options, before)
+
+def _simulate(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions) -> int:
+    from orchard.sim.engine import Engine  # not at the top: numba takes seconds to load, and meanwhile other processes can connect
+
+    engine = Engine.begin(check(options.scenario, "the scenario")) if before is None else Engine.resume(before)
+    absent = select_agents(engine.agents, options.absent, []) if options.absent else []
+    physics = Physics(bus, keys, engine, msgspec.structs.replace(options, absent=absent), before)
     physics.listen()
-    where = "connected to" if arguments.connect else "listening on"
+    where = "connected to" if options.connect else "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.harvest.run}", flush=True)
     end = physics.run(lambda: _get_ready(engine))
-    if arguments.result is not None:
-        leave(end, arguments.result)
+    if options.result is not None:
+        write_end(end, options.result)
     print(f"{end.why}: tick {end.tick}, {end.summary['wall_seconds']} s, hash {end.hash}", flush=True)
     for violation in end.summary["violations"]:
         print(f"violated: {violation}", flush=True)
-    return 1 if end.why.startswith("jammed") or end.summary["violations"] else 0
+    return 1 if end.why == "jammed" or end.summary["violations"] or end.summary["broken_agents"] else 0
 
 
 def _get_ready(engine: "Engine") -> None:
@@ -88,41 +74,55 @@ def _get_ready(engine: "Engine") -> None:
     settle()
 
 
-def _speed(text: str) -> float:
-    speed = math.inf if text == "max" else float(text)
-    if not speed > 0:
-        raise ValueError
-    return speed
+# -- the options
 
 
-def _pace(arguments: argparse.Namespace) -> float:
-    """Simulated seconds to a second, which realtime needs to know."""
-    speed = arguments.speed if arguments.speed is not None else 1.0 if arguments.mode == "realtime" else math.inf
-    if arguments.mode == "realtime" and math.isinf(speed):
-        raise ValueError("--speed max: in realtime the wall clock sets the pace; wanted is a number, 1 for real time")
-    return speed
+def _options(arguments: dict[str, Any]) -> RunOptions:
+    """The options of the request file, if there is one, and of the command line. Raises ValueError or ScenarioError for bad ones."""
+    request = arguments.pop("request", None)
+    values = {} if request is None else json.loads(request)
+    if (scenario := arguments.pop("scenario_file", None)) is not None:
+        values["scenario"] = load(scenario).model_dump()
+    if arguments.get("speed") == "max":
+        del arguments["speed"]
+        if "realtime" in (arguments.get("mode"), values.get("mode")):
+            raise ValueError("--speed max: in realtime the wall clock sets the pace; expected a number, 1 for real time")
+    try:
+        return msgspec.convert(values | arguments, RunOptions, strict=False)
+    except msgspec.ValidationError as error:
+        words, _, path = str(error).partition(" - at `$.")
+        raise ValueError(f"--{path.rstrip('`').replace('_', '-')}: {words}") from None
 
 
-def _arguments(argv: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m processes.physics", description="Own the world and the clock of an orchard.")
-    parser.add_argument("scenario", nargs="?", metavar="SCENARIO.yaml", help="default: the built-in scenario")
+def _arguments(argv: list[str] | None) -> dict[str, Any]:
+    """The options that are given on the command line; `RunOptions` checks them."""
+    parser = argparse.ArgumentParser(
+        prog="python -m processes.physics", description="Simulate the world of an orchard.", argument_default=argparse.SUPPRESS
+    )
+    parser.add_argument("scenario_file", nargs="?", metavar="SCENARIO.yaml", help="default: the built-in scenario")
+    parser.add_argument("--request", type=_text, metavar="FILE.json", help="all options, as run.py writes them")
     place = parser.add_mutually_exclusive_group()
     place.add_argument("--listen", metavar="ENDPOINT", help="default: a free port of 127.0.0.1")
-    place.add_argument("--connect", metavar="ENDPOINT", help="that of a router elsewhere")
-    parser.add_argument("--secure", metavar="DIR", help="the role's directory: endpoints are tls/..., and each role may do its own only")
-    parser.add_argument("--run", default="", metavar="ID", help="the run's id; default: a new one")
-    parser.add_argument("--prefix", default=PREFIX, help="first part of every key")
-    parser.add_argument("--mode", choices=["lockstep", "realtime"], default="lockstep", help="wait for all agents, or for none")
-    parser.add_argument("--speed", type=_speed, metavar="X|max", help="simulated seconds to a second; default max, in realtime 1")
-    parser.add_argument("--duration", type=simulated_seconds, metavar="SECONDS", help="simulated seconds after which the run ends")
-    parser.add_argument("--patience", type=seconds, default=PATIENCE, metavar="SECONDS", help="how long an agent may be silent")
-    parser.add_argument("--absent", action="append", default=[], metavar="KIND|NAME", help="do not wait for these (repeatable)")
-    parser.add_argument("--recorded", action="store_true", help="begin when a logger is there, or after 10 s")
-    parser.add_argument("--snapshots", type=Path, metavar="DIR", help="keep snapshots of the run there")
-    parser.add_argument("--snapshot-every", type=seconds, default=SNAPSHOT_SECONDS, metavar="SECONDS", help="wall time; default 2")
-    parser.add_argument("--result", type=Path, metavar="FILE", help="leave there how it ended, for whoever started this")
-    parser.add_argument("--resume", action="store_true", help="go on from the newest snapshot in there, if there is one")
-    return parser.parse_args(argv)
+    place.add_argument("--connect", metavar="ENDPOINT", help="endpoint of another router")
+    parser.add_argument("--secure", metavar="DIR", help="directory of the role; endpoints are tls/..., and rights depend on the role")
+    parser.add_argument("--run", metavar="ID", help="id of the run; default: a new one")
+    parser.add_argument("--prefix", help="first part of every key")
+    parser.add_argument("--mode", choices=["lockstep", "realtime"], help="wait for all agents, or for none")
+    parser.add_argument("--speed", metavar="X|max", help="simulated seconds per second; default: max, in realtime 1")
+    parser.add_argument("--duration", metavar="SECONDS", help="simulated seconds after which the run ends")
+    parser.add_argument("--patience", metavar="SECONDS", help="wall time that an agent may be silent")
+    parser.add_argument("--absent", action="append", metavar="KIND|NAME", help="do not wait for these agents (repeatable)")
+    parser.add_argument("--recorded", action="store_true", help="wait for a logger before the first tick, at most 10 s")
+    parser.add_argument("--snapshots", metavar="DIR", help="folder for snapshots of the run")
+    parser.add_argument("--snapshot-every", metavar="SECONDS", help="wall time between two snapshots; default: 2")
+    parser.add_argument("--result", metavar="FILE", help="file for the end of the run, for the program that started this one")
+    parser.add_argument("--resume", action="store_true", help="continue from the newest snapshot in the folder, if there is one")
+    return vars(parser.parse_args(argv))
+
+
+def _text(path: str) -> str:
+    with open(path) as file:
+        return file.read()
 
 
 if __name__ == "__main__":

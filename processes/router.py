@@ -1,33 +1,28 @@
-"""A router of its own, where physics and all others meet as clients: for several machines.
+"""The router process: a separate router, to which physics and all other processes connect as clients. For several machines.
 
     python -m processes.router --listen tcp/0.0.0.0:7447
 
-It carries every run that comes along, and stays until it is stopped.
+It serves any number of runs, one after another or with different prefixes, until it is stopped.
 """
 
 import argparse
-import logging
-import signal
 import sys
 
 from orchard.net.bus import Inbox, Signal, router
 from orchard.net.endpoints import BusError, check_free, with_port
+from orchard.net.process import run_process
 from orchard.security.identity import identity_in
 from orchard.wire.keys import PREFIX
 
-log = logging.getLogger("orchard")
-
 
 def main(argv: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m processes.router", description="Route for an orchard's processes.")
+    """Route messages until a signal asks to stop. Return the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m processes.router", description="Route messages between the processes of an orchard.")
     parser.add_argument("--listen", metavar="ENDPOINT", help="default: tcp/127.0.0.1:7447; with --secure tls/127.0.0.1:7447")
-    parser.add_argument("--secure", metavar="DIR", help="the role's directory: that of the router")
+    parser.add_argument("--secure", metavar="DIR", help="directory of the router's role")
     arguments = parser.parse_args(argv)
-    logging.basicConfig(level=logging.WARNING, format="router: %(message)s")
-    inbox = Inbox()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
-    try:
+
+    def run(inbox: Inbox) -> int:
         identity = identity_in(arguments.secure, PREFIX)
         endpoint = with_port(arguments.listen or f"{'tcp' if identity is None else 'tls'}/127.0.0.1:7447")
         check_free(endpoint)
@@ -35,10 +30,9 @@ def main(argv: list[str] | None = None) -> int:
             print(f"listening on {bus.endpoint}", flush=True)
             while not isinstance(inbox.take(), Signal):
                 pass
-    except (BusError, ValueError) as error:
-        log.error("%s", error)
-        return 2
-    return 0
+        return 0
+
+    return run_process("router", run, BusError, ValueError)
 
 
 if __name__ == "__main__":

@@ -11,8 +11,9 @@ import msgspec
 
 from orchard.agents import catalogue
 from orchard.contract.agent import Action, Mail, Observation
-from orchard.contract.messages import TRAFFIC, BinState, StateRequest
+from orchard.contract.messages import BinState, StateRequest
 from orchard.field.geometry import Twist
+from orchard.field.kinds import TRAFFIC
 from orchard.field.layout import Layout
 from orchard.net import bus
 

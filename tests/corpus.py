@@ -116,7 +116,7 @@ class Run:
 
     def __init__(self, scenario, run: str, ticks: int) -> None:
         self.net, self.engine = Net(), Engine.begin(scenario)
-        self.physics = Physics(StandIn(self.net, "physics1"), KEYS, self.engine, RunOptions(ticks=ticks, run=run))
+        self.physics = Physics(StandIn(self.net, "physics1"), KEYS, self.engine, RunOptions(duration=ticks / 10, run=run))
         self.host = Host(StandIn(self.net, HOST), KEYS, run, "lockstep", self.engine.layout, make_agents(self.engine.layout))
 
     def to_the_end(self):

@@ -8,11 +8,10 @@ from alone import SMALL
 from fleet import SECONDS
 
 from orchard.contract.messages import pack
-from orchard.launch.credentials import shares
 from orchard.launch.distributed import agent_names
+from orchard.launch.request import shares
 from orchard.net.bus import Bus, Final, Replied, Sample, client
-from orchard.security.create import host_roles, make
-from orchard.security.identity import Keyring
+from orchard.security.identity import Keyring, host_roles, make
 from orchard.wire.keys import Keys
 from orchard.wire.messages import Angular, Drive, Join, Joined, Linear, Odometry, Velocities, Velocity
 from orchard.wire.types import read

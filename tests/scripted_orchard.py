@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from orchard.contract.agent import State
 from orchard.contract.events import Event, Frame
 from orchard.field.geometry import Pose
 from orchard.field.kinds import KINDS, name_of
@@ -43,7 +44,7 @@ class Stage:
         self.poses = np.array([start.pose for start in layout.starts], float)
         self.coupled, self.fill, self.alive = np.full(n, -1), np.zeros(n), np.ones(n, bool)
         self.row_picked, self.delivered = np.zeros(len(layout.lanes)), 0
-        self.doing: dict[str, str] = {}
+        self.doing: dict[str, tuple[str, State]] = {}
         self.events: list[Event] = []
         for start in layout.starts:
             if start.bin:
@@ -59,8 +60,19 @@ class Stage:
                 act(i, start, tick / 10)
         self._towed()
         scans = scanner(self) if scanner is not None else None
-        return Frame(tick, self.poses.copy(), dict(self.doing), scans, self.coupled.copy(), self.fill.copy(), self.alive.copy(),
-                     self.row_picked.copy(), self.delivered, list(self.events))  # fmt: skip
+        return Frame(
+            tick,
+            self.poses.copy(),
+            {name: words for name, (words, _) in self.doing.items()},
+            scans,
+            self.coupled.copy(),
+            self.fill.copy(),
+            self.alive.copy(),
+            self.row_picked.copy(),
+            self.delivered,
+            list(self.events),
+            states={name: state for name, (_, state) in self.doing.items()},
+        )
 
     def _way(self, start: Start) -> np.ndarray:
         """The corners of a robot's way."""
@@ -86,13 +98,17 @@ class Stage:
         turn = 76.0 + WAIT + 7.0
         block, into = divmod(now + 13.0 * (i % 3) * 0, turn)
         if int(block) >= len(rows):
-            self.doing[name] = "resting"
+            self.doing[name] = "resting", "resting"
             return
         row = rows[int(block)]
         self._drive(i, self.ways[name], block * (76.0 + self.layout.pitch) + min(into, 76.0) + max(0.0, into - 76.0 - WAIT))
         self.row_picked[row - 1] = min(into, ROW_LENGTH)
         self.fill[bin_] = self.row_picked[row - 1] if into < 76.0 + WAIT else 0.0
-        self.doing[name] = f"picking row {row}" if into < 70 else f"leaving row {row}" if into < 76 else "waiting for a bin"
+        self.doing[name] = (
+            (f"picking row {row}", "picking") if into < 70
+            else (f"leaving row {row}", "handling a bin") if into < 76
+            else ("waiting for a bin", "waiting")
+        )  # fmt: skip
         if abs(into - 70.0) < 0.05:
             callers = [s.name for s in self.layout.starts if s.kind == "carrier"]
             self.events += [Event(0, "call", start.bin, carrier, f"call, lane {row} east") for carrier in callers]
@@ -105,8 +121,11 @@ class Stage:
         x, y = self.poses[i, :2]
         bay = y == 24.5 and -35 < x < -28
         self.doing[start.name] = (
-            "waiting in the queue" if now < wait else "unloading" if bay else "driving to row 2" if x > 0 else "taking a full bin"
-        )
+            ("waiting in the queue", "waiting") if now < wait
+            else ("unloading", "unloading") if bay
+            else ("driving to row 2", "driving") if x > 0
+            else ("taking a full bin", "hauling")
+        )  # fmt: skip
         self.fill[self.layout.index[start.bin]] = ROW_LENGTH if y < 10 or x < -31 else 0.0
         if bay and x > -28.1:
             self.delivered += 1
@@ -116,7 +135,7 @@ class Stage:
         leg, into = divmod(now, 33.0)
         there = min(into, 20.0)
         self.poses[i] = (-45 + there, 29, 0.0) if leg % 2 == 0 else (-25 - there, 29, np.pi)
-        self.doing[start.name] = "driving" if into < 20 else "waiting 5 s"
+        self.doing[start.name] = ("driving", "driving") if into < 20 else ("waiting 5 s", "waiting")
 
     def _wander(self, i: int, start: Start, now: float) -> None:
         a = 0.2 * now + i

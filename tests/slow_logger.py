@@ -4,12 +4,14 @@ import sys
 import time
 
 from orchard.contract.events import Frame
-from orchard.record.frame_queue import FrameQueue
+from orchard.record import logger as recording
+from orchard.record.logger import FrameQueue
 from orchard.view.recorder import Recorder
 from processes import logger
 
 SECONDS = 0.2  # a picture
 MOST = 20
+QUEUE = FrameQueue(MOST)
 
 
 class SlowRecorder(Recorder):
@@ -19,5 +21,5 @@ class SlowRecorder(Recorder):
 
 
 if __name__ == "__main__":
-    logger.Recorder, logger.Pages = SlowRecorder, lambda: FrameQueue(MOST)
+    recording.Recorder, recording.FrameQueue = SlowRecorder, lambda: QUEUE
     sys.exit(logger.main())

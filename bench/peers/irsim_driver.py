@@ -1,8 +1,8 @@
-"""IR-SIM, or irsim-x, which takes its name, in the field of bench/field.py; no figure, no window, robots driven from outside.
+"""Measures IR-SIM or irsim-x, which both import as `irsim`, in the field of bench/field.py. No window; velocities are given at each step.
 
     python irsim_driver.py ROBOTS SECONDS   ->  one line of JSON: {"steps_per_second": ...}
 
-Fences, trunks and posts are static rectangles, robots are rectangles of the same size as ours. A robot that collides stops, the default.
+Fences, trunks and posts are static rectangles, robots are rectangles of the same size as ours. A robot that collides stops: the default.
 """
 
 import math
@@ -16,22 +16,22 @@ import yaml
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import field
-from clocked import MOST_STEPS, run
+from timing import MOST_STEPS, run
 
 
-def world(place: field.Field) -> dict[str, Any]:
-    """IR-SIM's world file; its origin is a corner, at (-60 %, -60 %) of the field."""
-    walls = [_rectangle(x, y, 2 * half_x, 2 * half_y) for x, y, half_x, half_y in place.walls.tolist()]
+def world(area: field.Field) -> dict[str, Any]:
+    """Return the content of IR-SIM's world file. Its origin is a corner, at (-60 %, -60 %) of the field."""
+    walls = [_rectangle(x, y, 2 * half_x, 2 * half_y) for x, y, half_x, half_y in area.walls.tolist()]
     return {
         "world": {
-            "width": 1.2 * place.length,
-            "height": 1.2 * place.width,
-            "offset": [-0.6 * place.length, -0.6 * place.width],
+            "width": 1.2 * area.length,
+            "height": 1.2 * area.width,
+            "offset": [-0.6 * area.length, -0.6 * area.width],
             "step_time": field.STEP,
             "sample_time": field.STEP,
             "collision_mode": "stop",
         },
-        "robot": [_robot(*pose) for pose in place.starts.tolist()],
+        "robot": [_robot(*pose) for pose in area.starts.tolist()],
         "obstacle": walls,
     }
 
@@ -65,7 +65,7 @@ def main(robots: int, seconds: float) -> None:
         yaml.safe_dump(world(field.field(robots)), file)
         file.flush()
         simulator = irsim.make(file.name, display=False, disable_all_plot=True, log_level="ERROR")
-    wanted = [list(step) for step in field.velocities(robots, MOST_STEPS)[:, :, :, None]]  # (robots) columns of two
+    wanted = [list(step) for step in field.velocities(robots, MOST_STEPS)[:, :, :, None]]  # [step][robot]: (2, 1), m/s and rad/s
     ids = list(range(robots))
     run(lambda k: simulator.step(wanted[k], ids), seconds)
 

@@ -1,10 +1,10 @@
-"""navground in the field of bench/field.py.
+"""Measures navground in the field of bench/field.py.
 
     python navground_driver.py ROBOTS SECONDS   ->  one line of JSON: {"steps_per_second": ...}
 
 Fences, trunks and posts are walls (a box is four lines), robots are discs of the same area as our boxes. Each robot drives with the
-velocity that it is given and ignores what it sees (Dummy); navground itself computes collisions. The lasers are called once a step
-and robot from here, which costs a microsecond or two each, because no behaviour that comes with navground reads one.
+velocity that it is given and ignores its scan (Dummy); navground itself computes collisions. This driver calls each laser once a step,
+which costs a microsecond or two, because none of navground's own behaviours reads a laser.
 """
 
 import math
@@ -15,18 +15,19 @@ from navground import core, sim
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import field
-from clocked import MOST_STEPS, run
+from timing import MOST_STEPS, run
 
 RADIUS = math.sqrt(field.ROBOT_LENGTH * field.ROBOT_WIDTH / math.pi)  # m
 
 
-def world(place: field.Field) -> sim.World:
+def world(area: field.Field) -> sim.World:
+    """Return navground's world with the walls and robots of the field."""
     made = sim.World()
-    for x, y, half_x, half_y in place.walls.tolist():
+    for x, y, half_x, half_y in area.walls.tolist():
         corners = [(x - half_x, y - half_y), (x + half_x, y - half_y), (x + half_x, y + half_y), (x - half_x, y + half_y)]
-        for one, other in zip(corners, corners[1:] + corners[:1], strict=True):
-            made.add_wall(sim.Wall(one, other))
-    for x, y, yaw in place.starts.tolist():
+        for start, end in zip(corners, corners[1:] + corners[:1], strict=True):
+            made.add_wall(sim.Wall(start, end))
+    for x, y, yaw in area.starts.tolist():
         kinematics = core.kinematics.TwoWheelsDifferentialDriveKinematics(field.SPEED, field.ROBOT_WIDTH, field.TURN)
         agent = sim.Agent(RADIUS, core.behaviors.DummyBehavior(kinematics, RADIUS), kinematics)
         agent.pose = core.Pose2((x, y), yaw)
@@ -35,26 +36,26 @@ def world(place: field.Field) -> sim.World:
 
 
 def lasers(made: sim.World) -> list[tuple]:
-    """(its laser, its robot, where its ranges go) for every robot."""
-    eyes = []
+    """Return (laser, robot, state that receives the ranges) for each robot."""
+    sensors = []
     for agent in made.agents:
         laser = sim.state_estimations.LidarStateEstimation(field.RANGE, -math.pi / 2, math.pi, field.BEAMS, (field.ROBOT_LENGTH / 2, 0.0))
         ranges = core.SensingState()
         laser.prepare_state(ranges)
-        eyes.append((laser, agent, ranges))
-    return eyes
+        sensors.append((laser, agent, ranges))
+    return sensors
 
 
 def main(robots: int, seconds: float) -> None:
     made, wanted = world(field.field(robots)), field.velocities(robots, MOST_STEPS)
-    agents, eyes = made.agents, lasers(made)
+    agents, sensors = made.agents, lasers(made)
 
     def step(k: int) -> None:
         if k % field.KEEP == 0:
             for agent, (forward, turn) in zip(agents, wanted[k].tolist(), strict=True):
                 agent.behavior.target = core.Target.Twist(core.Twist2((forward, 0.0), turn, core.Frame.relative))
         made.update(field.STEP)
-        for laser, agent, ranges in eyes:
+        for laser, agent, ranges in sensors:
             laser.update(agent, made, ranges)
 
     run(step, seconds)

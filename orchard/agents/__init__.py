@@ -1,4 +1,4 @@
-"""The behaviours of robots, people and animals, the steps and routes they are made of, and what agents make of a scan.
+"""The behaviours of robots, people and animals, the steps and routes that they are made of, and the evaluation of scans.
 
-An agent sees observations and mail only. It knows no simulator, no network, no clock, and its memory is data.
+An agent receives observations and mail only. It uses no simulator, no network and no clock, and its memory is data.
 """

@@ -1,27 +1,28 @@
-"""Animals, cats and dogs: every 3 s a new direction and a new speed, at random; they turn away from obstacles too."""
+"""Animals, cats and dogs: they choose a new direction and speed at random every 3 s, and turn away from obstacles."""
 
 from orchard.agents.walker import WalkerMemory, tell_where, walk
-from orchard.contract.agent import Action, Mail, Observation
+from orchard.contract.agent import Action, Mail, Observation, State
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, kind_of
 from orchard.field.layout import Layout
 from orchard.field.repeatable import draw
+from orchard.field.scenario import TICKS_PER_SECOND
 
-MIND_CHANGES = 30  # ticks: every 3 s (manual)
-SLOW = 0.05  # m/s: slower than this is standing
+MIND_CHANGES = 3 * TICKS_PER_SECOND  # ticks between two choices (manual)
+SLOW = 0.05  # m/s: a slower animal counts as standing
 
 
 class AnimalMemory(WalkerMemory):
-    """What it has in mind."""
+    """The present choice of an animal."""
 
     speed: float = 0.0  # m/s
     rate: float = 0.0  # rad/s
     turning_until: int = 0  # tick
-    mind: int = -1  # how many it has changed; -1: it has none yet
+    mind: int = -1  # number of the present choice; -1: none yet
 
 
 class Animal:
-    """Wanders."""
+    """Wanders at random."""
 
     Memory = AnimalMemory
 
@@ -36,10 +37,11 @@ class Animal:
         whim = Twist(x=memory.speed, yaw=memory.rate if seen.tick < memory.turning_until else 0.0)
         twist, evading = walk(seen, memory, self.seed, min(memory.speed, 1.0), self.kind, whim)
         doing = evading or ("wandering" if memory.speed >= SLOW else "standing")
-        return Action(twist=twist, answers=tell_where(seen, mail), memory=memory, doing=doing)
+        state: State = "resting" if doing == "standing" else "driving"
+        return Action(twist=twist, answers=tell_where(seen, mail), memory=memory, doing=doing, state=state)
 
     def change_mind(self, seen: Observation, memory: AnimalMemory) -> None:
-        """A turn of up to 2 pi rad/s to either side, for up to a second, and a speed of up to 3 m/s."""
+        """Choose a turn to either side at up to 2 pi rad/s, for up to a second, and a speed of up to 3 m/s."""
         rate, speed, length = draw(self.seed, seen.name, memory.mind * MIND_CHANGES, 3)
         memory.rate, memory.speed = (2 * rate - 1) * self.kind.turn, speed * self.kind.speed
-        memory.turning_until = seen.tick + int(10 * length)
+        memory.turning_until = seen.tick + int(TICKS_PER_SECOND * length)

@@ -1,40 +1,43 @@
-"""The bin: follows the robot that it is coupled to, and when it stands full in a lane's mouth, calls a carrier."""
+"""The bin: follows the robot that it is coupled to, and calls a carrier when it stands full in the mouth of a lane."""
 
 import msgspec
 
+from orchard.agents.dispatch import BinReport, CarrierReport, dispatch_of
 from orchard.contract.agent import Action, Heard, Hitch, Mail, Observation
-from orchard.contract.messages import Answer, BinState, Call, CarrierComing, Come, Confirm, EmptyBin, No, Offer, StateRequest, Yes
+from orchard.contract.messages import Answer, BinState, Call, CarrierComing, Come, Confirm, EmptyBin, FullBin, No, Offer, StateRequest, Yes
 from orchard.field import repeatable
 from orchard.field.geometry import STILL, Pose, Twist, angle_between, from_frame, to_frame
-from orchard.field.kinds import KINDS, kind_of
+from orchard.field.kinds import DISPATCH, KINDS, kind_of
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 
-CALL_AGAIN = 20  # ticks from a call that found nobody to the next one
+CALL_AGAIN = 20  # ticks from a call that found no carrier to the next call
 ASK_AGAIN = 50  # ticks between two questions to a carrier whether it still comes
-GIVE_UP = 6  # questions in a row without an answer
+GIVE_UP = 6  # questions in a row without an answer, after which a carrier is given up
 
 
 class BinMemory(msgspec.Struct):
-    """Its call for a carrier, while it stands full."""
+    """A full bin's call for a carrier."""
 
-    carrier: str = ""  # whom it sent for
-    coming: bool = False  # whether that one has agreed
+    carrier: str = ""  # the carrier that it sent for
+    coming: bool = False  # whether that carrier has agreed
     asked: int = -1000  # tick of its last question
     silent: int = 0  # questions since the last answer
     shunned: list[str] = []  # carriers that did not answer when they were sent for, during this call
-    picker: str = ""  # who left it
+    picker: str = ""  # the picker that left it
+    since: int = -1  # tick at which the call began; -1: no call is open
     done: int = 0  # calls that ended in an exchange
 
 
 class Bin:
-    """Carries the fruit of one row."""
+    """Holds the fruit of one row, follows its robot, and calls carriers."""
 
     Memory = BinMemory
 
     def __init__(self, layout: Layout, name: str) -> None:
         self.layout = layout
         self.carriers = [start.name for start in layout.starts if start.kind == "carrier"]
+        self.policy = None if DISPATCH in layout.scenario.bodiless_agents else dispatch_of(layout)  # None: the dispatcher decides
 
     def tick(self, seen: Observation, mail: Mail, memory: BinMemory | None) -> Action:
         memory = memory or BinMemory()
@@ -44,7 +47,7 @@ class Bin:
         elif seen.full:
             self.call(seen, mail, memory, action)
         else:
-            action.doing = "standing empty"
+            action.doing, action.state = "standing empty", "resting"
         action.steps_done = memory.done
         return action
 
@@ -60,38 +63,59 @@ class Bin:
     # -- following
 
     def follow(self, seen: Observation, hitch: Hitch, memory: BinMemory, action: Action) -> None:
-        """Move to where its place behind the robot will be after this tick, if the robot keeps its velocity."""
+        """Move to the place behind the robot where the bin belongs after this tick, if the robot keeps its velocity."""
         action.twist = twist_to(seen.pose, place_behind(hitch, seen.pose.yaw))
         action.doing = f"{'full' if seen.full else 'empty'}, on {hitch.name}"
+        memory.since = -1
         if kind_of(hitch.name) == "picker":
-            memory.picker = hitch.name
-        elif memory.carrier:
+            memory.picker, action.state = hitch.name, "waiting" if seen.full else "picking"
+            return
+        action.state = "hauling" if seen.full else "driving"
+        if memory.carrier:
             memory.carrier, memory.coming, memory.shunned, memory.done = "", False, [], memory.done + 1
 
     # -- calling
 
     def call(self, seen: Observation, mail: Mail, memory: BinMemory, action: Action) -> None:
-        """Ask all carriers, send for the nearest by road that is free, and make sure that it comes."""
+        """Call until a carrier is chosen, send for it, and ask it again and again whether it comes."""
         action.doing = f"full, {memory.carrier} comes" if memory.coming else "full, calling"
+        action.state = "waiting" if memory.coming else "calling"
         action.waits_for = memory.carrier or "a carrier"
         lane, side = self.where(seen.x, seen.y)
+        memory.since = seen.tick if memory.since < 0 else memory.since
         self.hear(mail, memory, seen.tick)
-        offers = sorted((r.sender in memory.shunned, r.body.distance, r.sender) for r in mail.replies if isinstance(r.body, Offer))
-        if not memory.carrier and offers:
-            memory.carrier, memory.silent = offers[0][2], 0
+        if not memory.carrier and (carrier := self.chosen(seen, mail, memory, lane, side)):
+            memory.carrier, memory.silent = carrier, 0
             self.send_for(seen.tick, memory, action, lane, side)
         elif memory.carrier and seen.tick - memory.asked >= (ASK_AGAIN if memory.coming else CALL_AGAIN):
             self.send_for(seen.tick, memory, action, lane, side)
         elif not memory.carrier and seen.tick - memory.asked >= CALL_AGAIN:
-            action.requests += [(carrier, Call(lane, side)) for carrier in self.carriers]
+            if self.policy is None:
+                action.requests.append((DISPATCH, FullBin(lane, side, memory.picker, memory.since)))
+            else:
+                action.requests += [(carrier, Call(lane, side)) for carrier in self.carriers]
             memory.asked = seen.tick
+
+    def chosen(self, seen: Observation, mail: Mail, memory: BinMemory, lane: int, side: str) -> str:
+        """Return the carrier that the dispatcher names, or that the policy chooses among those that offer to come; '' if there is none.
+
+        A carrier that was silent during this call is chosen only if no other carrier offers.
+        """
+        if self.policy is None:
+            named = [reply.body.carrier for reply in mail.replies if isinstance(reply.body, CarrierComing)]
+            return named[0] if named else ""
+        offers = [CarrierReport(r.sender, "", True, r.body.distance) for r in mail.replies if isinstance(r.body, Offer)]
+        willing = [offer for offer in offers if offer.name not in memory.shunned] or offers
+        report = BinReport(seen.name, lane, side, memory.picker, memory.since, 0.0)
+        assignments = self.policy.assign(seen.tick, [report], willing, self.policy.Memory()) if willing else []
+        return assignments[0].carrier if assignments else ""
 
     def send_for(self, tick: int, memory: BinMemory, action: Action, lane: int, side: str) -> None:
         action.requests.append((memory.carrier, Come(lane, side, memory.picker)))
         memory.asked, memory.silent = tick, memory.silent + 1
 
     def hear(self, mail: Mail, memory: BinMemory, tick: int) -> None:
-        """What the carrier that was sent for says; one that refuses, or stays silent, is given up."""
+        """Read the answer of the carrier that was sent for. A carrier that refuses, or stays silent, is given up."""
         for reply in mail.replies:
             if not isinstance(reply.request, Come) or reply.sender != memory.carrier:
                 continue
@@ -102,13 +126,13 @@ class Bin:
                 memory.carrier, memory.coming, memory.asked = "", False, tick - CALL_AGAIN
 
     def where(self, x: float, y: float) -> tuple[int, str]:
-        """The lane in whose mouth it stands, and at which end."""
+        """Return the lane in whose mouth the bin stands, and the end of the lane."""
         lane = min(self.layout.lanes, key=lambda lane: abs(lane.y - y))
         return lane.number, "east" if x > -1.5 else "west"
 
 
 def place_behind(hitch: Hitch, yaw: float) -> Pose:
-    """Where the bin belongs after the next tick: behind its robot, at the quarter turn that is nearest to its own yaw."""
+    """Return the bin's pose after the next tick: behind its robot, at the quarter turn that is nearest to the bin's own yaw."""
     robot = moved(hitch.pose, hitch.twist)
     x, y = from_frame(robot, -KINDS[kind_of(hitch.name)].tows, 0.0)
     off = angle_between(robot.yaw, yaw)
@@ -117,7 +141,7 @@ def place_behind(hitch: Hitch, yaw: float) -> Pose:
 
 
 def moved(pose: Pose, twist: Twist) -> Pose:
-    """A pose after one tick of a forward and turning velocity."""
+    """Return a pose after one tick of a forward and turning velocity."""
     turn = twist.yaw * TIME_STEP
     ahead, left = arc(twist.x * TIME_STEP, 0.0, turn)
     x, y = from_frame(pose, ahead, left)
@@ -125,13 +149,13 @@ def moved(pose: Pose, twist: Twist) -> Pose:
 
 
 def arc(ahead: float, left: float, turn: float) -> tuple[float, float]:
-    """Where a path with these lengths in a frame that turns meanwhile ends, in the frame at its beginning."""
+    """Return the end of a path, m, in the frame at its start: it goes `ahead` and `left` in a frame that turns by `turn` meanwhile."""
     a, b = chord(turn)
     return a * ahead - b * left, b * ahead + a * left
 
 
 def chord(turn: float) -> tuple[float, float]:
-    """sin(turn) / turn and (1 - cos(turn)) / turn."""
+    """Return sin(turn) / turn and (1 - cos(turn)) / turn."""
     if abs(turn) < 1e-6:
         return 1.0, 0.5 * turn
     s, c = repeatable.sin_cos(turn)
@@ -139,7 +163,7 @@ def chord(turn: float) -> tuple[float, float]:
 
 
 def twist_to(start: Pose, end: Pose) -> Twist:
-    """The velocity that leads from one pose to another in one tick: the inverse of `arc`."""
+    """Return the velocity that leads from one pose to another in one tick: the inverse of `arc`."""
     turn = angle_between(start.yaw, end.yaw)
     ahead, left = to_frame(start, end.x, end.y)
     if (turn, ahead, left) == (0.0, 0.0, 0.0):

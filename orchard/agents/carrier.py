@@ -1,18 +1,19 @@
-"""The carrier: waits in the queue, brings an empty bin to a picker that is called for, and takes the full one to the bay."""
+"""The carrier: waits in the queue, brings a picker an empty bin when a full bin calls, and takes the full bin to the bay."""
 
 import msgspec
 
-from orchard.agents.bystanders import bystanders_of
 from orchard.agents.robot import PlanExecutor
-from orchard.agents.route import SIDES, close_up, distance, fetch, line_of
-from orchard.agents.steps import Plan, Realign
+from orchard.agents.route import SIDES, route_of
+from orchard.agents.sense import bystanders_of
+from orchard.agents.steps import Plan, Realign, with_steps
 from orchard.contract.agent import Action, Heard, Mail, Observation
-from orchard.contract.messages import Answer, Call, Come, No, Offer, Yes
+from orchard.contract.messages import Answer, Call, CarrierQuery, CarrierStatus, Come, No, Offer, Yes
+from orchard.field.kinds import number_of
 from orchard.field.layout import QUEUE_HEAD, QUEUE_PITCH, Layout
 
 
 class Job(msgspec.Struct):
-    """What a carrier was sent to do."""
+    """The present task of a carrier: the full bin, where it stands, and the picker that needs an empty bin."""
 
     bin: str
     lane: int
@@ -21,7 +22,7 @@ class Job(msgspec.Struct):
 
 
 class CarrierMemory(Plan):
-    """Its plan, and the job that it follows from."""
+    """A carrier's plan, and the job that it follows from."""
 
     job: Job | None = None
     delivered: str = ""  # the empty bin that it left for the picker
@@ -30,21 +31,22 @@ class CarrierMemory(Plan):
 class Carrier:
     """Swaps full bins for empty ones."""
 
-    Memory = CarrierMemory
-
     def __init__(self, layout: Layout, name: str) -> None:
-        self.layout, self.line, self.bystanders = layout, line_of(int(name.rsplit("_", 1)[1])), bystanders_of(layout)
+        self.layout, self.number, self.route, self.bystanders = layout, number_of(name), route_of(layout), bystanders_of(layout)
+        self.Memory = with_steps(CarrierMemory, self.route.Steps)
 
     def tick(self, seen: Observation, mail: Mail, memory: CarrierMemory | None) -> Action:
-        me = PlanExecutor(seen, mail, memory or CarrierMemory(plan=[Realign(), *close_up()]), self.bystanders)
+        robot = PlanExecutor(seen, mail, memory or self.Memory(plan=[Realign(), *self.route.wait_in_queue()]), self.bystanders)
         for heard in mail.requests:
-            me.action.answers.append((heard, self.answer(me, heard)))
-        me.follow()
-        return me.finish()
+            robot.action.answers.append((heard, self.answer(robot, heard)))
+        robot.follow()
+        return robot.finish()
 
-    def answer(self, me: PlanExecutor, heard: Heard) -> Answer:
-        """To bins: a waiting carrier tells where it is, and goes for the first that sends for it; a busy one says no."""
-        job, body = me.memory.job, heard.body
+    def answer(self, robot: PlanExecutor, heard: Heard) -> Answer:
+        """Answer a request. A waiting carrier offers itself, and goes for the first bin that sends for it; a busy carrier refuses."""
+        job, body = robot.memory.job, heard.body
+        if isinstance(body, CarrierQuery):
+            return CarrierStatus(job.bin if job else "", not job and self.is_next(robot), max(0.0, QUEUE_HEAD - robot.pose.x))
         if isinstance(body, Come) and job and job.bin == heard.sender:
             return Yes()
         if not isinstance(body, Call | Come):
@@ -53,20 +55,20 @@ class Carrier:
             return No("there is no such row")
         if job:
             return No(f"busy with {job.bin}")
-        if isinstance(body, Call) and not self.is_next(me):
+        if isinstance(body, Call) and not self.is_next(robot):
             return No("another one of my line goes first")
         if isinstance(body, Call):
-            x, y = me.pose.x, me.pose.y
-            return Offer(x, y, distance(self.layout, x, y, body.lane, SIDES[body.side]))
-        self.accept(me, heard.sender, body)
+            x, y = robot.pose.x, robot.pose.y
+            return Offer(x, y, self.route.distance(x, y, body.lane, SIDES[body.side]))
+        self.accept(robot, heard.sender, body)
         return Yes()
 
-    def is_next(self, me: PlanExecutor) -> bool:
-        """Whether it is at the head of its line, or on its way into that place: nobody stands before it who could stay there."""
-        behind = QUEUE_HEAD - me.pose.x
-        return behind < 0.1 or (behind < QUEUE_PITCH + 0.2 and me.seen.twist.x > 0.0)
+    def is_next(self, robot: PlanExecutor) -> bool:
+        """Whether the carrier is at the head of its line, or on its way to that place: no carrier that may stay is before it."""
+        behind = QUEUE_HEAD - robot.pose.x
+        return behind < 0.1 or (behind < QUEUE_PITCH + 0.2 and robot.seen.twist.x > 0.0)
 
-    def accept(self, me: PlanExecutor, bin_name: str, come: Come) -> None:
-        me.memory.job = Job(bin_name, come.lane, come.side, come.picker)
-        me.memory.plan = fetch(self.layout, self.line, come.lane, SIDES[come.side], come.picker, bin_name)
-        me.memory.asked = {}
+    def accept(self, robot: PlanExecutor, bin_name: str, come: Come) -> None:
+        robot.memory.job = Job(bin_name, come.lane, come.side, come.picker)
+        robot.memory.plan = self.route.fetch(self.number, come.lane, SIDES[come.side], come.picker, bin_name)
+        robot.memory.asked = {}

@@ -1,68 +1,29 @@
-"""Which class drives which agent: ours, or the one that the scenario names."""
+"""Which class drives which agent: a built-in class, or the one that the scenario names."""
 
-import importlib
-import inspect
 import logging
 from collections.abc import Callable, Collection
-from typing import Any
 
 from orchard.agents.animal import Animal
 from orchard.agents.bin import Bin
 from orchard.agents.carrier import Carrier
+from orchard.agents.dispatch import POLICIES, dispatch_of
+from orchard.agents.dispatcher import Dispatcher
 from orchard.agents.person import Person
 from orchard.agents.picker import Picker
+from orchard.agents.route import ROUTES, route_of
 from orchard.agents.tractor import Tractor
 from orchard.agents.traffic import Traffic
 from orchard.agents.weed import Weed
 from orchard.contract.agent import Agent
-from orchard.contract.guard import MISTAKES, Broken, Guarded, place
-from orchard.contract.messages import TRAFFIC
-from orchard.field.kinds import select_agents
+from orchard.contract.guard import Broken, Guarded
+from orchard.field.kinds import DISPATCH, TRAFFIC, kind_of, select_agents
 from orchard.field.layout import Layout
+from orchard.field.plugins import MISTAKES, load_plugin, place_of_class, unusable
+from orchard.field.problems import ScenarioError
 
 log = logging.getLogger("orchard")
 
-
-# -- classes that a scenario names
-
-
-def named_classes(layout: Layout) -> dict[str, str]:
-    """name -> the class that the scenario names for it; a name counts more than a kind. Raises ValueError for a word that is neither."""
-    classes = layout.scenario.agents
-    paths: dict[str, str] = {}
-    for word in sorted(classes, key=lambda word: word in layout.index):
-        try:
-            paths |= dict.fromkeys(select_agents(layout.names, [word], []), classes[word])
-        except ValueError as error:
-            raise ValueError(f"agents.{error}") from None
-    return paths
-
-
-def configured_agents(layout: Layout, names: Collection[str]) -> dict[str, Guarded]:
-    """Of these agents those whose classes the scenario names."""
-    return {name: Guarded(name, _make(path, layout, name)) for name, path in named_classes(layout).items() if name in names}
-
-
-def _make(path: str, layout: Layout, name: str) -> Any:
-    try:
-        module, _, class_ = path.replace(":", ".").rpartition(".")
-        agent = getattr(importlib.import_module(module), class_)(layout, name)
-        if not callable(getattr(agent, "tick", None)):
-            raise TypeError(f"it has no method tick(observation, mail, memory){_place_of(type(agent))}")
-    except MISTAKES as error:
-        log.error("%s: its class %s is of no use, it stands: %s: %s%s", name, path, type(error).__name__, error, place(error))
-        return Broken()
-    return agent
-
-
-def _place_of(class_: type) -> str:
-    try:
-        return f" ({inspect.getsourcefile(class_)}, line {inspect.getsourcelines(class_)[1]})"
-    except (OSError, TypeError):
-        return ""
-
-
-ROLES: dict[str, Callable[[Layout, str], Agent]] = {
+AGENTS: dict[str, Callable[[Layout, str], Agent]] = {
     "picker": Picker,
     "carrier": Carrier,
     "bin": Bin,
@@ -72,16 +33,61 @@ ROLES: dict[str, Callable[[Layout, str], Agent]] = {
     "dog": Animal,
     "cat": Animal,
     "weed": Weed,
+    TRAFFIC: Traffic,
+    DISPATCH: Dispatcher,
 }
 
 
 def make_agents(layout: Layout, names: Collection[str] | None = None) -> dict[str, Agent]:
-    """These agents of an orchard by their names, or all, in the order of names; where the scenario names a class, one of that."""
-    names = (*layout.names, TRAFFIC) if names is None else names
-    agents: dict[str, Agent] = {**configured_agents(layout, names)}
-    for start in layout.starts:
-        if start.name in names and start.name not in agents:
-            agents[start.name] = ROLES[start.kind](layout, start.name)
-    if TRAFFIC in names:
-        agents[TRAFFIC] = Traffic()
+    """Make these agents of an orchard, or all. Return them by name, sorted; each is built-in or of the class that the scenario names."""
+    own = agent_classes(layout)
+    agents = {
+        name: _make_own(own[name], layout, name) if name in own else _make_ours(layout, name)
+        for name in layout.agents
+        if names is None or name in names
+    }
     return dict(sorted(agents.items()))
+
+
+def agent_classes(layout: Layout) -> dict[str, str]:
+    """Return the classes that the scenario names, by agent. A name overrides a kind. Raises ValueError for a word that is neither."""
+    classes = layout.scenario.agents
+    paths: dict[str, str] = dict(layout.scenario.agents_without_body)
+    for word in sorted(classes, key=lambda word: word in layout.agents):
+        try:
+            paths |= dict.fromkeys(select_agents(layout.agents, [word], []), classes[word])
+        except ValueError as error:
+            raise ValueError(f"agents.{error}") from None
+    return paths
+
+
+def check_plugins(layout: Layout) -> None:
+    """Check a scenario's plug-ins. Raises ScenarioError or ValueError if a policy or route cannot be used, or an agent is unknown."""
+    agent_classes(layout)
+    route_of(layout)
+    dispatch_of(layout)
+
+
+def _make_ours(layout: Layout, name: str) -> Agent:
+    """Make a built-in agent, guarded if the scenario names a user's policy or route."""
+    agent = AGENTS[kind_of(name)](layout, name)
+    is_ours = layout.scenario.dispatch in POLICIES and layout.scenario.route in ROUTES
+    return agent if is_ours else Guarded(name, agent)
+
+
+def _make_own(path: str, layout: Layout, name: str) -> Agent:
+    """Make an agent of a user's class. If that fails, log the error and return an agent that stands."""
+    try:
+        agent = load_plugin(f"agents.{name}", path)(layout, name)
+        if not callable(getattr(agent, "tick", None)):
+            raise TypeError(f"it has no method tick(observation, mail, memory){place_of_class(type(agent))}")
+    except ScenarioError as error:
+        return _broken(name, error)
+    except MISTAKES as error:
+        return _broken(name, unusable(f"agents.{name}", path, error))
+    return Guarded(name, agent)
+
+
+def _broken(name: str, error: ScenarioError) -> Agent:
+    log.error("%s stands: %s", name, error)
+    return Guarded(name, Broken())

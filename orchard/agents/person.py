@@ -1,4 +1,4 @@
-"""People, workers and visitors: walk in a straight line, and turn only when something is in their path."""
+"""People, workers and visitors: they walk in a straight line, and turn only when something is in their path."""
 
 from orchard.agents.walker import WalkerMemory, tell_where, walk
 from orchard.contract.agent import Action, Mail, Observation
@@ -19,4 +19,4 @@ class Person:
         memory = memory or WalkerMemory(seen.x, seen.y, seen.tick)
         speed = self.kind.speed
         twist, evading = walk(seen, memory, self.seed, speed, self.kind, Twist(x=speed))
-        return Action(twist=twist, answers=tell_where(seen, mail), memory=memory, doing=evading or "walking")
+        return Action(twist=twist, answers=tell_where(seen, mail), memory=memory, doing=evading or "walking", state="driving")

@@ -1,46 +1,45 @@
-"""The picker: drives its rows, fills its bin, leaves it when it is full, and fetches an empty one for the next row."""
+"""The picker: drives its rows, fills its bin, leaves the full bin, and fetches an empty bin for the next row."""
 
-from orchard.agents.bystanders import bystanders_of
 from orchard.agents.robot import PlanExecutor
-from orchard.agents.route import harvest
-from orchard.agents.steps import Plan, Realign
+from orchard.agents.route import route_of
+from orchard.agents.sense import bystanders_of
+from orchard.agents.steps import Plan, Realign, with_steps
 from orchard.contract.agent import Action, Heard, Mail, Observation
 from orchard.contract.messages import Answer, Here, No, Yes
 from orchard.field.layout import Layout
 
 
 class PickerMemory(Plan):
-    """Its plan, and what it knows of the exchange of bins that is under way."""
+    """A picker's plan, and the state of the present exchange of bins."""
 
     full_bin: str = ""  # the bin that it left
-    carrier: str = ""  # who brings, or brought, an empty one
+    carrier: str = ""  # the carrier that brings, or brought, an empty bin
     offered: str = ""  # the empty bin that was brought
-    taken: str = ""  # the empty bin that it took, place and all
+    taken: str = ""  # the empty bin that it took, with the place where it stood
 
 
 class Picker:
     """Picks its rows one after another."""
 
-    Memory = PickerMemory
-
     def __init__(self, layout: Layout, name: str) -> None:
-        self.layout, self.rows, self.bystanders = layout, layout.blocks[name], bystanders_of(layout)
+        self.rows, self.route, self.bystanders = layout.blocks[name], route_of(layout), bystanders_of(layout)
+        self.Memory = with_steps(PickerMemory, self.route.Steps)
 
     def tick(self, seen: Observation, mail: Mail, memory: PickerMemory | None) -> Action:
-        me = PlanExecutor(seen, mail, memory or PickerMemory(plan=[Realign(), *harvest(self.layout, self.rows)]), self.bystanders)
+        robot = PlanExecutor(seen, mail, memory or self.Memory(plan=[Realign(), *self.route.harvest(self.rows)]), self.bystanders)
         for heard in mail.requests:
-            me.action.answers.append((heard, self.answer(me, heard)))
-        me.follow()
-        return me.finish()
+            robot.action.answers.append((heard, self.answer(robot, heard)))
+        robot.follow()
+        return robot.finish()
 
-    def answer(self, me: PlanExecutor, heard: Heard) -> Answer:
-        """To a carrier that brings a bin: yes, once it is coupled and the place where it stands is taken over."""
+    def answer(self, robot: PlanExecutor, heard: Heard) -> Answer:
+        """Answer a carrier that brings a bin: yes, once the bin is coupled and the place where it stands is taken over."""
         if not isinstance(heard.body, Here):
             return No("a picker knows nothing of that")
-        memory = me.memory
+        memory = robot.memory
         if heard.body.bin in (memory.taken, memory.full_bin):
             return Yes()
-        if me.seen.hitch is not None:
-            return No("no bin is wanted") if heard.body.bin != me.seen.hitch.name else No("the place is not taken over yet")
+        if robot.seen.hitch is not None:
+            return No("no bin is wanted") if heard.body.bin != robot.seen.hitch.name else No("the place is not taken over yet")
         memory.offered, memory.carrier = heard.body.bin, heard.sender
         return No("not coupled yet")

@@ -1,8 +1,14 @@
-"""What an agent makes of its scan: is my way free, is my turn free, which side is freer.
+"""What an agent finds in its scan and in the answers of bystanders: whether the way or a turn is free, and which side is freer.
 
 Points are in the agent's own frame: metres ahead of its centre, metres to its left.
+
+A laser looks forward, but a turn also sweeps the space beside and behind. So a robot that turns asks people and animals that could be
+near for their positions, and stands while one of them is, or may be, within the circle that the turn sweeps. It asks a distant one again
+only after the time that this one needs to come near.
 """
 
+import math
+from collections.abc import Mapping
 from functools import cache, lru_cache
 from typing import NamedTuple, cast
 
@@ -11,18 +17,20 @@ import numpy as np
 from orchard.contract.agent import Hitch, Observation
 from orchard.field import repeatable
 from orchard.field.geometry import Pose, to_frame
-from orchard.field.kinds import AROUND, KINDS, Kind, Laser, kind_of
+from orchard.field.kinds import ANIMALS, AROUND, KINDS, PEOPLE, Kind, Laser, kind_of
+from orchard.field.layout import Layout
+from orchard.field.scenario import TIME_STEP
 
-STOP_DISTANCE = 0.8  # m from the front edge: nearer than this a robot stops (reference.md, 'The behaviours')
-SIDE_MARGIN = 0.2  # m on either side of the corridor in which it looks
-TURN_MARGIN = 0.05  # m around what a turn sweeps
-_SWEEP_STEP = repeatable.PI / 48  # rad between the poses that a turn is tried at
+STOP_DISTANCE = 0.8  # m from the front edge: a robot stops for what is nearer (docs/reference.md, "The behaviours")
+SIDE_MARGIN = 0.2  # m by which the corridor ahead is wider on either side
+TURN_MARGIN = 0.05  # m around the area that a turn sweeps
+_SWEEP_STEP = repeatable.PI / 48  # rad between the poses at which a turn is checked
 _BIN_HALF = KINDS["bin"].length / 2
-_CORRIDORS = 64  # kept: there are some few, one for each width and each distance that is looked at
+_CORRIDORS = 64  # in the cache: there are only a few, one for each width and each distance
 
 
 class Box(NamedTuple):
-    """A box with sides along x and y of the orchard, whose returns are not obstacles to somebody."""
+    """A box with sides along x and y of the frame `map`, m. A robot that is blind to it ignores its returns."""
 
     x: float
     y: float
@@ -32,14 +40,14 @@ class Box(NamedTuple):
 
 @cache
 def beams(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
-    """Cosine and sine of every beam's angle to the front."""
+    """Return cosine and sine of each beam's angle to the front, (beams,) each."""
     pairs = [repeatable.sin_cos(laser.first + i * laser.increment) for i in range(laser.beams)]
     return np.array([c for _, c in pairs]), np.array([s for s, _ in pairs])
 
 
 @lru_cache(maxsize=_CORRIDORS)
 def corridor(half_width: float, ahead: float) -> np.ndarray:
-    """(180,): the range below which a forward beam ends inside a corridor of a half width, so far ahead of the front edge."""
+    """Return the range of each forward beam, (180,), m, below which it ends in a corridor from the front edge to `ahead` metres."""
     cosines, sines = beams(KINDS["picker"].laser)
     with np.errstate(divide="ignore"):
         ranges: np.ndarray = np.minimum(ahead / np.maximum(cosines, 1e-12), half_width / np.abs(sines))
@@ -47,12 +55,12 @@ def corridor(half_width: float, ahead: float) -> np.ndarray:
 
 
 def corridor_half_width(kind: Kind, towing: bool) -> float:
-    """Half of what a robot must find free ahead: itself or its bin, whichever is wider, and a margin."""
+    """Return half the width that must be free ahead of a robot, m: the robot or its bin, whichever is wider, and a margin."""
     return max(kind.width / 2, _BIN_HALF if towing else 0.0) + SIDE_MARGIN
 
 
 def something_ahead(seen: Observation, blind_to: list[Box]) -> bool:
-    """Whether anything returns from the swept corridor nearer than the stopping distance."""
+    """Whether anything but the boxes `blind_to` returns from the corridor ahead, nearer than the stopping distance."""
     kind = KINDS[kind_of(seen.name)]
     inside = seen.scan < corridor(corridor_half_width(kind, seen.hitch is not None), STOP_DISTANCE)
     if not np.count_nonzero(inside):
@@ -64,7 +72,7 @@ def something_ahead(seen: Observation, blind_to: list[Box]) -> bool:
 
 
 def turn_is_free(seen: Observation, turn: float, blind_to: list[Box]) -> bool:
-    """Whether nothing returns from what the robot and its bin will still sweep in a turn (rad, positive to the left)."""
+    """Whether nothing but the boxes `blind_to` returns from the area that robot and bin still sweep in a turn (rad, left is positive)."""
     kind = KINDS[kind_of(seen.name)]
     boxes = [(0.0, kind.length / 2, kind.width / 2)]
     if seen.hitch is not None and kind.tows:
@@ -76,7 +84,7 @@ def turn_is_free(seen: Observation, turn: float, blind_to: list[Box]) -> bool:
 
 
 def _swept(points: np.ndarray, boxes: list[tuple[float, float, float]], turn: float) -> bool:
-    """Whether any point comes to lie in a box (x of its centre, half length, half width) while the frame turns."""
+    """Whether a box (x of its centre, half length, half width) contains any point at some time while the frame turns."""
     steps = int(abs(turn) / _SWEEP_STEP) + 1
     turned = np.array([repeatable.sin_cos(turn * i / steps) for i in range(steps + 1)])
     s, c = turned[:, :1], turned[:, 1:]  # a row for each step, a column for each point
@@ -88,7 +96,7 @@ def _swept(points: np.ndarray, boxes: list[tuple[float, float, float]], turn: fl
 
 
 def _points_around(seen: Observation, kind: Kind, radius: float) -> np.ndarray:
-    """(m, 2): all returns within a radius of the centre, the robot's own and its bin's, without the robot itself."""
+    """The returns within a radius of the centre, (m, 2), from the robot's scan and its bin's, without the robot itself."""
     own = _returns(seen.scan, kind.laser, seen.scan < radius)
     if seen.hitch is None or seen.hitch.scan is None:
         return own
@@ -107,14 +115,14 @@ def _behind(seen: Observation, hitch: Hitch, kind: Kind, radius: float) -> np.nd
 
 
 def _returns(scan: np.ndarray, laser: Laser, chosen: np.ndarray) -> np.ndarray:
-    """(m, 2): the chosen returns as points in the frame of what carries the laser."""
+    """The chosen returns as points, (m, 2), in the frame of the body that carries the laser."""
     cosines, sines = beams(laser)
     ranges = scan[chosen].astype(np.float64)
     return np.stack([laser.ahead + ranges * cosines[chosen], ranges * sines[chosen]], axis=1)
 
 
 def _not_on(points: np.ndarray, pose: Pose, boxes: list[Box]) -> np.ndarray:
-    """Those of the points that do not lie on one of the boxes."""
+    """The points that lie on none of the boxes."""
     s, c = repeatable.sin_cos(pose.yaw)
     x, y = pose.x + c * points[:, 0] - s * points[:, 1], pose.y + s * points[:, 0] + c * points[:, 1]
     keep = np.ones(len(points), dtype=bool)
@@ -124,7 +132,7 @@ def _not_on(points: np.ndarray, pose: Pose, boxes: list[Box]) -> np.ndarray:
 
 
 def nearest_in_path(seen: Observation, reach: float) -> float:
-    """Metres ahead to the nearest return in a walker's own path, up to a reach; infinity where it is free."""
+    """Return the distance ahead to the nearest return in a walker's path, m, up to a reach; infinity if the path is free."""
     kind = KINDS[kind_of(seen.name)]
     if not np.count_nonzero(seen.scan < reach):
         return float("inf")
@@ -136,7 +144,7 @@ def nearest_in_path(seen: Observation, reach: float) -> float:
 
 
 def free_directions(seen: Observation, reach: float, count: int = 13) -> list[float]:
-    """Those of some directions from right to left, rad from straight ahead, in which a walker finds nothing in its path up to a reach."""
+    """Return the free ones of `count` directions from right to left, rad from straight ahead: nothing is in the path up to a reach."""
     kind = KINDS[kind_of(seen.name)]
     points = _returns(seen.scan, kind.laser, seen.scan < reach + kind.width)
     angles = [repeatable.PI * (i / (count - 1) - 0.5) for i in range(count)]
@@ -144,14 +152,74 @@ def free_directions(seen: Observation, reach: float, count: int = 13) -> list[fl
 
 
 def _in_path(points: np.ndarray, angle: float, half_width: float, reach: float) -> bool:
-    """Whether any point lies in a path from the origin in some direction."""
+    """Whether any point lies in the path from the origin in a direction."""
     s, c = repeatable.sin_cos(angle)
     ahead, left = c * points[:, 0] + s * points[:, 1], c * points[:, 1] - s * points[:, 0]
     return bool(((ahead > 0.0) & (ahead < reach) & (np.abs(left) < half_width)).any())
 
 
 def freer_side(seen: Observation, reach: float) -> int:
-    """+1 where there is more room to the left, -1 to the right: beams that return within a reach are counted."""
+    """Return +1 if there is more room to the left, -1 to the right: by the number of beams that return within a reach."""
     near = seen.scan < reach
     half = len(near) // 2
     return 1 if int(near[half:].sum()) <= int(near[:half].sum()) else -1
+
+
+SILENT_TICKS = 50  # ticks for which a bystander that did not answer is left to the lasers
+MARGIN = 0.1  # m around the circle that a turn sweeps
+ASK_AHEAD = 0.3  # s before a bystander may have come near, it is asked: an answer takes two ticks
+
+
+class Bystander(NamedTuple):
+    """A person or an animal."""
+
+    name: str
+    speed: float  # m/s, maximum
+    radius: float  # m, of the circle around its box
+
+
+class Sighting(NamedTuple):
+    """The position that a bystander reported, m; infinitely far if it did not answer."""
+
+    tick: int
+    x: float
+    y: float
+
+
+def bystanders_of(layout: Layout) -> tuple[Bystander, ...]:
+    """Return all people and animals of an orchard."""
+    return tuple(Bystander(s.name, KINDS[s.kind].speed, _radius(KINDS[s.kind])) for s in layout.starts if s.kind in PEOPLE + ANIMALS)
+
+
+def _radius(kind: Kind) -> float:
+    return 0.5 * math.sqrt(kind.length * kind.length + kind.width * kind.width)
+
+
+def sweep_radius(kind: Kind, towing: bool) -> float:
+    """Return the distance from a robot's centre to the furthest corner of the robot, or of its bin, m."""
+    half = KINDS["bin"].length / 2
+    return math.sqrt((kind.tows + half) ** 2 + half * half) if towing else _radius(kind)
+
+
+def time_to_reach(who: Bystander, sighting: Sighting, tick: int, x: float, y: float, radius: float) -> float:
+    """Return the time until a bystander may touch a circle, s from now; negative if it may touch the circle already."""
+    if math.isinf(sighting.x):
+        return math.inf if tick - sighting.tick < SILENT_TICKS else -math.inf
+    dx, dy = sighting.x - x, sighting.y - y
+    room = math.sqrt(dx * dx + dy * dy) - radius - who.radius - MARGIN
+    return room / who.speed - (tick - sighting.tick) * TIME_STEP
+
+
+def doubts(
+    everybody: tuple[Bystander, ...], sighted: Mapping[str, Sighting], tick: int, x: float, y: float, radius: float
+) -> tuple[list[str], list[str]]:
+    """Return the names of the bystanders that are or may be within a circle now, and of those to ask: now, or soon."""
+    near, to_ask = [], []
+    for bystander in everybody:
+        name = bystander.name
+        left = time_to_reach(bystander, sighted[name], tick, x, y, radius) if name in sighted else -math.inf
+        if left < TIME_STEP:
+            near.append(name)
+        if left < ASK_AHEAD:
+            to_ask.append(name)
+    return near, to_ask

@@ -1,45 +1,49 @@
-"""The verbs: what a plan is made of. A step is data with one method, `act`, which is called every tick until it is done.
+"""The steps of which plans are made. A step is data with one method, `act`, which is called every tick until the step is done.
 
-A step that acts sets the velocity of this tick, asks, or waits; it never remembers anything itself. Targets are
-absolute, so a robot that was held up, or whose agent was started afresh, still ends where it should.
+`act` sets the velocity of this tick, asks, or waits. A step itself remembers nothing. Its target is absolute, so a robot that was held up,
+or whose agent was started again, still ends at the right place.
 """
 
-from typing import TYPE_CHECKING, cast
+from functools import cache, reduce
+from operator import or_
+from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 
 from orchard.agents.robot import PlanExecutor, RobotMemory, Step
 from orchard.agents.sense import Box
+from orchard.contract.agent import State
 from orchard.contract.messages import BinState, CarrierComing, Confirm, EmptyBin, Here, No, StateRequest, Yes
 from orchard.field.geometry import HEADINGS, Twist, angle_between, nearest_heading
 from orchard.field.kinds import EIGHTH
 from orchard.field.scenario import TIME_STEP
 
-EXACT = 1e-9  # m or rad: nearer than this is there
+EXACT = 1e-9  # m or rad: nearer than this counts as there
 CRUISE = 1.0  # m/s
 SELDOM = 50  # ticks between two questions whose answer changes nothing
-LOOK_AHEAD = 3.0  # m before a gate at which its places are asked for
+LOOK_AHEAD = 3.0  # m before a gate, from where the robot asks for its places
 
 
 class Gate(msgspec.Struct, frozen=True):
-    """A point of a drive, by the robot's centre: there it holds these places, or from there on it needs them no more."""
+    """A point of a drive, by the robot's centre: it needs these places from there on, or it needs them no longer."""
 
     places: list[str]
     at: float
 
 
 class Say(Step, frozen=True):
-    """Tell what the robot is doing from now on."""
+    """Set what the robot does from now on: `doing` for people, `state` for programs."""
 
     doing: str
+    state: State
 
-    def act(self, me: PlanExecutor) -> bool:
-        me.memory.doing = self.doing
+    def act(self, robot: PlanExecutor) -> bool:
+        robot.memory.doing, robot.memory.state = self.doing, self.state
         return True
 
 
 class DriveTo(Step, frozen=True):
-    """Drive straight on, along the axis that it faces, until x (or y) is exactly this; slower in the last step."""
+    """Drive straight on, along the axis that the robot faces, until x (or y) is exactly the target; slower in the last step."""
 
     x: float | None = None
     y: float | None = None
@@ -47,101 +51,101 @@ class DriveTo(Step, frozen=True):
     needs: list[Gate] = []
     frees: list[Gate] = []
     blind_to: list[Box] = []
-    queueing: bool = False  # to stand behind others here is no trouble, and not told as such
+    queueing: bool = False  # to stand behind other robots is normal here, and is not reported
 
-    def act(self, me: PlanExecutor) -> bool:
-        here, target = (me.pose.x, self.x) if self.x is not None else (me.pose.y, cast(float, self.y))
-        ahead = 1.0 if nearest_heading(me.pose.yaw) in ("EAST", "NORTH") else -1.0
+    def act(self, robot: PlanExecutor) -> bool:
+        here, target = (robot.pose.x, self.x) if self.x is not None else (robot.pose.y, cast(float, self.y))
+        ahead = 1.0 if nearest_heading(robot.pose.yaw) in ("EAST", "NORTH") else -1.0
         for gate in self.frees:
             if ahead * (here - gate.at) > -EXACT:
-                me.free(gate.places)
-        left = ahead * (self._limit(me, here, ahead, target) - here)
+                robot.free(gate.places)
+        left = ahead * (self._limit(robot, here, ahead, target) - here)
         if left <= EXACT:
             return ahead * (target - here) <= EXACT
-        me.move(Twist(x=min(self.speed, left / TIME_STEP)), self.blind_to, self.queueing)
+        robot.move(Twist(x=min(self.speed, left / TIME_STEP)), self.blind_to, self.queueing)
         return False
 
-    def _limit(self, me: PlanExecutor, here: float, ahead: float, target: float) -> float:
-        """The target, or the first gate ahead whose places the robot does not hold."""
+    def _limit(self, robot: PlanExecutor, here: float, ahead: float, target: float) -> float:
+        """The target, or the first gate before it whose places the robot does not hold."""
         for gate in self.needs:
-            if ahead * (gate.at - here) >= -EXACT and not me.holds(gate.places):
+            if ahead * (gate.at - here) >= -EXACT and not robot.holds(gate.places):
                 if ahead * (gate.at - here) < LOOK_AHEAD:
-                    me.want(gate.places)
+                    robot.want(gate.places)
                 return gate.at if ahead * (target - gate.at) > 0 else target
         return target
 
 
 class Face(Step, frozen=True):
-    """Turn on the spot, pi/8 rad/s, until it faces EAST, NORTH, WEST or SOUTH exactly: 4 s for a quarter turn."""
+    """Turn on the spot, pi/8 rad/s, until the robot faces EAST, NORTH, WEST or SOUTH exactly: 4 s for a quarter turn."""
 
     heading: str
     blind_to: list[Box] = []
 
-    def act(self, me: PlanExecutor) -> bool:
-        left = angle_between(me.pose.yaw, HEADINGS[self.heading])
+    def act(self, robot: PlanExecutor) -> bool:
+        left = angle_between(robot.pose.yaw, HEADINGS[self.heading])
         if abs(left) <= EXACT:
             return True
-        me.turn(max(-EIGHTH, min(EIGHTH, left / TIME_STEP)), left, self.blind_to)
+        robot.turn(max(-EIGHTH, min(EIGHTH, left / TIME_STEP)), left, self.blind_to)
         return False
 
 
 class Realign(Step, frozen=True):
-    """Rotate by the small angle that is left to the nearest of the four headings, until exact."""
+    """Turn on the spot to the nearest of the four headings, until exact."""
 
-    def act(self, me: PlanExecutor) -> bool:
-        return Face(nearest_heading(me.pose.yaw)).act(me)
+    def act(self, robot: PlanExecutor) -> bool:
+        return Face(nearest_heading(robot.pose.yaw)).act(robot)
 
 
 class Ahead(Step, frozen=True):
-    """Drive so many metres forward from where it stands now, facing one of the four headings."""
+    """Drive `metres` forward from the present place, facing one of the four headings."""
 
     metres: float
 
-    def act(self, me: PlanExecutor) -> bool:
-        heading = nearest_heading(me.pose.yaw)
+    def act(self, robot: PlanExecutor) -> bool:
+        heading = nearest_heading(robot.pose.yaw)
         sign = 1.0 if heading in ("EAST", "NORTH") else -1.0
         along_x = heading in ("EAST", "WEST")
-        me.next([DriveTo(x=me.pose.x + sign * self.metres) if along_x else DriveTo(y=me.pose.y + sign * self.metres)])
+        robot.next([DriveTo(x=robot.pose.x + sign * self.metres) if along_x else DriveTo(y=robot.pose.y + sign * self.metres)])
         return True
 
 
 class MoveTo(Step, frozen=True):
-    """Go to a point: first along the axis that it faces, turning about if the point lies behind, then along the other."""
+    """Drive to a point: first along the axis that the robot faces, turning about if the point lies behind, then along the other axis."""
 
     x: float
     y: float
 
-    def act(self, me: PlanExecutor) -> bool:
-        east_west = _towards("EAST", "WEST", self.x - me.pose.x), DriveTo(x=self.x)
-        north_south = _towards("NORTH", "SOUTH", self.y - me.pose.y), DriveTo(y=self.y)
-        legs = [east_west, north_south] if nearest_heading(me.pose.yaw) in ("EAST", "WEST") else [north_south, east_west]
-        me.next([step for face, drive in legs for step in ((Face(face), drive) if face else ())])
+    def act(self, robot: PlanExecutor) -> bool:
+        east_west = _towards("EAST", "WEST", self.x - robot.pose.x), DriveTo(x=self.x)
+        north_south = _towards("NORTH", "SOUTH", self.y - robot.pose.y), DriveTo(y=self.y)
+        legs = [east_west, north_south] if nearest_heading(robot.pose.yaw) in ("EAST", "WEST") else [north_south, east_west]
+        robot.next([step for face, drive in legs for step in ((Face(face), drive) if face else ())])
         return True
 
 
 def _towards(positive: str, negative: str, distance: float) -> str:
-    """The heading in which a distance along an axis is driven; '' where there is nothing to drive."""
+    """The heading in which to drive a distance along an axis; '' for no distance."""
     return "" if abs(distance) <= EXACT else positive if distance > 0 else negative
 
 
 class Wait(Step, frozen=True):
-    """Stand for so many seconds."""
+    """Stand for `seconds`."""
 
     seconds: float
 
-    def act(self, me: PlanExecutor) -> bool:
-        return bool((me.seen.tick - me.memory.since) * TIME_STEP >= self.seconds - EXACT)
+    def act(self, robot: PlanExecutor) -> bool:
+        return bool((robot.seen.tick - robot.memory.since) * TIME_STEP >= self.seconds - EXACT)
 
 
 class Need(Step, frozen=True):
-    """Stand until traffic has given the robot all these places, shared at most with a partner."""
+    """Stand until traffic has granted all these places. At most a partner shares them."""
 
     places: list[str]
 
-    def act(self, me: PlanExecutor) -> bool:
-        if me.holds(self.places):
+    def act(self, robot: PlanExecutor) -> bool:
+        if robot.holds(self.places):
             return True
-        me.want(self.places)
+        robot.want(self.places)
         return False
 
 
@@ -150,31 +154,31 @@ class Free(Step, frozen=True):
 
     places: list[str]
 
-    def act(self, me: PlanExecutor) -> bool:
-        me.free(self.places)
+    def act(self, robot: PlanExecutor) -> bool:
+        robot.free(self.places)
         return True
 
 
 class Alone(Step, frozen=True):
-    """Stand until nobody shares a place that the robot holds."""
+    """Stand until no other robot shares a place that the robot holds."""
 
     place: str
 
-    def act(self, me: PlanExecutor) -> bool:
-        return me.is_alone_in(self.place)
+    def act(self, robot: PlanExecutor) -> bool:
+        return robot.is_alone_in(self.place)
 
 
 class Deliver(Step, frozen=True):
-    """A carrier's: leave the empty bin on the picker's coupling point, tell the picker, and wait until it has taken it."""
+    """For carriers: leave the empty bin on the picker's coupling point, and repeat that to the picker until it has taken the bin."""
 
     picker: str
 
-    def act(self, me: PlanExecutor) -> bool:
-        if me.seen.hitch is not None:
-            me.memory.delivered = me.seen.hitch.name
-            me.uncouple()
+    def act(self, robot: PlanExecutor) -> bool:
+        if robot.seen.hitch is not None:
+            robot.memory.delivered = robot.seen.hitch.name
+            robot.uncouple()
             return False
-        return isinstance(me.ask(self.picker, Here(me.memory.delivered)), Yes)
+        return isinstance(robot.ask(self.picker, Here(robot.memory.delivered)), Yes)
 
 
 class TakeBin(Step, frozen=True):
@@ -182,80 +186,80 @@ class TakeBin(Step, frozen=True):
 
     bin: str
 
-    def act(self, me: PlanExecutor) -> bool:
-        if me.seen.hitch is not None and me.seen.hitch.name == self.bin:
+    def act(self, robot: PlanExecutor) -> bool:
+        if robot.seen.hitch is not None and robot.seen.hitch.name == self.bin:
             return True
-        me.couple(self.bin)
+        robot.couple(self.bin)
         return False
 
 
 class LeaveBin(Step, frozen=True):
-    """Uncouple the bin and remember it as the full one."""
+    """For pickers: uncouple the bin, and remember it as the full bin."""
 
-    def act(self, me: PlanExecutor) -> bool:
-        if me.seen.hitch is None:
+    def act(self, robot: PlanExecutor) -> bool:
+        if robot.seen.hitch is None:
             return True
-        me.memory.full_bin, me.memory.offered, me.memory.carrier = me.seen.hitch.name, "", ""
-        me.uncouple()
+        robot.memory.full_bin, robot.memory.offered, robot.memory.carrier = robot.seen.hitch.name, "", ""
+        robot.uncouple()
         return False
 
 
 class FetchEmpty(Step, frozen=True):
-    """A picker's: call for an empty bin, couple it when a carrier has brought it, and take over the place it stands in."""
+    """For pickers: wait until a carrier has brought an empty bin, couple the bin, and take over the place where it stands."""
 
     place: str
 
-    def act(self, me: PlanExecutor) -> bool:
-        if not me.memory.offered:
-            answer = me.ask(me.memory.full_bin, EmptyBin(), every=SELDOM)
-            me.memory.carrier = answer.carrier if isinstance(answer, CarrierComing) else me.memory.carrier
+    def act(self, robot: PlanExecutor) -> bool:
+        if not robot.memory.offered:
+            answer = robot.ask(robot.memory.full_bin, EmptyBin(), every=SELDOM)
+            robot.memory.carrier = answer.carrier if isinstance(answer, CarrierComing) else robot.memory.carrier
             return False
-        if me.seen.hitch is None:
-            me.couple(me.memory.offered)
+        if robot.seen.hitch is None:
+            robot.couple(robot.memory.offered)
             return False
-        if not me.holds([self.place]):
-            me.want([self.place], beside=me.memory.carrier)
+        if not robot.holds([self.place]):
+            robot.want([self.place], beside=robot.memory.carrier)
             return False
-        me.memory.taken = me.memory.offered
+        robot.memory.taken = robot.memory.offered
         return True
 
 
 class Unload(Step, frozen=True):
-    """A carrier's: stand in the bay until the bin says that it is empty."""
+    """For carriers: stand in the bay until the bin reports that it is no longer full."""
 
-    def act(self, me: PlanExecutor) -> bool:
-        answer = me.ask(me.seen.hitch.name, StateRequest()) if me.seen.hitch else None
+    def act(self, robot: PlanExecutor) -> bool:
+        answer = robot.ask(robot.seen.hitch.name, StateRequest()) if robot.seen.hitch else None
         return isinstance(answer, BinState) and not answer.full
 
 
 class Confirmed(Step, frozen=True):
-    """A carrier's, before it leaves: go only if the bin still wants it, else do something else."""
+    """For carriers, before they leave: go on only if the bin still wants the carrier, else do the steps `otherwise`."""
 
     bin: str
     otherwise: list["AnyStep"]
 
-    def act(self, me: PlanExecutor) -> bool:
-        answer = me.ask(self.bin, Confirm())
+    def act(self, robot: PlanExecutor) -> bool:
+        answer = robot.ask(self.bin, Confirm())
         if isinstance(answer, No):
-            me.memory.plan[1:] = self.otherwise
+            robot.memory.plan[1:] = self.otherwise
         return answer is not None
 
 
 class Home(Step, frozen=True):
-    """A carrier's: the job is done, it waits to be called again."""
+    """For carriers: the job is done, and the carrier can be called again."""
 
-    def act(self, me: PlanExecutor) -> bool:
-        me.memory.job = None
+    def act(self, robot: PlanExecutor) -> bool:
+        robot.memory.job = None
         return True
 
 
 class Again(Step, frozen=True):
-    """Do these steps over and over."""
+    """Repeat these steps without end."""
 
     steps: list["AnyStep"]
 
-    def act(self, me: PlanExecutor) -> bool:
-        me.next([*self.steps, self])
+    def act(self, robot: PlanExecutor) -> bool:
+        robot.next([*self.steps, self])
         return True
 
 
@@ -285,6 +289,17 @@ else:  # for msgspec, which decodes the steps of a memory: these, and those that
 
 
 class Plan(RobotMemory):
-    """The memory of a robot that follows a plan: the steps that are left, the present one first."""
+    """The memory of a robot that follows a plan. `plan`: the steps that are left, the present one first."""
 
     plan: list[AnyStep] = []
+
+
+@cache
+def with_steps(memory: type[Plan], steps: tuple[type[Step], ...]) -> type[Plan]:
+    """Return a memory type whose plan may also hold these user-defined steps. They are checked and encoded like the built-in steps."""
+    if not steps:
+        return memory
+    kinds: Any = reduce(or_, steps, AnyStep)
+    plan: Any = ("plan", list[kinds], msgspec.field(default_factory=list))
+    derived: Any = msgspec.defstruct(memory.__name__, [plan], bases=(memory,))
+    return cast(type[Plan], derived)

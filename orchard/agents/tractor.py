@@ -1,32 +1,32 @@
-"""The tractor: drives up and down the driveway, waits at each end, turns about, and stops for whatever is in its way."""
+"""The tractor: drives up and down the driveway, waits at each end, turns about, and stops for obstacles."""
 
-from orchard.agents.bystanders import bystanders_of
 from orchard.agents.robot import PlanExecutor, Step
+from orchard.agents.sense import bystanders_of
 from orchard.agents.steps import Again, DriveTo, Face, Plan, Realign, Say, Wait
 from orchard.contract.agent import Action, Mail, Observation
 from orchard.field.layout import Layout
 
-WEST_END, EAST_END = -45.0, -25.0  # x, m: 20 m apart (reference.md)
+WEST_END, EAST_END = -45.0, -25.0  # x, m: 20 m apart (docs/reference.md)
 WORK = 5.0  # s at each end
 
 ROUND: list[Step] = [
-    Say("driving east"),
+    Say("driving east", "driving"),
     DriveTo(x=EAST_END),
-    Say("being loaded"),
+    Say("being loaded", "handling a bin"),
     Wait(WORK),
-    Say("turning about"),
+    Say("turning about", "driving"),
     Face("WEST"),
-    Say("driving west"),
+    Say("driving west", "driving"),
     DriveTo(x=WEST_END),
-    Say("being unloaded"),
+    Say("being unloaded", "unloading"),
     Wait(WORK),
-    Say("turning about"),
+    Say("turning about", "driving"),
     Face("EAST"),
 ]
 
 
 class Tractor:
-    """Works on the driveway throughout."""
+    """Works on the driveway during the whole run."""
 
     Memory = Plan
 
@@ -34,6 +34,6 @@ class Tractor:
         self.bystanders = bystanders_of(layout)
 
     def tick(self, seen: Observation, mail: Mail, memory: Plan | None) -> Action:
-        me = PlanExecutor(seen, mail, memory or Plan(plan=[Realign(), Again(ROUND)]), self.bystanders)
-        me.follow()
-        return me.finish()
+        robot = PlanExecutor(seen, mail, memory or Plan(plan=[Realign(), Again(ROUND)]), self.bystanders)
+        robot.follow()
+        return robot.finish()

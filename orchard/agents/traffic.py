@@ -1,38 +1,42 @@
-"""Traffic: the agent without a body that keeps the ledger of places on the roads.
+"""Traffic: the agent without a body that grants places on the roads.
 
-A robot names the places that it keeps and those that it wants; it gets all it wants or none. Whoever asked first is served
-first (ties by name): a place that an earlier asker waits for is not given to a later one. A place belongs to one robot, or
-to two partners in an exchange of bins. Every word of a robot is complete, so words that are lost or come twice do no harm.
+A robot names the places that it keeps and those that it wants. It gets all that it wants or none. Robots are served in the order in which
+they asked (ties by name): a place for which an earlier robot waits is not given to a later one. A place belongs to one robot, or to two
+partners in an exchange of bins. Each claim of a robot is complete, so claims that are lost or come twice do no harm.
 """
 
 import msgspec
 
 from orchard.contract.agent import Action, Heard, Mail, Observation
 from orchard.contract.messages import Answer, Claim, Places
+from orchard.field.layout import Layout
 
-FORGET = 30  # ticks after which a wish that is not repeated is dropped
+FORGET = 30  # ticks after which a claim that is not repeated is dropped
 
 
 class PendingClaim(msgspec.Struct):
-    """What a robot waits for."""
+    """The places for which a robot waits."""
 
     places: list[str]
-    beside: str
-    since: int  # tick in which it was first heard
-    heard: int  # tick in which it was last heard
+    beside: str  # the partner that may hold some of them
+    since: int  # tick at which it was first heard
+    heard: int  # tick at which it was last heard
 
 
 class ReservationTable(msgspec.Struct):
-    """Who holds which places, and who waits for which."""
+    """The places that each robot holds, and the claims that wait, by robot."""
 
     holds: dict[str, list[str]] = {}
     wishes: dict[str, PendingClaim] = {}
 
 
 class Traffic:
-    """Gives places on the roads."""
+    """Grants places on the roads."""
 
     Memory = ReservationTable
+
+    def __init__(self, layout: Layout, name: str) -> None:
+        pass
 
     def tick(self, seen: Observation, mail: Mail, memory: ReservationTable | None) -> Action:
         ledger = memory or ReservationTable()
@@ -43,11 +47,11 @@ class Traffic:
             ledger.wishes = {name: wish for name, wish in ledger.wishes.items() if seen.tick - wish.heard <= FORGET}
             grant(ledger)
         answers: list[tuple[Heard, Answer]] = [(heard, answer(ledger, heard.sender)) for heard, _ in claims]
-        return Action(answers=answers, memory=ledger, doing=f"{sum(map(len, ledger.holds.values()))} places held")
+        return Action(answers=answers, memory=ledger, doing=f"{sum(map(len, ledger.holds.values()))} places held", state="resting")
 
 
 def note(ledger: ReservationTable, name: str, claim: Claim, tick: int) -> None:
-    """Enter a robot's word: what it does not keep is free, what it wants is waited for."""
+    """Enter a robot's claim: places that it neither keeps nor wants become free; it waits for those that it wants."""
     ledger.holds[name] = [place for place in ledger.holds.get(name, []) if place in claim.keep or place in claim.want]
     if not claim.want:
         ledger.wishes.pop(name, None)
@@ -58,7 +62,7 @@ def note(ledger: ReservationTable, name: str, claim: Claim, tick: int) -> None:
 
 
 def grant(ledger: ReservationTable) -> None:
-    """Serve the wishes, first come first served."""
+    """Grant the waiting claims that can be granted, in the order in which they were made."""
     waited_for: set[str] = set()
     for name, wish in sorted(ledger.wishes.items(), key=lambda item: (item[1].since, item[0])):
         missing = [place for place in wish.places if place not in ledger.holds[name]]
@@ -71,12 +75,12 @@ def grant(ledger: ReservationTable) -> None:
 
 
 def _joins_partner(ledger: ReservationTable, wish: PendingClaim, missing: list[str]) -> bool:
-    """Whether a robot only joins its partner, who could not leave otherwise: then it need not stand in line."""
+    """Whether a robot only joins its partner. It need not wait in line then: the partner could not leave otherwise."""
     return all(place in ledger.holds.get(wish.beside, []) for place in missing)
 
 
 def blockers(ledger: ReservationTable, name: str, wish: PendingClaim) -> list[str]:
-    """Who holds what a robot waits for."""
+    """Return the robots that hold places for which a robot waits."""
     return [
         other
         for other, places in sorted(ledger.holds.items())
@@ -85,7 +89,7 @@ def blockers(ledger: ReservationTable, name: str, wish: PendingClaim) -> list[st
 
 
 def answer(ledger: ReservationTable, name: str) -> Places:
-    """What a robot is told: its places, and who is in the way of its wish."""
+    """Return the answer to a robot: its places, and the robots that are in the way of its claim."""
     held, wish = ledger.holds[name], ledger.wishes.get(name)
     others = {place for other, places in ledger.holds.items() if other != name for place in places}
     in_the_way = (blockers(ledger, name, wish) or sorted(set(ledger.wishes) - {name})) if wish else []

@@ -1,4 +1,4 @@
-"""What people and animals share: walking on, turning away from what is in the way, and never lingering for long."""
+"""The common behaviour of people and animals: they walk on, turn away from obstacles, and never linger for long."""
 
 import msgspec
 
@@ -10,40 +10,43 @@ from orchard.field.kinds import Kind
 from orchard.field.repeatable import PI, draw, wrap
 from orchard.field.scenario import TIME_STEP
 
-STEER_WITHIN = 4.0  # m (reference.md)
+STEER_WITHIN = 4.0  # m (docs/reference.md)
 TURN_WITHIN = 1.0  # m
 STEER = PI / 8  # rad/s while it walks on
 BACK, LEFT, RIGHT, ON = Twist(x=-0.5), Twist(yaw=PI / 4), Twist(yaw=-PI / 4), Twist(x=0.5)
-WAYS = (BACK, BACK, BACK, LEFT, RIGHT, ON)  # what one tries that bumped into something
-RECOVERY = 12  # ticks for which it tries
-LINGER = 6.0  # m: who has come no farther than this from a place, and so may still be within a circle of 3 m, ...
-LINGER_TICKS = 200  # ... after a third of a minute breaks out of it
-OUT_TICKS = 80  # for which it walks in one direction to get out
-FREE = (3.0, 1.5)  # m that it wants to find free, or at least
+WAYS = (BACK, BACK, BACK, LEFT, RIGHT, ON)  # what a walker tries after a refused step
+RECOVERY = 12  # ticks for which it tries one of them
+LINGER = 6.0  # m: a walker that has got no farther from a place, and so may still be within a circle of 3 m, ...
+LINGER_TICKS = 200  # ... breaks out of it after 20 s
+OUT_TICKS = 80  # ticks for which it walks in one direction to get out
+FREE = (3.0, 1.5)  # m that must be free in that direction; if no direction is, the second value
 
 
 class WalkerMemory(msgspec.Struct):
-    """Where it lingers, and the heading in which it breaks out."""
+    """The place where a walker lingers, and the direction in which it breaks out."""
 
     x: float
     y: float
     since: int  # tick at which it came here
     turning: bool = False  # it stopped for something near, and turns until its way is free
     moving: bool = False  # it wanted to move in the last tick
-    way: int = 0  # which of the ways it tries
+    way: int = 0  # index in WAYS of what it tries
     recovers_until: int = 0  # tick
-    out: float | None = None  # yaw in which it breaks out
+    out: float | None = None  # rad, the yaw in which it breaks out
     until: int = 0  # tick at which breaking out ends
 
 
 def tell_where(seen: Observation, mail: Mail) -> list[tuple[Heard, Answer]]:
-    """The answers to robots that ask where it is; nothing else concerns it."""
+    """Return the walker's answers: its position to robots that ask for it, a refusal to all other requests."""
     here = Position(seen.x, seen.y)
     return [(heard, here if isinstance(heard.body, Where) else No("I only walk here")) for heard in mail.requests]
 
 
 def walk(seen: Observation, memory: WalkerMemory, seed: int, speed: float, kind: Kind, whim: Twist) -> tuple[Twist, str]:
-    """The velocity of somebody who would follow a whim, at no more than a speed when something is near; and what that is called."""
+    """Return a walker's velocity, and 'turning away' if something is in its way, else ''.
+
+    `whim`: the velocity if nothing is in the way. `speed`: m/s while it steers away from something.
+    """
     twist = bump(seen, memory, seed) or break_out(seen, memory, seed, min(1.0, kind.speed), kind.turn)
     twist = twist or avoid(seen, memory, speed, kind.turn)
     memory.moving = (twist or whim) != STILL
@@ -51,7 +54,7 @@ def walk(seen: Observation, memory: WalkerMemory, seed: int, speed: float, kind:
 
 
 def bump(seen: Observation, memory: WalkerMemory, seed: int) -> Twist | None:
-    """Back off for a while, or turn aside, for one whose last step something was in the way of; None for all others."""
+    """Return the velocity with which a walker backs off, or turns aside, for a while after a refused step; else None."""
     if memory.moving and seen.twist == STILL:
         memory.way = int(len(WAYS) * draw(seed, seen.name, seen.tick, 2)[1])
         memory.recovers_until, memory.out = seen.tick + RECOVERY, None
@@ -59,7 +62,7 @@ def bump(seen: Observation, memory: WalkerMemory, seed: int) -> Twist | None:
 
 
 def avoid(seen: Observation, memory: WalkerMemory, speed: float, most_turn: float) -> Twist | None:
-    """The velocity that turns away from what is in the way; None where the way is free."""
+    """Return the velocity that turns away from an obstacle; None if the way is free."""
     ahead = nearest_in_path(seen, STEER_WITHIN)
     if ahead < TURN_WITHIN or (memory.turning and ahead < 2 * TURN_WITHIN):
         memory.turning = True
@@ -69,7 +72,7 @@ def avoid(seen: Observation, memory: WalkerMemory, speed: float, most_turn: floa
 
 
 def break_out(seen: Observation, memory: WalkerMemory, seed: int, speed: float, most_turn: float) -> Twist | None:
-    """The velocity with which one that lingers leaves, towards a side that is free; None for one that does not linger."""
+    """Return the velocity with which a lingering walker leaves in a free direction; None if it does not linger."""
     if (seen.x - memory.x) ** 2 + (seen.y - memory.y) ** 2 > LINGER**2:
         memory.x, memory.y, memory.since, memory.out = seen.x, seen.y, seen.tick, None
     if seen.tick - memory.since < LINGER_TICKS:
@@ -87,7 +90,7 @@ def break_out(seen: Observation, memory: WalkerMemory, seed: int, speed: float, 
 
 
 def way_out(seen: Observation, chance: float) -> float:
-    """The angle to one of the directions in which the way is free, by chance (0 to 1); where none is, somewhere behind its back."""
+    """Return the angle to one of the free directions, rad, chosen by `chance` (0 to 1); if none is free, a direction behind."""
     for reach in FREE:
         free = free_directions(seen, reach)
         if free:

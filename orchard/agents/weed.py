@@ -1,4 +1,4 @@
-"""The weed: notices something moving within a metre of itself, and asks to be flattened."""
+"""The weed: detects motion within a metre of itself, and asks to be flattened."""
 
 import math
 
@@ -9,18 +9,18 @@ from orchard.contract.agent import Action, Mail, Observation
 from orchard.contract.messages import Flatten
 from orchard.field.layout import Layout
 
-NEAR = 1.36  # m from its centre: a metre from its farthest point, its corner at 0.354 m; physics decides what is near enough
-SURE = 5.0  # standard deviations of the lasers' noise by which what it sees must change
+NEAR = 1.36  # m from its centre: 1 m from its farthest point, a corner at 0.354 m; physics decides what is near enough
+SURE = 5.0  # standard deviations of the lasers' noise by which the silhouette must change
 
 
 class WeedMemory(msgspec.Struct):
-    """What it saw."""
+    """What a weed saw at the last tick."""
 
-    silhouette: int = 0  # mm, sum over the beams of how far what they hit is inside the near ring
+    silhouette: int = 0  # mm, sum over the beams of the distance from each return out to NEAR
 
 
 class Weed:
-    """Grows."""
+    """Stands until it is flattened."""
 
     Memory = WeedMemory
 
@@ -31,10 +31,10 @@ class Weed:
         now, beams = silhouette(seen.scan)
         change = abs(now - memory.silhouette) if memory else 0
         moving = change > 1000 * SURE * self.noise * math.sqrt(beams)
-        return Action(deeds=[Flatten()] if moving else [], memory=WeedMemory(now), doing="growing")
+        return Action(deeds=[Flatten()] if moving else [], memory=WeedMemory(now), doing="growing", state="resting")
 
 
 def silhouette(scan: np.ndarray) -> tuple[int, int]:
-    """What is near, as a number that changes when it moves, and on how many beams; whole millimetres, so that sums are exact."""
+    """Return a number for all that is near, which changes when that moves, and the number of beams. Whole millimetres make sums exact."""
     near = scan[scan < NEAR]
     return (int(((NEAR - near) * 1000).astype(np.int64).sum()) if near.size else 0), near.size

@@ -1,53 +1,185 @@
-"""What a user has entered so far: good enough to run, or what is wrong with it, field by field."""
+"""What a user has entered: the entries of a scenario, their values, and what is wrong with each."""
 
-from typing import Any
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, reduce
+from math import floor, inf, log10
+from typing import Any, get_args
 
-from orchard.agents.catalogue import named_classes
-from orchard.app.entries import entries, flat, nested
-from orchard.app.numbers import hint, number_of
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from orchard.agents.catalogue import check_plugins
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario, check
 
-CLASSES = "agents"  # the path of the users' own classes, which come with a file and are not entered
+WHOLE = re.compile(r"[-+]?[0-9]{1,29}")
+DECIMAL = re.compile(r"[-+]?([0-9]{1,40}\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,3})?")
+WITH_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+")
+
+
+def number_of(text: str) -> int | float | str:
+    """Return the number in a text, or the text, stripped, if it is not a number."""
+    text = text.strip()
+    if WHOLE.fullmatch(text):
+        return int(text)
+    return float(text) if DECIMAL.fullmatch(text) else text
+
+
+def shown(number: float) -> str:
+    """Return a number as a user types it, with all its digits."""
+    return str(number).removesuffix(".0")
+
+
+def hint(text: object) -> str:
+    """Return advice on a text that is almost a number, to append to an error message; '' if there is none."""
+    if isinstance(text, str) and WITH_COMMA.fullmatch(text.strip()):
+        return f"; write a point: {text.strip().replace(',', '.')}"
+    return ""
+
+
+MOST_STEPS = 1e6  # steps of a slider; a value with more gets a text field only
+
+
+PLUGINS = ("agents", "agents_without_body", "dispatch", "rows_to_pickers", "route")  # named in a file, not entered on the page
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A value that a user can set."""
+
+    path: str  # dotted path in the scenario file
+    words: str  # description, with the unit
+    kind: type  # int, float or bool
+    optional: bool  # whether None is allowed: the program then chooses the value
+    low: float = -inf
+    high: float = inf
+
+    @property
+    def label(self) -> str:
+        """The name on the page, such as 'Row width' or 'Laser noise'."""
+        section, _, name = self.path.rpartition(".")
+        known = name.replace("_", " ")
+        return (f"{section} {known}" if section == "laser" else known).capitalize()
+
+    @property
+    def unit(self) -> str:
+        """The unit in the description, m or m/s; '' if there is none."""
+        found = re.search(r", (m/s|m)(?=;|$)", self.words)
+        return found.group(1) if found else ""
+
+    @property
+    def step(self) -> float:
+        """The step of the slider: a hundredth of the range, rounded up to 1, 2 or 5 times a power of ten. 1 for whole numbers."""
+        if self.kind is int:
+            return 1
+        rough = (self.high - self.low) / 100
+        power = 10.0 ** floor(log10(rough))
+        return round(next(n * power for n in (1, 2, 5, 10) if n * power >= rough * 0.999), 10)
+
+    @property
+    def has_slider(self) -> bool:
+        """Whether the value is a number with at most MOST_STEPS steps."""
+        return self.kind is not bool and (self.high - self.low) / self.step <= MOST_STEPS
+
+    @property
+    def limits(self) -> str:
+        """The limits and the unit as text, such as '0 to 0.02 m'; '' without a slider."""
+        return f"{self.low:g} to {self.high:g} {self.unit}".rstrip() if self.has_slider else ""
+
+
+@cache
+def entries() -> dict[str, Entry]:
+    """Return all entries by path, in the order of the scenario file."""
+    return {entry.path: entry for entry in _entries(Scenario)}
+
+
+def _entries(model: type[BaseModel], before: str = "") -> Iterator[Entry]:
+    for name, field in model.model_fields.items():
+        kind = field.annotation
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            yield from _entries(kind, f"{before}{name}.")
+        elif name not in PLUGINS:
+            yield _entry(before + name, field)
+
+
+def _entry(path: str, field: FieldInfo) -> Entry:
+    kinds = get_args(field.annotation) or (field.annotation,)
+    limits = {type(limit).__name__: limit for limit in field.metadata}
+    span = (limits["Ge"].ge, limits["Le"].le) if "Ge" in limits else ()
+    return Entry(path, field.description or "", kinds[0], type(None) in kinds, *span)
+
+
+def flat(scenario: Scenario) -> dict[str, Any]:
+    """Return the values of a scenario that the page asks for, by path."""
+    return {path: reduce(getattr, path.split("."), scenario) for path in entries()}
+
+
+def nested(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by path as nested dicts, the structure of a scenario file."""
+    tree: dict[str, Any] = {}
+    for path, value in values.items():
+        *sections, key = path.split(".")
+        place = tree
+        for section in sections:
+            place = place.setdefault(section, {})
+        place[key] = value
+    return tree
 
 
 class Draft:
-    """Values by path, whatever they are; `scenario` and `problems` follow every change."""
+    """Entered values by path, valid or not.
+
+    Each change updates `scenario`, None while a value is invalid, and `problems`, messages by path.
+    """
 
     def __init__(self, scenario: Scenario) -> None:
         self.take(scenario)
 
     def take(self, scenario: Scenario) -> None:
-        """All values from a scenario."""
-        self.values, self.classes = flat(scenario), dict(scenario.agents)
-        self._judge()
+        """Replace all values by those of a scenario."""
+        self.values, self.plugins = flat(scenario), {name: getattr(scenario, name) for name in PLUGINS}
+        self._check()
 
     def set(self, path: str, value: Any) -> None:
+        """Set one value."""
         self.values[path] = _typed(path, value)
-        self._judge()
+        self._check()
+
+    @property
+    def classes(self) -> dict[str, str]:
+        """The user's own classes and functions, by the key of the scenario or the agent that names them."""
+        default = _builtin()
+        named = {name: value for name, value in self.plugins.items() if value != default[name]}
+        return {key: path for name, value in named.items() for key, path in (value if isinstance(value, dict) else {name: value}).items()}
 
     def drop_classes(self) -> None:
-        """Let our own agents drive again."""
-        self.classes = {}
-        self._judge()
+        """Remove the user's own classes, so that the built-in ones are used again."""
+        self.plugins = _builtin()
+        self._check()
 
-    def _judge(self) -> None:
+    def _check(self) -> None:
         self.scenario, self.problems = None, {}
         try:
-            scenario = check(nested(self.values) | {CLASSES: self.classes}, "page")
+            scenario = check(nested(self.values) | self.plugins, "page")
             if self.classes:
-                named_classes(lay_out(scenario))
+                check_plugins(lay_out(scenario))
         except ScenarioError as error:
             self.problems = {path: words + hint(self.values.get(path)) for path, words in _by_field(error.problems).items()}
         except ValueError as error:
-            self.problems = {CLASSES: str(error)}
+            self.problems = {"agents": str(error)}
         else:
             self.scenario = scenario
 
 
+def _builtin() -> dict[str, Any]:
+    return {name: getattr(Scenario(), name) for name in PLUGINS}
+
+
 def _typed(path: str, value: Any) -> Any:
-    """What was entered as the scenario wants it; what is no number stays as it is, for the check to name."""
+    """Convert an entered value to the type of its field. A text that is not a number stays unchanged: the check reports it."""
     if isinstance(value, str):
         value = number_of(value)
     if entries()[path].kind is int and isinstance(value, float) and value.is_integer():
@@ -56,10 +188,10 @@ def _typed(path: str, value: Any) -> Any:
 
 
 def _by_field(problems: list[Problem]) -> dict[str, str]:
-    """Each field's messages; a rule about several fields is told at each of them, with their values."""
-    told: dict[str, str] = {}
+    """Messages by field. A rule about several fields appears at each of them, with their values."""
+    messages: dict[str, str] = {}
     for problem in problems:
         paths = problem.path.split(", ")
         words = f"{problem.path} = {problem.value}: {problem.text}" if len(paths) > 1 else problem.text
-        told |= {path: f"{told[path]}; {words}" if path in told else words for path in paths}
-    return told
+        messages |= {path: f"{messages[path]}; {words}" if path in messages else words for path in paths}
+    return messages

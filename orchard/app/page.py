@@ -1,40 +1,38 @@
-"""The page: the form on the left, on the right the run, the stage and the derived figures."""
+"""The page: the form on the left; the run, the stage and the derived figures on the right."""
 
 from pathlib import Path
 from typing import Any
 
 from nicegui import run, ui
 
-from orchard.app.classes import ClassesView
 from orchard.app.draft import Draft
 from orchard.app.files import FileButtons, complain
-from orchard.app.form import Form
+from orchard.app.form import ClassesView, Form
 from orchard.app.preview import FiguresView
+from orchard.app.run_controls import RunControls
 from orchard.app.runner import Runner, RunReport
-from orchard.app.stage import Stage
-from orchard.app.watch import ProgressView
-from orchard.app.wishes import RunControls
+from orchard.app.views import ProgressView, Stage
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 
 STYLE = Path(__file__).with_name("style.css")
-REDRAW_SECONDS = 0.1  # between two looks at whether something was changed
-WATCH_SECONDS = 0.3  # between two looks at the run
+REDRAW_SECONDS = 0.1  # s between two checks for changed input
+WATCH_SECONDS = 0.3  # s between two updates of the run
 
 
 class Page:
-    """One browser's view of the one runner."""
+    """The page in one browser. All pages share one runner."""
 
     def __init__(self, runner: Runner, scenario: Scenario) -> None:
         self.runner, self.draft = runner, Draft(scenario)
         self._changed = True
-        self._seen: RunReport | None = None  # what is on the stage
+        self._seen: RunReport | None = None  # the report on the stage
         self._build()
         self.form.show(self.draft.values)
         ui.timer(REDRAW_SECONDS, self._redraw)
         ui.timer(WATCH_SECONDS, self._watch)
 
-    # -- how it looks
+    # -- layout
 
     def _build(self) -> None:
         ui.add_css(STYLE)
@@ -65,7 +63,7 @@ class Page:
             self.trouble = ui.label().classes("field-problem").props("data-view=trouble role=alert")
             self.progress = ProgressView()
 
-    # -- what the user does
+    # -- user actions
 
     def _set(self, path: str, value: Any) -> None:
         self.draft.set(path, value)
@@ -97,28 +95,28 @@ class Page:
             self.runner.run.stop()
         self._watch()
 
-    # -- what follows from it
+    # -- updates
 
     async def _redraw(self) -> None:
-        """Bring plan, figures and messages up to date, if something was changed."""
+        """Update plan, figures and problems if the input has changed."""
         if not self._changed:
             return
         self._changed = False
         self.form.follow(self.draft)
         self.classes.show(self.draft)
-        self._allow()
+        self._update_buttons()
         if (scenario := self.draft.scenario) is None:
             self.stage.plan.fade()
             return
         if (layout := await run.io_bound(lay_out, scenario)) is None:
-            return  # the server is about to end
+            return  # the server is shutting down
         self.stage.plan.show(layout)
         self.figures.show(layout)
 
-    def _allow(self) -> None:
-        """Which buttons may be pressed, and why not."""
+    def _update_buttons(self) -> None:
+        """Update the buttons and the number of invalid fields."""
         wrong = len(self.draft.problems) + len(self.wishes.pace.problems)
-        self.trouble.set_text(f"{wrong} field{'s' if wrong > 1 else ''} cannot be used as entered")
+        self.trouble.set_text(f"{wrong} field{'s have' if wrong > 1 else ' has'} an invalid value")
         self.trouble.set_visibility(wrong > 0)
         going = self.runner.run if self.runner.is_busy else None
         self.start_button.set_visibility(going is None)
@@ -128,8 +126,8 @@ class Page:
         self.files.allow_saving(self.draft.scenario is not None)
 
     def _watch(self) -> None:
-        """Bring what is seen of the run up to date."""
-        self._allow()
+        """Update the views of the run."""
+        self._update_buttons()
         if self.runner.run is None:
             return
         now, before = self.runner.run.report(), self._seen

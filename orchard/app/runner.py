@@ -1,4 +1,4 @@
-"""Starts `run.py`, follows what it says, and stops it: one run at a time, whoever looks."""
+"""Start `run.py`, read its output and stop it. All pages share one run at a time."""
 
 import contextlib
 import json
@@ -14,19 +14,21 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from orchard.app.headline import Headline, of_summary, read_headline
-from orchard.app.order import Files, Order, command
+import msgspec
+
+from orchard.app.run_controls import Files, RunSettings, command
 from orchard.field.scenario import to_yaml
+from orchard.report.progress import Headline, headline_of
 from orchard.view.files import parts_of
 from orchard.view.web import free_pair, serve_web
 
 KEPT_LINES = 500
-PATIENCE = 6.0  # s that a run may take to end after it was asked to; a sound one takes less than 3
+PATIENCE = 6.0  # s that a run may take to end after a stop request; a healthy run takes less than 3
 
 
 @contextlib.contextmanager
 def _ctrl_c_held_back() -> Iterator[None]:
-    """Who is started within this hears of Ctrl-C when it wants to: Python would swallow one that comes while it loads `site`."""
+    """Block SIGINT for processes started in this context, until they unblock it: Python would lose a SIGINT while it loads `site`."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -35,7 +37,7 @@ def _ctrl_c_held_back() -> Iterator[None]:
 
 
 class RunState(StrEnum):
-    """What a run is doing."""
+    """The state of a run."""
 
     running = "running"
     stopping = "stopping"
@@ -50,7 +52,7 @@ class RunState(StrEnum):
 
 @dataclass(frozen=True)
 class RunReport:
-    """How a run is at one moment. What is seen at once is of one moment: a run may end between two questions about it."""
+    """A run at one moment. All views of an update use one report, because a run may end between two reads."""
 
     run: "Run"
     state: RunState
@@ -65,7 +67,7 @@ class RunReport:
 class Run:
     """One run of `run.py`."""
 
-    def __init__(self, order: Order, files: Files) -> None:
+    def __init__(self, order: RunSettings, files: Files) -> None:
         self.order, self.files, self.port = order, files, free_pair()
         self._said: tuple[int, tuple[str, ...]] = (0, ())
         self.headline: Headline | None = None
@@ -79,8 +81,10 @@ class Run:
         self._listener.start()
 
     def _open(self) -> subprocess.Popen[str]:
-        """A session of its own: Ctrl-C at the page's terminal reaches it through `stop`. The user's own classes are found from
-        the directory in which the page was started."""
+        """Start the process in its own session, so that Ctrl-C at the page's terminal reaches it only through `stop`.
+
+        The user's own classes are found from the directory in which the page was started.
+        """
         null, pipe, wide = subprocess.DEVNULL, subprocess.PIPE, os.environ | {"COLUMNS": "200"}
         line = command(self.order, self.files, self.port)
         with _ctrl_c_held_back():
@@ -89,26 +93,29 @@ class Run:
             )
 
     def _listen(self) -> None:
-        """Until it ends; summary, headline and recording are there before `report` says that it has ended."""
+        """Read lines until the run ends. Summary, headline and recording are ready before `report` says that the run is over."""
         assert self._process.stdout is not None
         for line in self._process.stdout:
             self._hear(line)
         self._process.wait()
         with contextlib.suppress(OSError, ValueError, KeyError):
             self.summary = json.loads(self.files.summary.read_text())
-            self.headline = of_summary(self.summary)
+            self.headline = headline_of(self.summary)
         if self.files.recording.exists():
             self._web = serve_web(self.port, *map(str, parts_of(self.files.recording)))
 
     def _hear(self, line: str) -> None:
-        """Keep a line; where Python was interrupted while it started is nobody's business."""
+        """Keep a line. After a stop request, drop a traceback and all that follows: Python was interrupted while it started."""
         self._is_hushed = self._is_hushed or (self.asked_to_stop and line.startswith("Traceback"))
         if not self._is_hushed:
-            self.headline = read_headline(line) or self.headline
-            self._said = (self._said[0] + 1, (*self._said[1], line.rstrip())[-KEPT_LINES:])
+            words = line.rstrip()
+            with contextlib.suppress(msgspec.DecodeError):  # any other line
+                self.headline = msgspec.json.decode(line, type=dict[str, Headline])["progress"]
+                words = str(self.headline)
+            self._said = (self._said[0] + 1, (*self._said[1], words)[-KEPT_LINES:])
 
     def said(self) -> tuple[int, tuple[str, ...]]:
-        """How many lines it has printed, and the last ones."""
+        """Return the number of lines printed so far, and the last KEPT_LINES of them."""
         return self._said
 
     @property
@@ -116,7 +123,7 @@ class Run:
         return not self._listener.is_alive()
 
     def report(self) -> RunReport:
-        """How it is now. The state is asked for first: where it tells of the end, the rest is final."""
+        """Return the present report. The state is read first: if the run is over, the other values are final."""
         state = self._state()
         return RunReport(self, state, self.headline, self.summary)
 
@@ -128,7 +135,7 @@ class Run:
         return RunState.stopped if self.asked_to_stop else RunState.failed
 
     def stop(self) -> None:
-        """Ask it to end; a second time is not needed, for one that does not listen is killed."""
+        """Ask the run to end. It is killed if it has not ended after PATIENCE, so one call is enough."""
         if self.asked_to_stop or self.is_over:
             return
         self.asked_to_stop = True
@@ -142,7 +149,7 @@ class Run:
             self._process.kill()
 
     def close(self) -> None:
-        """End it, and what shows its recording."""
+        """End the run and the viewer of its recording."""
         self.stop()
         self._listener.join(PATIENCE + 2.0)
         if self._web is not None:
@@ -151,7 +158,7 @@ class Run:
 
 
 class Runner:
-    """The run that goes on, or the last one."""
+    """Holds the current run, or the last one."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -161,23 +168,23 @@ class Runner:
     def is_busy(self) -> bool:
         return self.run is not None and not self.run.is_over
 
-    def start(self, order: Order) -> None:
-        """Start a run. Raises OSError where its files cannot be written, and RuntimeError while another one goes on."""
+    def start(self, order: RunSettings) -> None:
+        """Start a run. Raises OSError if its files cannot be written, RuntimeError while another run is in progress."""
         if self.is_busy:
-            raise RuntimeError("another run goes on; stop it first")
+            raise RuntimeError("another run is in progress; stop it first")
         self.close()
         self.folder.mkdir(parents=True, exist_ok=True)
         self.run = Run(order, self._fresh_files())
 
     def _fresh_files(self) -> Files:
-        """Named after the time; two runs within a second get two names."""
+        """Files named after the time. Two runs within a second get different names."""
         name = f"harvest-{datetime.now():%Y%m%d-%H%M%S}"
         for more in ("", *(f"-{n}" for n in range(2, 100))):
             files = Files(self.folder.resolve(), name + more)
             with contextlib.suppress(FileExistsError):
                 files.scenario.touch(exist_ok=False)
                 return files
-        raise FileExistsError(f"{self.folder}: too many runs of {name}")
+        raise FileExistsError(f"{self.folder}: too many runs named {name}")
 
     def close(self) -> None:
         if self.run is not None:

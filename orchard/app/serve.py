@@ -1,4 +1,4 @@
-"""The page's server, on the loopback unless asked otherwise."""
+"""The web server of the page, by default on the loopback interface."""
 
 import contextlib
 import signal
@@ -13,23 +13,27 @@ from orchard.app.runner import Runner
 from orchard.field.scenario import Scenario
 
 ICON = "🥝"
-PATIENCE = 30.0  # s for which a browser may be too busy to answer, as it is while it loads the picture's viewer
+PATIENCE = 30.0  # s that a browser may be too busy to answer, for example while it loads the Rerun viewer
 
 
 def serve(host: str, port: int, runs: Path, show: bool) -> int:
-    """Until Ctrl-C; the exit code."""
+    """Serve the page until Ctrl-C.
+
+    `runs`: directory of recordings and summaries. `show`: whether to open a browser.
+    Return the exit code: 0 after Ctrl-C, 2 if the address cannot be used.
+    """
     if problem := _problem(host, port):
         print(problem, file=sys.stderr)
         return 2
     runner = Runner(runs)
-    last: list[Page] = []  # the newest page, whose scenario the next one begins with
+    last: list[Page] = []  # the newest page; the next page begins with its scenario
 
     def page() -> None:
         begin = last[-1].draft.scenario if last else None
         last[:] = [Page(runner, begin or Scenario())]
 
     app.on_shutdown(runner.close)
-    print(f"The page: http://{host}:{port}  (Ctrl-C ends it)", flush=True)
+    print(f"The page is at http://{host}:{port}  (Ctrl-C stops the server)", flush=True)
     with contextlib.suppress(KeyboardInterrupt):
         signal.signal(signal.SIGINT, signal.default_int_handler)
         ui.run(page, host=host, port=port, show=show, reload=False, show_welcome_message=False, title="Kiwifruit orchard", favicon=ICON,
@@ -38,7 +42,7 @@ def serve(host: str, port: int, runs: Path, show: bool) -> int:
 
 
 def _problem(host: str, port: int) -> str:
-    """Why one cannot listen there; '' if one can."""
+    """Why the server cannot listen at the address; '' if it can."""
     try:
         with socket.create_server((host, port)):
             return ""

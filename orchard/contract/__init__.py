@@ -1,4 +1,4 @@
-"""What an agent and a simulator say to each other: observations, mail, actions, events, and the guard that checks actions.
+"""The interface between agents and simulators: observations, mail, actions, events, and the guard that checks actions.
 
-Nothing here decides or moves, and nothing here knows a network.
+This package contains no behaviour, no physics and no network code.
 """

@@ -1,30 +1,35 @@
-"""The agent's one door: what it sees, what it hears, what it does. No socket, no clock, no process behind it.
+"""The interface of an agent: what it observes, what mail it hears, and what it does. An agent uses no socket, no clock and no process.
 
     action = agent.tick(observation, mail, memory)
 
-`memory` is None at the very first tick, afterwards whatever the agent returned in its last action: plain data (msgspec
-Structs, numbers, strings, lists, maps), because it travels with the velocity and is handed to whoever runs the agent next.
+`memory` is None at the first tick, and later the `memory` of the agent's last action: plain data (msgspec Structs, numbers, strings,
+lists, maps). It is sent with the velocity, and the process that runs the agent next receives it.
 """
 
 import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from orchard.contract.messages import Answer, Deed, Request
 from orchard.field.geometry import STILL, Pose, Twist, yaw_of
 
+State = Literal[
+    "picking", "driving", "waiting", "calling", "handling a bin", "hauling", "unloading", "resting", "stopped", "broken"
+]  # fmt: skip
+
 
 class Hitch(NamedTuple):
-    """The other end of the bar: what a robot knows of its bin, and a bin of its robot."""
+    """The body at the other end of the bar, in the frame `map`: a robot observes its bin, and a bin its robot."""
 
     name: str
     x: float
     y: float
     orientation: tuple[float, float]  # quaternion z, w
-    twist: Twist
-    scan: np.ndarray | None  # the bin's ranges, (60,) float32; None for a bin, which does not hear its robot's
+    twist: Twist  # its velocity in the last step
+    scan: np.ndarray | None  # the bin's ranges, m, (60,) float32; None for a bin, which does not receive its robot's
 
     @property
     def pose(self) -> Pose:
@@ -33,19 +38,19 @@ class Hitch(NamedTuple):
 
 @dataclass(slots=True)
 class Observation:
-    """What physics tells one body at one tick. An agent without a body has no place: x is NaN and scan None."""
+    """The observation of one body at one tick, in the frame `map`. An agent without a body has x and y NaN and scan None."""
 
     name: str
     tick: int
-    x: float
-    y: float
+    x: float  # m, east
+    y: float  # m, north
     orientation: tuple[float, float]  # quaternion z, w
-    twist: Twist  # what it was driven with in the last step
-    scan: np.ndarray  # ranges, m: (180,) or, of bins and weeds, (60,) float32; +inf where nothing returns (REP-117)
+    twist: Twist  # its velocity in the last step, in its own frame
+    scan: np.ndarray  # ranges, m: (180,) or, of bins and weeds, (60,) float32; +inf without a return (REP-117)
     hitch: Hitch | None = None
-    fill: float = 0.0  # of a bin: metres of row that are in it, 0 to 70
+    fill: float = 0.0  # of a bin: metres of row in it, 0 to 70
     full: bool = False  # of a bin
-    _pose: Pose | None = field(default=None, init=False, repr=False, compare=False)  # once somebody has asked for it
+    _pose: Pose | None = field(default=None, init=False, repr=False, compare=False)  # computed when it is first read
 
     @property
     def pose(self) -> Pose:
@@ -55,23 +60,23 @@ class Observation:
 
 
 def without_body(name: str, tick: int) -> Observation:
-    """What an agent without a body is told: the tick."""
-    return Observation(name, tick, math.nan, math.nan, (0.0, 1.0), STILL, None)  # type: ignore[arg-type]  # those with a body need not ask
+    """Return the observation of an agent without a body: only the tick is meaningful."""
+    return Observation(name, tick, math.nan, math.nan, (0.0, 1.0), STILL, None)  # type: ignore[arg-type]  # never None for a body
 
 
 class Heard(NamedTuple):
-    """A request that arrived. Answer it in the tick in which it is heard, or never."""
+    """A request that arrived. It can be answered only in the tick in which it is heard."""
 
     sender: str
-    tick: int  # in which it was asked
-    number: int  # of the sender's requests in that tick
+    tick: int  # at which it was sent
+    number: int  # among the sender's requests of that tick
     body: Request
 
 
 class Reply(NamedTuple):
-    """What became of a request of two ticks ago: the answer, or None where nobody answered."""
+    """The result of a request of two ticks ago: the answer, or None if there was no answer."""
 
-    sender: str  # who was asked
+    sender: str  # the agent that was asked
     number: int
     request: Request
     body: Answer | None
@@ -79,7 +84,7 @@ class Reply(NamedTuple):
 
 @dataclass(slots=True)
 class Mail:
-    """What an agent hears at one tick: requests sorted by kind, sender and number, replies by number."""
+    """The mail that an agent hears at one tick: requests sorted by kind, sender and number, replies by number."""
 
     requests: list[Heard] = field(default_factory=list)
     replies: list[Reply] = field(default_factory=list)
@@ -87,22 +92,65 @@ class Mail:
 
 @dataclass(slots=True)
 class Action:
-    """What an agent wants, and what it has to say."""
+    """What an agent returns from a tick: velocity, deeds, messages, memory and status."""
 
     twist: Twist = STILL
     deeds: list[Deed] = field(default_factory=list)
-    requests: list[tuple[str, Request]] = field(default_factory=list)  # (to whom, what)
+    requests: list[tuple[str, Request]] = field(default_factory=list)  # (recipient, request)
     answers: list[tuple[Heard, Answer]] = field(default_factory=list)
     memory: Any = None
-    doing: str = ""  # a short present participle: "picking row 3"
-    waits_for: str = ""  # whom or what, when it cannot go on
-    steps_done: int = 0  # of its plan, since the beginning
+    doing: str = ""  # a short present participle, for people: "picking row 3"
+    state: State | None = None  # the same for programs; None: see `state_of`
+    waits_for: str = ""  # the agent or thing that holds it up
+    steps_done: int = 0  # steps of its plan, since the beginning
+
+
+def state_of(action: Action) -> State:
+    """Return the state in an action; without one, 'driving' if the action moves the body, else 'resting'."""
+    return action.state or ("resting" if action.twist == STILL else "driving")
 
 
 class Agent(Protocol):
-    """Anything with this one method drives a robot. `Memory` is the type of its memory, so that bytes become one again."""
+    """Any object with this method can drive a body. `Memory` is the type of its memory, to decode it from bytes."""
 
     @property
     def Memory(self) -> type: ...
 
     def tick(self, observation: Observation, mail: Mail, memory: Any, /) -> Action: ...
+
+
+STATE = 7  # numbers in a body's state
+
+
+@dataclass(slots=True)
+class Observations:
+    """The observations of n bodies at one tick."""
+
+    tick: int
+    names: Sequence[str]
+    states: np.ndarray  # (n, 7) float64: x, y (m), the quaternion's z, w, and the last step's linear x, y (m/s), angular z (rad/s)
+    scans: Sequence[np.ndarray]  # n scans, m: (180,) or, of bins and weeds, (60,) float32
+    hitches: Mapping[str, Hitch]  # of coupled bodies, by name
+    fills: Mapping[str, float]  # of bins that are not empty, by name: metres of row
+    full: Collection[str]  # names of the full bins
+
+    def observations(self) -> dict[str, Observation]:
+        """Return the observation of each body, by name."""
+        rows = zip(self.names, self.states.tolist(), self.scans, strict=True)
+        return {name: self._observation(name, state, scan) for name, state, scan in rows}
+
+    def _observation(self, name: str, state: Sequence[float], scan: np.ndarray) -> Observation:
+        return observation_of(name, self.tick, state, scan, self.hitches.get(name), self.fills.get(name, 0.0), name in self.full)
+
+    def __getitem__(self, name: str) -> Observation:
+        """Return the observation of one body. Raises ValueError for an unknown name."""
+        body = self.names.index(name)
+        return self._observation(name, self.states[body].tolist(), self.scans[body])
+
+
+def observation_of(
+    name: str, tick: int, state: Sequence[float], scan: np.ndarray, hitch: Hitch | None, fill: float, full: bool
+) -> Observation:
+    """Return the observation of one body. `state`: its seven numbers, as in `Observations.states`."""
+    x, y, z, w, vx, vy, turn = state
+    return Observation(name, tick, x, y, (z, w), Twist(vx, vy, turn), scan, hitch, fill, full)

@@ -1,4 +1,4 @@
-"""What travels: requests, answers and deeds as plain data, and how they become bytes. The one place for msgpack."""
+"""Requests, answers and deeds as plain data, and their encoding as bytes. Only this module encodes and decodes msgpack."""
 
 from functools import cache
 from typing import Annotated, Any, NamedTuple
@@ -7,44 +7,45 @@ import msgspec
 from msgspec import Meta
 from msgspec.msgpack import Decoder, Encoder
 
-TRAFFIC = "traffic"  # the agent that grants places on the roads
-
-# limits of what an agent may send
+# limits for what an agent sends
 MAX_PAYLOAD = 1 << 20  # bytes of one message
-FASTEST = 100.0  # m/s and rad/s: no velocity is larger
+FASTEST = 100.0  # m/s and rad/s, of any velocity
 MOST_DEEDS = 16  # of one body in one tick
-LAST_TICK = 2**36 - 1  # 217 years: its nanoseconds fit in 64 bits
+LAST_TICK = 2**36 - 1  # 217 years: its time in nanoseconds fits in 64 bits
 
 Tick = Annotated[int, Meta(ge=0, le=LAST_TICK, description="number of the time step, 0.1 s each, from 0")]
 Text = Annotated[str, Meta(max_length=200)]
-Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]  # not so of what is not a number, or infinite
-End = Annotated[str, Meta(pattern="^(east|west)$")]  # of a lane
+Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]  # refuses NaN and infinity too
+End = Annotated[str, Meta(pattern="^(east|west)$")]  # an end of a lane
 
 
-class _Message(msgspec.Struct, frozen=True, tag_field="type", tag=str.lower):
-    pass
+class AgentMessage(msgspec.Struct, frozen=True, tag_field="type", tag=str.lower):
+    """A message to another agent or to physics. Its `type` on the wire is the class name in small letters.
+
+    For messages of your own, derive classes from it, and list them in your agent's `Messages`: see `CustomMessage`.
+    """
 
 
-def kind_of_message(message: "Deed | Request | Answer") -> str:
-    """What a message is on the wire, its `type`: 'call', 'offer', 'emptybin'."""
+def type_of(message: "Deed | Request | Answer") -> str:
+    """Return the `type` of a message on the wire, such as 'call', 'offer' or 'emptybin'."""
     return str(message.__struct_config__.tag)
 
 
-# -- deeds: what a robot asks of physics besides moving; physics decides whether it happens
+# -- deeds: what a body requests of physics besides moving; physics decides whether it happens
 
 
-class Couple(_Message):
-    """Take the bin that stands at the coupling point."""
+class Couple(AgentMessage):
+    """Couple the bin that stands at the coupling point."""
 
     bin: str
 
 
-class Uncouple(_Message):
-    """Leave the bin where it stands."""
+class Uncouple(AgentMessage):
+    """Uncouple the bin; it stays where it stands."""
 
 
-class Flatten(_Message):
-    """A weed's: something moves within a metre of me."""
+class Flatten(AgentMessage):
+    """From a weed: something moves within a metre of it."""
 
 
 Deed = Couple | Uncouple | Flatten
@@ -52,111 +53,143 @@ Deed = Couple | Uncouple | Flatten
 # -- requests
 
 
-class Call(_Message):
-    """A full bin's, to every carrier: who is free to fetch me?"""
+class Call(AgentMessage):
+    """From a full bin to every carrier: is it free to fetch the bin?"""
 
     lane: int
-    side: End  # 'east' or 'west': at which it stands
+    side: End  # end of the lane at which the bin stands: 'east' or 'west'
 
 
-class Come(_Message):
-    """A full bin's, to the carrier it chose."""
+class Come(AgentMessage):
+    """From a full bin to the chosen carrier: fetch the bin."""
 
     lane: int
     side: End
-    picker: str  # who waits there for an empty bin
+    picker: str  # the picker that waits there for an empty bin
 
 
-class Confirm(_Message):
-    """A carrier's, to the bin that sent for it: do you still want me?"""
+class Confirm(AgentMessage):
+    """From a carrier to the bin that sent for it: does the bin still want this carrier?"""
 
 
-class EmptyBin(_Message):
-    """A picker's, to its full bin: who brings me an empty one?"""
+class EmptyBin(AgentMessage):
+    """From a picker to its full bin: which carrier brings an empty bin?"""
 
 
-class Here(_Message):
-    """A carrier's, to the picker: the empty bin stands on your coupling point."""
+class Here(AgentMessage):
+    """From a carrier to the picker: the empty bin stands on the picker's coupling point."""
 
     bin: str
 
 
-class Claim(_Message):
-    """A robot's, to traffic: I keep these places and want those; `beside` names a partner whose places I may share."""
+class Claim(AgentMessage):
+    """From a robot to `traffic`: the places that it keeps and those that it wants; `beside`: a partner whose places it may share."""
 
     keep: list[str]
     want: list[str]
     beside: str
 
 
-class StateRequest(_Message, tag="state"):
-    """Anyone's, to a bin: are you full, and on whom?"""
+class StateRequest(AgentMessage, tag="state"):
+    """From any agent to a bin: is it full, and which robot is it coupled to?"""
 
 
-class Where(_Message):
-    """A robot's, before and while it turns, to people and animals that its lasers may not see: where are you?"""
+class Where(AgentMessage):
+    """From a robot, before and during a turn, to a person or an animal that its lasers may not see: where is it?"""
 
 
-Request = Call | Come | Confirm | EmptyBin | Here | Claim | StateRequest | Where
+class FullBin(AgentMessage):
+    """From a full bin to the dispatcher: which carrier fetches the bin?"""
+
+    lane: int
+    side: End
+    picker: str  # the picker that waits there for an empty bin
+    since: Tick  # at which the bin began to call
+
+
+class CarrierQuery(AgentMessage):
+    """From the dispatcher to each carrier: is it free?"""
+
+
+class CustomMessage(AgentMessage, tag="custom"):
+    """A request or answer of a user's own type, on its way between two agents that know the type.
+
+    An agent lists its types in `Messages`. The sender's guard converts a message of such a type to a `CustomMessage`, and the recipient's
+    guard checks it and converts it back. All other programs pass it on unread.
+    """
+
+    name: Annotated[str, Meta(max_length=64)]  # `type` of the message
+    fields: dict[str, Any]
+
+
+Request = Call | Come | Confirm | EmptyBin | Here | Claim | StateRequest | Where | FullBin | CarrierQuery | CustomMessage
 
 # -- answers
 
 
-class Offer(_Message):
-    """A waiting carrier's, to a call: where I am."""
+class Offer(AgentMessage):
+    """From a waiting carrier, to a call: its place, and how far it is."""
 
     x: Metres
     y: Metres
     distance: Metres  # m, by road to the calling bin
 
 
-class Yes(_Message):
+class Yes(AgentMessage):
     """Agreed."""
 
 
-class No(_Message):
+class No(AgentMessage):
     """Not agreed."""
 
     reason: str
 
 
-class CarrierComing(_Message, tag="carrier"):
-    """A bin's, to its picker: this carrier comes ('' while none is found)."""
+class CarrierComing(AgentMessage, tag="carrier"):
+    """From a bin to its picker, or from the dispatcher to a bin: the carrier that comes ('' while none is found)."""
 
     carrier: str
 
 
-class Places(_Message):
-    """Traffic's: what you hold now, and who is in the way of the rest."""
+class Places(AgentMessage):
+    """From `traffic`: the places that the robot holds now, and the robots that are in the way of the rest."""
 
     held: list[str]
     blockers: list[str]
-    alone: list[str]  # those of `held` that nobody shares
+    alone: list[str]  # those of `held` that no other robot shares
 
 
-class BinState(_Message):
-    """A bin's."""
+class BinState(AgentMessage):
+    """From a bin: its state."""
 
     full: bool
     fill: Metres  # of row in it
-    coupled_to: str  # '' when it stands by itself
+    coupled_to: str  # name of the robot; '' when the bin stands by itself
 
 
-class Position(_Message):
-    """Where somebody is, in the orchard's frame."""
+class CarrierStatus(AgentMessage):
+    """From a carrier to the dispatcher: its state."""
+
+    job: str  # the full bin that it fetches; '' while it waits in the queue
+    is_next: bool  # whether it can leave now: it waits, and no carrier of its line stands before it
+    metres: Metres  # by road to the queue's head
+
+
+class Position(AgentMessage):
+    """From a person or an animal: its position in the frame `map`, m."""
 
     x: Metres
     y: Metres
 
 
-Answer = Offer | Yes | No | CarrierComing | Places | BinState | Position
+Answer = Offer | Yes | No | CarrierComing | Places | BinState | Position | CarrierStatus | CustomMessage
 
 
-# -- both, as they are kept: one who was not there to hear them reads them afterwards
+# -- requests and answers as they are stored, for sessions that read them later
 
 
 class Given(NamedTuple):
-    """An answer to somebody's request of (tick, number)."""
+    """An answer to request `number` that the agent `to` sent at `tick`."""
 
     to: str
     tick: int
@@ -165,9 +198,9 @@ class Given(NamedTuple):
 
 
 class Written(msgspec.Struct):
-    """What one agent wrote at one tick."""
+    """The letters of one agent at one tick."""
 
-    requests: list[tuple[str, Request]]  # to whom, what; numbered from 0
+    requests: list[tuple[str, Request]]  # (recipient, request), numbered from 0
     answers: list[Given]
 
 
@@ -182,14 +215,14 @@ def _decoder(type_: Any) -> "Decoder[Any]":
 
 
 def pack(message: Any) -> bytes:
-    """Msgpack bytes of plain data; the same data give the same bytes."""
+    """Encode plain data as msgpack. The same data give the same bytes."""
     return _encoder.encode(message)
 
 
 def unpack(data: bytes, type_: Any) -> Any:
-    """The data of msgpack bytes, checked against a type.
+    """Decode msgpack bytes and check the data against a type.
 
-    Raises ValueError (msgspec's errors are some), saying what is wrong and where in the message.
+    Raises ValueError (of which msgspec's errors are subclasses); the text names the fault and its place in the message.
     """
     try:
         return _decoder(type_).decode(data)

@@ -15,7 +15,7 @@ HEADINGS = {"EAST": EAST, "NORTH": NORTH, "WEST": WEST, "SOUTH": SOUTH}
 
 
 class Pose(NamedTuple):
-    """Where a body's centre is, in the orchard's frame (`map` in REP-105), and which way it faces."""
+    """The position of a body's centre in the orchard's frame (`map` in REP-105), m, and its yaw, rad."""
 
     x: float
     y: float
@@ -23,7 +23,7 @@ class Pose(NamedTuple):
 
 
 class Twist(NamedTuple):
-    """A velocity in the body's own frame (`base_link`): forward, to the left, counter-clockwise."""
+    """A velocity in the body's own frame (`base_link` in REP-105): forward, to the left, counter-clockwise."""
 
     x: float = 0.0  # m/s
     y: float = 0.0  # m/s
@@ -34,7 +34,7 @@ STILL = Twist()
 
 
 class Rect(NamedTuple):
-    """A part of the ground with sides along x and y, metres."""
+    """A rectangle on the ground with sides along x and y, metres."""
 
     west: float
     south: float
@@ -46,28 +46,28 @@ class Rect(NamedTuple):
 
 
 def angle_between(start: float, end: float) -> float:
-    """The smallest turn from one direction to another, in (-pi, pi], positive to the left."""
+    """Return the smallest turn from `start` to `end`, rad, in (-pi, pi], positive to the left."""
     return repeatable.wrap(end - start)
 
 
 def nearest_heading(yaw: float) -> str:
-    """The name of that of the four headings which is nearest to a yaw."""
+    """Return the name of the heading nearest to a yaw: a key of HEADINGS."""
     return min(HEADINGS, key=lambda name: abs(angle_between(yaw, HEADINGS[name])))
 
 
 def to_frame(pose: Pose, x: float, y: float) -> tuple[float, float]:
-    """A point of the orchard as seen from a pose: metres ahead, metres to the left."""
+    """Convert a point from the orchard's frame to a pose's frame: metres ahead, metres to the left."""
     s, c = repeatable.sin_cos(pose.yaw)
     dx, dy = x - pose.x, y - pose.y
     return c * dx + s * dy, c * dy - s * dx
 
 
 def from_frame(pose: Pose, ahead: float, left: float) -> tuple[float, float]:
-    """The point of the orchard that lies so many metres ahead and to the left of a pose."""
+    """Convert a point from a pose's frame, metres ahead and to the left, to the orchard's frame."""
     s, c = repeatable.sin_cos(pose.yaw)
     return pose.x + c * ahead - s * left, pose.y + s * ahead + c * left
 
 
 def yaw_of(z: float, w: float) -> float:
-    """The yaw of an upright body from its quaternion (0, 0, z, w)."""
+    """Return the yaw of an upright body, rad, from its quaternion (0, 0, z, w)."""
     return repeatable.wrap(2.0 * repeatable.atan2(z, w))

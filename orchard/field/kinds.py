@@ -1,4 +1,4 @@
-"""The kinds of bodies: sizes, colours, speeds, lasers, towing; and names: which agents a user's words mean.
+"""The kinds of bodies (size, colour, speed, laser, towing), and the names of agents.
 
 Figures: docs/reference.md, "The things in it".
 """
@@ -11,7 +11,7 @@ from orchard.field.repeatable import PI
 
 @dataclass(frozen=True)
 class Laser:
-    """A range finder: `beams` from `first` counter-clockwise, `increment` apart (radians), mounted `ahead` of the centre (m)."""
+    """A laser range finder: `beams` beams counter-clockwise from `first`, `increment` apart (rad), mounted `ahead` of the centre (m)."""
 
     beams: int
     first: float
@@ -21,19 +21,19 @@ class Laser:
 
 @dataclass(frozen=True)
 class Kind:
-    """What all bodies of a kind have in common."""
+    """The properties of all bodies of a kind."""
 
-    length: float  # m, along the direction it faces
+    length: float  # m, along its heading
     width: float  # m
     height: float  # m
     colour: tuple[int, int, int]  # sRGB
-    speed: float  # m/s, the most that it can do
-    turn: float  # rad/s, the most that it can do
+    speed: float  # m/s, maximum
+    turn: float  # rad/s, maximum
     laser: Laser
-    tows: float = 0.0  # m from its centre back to its coupled bin's centre; 0: tows nothing
+    tows: float = 0.0  # m from its centre back to the centre of its coupled bin; 0: it tows nothing
     solid: bool = True
-    robot: bool = False  # moves first, before people and animals
-    sideways: bool = False  # can move to its left and right (only a bin, on its bar)
+    robot: bool = False  # robots move before people and animals
+    sideways: bool = False  # can move to its left and right (only a coupled bin)
 
 
 LASER_RANGE = 10.0  # m
@@ -58,22 +58,33 @@ KINDS: dict[str, Kind] = {
     "weed": Kind(0.5, 0.5, 0.5, (60, 160, 40), 0.0, 0.0, AROUND, solid=False),
 }
 
+TRAFFIC, DISPATCH = "traffic", "dispatch"  # grants places on the roads; sends carriers to full bins
+BODILESS = (TRAFFIC, DISPATCH)  # our agents without a body
 PEOPLE = ("worker", "visitor")
 ANIMALS = ("dog", "cat")
 
 
 def kind_of(name: str) -> str:
-    """The kind that a name tells: 'picker_01' is a picker."""
+    """Return the kind in a name: "picker" for "picker_01"."""
     return name.rsplit("_", 1)[0]
 
 
+def number_of(name: str) -> int:
+    """The number in a name: 1 in 'picker_01'."""
+    return int(name.rsplit("_", 1)[1])
+
+
 def name_of(kind: str, number: int) -> str:
-    """The name of the number-th of a kind, counted from 1."""
+    """Return the name of the number-th body of a kind, counted from 1."""
     return f"{kind}_{number:02d}"
 
 
 def select_agents(names: Iterable[str], only: list[str], without: list[str], share: str = "0/1") -> list[str]:
-    """Those of the names that these words choose: kinds or names, and every n-th of what is left. Raises ValueError for other words."""
+    """Return the selected names, in their order.
+
+    `only` and `without`: kinds or names; an empty `only` selects all. `share` "I/N": of these names, every N-th from the I-th (from 0).
+    Raises ValueError for an unknown kind or name, or a wrong share.
+    """
     names = list(names)
     for word in [*only, *without]:
         if not any(word in (name, kind_of(name)) for name in names):
@@ -86,5 +97,5 @@ def select_agents(names: Iterable[str], only: list[str], without: list[str], sha
 def _share(text: str) -> tuple[int, int]:
     first, _, of = text.partition("/")
     if not (first.isdecimal() and of.isdecimal() and int(first) < int(of)):
-        raise ValueError(f"share {text}: wanted is I/N, with I from 0 to N - 1")
+        raise ValueError(f"share {text}: must be I/N, with I from 0 to N - 1")
     return int(first), int(of)

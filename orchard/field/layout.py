@@ -1,6 +1,6 @@
-"""Scenario -> where everything stands: fences, trees, lanes, driveway, queue, and every body's start.
+"""The layout of an orchard, made from a scenario: fences, trees, lanes, driveway, queue, and the start of each body.
 
-Figures: reference.md, 'The field' and 'The things in it'. Metres; x east, y north.
+Figures: docs/reference.md, "The field" and "The things in it". Metres, in the frame `map`: x east, y north.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,8 @@ import numpy as np
 from orchard.field.geometry import EAST, Pose, Rect
 from orchard.field.kinds import KINDS, name_of
 from orchard.field.placement import Placement, Start
-from orchard.field.scenario import Scenario
+from orchard.field.plugins import MISTAKES, load_plugin, unusable
+from orchard.field.scenario import MANUAL, Scenario
 
 X_MAX = 50.0  # the fences' centre lines, west and east
 TOP = 34.0  # the top fence's centre line
@@ -21,19 +22,19 @@ TREE_TOP_LINE = 13.5
 TREES_X = tuple(-34.5 + 6.0 * i for i in range(12))
 POSTS_X = tuple(-31.5 + 6.0 * i for i in range(11))
 TRUNK = 0.5  # m square; posts too
-ROW_WEST, ROW_EAST = -35.5, 34.5  # where a row is picked from and to
+ROW_WEST, ROW_EAST = -35.5, 34.5  # x of the ends of the picked part of a row
 ROW_LENGTH = ROW_EAST - ROW_WEST
 DRIVEWAY = Rect(-34.67 - 15.0, 28.51 - 5.0, -34.67 + 15.0, 28.51 + 5.0)
 
-BAY = Rect(-34.5, 23.6, -29.5, 25.4)  # the driveway's south edge: a bin at rest in here is unloaded
-UNLOADING_SECONDS = 5.0  # at rest in it (reference.md)
+BAY = Rect(-34.5, 23.6, -29.5, 25.4)  # at the driveway's south edge: a full bin at rest in it is unloaded
+UNLOADING_SECONDS = 5.0  # s at rest in the bay (docs/reference.md)
 BAY_STOP = -30.0  # x of a carrier that unloads: its bin stands 1.9 m west of it
 TOP_ROAD = 24.5  # y of the road through the bay to the queue
-QUEUE_LINES = (24.5, 21.5, 18.5, 27.5)  # y of the queue's lines, in the order in which they are filled
+QUEUE_LINES = (24.5, 21.5, 18.5, 27.5)  # y of the queue's lines, in the order in which they fill
 QUEUE_HEAD = 35.4  # x of a line's first carrier
 QUEUE_PITCH = 4.0  # m from one waiting carrier to the next
 QUEUE_LINE_PLACES = 12
-QUEUE = Rect(-18.0, min(QUEUE_LINES) - 0.75, QUEUE_HEAD + 0.9, max(QUEUE_LINES) + 0.75)  # all of the waiting carriers
+QUEUE = Rect(-18.0, min(QUEUE_LINES) - 0.75, QUEUE_HEAD + 0.9, max(QUEUE_LINES) + 0.75)  # contains all waiting carriers
 
 
 @dataclass(frozen=True)
@@ -46,35 +47,42 @@ class Lane:
 
 @dataclass(frozen=True)
 class Layout:
-    """Everything about an orchard that does not change while it is harvested."""
+    """All properties of an orchard that do not change during the harvest."""
 
     scenario: Scenario
     lanes: tuple[Lane, ...]
     blocks: dict[str, tuple[int, ...]]  # picker -> the numbers of its rows, in the order in which it picks them
     starts: tuple[Start, ...]  # in the order in which bodies move: robots by name, people and animals by name, weeds
-    walls: np.ndarray  # (n, 4): x, y, half length along x, half width along y of every fence, trunk and post
+    walls: np.ndarray  # (n, 4), m: x, y, half length along x, half width along y of each fence, trunk and post; fences first
 
     @property
     def pitch(self) -> float:
+        """Distance from one tree line to the next, m."""
         return pitch(self.scenario)
 
     @property
     def bottom(self) -> float:
-        """y of the bottom fence's centre line."""
+        """y of the bottom fence's centre line, m."""
         return bottom(self.scenario)
 
     @property
     def tree_lines(self) -> tuple[float, ...]:
-        """y of every line of trees, from the top."""
+        """y of each line of trees, from the top, m."""
         return tuple(TREE_TOP_LINE - i * self.pitch for i in range(self.scenario.rows + 1))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
+        """The names of all bodies, in body order."""
         return tuple(start.name for start in self.starts)
 
     @cached_property
+    def agents(self) -> tuple[str, ...]:
+        """The names of all agents: those of the bodies, then those without a body."""
+        return (*self.names, *self.scenario.bodiless_agents)
+
+    @cached_property
     def index(self) -> dict[str, int]:
-        """Name -> row in the world's arrays."""
+        """Name -> index of the body in the world's arrays."""
         return {name: i for i, name in enumerate(self.names)}
 
     def lane(self, number: int) -> Lane:
@@ -82,7 +90,7 @@ class Layout:
 
 
 def pitch(scenario: Scenario) -> float:
-    """Metres from one tree line to the next."""
+    """Return the distance from one tree line to the next, m."""
     return scenario.row_width + TRUNK
 
 
@@ -91,10 +99,10 @@ def bottom(scenario: Scenario) -> float:
 
 
 def lay_out(scenario: Scenario) -> Layout:
-    """Lay an orchard out: the same scenario and seed give the same layout, without overlaps."""
+    """Return the layout of a scenario. Solid bodies do not overlap, and the same scenario and seed give the same layout."""
     lanes = tuple(Lane(i + 1, TREE_TOP_LINE - (i + 0.5) * pitch(scenario)) for i in range(scenario.rows))
     walls = np.array(_fences(scenario) + _trunks_and_posts(scenario))
-    blocks = _blocks(scenario)
+    blocks = rows_to_pickers(scenario)
     machines = _machines(scenario, lanes, blocks)
     crowd = Placement(walls, inside=_inside(scenario), rows=_rows_area(scenario), keep_off=(QUEUE,))
     return Layout(scenario, lanes, blocks, _in_moving_order(machines + crowd.guests(scenario, machines)), walls)
@@ -126,18 +134,41 @@ def _rows_area(scenario: Scenario) -> Rect:
     return Rect(ROW_WEST, last_line, ROW_EAST, TREE_TOP_LINE)
 
 
-def _blocks(scenario: Scenario) -> dict[str, tuple[int, ...]]:
-    """rows // pickers neighbouring rows for each picker, the last one the remainder as well."""
-    share = scenario.rows // scenario.pickers
-    firsts = [1 + i * share for i in range(scenario.pickers)] + [scenario.rows + 1]
-    return {
-        name_of("picker", i + 1): tuple(range(firsts[i], firsts[i + 1] if i + 1 < scenario.pickers else scenario.rows + 1))
-        for i in range(scenario.pickers)
-    }
+def rows_to_pickers(scenario: Scenario) -> dict[str, tuple[int, ...]]:
+    """Return the rows of each picker, in the order in which it picks them, by the rule that the scenario names.
+
+    A rule is a function of the scenario that returns {picker: rows}. Raises ScenarioError if the rule cannot be used, or if it does not
+    give each row to exactly one picker and each picker at least one row.
+    """
+    if scenario.rows_to_pickers == MANUAL:
+        return manual_rows(scenario)
+    key, path, wanted = "rows_to_pickers", scenario.rows_to_pickers, "a function of the scenario that returns {picker: rows}"
+    rule = load_plugin(key, path)
+    try:
+        blocks = {name: tuple(int(row) for row in rule(scenario)[name]) for name in _pickers(scenario)}
+        given = sorted(row for rows in blocks.values() for row in rows)
+        if given != list(range(1, scenario.rows + 1)) or not all(blocks.values()):
+            raise ValueError(
+                f"it gives the rows {given}; each of 1 to {scenario.rows} must go to one picker, and each picker must get at least one"
+            )
+    except MISTAKES as error:
+        raise unusable(key, path, error, wanted) from error
+    return blocks
+
+
+def manual_rows(scenario: Scenario) -> dict[str, tuple[int, ...]]:
+    """Return rows by the manual's rule: rows // pickers neighbouring rows for each picker; the last one gets the remainder too."""
+    share, names = scenario.rows // scenario.pickers, _pickers(scenario)
+    ends = [*(i * share for i in range(scenario.pickers)), scenario.rows]
+    return {name: tuple(range(ends[i] + 1, ends[i + 1] + 1)) for i, name in enumerate(names)}
+
+
+def _pickers(scenario: Scenario) -> list[str]:
+    return [name_of("picker", i + 1) for i in range(scenario.pickers)]
 
 
 def queue_place(number: int) -> Pose:
-    """Where the number-th carrier (from 0) waits at the beginning: line by line, each from its head."""
+    """Return the start of a carrier, counted from 0: the queue fills line by line, each from its head."""
     line, place = divmod(number, QUEUE_LINE_PLACES)
     return Pose(QUEUE_HEAD - place * QUEUE_PITCH, QUEUE_LINES[line], EAST)
 

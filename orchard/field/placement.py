@@ -1,7 +1,7 @@
-"""Where people, animals and weeds stand at the beginning: the given place where it is free, else the nearest free one.
+"""The start poses of people, animals and weeds: the given place if it is free, else the nearest free place.
 
-A place is free for a body where a circle around its box, so at any yaw, is clear of all that stands there. Poses are
-built with + - * / and sqrt alone, because they are hashed and must have the same bits on every machine. Metres.
+A place is free if the circle around the body's box is clear of all obstacles, so the body fits at any yaw. Poses are
+computed with + - * / and sqrt only, because they are hashed and must have the same bits on every machine. Metres.
 """
 
 import math
@@ -15,13 +15,13 @@ from orchard.field.kinds import ANIMALS, KINDS, PEOPLE, name_of
 from orchard.field.repeatable import TURN, draw, wrap
 from orchard.field.scenario import Scenario
 
-CLEAR = 0.3  # m from anything solid
-AHEAD_OF_PICKER = 1.5  # m from its front
-TRACK = Rect(-48.0, 26.0, -22.0, 32.0)  # what the tractor sweeps, turning included, is within
-GRID = 0.25  # m: how finely the nearest free place is looked for
-TRIES = 20  # random places that are tried before the nearest free one to the first of them is taken
+CLEAR = 0.3  # m between a placed body and an obstacle
+AHEAD_OF_PICKER = 1.5  # m ahead of its front edge are kept free
+TRACK = Rect(-48.0, 26.0, -22.0, 32.0)  # contains the area that the tractor sweeps, also while it turns
+GRID = 0.25  # m: the grid step of the search for the nearest free place
+TRIES = 20  # random places to try; if none is free, the free place nearest to the first of them is taken
 
-# reference.md, 'The things in it'; further ones stand at random
+# docs/reference.md, "The things in it"; all further bodies get random places
 GIVEN = {
     "worker": ((-20.0, 22.0), (25.0, 25.0), (36.0, 18.0), (-44.0, -15.0)),
     "visitor": ((-47.0, 8.0), (-6.0, 22.0), (44.0, 6.0)),
@@ -30,12 +30,12 @@ GIVEN = {
     "weed": (),
 }
 
-Obstacle = tuple[float, float, float, float, float]  # x, y, half length along x, half width along y, how far to keep off
+Obstacle = tuple[float, float, float, float, float]  # m: x, y, half length along x, half width along y, clearance
 
 
 @dataclass(frozen=True)
 class Start:
-    """A body at the beginning, and the bin behind it."""
+    """A body's name, kind and start pose, and the bin coupled to it ('': none)."""
 
     name: str
     kind: str
@@ -44,17 +44,20 @@ class Start:
 
 
 class Placement:
-    """Places guests one after another, each clear of everything before it.
+    """Places people, animals and weeds one by one, each clear of all bodies before it.
 
-    `walls`: (n, 4), x, y, half length along x, half width along y of all that is fixed. `inside`: between the fences.
-    `rows`: between the first and the last tree line, where people do not stand. `keep_off`: where no guest stands.
+    `walls`: (n, 4), m: x, y, half length along x, half width along y of each fixed obstacle. `inside`: the ground between the fences.
+    `rows`: the ground between the first and the last tree line, where no person is placed. `keep_off`: no person or animal is placed there.
     """
 
     def __init__(self, walls: np.ndarray, inside: Rect, rows: Rect, keep_off: Iterable[Rect] = ()) -> None:
         self.walls, self.inside, self.rows, self.keep_off = walls, inside, rows, tuple(keep_off)
 
     def guests(self, scenario: Scenario, machines: list[Start]) -> list[Start]:
-        """The starts of all people, animals and weeds; `machines` face east. The same seed gives the same starts."""
+        """Return the starts of all people, animals and weeds; the same seed gives the same starts.
+
+        `machines`: the robots, which must face east. Raises ValueError if no free place is left.
+        """
         solid = [(*wall, CLEAR) for wall in self.walls.tolist()] + [_box(machine) for machine in machines]
         areas = [_area(rect) for rect in (*self.keep_off, TRACK, *_ways(machines))]
         grounds = {kind: _Ground(self.inside, _radius(kind), solid + areas) for kind in ANIMALS}
@@ -68,7 +71,7 @@ class Placement:
         return starts + self._weeds(scenario, solid)
 
     def _weeds(self, scenario: Scenario, solid: list[Obstacle]) -> list[Start]:
-        """The odd ones above the rows, the even ones below. They are not solid: people and animals may stand on them."""
+        """Odd numbers above the rows, even numbers below. Weeds are not solid: people and animals may stand on them."""
         above = Rect(self.inside.west, self.rows.north, self.inside.east, self.inside.north)
         below = Rect(self.inside.west, self.inside.south, self.inside.east, self.rows.south)
         grounds = [_Ground(strip, _radius("weed"), solid) for strip in (above, below)]
@@ -82,13 +85,13 @@ class Placement:
 
 
 class _Ground:
-    """Where bodies of one size may stand: within a rectangle, and off all obstacles."""
+    """The free places for bodies of one radius: within a rectangle, clear of all obstacles."""
 
     def __init__(self, within: Rect, radius: float, obstacles: list[Obstacle]) -> None:
         self.within, self.radius = within, radius
         self.obstacles = list(obstacles)
         self.xs, self.ys = _steps(within.west, within.east), _steps(within.south, within.north)
-        self.open = np.ones((len(self.ys), len(self.xs)), dtype=bool)  # the points of the grid that are free
+        self.open = np.ones((len(self.ys), len(self.xs)), dtype=bool)  # the free grid points
         for obstacle in obstacles:
             self._close(obstacle)
 
@@ -103,7 +106,7 @@ class _Ground:
         return bool(np.all(_squared(np.abs(ox - x) - half_x, np.abs(oy - y) - half_y) >= (gap + self.radius) * (gap + self.radius)))
 
     def nearest(self, x: float, y: float) -> tuple[float, float]:
-        """The free point of the grid that is nearest; of equals the southernmost, then the westernmost."""
+        """The nearest free grid point; of equally near ones the southernmost, then the westernmost."""
         distance = np.where(self.open, _squared(np.abs(self.xs - x)[None, :], np.abs(self.ys - y)[:, None]), np.inf)
         row, column = divmod(int(np.argmin(distance)), len(self.xs))
         if not self.open[row, column]:
@@ -142,15 +145,15 @@ def _yaw(seed: int, name: str, kind: str) -> float:
 
 
 def _in_order(scenario: Scenario) -> list[tuple[str, int]]:
-    """Kind and number of all people and animals, first those with a given place."""
+    """(kind, number) of all people and animals, those with a given place first."""
     people, animals = scenario.people, scenario.animals
     counts = {"worker": people.workers, "visitor": people.visitors, "dog": animals.dogs, "cat": animals.cats}
-    everybody = [(kind, number) for kind, count in counts.items() for number in range(1, count + 1)]
-    return sorted(everybody, key=lambda guest: guest[1] > len(GIVEN[guest[0]]))
+    guests = [(kind, number) for kind, count in counts.items() for number in range(1, count + 1)]
+    return sorted(guests, key=lambda guest: guest[1] > len(GIVEN[guest[0]]))
 
 
 def _radius(kind: str) -> float:
-    """Of the circle around a body's box."""
+    """The radius of the circle around a body's box."""
     length, width = KINDS[kind].length, KINDS[kind].width
     return 0.5 * math.sqrt(length * length + width * width)
 
@@ -161,7 +164,7 @@ def _box(machine: Start) -> Obstacle:
 
 
 def _ways(machines: list[Start]) -> list[Rect]:
-    """The ground ahead of the pickers."""
+    """The ground ahead of each picker."""
     half_length, half_width = KINDS["picker"].length / 2, KINDS["picker"].width / 2
     starts = [(machine.pose.x + half_length, machine.pose.y) for machine in machines if machine.kind == "picker"]
     return [Rect(x, y - half_width, x + AHEAD_OF_PICKER, y + half_width) for x, y in starts]
@@ -176,7 +179,7 @@ def _steps(first: float, last: float) -> np.ndarray:
 
 
 def _squared(beside: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """The square of the distance to a box that is so far away along x and along y (negative: abreast of it)."""
+    """The squared distance to a box, from the distances along x and along y (negative: within its extent)."""
     beside, along = np.maximum(beside, 0.0), np.maximum(along, 0.0)
     squared: np.ndarray = beside * beside + along * along
     return squared

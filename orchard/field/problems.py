@@ -1,4 +1,4 @@
-"""What is said of a scenario that cannot be used: the file, the line, the key, what is there and what would be right."""
+"""Error reports for a scenario that cannot be used: file, line, key, value, and what is allowed."""
 
 import difflib
 from dataclasses import dataclass
@@ -9,20 +9,20 @@ from pydantic.fields import FieldInfo
 
 from orchard.field.kinds import KINDS
 
-MOST_TOLD = 50  # problems that an error's text names
+MOST_TOLD = 50  # problems in the text of a ScenarioError
 
 Lines = dict[tuple[str, ...], int]  # path in the file -> its line, from 1
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong with a scenario: where, what is there, and what is allowed."""
+    """One fault in a scenario: its place, the value there, and what is allowed."""
 
-    file: str  # or where else the values come from
+    file: str  # or another source of the values
     text: str  # what is wrong, and what is allowed
-    path: str = ""  # dotted path in the file; empty: the file as a whole
-    value: str = ""  # as a person reads it; empty where the path itself is wrong
-    line: int = 0  # from 1; 0: not known
+    path: str = ""  # dotted path in the file; empty: the whole file
+    value: str = ""  # as text; empty if the path itself is wrong
+    line: int = 0  # from 1; 0: unknown
 
     def __str__(self) -> str:
         where = f"{self.file}:{self.line}" if self.line else self.file
@@ -31,7 +31,7 @@ class Problem:
 
 
 class ScenarioError(Exception):
-    """A scenario that cannot be used; `problems` tells all that is wrong with it, in the file's order, the message the first of it."""
+    """A scenario cannot be used. `problems` holds all its faults in file order; the message names the first MOST_TOLD of them."""
 
     def __init__(self, problems: list[Problem]) -> None:
         self.problems = sorted(problems, key=lambda problem: problem.line)
@@ -40,36 +40,40 @@ class ScenarioError(Exception):
 
 
 def problem_of(error: dict[str, Any], model: type[BaseModel], source: str, lines: Lines) -> Problem:
-    """What is wrong, from an error of pydantic's about values of a model; `lines` tells where each key is."""
+    """Convert a pydantic error about values of `model`; `lines` gives the line of each key."""
     loc, value = error["loc"], show(error["input"])
     if error["type"] == "rule":
         fields = [(*loc, field) for field in error["ctx"]["fields"]]
         line = max(lines.get(field, 0) for field in fields)
         return Problem(source, error["msg"], ", ".join(map(dotted, fields)), ", ".join(map(str, error["ctx"]["values"])), line)
+    if error["of_key"] and loc[0] == "agents_without_body":
+        return Problem(source, "not a name: small letters, digits and _, beginning with a letter", dotted(loc), "", lines.get(loc, 0))
     if error["of_key"]:
-        return Problem(source, f"no kind ({', '.join(KINDS)}), and no name of one, as picker_01", dotted(loc), "", lines.get(loc, 0))
+        return Problem(source, f"not a kind ({', '.join(KINDS)}) and not a name such as picker_01", dotted(loc), "", lines.get(loc, 0))
     text = _unknown(loc, model) if error["type"] == "extra_forbidden" else f"must be {_wanted(loc, model)}"
     return Problem(source, text, dotted(loc), value, lines.get(loc, 0))
 
 
 def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
-    """What a field may hold: 'a number from 5.0 to 12.0 (width of a row between its trees, m)'."""
-    if path[0] == "agents" and len(path) > 1:
-        return "the class that drives it, as my_package.MyPicker"
+    """The allowed values of a field: 'a number from 5.0 to 12.0 (width of a row between its trees, m)'."""
+    if path[0] in ("agents", "agents_without_body") and len(path) > 1:
+        return "the class that drives it, such as my_package.MyPicker"
+    if path[0] == "agents_without_body":
+        return "a map of new names and the classes that drive them: {weather: my_package.Weather}"
     if path[0] == "agents":
         return f"a map of kinds ({', '.join(KINDS)}) or names and the classes that drive them: {{picker: my_package.MyPicker}}"
     field = _keys(path[:-1], model)[path[-1]]
     if section := _section(field):
         return f"a map with some of the keys {', '.join(section.model_fields)}"
     limits = {type(limit).__name__: limit for limit in field.metadata}
-    kinds: dict[Any, str] = {bool: "true or false", float: "a number", int: "a whole number"}
+    kinds: dict[Any, str] = {str: "a name", bool: "true or false", float: "a number", int: "a whole number"}
     kind = kinds.get(field.annotation, "null or a whole number")
     span = f" from {limits['Ge'].ge} to {limits['Le'].le}" if "Ge" in limits else ""
     return f"{kind}{span} ({field.description})"
 
 
 def _unknown(path: tuple[str, ...], model: type[BaseModel]) -> str:
-    """That there is no such key, the known one that is closest, and all that there are."""
+    """The text for an unknown key: the closest known key, and all keys of its section."""
     here = _keys(path[:-1], model)
     sections = {name: _section(field) for name, field in model.model_fields.items()}
     elsewhere = {key: f"{name}.{key}" for name, section in sections.items() if section for key in section.model_fields}
@@ -94,21 +98,21 @@ def _section(field: FieldInfo) -> type[BaseModel] | None:
 
 
 def key_text(key: Any) -> str:
-    """A key as a person reads it, whatever it is."""
+    """Return a key of any type as readable text."""
     return key if isinstance(key, str) and key.isprintable() and key else show(key)
 
 
 def dotted(path: tuple[str, ...]) -> str:
-    """A path in a file as a person reads it: people.workers."""
+    """Return a path in a file as text: "people.workers"."""
     return ".".join(part if len(part) <= 60 else part[:57] + "..." for part in path)
 
 
 def show(value: Any) -> str:
-    """A value as one writes it in YAML, shortened, whatever it is."""
+    """Return a value of any type as YAML text, at most 60 characters."""
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
     try:
         text = repr(value)
-    except Exception:  # a whole number of more than 4,300 digits, for one
+    except Exception:  # for example a whole number of more than 4,300 digits
         text = f"some {type(value).__name__}"
     return text if len(text) <= 60 else text[:57] + "..."

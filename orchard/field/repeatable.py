@@ -1,7 +1,7 @@
-"""Numbers that have the same bits on every machine: sine, cosine and atan2 of + - * / and sqrt alone, and random numbers.
+"""Functions with the same bits on every machine: sine, cosine, atan2 and log from + - * / and sqrt only, and random numbers.
 
-libm and numpy's SIMD variants of these functions differ between processors, so nothing that the run's hash covers uses them.
-A random number depends on (seed, name, tick) alone, so an agent that is started afresh draws the same ones.
+libm and numpy's SIMD variants of these functions differ between processors, so no value that the run's hash covers uses them.
+A random number depends only on (seed, name, tick), so an agent that is restarted draws the same numbers.
 """
 
 import hashlib
@@ -30,7 +30,7 @@ _ARCTAN_OF_EIGHTHS = (
 
 
 def sine_series(r: float) -> float:
-    """sin(r) for |r| <= pi/4."""
+    """Return sin(r) for |r| <= pi/4."""
     s = r * r
     return r * (
         1.0 - s / 6.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0 * (1.0 - s / 110.0 * (1.0 - s / 156.0 * (1.0 - s / 210.0))))))
@@ -38,7 +38,7 @@ def sine_series(r: float) -> float:
 
 
 def cosine_series(r: float) -> float:
-    """cos(r) for |r| <= pi/4."""
+    """Return cos(r) for |r| <= pi/4."""
     s = r * r
     return 1.0 - s / 2.0 * (
         1.0 - s / 12.0 * (1.0 - s / 30.0 * (1.0 - s / 56.0 * (1.0 - s / 90.0 * (1.0 - s / 132.0 * (1.0 - s / 182.0 * (1.0 - s / 240.0))))))
@@ -46,7 +46,7 @@ def cosine_series(r: float) -> float:
 
 
 def sin_cos(angle: float) -> tuple[float, float]:
-    """Sine and cosine of an angle in radians; exact reduction up to some thousand turns."""
+    """Return the sine and cosine of an angle in radians. The reduction to a quadrant is exact up to some thousand turns."""
     quarters = math.floor(angle / QUARTER + 0.5)
     rest = (angle - quarters * _QUARTER_HIGH) - quarters * _QUARTER_LOW
     s = sine_series(rest)
@@ -62,7 +62,7 @@ def sin_cos(angle: float) -> tuple[float, float]:
 
 
 def arctan_unit(t: float) -> float:
-    """The arc tangent for 0 <= t <= 1."""
+    """Return the arc tangent of t for 0 <= t <= 1, rad."""
     eighth = int(t * 8.0 + 0.5)
     known = eighth / 8.0
     r = (t - known) / (1.0 + t * known)
@@ -72,7 +72,7 @@ def arctan_unit(t: float) -> float:
 
 
 def atan2(y: float, x: float) -> float:
-    """The angle of the vector (x, y), in (-pi, pi]; 0 for the zero vector."""
+    """Return the angle of the vector (x, y), rad, in (-pi, pi]; 0 for the zero vector."""
     ax, ay = abs(x), abs(y)
     if ax == 0.0 and ay == 0.0:
         return 0.0
@@ -83,7 +83,7 @@ def atan2(y: float, x: float) -> float:
 
 
 def wrap(angle: float) -> float:
-    """The same direction in (-pi, pi]; an angle that is in there already keeps its bits."""
+    """Return the same direction in (-pi, pi], rad. An angle already in this range keeps its bits."""
     if -PI < angle <= PI:
         return angle
     wrapped = angle - TURN * math.floor(angle / TURN + 0.5)
@@ -91,7 +91,7 @@ def wrap(angle: float) -> float:
 
 
 def log(x: float) -> float:
-    """The natural logarithm of a finite x > 0."""
+    """Return the natural logarithm of a finite x > 0."""
     mantissa, exponent = math.frexp(x)
     if mantissa < _SQRT_HALF:
         mantissa, exponent = mantissa * 2.0, exponent - 1
@@ -103,6 +103,6 @@ def log(x: float) -> float:
 
 
 def draw(seed: int, name: str, tick: int, count: int = 1) -> list[float]:
-    """`count` (at most 8) numbers, each uniform in [0, 1), for one agent at one tick."""
+    """Return `count` (at most 8) random numbers, uniform in [0, 1), for one agent at one tick."""
     digest = hashlib.blake2b(f"{seed}/{name}/{tick}".encode(), digest_size=64).digest()
     return [(int.from_bytes(digest[8 * i : 8 * i + 8], "little") >> 11) / 2.0**53 for i in range(count)]

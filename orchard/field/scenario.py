@@ -1,7 +1,7 @@
-"""The scenario: what a user may set, with its limits, and how it is read. The one place for YAML.
+"""The scenario: what a user can set, with its limits, and how it is read. Only this module uses YAML.
 
-`load(path)` gives a `Scenario`, or a `ScenarioError` that names every problem at once. `python -m orchard.config`
-writes the JSON schema with which an editor completes and checks a scenario while it is typed.
+`load(path)` returns a `Scenario`, or raises a `ScenarioError` that names all problems at once. `make docs` writes its JSON schema, with
+which an editor completes and checks a scenario file while a user types.
 """
 
 import json
@@ -15,12 +15,15 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
-from orchard.field.kinds import KINDS
+from orchard.field.kinds import BODILESS, DISPATCH, KINDS, TRAFFIC, kind_of
 from orchard.field.problems import Lines, Problem, ScenarioError, dotted, key_text, problem_of, show
 
-TIME_STEP = 0.1  # s
+TICKS_PER_SECOND = 10
+TIME_STEP = 1 / TICKS_PER_SECOND  # s
 MOST_GUESTS = 50  # people together, animals together, weeds
 LARGEST_FILE = 65536  # bytes; a whole scenario needs less than 2,000
+NEAREST, MANUAL, ONE_WAY = "nearest", "manual", "one-way"  # the built-in dispatch policy, rule for rows, and route
+RESERVED = (*BODILESS, "physics", "logger")  # names that a user's agent without a body cannot have
 DEEPEST = 8  # levels in a file; a scenario needs 2
 
 
@@ -32,16 +35,16 @@ class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     def _demand(self, holds: bool, text: str, *fields: str) -> None:
-        """A rule about several fields: unless it holds, an error that names them and their values."""
+        """Check a rule about several fields. Raise an error that names the fields and their values unless it holds."""
         if not holds:
             raise PydanticCustomError("rule", text, {"fields": fields, "values": [getattr(self, field) for field in fields]})
 
 
 class People(_Section):
-    """Workers and visitors, who walk about: at most 50 together."""
+    """Workers and visitors: at most 50 together."""
 
-    workers: Annotated[int, _count("workers, yellow hats, number")] = 4
-    visitors: Annotated[int, _count("visitors, number")] = 3
+    workers: Annotated[int, _count("number of workers, who wear yellow hats")] = 4
+    visitors: Annotated[int, _count("number of visitors")] = 3
 
     @model_validator(mode="after")
     def _not_too_many(self) -> "People":
@@ -50,10 +53,10 @@ class People(_Section):
 
 
 class Animals(_Section):
-    """Dogs and cats, who run about: at most 50 together."""
+    """Dogs and cats: at most 50 together."""
 
-    dogs: Annotated[int, _count("dogs, number")] = 2
-    cats: Annotated[int, _count("cats, number")] = 1
+    dogs: Annotated[int, _count("number of dogs")] = 2
+    cats: Annotated[int, _count("number of cats")] = 1
 
     @model_validator(mode="after")
     def _not_too_many(self) -> "Animals":
@@ -62,37 +65,64 @@ class Animals(_Section):
 
 
 class LaserSettings(_Section):
-    """What all lasers have in common."""
+    """Settings of all lasers."""
 
     noise: Annotated[float, Field(ge=0.0, le=0.02, description="standard deviation of a measured range, m")] = 0.0
 
 
 _NAME = "[A-Za-z_][A-Za-z0-9_]*"
-ClassPath = Annotated[str, Field(pattern=rf"^{_NAME}(\.{_NAME})*[.:]{_NAME}$", max_length=200)]
-Driven = Annotated[str, Field(pattern=rf"^({'|'.join(KINDS)})(_[0-9]+)?$")]
-Classes = Annotated[dict[Driven, ClassPath], Field(max_length=200, description="kind or name -> module.Class that drives in place of ours")]
+_PATH = rf"{_NAME}(\.{_NAME})*[.:]{_NAME}"
+ClassPath = Annotated[str, Field(pattern=rf"^{_PATH}$", max_length=200)]
+Driven = Annotated[str, Field(pattern=rf"^(({'|'.join(KINDS)})(_[0-9]+)?|{'|'.join(BODILESS)})$")]
+Bodiless = Annotated[str, Field(pattern="^[a-z][a-z0-9_]{0,63}$")]
+Classes = Annotated[dict[Driven, ClassPath], Field(max_length=200, description="kind or name -> module.Class that drives it")]
+MoreAgents = Annotated[
+    dict[Bodiless, ClassPath], Field(max_length=200, description="name -> module.Class of an additional agent without a body")
+]
+
+
+def _plugin(builtin: str, what: str) -> Any:
+    """A rule that the scenario names: the built-in one, or module.Class of a user."""
+    return Field(pattern=rf"^({builtin}|{_PATH})$", max_length=200, description=f"{what}: {builtin}, or module.Class")
 
 
 class Scenario(_Section):
-    """An orchard, its machines and its guests. Figures: reference.md, from the manual."""
+    """An orchard with its robots, people, animals and weeds. Figures: docs/reference.md, from the manual."""
 
-    rows: Annotated[int, Field(ge=3, le=20, description="rows that are picked, number; each is 70 m long and fills one bin")] = 5
-    pickers: Annotated[int, Field(ge=2, le=20, description="picking robots, number; at most one a row")] = 2
+    rows: Annotated[int, Field(ge=3, le=20, description="number of rows to pick; each is 70 m long and fills one bin")] = 5
+    pickers: Annotated[int, Field(ge=2, le=20, description="number of picking robots; at most one for each row")] = 2
     row_width: Annotated[float, Field(ge=5.0, le=12.0, description="width of a row between its trees, m")] = 5.0
-    carriers: Annotated[int | None, Field(ge=1, le=40, description="bin carriers, number; null: 7 for every 10 pickers, rounded up")] = None
-    picking_speed: Annotated[float, Field(ge=0.02, le=1.0, description="a picker's speed while it picks, m/s; a person's: 0.03")] = 1.0
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1, description="what all chance depends on: the same seed, the same harvest")] = 1
-    people: Annotated[People, Field(description="who walks about")] = People()
-    animals: Annotated[Animals, Field(description="who runs about")] = Animals()
-    weeds: Annotated[int, _count("weeds above and below the rows, number")] = 10
+    carriers: Annotated[int | None, Field(ge=1, le=40, description="number of bin carriers; null: 7 for every 10 pickers, rounded up")] = (
+        None
+    )
+    picking_speed: Annotated[float, Field(ge=0.02, le=1.0, description="speed of a picker while it picks, m/s; of a person: 0.03")] = 1.0
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1, description="seed of all random numbers; the same seed gives the same harvest")] = 1
+    people: Annotated[People, Field(description="people, who walk about")] = People()
+    animals: Annotated[Animals, Field(description="animals, which run about")] = Animals()
+    weeds: Annotated[int, _count("number of weeds, north and south of the rows")] = 10
     tractor: Annotated[bool, Field(description="whether a tractor drives up and down the driveway")] = True
-    laser: Annotated[LaserSettings, Field(description="the range finders of all that moves")] = LaserSettings()
+    laser: Annotated[LaserSettings, Field(description="the laser range finders of all bodies")] = LaserSettings()
     agents: Classes = {}
+    agents_without_body: MoreAgents = {}
+    dispatch: Annotated[str, _plugin(NEAREST, "which carrier fetches which full bin")] = NEAREST
+    rows_to_pickers: Annotated[str, _plugin(MANUAL, "which picker picks which rows")] = MANUAL
+    route: Annotated[str, _plugin(ONE_WAY, "where pickers and carriers drive")] = ONE_WAY
 
     @property
     def carrier_count(self) -> int:
-        """Carriers, by default 7 for every 10 pickers, rounded up (manual)."""
+        """The number of carriers, by default 7 for every 10 pickers, rounded up (manual)."""
         return self.carriers if self.carriers is not None else math.ceil(self.pickers * 7 / 10)
+
+    @property
+    def bodiless_agents(self) -> tuple[str, ...]:
+        """The agents without a body: `traffic`, `dispatch` if the policy is not `nearest`, and those of the user."""
+        return (TRAFFIC, *([] if self.dispatch == NEAREST else [DISPATCH]), *sorted(self.agents_without_body))
+
+    @model_validator(mode="after")
+    def _new_names(self) -> "Scenario":
+        taken = [name for name in self.agents_without_body if kind_of(name) in KINDS or name in RESERVED]
+        self._demand(not taken, f"must be names that no other agent has; not {', '.join(taken)}", "agents_without_body")
+        return self
 
     @model_validator(mode="after")
     def _no_idle_pickers(self) -> "Scenario":
@@ -101,21 +131,21 @@ class Scenario(_Section):
 
 
 def load(path: str | Path) -> Scenario:
-    """The scenario in a YAML file; what the file leaves out keeps its default. Raises `ScenarioError`."""
+    """Return the scenario in a YAML file. Values that the file leaves out keep their defaults. Raises `ScenarioError`."""
     source = key_text(str(path))
     return parse(_read(path, source), source)
 
 
 def parse(text: str, source: str = "scenario") -> Scenario:
-    """The scenario in a YAML text; `source` names the text in errors. Raises `ScenarioError`."""
+    """Return the scenario in a YAML text. `source` names the text in errors. Raises `ScenarioError`."""
     values, lines, repeated = _parse(text, source)
     return check({} if values is None else values, source, lines, repeated)
 
 
 def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
-    """A scenario with some values changed, checked anew. Raises `ScenarioError`.
+    """Return a scenario with some values changed, checked again. Raises `ScenarioError`.
 
-    A nested value is named by its dotted path, or a map changes some of a section:
+    Name a nested value by its dotted path, or give a map of changes to a section:
     `with_changes(s, rows=8, **{"people.workers": 0})`, `with_changes(s, people={"workers": 0})`.
     """
     values = scenario.model_dump()
@@ -126,17 +156,17 @@ def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
 
 
 def to_yaml(scenario: Scenario) -> str:
-    """All values of a scenario as YAML, which `parse` reads back to an equal scenario."""
+    """Return all values of a scenario as YAML. `parse` reads it back to an equal scenario."""
     return yaml.safe_dump(scenario.model_dump(), sort_keys=False)
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON schema of a scenario file. What several fields allow together is not in it."""
+    """Return the JSON schema of a scenario file. It does not contain the rules about several fields."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
 
 
 def schema_text() -> str:
-    """What stands in `config/scenario.schema.json`."""
+    """Return the text of `config/scenario.schema.json`."""
     return json.dumps(json_schema(), indent=2) + "\n"
 
 
@@ -144,7 +174,7 @@ def schema_text() -> str:
 
 
 def check(values: Any, source: str = "scenario", lines: Lines | None = None, known: list[Problem] | None = None) -> Scenario:
-    """The scenario with these values, or a `ScenarioError` with all that is wrong, `known` problems among it."""
+    """Return the scenario with these values. Raises a `ScenarioError` with all problems, including those in `known`."""
     if not isinstance(values, Mapping | BaseModel):
         raise ScenarioError([*(known or []), Problem(source, f"must be a map of keys and values, and not {show(values)}")])
     plain = _plain(values)
@@ -155,7 +185,7 @@ def check(values: Any, source: str = "scenario", lines: Lines | None = None, kno
 
 
 def _plain(values: Any, levels: int = 2) -> Any:
-    """Sections as dicts whose keys are printable text."""
+    """Convert sections to dicts whose keys are printable text."""
     if isinstance(values, BaseModel):
         values = values.model_dump()
     if levels == 0 or not isinstance(values, Mapping):
@@ -164,8 +194,11 @@ def _plain(values: Any, levels: int = 2) -> Any:
 
 
 def _errors(values: dict[str, Any]) -> list[dict[str, Any]]:
-    """All errors. Pydantic tries a rule about several fields only where each is right by itself: so what is wrong is
-    set back to its default and the rest is tried again, until no rule is left that was not tried."""
+    """Find all errors.
+
+    Pydantic checks a rule about several fields only if each field is valid. So wrong values are set to their defaults, and the rest is
+    checked again, until every rule has been checked.
+    """
     found: list[dict[str, Any]] = []
     wrong: set[tuple[str, ...]] = set()
     while errors := _failures(values):
@@ -186,7 +219,7 @@ def _failures(values: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _located(error: Any) -> dict[str, Any]:
-    """An error with its path; pydantic marks what is wrong with a key of `agents`, and not with its value."""
+    """Add the path to an error, and whether it is about a key of `agents` and not about the value: pydantic marks that in the path."""
     of_key = error["loc"][2:] == ("[key]",)
     return dict(error) | {"loc": error["loc"][:2] if of_key else error["loc"], "of_key": of_key}
 
@@ -234,7 +267,7 @@ def _read(path: str | Path, source: str) -> str:
 class _Loader(yaml.SafeLoader):
     """Plain data only, after YAML 1.2: 010 is not 8, 1:30 is not 90, `on` is not true, 1e-1 is a number."""
 
-    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - as yaml wants it
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - PyYAML needs it on the class
 
 
 for _tag, _pattern, _first in (
@@ -248,7 +281,7 @@ for _tag, _pattern, _first in (
 
 
 def _parse(text: str, source: str) -> tuple[Any, Lines, list[Problem]]:
-    """What a YAML text holds, the line of every key, and the keys that are in it more than once."""
+    """Return the values of a YAML text, the line of each key, and a problem for each repeated key."""
     if len(text.encode("utf-8", "replace")) > LARGEST_FILE:
         raise ScenarioError([Problem(source, f"is larger than {LARGEST_FILE} bytes; a scenario needs less than 2000")])
     try:
@@ -266,7 +299,7 @@ def _parse(text: str, source: str) -> tuple[Any, Lines, list[Problem]]:
 
 
 def _refuse_what_is_not_plain(text: str, source: str) -> None:
-    """Before anything is built: aliases (a few lines of them fill the memory), tags (they name types), deep nesting."""
+    """Refuse, before anything is built: aliases (a few lines of them fill the memory), tags (they name types), deep nesting."""
     depth = 0
     for event in yaml.parse(text, Loader=_Loader):
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
@@ -277,14 +310,14 @@ def _refuse_what_is_not_plain(text: str, source: str) -> None:
 
 
 def _at(mark: Any, source: str, text: str) -> Problem:
-    """A problem with a place in the text."""
+    """Return a problem with its place in the text."""
     if mark is None:
         return Problem(source, text)
     return Problem(source, f"{text} (line {mark.line + 1}, column {mark.column + 1})", line=mark.line + 1)
 
 
 def _walk(node: yaml.Node | None, source: str, lines: Lines, at: tuple[str, ...] = ()) -> list[Problem]:
-    """Notes the line of every key; gives the repeated ones."""
+    """Note the line of each key, and return a problem for each repeated key."""
     repeated = []
     for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
         if not isinstance(key, yaml.ScalarNode):

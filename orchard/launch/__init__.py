@@ -1,4 +1,4 @@
-"""Starting runs: the command line, the processes of a run and their supervision, local runs, the emergency stop.
+"""Starts runs: the command line, the processes of a run and their supervision, local runs, the emergency stop.
 
-What happens within a run is decided in the packages below.
+The packages below decide what happens within a run.
 """

@@ -1,4 +1,4 @@
-"""A run in many processes: start those of this machine, follow them, stop them. And the guest, who runs agents of a run elsewhere."""
+"""A run in many processes: start the processes of this machine, follow the run, and stop them; or host agents of a run elsewhere."""
 
 import math
 import signal
@@ -17,10 +17,9 @@ import msgspec
 
 from orchard.field.kinds import select_agents
 from orchard.field.layout import lay_out
-from orchard.field.scenario import Scenario, to_yaml
-from orchard.launch.credentials import Credentials, OpenRun, SecuredRun, Shares, credentials_of
+from orchard.field.scenario import Scenario
 from orchard.launch.emergency_stop import RunNote, noted
-from orchard.launch.request import RunRequest
+from orchard.launch.request import Credentials, OpenRun, RunRequest, SecuredRun, Shares, credentials_of
 from orchard.launch.supervisor import ProcessSpec, Supervisor, Watchdog, free_port, open_viewer
 from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal, client
 from orchard.net.endpoints import BusError, check_free, check_security, reachable, with_port
@@ -29,33 +28,33 @@ from orchard.net.requests import fetch_run
 from orchard.report.progress import Headline, Progress
 from orchard.report.summary import Outcome
 from orchard.security.identity import Identity
-from orchard.server.result import left
+from orchard.server.harvest import RunOptions, read_end
 from orchard.sim.kernels.cache import COMPILING, are_compiled
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 from orchard.wire.messages import End, Figures
 
-STOP_SECONDS = 2.0  # for which the processes may close what they have open, after Ctrl-C
-PART_SECONDS = 0.02  # between two looks who has ended
-THINK_SECONDS = 5.0  # for which agents that still think may do so, after a run that ended by itself
-GOODBYE_SECONDS = 60.0  # for which the logger may pack its recording, after a run that ended by itself
-WEB_VIEWER = "web viewer"  # its name among the processes; it never ends by itself
-BEGIN_SECONDS = 60.0  # for which physics, which this program has started, may take to listen on a busy machine
-TRY_SECONDS = 0.7  # that one look for it takes; in between what has died is started again, and Ctrl-C heard
-LOOK_SECONDS = 5.0  # for how long somebody must answer at an endpoint that a user gave
-SCENARIO, RESULT = "scenario.yaml", "end.msgpack"  # what physics is told, and what it leaves
-ENDED = (0, 1, 2)  # exit codes with which physics ends by itself
-GIVEN_UP = 2  # exit code of a process whose order cannot be carried out: starting it again does not help
+STOP_SECONDS = 2.0  # that the processes may take to close their files and sessions after Ctrl-C
+POLL_SECONDS = 0.02  # between two checks whether the processes have ended
+THINK_SECONDS = 5.0  # that an agent may still think after a run has ended by itself
+PACK_SECONDS = 60.0  # that the logger may take to pack its recording after a run has ended by itself
+WEB_VIEWER = "web viewer"  # the name of its process, which never ends by itself
+BEGIN_SECONDS = 60.0  # that physics may take to listen after this program has started it, on a busy machine
+TRY_SECONDS = 0.7  # of one attempt to connect to it; between attempts dead processes are restarted, and Ctrl-C is handled
+LOOK_SECONDS = 5.0  # in which a router must answer at an endpoint that a user gave
+REQUEST, RESULT = "request.json", "end.msgpack"  # files: the options of physics, and its last message
+ENDED = (0, 1, 2)  # exit codes of physics when it ends by itself
+BAD_ORDER = 2  # exit code of a process that refuses its arguments: starting it again does not help
 
 
 def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None, str]:
-    """A whole run; its summary, and why it ended. Raises BusError where the endpoint is of no use."""
-    everybody, names = agent_names(request.scenario), local_names(request)
+    """Run a whole harvest. Return its summary, None if there is none, and why it ended. Raises BusError if the endpoint cannot be used."""
+    all_names, names = agent_names(request.scenario), local_names(request)
     credentials = credentials_of(request.secure, request.hosts)
-    shares = credentials.shares(names, everybody)
-    endpoint = _meeting(request, credentials)
+    shares = credentials.shares(names, all_names)
+    endpoint = _endpoint_of(request, credentials)
     run_id = (request.resumed.run if request.resumed else "") or uuid.uuid4().hex[:16]
     inbox = Inbox()
-    _signalled(inbox)  # from here on Ctrl-C waits its turn: it shall not come between a process's start and its place in the supervisor
+    _put_signals(inbox)  # from here on Ctrl-C is an item: it must not come between a process's start and its entry in the supervisor
     with (
         TemporaryDirectory() as folder,
         Supervisor(progress.say) as supervisor,
@@ -66,34 +65,34 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
         viewer = _start(supervisor, request, credentials, Path(folder), endpoint, run_id)
         start_hosts(supervisor, reachable(endpoint), shares, credentials)
         if request.without:
-            progress.say(f"{', '.join(request.without)}: left to others, who connect to {endpoint}")
+            progress.say(f"{', '.join(request.without)}: left to other processes, which connect to {endpoint}")
         watchdog = Watchdog(supervisor, LOGGER)
         summary, why = _follow(
             request, supervisor, watchdog, inbox, reachable(endpoint), credentials.identity("operator"), run_id, progress
         )
         if summary is not None:
             watchdog.end()
-            for name, _ in shares if why == "stopped" else ():  # who was still on the way to the run has not heard of its end
+            for name, _ in shares if why == "stopped" else ():  # a host that was still connecting has not received the end
                 supervisor.terminate(name)
-        elif end := left(Path(folder) / RESULT, run_id):
+        elif end := read_end(Path(folder) / RESULT, run_id):
             summary, why = end.summary, end.why
-            supervisor.terminate_all()  # the others have not heard of it either, and have still to close what they have open
-        if request.recording is not None:  # what was recorded is read next, and Rerun takes half a second to load
+            supervisor.terminate_all()  # the others have not received the end either; SIGTERM lets them close their files and sessions
+        if request.recording is not None:  # the recording is read next, and Rerun takes half a second to load
             threading.Thread(target=import_module, args=("orchard.view.reader",), daemon=True).start()
         supervisor.terminate(WEB_VIEWER)
-        if summary is None:  # the others do not know that it is over
+        if summary is None:  # the other processes do not know that the run is over
             supervisor.stop(STOP_SECONDS)
-        _part(supervisor, [name for name, _ in shares], inbox, STOP_SECONDS if why == "stopped" else GOODBYE_SECONDS)
+        _await_exits(supervisor, [name for name, _ in shares], inbox, STOP_SECONDS if why == "stopped" else PACK_SECONDS)
         if viewer is not None and why == "stopped":
             viewer.terminate()
         return summary, why
 
 
-def _part(supervisor: Supervisor, hosts: list[str], inbox: Inbox, seconds: float) -> None:
-    """Until all have ended by themselves, but not for ever; Ctrl-C makes it short, and an agent that thinks on is not waited for."""
+def _await_exits(supervisor: Supervisor, hosts: list[str], inbox: Inbox, seconds: float) -> None:
+    """Wait until all processes have ended, at most `seconds`. Kill hosts that still run after THINK_SECONDS. Ctrl-C stops all."""
     begun = time.monotonic()
-    while supervisor.goes_on() and time.monotonic() - begun < seconds:
-        if isinstance(inbox.take(PART_SECONDS), Signal):
+    while supervisor.is_any_running() and time.monotonic() - begun < seconds:
+        if isinstance(inbox.take(POLL_SECONDS), Signal):
             supervisor.stop(STOP_SECONDS)
         if time.monotonic() - begun >= THINK_SECONDS:
             for name in [name for name in hosts if name in supervisor.running and supervisor.exit_code(name) is None]:
@@ -102,19 +101,17 @@ def _part(supervisor: Supervisor, hosts: list[str], inbox: Inbox, seconds: float
 
 
 def agent_names(scenario: Scenario) -> list[str]:
-    """Every agent of a run."""
-    from orchard.contract.messages import TRAFFIC
-
-    return sorted([*lay_out(scenario).names, TRAFFIC])
+    """Return the names of all agents of a run, sorted."""
+    return sorted(lay_out(scenario).agents)
 
 
 def local_names(request: RunRequest) -> list[str]:
-    """The agents that are hosted on this machine. Raises ValueError for words that name none."""
+    """Return the agents that this machine hosts. Raises ValueError for a word of `--without` that names no agent or kind."""
     return select_agents(agent_names(request.scenario), [], list(request.without))
 
 
-def _meeting(request: RunRequest, credentials: Credentials) -> str:
-    """The endpoint at which all meet, after a look whether it can be used."""
+def _endpoint_of(request: RunRequest, credentials: Credentials) -> str:
+    """The endpoint of the run's router. Raises BusError if it cannot be used."""
     if request.connect:
         with client(request.connect, seconds=LOOK_SECONDS, identity=credentials.identity("operator")):
             return request.connect
@@ -125,35 +122,45 @@ def _meeting(request: RunRequest, credentials: Credentials) -> str:
 
 
 @contextmanager
-def _noted(request: RunRequest, going: RunNote, progress: Progress) -> Iterator[None]:
-    """Within this, run.py stop finds the run; where no note can be written, it must be told the endpoint."""
+def _noted(request: RunRequest, note: RunNote, progress: Progress) -> Iterator[None]:
+    """Leave a note, with which `run.py stop` finds the run. If it cannot be written, print the endpoint, which a user must then give."""
     with ExitStack() as stack:
         try:
             if request.notes is not None:
-                stack.enter_context(noted(request.notes, going))
+                stack.enter_context(noted(request.notes, note))
         except OSError as error:
-            progress.say(f"{error}; to stop robots of this run: run.py stop --connect {going.endpoint}")
+            progress.say(f"{error}; to stop robots of this run: run.py stop --connect {note.endpoint}")
         yield
 
 
 def _start(
     supervisor: Supervisor, request: RunRequest, credentials: Credentials, folder: Path, endpoint: str, run_id: str
 ) -> subprocess.Popen[bytes] | None:
-    """Start all but the agents; the viewer. In the folder is what physics and this process tell each other."""
-    file = folder / SCENARIO
-    file.write_text(to_yaml(request.scenario))
-    pace = ["--mode", request.mode, "--speed", "max" if math.isinf(request.speed) else str(request.speed)]
-    limit = ["--patience", str(request.patience), *([] if request.duration is None else ["--duration", str(request.duration)])]
-    limit += ["--recorded"] if request.recording is not None or request.is_live else []
-    where = ["--connect" if request.connect else "--listen", endpoint]
-    keep = ["--snapshots", str(request.snapshots.resolve()), *(["--resume"] if request.resumed else [])]
-    order = [str(file), *where, *credentials.option(PHYSICS), "--run", run_id, *pace, *limit, *keep, "--result", str(folder / RESULT)]
+    """Start physics, the logger and the viewers. Return the viewer's window, if any. `folder`: for REQUEST and RESULT."""
+    identity, file = credentials.identity(PHYSICS), folder / REQUEST
+    options = RunOptions(
+        scenario=request.scenario.model_dump(),
+        listen=None if request.connect else endpoint,
+        connect=request.connect,
+        secure=None if identity is None else str(identity.folder),
+        run=run_id,
+        mode="realtime" if request.mode == "realtime" else "lockstep",
+        speed=None if math.isinf(request.speed) else request.speed,
+        duration=request.duration,
+        patience=request.patience,
+        recorded=request.recording is not None or request.is_live,
+        snapshots=str(request.snapshots.resolve()),
+        result=str(folder / RESULT),
+        resume=request.resumed is not None,
+    )
+    file.write_bytes(msgspec.json.encode(options))
+    order = ["--request", str(file)]
     supervisor.start(ProcessSpec("physics", "processes.physics", order, again=True, afterwards=["--resume"], final=ENDED))
     return _start_logger(supervisor, request, credentials, reachable(endpoint), run_id)
 
 
 def start_hosts(supervisor: Supervisor, endpoint: str, shares: Shares, credentials: Credentials) -> None:
-    """Agent processes that share some agents."""
+    """Start the agent processes, one for each share."""
     for name, share in shares:
         only = [word for agent in share for word in ("--only", agent)]
         order = ["--connect", endpoint, *credentials.option(name), *only]
@@ -163,7 +170,7 @@ def start_hosts(supervisor: Supervisor, endpoint: str, shares: Shares, credentia
 def _start_logger(
     supervisor: Supervisor, request: RunRequest, credentials: Credentials, endpoint: str, session: str
 ) -> subprocess.Popen[bytes] | None:
-    """Start the logger, if anything is to be recorded or seen; the viewer."""
+    """Start the logger if the run is recorded or watched, and the viewers. Return the viewer's window, if any."""
     file = [] if request.recording is None else ["--record", str(request.recording.resolve())]
     live = ["--serve", str(request.data_port)] if request.is_live else []
     if file or live:
@@ -180,15 +187,16 @@ def _start_logger(
 # -- following a run
 
 
-def _signalled(inbox: Inbox) -> None:
+def _put_signals(inbox: Inbox) -> None:
+    """Let SIGINT and SIGTERM arrive in the inbox as items."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
 
 
 def _reach(supervisor: Supervisor, endpoint: str, inbox: Inbox, identity: Identity | None, stack: ExitStack) -> Bus | None:
-    """A session with physics, once it listens; None where the user wants it no more. Who dies meanwhile is started again.
+    """A session with physics, once it listens; None after Ctrl-C. Processes that die meanwhile are restarted.
 
-    Raises BusError where physics does not listen, or has ended for good.
+    Raises BusError if physics does not listen within BEGIN_SECONDS, or has ended or been given up.
     """
     deadline = time.monotonic() + BEGIN_SECONDS
     while True:
@@ -213,7 +221,7 @@ def _follow(
     run_id: str,
     progress: Progress,
 ) -> tuple[dict[str, Any] | None, str]:
-    """Show how it goes until it is over; the summary, and why it ended."""
+    """Show the progress until the run is over. Return its summary, None if there is none, and why it ended."""
     keys = Keys()
     try:
         with ExitStack() as stack:
@@ -253,16 +261,16 @@ def _listen(
         elif supervisor.exit_code("physics") in ENDED:
             return None, f"physics ended with code {supervisor.exit_code('physics')}"
         elif "physics" in supervisor.given_up:
-            return None, f"physics died again and again; to go on: python run.py --resume {request.snapshots}"
+            return None, f"physics died repeatedly; to go on: python run.py --resume {request.snapshots}"
         elif not begun and (missing := [agent for program in supervisor.given_up.values() for agent in program.agents]):
-            return None, f"the run cannot begin without {', '.join(missing)}: the processes that hosted them died again and again"
+            return None, f"the run cannot begin without {', '.join(missing)}: the processes that hosted them died repeatedly"
         watchdog.look()
         supervisor.watch()
     return None, "stopped"
 
 
 def _hear(sample: Sample, run_id: str, progress: Progress) -> End | None:
-    """Show the figures; the end, once it has come."""
+    """Show the figures in a sample. Return the end if the sample is the end."""
     if sample.key.endswith("/end"):
         end = read_message(sample.payload, End, run_id)
         _check(end.summary, Outcome)
@@ -274,23 +282,23 @@ def _hear(sample: Sample, run_id: str, progress: Progress) -> End | None:
 
 
 def _check(figures: dict[str, Any], needed: type) -> None:
-    """Anybody may pretend to be physics. Raises Refused for figures that lack what is needed of them."""
+    """Raise Refused if figures lack a field of `needed`: any client may publish on the keys of physics."""
     try:
         msgspec.convert(figures, needed)
     except ValueError as error:
         raise Refused("malformed", str(error)) from error
 
 
-# -- the guest
+# -- agents of a run elsewhere
 
 
-def visit(endpoint: str, only: list[str], without: list[str], credentials: OpenRun | SecuredRun, progress: Progress) -> int:
-    """Host these agents of a run that goes on elsewhere, until it ends; the exit code."""
-    everybody = _names_of(endpoint, credentials.identity(credentials.only_role) if isinstance(credentials, SecuredRun) else None)
-    names = select_agents(everybody, only, without)
-    shares = credentials.shares(names, everybody)
+def join_run(endpoint: str, only: list[str], without: list[str], credentials: OpenRun | SecuredRun, progress: Progress) -> int:
+    """Host these agents of a run elsewhere until it ends. Return the exit code."""
+    all_names = _names_of(endpoint, credentials.identity(credentials.only_role) if isinstance(credentials, SecuredRun) else None)
+    names = select_agents(all_names, only, without)
+    shares = credentials.shares(names, all_names)
     inbox = Inbox()
-    _signalled(inbox)
+    _put_signals(inbox)
     with Supervisor(progress.say) as supervisor:
         start_hosts(supervisor, endpoint, shares, credentials)
         progress.say(f"hosting {', '.join(names)} at {endpoint}")
@@ -298,13 +306,13 @@ def visit(endpoint: str, only: list[str], without: list[str], credentials: OpenR
             if isinstance(inbox.take(0.2), Signal):
                 supervisor.stop(STOP_SECONDS)
                 return 0
-            if GIVEN_UP in codes:
-                return GIVEN_UP
+            if BAD_ORDER in codes:
+                return BAD_ORDER
             supervisor.watch()
         return max([1 for _ in supervisor.given_up] + [code or 0 for code in supervisor.exit_codes()])
 
 
 def _names_of(endpoint: str, identity: Identity | None) -> list[str]:
-    """Every agent of the run that goes on there."""
+    """All agents of the run at an endpoint."""
     with client(endpoint, seconds=LOOK_SECONDS, identity=identity) as bus:
         return fetch_run(bus, Keys()).agents

@@ -1,4 +1,4 @@
-"""Local mode: a whole run in this process, with its recording, its live viewers and its snapshots."""
+"""Local mode: a whole run in this process, with its recording, live viewers and snapshots."""
 
 import math
 import signal
@@ -16,7 +16,7 @@ from orchard.field.scenario import TIME_STEP
 from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import open_viewer
 from orchard.local import Local
-from orchard.net.pacer import Pacer
+from orchard.net.lockstep import Pacer
 from orchard.report.progress import Progress
 from orchard.server.figures import RunFigures
 from orchard.server.snapshots import SNAPSHOT_SECONDS, SnapshotWriter, sole
@@ -27,12 +27,12 @@ from orchard.sim.snapshot import Snapshot
 if TYPE_CHECKING:
     from orchard.view.recorder import Recorder
 
-NAP_SECONDS = 0.2  # between two looks whether to stop, while the next tick is not due
+NAP_SECONDS = 0.2  # between two checks whether to stop, while the next tick is not due
 
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], bool]]:
-    """Within this, Ctrl-C and SIGTERM only say that it is time to stop."""
+    """In this context SIGINT and SIGTERM do not end the process. Yield a function that returns whether one has arrived."""
     asked: list[int] = []
     old = {number: signal.signal(number, lambda number, frame: asked.append(number)) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
@@ -45,10 +45,13 @@ def interruptible() -> Iterator[Callable[[], bool]]:
 def run(
     request: RunRequest, look: Callable[[Frame], None] | None, show: Callable[[dict[str, Any], dict[str, str], dict[str, str]], None]
 ) -> tuple[dict[str, Any], str]:
-    """Harvest; the summary, and why it ended. Every frame goes to `look`, the figures now and then to `show`."""
+    """Run a harvest. Return its summary, and why it ended.
+
+    `look`: called with each frame. `show`: called every half second with the figures, robot -> what it does, robot -> what it waits for.
+    """
     local = Local(request.scenario) if request.resumed is None else Local.resume(request.resumed)
     engine, account = local.engine, RunFigures(local.engine, request.resumed.figures if request.resumed else {})
-    camera, pacer, snapshot_writer = FrameBuilder(engine.world), Pacer(request.speed), SnapshotWriter(request.snapshots, SNAPSHOT_SECONDS)
+    frames, pacer, snapshot_writer = FrameBuilder(engine.world), Pacer(request.speed), SnapshotWriter(request.snapshots, SNAPSHOT_SECONDS)
     ticks = math.inf if request.duration is None else round(request.duration / TIME_STEP)
     account.begin()
     with sole(request.snapshots), interruptible() as is_stopped:
@@ -62,7 +65,7 @@ def run(
             events = local.tick()
             account.update(events, local.actions)
             if look is not None:
-                frame = camera.frame(engine.scans, local.actions, events)
+                frame = frames.frame(engine.scans, local.actions, events)
                 frame.events = [*frame.events, *_talk(local)]
                 look(frame)
             if account.is_due():
@@ -71,7 +74,7 @@ def run(
     snapshot_writer.keep(_snapshot(local, account))
     snapshot_writer.finish()
     summary = {"hash": engine.hash, "mode": "local", "hosts": 1} | account.figures()
-    return summary | {"messages_refused": {}, "finished": engine.over, "violations": engine.violations()}, why
+    return summary | {"messages_refused": {}, "finished": engine.over, "violations": engine.violations(), "jam": account.jam}, why
 
 
 def _snapshot(local: Local, account: RunFigures) -> Snapshot:
@@ -88,7 +91,7 @@ def _end(local: Local, account: RunFigures, ticks: float, stopped: bool) -> str:
         return "duration"
     if stopped:
         return "stopped"
-    return "\n".join(["jammed", *account.jam]) if account.jam else ""
+    return "jammed" if account.jam else ""
 
 
 def _talk(local: Local) -> list[Event]:
@@ -100,10 +103,10 @@ def _talk(local: Local) -> list[Event]:
 
 
 def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
-    """Harvest, and show it; the summary, and why it ended."""
+    """Run a harvest with its recording, viewers and progress. Return its summary, and why it ended."""
     recorder, browser, viewer = _recorder(request), _web_viewer(request), open_viewer(request.uri) if request.view else None
     try:
-        with Progress(Console(emoji=False, highlight=False)) as progress:
+        with Progress(Console(emoji=False, highlight=False), request.as_json) as progress:
             if not are_compiled():
                 progress.say(COMPILING)
             summary, why = run(request, None if recorder is None else recorder.tick, progress.show)
@@ -119,17 +122,17 @@ def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
 
 
 def _recorder(request: RunRequest) -> "Recorder | None":
-    """Where frames go; None where nobody wants them."""
+    """The recorder; None if the run is neither recorded nor watched."""
     if request.recording is None and not request.is_live:
         return None
-    from orchard.view.recorder import Recorder  # late: Rerun takes half a second to load
+    from orchard.view.recorder import Recorder  # not at the top: Rerun takes half a second to load
 
     name, port = f"{request.scenario.rows} rows, seed {request.scenario.seed}", request.data_port if request.is_live else 0
     return Recorder(lay_out(request.scenario), name, request.recording, serve=request.is_live, port=port)
 
 
 def _web_viewer(request: RunRequest) -> subprocess.Popen[bytes] | None:
-    """The process that serves browsers; None where nobody asked for it."""
+    """The process of the web viewer; None without --web."""
     if request.web is None:
         return None
     from orchard.view.web import page_url, serve_web

@@ -1,4 +1,4 @@
-"""The folder runs/: where harvests leave their recordings and snapshots, and which of those are the newest."""
+"""The folder runs/, for recordings and snapshots: names for new ones, and the newest of the existing ones."""
 
 import itertools
 import os
@@ -10,17 +10,17 @@ from pathlib import Path
 from orchard.sim.snapshot import SnapshotError
 from orchard.view.files import is_further_part, remove_further_parts
 
-LAST = "last"  # of all runs: the one that went on most recently
+LAST = "last"  # for --resume: the run with the newest snapshots
 
 
 @dataclass(frozen=True)
 class Runs:
-    """That folder, which need not be there yet."""
+    """The folder; it need not exist yet."""
 
     folder: Path
 
     def recording(self, wanted: str | None) -> Path | None:
-        """Where a new recording goes: a file that a user names, or one here; None for "none". Raises OSError."""
+        """Return the path of a new recording: `wanted`, or a file in the folder; None for "none". Raises OSError if it is not writable."""
         if wanted == "none":
             return None
         path = self.folder / f"{_now()}-{os.getpid()}.rrd" if wanted is None else Path(wanted)
@@ -30,28 +30,28 @@ class Runs:
         return path
 
     def newest_recording(self) -> Path | None:
-        """Its first part."""
+        """Return the first part of the newest recording; None if there is none."""
         return _newest(itertools.filterfalse(is_further_part, self.folder.glob("*.rrd")))
 
     def snapshots(self, resume: str | None) -> Path:
-        """The folder for the snapshots of a run that is new, or of one that goes on. Raises SnapshotError where none can."""
+        """Return the folder for the snapshots of a new run, or of the run to `resume`. Raises SnapshotError if "last" finds no run."""
         if resume is None:
             return self.folder / f"{_now()}-{os.getpid()}.snapshots"
         if resume != LAST:
             return Path(resume)
         last = _newest(self.folder.glob("*.snapshots"))
         if last is None:
-            raise SnapshotError(f"{self.folder}: no run there that could go on; one leaves its snapshots there when it is stopped")
+            raise SnapshotError(f"{self.folder}: no run there to resume; a run leaves its snapshots there when it is stopped")
         return last
 
 
 def check_writable(path: Path) -> None:
-    """Raises OSError where no file can be written; what is there stays as it is."""
+    """Raise OSError if a file cannot be written. An existing file is not changed."""
     new = not path.exists()
     try:
         path.open("ab").close()
     except OSError as error:
-        raise OSError(f"{path}: cannot be written: {error.strerror}; wanted is a file in a directory that is there") from error
+        raise OSError(f"{path}: cannot be written: {error.strerror}; expected a file in an existing directory") from error
     if new:
         path.unlink()
 

@@ -1,4 +1,4 @@
-"""Starts the processes of a run, starts them again when they die or freeze, and stops them."""
+"""Starts the processes of a run, restarts those that die or freeze, and stops them."""
 
 import math
 import os
@@ -12,60 +12,60 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from orchard.view.program import window
+from orchard.view.files import window
 
 ROOT = Path(__file__).parents[2]
-QUICK_SECONDS = 10.0  # who lives shorter than this has died quickly
-DEATHS = 5  # quick ones in a row, after which a process is given up
-BACK_OFF = 0.25  # s before the second start again, and twice as long before each further one
-QUICK_START = {  # what libraries do when they are loaded and nobody here needs; a fifth of the processor time of a process' start
+QUICK_SECONDS = 10.0  # a process that lives shorter than this has died quickly
+DEATHS = 5  # quick deaths in a row, after which a process is given up
+BACK_OFF = 0.25  # s before the second restart; twice as long before each further one
+QUICK_START = {  # turns off work of libraries at their import that is not needed here: a fifth of a start's processor time
     "OPENBLAS_NUM_THREADS": "1",  # threads for large matrices
     "PYDANTIC_DISABLE_PLUGINS": "__all__",  # a search through all installed packages
 }
-QUICK_TICKS = {  # what arrives is handled by the thread that waits for it, instead of waking two others
+QUICK_TICKS = {  # the thread that waits for a message handles it, instead of two more threads that it would wake
     "ZENOH_RUNTIME": "(rx: (handover: app), acc: (handover: app))",
 }
 
 
 @dataclass(frozen=True)
 class ProcessSpec:
-    """One line of the table."""
+    """A process to start: `python -m module arguments`."""
 
     name: str
     module: str
     arguments: Sequence[str]
-    again: bool = False  # start it again when it dies
-    afterwards: Sequence[str] = ()  # further arguments when it is started again
-    final: Sequence[int] = (0,)  # exit codes with which it ends by itself, and for good
-    agents: Sequence[str] = ()  # whom it hosts
+    again: bool = False  # restart it when it dies
+    afterwards: Sequence[str] = ()  # further arguments of a restart
+    final: Sequence[int] = (0,)  # exit codes after which it is not restarted
+    agents: Sequence[str] = ()  # the agents that it hosts
 
 
 @dataclass
 class _Running:
     program: ProcessSpec
     popen: subprocess.Popen[str]
-    begun: float  # on the clock
-    deaths: int = 0  # quick ones in a row
-    due: float = math.inf  # on the clock: when it is started again
+    begun: float  # s, on the supervisor's clock
+    deaths: int = 0  # quick deaths in a row
+    due: float = math.inf  # s, on the supervisor's clock: the time of its restart
 
     def is_dead(self) -> bool:
-        """Whether it has ended although it should not have, and shall be started again."""
+        """Whether it has ended and must be restarted."""
         return self.program.again and self.popen.poll() not in (None, *self.program.final)
 
-    def mourn(self, now: float) -> None:
-        """Count a death, and settle when it is started again."""
+    def count_death(self, now: float) -> None:
+        """Count a death, and set the time of the restart."""
         self.deaths = self.deaths + 1 if now - self.begun < QUICK_SECONDS else 1
         self.due = now + (BACK_OFF * 2 ** (self.deaths - 2) if self.deaths > 1 else 0.0)
 
 
 @dataclass
 class Supervisor:
-    """All processes of a run; use it with `with`, and none is left behind."""
+    """The processes of a run. Use it with `with`, which leaves no process behind. `say` prints a line."""
 
     say: Callable[[str], None]
     running: dict[str, _Running] = field(default_factory=dict)
     clock: Callable[[], float] = time.monotonic
-    given_up: dict[str, ProcessSpec] = field(default_factory=dict)  # what died again and again, by name
+    given_up: dict[str, ProcessSpec] = field(default_factory=dict)  # name -> a process that died DEATHS times in a row
 
     def __enter__(self) -> "Supervisor":
         return self
@@ -74,13 +74,14 @@ class Supervisor:
         self.stop(0.0)
 
     def start(self, program: ProcessSpec) -> None:
+        """Start a process."""
         self.running[program.name] = _Running(program, self._open(program, program.arguments), self.clock())
 
     def _open(self, program: ProcessSpec, arguments: Sequence[str]) -> subprocess.Popen[str]:
-        """A process group of its own, so that Ctrl-C reaches run.py alone, which stops the others in order.
+        """Start a process in its own process group, so that Ctrl-C reaches only run.py, which stops the others in order.
 
-        No session of its own: Linux shares a machine out among sessions first, which costs those that work together an eighth of
-        their ticks.
+        It has no session of its own: Linux divides the processor among sessions first, which costs processes that work together an eighth
+        of their ticks.
         """
         command = [sys.executable, "-m", program.module, *arguments]
         null, pipe = subprocess.DEVNULL, subprocess.PIPE
@@ -93,7 +94,7 @@ class Supervisor:
         return popen
 
     def _pass_on(self, program: ProcessSpec, popen: subprocess.Popen[str]) -> None:
-        """What a process says, with its name in place of its module's."""
+        """Print the lines of a process' stderr, with its name instead of its module's."""
         assert popen.stderr is not None
         module = program.module.rpartition(".")[2]
         with popen.stderr as lines:
@@ -101,59 +102,62 @@ class Supervisor:
                 self.say(f"{program.name}: {line.rstrip().removeprefix(f'{module}: ')}")
 
     def exit_code(self, name: str) -> int | None:
-        """None while a process runs, or was never started."""
+        """Return the exit code of a process; None while it runs, or if it was never started."""
         return self.running[name].popen.poll() if name in self.running else None
 
     def exit_codes(self) -> list[int | None]:
-        """Of all; None of one that runs."""
+        """Return the exit codes of all processes; None for one that runs."""
         return [running.popen.poll() for running in self.running.values()]
 
-    def goes_on(self) -> bool:
-        """Whether any of them runs."""
+    def is_any_running(self) -> bool:
+        """Whether any process runs."""
         return None in self.exit_codes()
 
     def watch(self) -> None:
-        """Start again what has died: at once, and then ever later. What dies quickly again and again is given up."""
+        """Restart processes that have died: at once, then after increasing waits. After DEATHS quick deaths a process is given up."""
         for name, running in list(self.running.items()):
             if not running.is_dead():
                 continue
             if running.due == math.inf:
-                self._mourn(name, running)
+                self._handle_death(name, running)
             if self.clock() >= running.due:
                 program = running.program
                 popen = self._open(program, [*program.arguments, *program.afterwards])
                 self.running[name] = _Running(program, popen, self.clock(), running.deaths)
 
-    def _mourn(self, name: str, running: _Running) -> None:
-        running.mourn(self.clock())
+    def _handle_death(self, name: str, running: _Running) -> None:
+        running.count_death(self.clock())
         code = running.popen.returncode
         if running.deaths < DEATHS:
             self.say(f"{name} ended with code {code}; starting it again")
             return
-        standing = f"; these stand: {', '.join(running.program.agents)}" if running.program.agents else ""
-        self.say(f"{name} ended with code {code}, {DEATHS} times in a row; giving up on it{standing}")
+        stands = f"; these stand: {', '.join(running.program.agents)}" if running.program.agents else ""
+        self.say(f"{name} ended with code {code}, {DEATHS} times in a row; giving up on it{stands}")
         self.given_up[name] = running.program
         del self.running[name]
         running.due = math.inf
 
     def terminate(self, name: str) -> None:
+        """Ask a process to end, if it runs."""
         if name in self.running and self.running[name].popen.poll() is None:
             self.running[name].popen.terminate()
 
     def terminate_all(self) -> None:
+        """Ask all processes to end."""
         for name in self.running:
             self.terminate(name)
 
     def pid(self, name: str) -> int | None:
+        """Return the id of a process; None if it was never started."""
         return self.running[name].popen.pid if name in self.running else None
 
     def kill(self, name: str) -> None:
-        """End it by force, also when it is frozen."""
+        """End a process by force, even if it is frozen."""
         if name in self.running:
             self.running[name].popen.kill()
 
     def wait(self, seconds: float) -> None:
-        """Until all have ended by themselves, but not longer."""
+        """Wait until all processes have ended, at most `seconds`."""
         deadline = time.monotonic() + seconds
         for running in self.running.values():
             try:
@@ -162,7 +166,7 @@ class Supervisor:
                 return
 
     def stop(self, seconds: float) -> None:
-        """Ask all to end, and end by force those that do not in time."""
+        """Ask all processes to end, and kill those that have not ended after `seconds`."""
         self.terminate_all()
         self.wait(seconds)
         for running in self.running.values():
@@ -172,64 +176,64 @@ class Supervisor:
 
 
 def take_turns(pid: int) -> None:
-    """Let a process that has just begun finish what it does before the next one runs, instead of being interrupted by whoever wakes up.
+    """Set the batch scheduling policy for a process, so that a process that wakes up does not interrupt it.
 
-    Each finds its memory in the caches for longer: 6 to 10 % more ticks on two cores, with two agent processes and with one for each agent.
+    Its memory stays in the caches for longer: 6 to 10 % more ticks on two cores, with two agent processes and with one for each agent.
     """
-    with suppress(AttributeError, ProcessLookupError):  # only Linux knows of it; the process may have ended
+    with suppress(AttributeError, ProcessLookupError):  # only Linux has this policy; the process may have ended
         os.sched_setscheduler(pid, os.SCHED_BATCH, os.sched_param(0))
 
 
 def _environment() -> dict[str, str]:
-    """In which also modules of the user's present directory are found."""
+    """The environment of a process, in which modules of the user's current directory are found."""
     paths = [os.environ.get("PYTHONPATH", ""), os.getcwd()]
     return QUICK_START | QUICK_TICKS | os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
 
 
 def free_port() -> int:
-    """A TCP port of the loopback that was free a moment ago."""
+    """Return a TCP port of the loopback that was free a moment ago."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def open_viewer(what: str) -> subprocess.Popen[bytes]:
-    """Rerun's own window, which stays when this process has ended; what is given is the viewer itself, to be ended by `terminate`."""
+    """Open Rerun's window, which stays when this process has ended. Return the viewer's process, which `terminate` ends."""
     return subprocess.Popen(window(what), start_new_session=True)
 
 
-SECONDS = 3.0  # for which a token may be gone: a session that was cut off comes back sooner
+SECONDS = 3.0  # that a token may be gone: a session that was cut off returns sooner
 
 
 class Watchdog:
-    """Watches one process of a supervisor by its token. A process that has never been there yet is given all the time that it needs."""
+    """Kills a frozen process: one whose liveliness token is gone for SECONDS. A process that has had no token yet is still starting."""
 
     def __init__(self, supervisor: Supervisor, name: str, clock: Callable[[], float] = time.monotonic) -> None:
-        self._fleet, self._name, self._clock = supervisor, name, clock
-        self._known: int | None = None  # the process whose token this is
-        self._gone: float | None = 0.0  # since when it is gone; None while it is there
-        self._is_known = True  # whether anybody could know: without physics all tokens are gone
+        self._supervisor, self._name, self._clock = supervisor, name, clock
+        self._known: int | None = None  # the id of the process whose token was there last
+        self._gone: float | None = 0.0  # s, on the clock, since when the token is gone; None while it is there
+        self._is_known = True  # whether physics is there: without it all tokens are gone
 
     def hear(self, up: bool) -> None:
-        """The token came or went."""
+        """Record that the token appeared (`up`) or disappeared."""
         self._gone = None if up else self._clock()
         if up:
-            self._known = self._fleet.pid(self._name)
+            self._known = self._supervisor.pid(self._name)
 
     def hear_of_physics(self, up: bool) -> None:
-        """Physics, through which all tokens are heard of, came or went."""
+        """Record that physics, which relays all tokens, appeared or disappeared."""
         self._is_known = up
         if self._gone is not None:
             self._gone = self._clock()
 
     def look(self) -> None:
-        """End the process if it is time."""
+        """Kill the process if it is frozen."""
         is_frozen = self._is_known and self._gone is not None and self._clock() - self._gone >= SECONDS
-        if is_frozen and self._known is not None and self._known == self._fleet.pid(self._name):
+        if is_frozen and self._known is not None and self._known == self._supervisor.pid(self._name):
             self._known = None
-            self._fleet.kill(self._name)
+            self._supervisor.kill(self._name)
 
     def end(self) -> None:
-        """The run is over: who is away now is not waited for."""
+        """Kill the process if its token is gone: the run is over, and does not wait for it."""
         if self._gone is not None:
-            self._fleet.kill(self._name)
+            self._supervisor.kill(self._name)

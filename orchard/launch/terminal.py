@@ -1,4 +1,4 @@
-"""What run.py tells a person: what came of a run, what to type next, and mistakes, in words and with an exit code."""
+"""What run.py prints: the result of a run, commands to type next, and errors; and its exit codes."""
 
 import os
 import shutil
@@ -19,56 +19,59 @@ FINISHED, FAILED, BAD_INPUT = 0, 1, 2  # exit codes
 errors = Console(stderr=True, emoji=False, highlight=False)
 
 
-def tell_error(words: object) -> None:
-    """A line for a person to whom something went wrong."""
+def print_error(words: object) -> None:
+    """Print a line on stderr."""
     errors.print(str(words), markup=False, soft_wrap=True)
 
 
 @contextmanager
 def exit_on_errors(*mistakes: type[Exception]) -> Iterator[None]:
-    """Within this, mistakes that a person can mend are exit_on_errors, without a traceback, and end the program. Raises typer.Exit."""
+    """In this context, print errors of these types, which a user can correct, without a traceback. Raises typer.Exit for them."""
     try:
         yield
     except mistakes as error:
-        tell_error(error)
+        print_error(error)
         raise typer.Exit(BAD_INPUT) from None
 
 
-def tell(result: dict[str, Any] | None, why: str, recording: Path | None, summary: Path | None) -> int:
-    """Print what came of a run, and write its summary; the exit code."""
+def report_result(result: dict[str, Any] | None, why: str, recording: Path | None, summary: Path | None) -> int:
+    """Print the result of a run, and write its summary to a file. Return the exit code.
+
+    `result`: the summary; None if there is none. `why`: why the run ended. `summary`: the file for the summary.
+    """
     if result is None:
         errors.print(why, markup=False)
         return FAILED
     if recording is not None:
-        from orchard.view.reader import missing  # late: Rerun takes half a second to load
+        from orchard.view.reader import missing  # not at the top: Rerun takes half a second to load
 
         result |= missing(recording, result["ticks"])
     Console(emoji=False, highlight=False).print(as_table(result))
     written = summary is None or _written(result, summary)
-    good = why in ("harvested", "duration", "stopped")
-    if not good:
-        errors.print(why, markup=False)
-    for violation in result["violations"]:
-        tell_error(f"violated: {violation}")
-    return FINISHED if good and written and not result["violations"] else FAILED
+    troubles = [*(f"violated: {violation}" for violation in result["violations"])]
+    troubles += [f"broken: {agent}" for agent in result["broken_agents"]]
+    troubles += [] if why in ("harvested", "duration", "stopped") else [why, *result["jam"]]
+    for trouble in troubles:
+        print_error(trouble)
+    return FAILED if troubles or not written else FINISHED
 
 
 def _written(result: dict[str, Any], summary: Path) -> bool:
-    """Whether the disk took it; why it did not is told."""
+    """Write the summary. Return whether that succeeded; an error is printed."""
     try:
         write(result, summary)
     except OSError as error:
-        tell_error(f"{summary}: not written: {error.strerror}")
+        print_error(f"{summary}: not written: {error.strerror}")
         return False
     return True
 
 
-def tell_of_snapshots(program: Path, folder: Path, why: str) -> None:
-    """A run that is over needs none; another can go on."""
+def report_snapshots(program: Path, folder: Path, why: str) -> None:
+    """Remove the snapshots of a finished harvest. For another run, print the command that resumes it."""
     if why == "harvested":
         shutil.rmtree(folder, ignore_errors=True)
     elif folder.is_dir() and _is_usable(folder):
-        _tell_command("To go on", program, "--resume", folder)
+        _print_command("To go on", program, "--resume", folder)
 
 
 def _is_usable(folder: Path) -> bool:
@@ -79,18 +82,18 @@ def _is_usable(folder: Path) -> bool:
     return True
 
 
-def tell_of_recording(program: Path, recording: Path | None) -> None:
-    """The last line is what opens it."""
+def report_recording(program: Path, recording: Path | None) -> None:
+    """Print the command that opens the recording, as the last line."""
     if recording is not None and recording.exists():
-        _tell_command("To watch it", program, "view", recording)
+        _print_command("To watch it", program, "view", recording)
 
 
-def _tell_command(what: str, program: Path, word: str, path: Path) -> None:
+def _print_command(what: str, program: Path, word: str, path: Path) -> None:
     command = f"{_shown(Path(sys.executable))} {_shown(program)} {word} {_shown(path)}"
     Console(emoji=False, highlight=False).print(f"{what}: {command}", soft_wrap=True, markup=False)
 
 
 def _shown(path: Path) -> str:
-    """A path as one would type it here."""
+    """A path as a user would type it in the current directory."""
     relative = os.path.relpath(path)
     return str(path) if relative.startswith("..") else relative

@@ -1,7 +1,7 @@
-"""The Zenoh side of sending and hearing. The one place for zenoh.
+"""Sending and receiving with Zenoh. Only this module imports zenoh.
 
-Whatever arrives becomes an item in one inbox, in the order of its arrival: handlers store and signal, and everything else
-happens in the thread that reads the inbox. So no lock is needed, and none is held over a get, a reply or a drop.
+All that arrives becomes an item in one inbox, in the order of arrival. Handlers only store the item and wake the reader;
+the thread that reads the inbox does the rest. So no lock is needed, and none is held during a get, a reply or a drop.
 """
 
 import ctypes
@@ -19,19 +19,19 @@ import zenoh
 from zenoh.handlers import Callback
 
 from orchard.net.endpoints import IN_USE, LOOPBACK, NO_ENDPOINT, BusError, check_security, is_public, with_port
-from orchard.security.identity import Identity
+from orchard.security.identity import Identity, why_no_trust
 from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY
 
 log = logging.getLogger("orchard.net.bus")
 
-CONNECT_SECONDS = 7.0  # for how long a client looks for its router
-LISTEN_SECONDS = 1.0  # for how long a router tries to get its port
-LEASE_MS = 2000  # after which a silent neighbour counts as gone
-FULL_QUEUE_US = 300_000  # how long the router waits for a neighbour that takes nothing before it cuts it off
-GET_SECONDS = 10.0  # far longer than a reader waits before it doubts; zenoh remembers every get until then, some 700 bytes, answered or not
+CONNECT_SECONDS = 7.0  # how long a client tries to connect to its router
+LISTEN_SECONDS = 1.0  # how long a router tries to get its port
+LEASE_MS = 2000  # a neighbour that is silent for this long counts as gone
+FULL_QUEUE_US = 300_000  # how long the router waits for a neighbour that receives nothing, before it closes the link
+GET_SECONDS = 10.0  # far above mailbox.DOUBT_SECONDS; zenoh keeps some 700 bytes of each get until then, answered or not
 
 
-TIMED_OUT = "Timeout"  # the error with which zenoh ends a get that nobody has answered in time
+TIMED_OUT = "Timeout"  # zenoh's error for a get without an answer in time
 _ASKING: dict[str, Any] = {
     "target": zenoh.QueryTarget.ALL,
     "consolidation": zenoh.ConsolidationMode.NONE,  # AUTO would hold the first reply back until the last
@@ -39,29 +39,29 @@ _ASKING: dict[str, Any] = {
 }
 
 
-_OTHERS = zenoh.Locality.REMOTE  # a session does not hear itself
-_OPEN = "whoever reaches this address may drive every robot and end the run; --secure DIR lets in only whom you know"
+_OTHERS = zenoh.Locality.REMOTE  # a session does not receive its own samples
+_OPEN = "any client that reaches this address can drive every robot and end the run; --secure DIR admits only known clients"
 
 
 # -- what arrives
 
 
 class Sample(NamedTuple):
-    """Somebody put a payload on a key."""
+    """A payload that another session published on a key."""
 
     key: str
     payload: bytes
 
 
 class Alive(NamedTuple):
-    """A liveliness token came or went."""
+    """A liveliness token appeared (`up`) or disappeared."""
 
     key: str
     up: bool
 
 
 class Query:
-    """A query that waits: any number of replies, then `drop`, or the asker waits out its time-out."""
+    """A received query. Send any number of replies, then call `drop`; without it the querier waits until its timeout."""
 
     def __init__(self, key: str, query: zenoh.Query) -> None:
         self.key = key
@@ -69,22 +69,22 @@ class Query:
         self._query = query
 
     def reply(self, payload: bytes) -> None:
-        with _shrugging("a reply"):
+        with _errors_ignored("a reply"):
             self._query.reply(self.key, payload)
 
     def refuse(self, reason: str) -> None:
-        """An error reply, and the end."""
-        with _shrugging("a refusal"):
+        """Send an error reply, and drop the query."""
+        with _errors_ignored("a refusal"):
             self._query.reply_err(reason.encode())
         self.drop()
 
     def drop(self) -> None:
-        with _shrugging("the end of a query"):
+        with _errors_ignored("the end of a query"):
             self._query.drop()  # type: ignore[no-untyped-call]
 
 
 class Replied(NamedTuple):
-    """A reply to what was asked with a ticket; error is '' unless it is an error reply."""
+    """A reply to the query with a ticket; `error` is '' unless it is an error reply."""
 
     ticket: Any
     payload: bytes
@@ -92,13 +92,13 @@ class Replied(NamedTuple):
 
 
 class Final(NamedTuple):
-    """No more replies will come for a ticket."""
+    """The end of the replies to the query with a ticket."""
 
     ticket: Any
 
 
 class Signal(NamedTuple):
-    """The process is asked to stop."""
+    """A signal that asks the process to stop."""
 
     number: int
 
@@ -107,26 +107,26 @@ Item = Sample | Alive | Query | Replied | Final | Signal
 
 
 class Inbox:
-    """Everything that arrives, in its order. Putting is safe in any thread and in a signal handler.
+    """The items that have arrived, in their order. Putting is safe in any thread and in a signal handler.
 
-    Waking a thread costs more than handling a message, so a reader that can do nothing before several quiet items are
-    there says how many it waits for.
+    Waking a thread costs more than handling a message. So a reader that needs several quiet items passes their number
+    to `take`.
     """
 
-    POLL = 0.05  # s, after which a reader looks by itself
+    POLL = 0.05  # s between two checks of a reader that is not woken
 
     def __init__(self) -> None:
         self._items: deque[Item] = deque()
-        self._silence = Lock()  # held by the reader while nobody rings; a SimpleQueue's get may overlook its time-out (Python 3.11)
-        self._silence.acquire()
+        self._unwoken = Lock()  # locked until the reader is woken; SimpleQueue.get may overlook its timeout (Python 3.11)
+        self._unwoken.acquire()
         self._enough = 1
-        self._settled: set[int] = set()  # threads
+        self._settled: set[int] = set()  # thread ids
 
     def _settle(self) -> None:
-        """Let a thread of zenoh's keep its Python state.
+        """Keep the Python state of a zenoh thread.
 
-        Python makes one whenever such a thread calls it, with memory of its own, and undoes it afterwards: that costs more than
-        the message. A state that is asked for once more than it is given back stays for as long as its thread.
+        Python creates a state, with its own memory, for each call from such a thread, and deletes it afterwards. That costs
+        more than the message. A state that is ensured once more than it is released lives as long as its thread.
         """
         thread = get_ident()
         if thread not in self._settled:
@@ -139,36 +139,36 @@ class Inbox:
     def put(self, item: Item) -> None:
         self._settle()
         self._items.append(item)
-        self._ring()
+        self._wake()
 
     def put_quietly(self, item: Item) -> None:
-        """Put without waking the reader, unless that is enough for it."""
+        """Put an item, and wake the reader only if it has as many items as it waits for."""
         self._settle()
         self._items.append(item)
         if len(self._items) >= self._enough:
-            self._ring()
+            self._wake()
 
-    def _ring(self) -> None:
-        """Wake the reader, or let it not fall asleep; rung once is enough."""
-        if self._silence.locked():
-            with suppress(RuntimeError):  # another thread has just rung
-                self._silence.release()
+    def _wake(self) -> None:
+        """Wake the reader, or make its next wait end at once."""
+        if self._unwoken.locked():
+            with suppress(RuntimeError):  # another thread has just woken it
+                self._unwoken.release()
 
     def take(self, seconds: float = inf, enough: int = 1) -> Item | None:
-        """The next item; None if none comes in time. At once with 0 seconds."""
+        """Return the next item, or None if none arrives in `seconds`; 0 does not wait. `enough`: quiet items that wake the reader."""
         self._enough = enough
         deadline = monotonic() + seconds
         while not self._items:
             left = deadline - monotonic()
             if left <= 0.0:
                 return None
-            self._silence.acquire(timeout=min(left, self.POLL))
+            self._unwoken.acquire(timeout=min(left, self.POLL))
         return self._items.popleft()
 
 
 @contextmanager
-def _shrugging(what: str) -> Iterator[None]:
-    """What concerns a peer that is gone, or a session that is closing, is no reason to stop."""
+def _errors_ignored(what: str) -> Iterator[None]:
+    """Ignore errors of zenoh: a peer that is gone, or a session that closes, is no reason to stop."""
     try:
         yield
     except zenoh.ZError as error:
@@ -179,7 +179,7 @@ def _shrugging(what: str) -> Iterator[None]:
 
 
 class Bus:
-    """One session: what it sends, and what it wants to hear in its inbox."""
+    """A Zenoh session. All that it receives arrives in `inbox`."""
 
     def __init__(self, session: zenoh.Session, inbox: Inbox, endpoint: str) -> None:
         self.inbox = inbox
@@ -187,15 +187,15 @@ class Bus:
         self.id = str(session.zid())
         self._session = session
         self._publishers: dict[str, zenoh.Publisher] = {}
-        self._listeners: dict[str, zenoh.Publisher] = {}  # publishers that only look who listens
-        self._kept: list[Any] = []  # what zenoh forgets when nobody refers to it
+        self._listeners: dict[str, zenoh.Publisher] = {}  # publishers that only check for subscribers
+        self._kept: list[Any] = []  # declarations, which end when they are no longer referenced
 
-    # put and get
+    # -- publish and query
 
     def publish(self, key: str, payload: bytes, newest_wins: bool = False) -> None:
-        """Never lost, in order: a subscriber that is slow is waited for; or, if the newest wins, it gets what it can take.
+        """Publish a payload: in order and without loss, waiting for slow subscribers.
 
-        Which of both it is, is settled by the first message on a key.
+        With `newest_wins` it does not wait, and a slow subscriber loses messages. The first message on a key decides for the key.
         """
         if key not in self._publishers:
             control = zenoh.CongestionControl.DROP if newest_wins else zenoh.CongestionControl.BLOCK
@@ -206,45 +206,45 @@ class Bus:
             log.debug("%s was not sent: %s", key, error)
 
     def retire(self, key: str) -> None:
-        """Nothing more is to be published on a key, or not for long."""
+        """Remove the publisher of a key that will not be used again, or not for some time."""
         if (publisher := self._publishers.pop(key, None)) is not None:
-            with _shrugging("the end of a publisher"):
+            with _errors_ignored("the end of a publisher"):
                 publisher.undeclare()  # type: ignore[no-untyped-call]
 
     def is_heard(self, keys: str) -> bool:
-        """Whether another session listens to any of these keys."""
+        """Whether another session subscribes to any of these keys."""
         if keys not in self._listeners:
             self._listeners[keys] = self._session.declare_publisher(keys, allowed_destination=_OTHERS)
         return bool(self._listeners[keys].matching_status.matching)  # type: ignore[attr-defined]  # zenoh's stub is wrong
 
     def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
-        """One get; its replies and its end arrive in the inbox with the ticket."""
+        """Send a query. Its replies and their end arrive in the inbox as Replied and Final with `ticket`. `seconds`: its timeout."""
         put = self.inbox.put
         handler: Callback[zenoh.Reply] = Callback(lambda reply: put(_replied(ticket, reply)), lambda: put(Final(ticket)), indirect=False)
         try:
             self._session.get(key, handler, payload=payload, timeout=seconds, **_ASKING)
         except zenoh.ZError as error:
-            log.debug("%s was not asked: %s", key, error)
+            log.debug("the query of %s was not sent: %s", key, error)
             put(Final(ticket))
 
-    # what to hear
+    # -- subscribe and answer
 
     def subscribe(self, keys: str, quietly: bool = False) -> None:
-        """Hear what is put on these keys; quietly, if something else wakes the reader when it is time."""
+        """Subscribe to keys: each sample arrives as a Sample. `quietly`: samples are put with `Inbox.put_quietly`."""
         put = self.inbox.put_quietly if quietly else self.inbox.put
         handler: Callback[zenoh.Sample] = Callback(lambda sample: put(_sample(sample)), indirect=False)
         self._kept.append(self._session.declare_subscriber(keys, handler))
 
     def answer(self, key: str) -> None:
-        """Be asked on a key: each query arrives as a Query."""
+        """Declare a queryable on a key: each query arrives as a Query."""
         self._kept.append(self._session.declare_queryable(key, self._into(lambda query: _question(key, query))))
 
     def watch(self, tokens: str) -> None:
-        """Hear of liveliness tokens, those included that are there already."""
+        """Subscribe to liveliness tokens: each change arrives as an Alive, and so do the present tokens."""
         self._kept.append(self._session.liveliness().declare_subscriber(tokens, self._into(_alive), history=True))
 
     def declare_alive(self, token: str) -> None:
-        """Tell that this process is here, until it is not. After all that it wants to hear."""
+        """Declare a liveliness token, which lasts as long as the session. Call it after all subscriptions."""
         self._kept.append(self._session.liveliness().declare_token(token))
 
     def _into(self, item_of: Callable[[Any], Item]) -> "Callback[Any]":
@@ -253,7 +253,7 @@ class Bus:
 
 
 def _question(key: str, query: zenoh.Query) -> Query:
-    """A query on a key, or on one of many keys that are answered together."""
+    """Convert a query; for a queryable on many keys, use the key of the query."""
     return Query(str(query.key_expr) if "*" in key else key, query)
 
 
@@ -276,9 +276,9 @@ def _replied(ticket: Any, reply: zenoh.Reply) -> Replied:
 
 @contextmanager
 def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None, identity: Identity | None = None) -> Iterator[Bus]:
-    """A session that routes for others: for everybody, or as an identity for those whom its rules name.
+    """Open a router session, and close it at the end. Without `identity` it admits all clients; with it, those that its rules name.
 
-    Port 0 takes a free one; `bus.endpoint` tells which.
+    For port 0 it takes a free port; `bus.endpoint` contains it. Raises BusError if it cannot listen.
     """
     endpoint = with_port(endpoint)
     if identity is None and is_public(endpoint):
@@ -289,7 +289,7 @@ def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None, identity: Ident
 
 @contextmanager
 def client(endpoint: str, inbox: Inbox | None = None, seconds: float | None = None, identity: Identity | None = None) -> Iterator[Bus]:
-    """A session that talks through a router, for which it looks that long."""
+    """Open a client session, and close it at the end. Raises BusError if it reaches no router in `seconds`, CONNECT_SECONDS by default."""
     with _session("client", endpoint, CONNECT_SECONDS if seconds is None else seconds, identity) as session:
         yield Bus(session, Inbox() if inbox is None else inbox, endpoint)
 
@@ -319,14 +319,12 @@ def _explain(mode: str, endpoint: str, seconds: float, identity: Identity | None
         return f"{endpoint}: {NO_ENDPOINT}"
     if mode == "router":
         return f"{endpoint}: {IN_USE}"
-    return f"{endpoint}: {_distrust(endpoint, identity) or f'nobody listens there; tried for {seconds:g} s'}"
+    return f"{endpoint}: {_tls_fault(endpoint, identity) or f'no router answers there; tried for {seconds:g} s'}"
 
 
-def _distrust(endpoint: str, identity: Identity | None) -> str:
+def _tls_fault(endpoint: str, identity: Identity | None) -> str:
     if identity is None:
         return ""
-    from orchard.security.handshake import why_no_trust  # late: Python's ssl takes a tenth of a process' start, and only this needs it
-
     return why_no_trust(endpoint, identity.folder)
 
 
@@ -338,16 +336,16 @@ def _config(mode: str, endpoint: str, seconds: float, identity: Identity | None)
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
     }
-    settings |= _listening(endpoint) if mode == "router" else _connecting(endpoint, seconds)
+    settings |= _listen_settings(endpoint) if mode == "router" else _connect_settings(endpoint, seconds)
     if identity is not None:
-        settings |= _proving(identity) | (_guarding(identity) if mode == "router" else {})
+        settings |= _tls_settings(identity) | (_access_settings(identity) if mode == "router" else {})
     config = zenoh.Config()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
 
 
-def _listening(endpoint: str) -> dict[str, Any]:
+def _listen_settings(endpoint: str) -> dict[str, Any]:
     return {
         "listen/endpoints": [endpoint],
         "listen/timeout_ms": int(LISTEN_SECONDS * 1000),
@@ -356,7 +354,7 @@ def _listening(endpoint: str) -> dict[str, Any]:
     }
 
 
-def _connecting(endpoint: str, seconds: float) -> dict[str, Any]:
+def _connect_settings(endpoint: str, seconds: float) -> dict[str, Any]:
     return {
         "connect/endpoints": [endpoint],
         "connect/timeout_ms": int(seconds * 1000),
@@ -365,8 +363,8 @@ def _connecting(endpoint: str, seconds: float) -> dict[str, Any]:
     }
 
 
-def _proving(identity: Identity) -> dict[str, Any]:
-    """By which files each side knows the other, and the session id that the rules name."""
+def _tls_settings(identity: Identity) -> dict[str, Any]:
+    """The files with which both sides authenticate each other, and the session id that the rules name."""
     tls: dict[str, Any] = {"root_ca_certificate": str(identity.folder / AUTHORITY), "enable_mtls": True, "verify_name_on_connect": True}
     for side in ("listen", "connect"):
         tls |= {f"{side}_certificate": str(identity.folder / CERTIFICATE), f"{side}_private_key": str(identity.folder / KEY)}
@@ -374,6 +372,6 @@ def _proving(identity: Identity) -> dict[str, Any]:
     return {"id": identity.role.session} | {f"transport/link/tls/{key}": value for key, value in tls.items()}
 
 
-def _guarding(identity: Identity) -> dict[str, Any]:
-    """Who may do what, at a router."""
+def _access_settings(identity: Identity) -> dict[str, Any]:
+    """The access rules of a router."""
     return {"access_control": identity.rules()}

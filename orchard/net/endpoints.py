@@ -1,28 +1,28 @@
-"""Endpoints, such as tcp/127.0.0.1:7447: where a router listens and others find it, who can reach it, and what may be wrong with it."""
+"""Endpoints, such as tcp/127.0.0.1:7447, where a router listens and clients connect: checks and conversions."""
 
 import ipaddress
 import socket
 from contextlib import suppress
 
 LOOPBACK, SECURE_LOOPBACK = "tcp/127.0.0.1:0", "tls/127.0.0.1:0"
-NO_ENDPOINT = "not an endpoint; an endpoint is like tcp/127.0.0.1:7447"
-IN_USE = "cannot listen there; the port is in use, or the address is not this machine's"
+NO_ENDPOINT = "not an endpoint; use one such as tcp/127.0.0.1:7447"
+IN_USE = "cannot listen there; the port is in use, or the address is not of this machine"
 
 
 class BusError(Exception):
-    """Something about the network that a person can mend."""
+    """A fault of the network or its settings that the user can correct."""
 
 
 def check_security(endpoint: str, is_secured: bool) -> None:
-    """BusError where an endpoint and the wish for security contradict each other."""
+    """Raise BusError if the protocol of an endpoint does not fit a secured or an open run."""
     if is_secured and not endpoint.startswith("tls/"):
-        raise BusError(f"{endpoint}: not secure; with --secure an endpoint is like tls/127.0.0.1:7447")
+        raise BusError(f"{endpoint}: not secure; with --secure use an endpoint such as tls/127.0.0.1:7447")
     if not is_secured and endpoint.startswith("tls/"):
-        raise BusError(f"{endpoint}: tls needs certificates; --secure DIR tells where they are, and `run.py secure DIR` makes them")
+        raise BusError(f"{endpoint}: tls needs certificates; --secure DIR names their directory, and `run.py secure DIR` creates them")
 
 
 def is_public(endpoint: str) -> bool:
-    """Whether other machines can reach it."""
+    """Whether other machines can reach an endpoint."""
     protocol, _, address = endpoint.partition("/")
     host = address.rpartition(":")[0].strip("[]")
     try:
@@ -32,15 +32,15 @@ def is_public(endpoint: str) -> bool:
 
 
 def check_free(endpoint: str) -> None:
-    """BusError where a router could not listen. Only TCP is looked at."""
+    """Raise BusError if a router cannot listen at an endpoint. Only TCP ports (tcp and tls) are checked."""
     protocol, _, address = endpoint.partition("/")
     host, _, port = address.rpartition(":")
     if not (protocol and host and port):
         raise BusError(f"{endpoint}: {NO_ENDPOINT}")
-    if protocol not in ("tcp", "tls") or "#" in port:  # behind # are wishes that only Zenoh knows
+    if protocol not in ("tcp", "tls") or "#" in port:  # settings for Zenoh follow #
         return
     if not port.isdecimal() or int(port) > 65535:
-        raise BusError(f"{endpoint}: {port} is no port; one is a number from 0 to 65535")
+        raise BusError(f"{endpoint}: {port} is not a port; use a number from 0 to 65535")
     try:
         with socket.socket(_family(host)) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -51,12 +51,12 @@ def check_free(endpoint: str) -> None:
 
 
 def reachable(endpoint: str) -> str:
-    """The endpoint by which this machine reaches itself, where a router listens on all of its addresses."""
+    """Return the endpoint for clients on this machine: an address that means all addresses becomes the loopback address."""
     return endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
 
 
 def with_port(endpoint: str) -> str:
-    """The endpoint itself, or with a port that was free a moment ago in the place of port 0: zenoh does not tell which one it took."""
+    """Return the endpoint; port 0 is replaced by a port that was free a moment ago, because zenoh does not report the port that it took."""
     if not endpoint.endswith(":0"):
         return endpoint
     protocol, _, host = endpoint.removesuffix(":0").partition("/")

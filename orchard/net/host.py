@@ -1,4 +1,4 @@
-"""Hosts any number of agents over one session: sees what they see, ticks them, carries their mail, sends their velocities."""
+"""A host: it runs any number of agents over one session. It receives their observations and mail, ticks them and sends their velocities."""
 
 import logging
 import math
@@ -9,28 +9,28 @@ from typing import Any, NoReturn
 from orchard.contract.agent import Action, Agent, Mail, Observation
 from orchard.contract.guard import Guarded
 from orchard.contract.mail import LocalMail, digest_of
-from orchard.contract.messages import TRAFFIC, pack, unpack
+from orchard.contract.messages import pack, unpack
 from orchard.field.kinds import kind_of
 from orchard.field.layout import Layout
 from orchard.net.bus import Alive, Bus, Final, Item, Query, Replied, Sample, Signal
 from orchard.net.endpoints import BusError
 from orchard.net.mailbox import DOUBT_SECONDS, MAILBOXES, LatestObservations, SentRequest
-from orchard.net.refusals import Refusals, Refused, read_message
-from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, M, PhysicsRequest, ask, publish_refusals
+from orchard.net.refusals import M, Refusals, Refused, read_message
+from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, PhysicsRequest, ask, publish_refusals
 from orchard.net.roster import NO_TOKEN, TAKEN
 from orchard.wire.codec import drive_of
 from orchard.wire.keys import PHYSICS, Keys
 from orchard.wire.messages import BinStatus, Drive, End, Join, Joined, Lost, Recall, Recalled, Velocities
 
 log = logging.getLogger("orchard")
-RECALL_SECONDS = 5.0  # after which physics is asked again: the way to it may be cut
-GONE_SECONDS = 20.0  # for how long physics may be gone: it is started again, or its router is
-JOIN_TRIES = 50  # 5 s: the network may know of a token later than of a join
-TAKEN_TRIES = 30  # 3 s: of a predecessor that was cut off the network believes for bus.LEASE_MS that it lives
+RECALL_SECONDS = 5.0  # after which a recall is sent again: the link to physics may be cut
+GONE_SECONDS = 20.0  # how long a host waits for physics that is gone: physics or its router is started again
+JOIN_TRIES = 50  # 5 s in all: the network may learn of a token later than of a join
+TAKEN_TRIES = 30  # 3 s in all: a predecessor that was cut off counts as alive for bus.LEASE_MS
 
 
 class HostEnded(Exception):
-    """The run is over for this host; with its exit code."""
+    """Raised when the run is over for this host. `code`: the exit code of its process."""
 
     def __init__(self, code: int, why: str) -> None:
         super().__init__(why)
@@ -38,38 +38,39 @@ class HostEnded(Exception):
 
 
 class _JoinAgain(Exception):
-    """Physics waits no longer for this host, has gone on without it, or has come back."""
+    """Raised when physics no longer waits for this host, has gone on without it, or has come back."""
 
 
 class AgentRunner:
-    """One agent, and what it remembers."""
+    """An agent and its memory."""
 
     def __init__(self, name: str, agent: Agent) -> None:
         self.name = name
         self._agent = agent if isinstance(agent, Guarded) else Guarded(name, agent)
         self.memory: Any = None
-        self._sent: bytes | None = None  # the memory that physics has
+        self._sent: bytes | None = None  # the packed memory that physics has
 
     def resume(self, memory: bytes | None) -> None:
-        self.memory = None if memory is None else self._understood(memory)
+        """Continue with the memory that physics has; None: without one."""
+        self.memory = None if memory is None else self._unpacked(memory)
         self._sent = memory
 
-    def _understood(self, memory: bytes) -> Any:
-        """What it remembers; nothing, where another class left the memory."""
+    def _unpacked(self, memory: bytes) -> Any:
+        """The memory; None if it is that of another class of agent."""
         try:
             return unpack(memory, self._agent.Memory)
         except ValueError as error:
-            log.warning("%s begins anew; its memory is not of its class: %s", self.name, error)
+            log.warning("%s starts without a memory; its last one is not of its class: %s", self.name, error)
             return None
 
     def act(self, seen: Observation, mail: Mail) -> Action:
-        """What the agent does; nothing, where it is broken, and the others go on."""
+        """Tick the agent and return its action. A broken agent stands, and the others go on."""
         action = self._agent.tick(seen, mail, self.memory)
         self.memory = action.memory
         return action
 
     def news(self) -> bytes | None:
-        """The memory, if it is not what physics has."""
+        """Return the packed memory; None if physics has it already."""
         memory = self._agent.packed
         if memory == self._sent:
             return None
@@ -78,13 +79,14 @@ class AgentRunner:
 
 
 class StateBoard:
-    """The bins' states: published when they change, told to those who ask."""
+    """The states of the bins: published when they change, and sent in reply to queries."""
 
     def __init__(self, bus: Bus, keys: Keys, run: str) -> None:
         self._bus, self._keys, self._run = bus, keys, run
         self._seen: dict[str, Observation] = {}
 
     def update(self, seen: Observation) -> None:
+        """Store the observation of a bin. Publish its state if `full` or `coupled_to` has changed."""
         coupled_to, old = seen.hitch.name if seen.hitch else "", self._seen.get(seen.name)
         self._seen[seen.name] = seen
         if old is None or (old.full, old.hitch.name if old.hitch else "") != (seen.full, coupled_to):
@@ -94,9 +96,10 @@ class StateBoard:
         return BinStatus(self._run, seen.tick, seen.full, seen.fill, seen.hitch.name if seen.hitch else "")
 
     def tell(self, name: str, question: Query) -> None:
+        """Reply to a query for the state of a bin. Raises Refused if the query has a payload."""
         if question.payload:
-            question.refuse("malformed: the query of a state has no payload")
-            raise Refused("malformed", "the query of a state has no payload")
+            question.refuse("malformed: a query for a state has no payload")
+            raise Refused("malformed", "a query for a state has no payload")
         if name not in self._seen:
             question.refuse("not known before the first tick")
             return
@@ -105,28 +108,28 @@ class StateBoard:
 
 
 class Host:
-    """Some agents, from joining the run to its end."""
+    """A session that hosts agents, from the join to the end of the run."""
 
     def __init__(
         self, bus: Bus, keys: Keys, run: str, mode: str, layout: Layout, agents: dict[str, Agent], patience: float = GONE_SECONDS
     ) -> None:
-        """`patience`: s for which physics may be gone."""
+        """`patience`: how long to wait for physics that is gone, s."""
         self.bus, self.keys, self.run_id, self._patience = bus, keys, run, patience
         self.performers = {name: AgentRunner(name, agent) for name, agent in sorted(agents.items())}
         self.bodies = [name for name in self.performers if name in layout.index]
         self.bins = [name for name in self.bodies if kind_of(name) == "bin"]
         self.sight = LatestObservations(run, self.performers, self.bodies)
-        self.mailbox = MAILBOXES[mode](run, (*layout.names, TRAFFIC))
+        self.mailbox = MAILBOXES[mode](run, layout.agents)
         self.states = StateBoard(bus, keys, run)
         self.refusals = Refusals()
-        self.thinking = ""  # the agent whose turn it is
-        self._answer = b""  # to the tick that was last ticked
-        self._gone_until = math.inf  # on the clock: when physics counts as gone for ever
+        self.thinking = ""  # the agent that is ticked now; '' between ticks
+        self._answer = b""  # the packed velocities of the last tick
+        self._gone_until = math.inf  # monotonic clock, s: then the host gives physics up; inf while physics is alive
 
     # -- joining
 
     def listen(self) -> None:
-        """Rule 10: tokens come last, after all that this host wants to hear."""
+        """Declare subscribers, queryables and then the liveliness tokens (rule 10 in docs/design.md)."""
         for what in ("lost", "end"):
             self.bus.subscribe(self.keys.of(what))
         self.bus.watch(self.keys.of("alive", PHYSICS))
@@ -139,7 +142,7 @@ class Host:
             self.bus.declare_alive(self.keys.of("alive", name, self.bus.id))
 
     def join(self) -> None:
-        """Hold the agents: from the present tick on physics waits for them."""
+        """Join the run: physics waits for the agents from the present tick on. Raises HostEnded if physics refuses them."""
         joined = self._joined()
         if joined.refused:
             raise HostEnded(2, "; ".join(f"{name}: {reason}" for name, reason in sorted(joined.refused.items())))
@@ -149,27 +152,26 @@ class Host:
             performer.resume(joined.memories.get(name))
 
     def _joined(self) -> Joined:
-        """What physics says to the wish."""
+        """The reply to the join. The join is repeated while a token is missing or a predecessor counts as alive."""
         request = pack(Join(self.run_id, self.bus.id, list(self.performers)))
         for tries in range(1, JOIN_TRIES + 1):
-            joined = self._told("join", request, Joined)
+            joined = self._query("join", request, Joined)
             is_taken = any(why.startswith(TAKEN) for why in joined.refused.values())
             if NO_TOKEN not in joined.refused.values() and not (is_taken and tries < TAKEN_TRIES):
                 break
             time.sleep(AGAIN_SECONDS)
         return joined
 
-    def _told(self, what: str, request: bytes, type_: type[M], seconds: float = ANSWER_SECONDS) -> M:
-        """What physics replies; others are refused."""
-        asking = PhysicsRequest(
-            self.keys.of(what, session=self.bus.id), request, lambda payload: read_message(payload, type_, self.run_id), seconds
-        )
-        return ask(self.bus, asking, self.handle, self.refusals, self._check_gone)
+    def _query(self, what: str, request: bytes, type_: type[M], seconds: float = ANSWER_SECONDS) -> M:
+        """The reply of physics to a query. Invalid replies are refused."""
+        key = self.keys.of(what, session=self.bus.id)
+        get = PhysicsRequest(key, request, lambda payload: read_message(payload, type_, self.run_id), seconds)
+        return ask(self.bus, get, self.handle, self.refusals, self._check_gone)
 
     # -- one tick
 
     def run(self) -> NoReturn:
-        """Tick after tick, until HostEnded is raised."""
+        """Tick until the run ends. Raises HostEnded at the end."""
         while True:
             try:
                 self.join()
@@ -179,6 +181,7 @@ class Host:
                 log.warning("joining again after tick %d", self.mailbox.last)
 
     def tick(self) -> None:
+        """Wait for the next tick, tick the agents and send their velocities."""
         self._wait(lambda: self.sight.tick > self.mailbox.last)
         tick = self.sight.tick
         if not self.mailbox.follows(tick):
@@ -191,10 +194,10 @@ class Host:
         drives = {name: self._drive(name, action, mail.get(name)) for name, action in actions.items()}
         self._answer = pack(Velocities(self.run_id, tick, self.bus.id, drives))
         self._send()
-        self._tell(seen, actions)
+        self._send_rest(seen, actions)
 
-    def _tell(self, seen: dict[str, Observation], actions: dict[str, Action]) -> None:
-        """What others wait for less than physics does: requests, answers, the bins' states, what was refused."""
+    def _send_rest(self, seen: dict[str, Observation], actions: dict[str, Action]) -> None:
+        """Send what is less urgent than the velocities: requests, answers, states of bins, counts of refusals."""
         for name, action in actions.items():
             for asked in self.mailbox.write(name, action):
                 self.bus.ask(self.keys.of("mail", asked.to), self.mailbox.letter(asked), asked)
@@ -208,15 +211,15 @@ class Host:
         return self.performers[name].act(seen, mail)
 
     def _mail(self, tick: int) -> dict[str, Mail]:
-        """Everybody's mail of a tick: what has arrived, or, where some may be missing, what physics knows of it."""
+        """The mail of a tick, by agent: the mail that has arrived or, if some may be missing, the copies of physics."""
         doubts = self.mailbox.doubts(tick, self.sight.asked)
         mail = self.mailbox.deliver(tick)
         if not doubts:
             return mail
         request = pack(Recall(self.run_id, tick))
         try:
-            recalled = self._told("recall", request, Recalled, RECALL_SECONDS)
-        except BusError as error:  # physics may have gone back to an earlier tick
+            recalled = self._query("recall", request, Recalled, RECALL_SECONDS)
+        except BusError as error:  # physics may have resumed at an earlier tick
             raise _JoinAgain from error
         if recalled.tick != tick:
             raise _JoinAgain
@@ -231,9 +234,9 @@ class Host:
     # -- what arrives
 
     def _wait(self, ready: Callable[[], bool], seconds: float = math.inf) -> None:
-        """Handle what arrives until something is so, or the time is over.
+        """Handle items until `ready()` or until the time is over.
 
-        What is there already comes first, so that no old tick is taken for the newest.
+        All present items are handled first, so that an old tick is not taken for the newest.
         """
         for _ in range(len(self.bus.inbox)):
             self._handle_next(0.0)
@@ -253,6 +256,7 @@ class Host:
             raise HostEnded(1, f"physics is gone; waited for {self._patience:g} s")
 
     def handle(self, item: Item) -> None:
+        """Handle an item; count it if it is refused. Raises HostEnded at the end of the run."""
         try:
             self._handle(item)
         except Refused as refusal:
@@ -260,9 +264,9 @@ class Host:
 
     def _handle(self, item: Item) -> None:
         if isinstance(item, Sample):
-            self._hear(item)
+            self._take_sample(item)
         elif isinstance(item, Query):
-            self._asked(item)
+            self._take_query(item)
         elif isinstance(item, Replied) and isinstance(item.ticket, SentRequest):
             if not item.error:
                 self.mailbox.replied(item.ticket, item.payload)
@@ -271,10 +275,10 @@ class Host:
         elif isinstance(item, Signal):
             raise HostEnded(0, "asked to stop")
         elif isinstance(item, Alive) and item.key == self.keys.of("alive", PHYSICS, self.run_id):
-            self._physics(item.up)
+            self._track_physics(item.up)
 
-    def _physics(self, up: bool) -> None:
-        """Physics, or the way to it, is gone, or there again."""
+    def _track_physics(self, up: bool) -> None:
+        """Physics, or the link to it, is gone (not `up`) or there again."""
         was_gone, self._gone_until = self._gone_until < math.inf, math.inf
         if not up:
             log.warning("physics is gone; waiting for it")
@@ -282,7 +286,7 @@ class Host:
         elif was_gone:
             raise _JoinAgain
 
-    def _hear(self, sample: Sample) -> None:
+    def _take_sample(self, sample: Sample) -> None:
         match self.keys.parts(sample.key):
             case ["hosts", _, "seen"]:
                 if not self.sight.seen(sample.payload) and self.sight.tick == self.mailbox.last:
@@ -295,7 +299,7 @@ class Host:
             case _:
                 raise Refused("no such key")
 
-    def _asked(self, question: Query) -> None:
+    def _take_query(self, question: Query) -> None:
         name, what = self.keys.parts(question.key)
         if what == "state":
             self.states.tell(name, question)

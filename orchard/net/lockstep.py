@@ -1,7 +1,7 @@
-"""The physics side of lockstep, without a network: who holds which agent, and which answers a tick still waits for.
+"""The physics side of lockstep, without a network: which answers a tick still waits for; and the pace of ticks in wall time.
 
-Physics publishes tick k, waits until every agent that is held has answered it, applies the answers in the layout's order,
-and goes on to k + 1. A name that nobody holds is not waited for: it stands, unless somebody drives it.
+Physics publishes tick k, waits until all held agents have answered it, applies the answers in the layout's order, and goes on to k + 1.
+It does not wait for an agent that no session holds: its robot stands, unless a client drives it.
 """
 
 import math
@@ -10,43 +10,67 @@ from collections.abc import Callable
 from typing import Any
 
 from orchard.contract.agent import Action
+from orchard.field.scenario import TIME_STEP
 from orchard.net.refusals import WHOSE, Refused, refuse_other_tick
 from orchard.net.roster import Roster
 from orchard.wire.codec import action_of
 from orchard.wire.messages import Mode, Velocity
 
-PATIENCE = 15.0  # s of wall time for which an agent may be silent
-AGAIN_SECONDS = 0.5  # after which who is silent is shown a tick again
+
+class Pacer:
+    """Paces ticks in wall time: `speed` simulated seconds per second; with infinity it never waits."""
+
+    CATCH_UP = 0.25  # s: the largest delay that later ticks make up for
+
+    def __init__(self, speed: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._step = TIME_STEP / speed
+        self._clock = clock
+        self._due = -math.inf
+
+    def wait(self) -> float:
+        """Return the seconds until the next tick may begin."""
+        return max(0.0, self._due - self._clock())
+
+    def begin(self) -> float:
+        """Begin a tick, and return the seconds that it begins late."""
+        now = self._clock()
+        due = now if self._due == -math.inf else self._due
+        self._due = max(due, now - self.CATCH_UP) + self._step
+        return max(0.0, now - due)
+
+
+PATIENCE = 15.0  # s of wall time that an agent may take to answer
+AGAIN_SECONDS = 0.5  # after which a tick is sent again to the sessions that have not answered
 
 
 class LockstepBarrier:
-    """The velocities that are in for one tick: in lockstep physics waits until none is missing. `realtime.Live` is its counterpart."""
+    """The velocities for one tick: physics waits until none is missing. The counterpart is `realtime.RealtimeBarrier`."""
 
     mode: Mode = "lockstep"
-    newest_wins = False  # every tick must reach every agent
-    releases_at_once = False  # who is gone may come back, or another in its place, while its patience lasts
+    newest_wins = False  # each tick must reach each agent
+    releases_at_once = False  # a session that is gone may come back, or be replaced, until the deadline
 
     def __init__(self, roster: Roster, patience: float = PATIENCE, clock: Callable[[], float] = time.monotonic) -> None:
         self._roster, self._patience, self._clock = roster, patience, clock
         self.tick = -1
-        self.deadline = math.inf  # on the clock: until then the missing are waited for
+        self.deadline = math.inf  # on the clock: the time to wait for missing answers
         self.missing: set[str] = set()
-        self._back: set[str] = set()  # who has joined since the tick began
+        self._back: set[str] = set()  # agents that sessions have taken since the tick began
         self.velocities: dict[str, Velocity] = {}
-        self._actions: dict[str, Action] = {}  # that they mean
-        self._before: dict[str, Velocity] = {}  # those of the last tick
+        self._actions: dict[str, Action] = {}  # the actions in these velocities
+        self._before: dict[str, Velocity] = {}  # the velocities of the last tick
 
     def open(self, tick: int, lag: float = 0.0) -> None:
-        """Wait for everyone who is held, at a new tick, which begins so many seconds after it was due."""
+        """Open a tick and wait for each held agent. `lag`: seconds that the tick begins late."""
         self.tick, self.missing, self.velocities, self._before = tick, set(self._roster.holders), {}, self.velocities
         self._actions = {}
         self._back.clear()
         self.deadline = self._clock() + self._patience
 
     def expect(self, name: str) -> None:
-        """Somebody new holds an agent: what its predecessor answered to this tick does not count.
+        """Wait for an agent that a session has just taken; an answer of its previous holder to this tick does not count.
 
-        Many are slow to start, so each that comes gives all some time; but who comes again and again does so once in a tick.
+        The deadline moves for all agents, because many sessions start slowly; but each agent moves it only once in a tick.
         """
         self.velocities.pop(name, None)
         self._actions.pop(name, None)
@@ -56,15 +80,16 @@ class LockstepBarrier:
             self.deadline = self._clock() + self._patience
 
     def give_up(self) -> set[str]:
-        """The deadline is over: go on without the missing. Those who lose their agents by it."""
+        """Stop waiting for the missing agents. Return the agents that lose their holder: the missing ones."""
         lost, self.missing = self.missing, set()
         return lost
 
     def release(self, name: str) -> None:
-        """Nobody holds this agent any more."""
+        """Stop waiting for an agent that no session holds any more."""
         self.missing.discard(name)
 
     def take(self, name: str, velocity: Velocity) -> None:
+        """Take a velocity for a held agent. Raises Refused if it does not count."""
         if velocity.holder != self._roster.holders[name]:
             raise Refused("not the holder", WHOSE["not the holder"])
         if velocity.tick != self.tick or name not in self.missing:
@@ -74,19 +99,20 @@ class LockstepBarrier:
         self.missing.discard(name)
 
     def _refuse_unless_repeated(self, name: str, velocity: Velocity) -> None:
-        """One that is not waited for: sent again, in case it was lost, or a mistake."""
+        """Ignore a repetition, sent in case the first was lost; refuse any other velocity that is not awaited."""
         if velocity in (self.velocities.get(name), self._before.get(name)):
             return
         refuse_other_tick(velocity.tick, self.tick, self.tick)
         raise Refused("answered already", f"tick {velocity.tick}")
 
     def actions(self) -> dict[str, Action]:
-        """What to apply, in the order of names: never in that of arrival."""
+        """Return the actions to apply, in the order of names, never in the order of arrival."""
         return {name: self._actions[name] for name in sorted(self._actions)}
 
     def digests(self) -> dict[str, bytes]:
+        """Return the mail digests that the agents reported, by name."""
         return {name: velocity.report.mail for name, velocity in self.velocities.items() if velocity.report is not None}
 
     def figures(self) -> dict[str, Any]:
-        """What the summary holds of it."""
+        """Return this barrier's figures for the summary."""
         return {}

@@ -1,8 +1,8 @@
-"""The agents' side of the bus, without a network: what is seen of a tick, and mail that in lockstep is repeatable although it travels.
+"""The observations and the mail of a host's agents, without a network. In lockstep the mail is repeatable.
 
-The rules by number are design.md's. A request of tick k is a query; it is heard at k + 1, its answer at k + 2, in an order
-that no network decides. Whatever happens to a query, a copy of each letter is with physics: a host that may have missed some
-(it has just joined, or an answer did not come) does not guess, but recalls all mail of the tick from there.
+The rules are numbered in docs/design.md. A request of tick k is a query; it is heard at k + 1, and its answer at k + 2, in an order
+that does not depend on the network. Physics has a copy of each letter. A host that may have missed mail (it has just joined, or an
+answer did not come) recalls all mail of the tick from physics.
 """
 
 from collections.abc import Collection, Iterable
@@ -16,11 +16,11 @@ from orchard.net.refusals import Refused, read_message
 from orchard.wire.codec import observations_of
 from orchard.wire.messages import Answered, AskedOf, Letter, Received, Seen
 
-DOUBT_SECONDS = 1.0  # after which a request of which nothing is heard counts as lost: physics has a copy
+DOUBT_SECONDS = 1.0  # after which a request without news counts as lost; physics has a copy
 
 
 class LatestObservations:
-    """What the agents of a host see at the newest tick."""
+    """The observations of a host's agents at the newest tick."""
 
     def __init__(self, run: str, names: Iterable[str], bodies: Iterable[str]) -> None:
         self._run = run
@@ -28,19 +28,20 @@ class LatestObservations:
         self.forget()
 
     def forget(self) -> None:
-        self.tick = -1  # -1: nothing is seen yet
-        self.asked: list[AskedOf] = []  # what these agents hear at it
+        """Drop the observations; the next tick that arrives is the newest."""
+        self.tick = -1  # -1: no tick has arrived
+        self.asked: list[AskedOf] = []  # the requests that these agents hear at this tick
         self._seen: dict[str, Observation] = {}
 
     def seen(self, payload: bytes) -> bool:
-        """Take what has come; False if it is a repetition of what is known."""
+        """Take a `Seen` message. Return False if it repeats the newest tick. Raises Refused if it does not count."""
         message = read_message(payload, Seen, self._run)
         if message.tick < self.tick:
             raise Refused("past tick", f"{message.tick}; {self.tick} has begun")
         if message.tick == self.tick:
             return False
         if not self._bodies.issubset(message.names):
-            raise Refused("not all", "bodies are missing in it")
+            raise Refused("not all", "bodies are missing")
         try:
             self._seen = observations_of(message)
         except ValueError as error:
@@ -49,30 +50,30 @@ class LatestObservations:
         return True
 
     def observations(self) -> dict[str, Observation]:
-        """What each agent sees at that tick."""
+        """Return name -> observation at the newest tick; agents without a body get only the tick."""
         return {name: self._seen[name] if name in self._bodies else without_body(name, self.tick) for name in self._names}
 
 
 @dataclass(eq=False)
 class SentRequest:
-    """One get: a request that this host's agent made, and what is known of it."""
+    """A request of an agent of this host, sent as one get, and the state of that get."""
 
     sender: str
     tick: int
     number: int
     to: str
     request: Request
-    received: bool = False  # it will be heard
-    final: bool = False  # nothing more will be known
-    answered: bool = False  # it was heard, and this is what became of it:
+    received: bool = False  # the first reply has come: the request will be heard
+    final: bool = False  # the get has ended
+    answered: bool = False  # the second reply has come, with this answer:
     answer: Answer | None = None
 
 
-STALE_TICKS = 50  # realtime: how far apart the ticks of two hosts may be whose agents talk
+STALE_TICKS = 50  # realtime: the most ticks between two hosts whose agents exchange mail
 
 
 class PendingQuery(Protocol):
-    """A query that waits; see bus.Question."""
+    """A query that waits for replies; see bus.Query."""
 
     payload: bytes
 
@@ -83,27 +84,27 @@ class PendingQuery(Protocol):
 
 @dataclass
 class _ReceivedRequest:
-    """A request that arrived, and the query that waits for its answer."""
+    """A request that has arrived, and the query that waits for its answer."""
 
     heard: Heard
     question: PendingQuery
-    is_heard: bool = False  # its tick has come, or is over: it is answered in this tick or never
+    is_heard: bool = False  # its tick has begun or is over: it is answered in this tick or never
     body: Answer | None = None
 
 
 class Mailbox:
-    """The mail of one host's agents in lockstep. In realtime it is a `LiveMailbox`."""
+    """The mail of one host's agents in lockstep. The counterpart for realtime is `RealtimeMailbox`."""
 
     def __init__(self, run: str, names: Collection[str] = ()) -> None:
-        """`names`: who may write; none: anybody."""
+        """`names`: the agents that may send requests; empty: any agent."""
         self._run, self._names = run, frozenset(names)
-        self.last = -1  # the tick that was last ticked
+        self.last = -1  # the last tick that was delivered
         self._joined = 0
         self._held: dict[tuple[str, str, int, int], _ReceivedRequest] = {}  # (recipient, sender, tick, number) ->
-        self._asked: dict[int, list[SentRequest]] = {}  # tick -> in the order of asking
+        self._asked: dict[int, list[SentRequest]] = {}  # tick -> the requests of that tick, in their order
 
     def join(self, tick: int) -> None:
-        """Rule 1: a tick that is not the next: forget all mail."""
+        """Continue at a tick that is not the next, and forget all mail (rule 1)."""
         for held in self._held.values():
             held.question.drop()
         self._held, self._asked, self.last, self._joined = {}, {}, tick - 1, tick
@@ -111,25 +112,25 @@ class Mailbox:
     # what arrives
 
     def hear(self, recipient: str, question: PendingQuery) -> None:
-        """Rules 5 and 7: hold a request for the next tick, and say so at once."""
+        """Hold a request for the next tick and reply `received` at once (rules 5 and 7). Raises Refused if it does not count."""
         try:
-            letter = self._understood(question.payload)
+            letter = self._checked(question.payload)
         except Refused as refusal:
             question.refuse(str(refusal))
             raise
         self._hold(recipient, letter, question)
         question.reply(pack(Received(self._run, letter.tick)))
 
-    def _understood(self, payload: bytes) -> Letter:
+    def _checked(self, payload: bytes) -> Letter:
         letter = read_message(payload, Letter, self._run)
         if self._names and letter.sender not in self._names:
             raise Refused("no such agent", letter.sender)
         if not self._is_timely(letter.tick):
-            raise Refused("past tick" if letter.tick < self.last else "future tick", f"a request of {letter.tick}; {self.last} is done")
+            raise Refused("past tick" if letter.tick < self.last else "future tick", f"a request of {letter.tick} at tick {self.last}")
         return letter
 
     def _hold(self, recipient: str, letter: Letter, question: PendingQuery) -> None:
-        """A repeat takes the place of the query that it repeats."""
+        """A repeated request replaces the query that is held."""
         heard = Heard(letter.sender, letter.tick, letter.number, letter.body)
         key = (recipient, letter.sender, letter.tick, letter.number)
         if key in self._held:
@@ -137,6 +138,7 @@ class Mailbox:
         self._held[key] = _ReceivedRequest(heard, question)
 
     def replied(self, asked: SentRequest, payload: bytes) -> None:
+        """Take a reply to a request. Raises Refused if it does not count."""
         message: Received | Answered = read_message(payload, Received | Answered, self._run)  # type: ignore[arg-type]
         if isinstance(message, Received) and message.tick == asked.tick:
             asked.received = True
@@ -146,31 +148,31 @@ class Mailbox:
             raise Refused("past tick", f"an answer of {message.tick} to a request of {asked.tick}")
 
     def _is_timely(self, tick: int) -> bool:
-        """Rule 7, of a request: stamped with my last tick or the next."""
+        """Rule 7: whether a request is stamped with the last tick or the next."""
         return tick in (self.last, self.last + 1)
 
     def _answers_in_time(self, tick: int, asked: int) -> bool:
-        """Whether an answer has the right stamp."""
+        """Rule 7: whether an answer has the right stamp."""
         return tick == asked + 1
 
     # one tick
 
     def follows(self, tick: int) -> bool:
-        """Rule 1: whether a tick can be the next one."""
+        """Whether a tick can be the next one (rule 1)."""
         return tick == self.last + 1
 
     def is_settled(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
-        """Rule 2: every get of two ticks ago is final, and what was asked of these agents in the last tick has come.
+        """Whether all gets of two ticks ago are final, and all requests of the last tick to these agents have come (rule 2).
 
-        Who has just joined waits for neither, and recalls all of it.
+        A host that has just joined waits for neither, because it recalls the mail.
         """
         asked = self._asked.get(tick - 2)
-        return self._is_new(tick) or (self._has(tick, asked_of) and (not asked or all(one.final for one in asked)))
+        return self._is_new(tick) or (self._has(tick, asked_of) and (not asked or all(request.final for request in asked)))
 
     def doubts(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
-        """Whether mail of a tick may have been missed: it began while nobody was here, it has not come, or of a get nothing is known."""
+        """Whether mail of a tick may be missing: the host has just joined, a request has not come, or a get has ended without an answer."""
         asked = self._asked.get(tick - 2)
-        return self._is_new(tick) or not (self._has(tick, asked_of) and (not asked or all(one.answered for one in asked)))
+        return self._is_new(tick) or not (self._has(tick, asked_of) and (not asked or all(request.answered for request in asked)))
 
     def _is_new(self, tick: int) -> bool:
         return tick <= self._joined + 1
@@ -180,7 +182,7 @@ class Mailbox:
         return not asked_of or all((to, sender, tick - 1, number) in self._held for to, sender, number in asked_of)
 
     def deliver(self, tick: int) -> dict[str, Mail]:
-        """Rule 3: what was asked in the last tick, and what was answered in it. Those without any mail are absent."""
+        """Return name -> the requests of the last tick and the answers given in it (rule 3). Agents without mail are absent."""
         mail: dict[str, Mail] = {}
         for (recipient, *_), held in self._held.items():
             held.is_heard = self._is_done(held.heard.tick, tick)
@@ -188,7 +190,7 @@ class Mailbox:
                 mail.setdefault(recipient, Mail()).requests.append(held.heard)
         for heard in mail.values():
             heard.requests = in_hearing_order(heard.requests)
-        for asked in self._take_known(tick):
+        for asked in self._take_settled(tick):
             mail.setdefault(asked.sender, Mail()).replies.append(Reply(asked.to, asked.number, asked.request, asked.answer))
         self.last = tick
         return mail
@@ -196,12 +198,12 @@ class Mailbox:
     def _is_heard(self, asked: int, tick: int) -> bool:
         return asked == tick - 1
 
-    def _take_known(self, tick: int) -> list[SentRequest]:
-        """The requests of which is known what became of them."""
+    def _take_settled(self, tick: int) -> list[SentRequest]:
+        """Remove and return the requests whose outcome the agents learn at this tick."""
         return self._asked.pop(tick - 2, [])
 
     def write(self, name: str, action: Action) -> list[SentRequest]:
-        """Take what an agent answers, for `close` to tell; the requests that must now be asked."""
+        """Take the answers of an agent, which `close` sends. Return its requests, which the caller must send."""
         for heard, body in action.answers:
             held = self._held.get((name, heard.sender, heard.tick, heard.number))
             if held is not None and held.is_heard:
@@ -213,10 +215,11 @@ class Mailbox:
         return asked
 
     def letter(self, asked: SentRequest) -> bytes:
+        """Return a request as the payload of a query."""
         return pack(Letter(self._run, asked.tick, asked.sender, asked.number, asked.request))
 
     def close(self) -> None:
-        """Rule 3: every query that was heard in this tick or before gets its answer, or none."""
+        """Reply to all queries that were heard in this tick or before, and drop them (rule 3). Without an answer the reply is nil."""
         for key in [key for key, held in self._held.items() if held.is_heard]:
             held = self._held.pop(key)
             held.question.reply(pack(Answered(self._run, self.last, held.body)))
@@ -227,13 +230,13 @@ class Mailbox:
 
 
 class RealtimeMailbox(Mailbox):
-    """The mail of one host's agents while nobody waits: ticks may be left out, and each hears what has come by then."""
+    """The mail of one host's agents in realtime: no tick waits for mail, ticks may be left out, and each delivers what has come."""
 
     def follows(self, tick: int) -> bool:
         return tick > self.last
 
     def _is_timely(self, tick: int) -> bool:
-        """The sender may be some ticks behind or ahead."""
+        """Whether the sender is at most STALE_TICKS behind or ahead."""
         return abs(tick - self.last) <= STALE_TICKS
 
     def _answers_in_time(self, tick: int, asked: int) -> bool:
@@ -251,8 +254,8 @@ class RealtimeMailbox(Mailbox):
     def _is_done(self, asked: int, tick: int) -> bool:
         return True
 
-    def _take_known(self, tick: int) -> list[SentRequest]:
-        """Those that are final, and those that nobody has answered for long."""
+    def _take_settled(self, tick: int) -> list[SentRequest]:
+        """Remove and return the requests that are final or older than STALE_TICKS."""
         known = [a for asked in self._asked.values() for a in asked if a.final or tick - a.tick > STALE_TICKS]
         self._asked = {t: left for t, asked in self._asked.items() if (left := [a for a in asked if a not in known])}
         return known

@@ -1,21 +1,52 @@
-"""The memory of a process that is complete: what is there stays, and is laid out for many quick ticks."""
+"""What all processes of a run share: start and end, memory settings before the first tick, and a report of an agent that is too slow."""
 
 import ctypes
 import gc
-from collections.abc import Iterator
+import logging
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
-YOUNG = 20_000  # objects that may be made before Python's collector of reference cycles looks through them; some megabytes
-HUGE_PAGE = 2 << 20  # bytes, on x86-64 and most others
-MADV_COLLAPSE = 25  # Linux 6.1: put what is in these pages on a huge one, now (linux/mman.h)
+from orchard.contract import guard
+from orchard.net.bus import Inbox, Signal
+from orchard.net.host import Host, HostEnded
+
+YOUNG = 20_000  # objects that may be created before Python's cycle collector runs; some megabytes
+HUGE_PAGE = 2 << 20  # bytes, on x86-64 and most other processors
+MADV_COLLAPSE = 25  # Linux 6.1 and later: move these pages to a huge page now (linux/mman.h)
+
+
+def run_process(name: str, body: Callable[[Inbox], int], *mistakes: type[Exception]) -> int:
+    """Run the body of a process and return its exit code. SIGINT and SIGTERM arrive in its inbox as items.
+
+    `mistakes`: errors that a user can correct; they are logged without a traceback, and the exit code is 2.
+    """
+    logging.basicConfig(level=logging.WARNING, format=f"{name}: %(message)s")
+    inbox = Inbox()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
+    try:
+        return body(inbox)
+    except HostEnded as end:
+        if end.code:
+            log.error("%s", end)
+        return end.code
+    except mistakes as error:
+        log.error("%s", error)
+        return 2
 
 
 def settle() -> None:
-    """A process is complete, and its ticks begin: whatever is there stays to the end.
+    """Prepare a complete process for its ticks: its present objects stay until it ends.
 
-    The collector does not look through it again; what a tick makes goes as it comes, by its count of references. Measured with
-    two agent processes: a tenth of all processor time. And Python's objects go to huge pages: a tick touches some thousand of
-    them all over the memory, and whichever process runs after another has to look up each small page anew. A tenth more ticks.
+    The cycle collector does not visit these objects again; the objects of a tick are freed by reference counting. With two agent
+    processes this saves a tenth of all processor time. Python's objects are moved to huge pages: a tick touches some thousand of
+    them all over the memory, and after a switch of processes the processor must look up each small page again. This gives a tenth
+    more ticks.
     """
     gc.collect()
     gc.freeze()
@@ -24,7 +55,7 @@ def settle() -> None:
 
 
 def _use_huge_pages() -> None:
-    """Where the kernel can; where it cannot, nothing changes but the speed."""
+    """Move this process's data to huge pages. If the kernel cannot, only the speed differs."""
     maps = Path("/proc/self/maps")
     if not maps.exists():
         return
@@ -32,13 +63,50 @@ def _use_huge_pages() -> None:
     madvise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
     for begin, end in own(maps.read_text()):
         for page in range(-(-begin // HUGE_PAGE) * HUGE_PAGE, end - HUGE_PAGE + 1, HUGE_PAGE):
-            madvise(page, HUGE_PAGE, MADV_COLLAPSE)  # refused where nothing is, as in stacks
+            madvise(page, HUGE_PAGE, MADV_COLLAPSE)  # fails where nothing is mapped, as in stacks
 
 
 def own(maps: str) -> Iterator[tuple[int, int]]:
-    """Begin and end of what only this process has and can write: lines of `address perms offset dev inode [name]`."""
+    """Yield begin and end of the private writable memory in a text like /proc/self/maps.
+
+    Its lines are `address perms offset dev inode [name]`.
+    """
     for line in maps.splitlines():
         addresses, permissions, *_, name = [*line.split(maxsplit=5), ""][:6]
         if permissions == "rw-p" and name in ("", "[heap]"):
             begin, _, end = addresses.partition("-")
             yield int(begin, 16), int(end, 16)
+
+
+log = logging.getLogger("orchard")
+
+LONG_SECONDS = 3.0
+
+
+def monitor(host: Host, seconds: float = LONG_SECONDS) -> None:
+    """Log each agent of the host that spends at least `seconds` on one tick, once per agent. The agents tick in the calling thread."""
+    threading.Thread(target=_watch, args=(host, threading.get_ident(), seconds), daemon=True).start()
+
+
+def _watch(host: Host, thread: int, seconds: float) -> None:
+    before, logged = ("", -1), set()
+    while True:
+        time.sleep(seconds)
+        now = name, tick = host.thinking, host.sight.tick
+        if name and now == before and name not in logged:
+            logged.add(name)
+            log.error("%s still thinks about tick %d%s; %s", name, tick, _place(thread), _effect(host))
+        before = now
+
+
+def _effect(host: Host) -> str:
+    others = ", ".join(name for name in host.performers if name != host.thinking)
+    return f"until it answers, these agents of its process stand: {others}" if others else "its robot stands until it answers"
+
+
+def _place(thread: int) -> str:
+    """The file and line of the agent's own code, below its guard."""
+    frames = traceback.extract_stack(sys._current_frames()[thread])
+    inside = [i for i, frame in enumerate(frames) if frame.filename == guard.__file__]
+    here = frames[inside[-1] + 1 :] if inside else []
+    return f", in {here[0].filename}, line {here[0].lineno}" if here else ""

@@ -1,12 +1,14 @@
 """The physics side of realtime, without a network: the wall clock goes on, and the newest velocity counts.
 
-The counterpart of `lockstep.Answers`, with the same methods. A tick's answers have until the next tick is due; where the machine
-hiccups they have a moment longer, which the ticks after it make good. Then the step is done without those that are missing.
+`RealtimeBarrier` is the counterpart of `lockstep.LockstepBarrier`, with the same methods. A tick's answers have until the next tick is due;
+where the machine hiccups they have a moment longer, which the ticks after it make up for. Then the step is done without those that are
+missing. `UnheldCommands` is used in both modes: the newest velocity drives a robot that no session holds, for half a second.
 """
 
 import time
+from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -16,41 +18,107 @@ from orchard.contract.messages import MOST_DEEDS, Written
 from orchard.field.geometry import STILL
 from orchard.net.refusals import WHOSE, Refused, refuse_other_tick
 from orchard.net.roster import Roster
-from orchard.net.unheld import RecentTicks, TimedVelocity
 from orchard.wire.codec import action_of
 from orchard.wire.messages import Mode, Velocity
 
-SLACK = 0.2  # s beyond the tick's own time, for answers of those who answered the last tick in time; less than Pacer.CATCH_UP
-SHARE = 0.5  # of a tick's time, that the others have, and everybody where the clock is behind
-LATE = 0.5  # of a tick's time: a tick that begins later than this after its time is a late one
+WATCHDOG = 0.5  # s that one velocity drives a robot without a holder, of simulated or wall time, whichever is slower
+WATCHDOG_TICKS = 5
+
+
+class RecentTicks:
+    """The ticks whose velocities may still drive a robot: less than WATCHDOG_TICKS ticks or less than WATCHDOG seconds ago."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self.clock = clock
+        self._begun: deque[tuple[int, float]] = deque([(0, clock())])  # (tick, time of its publication, s)
+
+    def begin(self, tick: int) -> None:
+        """Record the publication of a new tick."""
+        self._begun.append((tick, self.clock()))
+        while self.is_over(*self._begun[0], tick):
+            self._begun.popleft()
+
+    @property
+    def oldest(self) -> int:
+        return self._begun[0][0]
+
+    @property
+    def newest(self) -> int:
+        return self._begun[-1][0]
+
+    def is_over(self, tick: int, at: float, now: int) -> bool:
+        """Whether a velocity for `tick`, received at time `at`, does not drive any more at the tick `now`."""
+        return now - tick >= WATCHDOG_TICKS and self.clock() - at >= WATCHDOG
+
+
+class TimedVelocity(NamedTuple):
+    """A velocity, and the time of its arrival."""
+
+    velocity: Velocity
+    at: float  # s, monotonic
+
+
+class UnheldCommands:
+    """The velocities of robots that no session holds: the newest one drives a robot, for half a second."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._recent = RecentTicks(clock)
+        self._puts: dict[str, TimedVelocity] = {}
+
+    def begin(self, tick: int) -> None:
+        """Record the publication of a new tick."""
+        self._recent.begin(tick)
+
+    def take(self, name: str, velocity: Velocity) -> None:
+        """Take a velocity for a robot. Raises Refused if it names a holder, or if its tick is too old or in the future."""
+        if velocity.holder:
+            raise Refused("not held", WHOSE["not held"])
+        newest_put = self._puts[name].velocity.tick if name in self._puts else 0
+        refuse_other_tick(velocity.tick, max(self._recent.oldest, newest_put), self._recent.newest)
+        self._puts[name] = TimedVelocity(velocity, self._recent.clock())
+
+    def drives(self, name: str) -> bool:
+        """Whether a client has driven this robot recently."""
+        return name in self._puts
+
+    def actions(self, tick: int) -> dict[str, Action]:
+        """Return the actions to apply at a tick, by name."""
+        is_over = self._recent.is_over
+        self._puts = {name: put for name, put in self._puts.items() if not is_over(put.velocity.tick, put.at, tick)}
+        return {name: Action(action_of(put.velocity).twist) for name, put in self._puts.items()}
+
+
+SLACK = 0.2  # s beyond the tick's time, to wait for agents that answered the last tick in time; less than Pacer.CATCH_UP
+SHARE = 0.5  # of a tick's time, to wait for agents that missed the last tick, and for all agents when the clock is behind
+LATE = 0.5  # of a tick's time: a tick that begins later than this after it was due counts as late
 
 
 class RealtimeBarrier:
-    """The newest velocity of each agent that is held."""
+    """The newest velocity of each held agent."""
 
     mode: Mode = "realtime"
-    newest_wins = True  # an old tick is of no use to anybody
-    releases_at_once = True  # the robot of one who is gone stands, and waits for nobody
+    newest_wins = True  # sessions need only the newest tick
+    releases_at_once = True  # the robots of a session that is gone are released at once, and stand
 
     def __init__(self, roster: Roster, step: float, clock: Callable[[], float] = time.monotonic) -> None:
-        """`step`: s of wall time from one tick to the next."""
+        """`step`: s of wall time between two ticks."""
         self._roster, self._step, self._clock = roster, step, clock
         self._recent = RecentTicks(clock)
         self._newest: dict[str, TimedVelocity] = {}
-        self._fresh: dict[str, Velocity] = {}  # those that no step has used
-        self._moved: dict[str, int] = {}  # name -> the last tick at which it was driven
-        self._tardy: set[str] = set()  # who missed the last tick
+        self._fresh: dict[str, Velocity] = {}  # velocities that no step has used
+        self._moved: dict[str, int] = {}  # name -> the last tick in which it moved
+        self._tardy: set[str] = set()  # agents that did not answer the last tick in time
         self._begun = self._patient = clock()
         self._late = self._missed = 0
         self._delays = Delays()
         self.tick = -1
         self.missing: set[str] = set()
-        self.velocities: dict[str, Velocity] = {}  # those that the last step was the first to use
+        self.velocities: dict[str, Velocity] = {}  # velocities that were used first in the last step
 
     # -- what arrives
 
     def open(self, tick: int, lag: float = 0.0) -> None:
-        """A new tick begins, so many seconds after it was due."""
+        """Open a tick. `lag`: seconds that it begins late."""
         self._recent.begin(tick)
         self.tick, self.missing, self._begun = tick, set(self._roster.holders), self._clock()
         self._patient = self._begun + max(self._step + SLACK - lag, self._step * SHARE)
@@ -58,45 +126,46 @@ class RealtimeBarrier:
 
     @property
     def deadline(self) -> float:
-        """Until when the missing are waited for: those who were late before do not hold up the others."""
+        """The time, on the clock, to wait for missing answers. Agents that missed the last tick do not delay the others."""
         return self._patient if self.missing - self._tardy else self._begun + self._step * SHARE
 
     def expect(self, name: str) -> None:
-        """Somebody new holds an agent."""
+        """Wait for an agent that a session has just taken."""
         self.release(name)
         self.missing.add(name)
 
     def release(self, name: str) -> None:
-        """Nobody holds this agent any more: it stands."""
+        """Stop waiting for an agent that no session holds any more; its robot stands."""
         self._newest.pop(name, None)
         self._fresh.pop(name, None)
         self.missing.discard(name)
         self._tardy.discard(name)
 
     def take(self, name: str, velocity: Velocity) -> None:
+        """Take a velocity for a held agent. Raises Refused if it does not count."""
         if velocity.holder != self._roster.holders[name]:
             raise Refused("not the holder", WHOSE["not the holder"])
         last = self._newest[name].velocity.tick if name in self._newest else -1
         if last >= 0 and velocity == self._newest[name].velocity:
-            return  # sent again, in case it was lost
+            return  # a repetition, sent in case the first was lost
         if velocity.tick == last:
             raise Refused("answered already", f"tick {velocity.tick}")
         refuse_other_tick(velocity.tick, max(self._recent.oldest, last), self.tick)
-        self._fresh[name] = _with_what_was_said(self._fresh.get(name), velocity)
+        self._fresh[name] = _with_unused_report(self._fresh.get(name), velocity)
         self._newest[name] = TimedVelocity(velocity, self._clock())
         if velocity.tick == self.tick:
             self.missing.discard(name)
             self._delays.add(self._newest[name].at - self._begun)
 
     def give_up(self) -> set[str]:
-        """The deadline is over: go on without the missing, who lose nothing by it."""
+        """Stop waiting for the missing agents. Return the agents that lose their holder: none in realtime."""
         self.missing = set()
         return set()
 
     # -- one step
 
     def actions(self) -> dict[str, Action]:
-        """What to apply, in the order of names; each deed once."""
+        """Return the actions to apply, in the order of names; each deed is in them once."""
         held = sorted(self._roster.holders)
         self._tardy = {name for name in held if name not in self._newest or self._newest[name].velocity.tick != self.tick}
         self._missed += len(self._tardy)
@@ -117,38 +186,39 @@ class RealtimeBarrier:
         return action
 
     def _is_for_now(self, name: str, tick: int) -> bool:
-        """Whether the robot has not moved since the pose that an answer was given to."""
+        """Whether the robot has not moved since the pose that the velocity for `tick` answers."""
         return self._moved.get(name, -1) < tick
 
     def digests(self) -> dict[str, bytes]:
+        """Return the mail digests that the agents reported, by name."""
         return {name: velocity.report.mail for name, velocity in self.velocities.items() if velocity.report is not None}
 
     def figures(self) -> dict[str, Any]:
-        """What the summary holds of it."""
+        """Return this barrier's figures for the summary."""
         delays = {f"p{share}": self._delays.below(share) for share in (50, 99)}
         return {"ticks_late": self._late, "velocities_missed": self._missed, "answer_milliseconds": delays}
 
 
 class Delays:
-    """How long answers took from what was seen to the velocity: counts in steps of 0.1 ms, so that it does not grow."""
+    """The delays from the observations to the velocities, as counts in steps of 0.1 ms, so that memory does not grow."""
 
     STEP = 1e-4  # s
 
     def __init__(self) -> None:
-        self._counts = np.zeros(10_001, dtype=np.int64)  # the last one for all that took a second or longer
+        self._counts = np.zeros(10_001, dtype=np.int64)  # the last one counts all of 1 s or longer
 
     def add(self, seconds: float) -> None:
         self._counts[min(max(int(seconds / self.STEP), 0), len(self._counts) - 1)] += 1
 
     def below(self, share: float) -> float:
-        """The time in ms within which so many per cent came; 0 where there were none."""
+        """Return the delay in ms that `share` per cent do not exceed; 0 without any."""
         total = int(self._counts.sum())
         step = int(np.searchsorted(np.cumsum(self._counts), share / 100 * total)) if total else -1
         return round((step + 1) * self.STEP * 1e3, 1)
 
 
-def _with_what_was_said(before: Velocity | None, velocity: Velocity) -> Velocity:
-    """A velocity with the memory, the letters and the deeds of the one whose place it takes, which no step has used."""
+def _with_unused_report(before: Velocity | None, velocity: Velocity) -> Velocity:
+    """Add to a velocity the memory, letters and deeds of the velocity that it replaces, which no step has used."""
     if before is None or before.report is None:
         return velocity
     if velocity.report is None:
@@ -156,12 +226,12 @@ def _with_what_was_said(before: Velocity | None, velocity: Velocity) -> Velocity
     report = velocity.report
     memory = before.report.memory if report.memory is None else report.memory
     deeds = [deed for deed in before.report.deeds if deed not in report.deeds] + report.deeds
-    letters = _both(before.report.letters, report.letters)
+    letters = _all_letters(before.report.letters, report.letters)
     report = msgspec.structs.replace(report, memory=memory, deeds=deeds[:MOST_DEEDS], letters=letters)
     return msgspec.structs.replace(velocity, report=report)
 
 
-def _both(before: Written | None, now: Written | None) -> Written | None:
+def _all_letters(before: Written | None, now: Written | None) -> Written | None:
     """The letters of two velocities."""
     if before is None or now is None:
         return before or now

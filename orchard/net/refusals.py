@@ -1,4 +1,4 @@
-"""Messages that are refused: why, how often, and the total of all processes of a run."""
+"""Refused messages: the reasons, the counts, and the totals of all processes of a run."""
 
 import logging
 from collections import Counter
@@ -11,18 +11,18 @@ from orchard.wire.types import RunMessage, read
 M = TypeVar("M", bound=RunMessage)
 
 log = logging.getLogger("orchard")
-MOST_TOLD = 1000  # keys and reasons that are logged
-WHOSE = {"not the holder": "someone else holds this agent", "not held": "join before you answer as a holder"}
+MOST_TOLD = 1000  # pairs of key and reason that are logged
+WHOSE = {"not the holder": "another session holds this agent", "not held": "no session holds this agent; join first"}
 
 
 def printable(words: str, most: int = 200) -> str:
-    """A stranger's words, as a short line that does nothing to a terminal or a log."""
+    """Return the text of an unknown client as a short line that is harmless in a terminal or a log."""
     short = words if len(words) <= most else words[: most - 3] + "..."
     return short if short.isprintable() else "".join(c if c.isprintable() else "?" for c in short)
 
 
 class Refused(Exception):
-    """A message that is not applied; the reason is one of a few, so that they can be counted."""
+    """Raised for a message that is not applied. `reason` is one of a few, so that refusals can be counted."""
 
     def __init__(self, reason: Reason, detail: str = "") -> None:
         super().__init__(f"{reason}: {printable(detail)}" if detail else reason)
@@ -30,29 +30,30 @@ class Refused(Exception):
 
 
 class Refusals:
-    """Messages that were not applied: counted by reason, logged once for each key and reason."""
+    """Messages that were not applied: counted by reason, and logged once for each key and reason."""
 
     def __init__(self) -> None:
         self.counts: Counter[Reason] = Counter()
-        self._told: set[tuple[str, str]] = set()
-        self._news = False
+        self._logged: set[tuple[str, str]] = set()
+        self._changed = False
 
     def is_news(self) -> bool:
-        """Whether there are more than when this was last asked."""
-        news, self._news = self._news, False
-        return news
+        """Whether the counts have changed since the last call."""
+        changed, self._changed = self._changed, False
+        return changed
 
     def note(self, key: str, refusal: Refused) -> None:
+        """Count a refusal, and log it if it is the first of its key and reason."""
         self.counts[refusal.reason] += 1
-        self._news = True
+        self._changed = True
         key = printable(key)
-        if (key, refusal.reason) not in self._told and len(self._told) < MOST_TOLD:
-            self._told.add((key, refusal.reason))
+        if (key, refusal.reason) not in self._logged and len(self._logged) < MOST_TOLD:
+            self._logged.add((key, refusal.reason))
             log.warning("refused on %s: %s", key, refusal)
 
 
 def read_message(payload: bytes, type_: type[M], run: str) -> M:
-    """The message in a payload, if it is one of this run; else Refused."""
+    """Return the message in a payload. Raises Refused if it is malformed or of another run."""
     try:
         message = read(payload, type_)
     except ValueError as error:
@@ -63,30 +64,31 @@ def read_message(payload: bytes, type_: type[M], run: str) -> M:
 
 
 def refuse_other_tick(tick: int, first: int, last: int) -> None:
+    """Raise Refused unless `tick` is from `first` to `last`."""
     if tick < first:
         raise Refused("past tick", f"{tick}; it is {last} now")
     if tick > last:
         raise Refused("future tick", f"{tick}; it is {last} now")
 
 
-MOST_SESSIONS = 1000  # whose refusals are added up
+MOST_SESSIONS = 1000  # sessions whose refusals are added up
 
 
 class RefusalTotals:
-    """What physics refuses, and what each session says that it has refused."""
+    """The refusals of physics, and those that each session reports."""
 
     def __init__(self) -> None:
         self.own = Refusals()
-        self.there: dict[str, Mapping[Reason, int]] = {}  # session -> what it has refused so far
+        self.there: dict[str, Mapping[Reason, int]] = {}  # session -> its counts so far
 
     def hear(self, session: str, counts: Mapping[Reason, int]) -> None:
-        """A session's counts, in the place of its last ones. Raises Refused where there are too many sessions."""
+        """Replace the counts of a session. Raises Refused if there are too many sessions."""
         if len(self.there) >= MOST_SESSIONS and session not in self.there:
             raise Refused("too many", f"{MOST_SESSIONS} sessions have refused something")
         self.there[session] = counts
 
     def total(self) -> dict[str, int]:
-        """By reason."""
+        """Return reason -> count, of all processes."""
         total: Counter[str] = Counter(self.own.counts)
         for counts in self.there.values():
             total.update(counts)

@@ -1,4 +1,4 @@
-"""Requests to physics: one Zenoh get, repeated until a reply counts."""
+"""Requests to physics: a Zenoh get that is repeated until a valid reply arrives."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -11,63 +11,73 @@ from orchard.net.endpoints import BusError
 from orchard.net.refusals import Refusals, Refused, printable
 from orchard.wire.keys import Keys
 from orchard.wire.messages import RefusedThere, RunInfo
-from orchard.wire.types import RunMessage, read
+from orchard.wire.types import read
 
-M = TypeVar("M", bound=RunMessage)
+M = TypeVar("M")
 
-ANSWER_SECONDS = 120.0  # for how long physics may take to answer a newcomer: it may be compiling
-LOOK_SECONDS = 1.0  # between two looks whether physics is gone, while nothing arrives
-AGAIN_SECONDS = 0.1  # between two tries, while nobody is there to answer
-TRIES = 300  # half a minute: physics starts slowly on a busy machine
+ANSWER_SECONDS = 120.0  # how long physics may take to reply to a session that joins: it may be compiling
+LOOK_SECONDS = 1.0  # between two checks whether physics is gone, while nothing arrives
+AGAIN_SECONDS = 0.1  # between two tries, while no reply comes
+TRIES = 300  # 30 s in all: physics starts slowly on a busy machine
 
 
 def publish_refusals(bus: Bus, keys: Keys, run: str, refusals: Refusals) -> None:
-    """Physics counts what all refuse."""
+    """Publish the session's counts of refused messages if they have changed. Physics adds them up."""
     if refusals.is_news():
         bus.publish(keys.of("refused", session=bus.id), pack(RefusedThere(run, dict(refusals.counts))))
 
 
-def _go_on() -> None:
-    """What is done while nobody answers, where there is nothing to do."""
+def _ignore(item: Item) -> None:
+    """Ignore an item, as long as the run is not known."""
+
+
+def _do_nothing() -> None:
+    """Do nothing while no reply comes."""
 
 
 @dataclass(frozen=True)
 class PhysicsRequest(Generic[M]):
-    """A get to which physics has the one reply that counts."""
+    """A get to which only physics has a valid reply."""
 
     key: str
     payload: bytes
-    understand: Callable[[bytes], M]  # raises Refused
-    seconds: float = ANSWER_SECONDS  # after which it is asked again
+    understand: Callable[[bytes], M]  # payload of a reply -> message; raises Refused or ValueError
+    seconds: float = ANSWER_SECONDS  # after which the get is repeated
 
 
 def ask(
-    bus: Bus, asking: PhysicsRequest[M], handle: Callable[[Item], None], refusals: Refusals, meanwhile: Callable[[], None] = _go_on
+    bus: Bus,
+    request: PhysicsRequest[M],
+    handle: Callable[[Item], None] = _ignore,
+    refusals: Refusals | None = None,
+    meanwhile: Callable[[], None] = _do_nothing,
 ) -> M:
-    """The first reply that makes sense; asked again while there is none, with something done meanwhile. Whatever else arrives is handled.
+    """Return the first valid reply. Repeat the request while there is none.
 
-    Anybody may reply, so that an error counts only if nothing better comes: then it is raised, as BusError.
+    handle: takes all other items that arrive. refusals: counts invalid replies. meanwhile: called at least once a second.
+    Any client may reply, so an error counts only if no valid reply comes. Raises BusError for an error, or if no reply comes.
     """
     for _ in range(TRIES):
         ticket = object()
-        bus.ask(asking.key, asking.payload, ticket, asking.seconds)
+        bus.ask(request.key, request.payload, ticket, request.seconds)
         errors: list[str] = []
         for reply in _replies_to(bus, ticket, handle, meanwhile):
             try:
                 if not reply.error:
-                    return asking.understand(reply.payload)
+                    return request.understand(reply.payload)
                 if reply.error != TIMED_OUT:
                     errors.append(printable(reply.error))
-            except Refused as refusal:
-                refusals.note(asking.key, refusal)
+            except (Refused, ValueError) as error:
+                if refusals is not None:
+                    refusals.note(request.key, error if isinstance(error, Refused) else Refused("malformed", str(error)))
         if errors:
-            raise BusError(f"{asking.key}: {errors[0]}")
+            raise BusError(f"{request.key}: {errors[0]}")
         time.sleep(AGAIN_SECONDS)
-    raise BusError(f"{asking.key}: nobody answers; is the physics process running, with the same prefix?")
+    raise BusError(f"{request.key}: no reply; is the physics process running, with the same prefix?")
 
 
 def _replies_to(bus: Bus, ticket: object, handle: Callable[[Item], None], meanwhile: Callable[[], None]) -> Iterator[Replied]:
-    """One after the other, until no more will come."""
+    """Yield the replies to a request until its end."""
     while True:
         meanwhile()
         item = bus.inbox.take(LOOK_SECONDS)
@@ -79,17 +89,6 @@ def _replies_to(bus: Bus, ticket: object, handle: Callable[[Item], None], meanwh
             handle(item)
 
 
-def _ignore(item: Item) -> None:
-    """What arrives before one knows the run is of no use."""
-
-
 def fetch_run(bus: Bus, keys: Keys, handle: Callable[[Item], None] = _ignore) -> RunInfo:
-    """What physics tells one who comes to the run. Raises BusError where nobody does."""
-    return ask(bus, PhysicsRequest(keys.of("scenario"), b"", _newcomer_of), handle, Refusals())
-
-
-def _newcomer_of(payload: bytes) -> RunInfo:
-    try:
-        return read(payload, RunInfo)
-    except ValueError as error:
-        raise Refused("malformed", str(error)) from error
+    """Return the run that physics simulates at this router. Raises BusError if there is none."""
+    return ask(bus, PhysicsRequest(keys.of("scenario"), b"", lambda reply: read(reply, RunInfo)), handle)

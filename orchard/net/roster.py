@@ -1,31 +1,36 @@
-"""Which session holds which agent."""
+"""Which session holds which agent, and what a session needs to take over agents: their memories, and the mail of the last two ticks."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
+from orchard.contract.messages import Written
 from orchard.net.refusals import Refused
+from orchard.wire.messages import AskedOf, Velocity
 
-MOST_TOKENS = 10_000  # that are remembered
+MOST_TOKENS = 10_000  # liveliness tokens that are stored
 NO_TOKEN = "its liveliness token is missing"
 TAKEN = "it is taken"
 
 
 class Roster:
-    """Who holds which agent. A holder is known by the session id in its liveliness tokens."""
+    """The holder of each agent: a session, identified by the session id in its liveliness tokens."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self.names = tuple(names)
         self.holders: dict[str, str] = {}  # name -> session id
-        self._by_holder: dict[str, list[str]] = {}  # made when it is asked for
+        self._by_holder: dict[str, list[str]] = {}  # computed on demand
         self._alive: set[tuple[str, str]] = set()
 
     def token(self, name: str, holder: str, up: bool) -> None:
-        """A liveliness token came or went. Who is gone keeps its agents until someone takes them over, or they are released."""
+        """Record that a liveliness token appeared (`up`) or disappeared. Raises Refused if there are too many.
+
+        A session that is gone keeps its agents until another session takes them over or they are released.
+        """
         if up and len(self._alive) >= MOST_TOKENS:
-            raise Refused("too many", f"{MOST_TOKENS} liveliness tokens stand")
+            raise Refused("too many", f"there are {MOST_TOKENS} liveliness tokens")
         (self._alive.add if up else self._alive.discard)((name, holder))
 
     def may_join(self, name: str, holder: str) -> str:
-        """Why a session cannot hold an agent; '' if it can."""
+        """Return why a session cannot hold an agent; '' if it can."""
         if name not in self.names:
             return "there is no such agent"
         if (name, holder) not in self._alive:
@@ -41,11 +46,11 @@ class Roster:
         return (name, self.holders.get(name, "")) in self._alive
 
     def is_there(self, name: str) -> bool:
-        """Whether anybody's token of that name stands."""
+        """Whether any session has a liveliness token for this name."""
         return any(there == name for there, _ in self._alive)
 
     def by_holder(self) -> dict[str, list[str]]:
-        """Session id -> the names that it holds."""
+        """Return session id -> the names that it holds."""
         if not self._by_holder:
             for name in self.names:
                 if name in self.holders:
@@ -53,7 +58,7 @@ class Roster:
         return self._by_holder
 
     def release(self, names: Iterable[str]) -> dict[str, list[str]]:
-        """Wait for these no longer; session id -> its names among them."""
+        """Remove the holders of these agents. Return session id -> its released names."""
         released: dict[str, list[str]] = {}
         self._by_holder = {}
         for name in sorted(names):
@@ -61,5 +66,35 @@ class Roster:
         return released
 
     def anybody(self) -> bool:
-        """Whether any token stands."""
+        """Whether there is any liveliness token."""
         return bool(self._alive)
+
+
+Letters = Iterable[tuple[int, dict[str, Written]]]  # (tick, sender -> its letters)
+
+
+class RecoveryLog:
+    """The newest memory that each agent sent, and the letters of the last two ticks; physics does not interpret them."""
+
+    def __init__(self, memories: Mapping[str, bytes | None] | None = None, letters: Letters = ()) -> None:
+        self.memories = dict(memories or {})
+        self.letters: dict[int, dict[str, Written]] = dict(letters)  # tick -> sender -> its letters
+
+    def keep(self, tick: int, velocities: Mapping[str, Velocity]) -> None:
+        """Store the memories and letters in the velocities of the tick that was stepped last."""
+        written = {}
+        for name, velocity in velocities.items():
+            if velocity.report is None:
+                continue
+            if velocity.report.memory is not None:
+                self.memories[name] = velocity.report.memory
+            if velocity.report.letters is not None:
+                written[name] = velocity.report.letters
+        self.letters = {at: letters for at, letters in self.letters.items() if at >= tick - 1}
+        if written:
+            self.letters[tick] = written
+
+    def asked(self, tick: int) -> list[AskedOf]:
+        """Return all requests of a tick, without their bodies."""
+        written = self.letters.get(tick, {}).items()
+        return [AskedOf(to, sender, number) for sender, letters in written for number, (to, _) in enumerate(letters.requests)]

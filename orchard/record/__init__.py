@@ -1,4 +1,4 @@
-"""The logger process from the inside: it receives a run's frames and events and writes them with `view`.
+"""The parts of the logger process, which receives a run's frames and events and writes them with `view`.
 
-It only listens; a run is the same with and without it.
+The logger only receives: a run is the same with and without it.
 """

@@ -1,24 +1,24 @@
-"""What a harvest can reach at best, from its geometry and speeds alone (closed forms; their derivation: docs/bounds.md).
+"""Bounds on a harvest in closed form, from geometry and speeds alone. docs/bounds.md derives them.
 
-Times in seconds, rates in bins per second. A bound counts the ways as the traffic plan lays them out, driven without a stop.
+Times in seconds, rates in bins per second. A bound assumes that the drives of the traffic plan are driven without a stop.
 """
 
 import math
 from dataclasses import dataclass
 
 from orchard.agents.robot import Step
-from orchard.agents.route import EAST_SIDE, SIDES, WEST_SIDE, Side, fetch, go_to_lane, go_to_next_row, leave_queue, pick, swap_bins
+from orchard.agents.route import EAST_SIDE, OneWay, Side, route_of
 from orchard.agents.steps import DriveTo, Face
 from orchard.field.geometry import EAST, HEADINGS, Pose, angle_between
 from orchard.field.kinds import EIGHTH
 from orchard.field.layout import QUEUE, QUEUE_HEAD, ROW_EAST, ROW_LENGTH, ROW_WEST, TOP_ROAD, UNLOADING_SECONDS, Layout
 
-TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and the gap to the next one; for so long, at 1 m/s, the bay changes hands
+TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and the gap to the next one; at 1 m/s also the s in which the next one moves into the bay
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """The closed forms' terms for one scenario, and what follows from them."""
+    """The terms of the closed forms for one scenario, and the bounds that follow."""
 
     rows: int
     pickers: int
@@ -30,7 +30,7 @@ class Bounds:
     bay_seconds: float  # t_bay, for which one carrier occupies the bay
     least_approach_seconds: float  # A of the row where it is least
     least_cycle_seconds: float  # C of the row where it is least
-    queue_seconds: float  # from the queue's tail to its head; a harvest is over when the last carrier stands anywhere in it
+    queue_seconds: float  # from the queue's tail to its head; a harvest is over when the last carrier stands anywhere in the queue
 
     @property
     def terms(self) -> dict[str, float]:
@@ -44,17 +44,17 @@ class Bounds:
 
     @property
     def bottleneck(self) -> str:
-        """The part that allows least."""
+        """The name of the part that allows least."""
         return min(self.terms, key=lambda name: self.terms[name])
 
     @property
     def bins_per_hour(self) -> float:
-        """No harvest of this scenario can do more for long."""
+        """The upper bound of the long-run rate, bins per hour."""
         return 3600.0 * min(self.terms.values())
 
     @property
     def harvest_seconds(self) -> float:
-        """No harvest of this scenario is over sooner, the carriers back in the queue, which the last need not drive up."""
+        """The lower bound of the time of a harvest, s. The last carrier need not drive up the queue, only into it."""
         rounds, rows_each = math.ceil(self.rows / self.carriers), math.ceil(self.rows / self.pickers)
         by_carriers = self.row_seconds + rounds * self.least_cycle_seconds
         between = (rows_each - 1) * (self.crossing_seconds + self.least_approach_seconds)
@@ -67,16 +67,17 @@ class Bounds:
 
 
 def bounds_of(layout: Layout) -> Bounds:
-    """The bounds of an orchard, averaged over its rows."""
-    exchanges = [(row, EAST_SIDE if i % 2 == 0 else WEST_SIDE) for rows in layout.blocks.values() for i, row in enumerate(rows)]
-    approaches = [approach(layout, row, side) for row, side in exchanges]
-    cycles = [cycle(layout, row, side) for row, side in exchanges]
+    """Return the bounds of an orchard on its route, averaged over its rows."""
+    route, rows = route_of(layout), layout.scenario.rows
+    exchanges = [(row, route.side(i)) for block in layout.blocks.values() for i, row in enumerate(block)]
+    approaches = [approach(route, row, side) for row, side in exchanges]
+    cycles = [cycle(route, row, side) for row, side in exchanges]
     return Bounds(
-        rows=layout.scenario.rows,
+        rows=rows,
         pickers=layout.scenario.pickers,
         carriers=layout.scenario.carrier_count,
         row_seconds=ROW_LENGTH / layout.scenario.picking_speed,
-        crossing_seconds=_mean([_crossing(layout, row, side) for row, side in exchanges if row < layout.scenario.rows]),
+        crossing_seconds=_mean([_crossing(route, row, side) for row, side in exchanges if row < rows]),
         approach_seconds=_mean(approaches),
         cycle_seconds=_mean(cycles),
         bay_seconds=UNLOADING_SECONDS + TRAIN,
@@ -89,23 +90,23 @@ def bounds_of(layout: Layout) -> Bounds:
 HEAD = Pose(QUEUE_HEAD, TOP_ROAD, EAST)
 
 
-def approach(layout: Layout, row: int, side: Side) -> float:
-    """A, of one row."""
-    return duration(leave_queue(layout) + go_to_lane(layout, row, side), HEAD)
+def approach(route: OneWay, row: int, side: Side) -> float:
+    """Return A for one row, s."""
+    return duration(route.approach(row, side), HEAD)
 
 
-def cycle(layout: Layout, row: int, side: Side) -> float:
-    """C, of one row."""
-    return duration(fetch(layout, 0, row, SIDES[side.name], "", ""), HEAD) + UNLOADING_SECONDS
+def cycle(route: OneWay, row: int, side: Side) -> float:
+    """Return C for one row, s."""
+    return duration(route.fetch(1, row, side, "", ""), HEAD) + UNLOADING_SECONDS
 
 
-def _crossing(layout: Layout, row: int, side: Side) -> float:
-    start = Pose(ROW_EAST if side is EAST_SIDE else ROW_WEST, layout.lane(row).y, HEADINGS[side.heading("EAST")])
-    return duration(pick(layout, row, side, False) + swap_bins(row, side) + go_to_next_row(layout, row, row + 1, side), start)
+def _crossing(route: OneWay, row: int, side: Side) -> float:
+    start = Pose(ROW_EAST if side is EAST_SIDE else ROW_WEST, route.layout.lane(row).y, HEADINGS[side.heading("EAST")])
+    return duration(route.crossing(row, row + 1, side), start)
 
 
 def duration(steps: list[Step], start: Pose) -> float:
-    """Seconds that a plan's drives and turns take when nothing holds them up."""
+    """Return the time of a plan's drives and turns without obstacles, s."""
     x, y, yaw = start
     seconds = 0.0
     for step in steps:

@@ -1,4 +1,4 @@
-"""Events and states -> figures: how good the harvest was, and whether it still goes on."""
+"""Figures of a harvest, from events and states: how good it is, and whether it still makes progress."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,19 +20,23 @@ WORKERS_OF_THE_HARVEST = ("picker", "carrier", "bin", "tractor")
 
 @dataclass
 class HarvestFigures:
-    """What a run is judged by, brought up to date tick by tick. All of it is data."""
+    """The figures of a run, updated at each tick. All of it is plain data."""
 
-    waits: list[float] = field(default_factory=list)  # s from a full bin to the next empty one, of pickers
+    waits: list[float] = field(default_factory=list)  # s from a picker's full bin to its next empty one
     waiting_since: dict[str, int] = field(default_factory=dict)  # picker -> tick at which its bin was full
     busy_ticks: int = 0  # of all carriers, outside the queue
     weeds_flattened: int = 0
+    broken: dict[str, int] = field(default_factory=dict)  # agent -> tick at which it first was broken
     progress: float = 0.0  # metres picked and steps of work done
-    progress_tick: int = 0  # when it last grew, or somebody was stopped
+    progress_tick: int = 0  # tick at which it last grew, or a robot was stopped
 
     def update(self, world: World, events: list[Event], actions: Mapping[str, Action]) -> None:
         """Account for the tick that has just ended."""
         for event in events:
             self._count(event)
+        for name, action in actions.items():
+            if action.state == "broken":
+                self.broken.setdefault(name, world.tick - 1)
         self.busy_ticks += sum(not QUEUE.contains(x, y) for x, y, _ in world.pose[world.carriers].tolist())
         steps = sum(actions[name].steps_done for name in world.planners if name in actions)
         progress = steps + sum(world.row_picked.tolist())
@@ -48,12 +52,12 @@ class HarvestFigures:
             self.weeds_flattened += 1
 
     def jammed(self, world: World) -> bool:
-        """Nobody has picked a metre or finished a step of its work for ten minutes, in which no robot was stopped."""
+        """Whether no robot has picked a metre or finished a step of work for ten minutes in which none was stopped."""
         return (world.tick - self.progress_tick) * TIME_STEP >= JAM_SECONDS
 
 
 def who_waits(actions: Mapping[str, Action]) -> list[str]:
-    """Who waits for whom, one line each."""
+    """Return a line for each robot that waits: what it does, and what it waits for."""
     return [
         f"{name} ({action.doing}) waits for {action.waits_for}"
         for name, action in sorted(actions.items())
@@ -62,12 +66,12 @@ def who_waits(actions: Mapping[str, Action]) -> list[str]:
 
 
 def collisions(world: World) -> int:
-    """Refused steps of pickers, carriers, tractor and towed bins."""
+    """Return the number of refused steps of pickers, carriers, tractor and bins."""
     return _sum_by_kind(world, world.refused, WORKERS_OF_THE_HARVEST)
 
 
 def refused_moves(world: World) -> int:
-    """Refused steps of people and animals."""
+    """Return the number of refused steps of people and animals."""
     return _sum_by_kind(world, world.refused, PEOPLE + ANIMALS)
 
 
@@ -80,7 +84,7 @@ def rows_picked(world: World) -> int:
 
 
 def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
-    """The part of the summary that follows from the simulation alone, the same for every repetition."""
+    """Return the part of the summary that depends on the simulation only and is the same in every repetition."""
     hours = world.tick * TIME_STEP / 3600.0
     carriers = world.layout.scenario.carrier_count
     bounds = bounds_of(world.layout)
@@ -104,5 +108,6 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "weeds_flattened": figures.weeds_flattened,
         "picker_waiting_seconds": sum(figures.waits) / len(figures.waits) if figures.waits else 0.0,
         "carrier_utilisation": figures.busy_ticks / (world.tick * carriers) if world.tick else 0.0,
+        "broken_agents": [f"{name}, since tick {tick}" for name, tick in figures.broken.items()],
         "distance_metres": {kind: metres for kind, metres in sorted(distance.items()) if kind != "weed"},
     }

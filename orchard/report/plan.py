@@ -1,24 +1,10 @@
-"""A plan of an orchard, drawn to scale as SVG: fences, trees, rows, roads, places, and everything at its start."""
+"""Plans of an orchard as SVG, to scale: fences, trees, rows, roads, places, and all bodies at their starts."""
 
 import html
 
-from orchard.agents.route import (
-    COUPLING,
-    D_ROAD,
-    EAST_SIDE,
-    F_ROAD,
-    FULL_BIN,
-    HOLD,
-    PARKED,
-    STOP,
-    WAITING,
-    WEST_SIDE,
-    Side,
-    inner_corner,
-    outer_corner,
-)
+from orchard.agents.route import EAST_SIDE, OneWay, Side, route_of
 from orchard.field.kinds import KINDS, kind_of
-from orchard.field.layout import BAY, DRIVEWAY, QUEUE, QUEUE_LINES, ROW_EAST, ROW_WEST, TOP, TOP_ROAD, TREES_X, X_MAX, Layout
+from orchard.field.layout import BAY, DRIVEWAY, QUEUE, QUEUE_LINES, ROW_EAST, ROW_WEST, TOP, TREES_X, X_MAX, Layout
 
 COLOURS = {
     "ground": "#dfe8cf",
@@ -32,7 +18,8 @@ COLOURS = {
     "picker": "#b23bb2",
     "bay": "#e0a030",
 }
-PIXELS = 12  # a metre
+OTHER_ROAD = "#777777"
+PIXELS = 12  # for a metre
 
 
 class Drawing:
@@ -50,7 +37,7 @@ class Drawing:
         return round((self.north - y) * PIXELS, 2)
 
     def box(self, x: float, y: float, half_x: float, half_y: float, style: str, title: str = "") -> None:
-        """A rectangle about its centre."""
+        """Draw a rectangle about its centre, m."""
         label = f"<title>{html.escape(title)}</title>" if title else ""
         size = f'width="{round(2 * half_x * PIXELS, 2)}" height="{round(2 * half_y * PIXELS, 2)}"'
         self.elements.append(f'<rect x="{self.x(x - half_x)}" y="{self.y(y + half_y)}" {size} style="{style}">{label}</rect>')
@@ -72,7 +59,7 @@ class Drawing:
 
 
 def orchard_plan(layout: Layout) -> str:
-    """The whole orchard."""
+    """Return the drawing of the whole orchard."""
     drawing = Drawing(-X_MAX - 1, layout.bottom - 1, X_MAX + 1, TOP + 1)
     _ground(drawing, layout)
     _roads(drawing, layout)
@@ -81,13 +68,16 @@ def orchard_plan(layout: Layout) -> str:
 
 
 def exchange_plan(layout: Layout) -> str:
-    """The places at the east ends of the first three lanes, with what turns sweep there; the west is its mirror image."""
+    """Return the drawing of the east ends of the first three lanes: the places, and the areas that turns sweep.
+
+    The west side is the same, turned by half a turn.
+    """
     low, high = layout.lane(3).y - 4, layout.lane(1).y + 5
     drawing = Drawing(30.0, low, 46.0, high)
     _ground(drawing, layout)
     _roads(drawing, layout)
     for lane in layout.lanes[:3]:
-        _exchange(drawing, lane.y, EAST_SIDE)
+        _exchange(drawing, route_of(layout), lane.y, EAST_SIDE)
     return drawing.svg()
 
 
@@ -108,22 +98,16 @@ def _ground(drawing: Drawing, layout: Layout) -> None:
 
 
 def _roads(drawing: Drawing, layout: Layout) -> None:
-    inner, outer = inner_corner(layout), outer_corner(layout)
-    top = layout.lane(1).y
-    d_road = [(33, TOP_ROAD), (D_ROAD, TOP_ROAD), (D_ROAD, outer), (WEST_SIDE.x(D_ROAD), outer), (WEST_SIDE.x(D_ROAD), top + STOP)]
-    f_road = [(F_ROAD, top), (F_ROAD, inner), (WEST_SIDE.x(F_ROAD), inner), (WEST_SIDE.x(F_ROAD), TOP_ROAD), (33, TOP_ROAD)]
-    for points, colour in ((d_road, COLOURS["D"]), (f_road, COLOURS["F"])):
-        drawing.line(points, f"stroke:{colour};stroke-width:{1.5 * PIXELS};opacity:0.18")
-        drawing.line(points, f"stroke:{colour};stroke-width:2")
+    route = route_of(layout)
+    for road in route.roads():
+        colour = COLOURS.get(road.name, OTHER_ROAD)
+        if road.width:
+            drawing.line(road.points, f"stroke:{colour};stroke-width:{road.width * PIXELS};opacity:0.18")
+        drawing.line(road.points, f"stroke:{colour};stroke-width:2{'' if road.width else ';stroke-dasharray:4'}")
     for y in QUEUE_LINES:
         drawing.line([(QUEUE.west, y), (QUEUE.east, y)], f"stroke:{COLOURS['D']};stroke-width:1;stroke-dasharray:6")
-    for side in (EAST_SIDE, WEST_SIDE):
-        column = [(side.x(WAITING), top), (side.x(WAITING), layout.lanes[-1].y)]
-        drawing.line(column, f"stroke:{COLOURS['picker']};stroke-width:2;stroke-dasharray:4")
-        for lane in layout.lanes:
-            for road, x in (("D", D_ROAD), ("F", F_ROAD)):
-                hold = side.y(lane.y, -HOLD + 0.9)
-                drawing.line([(side.x(x) - 0.75, hold), (side.x(x) + 0.75, hold)], f"stroke:{COLOURS[road]};stroke-width:3")
+    for name, x, y in route.holds():
+        drawing.line([(x - 0.75, y), (x + 0.75, y)], f"stroke:{COLOURS.get(name, OTHER_ROAD)};stroke-width:3")
 
 
 def _bodies(drawing: Drawing, layout: Layout) -> None:
@@ -133,18 +117,24 @@ def _bodies(drawing: Drawing, layout: Layout) -> None:
         drawing.box(start.pose.x, start.pose.y, kind.length / 2, kind.width / 2, f"fill:{colour};stroke:black;stroke-width:1", start.name)
 
 
-def _exchange(drawing: Drawing, y: float, side: Side) -> None:
-    """Every place of an exchange, outlined, with the circles that turns sweep."""
+def _exchange(drawing: Drawing, route: OneWay, y: float, side: Side) -> None:
+    """Draw the outlines of all places of an exchange, and the circles that turns sweep."""
     picker, carrier, fruit = KINDS["picker"], KINDS["carrier"], KINDS["bin"]
     outline = "fill:none;stroke-width:1.5;stroke:"
-    for x in (WAITING, PARKED):
+    for x in (route.WAITING, route.PARKED):
         drawing.box(side.x(x), y, picker.length / 2, picker.width / 2, outline + COLOURS["picker"])
-    for x in (FULL_BIN, D_ROAD):
+    for x in (route.FULL_BIN, route.D_ROAD):
         drawing.box(side.x(x), y, fruit.length / 2, fruit.width / 2, outline + "firebrick")
-    stop = side.y(y, STOP)
-    drawing.box(side.x(D_ROAD), stop, carrier.width / 2, carrier.length / 2, outline + COLOURS["D"])
-    drawing.box(side.x(COUPLING), y, carrier.length / 2, carrier.width / 2, outline + COLOURS["F"])
-    for x, at, radius in ((D_ROAD, stop, 1.17), (COUPLING, stop, 1.17), (COUPLING, y, 1.17), (F_ROAD, y, 2.45), (WAITING, y, 2.80)):
+    stop = side.y(y, route.STOP)
+    drawing.box(side.x(route.D_ROAD), stop, carrier.width / 2, carrier.length / 2, outline + COLOURS["D"])
+    drawing.box(side.x(route.COUPLING), y, carrier.length / 2, carrier.width / 2, outline + COLOURS["F"])
+    for x, at, radius in (
+        (route.D_ROAD, stop, 1.17),
+        (route.COUPLING, stop, 1.17),
+        (route.COUPLING, y, 1.17),
+        (route.F_ROAD, y, 2.45),
+        (route.WAITING, y, 2.80),
+    ):
         drawing.circle(side.x(x), at, radius, "fill:none;stroke:#888;stroke-width:0.7;stroke-dasharray:3")
-    path = [(D_ROAD, stop), (COUPLING, stop), (COUPLING, y), (F_ROAD, y)]
+    path = [(route.D_ROAD, stop), (route.COUPLING, stop), (route.COUPLING, y), (route.F_ROAD, y)]
     drawing.line([(side.x(x), at) for x, at in path], "stroke:black;stroke-width:1")

@@ -1,4 +1,4 @@
-"""What a person sees in the terminal while a run goes on: a live table, or plain lines where the output is no terminal."""
+"""Progress of a run in the terminal: a live table, or plain lines if the output is not a terminal."""
 
 import math
 import time
@@ -14,15 +14,15 @@ from rich.text import Text
 from orchard.contract.events import STOPPED
 from orchard.field.kinds import kind_of
 
-LINE_SECONDS = 2.0  # of wall time between two plain lines
-SHOWN = ("picker", "carrier", "tractor", "bin")
-NARROWEST = 24  # characters of a column
-SILENT = "no agent"  # what a robot does whose agent was lost
-STANDS = (STOPPED, SILENT)  # in red
+LINE_SECONDS = 2.0  # s of wall time between two plain lines
+SHOWN = ("picker", "carrier", "tractor", "bin")  # kinds in the table, in this order
+NARROWEST = 24  # characters, the minimum width of a column
+SILENT = "no agent"  # shown for a robot whose agent was lost
+STANDS = (STOPPED, SILENT)  # shown in red
 
 
 class Headline(msgspec.Struct):
-    """The figures that `headline` shows."""
+    """The main figures of a run, and a line of `--progress json`."""
 
     sim_seconds: float
     times_real_time: float
@@ -30,15 +30,32 @@ class Headline(msgspec.Struct):
     rows: int
     bins_delivered: int
 
+    @property
+    def fraction(self) -> float:
+        """Progress from 0 to 1: half for rows picked, half for bins delivered."""
+        return (self.rows_picked + self.bins_delivered) / (2 * self.rows)
+
+    def __str__(self) -> str:
+        return (
+            f"{self.sim_seconds:7.1f} s  {self.times_real_time:6.1f} x real time  "
+            f"rows picked {self.rows_picked}/{self.rows}  bins delivered {self.bins_delivered}/{self.rows}"
+        )
+
+
+def headline_of(figures: Mapping[str, Any]) -> Headline:
+    """The main figures among those of a run. Raises ValueError if one is missing."""
+    return msgspec.convert(figures, Headline)
+
 
 class Progress:
-    """Shows how a run goes; use it with `with`."""
+    """Shows the progress of a run on a console: a live table on a terminal, else a line now and then. Use it as a context manager."""
 
-    def __init__(self, console: Console) -> None:
-        self.console = console
-        self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal else None
-        self._told = 0.0
-        self._seen: dict[str, None] = {}  # all of whom was ever told what they do
+    def __init__(self, console: Console, as_json: bool = False) -> None:
+        """`as_json`: each line of progress is a JSON object, {"progress": {...}}, for programs."""
+        self.console, self._as_json = console, as_json
+        self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal and not as_json else None
+        self._printed = 0.0  # s, monotonic time of the last plain line
+        self._seen: dict[str, None] = {}  # names of all robots shown so far, in order
 
     def __enter__(self) -> "Progress":
         if self._live:
@@ -50,30 +67,30 @@ class Progress:
             self._live.stop()
 
     def show(self, figures: Mapping[str, Any], doing: Mapping[str, str], waits_for: Mapping[str, str]) -> None:
-        """Bring the picture up to date."""
+        """Update the table, or print a line if the last one is LINE_SECONDS old.
+
+        `doing`: robot -> what it does. `waits_for`: robot -> the agent or thing for which it waits.
+        """
         if self._live:
             self._seen |= dict.fromkeys(doing)
             table = robots(dict.fromkeys(self._seen, SILENT) | dict(doing), waits_for, self.console.width, self.console.height)
-            self._live.update(Group(Text(headline(figures), style="bold"), table))
-        elif time.monotonic() - self._told >= LINE_SECONDS:
-            self._told = time.monotonic()
-            self.console.print(headline(figures), highlight=False)
+            self._live.update(Group(Text(str(headline_of(figures)), style="bold"), table))
+        elif time.monotonic() - self._printed >= LINE_SECONDS:
+            self._printed = time.monotonic()
+            known = headline_of(figures)
+            line = msgspec.json.encode({"progress": known}).decode() if self._as_json else str(known)
+            self.console.print(line, highlight=False, markup=False, soft_wrap=True)
 
     def say(self, words: str) -> None:
-        """A line that stays."""
+        """Print a line that stays on the console."""
         self.console.print(words, highlight=False, markup=False, soft_wrap=True)
 
 
-def headline(figures: Mapping[str, Any]) -> str:
-    """The run in one line."""
-    return (
-        f"{figures['sim_seconds']:7.1f} s  {figures['times_real_time']:6.1f} x real time  "
-        f"rows picked {figures['rows_picked']}/{figures['rows']}  bins delivered {figures['bins_delivered']}/{figures['rows']}"
-    )
-
-
 def robots(doing: Mapping[str, str], waits_for: Mapping[str, str], width: int, height: int) -> Table:
-    """What each robot does, in as many columns as it takes to fit; bins that just follow are left out when there are many robots."""
+    """Return a table of what each robot does, for a console of `width` x `height` characters.
+
+    It has as many columns as the robots need. Bins only follow other robots: if one column is too short for all, bins are left out.
+    """
     names = [name for kind in SHOWN for name in sorted(doing) if kind_of(name) == kind]
     room = max(4, height - 3)
     if len(names) > room:
@@ -89,7 +106,7 @@ def robots(doing: Mapping[str, str], waits_for: Mapping[str, str], width: int, h
 
 
 def _line(name: str, doing: Mapping[str, str], waits_for: Mapping[str, str]) -> Text:
-    """One robot: its name short where a column is narrow, what it does, and for whom it waits."""
+    """One robot: its short name, what it does, and what it waits for. The name is short because columns are narrow."""
     kind, _, number = name.rpartition("_")
     waits = waits_for.get(name)
     words = f"{doing[name]} ({waits})" if waits and waits not in doing[name] else doing[name]

@@ -1,4 +1,4 @@
-"""The summary of a run: a table for people, and JSON."""
+"""The summary of a run as a table and as JSON."""
 
 import json
 from pathlib import Path
@@ -11,10 +11,10 @@ UNITS = {
     "sim_seconds": "s",
     "wall_seconds": "s",
     "bins_per_hour": "bins/h",
-    "bound_bins_per_hour": "bins/h, no harvest can do more for long",
-    "bound_sim_seconds": "s, no harvest of this scenario is over sooner",
-    "picker_waiting_seconds": "s, mean from full bin to empty one",
-    "carrier_utilisation": "of the time outside the queue",
+    "bound_bins_per_hour": "bins/h, upper bound in a long harvest",
+    "bound_sim_seconds": "s, lower bound for this scenario",
+    "picker_waiting_seconds": "s, mean from a full bin to the next empty bin",
+    "carrier_utilisation": "(share of time outside the queue)",
     "distance_metres": "m",
     "state_seconds": "s",
     "stopped_seconds": "s",
@@ -22,15 +22,17 @@ UNITS = {
 
 
 class Outcome(msgspec.Struct):
-    """What no summary lacks that is told to a person."""
+    """The figures that each summary must have, because the terminal reports them."""
 
     hash: str
     ticks: int
     violations: list[str]
+    broken_agents: list[str]
+    jam: list[str]
 
 
 def as_table(summary: dict[str, Any]) -> Table:
-    """The figures with their units; lists of trouble come last."""
+    """Return a table of the figures, with their units, in the order of the summary: the violations come last."""
     table = Table(title="The harvest", show_header=False, title_justify="left")
     table.add_column(style="bold")
     table.add_column(overflow="fold")
@@ -51,8 +53,5 @@ def _words(key: str, value: Any) -> str:
 
 
 def write(summary: dict[str, Any], path: Path) -> None:
-    """As JSON, for scripts.
-
-    Raises OSError where the file cannot be written.
-    """
+    """Write a summary to a file as JSON. Raises OSError if the file cannot be written."""
     path.write_text(json.dumps(summary, indent=2) + "\n")

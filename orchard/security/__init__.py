@@ -1,4 +1,4 @@
-"""Who may do what on which key: roles, certificates, and the directories that hold them.
+"""Security of a run: roles and their rights on keys, certificates, and the directories that hold them.
 
-Nothing here opens a connection to a run; `net.bus` uses what is made here.
+No module here opens a session; `net.bus` does so with the files that are made here.
 """

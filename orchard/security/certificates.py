@@ -1,7 +1,7 @@
-"""Certificates: an authority, what it vouches for, and a look at whether they still hold. The one place for cryptography.
+"""Certificates: an authority, the certificates that it issues, and checks of them. Only this module imports `cryptography`.
 
-The keys are of the elliptic curve P-256. An authority's own key never leaves its directory; a role needs its certificate, its key,
-and the authority's certificate, by which it knows the others.
+The keys are of the elliptic curve P-256. An authority's own key never leaves its directory. A role needs its certificate, its key, and
+the authority's certificate, with which it verifies the other roles.
 """
 
 import ipaddress
@@ -20,20 +20,20 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY
 
-EARLIER = timedelta(hours=1)  # from when on a certificate holds: another machine's clock may be behind
+EARLIER = timedelta(hours=1)  # a certificate is valid from this long before it is made: another machine's clock may be behind
 SERVES, CALLS = ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH
 
 
 @dataclass(frozen=True)
 class Authority:
-    """Who vouches for all roles."""
+    """The issuer of all roles' certificates."""
 
     certificate: x509.Certificate
     key: ec.EllipticCurvePrivateKey
 
     @classmethod
     def begin(cls, days: float) -> "Authority":
-        """A new one, unlike any other, whose certificates hold for so many days."""
+        """Return a new authority with a random name and key. Its certificates are valid for `days` days."""
         name = f"orchard {secrets.token_hex(8)}"
         key = ec.generate_private_key(ec.SECP256R1())
         draft = _draft(name, name, key, datetime.now(UTC) + timedelta(days=days))
@@ -41,11 +41,15 @@ class Authority:
         return cls(draft.add_extension(_signs_certificates(), critical=True).sign(key, hashes.SHA256()), key)
 
     def write(self, folder: Path) -> None:
-        """Its own certificate and key."""
+        """Write the authority's own certificate and key."""
         _write(folder, self.certificate, self.key)
 
     def vouch(self, name: str, folder: Path, addresses: Iterable[str] = (), until: datetime | None = None) -> None:
-        """Write a role's files. Only who has addresses can be connected to; the others only connect."""
+        """Write a role's certificate and key, and the authority's certificate.
+
+        Only a role with `addresses` can accept connections; the others only connect. `until`: end of validity, by default that of the
+        authority. Raises ValueError for an address that is malformed.
+        """
         key = ec.generate_private_key(ec.SECP256R1())
         draft = _draft(name, _name_of(self.certificate.subject), key, until or self.certificate.not_valid_after_utc)
         draft = draft.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
@@ -72,18 +76,18 @@ def _name_of(name: x509.Name) -> str:
 
 
 def _signs_certificates() -> x509.KeyUsage:
-    """What an authority's key may do, and nothing else."""
+    """Return the only usage of an authority's key: it signs certificates and revocation lists."""
     never = ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement")
     return x509.KeyUsage(**dict.fromkeys(never, False), key_cert_sign=True, crl_sign=True, encipher_only=False, decipher_only=False)
 
 
 def address(text: str) -> x509.GeneralName:
-    """An IP address, or the name of a machine. Raises ValueError for what is neither."""
+    """Return an IP address, or the name of a machine, for a certificate. Raises ValueError if the text is neither."""
     try:
         return x509.IPAddress(ipaddress.ip_address(text))
     except ValueError:
         if not text or not all(part and part.replace("-", "").isalnum() and part.isascii() for part in text.split(".")):
-            raise ValueError(f"{text}: neither an address nor the name of a machine; like 192.168.1.10 or shed.local") from None
+            raise ValueError(f"{text}: neither an address nor the name of a machine; examples: 192.168.1.10, shed.local") from None
         return x509.DNSName(text)
 
 
@@ -92,7 +96,7 @@ def _pem(certificate: x509.Certificate) -> bytes:
 
 
 def _write(folder: Path, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
-    """Both files, in a directory for the owner's eyes only."""
+    """Write both files, into a directory that only its owner can read."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     (folder / CERTIFICATE).write_bytes(_pem(certificate))
     secret = key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
@@ -101,24 +105,27 @@ def _write(folder: Path, certificate: x509.Certificate, key: ec.EllipticCurvePri
         file.write(secret)
 
 
-# -- what a user may have got wrong
+# -- checks of the files that a user names
 
 
 def check(folder: Path, name: str) -> None:
-    """ValueError, with what is wrong, where a role's files are of no use: not there, not its own, not by the authority, out of date."""
+    """Check the files of the role `name`.
+
+    Raises ValueError, with the reason, if a file is missing, is another role's, is not issued by the authority, or is not valid now.
+    """
     certificate, authority = _read(folder / CERTIFICATE), _read(folder / AUTHORITY)
     if _name_of(certificate.subject) != name:
         raise ValueError(f"{folder / CERTIFICATE}: this is the certificate of {_name_of(certificate.subject)}, not of {name}")
     try:
         certificate.verify_directly_issued_by(authority)
     except (ValueError, TypeError, InvalidSignature):
-        raise ValueError(f"{folder / CERTIFICATE}: not by the authority in {AUTHORITY} beside it; are they of one directory?") from None
+        raise ValueError(f"{folder / CERTIFICATE}: not issued by {AUTHORITY} beside it; are both from one directory?") from None
     if _public_key(folder / KEY) != certificate.public_key():
         raise ValueError(f"{folder / KEY}: not the key of the certificate beside it")
     for one in (certificate, authority):
         if not one.not_valid_before_utc <= datetime.now(UTC) <= one.not_valid_after_utc:
             span = f"from {one.not_valid_before_utc:%Y-%m-%d %H:%M} to {one.not_valid_after_utc:%Y-%m-%d %H:%M} UTC"
-            raise ValueError(f"{folder}: its certificate holds {span}, and not now; `run.py secure --anew` makes new ones")
+            raise ValueError(f"{folder}: its certificate is valid {span}, not now; `run.py secure --anew` makes new ones")
 
 
 def _read(path: Path) -> x509.Certificate:

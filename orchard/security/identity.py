@@ -1,78 +1,84 @@
-"""Who one is in a secured run: a role's directory, or several, as `run.py secure` made them."""
+"""A role's directory on the disk: how it is made, what identity a process has with it, and why two identities cannot connect."""
 
 import importlib
 import json
-from collections.abc import Iterable
-from dataclasses import dataclass
+import re
+import shutil
+import socket
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from orchard.security.roles import Role
-from orchard.wire.keys import PREFIX
+from orchard.field.kinds import select_agents
+from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY, SERVANTS, Role, access_control
+from orchard.wire.keys import PREFIX, Keys
 
 ROLE, ACCESS = "role.json", "access.json"  # a role's files
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Who one is in a secured run, and the files that prove it."""
+    """A role in a secured run, and the directory of the files that prove it."""
 
     role: Role
     folder: Path
 
     @classmethod
     def load(cls, folder: Path) -> "Identity":
-        """A role's directory. Raises ValueError, with what is wrong, where it is of no use."""
+        """Load a role's directory. Raises ValueError, with the reason, if its files are not valid."""
         identity = cls(role_in(folder), folder.resolve())
         certificates().check(folder, identity.role.name)
         return identity
 
     def rules(self) -> Any:
-        """What a router lets through: Zenoh's access_control. Raises ValueError where this role is not to route."""
+        """Return what a router lets through, as Zenoh's access_control. Raises ValueError if this role may not listen."""
         if not (self.folder / ACCESS).is_file():
-            raise ValueError(f"{self.folder}: {self.role.name} is not for listening; that is for the roles physics and router")
+            raise ValueError(f"{self.folder}: the role {self.role.name} may not listen; only physics and router may")
         return json.loads((self.folder / ACCESS).read_text())
 
 
 def identity_in(folder: str | None, prefix: str) -> Identity | None:
-    """A role's directory, as an option of a process names it; None without one. Raises ValueError where it is of no use."""
+    """Return the identity in the directory that a process' option names; None without one. Raises ValueError if it is not valid."""
     if folder is None:
         return None
     if prefix != PREFIX:
-        raise ValueError(f"prefix {prefix}: the rules of a secured run are about {PREFIX}, the default")
+        raise ValueError(f"prefix {prefix}: the rules of a secured run are for {PREFIX}, the default")
     return Identity.load(Path(folder))
 
 
 def certificates() -> ModuleType:
-    """What knows of certificates. Who runs without security does without the package behind it."""
+    """Return the module `certificates`. Only secured runs need it and the package that it imports. Raises ValueError if that is missing."""
     try:
         return importlib.import_module("orchard.security.certificates")
     except ImportError as error:
-        raise ValueError(f"{error.name} is missing, which certificates take: pip install 'orchard[secure]'") from error
+        raise ValueError(f"{error.name} is missing; certificates need it: pip install 'orchard[secure]'") from error
 
 
 def role_in(folder: Path) -> Role:
+    """Return the role of a directory. Raises ValueError if the directory has no role, or a malformed one."""
     path = folder / ROLE
     try:
         data = json.loads(path.read_text())
         return Role(data["name"], data["duty"], tuple(data["names"]))
     except FileNotFoundError:
-        raise ValueError(f"{folder}: not the directory of a role: no {ROLE}; `run.py secure DIR` makes them, as DIR/<role>") from None
+        raise ValueError(f"{folder}: not the directory of a role: no {ROLE} in it; `run.py secure DIR` makes them, as DIR/<role>") from None
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{path}: not as `run.py secure` wrote it: {error}") from error
 
 
 @dataclass(frozen=True)
 class Keyring:
-    """The roles whose directories are at hand: all of a run's, or a single one on a machine that has no more."""
+    """The roles that have a directory on this machine: all roles of a run, or a single one."""
 
     folder: Path
     roles: dict[str, Path]
 
     @classmethod
     def load(cls, folder: Path) -> "Keyring":
-        """From the directory that `run.py secure` made, or from that of one role. Raises ValueError where it is neither."""
+        """Load the directory that `run.py secure` made, or that of one role. Raises ValueError if it is neither."""
         if (folder / ROLE).is_file():
             return cls(folder, {role_in(folder).name: folder})
         roles = {path.parent.name: path.parent for path in sorted(folder.glob(f"*/{ROLE}"))}
@@ -81,19 +87,134 @@ class Keyring:
         return cls(folder, roles)
 
     def of(self, name: str) -> Identity:
-        """One role by its name."""
+        """Return the identity of a role. Raises ValueError if there is no such role, or its files are not valid."""
         if name not in self.roles:
-            raise ValueError(f"{self.folder}: the role {name} is not in it; there is {', '.join(self.roles)}")
+            raise ValueError(f"{self.folder}: the role {name} is not in it; it has {', '.join(self.roles)}")
         return Identity.load(self.roles[name])
 
     def hosts(self, names: Iterable[str], everybody: Iterable[str]) -> dict[str, list[str]]:
-        """Role -> which of these agents it hosts. Raises ValueError where some have no role, or a role is to be torn apart."""
+        """Return role -> the agents that it hosts. `names`: the agents to host here; `everybody`: all agents of the run.
+
+        Raises ValueError if an agent has no role, or if `names` has only some of a role's agents.
+        """
         wanted, there = set(names), set(everybody)
         hosts = {name: sorted(set(role_in(folder).names) & there) for name, folder in self.roles.items() if role_in(folder).duty == "host"}
         hosts = {name: its for name, its in hosts.items() if wanted & set(its)}
         for name, its in hosts.items():
             if not wanted >= set(its):
-                raise ValueError(f"{name} is the role of {', '.join(its)}: one process hosts them all, or another machine does")
+                raise ValueError(f"{name} is the role of {', '.join(its)}: one process hosts them all, here or on another machine")
         if left := sorted(wanted.difference(*hosts.values())):
             raise ValueError(f"{self.folder}: no role for {', '.join(left)}; was it made for another scenario? See `run.py secure --help`")
         return hosts
+
+
+SECONDS = 3.0  # time that the other side has for each step
+
+
+def why_no_trust(endpoint: str, folder: Path) -> str:
+    """Return why a role's files and the process at tls/host:port do not accept each other; '' if the fault is another one."""
+    import ssl  # not at the top: it takes a tenth of a process's start, and only this needs it
+
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
+    trust = ssl.create_default_context(cafile=folder / AUTHORITY)
+    trust.load_cert_chain(folder / CERTIFICATE, folder / KEY)
+    host = host.strip("[]")
+    try:
+        with socket.create_connection((host, int(port)), SECONDS) as plain, trust.wrap_socket(plain, server_hostname=host) as secured:
+            return _refusal(secured)
+    except ssl.SSLCertVerificationError as error:
+        return f"{folder / AUTHORITY} does not verify the certificate of the process that listens there: {error.verify_message}"
+    except ssl.SSLError as error:
+        reason = (error.reason or str(error)).replace("_", " ").lower()
+        return f"the process that listens there does not speak TLS, or does not accept the certificate in {folder}: {reason}"
+    except (OSError, ValueError):
+        return ""
+
+
+def _refusal(secured: socket.socket) -> str:
+    """Why the other side refuses the session; ''. It reports on this side's certificate only after the handshake."""
+    try:
+        secured.recv(1)
+    except TimeoutError:
+        return "the session is refused, although the certificates are valid; does another process use this role already?"
+    return ""
+
+
+HOME = "authority"  # the authority's own directory
+LOCAL = ("127.0.0.1", "::1", "localhost")  # addresses by which each machine reaches itself
+_NAME = re.compile(r"[a-z][a-z0-9_-]{0,31}")
+
+
+def make(folder: Path, hosts: Iterable[Role], addresses: Sequence[str], days: float, anew: bool = False) -> list[Role]:
+    """Write the authority and all roles, valid for `days` days. Return the roles.
+
+    Raises ValueError for a name or address that is malformed, for a directory with other files, and if the directory has an authority,
+    unless `anew` is set.
+    """
+    known = certificates()
+    roles = [*SERVANTS, *hosts]
+    _check_names(roles)
+    for text in addresses:
+        known.address(text)
+    _make_room(folder, anew)
+    authority = known.Authority.begin(days)
+    authority.write(folder / HOME)
+    rules = json.dumps(access_control(roles, Keys(PREFIX)), indent=1)
+    for role in roles:
+        serves = role.duty in ("physics", "router")
+        authority.vouch(role.name, folder / role.name, (*LOCAL, *addresses) if serves else ())
+        (folder / role.name / ROLE).write_text(json.dumps(asdict(role) | {"session": role.session}, indent=1))
+        if serves:
+            (folder / role.name / ACCESS).write_text(rules)
+    return roles
+
+
+Shares = Callable[[Sequence[str]], Iterable[tuple[str, Sequence[str]]]]
+
+
+def host_roles(names: Sequence[str], wishes: Iterable[str], shares: Shares) -> list[Role]:
+    """Return the roles of the hosts: one for each wish, NAME=KIND|AGENT,..., and one for each share of the names that are left.
+
+    Raises ValueError for a wish that is malformed, or names an unknown agent or kind.
+    """
+    roles: list[Role] = []
+    for wish in wishes:
+        name, _, words = wish.partition("=")
+        if not words:
+            raise ValueError(f"{wish}: expected NAME=KIND|AGENT,..., such as shed=carrier,bin_01")
+        roles.append(Role(name, "host", tuple(select_agents(names, words.split(","), []))))
+    taken = {name for role in roles for name in role.names}
+    rest = [name for name in names if name not in taken]
+    return roles + [Role(title.replace(" ", "_"), "host", tuple(share)) for title, share in shares(rest) if share]
+
+
+def _check_names(roles: Sequence[Role]) -> None:
+    """Raise ValueError unless each role has a unique name that is valid as a file's name, and each agent has one host."""
+    for role in roles:
+        if not _NAME.fullmatch(role.name) or role.name == HOME:
+            raise ValueError(f"{role.name}: not a name for a role; use letters a to z, digits, _ and -, with a letter first")
+    _refuse_repeats([role.name for role in roles], "is the name of two roles")
+    _refuse_repeats([name for role in roles for name in role.names], "is in two roles; an agent has one host")
+
+
+def _refuse_repeats(words: Sequence[str], why: str) -> None:
+    for word, times in Counter(words).items():
+        if times > 1:
+            raise ValueError(f"{word} {why}")
+
+
+def _make_room(folder: Path, anew: bool) -> None:
+    """Make an empty directory that only its owner can read. With `anew`, remove what an earlier call made there."""
+    made = [path for path in folder.glob("*/") if _is_ours(path)] if folder.is_dir() else []
+    if made and not anew:
+        raise ValueError(f"{folder}: it has an authority already; --anew replaces it, and makes the old certificates invalid")
+    if folder.exists() and not set(folder.iterdir()) <= set(made):
+        raise ValueError(f"{folder}: it has other files; expected a directory that is empty or does not exist yet")
+    for path in made:
+        shutil.rmtree(path)
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    folder.chmod(0o700)
+
+
+def _is_ours(path: Path) -> bool:
+    return (path / ROLE).is_file() or (path.name == HOME and (path / CERTIFICATE).is_file())

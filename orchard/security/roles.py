@@ -1,7 +1,7 @@
-"""Who may do what on which key, as rules that a Zenoh router keeps. What is not allowed here is denied.
+"""Roles and their rights on keys, as rules that a Zenoh router enforces. What is not allowed here is denied.
 
-A role is a kind of process of one run: physics, a host of some agents, the logger, the operator. By its certificate the router
-knows which one somebody is, and looks at every message that comes from it (ingress) or goes to it (egress).
+A role is a kind of process of one run: physics, a host of some agents, the logger, the operator. The router knows a session's role by
+its certificate, and checks each message that comes from the session (ingress) or goes to it (egress).
 """
 
 import hashlib
@@ -20,19 +20,19 @@ Duty = Literal["physics", "router", "host", "logger", "operator", "warden"]
 
 @dataclass(frozen=True)
 class Role:
-    """What somebody with one certificate is for."""
+    """What a process with one certificate is for."""
 
     name: str
     duty: Duty
-    names: tuple[str, ...] = ()  # under which it is alive: a host's are those of its agents
+    names: tuple[str, ...] = ()  # names in its liveliness tokens: for a host, those of its agents
 
     @property
     def session(self) -> str:
-        """The id of its Zenoh session, which some keys name: hexadecimal, the same in every run."""
-        return "a" + hashlib.sha256(self.name.encode()).hexdigest()[:15]  # zenoh wants no leading 0
+        """The id of its Zenoh session, which some keys contain: hexadecimal, the same in every run."""
+        return "a" + hashlib.sha256(self.name.encode()).hexdigest()[:15]  # Zenoh allows no leading 0
 
 
-WARDEN = "warden"  # who stops robots in an emergency, beside run.py, which is the operator and at work already
+WARDEN = "warden"  # stops robots in an emergency; a role of its own, because run.py already uses the operator's
 SERVANTS = (
     Role(PHYSICS, "physics", (PHYSICS,)),
     Role("router", "router"),
@@ -45,7 +45,7 @@ SERVANTS = (
 
 
 class Party(NamedTuple):
-    """Those with one duty, on all keys of a kind, or only on those that name what is their own: its agents, its session."""
+    """The roles with one duty, on all keys of a kind, or (`own`) only on the keys that name their own agents or session."""
 
     duty: Duty
     own: bool = False
@@ -60,10 +60,10 @@ AUDIENCE = (ANY_HOST, THE_LOGGER, OPERATOR)
 
 
 class Right(NamedTuple):
-    """Who uses a kind of key from which end. Of a key that is put and queried, who hears it may ask as well."""
+    """The parties at both ends of a kind of key. If a key is both put and queried, the parties that hear it may also query it."""
 
-    sends: tuple[Party, ...]  # who puts, asks, or declares a token
-    hears: tuple[Party, ...]  # who subscribes, answers, or watches
+    sends: tuple[Party, ...]  # put, query, or declare a token
+    hears: tuple[Party, ...]  # subscribe, reply, or watch tokens
 
 
 RIGHTS: dict[str, Right] = {
@@ -80,7 +80,7 @@ RIGHTS: dict[str, Right] = {
     "events": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
     "picture": Right((THE_PHYSICS,), (THE_LOGGER,)),
     "figures": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
-    "refused": Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),  # it counts, and moves nothing
+    "refused": Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),  # a count, which moves nothing
     "scenario": Right((*AUDIENCE, THE_WARDEN), (THE_PHYSICS,)),
     "join": Right((OWN_HOST,), (THE_PHYSICS,)),
     "lost": Right((THE_PHYSICS,), AUDIENCE),
@@ -90,18 +90,18 @@ RIGHTS: dict[str, Right] = {
     "alive": Right((OWN_HOST, LOGGER_ITSELF, ITS_TOKEN), ALL),
 }
 
-# -- what a router must let through for that
+# -- the Zenoh messages that a router must let through for these rights
 
 
 class _Passage(NamedTuple):
-    """One kind of Zenoh's messages in one direction, as seen by the router."""
+    """One kind of Zenoh message in one direction, as seen by the router."""
 
     flow: str
     message: str
 
 
-_LEARNS_WHO_HEARS = _Passage("egress", "declare_subscriber")  # a publisher that knows of nobody sends nothing
-_PUTS = (_Passage("ingress", "put"), _LEARNS_WHO_HEARS)
+_LEARNS_SUBSCRIBERS = _Passage("egress", "declare_subscriber")  # a publisher that knows of no subscriber sends nothing
+_PUTS = (_Passage("ingress", "put"), _LEARNS_SUBSCRIBERS)
 _SUBSCRIBES = (_Passage("ingress", "declare_subscriber"), _Passage("egress", "put"))
 _ASKS = (_Passage("ingress", "query"), _Passage("egress", "reply"))
 _ANSWERS = (_Passage("ingress", "declare_queryable"), _Passage("egress", "query"), _Passage("ingress", "reply"))
@@ -110,7 +110,7 @@ _WATCHES = (_Passage("ingress", "declare_liveliness_subscriber"), _Passage("egre
 
 
 def access_control(roles: Iterable[Role], keys: Keys) -> dict[str, Any]:
-    """Zenoh's `access_control` for a router at which these meet: each under its certificate and with its session, and nobody else."""
+    """Return Zenoh's `access_control` for the router of these roles. Only they have rights, each with its certificate and session id."""
     rules, subjects, policies = [], [], []
     for role in roles:
         its = [_rule(role, passage, list(dict.fromkeys(exprs))) for passage, exprs in _allowed(role, keys).items()]
@@ -127,19 +127,19 @@ def _rule(role: Role, passage: _Passage, exprs: list[str]) -> dict[str, Any]:
 
 
 def _allowed(role: Role, keys: Keys) -> dict[_Passage, list[str]]:
-    """On which keys what may pass to and from a role."""
+    """Return passage -> the key expressions on which it is allowed for a role."""
     allowed: dict[_Passage, list[str]] = defaultdict(list)
     for what, right in RIGHTS.items():
         for parties, passages in zip(right, _ends(what), strict=True):
             for party in parties:
                 if party.duty == role.duty:
                     for passage in passages:
-                        allowed[passage] += _exprs(what, party, role, keys) if passage != _LEARNS_WHO_HEARS else [keys.of(what)]
+                        allowed[passage] += _exprs(what, party, role, keys) if passage != _LEARNS_SUBSCRIBERS else [keys.of(what)]
     return allowed
 
 
 def _ends(what: str) -> tuple[tuple[_Passage, ...], tuple[_Passage, ...]]:
-    """What passes for who sends on a kind of key, and for who hears."""
+    """Return the passages of the sending end and of the hearing end of a kind of key."""
     key = TABLE[what]
     if key.delivery == LIVELINESS:
         return _LIVES, _WATCHES
@@ -149,11 +149,11 @@ def _ends(what: str) -> tuple[tuple[_Passage, ...], tuple[_Passage, ...]]:
 
 
 def _exprs(what: str, party: Party, role: Role, keys: Keys) -> Iterator[str]:
-    """The keys of a kind that are meant."""
+    """Yield the key expressions of one kind of key that `party` covers for `role`."""
     if not party.own:
         yield keys.of(what)
         return
-    session = role.session if role.duty == "host" or what != "alive" else "*"  # in their tokens physics and logger may name the run
+    session = role.session if role.duty == "host" or what != "alive" else "*"  # the tokens of physics and the logger may name the run
     for name in role.names:
         if kind_of(name) == "bin" or "{bin}" not in TABLE[what].template:
             yield keys.of(what, name, session)

@@ -1,4 +1,4 @@
-"""The physics process from the inside: it owns the world and the clock, shows each tick, takes the answers, steps, and reports.
+"""The inside of the physics process: it owns the world and the clock, publishes each tick, collects the answers, steps, and reports.
 
-No behaviour of an agent is decided here.
+It decides nothing about how an agent behaves.
 """

@@ -1,4 +1,4 @@
-"""The run in figures, as it goes and when it is over."""
+"""The figures of a run, while it runs and for its summary."""
 
 import time
 from collections.abc import Mapping
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from orchard.contract.agent import Action
+from orchard.contract.agent import Action, state_of
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.snapshot import SnapshotError
 from orchard.sim.stops import as_shown
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from orchard.sim.engine import Engine
 
 Seconds = Annotated[float, Meta(ge=0.0, le=1e9)]
-FIGURES_SECONDS = 0.5  # of wall time between two messages with figures
+FIGURES_SECONDS = 0.5  # s of wall time between two messages with figures
 
 
 class RunFigures:
-    """The run in figures, for those who watch it and for the summary."""
+    """Counts the figures of one run, for observers and for the summary."""
 
     def __init__(self, engine: "Engine", before: Mapping[str, Any] | None = None) -> None:
-        """`before`: what `as_data` gave, of a run that goes on. Raises SnapshotError for what is none."""
+        """`before`: what `as_data` returned, for a run that is resumed. Raises SnapshotError if it is malformed."""
         from orchard.report.metrics import HarvestFigures
 
         self._engine, self._world = engine, engine.world
@@ -34,33 +34,35 @@ class RunFigures:
             self._figures = msgspec.convert(before.get("harvest", {}), HarvestFigures)
             self._wall_before = msgspec.convert(before.get("wall_seconds", 0.0), Seconds)
         except ValueError as error:
-            raise SnapshotError(f"the figures of the run before are none: {error}") from error
+            raise SnapshotError(f"the figures in the snapshot are malformed: {error}") from error
         self.actions: dict[str, Action] = {}
-        self._begun = self._told = time.monotonic()
+        self._begun = self._reported = time.monotonic()
 
     def as_data(self) -> dict[str, Any]:
-        """All that must be known to go on with it."""
+        """Return all data that a resumed run needs."""
         return {"harvest": msgspec.to_builtins(self._figures), "wall_seconds": self._wall()} | self._engine.figures_as_data()
 
     def _wall(self) -> float:
         return self._wall_before + time.monotonic() - self._begun
 
     def begin(self) -> None:
-        """The first tick begins now."""
-        self._begun = self._told = time.monotonic()
+        """Start the wall clock: the first tick begins now."""
+        self._begun = self._reported = time.monotonic()
 
     def update(self, events: "list[Event]", actions: dict[str, Action]) -> None:
+        """Add the step that has just been done: its events and actions."""
         self.actions = actions
         self._figures.update(self._world, events, actions)
 
     @property
     def jam(self) -> list[str]:
-        """Who waits for whom, one line each, when nothing has gone on for ten minutes; else nothing."""
+        """Which robot waits for what, one line each, if the harvest has made no progress for ten simulated minutes; else empty."""
         from orchard.report.metrics import who_waits
 
-        return (who_waits(self.actions) or ["nobody waits for anybody"]) if self._figures.jammed(self._world) else []
+        return (who_waits(self.actions) or ["no robot waits for another"]) if self._figures.jammed(self._world) else []
 
     def figures(self) -> dict[str, Any]:
+        """Return the figures so far, as the summary has them."""
         from orchard.report.metrics import harvest_figures
 
         wall = self._wall()
@@ -69,15 +71,17 @@ class RunFigures:
         return harvest_figures(self._world, self._figures) | self._engine.states.figures() | speed
 
     def message(self, run: str, refused: dict[str, int]) -> messages.Figures:
+        """Return the figures so far, and what each robot does, as a message. `refused`: reason -> number of refused messages."""
         actions = as_shown(self._world, self.actions)
         doing = {name: action.doing for name, action in actions.items() if action.doing}
+        states = {name: state_of(actions[name]) for name in doing}
         waits = {name: action.waits_for for name, action in actions.items() if action.waits_for}
-        return messages.Figures(run, self._world.tick, self.figures(), doing, waits, refused)
+        return messages.Figures(run, self._world.tick, self.figures(), doing, waits, refused, states)
 
     def is_due(self) -> bool:
-        """Whether half a second has passed since this last said so."""
+        """Whether FIGURES_SECONDS have passed since this last returned True."""
         now = time.monotonic()
-        if now - self._told < FIGURES_SECONDS:
+        if now - self._reported < FIGURES_SECONDS:
             return False
-        self._told = now
+        self._reported = now
         return True

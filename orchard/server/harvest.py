@@ -1,59 +1,103 @@
-"""All that physics owns of a run: the world, those who drive in it, what is told of it, and its snapshots."""
+"""What the physics process owns of a run: its options, world, drivers, reports and snapshots; and the file with its end."""
 
+import logging
 import math
 import uuid
-from dataclasses import dataclass
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
+import msgspec
+from msgspec import Meta
+
+from orchard.contract.messages import LAST_TICK, pack
 from orchard.field.scenario import TIME_STEP
 from orchard.net.bus import Bus
 from orchard.net.lockstep import PATIENCE, LockstepBarrier
 from orchard.net.realtime import RealtimeBarrier
-from orchard.net.recovery import RecoveryLog
-from orchard.net.refusals import RefusalTotals
-from orchard.net.roster import Roster
+from orchard.net.refusals import RefusalTotals, Refused, read_message
+from orchard.net.roster import RecoveryLog, Roster
 from orchard.server.drivers import Drivers
 from orchard.server.figures import RunFigures
-from orchard.server.publisher import Publisher
+from orchard.server.publisher import Publisher, StepReporter
 from orchard.server.snapshots import SNAPSHOT_SECONDS, SnapshotWriter
-from orchard.server.step_reporter import StepReporter
 from orchard.sim.snapshot import Snapshot
-from orchard.wire.keys import Keys
-from orchard.wire.messages import End
+from orchard.wire.keys import PREFIX, Keys
+from orchard.wire.messages import End, Mode
 
 if TYPE_CHECKING:
     from orchard.sim.engine import Engine
 
+log = logging.getLogger("orchard")
 
-@dataclass(frozen=True)
-class RunOptions:
-    """How a run is run."""
 
-    mode: str = "lockstep"
-    speed: float = math.inf  # simulated seconds to one second of wall time
-    ticks: float = math.inf  # after which it ends
-    patience: float = PATIENCE  # s, for how long an agent may be silent
-    absent: tuple[str, ...] = ()  # agents that are not waited for at the beginning
-    run: str = ""  # the run's id; '': one is made
-    recorded: bool = False  # a logger comes: wait for it, but not for long
-    snapshots: Path | None = None  # the folder for them
-    snapshot_every: float = SNAPSHOT_SECONDS  # s of wall time
+def write_end(end: End, path: str) -> None:
+    """Write the end of a run to a file. A disk error is only logged, because the message has most likely arrived as well."""
+    try:
+        Path(path).write_bytes(pack(end))
+    except OSError as error:
+        log.error("the end of the run could not be written: %s", error)
+
+
+def read_end(path: Path, run: str) -> End | None:
+    """Return the end that physics has written for this run; None if there is no complete one."""
+    with suppress(OSError, Refused):
+        return read_message(path.read_bytes(), End, run)
+    return None
+
+
+Positive = Annotated[float, Meta(gt=0.0)]
+
+
+class RunOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How physics runs an orchard: the options of its command line, or of the request file that `run.py` writes."""
+
+    scenario: dict[str, Any] = {}  # a value that is missing keeps its default
+    listen: str | None = None  # endpoint; None: a free port of 127.0.0.1
+    connect: str | None = None  # endpoint of another router, instead of listening
+    secure: str | None = None  # directory of the role
+    prefix: str = PREFIX
+    run: str = ""  # the run's id; '': a new one
+    mode: Mode = "lockstep"
+    speed: Positive | None = None  # simulated s per s of wall time; None: as fast as possible, in realtime 1
+    duration: Annotated[float, Meta(gt=0.0, le=LAST_TICK * TIME_STEP)] | None = None  # s, simulated
+    patience: Positive = PATIENCE  # s of wall time that an agent may take to answer
+    absent: list[str] = []  # agents for which the first tick does not wait
+    recorded: bool = False  # the first tick waits for a logger, at most loop.LOGGER_SECONDS
+    snapshots: str | None = None  # folder
+    snapshot_every: Positive = SNAPSHOT_SECONDS  # s of wall time
+    result: str | None = None  # file for a copy of the last message, which may be lost on the network
+    resume: bool = False  # continue from the newest snapshot in the folder
+
+    @property
+    def pace(self) -> float:
+        """Simulated seconds per second of wall time."""
+        return self.speed if self.speed is not None else 1.0 if self.mode == "realtime" else math.inf
+
+    @property
+    def ticks(self) -> float:
+        """The tick at which the run ends; infinity without a duration."""
+        return math.inf if self.duration is None else round(self.duration / TIME_STEP)
+
+    @property
+    def snapshot_folder(self) -> Path | None:
+        """The folder for snapshots; None if none are written."""
+        return None if self.snapshots is None else Path(self.snapshots)
 
 
 class RunEnded(Exception):
-    """Somebody ended the run."""
+    """A command or a signal ends the run; the text says why."""
 
 
 class Harvest:
-    """One run. What arrives, and what is done when, is for others."""
+    """The parts of one run. `Inbound` handles what arrives, and `Physics` decides when each step is done."""
 
     def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: RunOptions, before: Snapshot | None = None) -> None:
-        """`before`: the snapshot that the engine was made of."""
+        """`before`: the snapshot from which the engine was resumed."""
         self.engine, self.refusal_totals, self.snapshot_writer = (
             engine,
             RefusalTotals(),
-            SnapshotWriter(options.snapshots, options.snapshot_every),
+            SnapshotWriter(options.snapshot_folder, options.snapshot_every),
         )
         self.run = options.run or (before.run if before else uuid.uuid4().hex[:16])
         roster, ledger = Roster(engine.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
@@ -65,30 +109,30 @@ class Harvest:
 
     @property
     def has_begun(self) -> bool:
-        """Whether the first tick was shown."""
+        """Whether the first tick has been published."""
         return self.drivers.answers.tick >= 0
 
     def keep(self) -> None:
-        """Begin to write a snapshot."""
+        """Start to write a snapshot."""
         self.snapshot_writer.keep(self._snapshot())
 
     def _snapshot(self) -> Snapshot:
-        """The run between two ticks, as data."""
+        """The state of the run between two ticks."""
         engine, ledger = self.engine, self.drivers.ledger
         scenario, held = engine.layout.scenario.model_dump(), sorted(self.drivers.roster.holders)
         letters, figures = sorted(ledger.letters.items()), self.reporter.account.as_data()
         return Snapshot(self.run, scenario, engine.as_data(), engine.digest, ledger.memories, letters, figures, held)
 
     def end(self, why: str) -> End:
-        """The end, as it is told to everybody."""
+        """Return the last message of the run. `why`: why it ended."""
         engine, answers = self.engine, self.drivers.answers
         run = {"mode": answers.mode, "hosts": len(set(self.drivers.roster.holders.values()))}
         figures = self.reporter.account.figures() | answers.figures()
         summary = {"hash": engine.hash} | run | figures | {"messages_refused": self.refusal_totals.total()}
-        summary |= {"finished": engine.over, "violations": engine.violations()}
+        summary |= {"finished": engine.over, "violations": engine.violations(), "jam": self.reporter.account.jam}
         return End(self.run, engine.tick, engine.over, why, engine.hash, summary)
 
 
 def _answers(roster: Roster, options: RunOptions) -> LockstepBarrier | RealtimeBarrier:
-    """Who decides when a tick's answers are in."""
-    return RealtimeBarrier(roster, TIME_STEP / options.speed) if options.mode == "realtime" else LockstepBarrier(roster, options.patience)
+    """The barrier that decides when all answers to a tick are in."""
+    return RealtimeBarrier(roster, TIME_STEP / options.pace) if options.mode == "realtime" else LockstepBarrier(roster, options.patience)

@@ -1,44 +1,127 @@
-"""What arrives at physics, one thing after the other, and whom it concerns: velocities, tokens, queries, signals."""
+"""Handles what arrives at physics: passes samples, liveliness tokens and queries on, and counts the messages that are refused."""
 
 import math
 import time
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
 import msgspec
 
+from orchard.contract.messages import pack
 from orchard.net.bus import Alive, Bus, Item, Query, Sample, Signal
 from orchard.net.endpoints import BusError
-from orchard.net.refusals import Refused, read_message
+from orchard.net.refusals import Refused, read_message, refuse_other_tick
 from orchard.server.harvest import Harvest, RunEnded
-from orchard.server.queries import Queries
+from orchard.server.snapshots import KEPT_SECONDS
+from orchard.sim.stops import stopped
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
-from orchard.wire.messages import RefusedThere, Velocities, Velocity
+from orchard.wire.messages import Command, Done, Join, Joined, Recall, Recalled, RefusedThere, RunInfo, Stop, Stopped, Velocities, Velocity
 from orchard.wire.types import Session
 
-COMPANY_SECONDS = 3.0  # after physics has begun to listen: whose token comes later is the newcomer
+
+class Queries:
+    """Replies to the queries that physics receives."""
+
+    def __init__(self, keys: Keys, harvest: Harvest) -> None:
+        self._keys, self._harvest = keys, harvest
+        self._replies = {"scenario": self._scenario, "recall": self._recall, "stop": self._stop, "command": self._command}
+
+    def queryables(self) -> list[str]:
+        """Return the keys of the queryables."""
+        return [self._keys.of(what) for what in (*self._replies, "join")]
+
+    def reply(self, query: Query) -> None:
+        """Reply to a query, and drop it. A query that is refused gets an error reply, and raises Refused."""
+        try:
+            self._reply_to(query.key)(query)
+        except Refused as refusal:
+            query.refuse(str(refusal))
+            raise
+        query.drop()
+
+    def _reply_to(self, key: str) -> Callable[[Query], None]:
+        """The method that replies on a key. Raises Refused for an unknown key, or one with a wildcard."""
+        match self._keys.parts(key):
+            case [what] if what in self._replies:
+                return self._replies[what]
+            case ["hosts", session, "join"]:
+                return partial(self._join, session)
+        raise Refused("no such key")
+
+    def _scenario(self, query: Query) -> None:
+        if query.payload:
+            raise Refused("malformed", "the scenario query has no payload")
+        engine, drivers = self._harvest.engine, self._harvest.drivers
+        scenario = engine.layout.scenario.model_dump()
+        query.reply(pack(RunInfo(self._harvest.run, engine.tick, drivers.answers.mode, list(drivers.roster.names), scenario)))
+
+    def _join(self, session: str, query: Query) -> None:
+        """Let a host hold all the agents that it names, or none. A secured router makes sure that a session uses only its own key."""
+        join = read_message(query.payload, Join, self._harvest.run)
+        if join.holder != session:
+            raise Refused("not the holder", f"{join.holder!r} is not the session of the key")
+        drivers = self._harvest.drivers
+        refused = drivers.join(join.names, join.holder)
+        held = [] if refused else join.names
+        memories = {name: drivers.ledger.memories.get(name) for name in held}
+        query.reply(pack(Joined(self._harvest.run, self._harvest.engine.tick, memories, refused)))
+        drivers.expect(held, join.holder)
+
+    def _recall(self, query: Query) -> None:
+        """Send a host the letters of the last two ticks."""
+        recall, tick = read_message(query.payload, Recall, self._harvest.run), self._harvest.engine.tick
+        refuse_other_tick(recall.tick, tick, tick)
+        query.reply(pack(Recalled(self._harvest.run, tick, sorted(self._harvest.drivers.ledger.letters.items()))))
+
+    def _stop(self, query: Query) -> None:
+        """Stop or reset robots; the engine makes sure that nothing overrides a stop. The reply says whether it is in a snapshot."""
+        harvest, engine = self._harvest, self._harvest.engine
+        request = read_message(query.payload, Stop, harvest.run)
+        harvest.reporter.report()
+        try:
+            changed = engine.stop(request.names) if request.stop else engine.reset(request.names)
+        except ValueError as error:
+            raise Refused("no such robot", str(error)) from error
+        if changed and harvest.has_begun:
+            harvest.keep()
+        kept = harvest.has_begun and harvest.snapshot_writer.finish(KEPT_SECONDS)
+        query.reply(pack(Stopped(harvest.run, engine.tick, changed, stopped(engine.world), kept)))
+
+    def _command(self, query: Query) -> None:
+        command = read_message(query.payload, Command, self._harvest.run)
+        query.reply(pack(Done(self._harvest.run, self._harvest.engine.tick)))
+        query.drop()
+        raise RunEnded(f"{command.command}ped")
+
+
+OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run whose token comes later is the newer one, and must end itself
 
 
 class Inbound:
-    """Hands on whatever arrives, and counts what is refused."""
+    """Passes on what arrives, and counts what is refused."""
 
     def __init__(self, bus: Bus, keys: Keys, harvest: Harvest) -> None:
         self._bus, self._keys, self._harvest = bus, keys, harvest
         self._queries = Queries(keys, harvest)
-        self._alone_from = math.inf  # on the clock: who comes after that must go
+        self._newer_from = math.inf  # s, monotonic clock: a run whose token comes after that is newer
 
     def listen(self) -> None:
-        """From now on all of it arrives; the token, which tells the others that physics is there, comes last."""
+        """Subscribe, and declare the queryables. The liveliness token comes last: it shows the others that physics is ready."""
         self._bus.subscribe(self._keys.of("velocities"), quietly=True)
         self._bus.subscribe(self._keys.of("velocity"), quietly=True)
         self._bus.subscribe(self._keys.of("refused"))
-        for key in self._queries.asked():
+        for key in self._queries.queryables():
             self._bus.answer(key)
-        self._alone_from = time.monotonic() + COMPANY_SECONDS
+        self._newer_from = time.monotonic() + OTHER_RUN_SECONDS
         self._bus.watch(self._keys.of("alive"))
         self._bus.declare_alive(self._keys.of("alive", PHYSICS, self._harvest.run))
 
     def take(self, seconds: float, enough: int = 1) -> bool:
-        """Handle one item; False if none came in time. Raises RunEnded where it ends the run."""
+        """Handle one item. Return False if none came in `seconds`. Raises RunEnded if the item ends the run.
+
+        `enough`: the number of quiet items that wake the reader.
+        """
         item = self._bus.inbox.take(seconds, enough)
         if item is not None:
             try:
@@ -47,14 +130,14 @@ class Inbound:
                 self._harvest.refusal_totals.own.note(getattr(item, "key", ""), refusal)
         return item is not None
 
-    def take_leave(self, seconds: float) -> bool:
-        """The same when the run is over: nobody's wishes count any more; False also for a signal."""
+    def take_after_end(self, seconds: float) -> bool:
+        """Handle one item after the run's end, when only tokens count. Return False if none came in `seconds`, or for a signal."""
         item = self._bus.inbox.take(seconds)
         if isinstance(item, Query):
             item.drop()
         elif isinstance(item, Alive):
             with suppress(Refused):
-                self._harvest.drivers.roster.token(*self._whose(item), item.up)
+                self._harvest.drivers.roster.token(*self._owner_of(item), item.up)
         return item is not None and not isinstance(item, Signal)
 
     def _handle(self, item: Item) -> None:
@@ -81,7 +164,7 @@ class Inbound:
                 raise Refused("no such key")
 
     def _drive_all(self, session: str, sample: Sample) -> None:
-        """Who may put on whose key, a secured router sees to."""
+        """Take a session's velocities. A secured router makes sure that a session uses only its own key."""
         velocities = read_message(sample.payload, Velocities, self._harvest.run)
         if velocities.holder != session:
             raise Refused("not the holder", f"{velocities.holder!r} is not the session of the key")
@@ -89,31 +172,31 @@ class Inbound:
             self._harvest.refusal_totals.own.note(sample.key, refusal)
 
     def _token(self, alive: Alive) -> None:
-        name, holder = self._whose(alive)
+        name, holder = self._owner_of(alive)
         if name == PHYSICS:
             self._refuse_another_run(alive.up, holder)
             return
         if name == LOGGER and alive.up:
-            self._harvest.reporter.camera.forget()
+            self._harvest.reporter.frame_builder.forget()
         self._harvest.drivers.token(name, holder, alive.up)
 
-    def _whose(self, alive: Alive) -> tuple[str, str]:
-        """Name and session of a liveliness token."""
+    def _owner_of(self, alive: Alive) -> tuple[str, str]:
+        """The name and the session in a liveliness token."""
         match self._keys.parts(alive.key):
             case ["alive", name, session] if name in self._harvest.drivers.roster.names or name in (PHYSICS, LOGGER):
                 return name, _session(session)
         raise Refused("no such agent")
 
     def _refuse_another_run(self, up: bool, run: str) -> None:
-        """At one router there is one run to a prefix: whoever finds another there must go, and both of two that begin together."""
-        is_new = not self._harvest.has_begun and time.monotonic() < self._alone_from
+        """Raise BusError if another run uses this router and prefix: the newer run ends itself, and so do two that begin together."""
+        is_new = not self._harvest.has_begun and time.monotonic() < self._newer_from
         if up and run != self._harvest.run and is_new:
             where = f"with prefix {self._keys.prefix}; choose another router or prefix"
-            raise BusError(f"{self._bus.endpoint}: run {run} goes on there, {where}")
+            raise BusError(f"{self._bus.endpoint}: run {run} is active there, {where}")
 
 
 def _session(text: str) -> str:
-    """A session's id in a key. Raises Refused for what is none."""
+    """The session id in a key. Raises Refused if it is malformed."""
     try:
         session: str = msgspec.convert(text, Session)
     except ValueError as error:

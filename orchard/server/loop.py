@@ -1,7 +1,7 @@
-"""The clock of a run: shows each tick, waits for every agent's answer, steps.
+"""The loop of a run: publish a tick, wait for the agents' answers, step.
 
-There is no agent in it: a robot that nobody drives stands still. In realtime it waits no longer than the clock allows:
-`lockstep.Answers` and `realtime.Live` decide when a tick's answers are in.
+It contains no agent: a robot that no client drives stands still. `LockstepBarrier` and `RealtimeBarrier` decide when all answers to a
+tick are in; in realtime that is at the latest when the wall clock requires the next tick.
 """
 
 import logging
@@ -11,11 +11,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from orchard.net.bus import Bus
-from orchard.net.lockstep import AGAIN_SECONDS
-from orchard.net.pacer import Pacer
+from orchard.net.lockstep import AGAIN_SECONDS, Pacer
 from orchard.server.harvest import Harvest, RunEnded, RunOptions
 from orchard.server.inbound import Inbound
-from orchard.server.step_reporter import FinishedStep
+from orchard.server.publisher import FinishedStep
 from orchard.sim.snapshot import Snapshot
 from orchard.wire.keys import LOGGER, Keys
 from orchard.wire.messages import End
@@ -25,30 +24,31 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("orchard")
 
-NAG_SECONDS = 3.0  # between two lines that name who is missing
-LOGGER_SECONDS = 10.0  # for how long the first tick waits for a logger
-FAREWELL_SECONDS = 2.0  # for how long the others may take to leave
+WARN_SECONDS = 3.0  # between two log lines that name the missing agents
+LOGGER_SECONDS = 10.0  # that the first tick waits for a logger
+LEAVE_SECONDS = 2.0  # that the other processes may take to leave after the end
 
 
 class Physics:
-    """One run, from the first agent to the last message."""
+    """One run, from the first join to the last message."""
 
     def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: RunOptions, before: Snapshot | None = None) -> None:
-        """`before`: the snapshot that the engine was made of."""
+        """`before`: the snapshot from which the engine was resumed."""
         self.bus, self._engine, self._options = bus, engine, options
         self.harvest = Harvest(bus, keys, engine, options, before)
         self.arrivals = Inbound(bus, keys, self.harvest)
         self._drivers, self._reporter = self.harvest.drivers, self.harvest.reporter
         self._held_before = before.held if before else None
-        self._pacer = Pacer(options.speed)
+        self._pacer = Pacer(options.pace)
 
     def listen(self) -> None:
+        """Subscribe, and declare the queryables and the liveliness token."""
         self.arrivals.listen()
 
     def run(self, get_ready: Callable[[], None]) -> End:
-        """All ticks; the end that was told to everybody.
+        """Run all ticks, and publish the end. Return it.
 
-        `get_ready`: what physics does before the first tick, once those who wait have been told of the run and get ready as well.
+        `get_ready`: called before the first tick, after the hosts that wait have got the run's scenario, so that they prepare meanwhile.
         """
         try:
             for _ in range(len(self.bus.inbox)):
@@ -60,19 +60,20 @@ class Physics:
                 self._tick()
         except RunEnded as ended:
             why = str(ended)
-        self._reporter.tell()
+        self._reporter.report()
         if why in ("stopped", "duration"):
             self.harvest.keep()
         self.harvest.snapshot_writer.finish()
         end = self.harvest.end(why)
-        self.harvest.publisher.say("end", end)
-        self._farewell()
+        self.harvest.publisher.publish("end", end)
+        self._await_leaving()
         return end
 
     def gather(self) -> None:
-        """Wait for all agents that are expected, and for the logger, so that the recording begins with the run.
+        """Wait for all expected agents, and for the logger if the run is recorded, so that the recording begins with the run.
 
-        Those that were held in a run that goes on have some time to come back; and again, whenever one of them has: many are slow to start.
+        A new run waits without limit. A resumed run waits for the agents that were held before, for `patience` seconds; each agent that
+        returns renews the wait, because many start slowly.
         """
         names = self._drivers.roster.names if self._held_before is None else tuple(self._held_before)
         patience = math.inf if self._held_before is None else self._options.patience
@@ -80,7 +81,7 @@ class Physics:
         while (missing := [name for name in names if self._is_expected(name)]) and (left := end - time.monotonic()) > 0.0:
             if len(missing) < fewest:
                 end, fewest = time.monotonic() + patience, len(missing)
-            elif not self.arrivals.take(min(left, NAG_SECONDS)):
+            elif not self.arrivals.take(min(left, WARN_SECONDS)):
                 log.warning("waiting for %d agents: %s", len(missing), ", ".join(missing))
         deadline = time.monotonic() + LOGGER_SECONDS
         while self._options.recorded and not self._drivers.roster.is_there(LOGGER) and (left := deadline - time.monotonic()) > 0.0:
@@ -95,28 +96,28 @@ class Physics:
             return "harvested"
         if self._engine.tick >= self._options.ticks:
             return "duration"
-        return "\n".join(["jammed", *jam]) if (jam := self._reporter.account.jam) else ""
+        return "jammed" if self._reporter.account.jam else ""
 
     def _tick(self) -> None:
-        """Show the tick; while the agents think, account for the last one and tell of it; take their answers; step."""
+        """Publish the tick; account for the last one and report it while the agents think; take their answers; step."""
         tick, seen = self._engine.tick, self._engine.observe()
-        self._drivers.begin(seen, self._pause())
+        self._drivers.begin(seen, self._await_due())
         self._engine.account()
-        self._reporter.tell()
+        self._reporter.report()
         if self.harvest.snapshot_writer.is_due():
             self.harvest.keep()
         self._await_answers()
         actions = self._drivers.actions(tick)
-        self._reporter.stepped(FinishedStep(tick, self._engine.step(actions, self._drivers.answers.digests()), actions))
+        self._reporter.add(FinishedStep(tick, self._engine.step(actions, self._drivers.answers.digests()), actions))
 
-    def _pause(self) -> float:
-        """Until the tick's time has come; so many seconds after it."""
+    def _await_due(self) -> float:
+        """Wait until the tick is due. Return the seconds that it begins late."""
         while self.arrivals.take(self._pacer.wait()) or self._pacer.wait():
             pass
         return self._pacer.begin()
 
     def _await_answers(self) -> None:
-        """Until all are in, or their time is over. Whoever is silent is shown the tick again: it may have been lost."""
+        """Wait until all answers are in, or their time is over. Send the tick again to silent sessions: it may have been lost."""
         drivers, answers, again = self._drivers, self._drivers.answers, time.monotonic() + AGAIN_SECONDS
         while answers.missing:
             until, enough = min(answers.deadline, again), 1 if len(self.bus.inbox) else len(drivers.silent())
@@ -128,9 +129,9 @@ class Physics:
                 again = now + AGAIN_SECONDS
                 drivers.show(drivers.silent())
 
-    def _farewell(self) -> None:
-        """Stay until all others have gone, so that the last message reaches them, but not for long."""
-        deadline = time.monotonic() + FAREWELL_SECONDS
+    def _await_leaving(self) -> None:
+        """Wait until all tokens are gone, at most LEAVE_SECONDS, so that the last message reaches the other processes."""
+        deadline = time.monotonic() + LEAVE_SECONDS
         while self._drivers.roster.anybody() and (left := deadline - time.monotonic()) > 0.0:
-            if not self.arrivals.take_leave(left):
+            if not self.arrivals.take_after_end(left):
                 return

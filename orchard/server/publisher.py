@@ -1,14 +1,15 @@
-"""What physics says to all: what is to be seen, the clock, what happened, who is lost. What nobody listens to is not even packed."""
+"""Publishes observations, the clock, events, frames and figures. Most are packed only if a session subscribes to them."""
 
 import logging
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from orchard.contract.agent import Observations
 from orchard.contract.messages import Written, pack
-from orchard.contract.observations import Observations
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout
+from orchard.field.scenario import TICKS_PER_SECOND
 from orchard.net.bus import Bus
 from orchard.wire.codec import odometry_of, scan_of, seen_of
 from orchard.wire.keys import Keys
@@ -17,48 +18,63 @@ from orchard.wire.types import Message
 
 if TYPE_CHECKING:
     from orchard.contract.events import Event
+from typing import TYPE_CHECKING, NamedTuple
+
+from orchard.contract.agent import Action
+from orchard.net.refusals import RefusalTotals
+from orchard.net.roster import RecoveryLog
+from orchard.server.figures import RunFigures
+from orchard.sim.frames import FrameBuilder
+from orchard.wire.codec import picture_of
+
+if TYPE_CHECKING:
+    from orchard.contract.events import Event
+    from orchard.sim.engine import Engine
 
 log = logging.getLogger("orchard")
 
-EARS_SECONDS = 0.05  # between two looks who listens
+RECHECK_SECONDS = 0.05  # between two checks for subscribers
 
 
 class Publisher:
-    """What physics says."""
+    """Publishes the messages of physics."""
 
     def __init__(self, bus: Bus, keys: Keys, run: str, layout: Layout, newest_wins: bool = False) -> None:
-        """With `newest_wins` a tick's poses, scans and clock hold nobody up: who is slow misses some."""
+        """`newest_wins`: publish a tick's observations, poses, scans and clock without waiting; a slow subscriber misses some."""
         self._bus, self._keys, self.run, self._layout = bus, keys, run, layout
         self._newest_wins = newest_wins
         self._robots = f"{keys.prefix}/*/*"
-        self._heard: dict[str, bool] = {}  # keys -> whether anybody listens, as of the last look
-        self._look_again = 0.0  # on the clock
+        self._heard: dict[str, bool] = {}  # keys -> whether a session subscribes, as of the last check
+        self._recheck_at = 0.0  # s, monotonic clock
 
     # -- a tick
 
-    def look(self, seen: Observations, holders: Mapping[str, Collection[str]], asked: Sequence[AskedOf]) -> None:
-        """What is to be seen and who was asked, to each session what concerns it; each pose and scan to whoever listens; then the clock."""
-        if time.monotonic() >= self._look_again:
-            self.listen()
+    def publish_tick(self, seen: Observations, holders: Mapping[str, Collection[str]], asked: Sequence[AskedOf]) -> None:
+        """Send each session the observations of its agents and the requests to them; then single poses and scans; then the clock.
+
+        `holders`: session id -> the names that it holds. `asked`: the requests of the last tick.
+        """
+        if time.monotonic() >= self._recheck_at:
+            self.refresh_subscribers()
         for holder, names in holders.items():
-            self._show(seen, holder, names, [of for of in asked if of.to in names])
+            self._put_seen(seen, holder, names, [of for of in asked if of.to in names])
         for what in ("pose", "scan") if self.are_robots_heard() else ():
             for body, name in enumerate(seen.names):
-                self._show_alone(what, seen, body, name)
+                self._put_single(what, seen, body, name)
         if self.is_heard("clock"):
-            sec, tenths = divmod(seen.tick, 10)
-            self._put(self._keys.of("clock"), Clock(self.run, seen.tick, Stamp(sec, tenths * 10**8)))
+            sec, ticks = divmod(seen.tick, TICKS_PER_SECOND)
+            self._put(self._keys.of("clock"), Clock(self.run, seen.tick, Stamp(sec, ticks * (10**9 // TICKS_PER_SECOND))))
 
-    def _show(self, seen: Observations, holder: str, names: Collection[str], asked: list[AskedOf]) -> None:
+    def _put_seen(self, seen: Observations, holder: str, names: Collection[str], asked: list[AskedOf]) -> None:
         bodies = [self._layout.index[name] for name in names if name in self._layout.index]
         self._put(self._keys.of("seen", session=holder), seen_of(self.run, seen, bodies, asked))
 
-    def part(self, holders: Iterable[str]) -> None:
-        """These sessions hold nothing any more: nothing is to be shown to them."""
+    def retire(self, holders: Iterable[str]) -> None:
+        """Remove the publishers of sessions that do not hold an agent any more."""
         for holder in holders:
             self._bus.retire(self._keys.of("seen", session=holder))
 
-    def _show_alone(self, what: str, seen: Observations, body: int, name: str) -> None:
+    def _put_single(self, what: str, seen: Observations, body: int, name: str) -> None:
         key = self._keys.of(what, name)
         if not self._is_heard(key):
             return
@@ -68,41 +84,44 @@ class Publisher:
             laser = KINDS[self._layout.starts[body].kind].laser
             self._put(key, scan_of(self.run, seen[name], laser, KINDS["bin"].laser))
 
-    def driven(self, name: str, velocity: Velocity) -> None:
-        """A velocity that came with others, to those who listen on its robot's key."""
+    def publish_velocity(self, name: str, velocity: Velocity) -> None:
+        """Publish a velocity that came in a session's message on the key of its robot, if a session subscribes to that."""
         if self._is_heard(self._keys.of("velocity", name)):
             self._bus.publish(self._keys.of("velocity", name), pack(velocity))
 
     def _put(self, key: str, message: Message) -> None:
         self._bus.publish(key, pack(message), self._newest_wins)
 
-    # -- what happened
+    # -- results of steps
 
-    def happened(self, tick: int, events: "list[Event]") -> None:
+    def publish_events(self, tick: int, events: "list[Event]") -> None:
+        """Publish the events of the step from `tick`, if there are any."""
         if events:
-            self.say("events", Events(self.run, tick, events))
+            self.publish("events", Events(self.run, tick, events))
 
-    def wrote(self, tick: int, letters: dict[str, Written]) -> None:
+    def publish_letters(self, tick: int, letters: dict[str, Written]) -> None:
+        """Publish the letters of a tick, if there are any. `letters`: sender -> its letters."""
         if letters and self.is_heard("letters"):
-            self.say("letters", Letters(self.run, tick, letters))
+            self.publish("letters", Letters(self.run, tick, letters))
 
-    def lost(self, tick: int, released: dict[str, list[str]]) -> None:
+    def publish_lost(self, tick: int, released: dict[str, list[str]]) -> None:
+        """Publish and log that agents have lost their holder. `released`: session id -> the names that it held."""
         for holder, names in released.items():
             log.warning("no answer to tick %d from %s: no longer waited for", tick, ", ".join(names))
-            self.say("lost", Lost(self.run, tick, names, holder))
+            self.publish("lost", Lost(self.run, tick, names, holder))
 
-    # -- who listens
+    # -- subscribers
 
-    def listen(self) -> None:
-        """Find out anew who listens: that is done now and then, and when a session joins."""
-        self._heard, self._look_again = {}, time.monotonic() + EARS_SECONDS
+    def refresh_subscribers(self) -> None:
+        """Forget which keys have subscribers, so that they are checked again: every RECHECK_SECONDS, and when a tick is sent again."""
+        self._heard, self._recheck_at = {}, time.monotonic() + RECHECK_SECONDS
 
     def is_heard(self, what: str) -> bool:
-        """Whether somebody listens to a key of that kind."""
+        """Whether a session subscribes to a key of `wire.keys.TABLE`."""
         return self._is_heard(self._keys.of(what))
 
     def are_robots_heard(self) -> bool:
-        """Whether somebody listens to a robot's pose, scan or velocity."""
+        """Whether a session subscribes to the pose, scan or velocity of a robot."""
         return self._is_heard(self._robots)
 
     def _is_heard(self, keys: str) -> bool:
@@ -110,5 +129,51 @@ class Publisher:
             self._heard[keys] = self._bus.is_heard(keys)
         return self._heard[keys]
 
-    def say(self, what: str, message: Message) -> None:
+    def publish(self, what: str, message: Message) -> None:
+        """Publish a message. `what`: its key in `wire.keys.TABLE`."""
         self._bus.publish(self._keys.of(what), pack(message))
+
+
+class FinishedStep(NamedTuple):
+    """A step: its tick, its events, and the actions that it applied."""
+
+    tick: int
+    events: "list[Event]"
+    actions: dict[str, Action]
+
+
+class StepReporter:
+    """Reports each step later, while the agents think about the next one."""
+
+    def __init__(
+        self, engine: "Engine", account: RunFigures, publisher: Publisher, ledger: RecoveryLog, refusal_totals: RefusalTotals
+    ) -> None:
+        self._engine, self._publisher, self._ledger, self._refusal_totals = engine, publisher, ledger, refusal_totals
+        self.account, self.frame_builder = account, FrameBuilder(engine.world)
+        self._pending: FinishedStep | None = None  # not reported yet
+
+    def begin(self) -> None:
+        """Start the figures' wall clock, and publish the first figures."""
+        self.account.begin()
+        self._publish_figures()
+
+    def add(self, step: FinishedStep) -> None:
+        """Store a step for the next call of `report`."""
+        self._pending = step
+
+    def report(self) -> None:
+        """Count and publish the results of the stored step, if there is one."""
+        if self._pending is None:
+            return
+        (tick, events, actions), self._pending = self._pending, None
+        self.account.update(events, actions)
+        self._publisher.publish_events(tick, events)
+        self._publisher.publish_letters(tick, self._ledger.letters.get(tick, {}))
+        if self._publisher.is_heard("picture"):
+            frame = self.frame_builder.frame(self._engine.scans, actions, events)
+            self._publisher.publish("picture", picture_of(self._publisher.run, frame))
+        if self.account.is_due():
+            self._publish_figures()
+
+    def _publish_figures(self) -> None:
+        self._publisher.publish("figures", self.account.message(self._publisher.run, self._refusal_totals.total()))

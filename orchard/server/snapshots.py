@@ -1,4 +1,4 @@
-"""Snapshots of a run that physics owns: one at its first tick, and then one now and then, for whoever goes on from there."""
+"""Writes snapshots of a run at intervals, and finds the newest one, from which a run can be resumed."""
 
 import fcntl
 import logging
@@ -11,17 +11,17 @@ from pathlib import Path
 
 from orchard.sim.snapshot import Snapshot, SnapshotError, as_file, newest, store
 
-SNAPSHOT_SECONDS = 2.0  # of wall time between two snapshots
-KEPT_SECONDS = 2.0  # for which a person who stops robots is kept waiting for the disk
+SNAPSHOT_SECONDS = 2.0  # s of wall time between two snapshots
+KEPT_SECONDS = 2.0  # that the reply to an emergency stop waits for the disk
 
 log = logging.getLogger("orchard")
 
 
 @contextmanager
 def sole(folder: Path | None) -> Iterator[None]:
-    """Within this nobody else keeps snapshots in a folder. Raises SnapshotError where somebody does.
+    """Lock a folder for this process, so that only one run writes snapshots there. Raises SnapshotError if another process holds the lock.
 
-    The lock goes with the process that holds it, however that ends. A folder that cannot be made is told of by `Keeper`.
+    The lock ends with the process, however that ends. If the folder cannot be created, there is no lock: `SnapshotWriter` logs the error.
     """
     if folder is None:
         yield
@@ -50,48 +50,49 @@ def _lock(opened: int, folder: Path) -> None:
     try:
         fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise SnapshotError(f"{folder}: the run of these snapshots goes on still; stop it first") from error
+        raise SnapshotError(f"{folder}: the run of these snapshots is still active; stop it first") from error
 
 
 class SnapshotWriter:
-    """Writes snapshots into a folder, `seconds` of wall time apart; none without a folder.
+    """Writes snapshots into a folder, `seconds` of wall time apart. Without a folder it writes none.
 
-    A thread of its own writes, so that a slow disk holds up nobody; while it writes no other snapshot is due.
+    It writes in its own thread, so that a slow disk does not delay the run. While it writes, no other snapshot is due.
     """
 
     def __init__(self, folder: Path | None, seconds: float) -> None:
         self._folder, self._seconds = folder, seconds
-        self._due = 0.0  # on the clock
-        self._hand = ThreadPoolExecutor(max_workers=1)
+        self._due = 0.0  # s, monotonic clock
+        self._executor = ThreadPoolExecutor(max_workers=1)
         self._writing: Future[bool] | None = None
         self._failed = False
 
     def is_due(self) -> bool:
+        """Whether the next snapshot is due, and none is being written."""
         is_idle = self._writing is None or self._writing.done()
         return self._folder is not None and is_idle and time.monotonic() >= self._due
 
     def keep(self, snapshot: Snapshot) -> None:
-        """Begin to write it, once the one before is written; one that waits for that is left out, for this is newer."""
+        """Start to write a snapshot after the one that is being written. It replaces an older one that still waits."""
         if self._folder is None:
             return
         if self._writing is not None:
             self._writing.cancel()
-        self._writing = self._hand.submit(self._store, *as_file(snapshot), self._folder)
+        self._writing = self._executor.submit(self._store, *as_file(snapshot), self._folder)
         self._due = time.monotonic() + self._seconds
 
     def _store(self, name: str, content: bytes, folder: Path) -> bool:
-        """Whether it could be written. A disk that is full is told of once."""
+        """Write a snapshot. Return whether that succeeded; only the first error is logged."""
         try:
             store(name, content, folder)
         except OSError as error:
             if not self._failed:
-                log.error("no snapshot: %s", error)
+                log.error("a snapshot could not be written: %s", error)
             self._failed = True
             return False
         return True
 
     def finish(self, seconds: float | None = None) -> bool:
-        """Wait until what was kept last is on the disk, or for so long; whether it is there."""
+        """Wait until the last snapshot is on the disk, at most `seconds`. Return whether it is there."""
         try:
             return self._writing is not None and self._writing.result(seconds)
         except TimeoutError:
@@ -99,7 +100,7 @@ class SnapshotWriter:
 
 
 def last(folder: Path) -> Snapshot | None:
-    """The newest snapshot in a folder that can be used; None where none was ever written. Raises SnapshotError where all are bad."""
+    """Return the newest usable snapshot in a folder; None if the folder has none. Raises SnapshotError if none of them is usable."""
     refused: list[str] = []
     if not folder.is_dir() or not any(folder.glob("tick-*.snapshot")):
         return None

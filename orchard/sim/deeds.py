@@ -1,4 +1,4 @@
-"""What bodies ask of physics besides moving: coupling, uncoupling, and a weed's end. Physics decides whether it happens."""
+"""Deeds, which bodies request besides moving: couple, uncouple, flatten a weed. Physics decides whether they happen."""
 
 import numpy as np
 
@@ -10,19 +10,19 @@ from orchard.sim.kernels.boxes import place
 from orchard.sim.kernels.move import mover_near
 from orchard.sim.world import NOBODY, World
 
-COUPLING_REACH = 0.1  # m, from the bin's centre to the coupling point
+COUPLING_REACH = 0.1  # m, between the bin's centre and the coupling point
 COUPLING_ANGLE = 5.0 * repeatable.PI / 180.0  # rad, between the sides of robot and bin
 WEED_REACH = 1.0  # m, edge to edge
 
 
 class DeedRefused(Exception):
-    """Why a deed does not happen."""
+    """A deed that does not happen; the text is the reason."""
 
 
 def do_deeds(world: World, wanted: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
-    """Do the deeds, (body index, deed) in body order, or tell why not; wanted (n, 3): the twists wanted for this step.
+    """Do the deeds, (body index, deed) in body order, and return an event for each, also for a refused one.
 
-    Those of stopped bodies are left out, without a word at every tick: that they are stopped was told.
+    wanted (n, 3): the wanted twists for this step. Deeds of stopped bodies give no event: the stop has been reported already.
     """
     return [_do_one(world, wanted, i, deed) for i, deed in deeds if not world.stopped[i]]
 
@@ -38,8 +38,8 @@ def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
             case Flatten():
                 return Event(world.tick, "weed flattened", name, _flatten(world, i))
     except DeedRefused as reason:
-        whom = deed.bin if isinstance(deed, Couple) else ""
-        return Event(world.tick, "deed refused", name, whom, f"{type(deed).__name__.lower()}: {reason}")
+        other = deed.bin if isinstance(deed, Couple) else ""
+        return Event(world.tick, "deed refused", name, other, f"{type(deed).__name__.lower()}: {reason}")
     raise TypeError(f"not a deed: {deed!r}")
 
 
@@ -57,7 +57,7 @@ def _couple(world: World, wanted: np.ndarray, robot: int, bin_name: str) -> str:
 
 
 def _refuse_unless_in_place(world: World, robot: int, bin_: int) -> None:
-    """A bin is square, so any quarter turn does."""
+    """A bin is square, so its yaw counts modulo a quarter turn."""
     pose, other = Pose(*world.pose[robot].tolist()), Pose(*world.pose[bin_].tolist())
     ahead, left = to_frame(pose, other.x, other.y)
     ahead += float(world.bodies.tows[robot])

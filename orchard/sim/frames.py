@@ -1,37 +1,39 @@
-"""Makes the frames that a picture is made of: from the world at each tick, only what has changed."""
+"""Makes the frames of a picture from the world at each tick. A frame holds only what has changed."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchard.contract.agent import Action
+from orchard.contract.agent import Action, State, state_of
 from orchard.contract.events import SCAN_TICKS, STOPPED, Event, Frame
-from orchard.contract.messages import Answer, Call, Come, EmptyBin, Here, Offer, Request, kind_of_message
+from orchard.contract.messages import Answer, Call, Come, EmptyBin, Here, Offer, Request, type_of
 from orchard.sim.stops import as_shown
 
 if TYPE_CHECKING:
     from orchard.sim.world import World
-WHOLE_TICKS = 50  # every five seconds a frame says everything, for those who came late
+WHOLE_TICKS = 50  # ticks between two whole frames, 5 s, for viewers that join later
 
 
 class FrameBuilder:
-    """Looks at one world."""
+    """Makes the frames of one world."""
 
     def __init__(self, world: "World") -> None:
         self._world = world
         self._shown: dict[str, np.ndarray] = {}
-        self._doing: dict[str, str] = {}
+        self._said: dict[str, tuple[str, State]] = {}
 
     def frame(self, scans: Sequence[np.ndarray], actions: Mapping[str, Action], events: Sequence[Event]) -> Frame:
-        """The world as it is now, after the step in which these actions were done and these events happened."""
+        """Return the frame of the world now, after the step with these actions and events."""
         world = self._world
         if world.tick % WHOLE_TICKS == 0:
             self.forget()
+        news = self._news_of(as_shown(world, actions))
         return Frame(
             tick=world.tick,
             poses=world.pose.copy(),
-            doing=self._news_of(as_shown(world, actions)),
+            doing={name: words for name, (words, _) in news.items()},
+            states={name: state for name, (_, state) in news.items()},
             scans=list(scans) if world.tick % SCAN_TICKS == 0 else None,
             coupled=self._if_changed("coupled", world.coupled),
             fill=self._if_changed("fill", world.fill),
@@ -42,8 +44,8 @@ class FrameBuilder:
         )
 
     def forget(self) -> None:
-        """The next frame says everything."""
-        self._shown, self._doing = {}, {}
+        """Make the next frame a whole one."""
+        self._shown, self._said = {}, {}
 
     def _if_changed(self, what: str, now: np.ndarray) -> np.ndarray | None:
         if what in self._shown and (self._shown[what] == now).all():
@@ -51,33 +53,34 @@ class FrameBuilder:
         self._shown[what] = now.copy()
         return self._shown[what]
 
-    def _news_of(self, actions: Mapping[str, Action]) -> dict[str, str]:
-        said = {name: "standing" for name, words in self._doing.items() if words == STOPPED}  # unless it has an agent, which knows more
-        said |= {name: words_of(action) for name, action in actions.items() if action.doing}
-        news = {name: words for name, words in said.items() if self._doing.get(name) != words}
-        self._doing |= news
+    def _news_of(self, actions: Mapping[str, Action]) -> dict[str, tuple[str, State]]:
+        """The text and the state of each body that does something new. A robot without an agent stands after a stop."""
+        said: dict[str, tuple[str, State]] = {name: ("standing", "resting") for name, (words, _) in self._said.items() if words == STOPPED}
+        said |= {name: (words_of(action), state_of(action)) for name, action in actions.items() if action.doing}
+        news = {name: now for name, now in said.items() if self._said.get(name) != now}
+        self._said |= news
         return news
 
 
 def words_of(action: Action) -> str:
-    """What a robot does, and whether it is held up by something in its way."""
-    return f"{action.doing}, held up by {action.waits_for}" if "obstacle" in action.waits_for else action.doing
+    """Return what a robot does, and what holds it up, as text."""
+    return f"{action.doing}, held up by {action.waits_for}" if action.state == "stopped" and action.waits_for else action.doing
 
 
 def talk_of(tick: int, name: str, requests: Sequence[tuple[str, Request]], answers: Sequence[tuple[str, Answer]]) -> list[Event]:
-    """The messages that agent `name` sent at a tick, as events; `requests` and `answers`: (recipient, message)."""
-    return [Event(tick, kind_of_message(body), name, to, _said(body)) for to, body in [*requests, *answers]]
+    """Return the messages that agent `name` sent at a tick as events. `requests` and `answers`: (recipient, message)."""
+    return [Event(tick, type_of(body), name, to, _said(body)) for to, body in [*requests, *answers]]
 
 
 def _said(body: Request | Answer) -> str:
     if isinstance(body, Call):
-        return f"who is free? row {body.lane}, {body.side} end"
+        return f"is a carrier free? row {body.lane}, {body.side} end"
     if isinstance(body, Come):
         return f"come, row {body.lane}, {body.side} end"
     if isinstance(body, Offer):
-        return f"I am, {body.distance:.0f} m away"
+        return f"{body.distance:.0f} m away"
     if isinstance(body, EmptyBin):
-        return "who brings me one?"
+        return "which carrier comes?"
     if isinstance(body, Here):
         return f"here is {body.bin}"
     return getattr(body, "reason", "") or getattr(body, "carrier", "")

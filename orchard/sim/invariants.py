@@ -1,8 +1,9 @@
-"""What must be so at every tick, whoever drives: bins, metres, calls and bodies are accounted for. Each violation is a sentence.
+"""Invariants of a run, which hold with any agents: bins, metres, calls and bodies are accounted for. Each violation is a sentence.
 
-Looked at after every tick: metres and rows, calls, stopped robots, and where the bins are whenever one was coupled or uncoupled.
-Looked at once a simulated second and at the end: where the bins are, and that nobody stands in anybody or in a tree. At the end of a
-finished harvest: that every call ended in its exchange. That each robot's states add up to the run is `states.StateTimes.faults`.
+Checked after each tick: metres and rows, calls, stopped robots, and the places of the bins if one was coupled or uncoupled.
+Checked once a simulated second and at the end: the places of the bins, and that no body overlaps another, a fence, a trunk or a post.
+Checked at the end of a finished harvest: that each call ended in an exchange.
+`state_times.StateTimes.faults` checks that each robot's states add up to the run.
 """
 
 from collections.abc import Iterator
@@ -15,82 +16,82 @@ from orchard.contract.events import Event
 from orchard.field.kinds import kind_of
 from orchard.field.layout import ROW_LENGTH
 from orchard.field.scenario import TIME_STEP
+from orchard.sim.kernels.boxes import overlaps
 from orchard.sim.kernels.move import FULL_WITHIN
-from orchard.sim.kernels.watch import who_stands_in_whom
 from orchard.sim.world import NOBODY, World
 
-LOOK_TICKS = round(1.0 / TIME_STEP)  # from one look at everybody's place to the next
-MOST = 50  # violations that are told one by one
+LOOK_TICKS = round(1.0 / TIME_STEP)  # between two checks of the places of all bodies
+MOST = 50  # violations that are listed
 
 
 class Known(msgspec.Struct):
-    """What the checker remembers of the ticks before, as plain data: a snapshot holds it, and a run that goes on begins with it."""
+    """The facts that the checker keeps from earlier ticks, as plain data. A snapshot holds them, and a restored run starts with them."""
 
-    delivered: int  # bins that were unloaded
-    rows: list[str]  # those whose picking has ended
-    calls: dict[str, str]  # full bin -> the carrier that has taken it; '' before
-    lacking: dict[str, str]  # picker -> the full bin for which it wants an empty one
-    told: dict[str, str] = {}  # what is violated, of whom -> the first time it was, in a sentence
+    delivered: int  # number of unloaded bins
+    rows: list[str]  # rows that are picked
+    calls: dict[str, str]  # full bin -> the carrier that took it, '' before
+    lacking: dict[str, str]  # picker -> its full bin, until it has an empty one
+    told: dict[str, str] = {}  # invariant and body -> the sentence on its first violation
 
 
 class Invariants:
-    """The invariants of one run, from any tick on."""
+    """Checks the invariants of one run, from any tick on."""
 
     def __init__(self, world: World, data: dict[str, Any] | None = None) -> None:
-        """With the data of another, it goes on from there; raises ValueError where they are none. Else it knows what the world tells."""
+        """`data`: what `as_data` returned; without it, the earlier ticks are inferred from the world. Raises ValueError for wrong data."""
         self.known = _known_of(world) if data is None else msgspec.convert(data, Known)
         self._rows = world.row_picked.tolist()
         self._coupled: list[int] = []
-        self._tolerance = 2.0 * FULL_WITHIN * (len(self._rows) + len(world.layout.names))  # of rows and bins that are full within it
+        self._tolerance = 2.0 * FULL_WITHIN * (len(self._rows) + len(world.layout.names))  # m: full rows and bins are rounded up
 
     def as_data(self) -> dict[str, Any]:
-        """All that it must remember, plain: for a snapshot."""
+        """Return the state of the checker as plain data, for a snapshot."""
         data: dict[str, Any] = msgspec.to_builtins(self.known)
         return data
 
     @property
     def violations(self) -> list[str]:
-        """All so far, in the order in which they were found."""
+        """All violations so far, in the order of their discovery; at most MOST, and the number of further ones."""
         told = list(self.known.told.values())
         return told if len(told) <= MOST else [*told[:MOST], f"and {len(told) - MOST} more"]
 
     def update(self, world: World, events: list[Event]) -> None:
-        """Look at the tick that has just ended, and at what happened in it."""
+        """Check the tick that has just ended, and its events."""
         tick = world.tick
         for event in events:
-            self._tell(tick, self._heard(event))
-        self._tell(tick, self._metres(world))
+            self._record(tick, self._check_event(event))
+        self._record(tick, self._check_metres(world))
         coupled, stopped = world.coupled.tolist(), world.stopped.tolist()
         if True in stopped:
-            self._tell(tick, _moving_though_stopped(world))
+            self._record(tick, _moving_though_stopped(world))
         if tick % LOOK_TICKS == 0:
-            self._look(world)
+            self._check_places(world)
         elif coupled != self._coupled:
-            self._tell(tick, _misplaced_bins(world))
+            self._record(tick, _misplaced_bins(world))
         self._coupled = coupled
 
     def end(self, world: World, finished: bool) -> list[str]:
-        """All violations of the run, now that it is over; in a finished harvest every call has ended."""
-        self._look(world)
+        """Check the end of the run, and return all its violations. `finished`: whether the harvest is over, so that no call is open."""
+        self._check_places(world)
         if finished:
-            self._tell(world.tick, self._open_calls())
+            self._record(world.tick, self._open_calls())
         return self.violations
 
-    def _look(self, world: World) -> None:
-        self._tell(world.tick, _misplaced_bins(world))
-        self._tell(world.tick, _standing_in_others(world))
+    def _check_places(self, world: World) -> None:
+        self._record(world.tick, _misplaced_bins(world))
+        self._record(world.tick, _overlapping_bodies(world))
 
-    def _tell(self, tick: int, found: Iterator[tuple[str, str]]) -> None:
-        """Keep what was found, (what of whom, a sentence), the first time only: most things that are wrong stay so."""
+    def _record(self, tick: int, found: Iterator[tuple[str, str]]) -> None:
+        """Record violations, (invariant and body, sentence), the first time only: most violations last for many ticks."""
         for what, sentence in found:
             self.known.told.setdefault(what, f"tick {tick}: {sentence}")
 
-    # -- rows are picked once, and metres are in rows, bins and deliveries
+    # -- each row is picked once, and the picked metres are in bins or delivered
 
-    def _metres(self, world: World) -> Iterator[tuple[str, str]]:
+    def _check_metres(self, world: World) -> Iterator[tuple[str, str]]:
         rows, fills = world.row_picked.tolist(), world.fill.tolist()
         if rows != self._rows:
-            yield from _rows_amiss(self._rows, rows)
+            yield from _row_faults(self._rows, rows)
             self._rows = rows
         if min(fills) < 0.0 or max(fills) > ROW_LENGTH:
             wrong = [(name, fill) for name, fill in zip(world.layout.names, fills, strict=True) if not 0.0 <= fill <= ROW_LENGTH]
@@ -101,30 +102,30 @@ class Invariants:
         if world.delivered != self.known.delivered:
             yield "delivered", f"{world.delivered} bins count as delivered, but {self.known.delivered} were unloaded"
 
-    # -- every call ends in one exchange
+    # -- each call ends in one exchange
 
-    def _heard(self, event: Event) -> Iterator[tuple[str, str]]:
-        """A full bin is taken by one carrier and unloaded by it, and its picker takes an empty one."""
-        who, whom, known = event.who, event.whom, self.known
+    def _check_event(self, event: Event) -> Iterator[tuple[str, str]]:
+        """A full bin is taken by one carrier and unloaded on it, and its picker takes an empty bin."""
+        body, other, known = event.who, event.whom, self.known
         match event.what:
             case "row picked":
                 if event.detail in known.rows:
-                    yield f"picked {event.detail}", f"{event.detail} was picked a second time, by {who}"
+                    yield f"picked {event.detail}", f"{event.detail} was picked a second time, by {body}"
                 known.rows.append(event.detail)
             case "bin full":
-                if who in known.calls:
-                    yield f"call {who}", f"{who} is full again, but was not unloaded since it was full last"
-                known.calls[who], known.lacking[whom] = "", who
-            case "coupled" if whom in known.calls and kind_of(who) == "carrier":
-                if known.calls[whom]:
-                    yield f"call {whom}", f"{whom} was taken twice for one call: by {known.calls[whom]}, and then by {who}"
-                known.calls[whom] = who
-            case "coupled" if known.lacking.get(who, whom) != whom:
-                del known.lacking[who]
+                if body in known.calls:
+                    yield f"call {body}", f"{body} is full again, but was not unloaded since it was last full"
+                known.calls[body], known.lacking[other] = "", body
+            case "coupled" if other in known.calls and kind_of(body) == "carrier":
+                if known.calls[other]:
+                    yield f"call {other}", f"{other} was taken twice for one call: by {known.calls[other]}, and then by {body}"
+                known.calls[other] = body
+            case "coupled" if known.lacking.get(body, other) != other:
+                del known.lacking[body]
             case "unloaded":
-                carrier, known.delivered = known.calls.pop(who, None), known.delivered + 1
-                if carrier != whom:
-                    yield f"call {who}", f"{who} was unloaded on {whom}, but {_taken(carrier)}"
+                carrier, known.delivered = known.calls.pop(body, None), known.delivered + 1
+                if carrier != other:
+                    yield f"call {body}", f"{body} was unloaded on {other}, but {_taken(carrier)}"
 
     def _open_calls(self) -> Iterator[tuple[str, str]]:
         for bin_ in self.known.calls:
@@ -134,7 +135,7 @@ class Invariants:
 
 
 def _known_of(world: World) -> Known:
-    """What can be known of the ticks before a tick by the world alone."""
+    """The facts about earlier ticks that can be inferred from the world."""
     names, full = world.layout.names, (world.fill >= ROW_LENGTH).nonzero()[0].tolist()
     others = {i: "" if world.coupled[i] == NOBODY else names[int(world.coupled[i])] for i in full}
     calls = {names[i]: other if kind_of(other) == "carrier" else "" for i, other in others.items()}
@@ -148,32 +149,32 @@ def _taken(carrier: str | None) -> str:
     return f"{carrier} had taken it" if carrier else "no carrier had taken it"
 
 
-def _rows_amiss(before: list[float], rows: list[float]) -> Iterator[tuple[str, str]]:
+def _row_faults(before: list[float], rows: list[float]) -> Iterator[tuple[str, str]]:
     for r, (old, new) in enumerate(zip(before, rows, strict=True)):
         if not old <= new <= ROW_LENGTH:
-            yield f"row {r + 1}", f"row {r + 1} was picked for {old:g} m, and now for {new:g} m; it only grows, to {ROW_LENGTH:g} m"
+            yield f"row {r + 1}", f"row {r + 1} was picked for {old:g} m, and now for {new:g} m; this may only grow, to {ROW_LENGTH:g} m"
 
 
 # -- bins = at pickers + on carriers + standing + unloading
 
 
 def _misplaced_bins(world: World) -> Iterator[tuple[str, str]]:
-    """Bins that are not at exactly one place: standing by themselves, or on the one robot that has them, unloading or not."""
+    """Bins that are not at exactly one place: uncoupled, or coupled to one robot, which is coupled to them."""
     names, coupled, bay = world.layout.names, world.coupled.tolist(), world.bay_ticks.tolist()
     on: dict[int, list[str]] = {i: [] for i, name in enumerate(names) if kind_of(name) == "bin"}
     for i, j in enumerate(coupled):
         if i not in on and j != NOBODY:
             if j not in on or kind_of(names[i]) not in ("picker", "carrier"):
-                yield f"bar {names[i]}", f"{names[i]} is coupled to {_name(names, j)}, which is no bin of a picker's or a carrier's"
+                yield f"bar {names[i]}", f"{names[i]} is coupled to {_name(names, j)}; a coupling needs a picker or carrier and a bin"
             else:
                 on[j].append(names[i])
     for bin_, robots in on.items():
         own = coupled[bin_]
         if robots != ([] if own == NOBODY else [_name(names, own)]):
-            itself, theirs = "by itself" if own == NOBODY else f"on {_name(names, own)}", " and ".join(robots) or "nobody"
+            itself, theirs = "by itself" if own == NOBODY else f"on {_name(names, own)}", " and ".join(robots) or "no robot"
             yield f"place {names[bin_]}", f"{names[bin_]} is not at one place: it is {itself}, and coupled to {theirs}"
         elif bay[bin_] and (own == NOBODY or kind_of(names[own]) != "carrier"):
-            yield f"place {names[bin_]}", f"{names[bin_]} is being unloaded, but on no carrier"
+            yield f"place {names[bin_]}", f"{names[bin_]} is being unloaded, but is on no carrier"
 
 
 def _name(names: tuple[str, ...], i: int) -> str:
@@ -183,11 +184,11 @@ def _name(names: tuple[str, ...], i: int) -> str:
 # -- bodies
 
 
-def _standing_in_others(world: World) -> Iterator[tuple[str, str]]:
+def _overlapping_bodies(world: World) -> Iterator[tuple[str, str]]:
     bodies, names = world.bodies, world.layout.names
-    for i, k in who_stands_in_whom(world.pose, bodies.boxes, bodies.solid, world.walls, *world.wall_grid).tolist():
+    for i, k in overlaps(world.pose, bodies.boxes, bodies.solid, world.walls, *world.wall_grid).tolist():
         other = names[k] if k < len(names) else "a fence, trunk or post"
-        yield f"inside {names[i]} {other}", f"{names[i]} stands in {other}, at {_place(world.pose[i])}"
+        yield f"inside {names[i]} {other}", f"{names[i]} overlaps {other}, at {_place(world.pose[i])}"
 
 
 def _place(pose: np.ndarray) -> str:

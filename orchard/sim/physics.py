@@ -1,8 +1,10 @@
-"""One step of the orchard, 0.1 s: deeds, then movement, then what follows from where everything is.
+"""One step of the orchard, 0.1 s: deeds, then movement and picking, then unloading.
 
-Physics alone decides what counts: who moves, what is coupled, when a row is picked, a bin full, a bin unloaded.
-Rules and figures: reference.md, 'Towing', 'The behaviours', 'The work'.
+Only physics decides which bodies move, what is coupled, and when a row is picked, a bin is full or a bin is unloaded.
+Rules and figures: docs/reference.md, "Towing", "The behaviours", "The work".
 """
+
+from operator import attrgetter
 
 import numpy as np
 
@@ -12,6 +14,8 @@ from orchard.field.geometry import EAST, angle_between
 from orchard.field.layout import BAY, QUEUE, ROW_LENGTH, UNLOADING_SECONDS
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.deeds import do_deeds
+from orchard.sim.kernels.boxes import Grid
+from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.move import advance, allowed
 from orchard.sim.world import NOBODY, World
 
@@ -19,11 +23,24 @@ UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
 FACING = 1e-6  # rad
 
 
-def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
-    """Move the world on by one tick, in place, and tell what happened. A stopped body stands, and does no deed, whatever is wanted.
+_ARGUMENTS = attrgetter(  # of the kernel `advance`: each parameter's place in the world
+    *in_order(
+        advance,
+        {name: name for name in ("twist", "pose", "coupled", "fill", "distance", "refused", "held", "blocked", "pickers", "walls")}
+        | {name: f"bodies.{name}" for name in ("speed", "turn", "sideways", "tows", "solid")}
+        | {"shapes": "bodies.boxes", "body_frame": "frame", "picking_speed": "layout.scenario.picking_speed"}
+        | {"row_y": "lane_y", "row_picked": "row_picked", "row_from": "row_from"}
+        | {f"wall_{name}": f"wall_grid.{name}" for name in Grid._fields},
+        skip=1,
+    )
+)
 
-    twists: (n, 3) float64, the velocities wanted, each in its body's frame, m/s and rad/s.
-    deeds: (body index, deed), in body order.
+
+def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
+    """Advance the world by one tick, in place, and return the events of the step.
+
+    twists: (n, 3) float64, the wanted velocities, each in its body's frame, m/s and rad/s.
+    deeds: (body index, deed), in body order. A stopped body does not move and does no deed.
     """
     wanted = allowed(twists, world.stopped)
     events = do_deeds(world, wanted, deeds)
@@ -36,12 +53,8 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
 
 
 def _advance(world: World, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Move all bodies, in body order, and pick: the collisions that begin, and from which row each picker picks, or NOBODY."""
-    bodies, rows = world.bodies, (world.lane_y, world.row_picked, world.row_from, world.layout.scenario.picking_speed)
-    state = (world.twist, world.pose, world.coupled, world.fill)
-    kinds = (world.pickers, bodies.speed, bodies.turn, bodies.sideways, bodies.boxes, bodies.tows, bodies.solid)
-    around, counts = (world.walls, *world.wall_grid, world.frame), (world.distance, world.refused, world.held, world.blocked)
-    begun, picked_from = advance(wanted, *state, *kinds, *around, *rows, *counts)
+    """Move all bodies, in body order, and pick. Return the collisions that begin, and the row that each picker picks from, or NOBODY."""
+    begun, picked_from = advance(wanted, *_ARGUMENTS(world))
     return begun, picked_from
 
 
@@ -59,7 +72,7 @@ def _wall(world: World, number: int) -> str:
 
 
 def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
-    """The rows and bins that are full with what was picked from these rows, one for each picker."""
+    """The events for rows that are picked and bins that are full; picked_from: one row index for each picker, or NOBODY."""
     events, names = [], world.layout.names
     for i, r in zip(world.pickers.tolist(), picked_from.tolist(), strict=True):
         if r == NOBODY:
@@ -73,7 +86,7 @@ def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
 
 
 def _unload(world: World) -> list[Event]:
-    """Count the ticks of the one full bin that is at rest in the bay, and empty it when they are enough."""
+    """Count the ticks of one full bin at rest in the bay, and empty it after UNLOADING_TICKS."""
     waiting = [i for i in (world.fill >= ROW_LENGTH).nonzero()[0].tolist() if _rests_in_bay(world, i)]
     begun = [i for i in waiting if world.bay_ticks[i] > 0]
     ticks = int(world.bay_ticks[begun[0]]) if begun else 0
@@ -101,21 +114,24 @@ def _empty(world: World, bin_: int) -> list[Event]:
     return [Event(world.tick, "unloaded", world.layout.names[bin_], carrier, f"bin number {world.delivered}")]
 
 
-# -- what others ask of the world
+# -- queries
 
 
 def is_full(world: World, i: int) -> bool:
-    """Whether a bin is full; of any other body, no."""
+    """Whether body `i` is a full bin."""
     return bool(world.fill[i] >= ROW_LENGTH)
 
 
 def is_at_rest(world: World, i: int) -> bool:
-    """Whether a body did not move in the last step."""
+    """Whether body `i` did not move in the last step."""
     return not world.twist[i].any()
 
 
 def harvest_is_over(world: World) -> bool:
-    """Every row is picked, no bin is full, the carriers stand in the queue with their bins, facing east, and the pickers stand."""
+    """Whether the harvest is over.
+
+    All rows are picked, no bin is full, the carriers stand in the queue with their bins, facing east, and the pickers stand.
+    """
     if (world.row_picked < ROW_LENGTH).any() or (world.fill >= ROW_LENGTH).any():
         return False
     kinds = [start.kind for start in world.layout.starts]

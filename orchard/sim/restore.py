@@ -1,4 +1,4 @@
-"""Between a world and its place in a snapshot."""
+"""Converts a world to the data of a snapshot and back."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from orchard.contract.messages import FASTEST, LAST_TICK, TRAFFIC
+from orchard.contract.messages import FASTEST, LAST_TICK
 from orchard.field.kinds import KINDS
 from orchard.field.layout import ROW_LENGTH, lay_out
 from orchard.field.problems import ScenarioError
@@ -15,52 +15,52 @@ from orchard.field.scenario import check
 from orchard.sim.snapshot import Snapshot, SnapshotError
 from orchard.sim.world import NOBODY, World, new_world
 
-FURTHEST = 1e12  # m that a body can have driven by then
+FURTHEST = 1e12  # m that a body can drive by LAST_TICK
 
 
 def world_as_data(world: World) -> dict[str, Any]:
-    """Every field of a world but its layout."""
+    """Return all fields of a world except its layout."""
     values = {field.name: getattr(world, field.name) for field in fields(world) if field.name != "layout"}
     return {name: value.tobytes() if isinstance(value, np.ndarray) else value for name, value in values.items()}
 
 
 @contextmanager
 def fitting(snapshot: Snapshot) -> Iterator[None]:
-    """Within this, what a snapshot holds is looked at: where it does not fit together, SnapshotError is raised."""
+    """Convert errors that are raised while a snapshot is read to SnapshotError: the snapshot is inconsistent."""
     try:
         yield
     except (ScenarioError, KeyError, ValueError, TypeError, OverflowError) as error:
-        words = f"there is no {error}" if isinstance(error, KeyError) else str(error)
-        raise SnapshotError(f"the snapshot of tick {snapshot.world.get('tick')} does not fit together: {words}") from error
+        words = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        raise SnapshotError(f"the snapshot of tick {snapshot.world.get('tick')} is inconsistent: {words}") from error
 
 
 def world_from(snapshot: Snapshot) -> World:
-    """The world of a snapshot. Raises SnapshotError for one that does not fit its scenario, or in which something cannot be."""
+    """Return the world of a snapshot. Raises SnapshotError if it does not fit its scenario, or a value is impossible."""
     with fitting(snapshot):
         world = new_world(lay_out(check(snapshot.scenario, "the snapshot's scenario")))
         for field in fields(world):
             if field.name != "layout":
                 setattr(world, field.name, _like(getattr(world, field.name), snapshot.world[field.name]))
-        strangers = {*snapshot.held, *snapshot.memories} - {*world.layout.names, TRAFFIC}
-        faults = [*_faults(world), *(f"{name}: there is no such agent" for name in sorted(strangers))]
+        unknown = {*snapshot.held, *snapshot.memories} - set(world.layout.agents)
+        faults = [*_faults(world), *(f"{name}: there is no such agent" for name in sorted(unknown))]
         if faults:
             raise ValueError("; ".join(faults[:5]))
     return world
 
 
 def _like(old: Any, value: Any) -> Any:
-    """A field's value, in the type and shape that it has at the beginning."""
+    """Convert a field's value to the type and shape that the field has at tick 0."""
     if not isinstance(old, np.ndarray):
         if type(value) is not type(old):
-            raise ValueError(f"{value!r} is no {type(old).__name__}")
+            raise ValueError(f"{value!r} is not of type {type(old).__name__}")
         return value
     if old.dtype == bool and not set(value) <= {0, 1}:
-        raise ValueError("a truth is 0 or 1")
+        raise ValueError("a boolean must be 0 or 1")
     return np.frombuffer(value, old.dtype).reshape(old.shape).copy()
 
 
 def _faults(world: World) -> Iterator[str]:
-    """The fields in which something stands that cannot be."""
+    """A sentence for each field with an impossible value."""
     west, south = world.walls[:, :2].min(axis=0)
     east, north = world.walls[:, :2].max(axis=0)
     x, y, yaw = world.pose.T
@@ -80,14 +80,14 @@ def _faults(world: World) -> Iterator[str]:
         "held": (world.held, 0, LAST_TICK),
     }
     for name, (value, least, most) in spans.items():
-        if not (np.greater_equal(value, least) & np.less_equal(value, most)).all():  # not so of what is not a number
-            yield f"{name}: wanted is {least:g} to {most:g}"
+        if not (np.greater_equal(value, least) & np.less_equal(value, most)).all():  # refuses NaN too
+            yield f"{name}: must be from {least:g} to {most:g}"
     if not _are_pairs(world):
-        yield "coupled: wanted are pairs of a robot that tows and a bin"
+        yield "coupled: must be pairs of a robot that tows and a bin"
 
 
 def _are_pairs(world: World) -> bool:
-    """Whether who is coupled to another is coupled to it in turn, the one a bin, the other a robot that tows."""
+    """Whether all couplings are mutual, each between a bin and a robot that tows."""
     kinds, coupled = [start.kind for start in world.layout.starts], world.coupled.tolist()
     pairs = [(i, j) for i, j in enumerate(coupled) if j != NOBODY]
     return all(0 <= j < len(coupled) and coupled[j] == i and _tow(kinds[i], kinds[j]) for i, j in pairs)

@@ -1,20 +1,20 @@
-"""The laser, and what physics lets each body observe.
+"""The lasers, and the observations of all bodies.
 
-The scan plane is 0.2 m above the ground. Fences, trunks, posts and all solid bodies return; weeds do not, and no body returns to
-itself. The ranges are exact against oriented boxes: kernels/laser.py says how. Figures: docs/reference.md, "The laser".
+The scan plane is 0.2 m above the ground. A laser sees fences, trunks, posts and all solid bodies, but neither weeds nor its own body.
+The ranges to oriented boxes are exact: see kernels/laser.py. Figures: docs/reference.md, "The laser".
 """
 
 import hashlib
 
 import numpy as np
 
-from orchard.contract.agent import Hitch
-from orchard.contract.observations import Observations
+from orchard.contract.agent import Hitch, Observations
 from orchard.field import repeatable
 from orchard.field.geometry import Twist
 from orchard.field.kinds import AROUND, KINDS, LASER_RANGE, Laser
 from orchard.field.layout import ROW_LENGTH, Layout
 from orchard.sim.kernels.boxes import RADIUS, boxes_of, frame_of, grid_of
+from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.laser import STEPS, add_noise, cast_all
 from orchard.sim.kernels.move import quaternions
 from orchard.sim.world import World, half_sizes
@@ -23,49 +23,58 @@ _FORWARD = KINDS["picker"].laser
 
 
 class Scanner:
-    """All lasers of an orchard."""
+    """All lasers of an orchard, one for each body."""
 
     def __init__(self, layout: Layout) -> None:
         kinds = [KINDS[start.kind] for start in layout.starts]
         lasers = [kind.laser for kind in kinds]
         begin = np.cumsum([0] + [laser.beams for laser in lasers], dtype=np.int64)
-        walls = boxes_of(layout.walls[:, :2], layout.walls[:, 2:])
-        self._bodies = boxes_of(np.zeros((len(kinds), 2)), half_sizes(layout))
-        self._solid = np.array([kind.solid for kind in kinds], dtype=np.bool_)
-        frame = frame_of(walls, LASER_RANGE + float(self._bodies[:, RADIUS].max(initial=0.0)))
-        ahead = np.array([laser.ahead for laser in lasers], dtype=np.float64)
-        around = np.array([laser is AROUND for laser in lasers], dtype=np.bool_)
-        self._field = (walls, *grid_of(walls, LASER_RANGE), frame)
-        self._sensors = (ahead, around, begin, *_fan(_FORWARD), *_fan(AROUND))
+        walls, bodies = boxes_of(layout.walls[:, :2], layout.walls[:, 2:]), boxes_of(np.zeros((len(kinds), 2)), half_sizes(layout))
+        (front_beams, front_table), (round_beams, round_table) = _fan(_FORWARD), _fan(AROUND)
+        constant = {
+            "bodies": bodies,
+            "solid": np.array([kind.solid for kind in kinds], dtype=np.bool_),
+            "walls": walls,
+            **{f"wall_{name}": array for name, array in grid_of(walls, LASER_RANGE)._asdict().items()},
+            "body_frame": frame_of(walls, LASER_RANGE + float(bodies[:, RADIUS].max(initial=0.0))),
+            "ahead": np.array([laser.ahead for laser in lasers], dtype=np.float64),
+            "around": np.array([laser is AROUND for laser in lasers], dtype=np.bool_),
+            "begin": begin,
+            "front_beams": front_beams,
+            "front_table": front_table,
+            "round_beams": round_beams,
+            "round_table": round_table,
+        }
+        self._constant = in_order(cast_all, constant, skip=3)
         self._begin, self._beams = begin, int(begin[-1])
         self._slices = [slice(*pair) for pair in zip(begin[:-1].tolist(), begin[1:].tolist(), strict=True)]
         self._noise = layout.scenario.laser.noise
         self._keys = np.array([_noise_key(layout.scenario.seed, name) for name in layout.names], dtype=np.uint64)
 
     def scan(self, world: World) -> list[np.ndarray]:
-        """What every body measures now, in body order: (180,) or (60,) float32, metres, +inf where nothing returns.
+        """Return the ranges of each body now, in body order: (180,) or (60,) float32, m, +inf without a return.
 
-        The arrays are new at every call; nobody else writes to them.
+        The arrays are new at each call, and the scanner does not write to them again.
         """
         ranges = self.ranges(world).astype("<f4")
         return [ranges[part] for part in self._slices]
 
     def ranges(self, world: World) -> np.ndarray:
-        """The same as float64, of all bodies one after another: what `scan` rounds."""
+        """Return the ranges of all bodies in one array, (all beams,) float64, m, before `scan` rounds them."""
         ranges = np.empty(self._beams)
-        cast_all(world.pose, self._bodies, self._solid, world.alive, *self._field, *self._sensors, ranges)
+        cast_all(world.pose, world.alive, ranges, *self._constant)
         if self._noise > 0.0:
             add_noise(self._keys, world.tick, self._noise, self._begin, ranges)
         return ranges
 
 
 def beam_angle(laser: Laser, beam: int) -> float:
-    """The direction of a beam in its body's frame, radians."""
+    """Return the direction of a beam in its body's frame, rad."""
     return laser.first + beam * laser.increment
 
 
 def _fan(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
-    """(2, beams): the beams' cosines and sines; (4 STEPS + 2,): which beam points to each step of the diamond, with fractions."""
+    """The beams' cosines and sines, (2, beams), and the fractional beam index at each step of the diamond, (4 STEPS + 2,)."""
     beams = np.array([repeatable.sin_cos(beam_angle(laser, k))[::-1] for k in range(laser.beams)]).T.copy()
     quarter, share = np.divmod(np.arange(4 * STEPS + 2) / STEPS, 1.0)
     angles = [q * repeatable.QUARTER + repeatable.atan2(s, 1.0 - s) for q, s in zip(quarter.tolist(), share.tolist(), strict=True)]
@@ -78,7 +87,7 @@ def _noise_key(seed: int, name: str) -> int:
 
 
 def observe(world: World, scans: list[np.ndarray]) -> Observations:
-    """What all bodies see now, in body order; scans as the scanner gives them."""
+    """Return the observations of all bodies now, in body order; scans: as `Scanner.scan` returns them."""
     names = world.layout.names
     states = np.concatenate((world.pose[:, :2], quaternions(world.pose), world.twist), axis=1)
     coupled = np.flatnonzero(world.coupled >= 0).tolist()
@@ -89,6 +98,6 @@ def observe(world: World, scans: list[np.ndarray]) -> Observations:
 
 
 def _hitch(world: World, states: np.ndarray, scans: list[np.ndarray], other: int, tows: bool) -> Hitch:
-    """The other end of a body's bar, with its scan if the body tows it."""
+    """The body at the other end of the bar, with its scan if it is towed."""
     x, y, z, w, vx, vy, turn = states[other].tolist()
     return Hitch(world.layout.names[other], x, y, (z, w), Twist(vx, vy, turn), scans[other] if tows else None)

@@ -1,65 +1,70 @@
-"""What each robot does, as physics sees it, and for how long: exactly one state a tick, so that the states of each add up to the run."""
+"""The time that each robot spends in each state. A robot has one state in each tick, so its states add up to the run."""
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, get_args
 
 import msgspec
-import numpy as np
 
+from orchard.contract.agent import Action, State, state_of
 from orchard.field.kinds import kind_of
 from orchard.field.scenario import TIME_STEP
-from orchard.sim.kernels.move import NOBODY
-from orchard.sim.kernels.watch import ROBOTS, STATES, count_states
 from orchard.sim.world import World
 
+STATES: tuple[State, ...] = get_args(State)
+ROBOTS = ("picker", "carrier", "tractor", "bin")  # the kinds whose states are counted
+_NUMBER = {state: number for number, state in enumerate(STATES)}
 
-class Counted(msgspec.Struct):
-    """What it remembers of the ticks before, as plain data."""
 
-    since: int  # tick
-    ticks: dict[str, list[int]]  # robot -> of each of STATES
+class StateCounts(msgspec.Struct):
+    """The state of `StateTimes`, as plain data for a snapshot."""
+
+    since: int  # tick at which counting began
+    ticks: dict[str, list[int]]  # robot -> ticks in each of STATES
+    stopped: dict[str, int] = {}  # robot -> ticks under an emergency stop
 
 
 class StateTimes:
-    """The ticks that each robot has spent in each of STATES, since the tick at which this began."""
+    """The ticks that each robot has spent in each state. An agent sets its robot's state; an emergency stop overrides it."""
 
     def __init__(self, world: World, data: dict[str, Any] | None = None) -> None:
-        """With the data of another, it goes on from there; raises ValueError, KeyError or OverflowError where they are none."""
-        self._kinds = np.array([ROBOTS.index(s.kind) if s.kind in ROBOTS else NOBODY for s in world.layout.starts], dtype=np.int64)
-        self._names = [(i, name) for name, i in world.layout.index.items() if self._kinds[i] != NOBODY]
-        self._ticks = np.zeros((len(self._kinds), len(STATES)), dtype=np.int64)
-        self._fill = world.fill.copy()
-        self.since = world.tick
+        """`data`: of a resumed run, what `as_data` returned. Raises ValueError or KeyError if it does not fit the world."""
+        robots = [name for name in world.layout.names if kind_of(name) in ROBOTS]
+        self._counts = StateCounts(world.tick, {name: [0] * len(STATES) for name in robots})
         if data is not None:
-            counted = msgspec.convert(data, Counted)
-            self.since = counted.since
-            for i, name in self._names:
-                self._ticks[i] = counted.ticks[name]
+            counts = msgspec.convert(data, StateCounts)
+            self._counts = StateCounts(counts.since, {name: counts.ticks[name] for name in robots}, counts.stopped)
+            if any(len(ticks) != len(STATES) for ticks in self._counts.ticks.values()):
+                raise ValueError(f"states: each robot must have {len(STATES)} numbers")
 
     def as_data(self) -> dict[str, Any]:
-        """All that it must remember, plain: for a snapshot."""
-        return {"since": self.since, "ticks": {name: self._ticks[i].tolist() for i, name in self._names}}
+        """Return the counts as plain data."""
+        data: dict[str, Any] = msgspec.to_builtins(self._counts)
+        return data
 
-    def update(self, world: World) -> None:
-        """Account for the tick that has just ended."""
-        fill = world.fill
-        count_states(self._kinds, world.twist, world.coupled, fill, self._fill, world.bay_ticks, world.stopped, self._ticks)
-        self._fill = fill.copy()
+    def update(self, world: World, actions: Mapping[str, Action]) -> None:
+        """Count the tick that has just ended. A robot without an action rests."""
+        counts, stopped = self._counts, world.stopped.tolist()
+        for name, ticks in counts.ticks.items():
+            if stopped[world.layout.index[name]]:
+                ticks[_NUMBER["stopped"]] += 1
+                counts.stopped[name] = counts.stopped.get(name, 0) + 1
+            else:
+                ticks[_NUMBER[state_of(actions[name]) if name in actions else "resting"]] += 1
 
     def faults(self, world: World) -> list[str]:
-        """Robots whose states do not add up to the run; a sentence for each."""
-        run = world.tick - self.since
-        sums = [(name, int(self._ticks[i].sum())) for i, name in self._names]
+        """Return a sentence for each robot whose states do not add up to the run."""
+        run = world.tick - self._counts.since
+        sums = [(name, sum(ticks)) for name, ticks in self._counts.ticks.items()]
         return [f"tick {world.tick}: {name}'s states add up to {ticks} ticks, the run to {run}" for name, ticks in sums if ticks != run]
 
     def figures(self) -> dict[str, Any]:
-        """What the summary holds of it: the seconds of all robots of a kind, and those of each that was stopped."""
+        """Return figures for the summary, s: the time of each kind in each state, all robots together, and of each robot under a stop."""
         kinds: dict[str, dict[str, float]] = {}
         for kind in ROBOTS:
-            of_kind = sum((self._ticks[i] for i, name in self._names if kind_of(name) == kind), np.zeros(len(STATES), dtype=np.int64))
-            spent = {state: _seconds(int(n)) for state, n in zip(STATES, of_kind, strict=True) if n}
-            kinds |= {kind: spent} if spent else {}
-        stopped = {name: _seconds(int(self._ticks[i, 0])) for i, name in self._names if self._ticks[i, 0]}
-        return {"state_seconds": kinds, "stopped_seconds": stopped}
+            of_kind = [ticks for name, ticks in self._counts.ticks.items() if kind_of(name) == kind]
+            spent = {state: _seconds(sum(ticks[number] for ticks in of_kind)) for state, number in _NUMBER.items()}
+            kinds |= {kind: {state: seconds for state, seconds in spent.items() if seconds}} if of_kind else {}
+        return {"state_seconds": kinds, "stopped_seconds": {name: _seconds(ticks) for name, ticks in self._counts.stopped.items()}}
 
 
 def _seconds(ticks: int) -> float:

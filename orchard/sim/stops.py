@@ -1,8 +1,7 @@
-"""The emergency stop: a latch for each robot, which outranks whatever anybody asks of it, until it is reset.
+"""The emergency stop: a latch for each robot, which overrides all commands to the robot until it is reset.
 
-A robot and the bin on its bar are one: who stops or resets the one stops or resets the other. A stopped robot stands and does no deed;
-its agent goes on to see, hear and speak. What the bay does to a full bin that rests in it is no motion, and goes on. People and animals
-cannot be stopped.
+A robot and its coupled bin are stopped and reset together. A stopped robot stands and does no deed, but its agent still observes, hears
+and sends. Unloading in the bay is no motion, and goes on. People and animals cannot be stopped.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,25 +18,25 @@ if TYPE_CHECKING:
 
 
 def robots_of(layout: Layout) -> list[str]:
-    """All that can be stopped: pickers, carriers, tractor and bins."""
+    """Return the names of all bodies that can be stopped: pickers, carriers, tractor and bins."""
     return [start.name for start in layout.starts if KINDS[start.kind].robot]
 
 
 def stop(world: "World", words: Sequence[str] = ()) -> list[str]:
-    """Stop the robots that these names and kinds mean; all, if there are none. Those that were not stopped before.
+    """Stop the robots with these names or kinds, or all robots without any. Return those that were not stopped before.
 
-    Raises ValueError for a word that means no robot; then nobody is stopped.
+    Raises ValueError for a word that is no robot's name or kind; then no robot is stopped.
     """
     return _set(world, words, True)
 
 
 def reset(world: "World", words: Sequence[str] = ()) -> list[str]:
-    """Let these robots, or all, go on. Those that were stopped before. Raises ValueError as `stop` does."""
+    """Let these robots, or all, go on. Return those that were stopped before. Raises ValueError as `stop` does."""
     return _set(world, words, False)
 
 
 def stopped(world: "World") -> list[str]:
-    """All that are stopped, in the layout's order."""
+    """Return all stopped robots, in the layout's order."""
     return [name for name, latched in zip(world.layout.names, world.stopped.tolist(), strict=True) if latched]
 
 
@@ -50,5 +49,8 @@ def _set(world: "World", words: Sequence[str], latch: bool) -> list[str]:
 
 
 def as_shown(world: "World", actions: Mapping[str, Action]) -> Mapping[str, Action]:
-    """The actions as people are told of them: a stopped robot is stopped, whatever its agent says that it does."""
-    return {**actions, **{name: replace(actions.get(name) or Action(), doing=STOPPED, waits_for="") for name in stopped(world)}}
+    """Return the actions as they are shown to people: a stopped robot shows as stopped, whatever its agent returned."""
+    return {
+        **actions,
+        **{name: replace(actions.get(name) or Action(), doing=STOPPED, state="stopped", waits_for="") for name in stopped(world)},
+    }

@@ -1,4 +1,4 @@
-"""The picture in Rerun: frames become a recording, and a blueprint arranges it.
+"""The Rerun recording of a run: writes frames into it, and arranges its views in a blueprint.
 
-This is the only package that imports Rerun. Nothing here changes a run.
+Only this package imports Rerun. Nothing here changes a run.
 """

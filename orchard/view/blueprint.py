@@ -1,17 +1,17 @@
-"""How a recording opens: which views, where, and from where one looks."""
+"""The blueprint of a recording: its views, their layout and their cameras."""
 
 import rerun as rr
 import rerun.blueprint as rrb
 
 from orchard.field.layout import ROW_WEST, TOP, Layout
-from orchard.view import legend, palette
+from orchard.view import palette
 from orchard.view.scenery import PLAN_CAMERA, plan_size
 
 TIMELINE = "sim_time"
-PIN_RADIUS, PIN_RADIUS_PLAN = 0.6, -5.0  # m in space; below 0: points of the screen
-HEADROOM = 1.6  # times the highest that a curve can be: the plot's legend lies above it
-FEW = 8  # robots: so many histories are seen without scrolling
-TITLE, AXIS = 0.7, 0.6  # the height of a history's title and time axis, as parts of a robot's line
+PIN_RADIUS, PIN_RADIUS_PLAN = 0.6, -5.0  # radius of a pin: m in the 3-D views; on the plan a negative number, in screen points
+HEADROOM = 1.6  # upper end of a plot's axis, as a multiple of the highest possible value: the legend lies above the curves
+FEW = 8  # robots: up to this number, all histories fit without scrolling
+TITLE, AXIS = 0.7, 0.6  # heights of a history's title and time axis, as fractions of a robot's line
 
 IN_SPACE = ["world/**", "canopy/**", "scans/**", "pins/**", "talk/**"]
 WITHOUT_ROOF = ["world/**", "scans/**", "pins/**", "talk/**", "canopy/wires", "canopy/fruit/**"]
@@ -20,7 +20,10 @@ ON_THE_PLAN = ["world/**", "plan/**", "pins/**", "talk/**", "scans/**"]
 
 
 def blueprint(layout: Layout) -> rrb.Blueprint:
-    """3-D above the plan and the states; figures and events beside them. A high orchard's plan gets a column of its own."""
+    """Return the blueprint: the 3-D views above the plan and the histories, with the figures and events beside them.
+
+    The plan of an orchard that is at least as high as wide gets a column of its own.
+    """
     high, wide = plan_size(layout)
     pictures = _stacked(layout) if high < wide else _beside(layout)
     bins = _plot("Bins", "metrics/bins", layout.scenario.rows)
@@ -51,7 +54,7 @@ def _beside(layout: Layout) -> rrb.Container:
 
 
 def _histories(layout: Layout) -> rrb.Container:
-    """What each robot did and does, pickers first: one below the other where they are few, else in two tabs."""
+    """Return the histories of all robots, pickers first: stacked for up to FEW robots, else in two tabs."""
     pickers, others = _count(layout, "picker"), _count(layout, "carrier") + 1
     if pickers + others > FEW:
         return rrb.Tabs(_history("What the pickers do", PICKERS), _history("What carriers and tractor do", OTHERS))
@@ -64,10 +67,10 @@ def _history(name: str, contents: list[str], titlebar: bool = True) -> rrb.State
 
 
 def _legend() -> rrb.Spatial2DView:
-    wide, high = legend.size()
+    wide, high = palette.size()
     return rrb.Spatial2DView(
         name="Colours",
-        origin=legend.LEGEND,
+        origin=palette.LEGEND,
         titlebar=False,
         background=(13, 16, 17),
         visual_bounds=rrb.VisualBounds2D(x_range=(0.0, wide), y_range=(0.0, high)),
@@ -75,21 +78,21 @@ def _legend() -> rrb.Spatial2DView:
 
 
 def _spaces(layout: Layout) -> rrb.Tabs:
-    """The orchard from outside; from below its roof; and the first picker's company, without the roof."""
+    """Return three views: from outside the orchard, from below its roof, and following the first picker without the roof."""
     first = next(start for start in layout.starts if start.kind == "picker").name
     y = layout.lane(layout.blocks[first][0]).y
     inside = _eye((ROW_WEST - 5.5, y - 1.2, 2.2), (ROW_WEST + 14.0, y + 0.4, 1.0))
-    company = _eye((ROW_WEST - 14.0, y - 12.0, 9.0), (ROW_WEST, y, 0.0), follow=f"world/pickers/{first}")
+    following = _eye((ROW_WEST - 14.0, y - 12.0, 9.0), (ROW_WEST, y, 0.0), follow=f"world/pickers/{first}")
     return rrb.Tabs(
         _space("Orchard", IN_SPACE, _outside(layout)),
         _space("Under the pergola", IN_SPACE, inside),
-        _space(f"With {first}", WITHOUT_ROOF, company),
+        _space(f"With {first}", WITHOUT_ROOF, following),
         active_tab="Orchard",
     )
 
 
 def _outside(layout: Layout) -> rrb.EyeControls3D:
-    """From the south-east corner, where the robots leave the rows, low; a little higher where the orchard is large."""
+    """Return a low camera at the south-east corner, where the robots leave the rows. It is a little higher for a large orchard."""
     south, large = layout.tree_lines[-1], plan_size(layout)[0] > plan_size(layout)[1]
     if large:
         return _eye((48.0, south - 12.0, 13.0), (10.0, south + 26.0, -3.0))
@@ -123,13 +126,13 @@ def _plan() -> rrb.Spatial2DView:
 
 
 def _plot(name: str, origin: str, highest: int) -> rrb.TimeSeriesView:
-    """A plot of the whole run, with its legend above the curves."""
-    ever = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
+    """Return a plot of the whole run with its legend above the curves. `highest`: the highest possible value."""
+    whole_run = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
     return rrb.TimeSeriesView(
         name=name,
         origin=origin,
         plot_legend=rrb.Corner2D.LeftTop,
-        axis_x=rrb.TimeAxis(view_range=ever),
+        axis_x=rrb.TimeAxis(view_range=whole_run),
         axis_y=rrb.ScalarAxis(range=(-0.05 * highest, HEADROOM * highest)),
     )
 

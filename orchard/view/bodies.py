@@ -1,17 +1,18 @@
-"""The bodies: their shapes, and what changes about them from time to time: state, bin's fill, bar, weeds."""
+"""Bodies and rows in the recording: frames, shapes, pins, names, bars, fruit, and how far each row is picked."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
 
 import numpy as np
 import rerun as rr
 
+from orchard.contract.agent import State
 from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
-from orchard.field.layout import ROW_LENGTH, Layout
+from orchard.field.layout import ROW_EAST, ROW_LENGTH, ROW_WEST, Layout
 from orchard.field.placement import Start
 from orchard.view import palette
-from orchard.view.mesh import MeshPart, mesh_of
-from orchard.view.scenery import archetype
-from orchard.view.shapes import FLAG, body
+from orchard.view.scenery import ROW_Z, archetype
+from orchard.view.shapes import FLAG, MeshPart, body, mesh_of
 
 GROUPS = {"person": PEOPLE, "animal": ANIMALS}  # kinds that share a branch of world/
 PINNED = ("picker", "carrier", "tractor")
@@ -20,10 +21,10 @@ SHORT = {"picker": "P", "carrier": "C", "tractor": "T"}
 SCAN_COLOURS = {"picker": (255, 0, 200), "carrier": (0, 150, 255), "tractor": (255, 40, 30)}
 OTHER_SCANS = (250, 250, 120)
 
-BIN_FLOOR, BIN_RIM = 0.2, 0.94  # z between which the fruit stands, m
+BIN_FLOOR, BIN_RIM = 0.2, 0.94  # z of the fruit in an empty and in a full bin, m
 FILL_STEPS = 14
-WHOLE, UNSEEN = (1.0, 1.0, 1.0), (0.01, 0.01, 0.01)  # scales
-NAME_ASIDE = 3.0  # m to the left, of every other robot's name on the plan: those of a queue do not cover each other
+WHOLE, UNSEEN = (1.0, 1.0, 1.0), (0.01, 0.01, 0.01)  # scales of a mesh that is shown, and of one that is hidden
+NAME_ASIDE = 3.0  # m to the left, for every other carrier's name on the plan: names in a queue do not cover each other
 FRUIT = [MeshPart("cab", (0.88, 0.88, 1.0), (0, 0, -0.5), palette.KIWI), *(
     MeshPart("ball", (0.3, 0.3, 0.24), (x, y, 0.0), palette.KIWI_FLESH if (i + j) % 2 else palette.KIWI)
     for i, x in enumerate((-0.27, 0.0, 0.27)) for j, y in enumerate((-0.27, 0.0, 0.27))
@@ -31,32 +32,32 @@ FRUIT = [MeshPart("cab", (0.88, 0.88, 1.0), (0, 0, -0.5), palette.KIWI), *(
 
 
 def path_of(start: Start) -> str:
-    """Where a body lives in the recording: world/pickers/picker_01."""
+    """Return a body's entity path, such as world/pickers/picker_01."""
     group = next((group for group, kinds in GROUPS.items() if start.kind in kinds), start.kind)
     return f"world/{'people' if group == 'person' else group + 's'}/{start.name}"
 
 
 class BodyView:
-    """The bodies' entities; every method logs at the time that is set on the stream, and only what has changed."""
+    """The entities of all bodies. Each method logs at the time that is set on the stream, and only what has changed."""
 
     def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
         self.rec, self.layout = rec, layout
         self.path = {start.name: path_of(start) for start in layout.starts}
         self._said: dict[str, dict[str, palette.Colour]] = {s.name: {} for s in layout.starts if s.kind != "weed"}
         self._level = dict.fromkeys((s.name for s in layout.starts if s.kind == "bin"), -1)
-        # None: unknown, for a further part of a recording begins with what was to be seen at the end of the part before.
+        # None: unknown. A further part of a recording begins with what the part before showed at its end.
         self._barred: dict[int, bool | None] = dict.fromkeys(i for i, s in enumerate(layout.starts) if KINDS[s.kind].tows)
         self._weeds: dict[int, bool | None] = dict.fromkeys(i for i, s in enumerate(layout.starts) if s.kind == "weed")
         for start in layout.starts:
-            self._introduce(start)
+            self._log_static(start)
 
-    def remember(self, said: Mapping[str, Sequence[str]]) -> None:
-        """What they were said to do in the parts of the recording before, by their paths: its colours stay."""
+    def remember(self, said: Mapping[str, Mapping[str, palette.Colour]]) -> None:
+        """Keep the colours of the state texts in earlier parts of the recording. `said`: entity path -> text -> colour."""
         for name in self._said:
-            self._said[name] = {words: palette.colour_of(words) for words in said.get(f"/{self.path[name]}", ())}
+            self._said[name] = dict(said.get(f"/{self.path[name]}", {}))
 
-    def _introduce(self, start: Start) -> None:
-        """What never changes about a body: its frame, shape, pin and the look of its scan. (A weed's shape is not for ever.)"""
+    def _log_static(self, start: Start) -> None:
+        """Log what never changes: frame, shape, pin and the look of the scan. A weed's shape is logged when it grows."""
         path, frame = self.path[start.name], rr.CoordinateFrame(start.name)
         self.rec.log(path, frame, static=True)
         if start.kind != "weed":
@@ -70,27 +71,27 @@ class BodyView:
         self.rec.log(f"scans/{start.name}", frame, rr.Points3D.from_fields(colors=[colour], radii=[0.1]), static=True)
 
     def _pin(self, robot: Start) -> None:
-        """A ball on a stalk, above the canopy, in the colour of what the robot does."""
+        """Log a ball on a stalk above the canopy. Its colour shows the robot's state."""
         path, top = f"pins/{robot.name}", max(PIN_Z, KINDS[robot.kind].height + 2.0)
         ball = rr.Points3D([(0.0, 0.0, top)], labels=[robot.name])
         stalk = rr.LineStrips3D([[(0.0, 0.0, KINDS[robot.kind].height), (0.0, 0.0, top)]], colors=[palette.WIRE], radii=[0.04])
         self.rec.log(path, rr.CoordinateFrame(robot.name), ball, stalk, static=True)
-        self.rec.log(path, rr.Points3D.from_fields(colors=[palette.STATES[palette.RESTING]]))
+        self.rec.log(path, rr.Points3D.from_fields(colors=[palette.STATES["resting"]]))
         self._name(robot, top)
 
     def _name(self, robot: Start, z: float) -> None:
-        """The short name on the plan: P03."""
+        """Log the short name on the plan, such as P03."""
         number = robot.name[-2:]
         place = (0.0, NAME_ASIDE * (int(number) % 2 if robot.kind == "carrier" else 0), z)
         word = rr.Points3D([place], labels=[SHORT[robot.kind] + number], show_labels=True, radii=[0.01], colors=[palette.ROAD_EDGE])
         self.rec.log(f"plan/names/{robot.name}", rr.CoordinateFrame(robot.name), word, static=True)
 
-    def doing(self, name: str, text: str) -> None:
-        """A body does something else now: its lane in the timeline, and the colour of its pin. A weed only grows, and has none."""
-        path, colour, known = self.path.get(name), palette.colour_of(text), self._said.get(name)
+    def doing(self, name: str, text: str, state: State) -> None:
+        """Log what a body does now: its state in the timeline, and the colour of its pin. Weeds and unknown names are ignored."""
+        path, colour, known = self.path.get(name), palette.STATES[state], self._said.get(name)
         if path is None or known is None:
             return
-        text = text or palette.RESTING
+        text = text or state
         if text not in known:
             known[text] = colour
             self.rec.log(path, rr.StateConfiguration(values=list(known), colors=list(known.values())), static=True)
@@ -99,7 +100,7 @@ class BodyView:
             self.rec.log(f"pins/{name}", rr.Points3D.from_fields(colors=[colour]))
 
     def fills(self, fill: np.ndarray) -> None:
-        """How high the fruit stands in each bin; `fill` in metres of row, one per body."""
+        """Log the fruit level of the bins in which it changed. `fill`: (n,) metres of row, one per body."""
         for name, level in self._level.items():
             now = int(np.ceil(FILL_STEPS * fill[self.layout.index[name]] / ROW_LENGTH - 1e-9))
             if now != level:
@@ -114,7 +115,7 @@ class BodyView:
         self.rec.log(f"{self.path[name]}/full", rr.InstancePoses3D(scales=[WHOLE if level >= FILL_STEPS else UNSEEN]))
 
     def bars(self, coupled: np.ndarray) -> None:
-        """The bar between a robot and its bin, while they are coupled; `coupled` is an index or -1 for each body."""
+        """Log the bars between robots and bins that were coupled or uncoupled. `coupled`: (n,) index of the other body, or -1."""
         for i, barred in self._barred.items():
             now = bool(coupled[i] >= 0)
             if now != barred:
@@ -129,7 +130,7 @@ class BodyView:
         self.rec.log(f"{self.path[robot.name]}/bar", strips)
 
     def weeds(self, alive: np.ndarray) -> None:
-        """Weeds grow where they are alive, and are gone where they are not."""
+        """Log the weeds that have grown, and clear those that are flattened. `alive`: (n,) bool."""
         for i, grown in self._weeds.items():
             now, path = bool(alive[i]), self.path[self.layout.names[i]]
             if now and not grown:
@@ -139,6 +140,70 @@ class BodyView:
             self._weeds[i] = now
 
     def scanned(self, kinds: Iterable[str]) -> list[int]:
-        """The bodies of these kinds, as places in the world's arrays."""
+        """Return the indices of the bodies of these kinds, in the order of `layout.starts`."""
         wanted = set(kinds)
         return [i for i, start in enumerate(self.layout.starts) if start.kind in wanted]
+
+
+CHUNKS = 35  # pieces of a row, 2 m each, picked or not
+FRUIT_IN_A_CHUNK = 8
+FRUIT_Z = 1.95  # m, just below the pergola
+
+
+class RowView:
+    """One strip of ground and one cloud of fruit per row. `show` logs the rows of which another piece has been picked."""
+
+    def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
+        self.rec, self.layout = rec, layout
+        self._done = [-1] * len(layout.lanes)
+        self._from_west: dict[int, bool] = {}
+        self._fruit = [_fruit(lane.y, layout.scenario.row_width, lane.number) for lane in layout.lanes]
+        self._pickers = [i for i, start in enumerate(layout.starts) if start.kind == "picker"]
+        for lane in layout.lanes:
+            points, triangles = _strip(lane.y, layout.scenario.row_width)
+            strip = rr.Mesh3D.from_fields(vertex_positions=points, triangle_indices=triangles)
+            rec.log(f"world/rows/row_{lane.number:02d}", strip, static=True)
+            look = rr.Points3D.from_fields(radii=[0.085], colors=[palette.KIWI])
+            rec.log(f"canopy/fruit/row_{lane.number:02d}", look, static=True)
+
+    def show(self, picked: np.ndarray, poses: np.ndarray) -> None:
+        """Log the rows that changed. `picked`: (r,) metres of each row; `poses`: (n, 3), which show from which end a new row is picked."""
+        for row, metres in enumerate(picked):
+            done = int(CHUNKS * min(metres, ROW_LENGTH) / ROW_LENGTH + 1e-9)
+            if metres > 0.0 and row not in self._from_west:
+                self._from_west[row] = self._begun_in_the_west(row, float(metres), poses)
+            if done != self._done[row]:
+                self._done[row] = done
+                self._paint(row, done, self._from_west.get(row, True))
+
+    def _begun_in_the_west(self, row: int, metres: float, poses: np.ndarray) -> bool:
+        """Return whether the picker nearest to this row is where it would be if it had come from the west."""
+        away = np.abs(poses[self._pickers, 1] - self.layout.lanes[row].y)
+        x = float(poses[self._pickers[int(np.argmin(away))], 0])
+        return abs(x - (ROW_WEST + metres)) <= abs(x - (ROW_EAST - metres))
+
+    def _paint(self, row: int, done: int, from_west: bool) -> None:
+        picked = np.arange(CHUNKS) < done if from_west else np.arange(CHUNKS) >= CHUNKS - done
+        colours = np.where(picked[:, None], palette.ROW_PICKED, palette.ROW_RIPE).astype(np.uint8)
+        number = self.layout.lanes[row].number
+        self.rec.log(f"world/rows/row_{number:02d}", rr.Mesh3D.from_fields(vertex_colors=np.repeat(colours, 4, axis=0)))
+        self.rec.log(f"canopy/fruit/row_{number:02d}", rr.Points3D.from_fields(positions=self._fruit[row][~picked].reshape(-1, 3)))
+
+
+def _strip(y: float, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return a lane's ground as CHUNKS pieces: corners, (4 CHUNKS, 3), and triangles, (2 CHUNKS, 3)."""
+    edges, half = np.linspace(ROW_WEST, ROW_EAST, CHUNKS + 1), width / 2 - 0.6
+    south, north = y - half, y + half
+    corners = [[(w, south, ROW_Z), (e, south, ROW_Z), (e, north, ROW_Z), (w, north, ROW_Z)] for w, e in pairwise(edges)]
+    triangles = (4 * np.arange(CHUNKS)[:, None] + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3)
+    return np.array(corners, np.float32).reshape(-1, 3), triangles.astype(np.uint32)
+
+
+def _fruit(y: float, width: float, number: int) -> np.ndarray:
+    """Return where a lane's fruit hangs, (CHUNKS, FRUIT_IN_A_CHUNK, 3), m. It is the same every time."""
+    draw = np.random.default_rng(number)
+    size = (CHUNKS, FRUIT_IN_A_CHUNK)
+    west = ROW_WEST + ROW_LENGTH / CHUNKS * np.arange(CHUNKS)[:, None]
+    x = west + ROW_LENGTH / CHUNKS * draw.random(size)
+    across = y + (width - 0.8) * (draw.random(size) - 0.5)
+    return np.stack([x, across, FRUIT_Z + 0.12 * draw.random(size)], axis=2).astype(np.float32)

@@ -1,26 +1,50 @@
-"""The files of one recording: NAME.rrd, and after each time that its recorder was away NAME.part2.rrd, NAME.part3.rrd ..."""
+"""The files of a recording, NAME.rrd and its further parts NAME.part2.rrd, ..., and the path of Rerun's program that opens them."""
 
+import os
 import re
 from itertools import count, takewhile
 from pathlib import Path
 
+import rerun_cli
+
 
 def part(path: Path, number: int) -> Path:
-    """Where the part of that number is, from 1."""
+    """Return the path of a part. Parts are numbered from 1."""
     return path if number == 1 else path.with_suffix(f".part{number}{path.suffix}")
 
 
 def is_further_part(path: Path) -> bool:
-    """Whether it goes on with what another file begins."""
+    """Return whether a file is part 2 or later of a recording."""
     return re.search(r"\.part\d+$", path.stem) is not None
 
 
 def parts_of(path: Path) -> list[Path]:
-    """All parts that are there, in their order."""
+    """Return the existing parts in order, up to the first one that is missing."""
     return list(takewhile(Path.exists, (part(path, number) for number in count(1))))
 
 
 def remove_further_parts(path: Path) -> None:
-    """Before a new recording takes an old one's place."""
+    """Delete parts 2 and later, before a new recording replaces an old one."""
     for old in parts_of(path)[1:]:
         old.unlink()
+
+
+CHOSEN = "RERUN_CLI_PATH"  # Rerun's own variable; it names another program
+PACKAGED = Path(rerun_cli.__file__).with_name("rerun")  # found even if the virtual environment is not activated
+
+
+def viewer_program() -> str:
+    """Return the path of Rerun's program. Raises FileNotFoundError if there is no such file.
+
+    `python -m rerun` is not used: it starts the program as a child, which keeps running when its parent is ended.
+    """
+    path = Path(os.environ.get(CHOSEN) or PACKAGED)
+    if not path.is_file():
+        which = f"{CHOSEN}={path}" if os.environ.get(CHOSEN) else str(path)
+        raise FileNotFoundError(f"{which}: no such program; expected Rerun's viewer, which the package rerun-sdk installs")
+    return str(path)
+
+
+def window(*what: str) -> list[str]:
+    """Return the command line of a viewer window, which accepts data from this machine only. Raises FileNotFoundError."""
+    return [viewer_program(), "--bind", "127.0.0.1", *what]

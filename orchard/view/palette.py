@@ -1,76 +1,34 @@
-"""Colours: what a robot does, who speaks to whom, and what stands in the field. sRGB."""
+"""Colours (sRGB) of states, arcs and the field, and the legend that explains them."""
 
 from typing import NamedTuple
 
+import rerun as rr
+
+from orchard.contract.agent import State
+
 Colour = tuple[int, int, int]
 
-PICKING, DRIVING, WAITING = "picking", "driving", "waiting"
-STOPPED, CALLING, HANDLING = "stopped", "calling", "handling a bin"
-HAULING, UNLOADING, RESTING = "hauling a full bin", "unloading", "resting"
-
-STATES: dict[str, Colour] = {
-    PICKING: (76, 175, 80),
-    DRIVING: (45, 140, 240),
-    WAITING: (255, 160, 20),
-    STOPPED: (235, 50, 60),
-    CALLING: (255, 90, 170),
-    HANDLING: (205, 220, 57),
-    HAULING: (0, 190, 200),
-    UNLOADING: (165, 80, 220),
-    RESTING: (150, 155, 160),
+STATES: dict[State, Colour] = {
+    "picking": (76, 175, 80),
+    "driving": (45, 140, 240),
+    "waiting": (255, 160, 20),
+    "stopped": (235, 50, 60),
+    "calling": (255, 90, 170),
+    "handling a bin": (205, 220, 57),
+    "hauling": (0, 190, 200),
+    "unloading": (165, 80, 220),
+    "resting": (150, 155, 160),
+    "broken": (20, 20, 20),
 }
-
-HELD_UP = ("stopped", "held up", "blocked", "obstacle")  # anywhere in what a robot says: it cannot go on
-WORDS: dict[str, str] = {  # else the one of these that comes first
-    "driv": DRIVING,
-    "going": DRIVING,
-    "turning": DRIVING,
-    "mov": DRIVING,
-    "bringing": DRIVING,
-    "walking": DRIVING,
-    "wandering": DRIVING,
-    "unload": UNLOADING,
-    "loaded": UNLOADING,
-    "call": CALLING,
-    "asking": CALLING,
-    "wait": WAITING,
-    "queue": WAITING,
-    "comes": WAITING,
-    "pick": PICKING,
-    "coupl": HANDLING,
-    "uncoupl": HANDLING,
-    "leav": HANDLING,
-    "taking": HAULING,
-    "rest": RESTING,
-    "done": RESTING,
-    "park": RESTING,
-    "stand": RESTING,
-    "idle": RESTING,
-    "finish": RESTING,
-    "grow": RESTING,
-}
-
-
-def state_of(doing: str) -> str:
-    """The state that a text like 'picking row 3' tells; one that says nothing rests, any other drives."""
-    said = doing.lower()
-    if any(word in said for word in HELD_UP):
-        return STOPPED
-    found = [(said.index(word), -len(word), state) for word, state in WORDS.items() if word in said]
-    return min(found)[2] if found else DRIVING if said else RESTING
-
-
-def colour_of(doing: str) -> Colour:
-    return STATES[state_of(doing)]
 
 
 class Line(NamedTuple):
-    """How something that is said is drawn between the two."""
+    """The look of the arc that shows a message between two bodies."""
 
     colour: Colour
-    seconds: float  # how long it stays
+    seconds: float  # for which it is shown
     radius: float  # m
-    rank: int  # where there are too many lines, those of a lower rank go first
+    rank: int  # if there are too many arcs, those of lower rank are left out
 
 
 _ASKED, _OFFERED = Line((255, 90, 170), 1.5, 0.05, 1), Line((255, 200, 60), 1.5, 0.05, 0)
@@ -89,13 +47,13 @@ QUIET = frozenset({"claim", "places", "state", "binstate", "confirm", "where", "
 
 
 def plain(what: str) -> str:
-    """The key of an event's word in these tables."""
+    """Return the key of an event's word in these tables: lower case, without spaces and underscores."""
     return what.lower().replace(" ", "").replace("_", "")
 
 
 GRASS, MOWN, SOIL, BARE = (92, 134, 62), (102, 146, 70), (158, 130, 96), (116, 96, 70)
 MEADOW = (98, 136, 70)
-FIELDS: tuple[Colour, ...] = (MEADOW, (110, 146, 76), (88, 124, 66), (128, 148, 84), (84, 118, 62))  # around, as far as one sees
+FIELDS: tuple[Colour, ...] = (MEADOW, (110, 146, 76), (88, 124, 66), (128, 148, 84), (84, 118, 62))  # around the orchard, up to the horizon
 ROW_RIPE, ROW_PICKED = (74, 110, 50), (214, 188, 124)
 GRAVEL, ROAD_EDGE = (196, 192, 182), (228, 224, 214)
 BARK, POST, WIRE, FENCE, KERB = (98, 70, 48), (150, 130, 104), (200, 200, 205), (136, 112, 84), (168, 160, 148)
@@ -105,3 +63,39 @@ KIWI, KIWI_FLESH = (124, 90, 46), (148, 178, 60)
 BAR = (236, 236, 240)
 SHADE = (24, 40, 16)
 SKY = (206, 224, 238)
+
+
+# -- the legend: a strip of words, each in the colour that it explains
+
+LEGEND = "legend"
+LETTER, GAP, LINE = 6.4, 16.0, 36.0  # screen points, approximate: width of a letter, gap between two words, height of the strip
+ARCS = {"asked": "call", "answered": "offer", "sent": "come", "told": "here"}  # words of the legend -> events
+
+
+def entries() -> list[tuple[str, Colour]]:
+    """Return the words and their colours."""
+    talk = [(word, TALK[said].colour) for word, said in ARCS.items()]
+    return [("A pin:", WIRE), *STATES.items(), ("An arc:", WIRE), *talk]
+
+
+def places() -> list[float]:
+    """Return the x of the middle of each word, in screen points from the left."""
+    middles, x = [], GAP / 2
+    for word, _ in entries():
+        middles.append(x + LETTER * len(word) / 2)
+        x += LETTER * len(word) + GAP
+    return middles
+
+
+def size() -> tuple[float, float]:
+    """Return the width and height of the strip, in screen points."""
+    word, _ = entries()[-1]
+    return places()[-1] + LETTER * len(word) / 2 + GAP / 2, LINE
+
+
+def log_legend(rec: rr.RecordingStream) -> None:
+    """Log the legend once. It is the same in every recording."""
+    words, colours = zip(*entries(), strict=True)
+    middles = [(x, 0.38 * LINE) for x in places()]
+    radii = [0.01 if word.endswith(":") else -5.0 for word in words]
+    rec.log(LEGEND, rr.Points2D(middles, labels=words, colors=colours, radii=radii, show_labels=True), static=True)

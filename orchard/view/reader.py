@@ -1,7 +1,7 @@
-"""What the parts of a recording hold, and what they lack.
+"""Reads what the parts of a recording contain, and what they lack.
 
-All carry the run's id, so that Rerun shows them as one recording when they are opened together. What counts is what can be read: the
-end of a file whose writer was killed may be torn off.
+All parts carry the run's id, so that Rerun shows them as one recording when they are opened together. Only what can be read counts: if
+the writer was killed, the end of its file may be missing.
 """
 
 import subprocess
@@ -13,38 +13,39 @@ from typing import Any, NamedTuple
 from rerun.chunk import Chunk, RrdReader
 
 from orchard.field.scenario import TIME_STEP
-from orchard.view.files import part, parts_of
-from orchard.view.program import viewer_program
+from orchard.view.files import part, parts_of, viewer_program
+from orchard.view.palette import Colour
 
-POSES = "/tf"  # the entity that tells how far a part reaches
-MISSING = "recording/missing"  # and the one that tells what is not in it
-UNREADABLE = (RuntimeError, ValueError, Warning)  # what Rerun's reader raises: torn, no recording in it, no end to it
+POSES = "/tf"  # entity with a value at the last tick of a part
+MISSING = "recording/missing"  # entity that records what a part lacks
+UNREADABLE = (RuntimeError, ValueError, Warning)  # what Rerun's reader raises: the file is torn, has no recording, or has no end
 WORDS = "StateConfiguration:values"
-SINCE, LEFT_OUT = "since", "left_out"  # its values: the last tick before a gap, told where the gap ends; how many pictures
+COLOURS = "StateConfiguration:colors"
+SINCE, LEFT_OUT = "since", "left_out"  # components of MISSING: last tick before a gap, logged where the gap ends; number of frames left out
 
 
 class RecordingPart(NamedTuple):
-    """What can be read of one file."""
+    """The readable content of one file."""
 
     run: str  # the run's id
-    last: int  # the last tick that is in it; 0 for none
+    last: int  # last tick in the file; 0: none
     gaps: tuple[tuple[int, int], ...]  # (last tick before, first tick after)
-    left_out: int  # pictures that it lacks besides, because its writer was too slow
-    said: dict[str, list[str]]  # entity -> all that it is said to do
+    left_out: int  # frames missing besides, because the writer was too slow
+    said: dict[str, dict[str, Colour]]  # entity -> its state texts and their colours
 
 
 class Before(NamedTuple):
-    """What a recording goes on from."""
+    """The point from which a recording continues."""
 
     file: Path  # where to write
-    last: int  # the last tick that is in the parts before; 0 if there are none
-    said: Mapping[str, list[str]]
+    last: int  # last tick in the earlier parts; 0 if there are none
+    said: Mapping[str, dict[str, Colour]]  # entity -> its state texts in the earlier parts, and their colours
 
 
 def before(path: Path, run: str) -> Before:
-    """What there is of a run's recording.
+    """Return the point from which to continue the recording of a run.
 
-    Torn parts are mended and packed. One in which no picture can be read is written anew, as one of another run is.
+    Torn parts are repaired and packed. A part without a readable frame, or of another run, is to be overwritten.
     """
     known, number = Before(path, 0, {}), 1
     while (found := read_part(known.file)) is not None and found.run == run and found.last:
@@ -54,7 +55,7 @@ def before(path: Path, run: str) -> Before:
 
 
 def read_part(path: Path) -> RecordingPart | None:
-    """What is in a file, which is mended first if a kill has torn it; None where nothing can be read."""
+    """Return the content of a file, or None if nothing can be read. A file that a kill has torn is repaired first."""
     if not path.exists():
         return None
     try:
@@ -68,7 +69,10 @@ def read_part(path: Path) -> RecordingPart | None:
 
 
 def optimize(path: str | Path) -> None:
-    """Pack a recording, in place: half its size, and it opens faster. Mends one that a kill has torn."""
+    """Pack a recording in place: it has half the size and opens faster. A recording that a kill has torn is repaired.
+
+    Raises subprocess.CalledProcessError if Rerun's program fails.
+    """
     path = Path(path)
     packed = path.with_suffix(".packed.rrd")
     command = [viewer_program(), "rrd", "optimize", "--continue-on-error", str(path), "-o", str(packed)]
@@ -77,7 +81,7 @@ def optimize(path: str | Path) -> None:
 
 
 def missing(path: Path, ticks: int) -> dict[str, Any]:
-    """What the summary tells of the recording of a run of so many ticks: its parts, its gaps (s, simulated), what was left out."""
+    """Return the summary's entries for the recording of a run of `ticks` ticks: parts, gaps (simulated s), number of frames left out."""
     parts = {file: found for file in parts_of(path) if (found := read_part(file)) is not None}
     last = max((found.last for found in parts.values()), default=0)
     gaps = [gap for found in parts.values() for gap in found.gaps] + ([(last, ticks)] if last < ticks else [])
@@ -89,13 +93,13 @@ def missing(path: Path, ticks: int) -> dict[str, Any]:
 
 
 def _read(path: Path) -> RecordingPart:
-    """Raises one of UNREADABLE where not all of a file can be read."""
+    """Read a whole file. Raises one of UNREADABLE if a part of it cannot be read."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         reader = RrdReader(path)
         last, left_out = 0, 0
         gaps: list[tuple[int, int]] = []
-        said: dict[str, list[str]] = {}
+        said: dict[str, dict[str, Colour]] = {}
         for chunk in reader.stream().filter(content=[f"+ {POSES}", f"+ /{MISSING}", "+ /world/**"]):
             if chunk.entity_path == POSES:
                 last = max(last, *_ticks(chunk))
@@ -113,7 +117,7 @@ def _ticks(chunk: Chunk) -> list[int]:
 
 
 def _values(chunk: Chunk, name: str) -> Iterator[tuple[int, int]]:
-    """(value, tick) of one component of a chunk; none if it is not in there."""
+    """Yield (value, tick) of one component of a chunk; nothing if the chunk lacks it."""
     batch = chunk.to_record_batch()
     if name in batch.schema.names:
         for value, tick in zip(batch[name].to_pylist(), _ticks(chunk), strict=True):
@@ -121,10 +125,18 @@ def _values(chunk: Chunk, name: str) -> Iterator[tuple[int, int]]:
                 yield int(value[0]), tick
 
 
-def _words(chunk: Chunk) -> list[list[str]]:
-    """The lists of words in a chunk, the longest at the end."""
+def _words(chunk: Chunk) -> list[dict[str, Colour]]:
+    """Return the state texts in a chunk with their colours, the longest list last."""
     batch = chunk.to_record_batch()
-    return sorted(filter(None, batch[WORDS].to_pylist()), key=len) if WORDS in batch.schema.names else []
+    if WORDS not in batch.schema.names:
+        return []
+    rows = zip(batch[WORDS].to_pylist(), batch[COLOURS].to_pylist(), strict=True)
+    return sorted((dict(zip(words, map(_colour, colours), strict=True)) for words, colours in rows if words), key=len)
+
+
+def _colour(rgba: int) -> Colour:
+    """Return the sRGB colour of Rerun's number for it, 0xRRGGBBAA."""
+    return rgba >> 24 & 255, rgba >> 16 & 255, rgba >> 8 & 255
 
 
 def _seconds(tick: int) -> float:

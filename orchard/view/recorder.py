@@ -1,6 +1,6 @@
-"""Frames -> a Rerun recording: a file, a live server, or both.
+"""Writes frames into a Rerun recording: a file, a live server, or both.
 
-Moving things go out in chunks of a second; what changes seldom goes out when it changes. Time is `sim_time`, seconds.
+Moving things are sent in chunks of a second. What changes rarely is sent when it changes. The timeline is `sim_time`, seconds.
 """
 
 from collections.abc import Iterable, Sequence
@@ -9,22 +9,22 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
+from orchard.contract.agent import State
 from orchard.contract.events import SCAN_TICKS, Event, Frame
-from orchard.field.kinds import KINDS, LASER_RANGE, Laser
+from orchard.field.kinds import KINDS, LASER_RANGE, Laser, kind_of
 from orchard.field.layout import ROW_LENGTH, Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
 from orchard.view.blueprint import TIMELINE, blueprint
-from orchard.view.bodies import BodyView
-from orchard.view.legend import log_legend
+from orchard.view.bodies import BodyView, RowView
+from orchard.view.palette import log_legend
 from orchard.view.reader import LEFT_OUT, MISSING, SINCE
-from orchard.view.rows import RowView
 from orchard.view.scenery import log_scenery
 from orchard.view.talk import Talk, gathered, level_of, line_of
 
 CHUNK_TICKS = 10  # a second
-SCAN_CHUNK_TICKS = 50  # scans of a recording that nobody follows live go out in larger chunks: a third less to write
-SCAN_BEAMS = 2  # every second one
+SCAN_CHUNK_TICKS = 50  # without a live server, scans are sent in larger chunks: a third less to write
+SCAN_BEAMS = 2  # every second beam
 SCAN_GRID = 32.0  # positions are rounded to 1/32 m
 SCANNED = ("picker", "carrier", "tractor", "worker", "visitor", "dog", "cat")
 
@@ -39,11 +39,11 @@ SERIES: dict[str, tuple[str, palette.Colour, float]] = {
 
 
 class Recorder:
-    """Writes one run, or a further part of one. Feed it every tick, in order; `close()` when it is over."""
+    """Writes one run, or a further part of one. Call `tick` for each frame in order, then `close`."""
 
     def __init__(self, layout: Layout, run_name: str, path: str | Path | None = None, serve: bool = False, port: int = 9876,
                  scanned: Iterable[str] = SCANNED) -> None:  # fmt: skip
-        """`serve` opens a server for viewers on the loopback."""
+        """`serve`: open a server for viewers on the loopback. `scanned`: record the scans of these kinds of bodies."""
         self.layout = layout
         self.rec = rr.RecordingStream("orchard", recording_id=run_name)
         self.rec.set_log_time_enabled(False)
@@ -62,13 +62,13 @@ class Recorder:
         self._events: list[tuple[int, str, str]] = []  # tick, line, level
         self._last: np.ndarray | None = None
         self._newest = 0  # tick
-        self._doing: dict[str, str] = {}
+        self._doing: dict[str, tuple[str, State]] = {}
         self._gauges: dict[str, float] = {}
-        self._second, self._sweep = -1, -1  # the chunks that went out last
-        self._left_out = 0  # frames of which the recording has not yet told that it lacks them
+        self._second, self._sweep = -1, -1  # the last chunks that were sent: of poses, of scans
+        self._left_out = 0  # frames that were left out since this was last recorded
 
     def _open(self, path: str | Path | None, serve: bool, port: int) -> str:
-        """Choose the sinks; the address for a viewer, or ''."""
+        """Set the sinks. Return the address for a viewer, or ''."""
         server = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port) if serve else None
         sinks = [sink for sink in (rr.FileSink(str(path)) if path is not None else None, server) if sink is not None]
         if sinks:
@@ -76,7 +76,7 @@ class Recorder:
         return server.uri if server is not None else ""
 
     def tick(self, frame: Frame) -> None:
-        """Take one tick. Frames come in order; ticks may be left out."""
+        """Record one frame. Frames come in order; ticks may be left out."""
         self.rec.set_time(TIMELINE, duration=frame.tick * TIME_STEP)
         is_due = frame.tick // CHUNK_TICKS > self._second
         self._keep(frame)
@@ -87,7 +87,7 @@ class Recorder:
             self._send_chunk(frame.tick)
 
     def gap(self, since: int, until: int, why: str) -> None:
-        """Tell that nothing is recorded between two ticks, and why. Before the first frame after it, which must be a whole one."""
+        """Record that nothing is recorded between two ticks, and why. Call it before the next frame, which must be a whole one."""
         self.rec.set_time(TIMELINE, duration=until * TIME_STEP)
         self.rec.log(MISSING, rr.AnyValues(True, **{SINCE: since}))
         words = f"nothing recorded from {since * TIME_STEP:.1f} s to {until * TIME_STEP:.1f} s: {why}"
@@ -104,35 +104,35 @@ class Recorder:
     def _send_chunk(self, tick: int) -> None:
         self._second = tick // CHUNK_TICKS
         self._send_poses()
-        self._tell_what_was_left_out(tick)
+        self._report_left_out(tick)
         self._send_events()
         if tick // self._scan_chunk > self._sweep:
             self._sweep = tick // self._scan_chunk
             self._send_scans()
         if not self.uri:
-            self.rec.flush()  # into the file, 0.3 ms: what a kill loses is a second, of the scans five
+            self.rec.flush()  # into the file, 0.3 ms: a kill loses at most one second, and five of the scans
 
-    def _tell_what_was_left_out(self, tick: int) -> None:
+    def _report_left_out(self, tick: int) -> None:
         if self._left_out:
             self.rec.log(MISSING, rr.AnyValues(True, **{LEFT_OUT: self._left_out}))
-            words = f"left out {self._left_out} pictures, which came faster than they can be recorded"
+            words = f"left out {self._left_out} frames, which came faster than they can be recorded"
             self.tell(Event(tick, "left out", "logger", "", words))
             self._left_out = 0
 
     def flush(self) -> None:
-        """Write everything that is still held back, and wait until it is written."""
+        """Write everything that waits for its chunk, and wait until it is written."""
         self._send_poses()
-        self._tell_what_was_left_out(self._newest)
+        self._report_left_out(self._newest)
         self._send_events()
         self._send_scans()
         self.rec.flush()
 
     def close(self) -> None:
-        """End the file well. The server goes away as well."""
+        """Write the rest and end the file. The server is closed too."""
         self.flush()
         self.rec.disconnect()
 
-    # -- what gathers
+    # -- what is sent in chunks
 
     def _keep(self, frame: Frame) -> None:
         self._newest = frame.tick
@@ -142,7 +142,10 @@ class Recorder:
             self._scans.append((frame.tick, frame.scans))
 
     def _send_poses(self) -> None:
-        """Those that have changed, all in one entity: each row names the body's frame. At the last tick one in any case: so far it goes."""
+        """Send the poses that have changed, all in one entity; each row names the body's frame.
+
+        The newest tick always gets a row: it shows how far the recording reaches.
+        """
         times: list[np.ndarray] = []
         places: list[np.ndarray] = []
         frames: list[str] = []
@@ -174,7 +177,7 @@ class Recorder:
             self.rec.send_columns("events", indexes=[_ticks(ticks)], columns=rr.TextLog.columns(text=texts, level=levels))
             self._events.clear()
 
-    # -- what changes seldom
+    # -- what changes rarely
 
     def _changes(self, frame: Frame) -> None:
         if frame.fill is not None:
@@ -188,9 +191,10 @@ class Recorder:
 
     def _words(self, frame: Frame) -> None:
         for name, text in frame.doing.items():
-            if self._doing.get(name) != text:
-                self._doing[name] = text
-                self.bodies.doing(name, text)
+            state = frame.states.get(name, "resting")
+            if self._doing.get(name) != (text, state):
+                self._doing[name] = text, state
+                self.bodies.doing(name, text, state)
         news = [event for event in frame.events if self.talk.is_news(frame.tick, event)]
         lines = gathered(news)
         for event in lines:
@@ -213,9 +217,9 @@ class Recorder:
         self._gauges.update(gauges)
 
     def _robots(self) -> dict[str, float]:
-        states = [(name.split("_")[0], palette.state_of(text)) for name, text in self._doing.items()]
-        waiting = sum(kind == "picker" and state in (palette.WAITING, palette.CALLING) for kind, state in states)
-        busy = sum(kind == "carrier" and state not in (palette.WAITING, palette.RESTING) for kind, state in states)
+        states = [(kind_of(name), state) for name, (_, state) in self._doing.items()]
+        waiting = sum(kind == "picker" and state in ("waiting", "calling") for kind, state in states)
+        busy = sum(kind == "carrier" and state in ("driving", "handling a bin", "hauling", "unloading") for kind, state in states)
         return {"metrics/robots/pickers_waiting": float(waiting), "metrics/robots/carriers_busy": float(busy)}
 
     def _rows_and_bins(self, frame: Frame) -> dict[str, float]:
@@ -224,8 +228,10 @@ class Recorder:
 
 
 def hits(sweeps: np.ndarray, laser: Laser, every: int) -> tuple[np.ndarray, np.ndarray]:
-    """Where every so-manieth beam of a body's sweeps, (n, beams), hit something: (m, 3) float32, sweep after sweep, in the body's frame, on
-    a grid of 1/32 m; and how many of these points are of each sweep, (n,).
+    """Return the points that a body's laser hit, (m, 3) float32, and the number of points of each sweep, (n,).
+
+    `sweeps`: (n, beams) ranges, m; of these, every `every`-th beam counts. The points are in the body's frame, sweep after sweep. Their x
+    and y are rounded to 1/32 m.
     """
     ranges = sweeps[:, ::every]
     seen = ranges < LASER_RANGE

@@ -1,4 +1,4 @@
-"""What stands still: ground, driveway, fences, trees, posts, wires, the pergola, and the plan's camera. Logged once."""
+"""The fixed scenery: ground, driveway, fences, trees, posts, wires, the pergola, and the plan's camera. It is logged once."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -9,22 +9,21 @@ import rerun as rr
 from orchard.field import layout as field
 from orchard.field.layout import Layout
 from orchard.view import palette
-from orchard.view.mesh import Mesh, MeshPart, mesh_of
-from orchard.view.shapes import CROWN, LINE_POST, TRUNK, vine_patch
+from orchard.view.shapes import CROWN, LINE_POST, TRUNK, Mesh, MeshPart, mesh_of, vine_patch
 
 WORLD_FRAME = "tf#/"  # Rerun's name for the frame of the root entity
 PLAN_CAMERA = "plan/camera"
-MOWER = 3.5  # m, of a stripe in the grass
-MARGIN = 6.0  # m of meadow around the fences that the plan shows
-CAMERA_UP = 400.0  # m
-FOCAL = 4000.0  # pixels: 10 pixels a metre on the ground
+MOWER = 3.5  # m, width of a mown stripe
+MARGIN = 6.0  # m of meadow that the plan shows around the fences
+CAMERA_UP = 400.0  # m above the ground
+FOCAL = 4000.0  # pixels: 10 pixels per metre on the ground
 
 # z of the layers on the ground, m: at least 5 cm apart, or they flicker from afar
 MEADOW_Z, GRASS_Z, ROADS_Z, DRIVEWAY_Z, ROW_Z, SHADE_Z = -0.35, -0.26, -0.18, -0.10, -0.04, 0.02
 
 
 def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
-    """Everything that never changes."""
+    """Log everything that never changes."""
     rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     _mesh(rec, "world/ground", mesh_of(_ground(layout)))
     _mesh(rec, "world/fences", mesh_of(_fences(layout)))
@@ -43,7 +42,7 @@ def _mesh(rec: rr.RecordingStream, path: str, mesh: Mesh, alpha: int | None = No
 
 
 def archetype(mesh: Mesh, alpha: int | None = None) -> rr.Mesh3D:
-    """Rerun's mesh, see-through where `alpha` is less than 255."""
+    """Return a mesh as Rerun's Mesh3D. It is transparent if `alpha` is less than 255."""
     return rr.Mesh3D(
         vertex_positions=mesh.points,
         triangle_indices=mesh.triangles,
@@ -54,7 +53,7 @@ def archetype(mesh: Mesh, alpha: int | None = None) -> rr.Mesh3D:
 
 
 def _instances(rec: rr.RecordingStream, path: str, mesh: Mesh, places: np.ndarray, half_turns: bool = False) -> None:
-    """The same mesh at many places; with `half_turns` every other one is turned round, so that they look less alike."""
+    """Log the same mesh at many places. With `half_turns`, half of them are turned by 180 degrees, so that they look less alike."""
     turned = (np.arange(len(places)) * 7 // 3) % 2 * (1.0 if half_turns else 0.0)
     quaternions = np.stack([0 * turned, 0 * turned, turned, 1 - turned], axis=1)
     _mesh(rec, path, mesh)
@@ -70,12 +69,12 @@ def _over_lanes(layout: Layout) -> np.ndarray:
 
 
 def _slab(west: float, south: float, east: float, north: float, z: float, colour: palette.Colour) -> MeshPart:
-    """A flat piece of ground."""
+    """Return a flat piece of ground."""
     return MeshPart("box", (east - west, north - south, 0.02), ((west + east) / 2, (south + north) / 2, z), colour)
 
 
 def _ground(layout: Layout) -> list[MeshPart]:
-    """Fields around, mown grass within the fences, bare soil below the trees, the beaten roads around the rows, and the driveway."""
+    """Return the ground: fields, mown grass within the fences, bare soil below the trees, dirt roads around the rows, the driveway."""
     first, last = layout.tree_lines[0], layout.tree_lines[-1]
     drive = field.DRIVEWAY
     return [
@@ -93,7 +92,7 @@ def _ground(layout: Layout) -> list[MeshPart]:
 
 
 def _fields() -> list[MeshPart]:
-    """A patchwork of fields to the horizon; the same one every time. One of them is the orchard's meadow."""
+    """Return a patchwork of fields up to the horizon, the same every time. One of them is the orchard's meadow."""
     draw = np.random.default_rng(1)
     edges = [-2000.0, -1300.0, -850.0, -560.0, -360.0, -220.0, 180.0, 310.0, 520.0, 800.0, 1250.0, 2000.0]
     return [
@@ -107,14 +106,14 @@ def _any(draw: np.random.Generator) -> palette.Colour:
 
 
 def _lawn(layout: Layout) -> list[MeshPart]:
-    """The grass within the fences, in the stripes that a mower leaves."""
+    """Return the grass within the fences, in mown stripes."""
     edges = np.linspace(layout.bottom, field.TOP, round((field.TOP - layout.bottom) / MOWER) + 1)
     colours = (palette.GRASS, palette.MOWN)
     return [_slab(-field.X_MAX, s, field.X_MAX, n, GRASS_Z, colours[i % 2]) for i, (s, n) in enumerate(pairwise(edges))]
 
 
 def _bay() -> list[MeshPart]:
-    """The unloading bay, marked in white on the ground."""
+    """Return the white marking of the unloading bay."""
     west, south, east, north = field.BAY
     z, white = DRIVEWAY_Z + 0.12, (250, 250, 245)
     sides = [_slab(west, y, east, y + 0.15, z, white) for y in (south, north - 0.15)]
@@ -122,7 +121,7 @@ def _bay() -> list[MeshPart]:
 
 
 def _fences(layout: Layout) -> list[MeshPart]:
-    """A kerb as wide as the laser sees it, posts every 5 m or so, three rails: 2.5 m high, and one can look through."""
+    """Return the fences, 2.5 m high with gaps: a kerb as wide as the laser sees it, a post about every 5 m, three rails."""
     low, top, x = layout.bottom, field.TOP, field.X_MAX
     corners = [(-x, low), (x, low), (x, top), (-x, top)]
     return [part for i in range(4) for part in _fence(corners[i], corners[(i + 1) % 4])]
@@ -138,20 +137,20 @@ def _fence(start: tuple[float, float], end: tuple[float, float]) -> list[MeshPar
 
 
 def _wires(layout: Layout) -> list[np.ndarray]:
-    """Along every line of posts, and across the lanes at every post."""
+    """Return the wires along each line of posts, and across the lanes at each post."""
     first, last, west, east = layout.tree_lines[0], layout.tree_lines[-1], field.TREES_X[0], field.TREES_X[-1]
     along = [np.array([(west, y, 2.75), (east, y, 2.75)]) for y in layout.tree_lines]
     return along + [np.array([(x, first, 2.78), (x, last, 2.78)]) for x in field.POSTS_X]
 
 
 def _shade(layout: Layout) -> list[MeshPart]:
-    """Of the crowns, around noon."""
+    """Return the shade of the crowns around noon."""
     places = _grid(field.TREES_X, layout.tree_lines)
     return [MeshPart("drum", (5.6, 1.7, 0.01), (x - 0.3, y + 0.3, SHADE_Z), palette.SHADE) for x, y, _ in places]
 
 
 def _plan_canopy(rec: rr.RecordingStream, layout: Layout) -> None:
-    """The canopy of the plan: flat and see-through, and the rows' numbers beside it."""
+    """Log the plan's canopy, flat and transparent, and the row numbers beside it."""
     size = (1.7, layout.scenario.row_width - 0.5, 0.02)
     patches = [MeshPart("box", size, (x, y, 3.2), palette.VINE[0]) for x, y, _ in _over_lanes(layout)]
     crowns = [MeshPart("drum", (5.5, 1.4, 0.02), (x, y, 3.4), palette.LEAVES[0]) for x, y, _ in _grid(field.TREES_X, layout.tree_lines)]
@@ -163,7 +162,7 @@ def _plan_canopy(rec: rr.RecordingStream, layout: Layout) -> None:
 
 
 def _camera(rec: rr.RecordingStream, layout: Layout) -> None:
-    """A camera far above the middle that looks down, north up."""
+    """Log a camera far above the middle that looks down, north up."""
     height, width = plan_size(layout)
     scale = FOCAL / CAMERA_UP
     middle = (0.0, (field.TOP + layout.bottom) / 2, CAMERA_UP)
@@ -171,9 +170,9 @@ def _camera(rec: rr.RecordingStream, layout: Layout) -> None:
     down = rr.Transform3D(translation=middle, quaternion=about, child_frame="plan_eye", parent_frame=WORLD_FRAME)
     image = rr.Pinhole(focal_length=FOCAL, width=width * scale, height=height * scale, child_frame="plan_image", parent_frame="plan_eye")
     rec.log("plan/eye", down, static=True)
-    rec.log(PLAN_CAMERA, image, rr.CoordinateFrame("plan_image"), static=True)  # without names of its own it finds no named frame
+    rec.log(PLAN_CAMERA, image, rr.CoordinateFrame("plan_image"), static=True)  # it finds named frames only if its own are named
 
 
 def plan_size(layout: Layout) -> tuple[float, float]:
-    """Height and width of what the plan shows, m."""
+    """Return the height and width of the area on the plan, m."""
     return field.TOP - layout.bottom + 2 * MARGIN, 2 * (field.X_MAX + MARGIN)

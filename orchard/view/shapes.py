@@ -1,10 +1,150 @@
-"""What each kind of body looks like, as tables of parts. Within the manual's sizes; colours of the main parts are the kind's own."""
+"""Shapes: triangle meshes from simple parts, shaded, and the parts of each kind of body."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
 
 from orchard.field.kinds import KINDS
-from orchard.view.mesh import MeshPart
 from orchard.view.palette import BARK, LEAVES, POST, VINE, Colour
+
+LIGHT = np.array([0.35, -0.5, 0.79])  # direction of the sun, for the shading of the faces
+
+
+class MeshPart(NamedTuple):
+    """One form with a size, an orientation, a position and a colour."""
+
+    form: str  # a key of FORMS
+    size: tuple[float, float, float]  # m along x, y, z before it is tilted
+    at: tuple[float, float, float]  # m, of its middle
+    colour: Colour
+    pitch: float = 0.0  # degrees, nose up
+    yaw: float = 0.0  # degrees, to the left
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """f triangles. Each has three vertices of its own, so that each face is flat."""
+
+    points: np.ndarray  # (3 f, 3) float32
+    normals: np.ndarray  # (3 f, 3) float32
+    colours: np.ndarray  # (3 f, 3) uint8
+
+    @property
+    def triangles(self) -> np.ndarray:
+        """The indices of each triangle's vertices, (f, 3) uint32."""
+        return np.arange(len(self.points), dtype=np.uint32).reshape(-1, 3)
+
+
+def mesh_of(parts: Iterable[MeshPart]) -> Mesh:
+    """Return all parts as one shaded mesh."""
+    pieces = [(_placed(part), part.colour) for part in parts]
+    corners = np.concatenate([piece for piece, _ in pieces])
+    colours = np.concatenate([np.tile(np.array(colour, float), (len(piece), 1)) for piece, colour in pieces])
+    return faceted(corners, colours)
+
+
+def faceted(corners: np.ndarray, colours: np.ndarray) -> Mesh:
+    """Return a mesh of `corners`, (f, 3, 3), and face `colours`, (f, 3). A face is darker the more it is turned away from the sun."""
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+    shade = 0.90 + 0.10 * np.clip(normals @ LIGHT, -0.8, 1.0)
+    painted = np.clip(colours * shade[:, None], 0, 255).astype(np.uint8)
+    return Mesh(
+        corners.reshape(-1, 3).astype(np.float32),
+        np.repeat(normals, 3, axis=0).astype(np.float32),
+        np.repeat(painted, 3, axis=0),
+    )
+
+
+def _placed(part: MeshPart) -> np.ndarray:
+    """Return the corners of a part's triangles in their final position, (f, 3, 3)."""
+    placed: np.ndarray = FORMS[part.form]() * np.array(part.size) @ _turn(part.pitch, part.yaw).T + np.array(part.at)
+    return placed
+
+
+def _turn(pitch: float, yaw: float) -> np.ndarray:
+    """Return the rotation matrix of a pitch (nose up), then a yaw (to the left); degrees."""
+    a, b = np.radians(-pitch), np.radians(yaw)
+    tilt = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
+    swing = np.array([[np.cos(b), -np.sin(b), 0], [np.sin(b), np.cos(b), 0], [0, 0, 1]])
+    turn: np.ndarray = swing @ tilt
+    return turn
+
+
+# -- forms: (f, 3, 3) corners of triangles, counter-clockwise seen from outside, within a cube of 1 m around the origin
+
+
+def _hull(points: np.ndarray | Sequence[Sequence[float]], faces: Sequence[Sequence[int]]) -> np.ndarray:
+    """Return the triangles of flat faces, (f, 3, 3), each oriented away from the middle."""
+    p = np.array(points, float)
+    fans = np.array([(p[f[0]], p[f[i]], p[f[i + 1]]) for f in faces for i in range(1, len(f) - 1)])
+    outward = np.cross(fans[:, 1] - fans[:, 0], fans[:, 2] - fans[:, 0])
+    inside_out = np.sum(outward * (fans.mean(axis=1) - p.mean(axis=0)), axis=1) < 0
+    fans[inside_out] = fans[inside_out][:, ::-1]
+    return fans
+
+
+@cache
+def _tapered(top_x: float, top_y: float, shift: float = 0.0) -> np.ndarray:
+    """Return a box with a top that is narrower and moved along x."""
+    low = [(x, y, -0.5) for x, y in ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))]
+    high = [(x * top_x + shift, y * top_y, 0.5) for x, y, _ in low]
+    return _hull(low + high, [(0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)])
+
+
+@cache
+def _round(sides: int, top: float, axis: int) -> np.ndarray:
+    """Return a cylinder (`top` 1) or a cone (`top` 0) along an axis (0 x, 1 y, 2 z)."""
+    angles = 2 * np.pi * np.arange(sides) / sides
+    ring = np.stack([0.5 * np.cos(angles), 0.5 * np.sin(angles)], axis=1)
+    low, high = np.c_[ring, np.full(sides, -0.5)], np.c_[ring * max(top, 1e-3), np.full(sides, 0.5)]
+    walls = [(i, (i + 1) % sides, sides + (i + 1) % sides, sides + i) for i in range(sides)]
+    faces = _hull(np.roll(np.concatenate([low, high]), axis + 1, axis=1), [tuple(range(sides)), tuple(range(sides, 2 * sides)), *walls])
+    return faces
+
+
+@cache
+def _ball() -> np.ndarray:
+    """Return an icosahedron (20 faces), 1 m across."""
+    g = (1 + 5**0.5) / 2
+    points = [p for a in (-1, 1) for b in (-g, g) for p in ((0, a, b), (a, b, 0), (b, 0, a))]
+    p = np.array(points, float)
+    near = np.linalg.norm(p[:, None] - p[None], axis=2) < 2.1
+    n = range(len(p))
+    faces = [(i, j, k) for i in n for j in n for k in n if i < j < k and near[i, j] and near[j, k] and near[i, k]]
+    return _hull(p / np.linalg.norm(p[0]) / 2, faces)
+
+
+@cache
+def _bush() -> np.ndarray:
+    """Return a rounder, uneven ball of 80 faces, for leaves. It is the same every time."""
+    coarse = _ball()
+    middle = (coarse + np.roll(coarse, -1, axis=1)) / 2  # midpoints of the sides 01, 12, 20
+    corners = [(coarse[:, 0], middle[:, 0], middle[:, 2]), (coarse[:, 1], middle[:, 1], middle[:, 0]),
+               (coarse[:, 2], middle[:, 2], middle[:, 1]), (middle[:, 0], middle[:, 1], middle[:, 2])]  # fmt: skip
+    fine = np.concatenate([np.stack(corner, axis=1) for corner in corners])
+    direction = fine / np.linalg.norm(fine, axis=2, keepdims=True)
+    uneven = 1 + 0.14 * np.sin(7 * direction[..., :1] + 5 * direction[..., 1:2]) * np.cos(6 * direction[..., 2:])
+    bush: np.ndarray = 0.45 * direction * uneven
+    return bush
+
+
+FORMS: dict[str, Callable[[], np.ndarray]] = {
+    "box": lambda: _tapered(1.0, 1.0),
+    "hood": lambda: _tapered(0.8, 0.85, -0.1),
+    "cab": lambda: _tapered(0.85, 0.85),
+    "wheel": lambda: _round(12, 1.0, 1),
+    "drum": lambda: _round(10, 1.0, 2),
+    "roller": lambda: _round(8, 1.0, 0),
+    "stem": lambda: _round(6, 0.75, 2),
+    "cone": lambda: _round(6, 0.0, 2),
+    "dome": lambda: _round(10, 0.55, 2),
+    "ball": _ball,
+    "bush": _bush,
+}
 
 TYRE, STEEL, GLASS, LENS = (38, 38, 42), (188, 192, 200), (150, 200, 225), (20, 20, 24)
 SKIN, HAIR, TROUSERS, YELLOW, STRAW = (224, 172, 130), (84, 58, 40), (52, 66, 104), (255, 214, 0), (238, 226, 190)
@@ -17,7 +157,7 @@ def _darker(colour: Colour, by: float) -> Colour:
 
 
 def _wheels(x: float, y: float, across: float, width: float) -> list[MeshPart]:
-    """Four wheels, `across` m high, their middles at +-x and +-y."""
+    """Return four wheels of diameter `across` (m), with their middles at +-x and +-y."""
     size = (across, width, across)
     return [MeshPart("wheel", size, (i * x, j * y, across / 2), TYRE) for i in (-1, 1) for j in (-1, 1)] + [
         MeshPart("wheel", (across / 2, width + 0.02, across / 2), (i * x, j * y, across / 2), STEEL) for i in (-1, 1) for j in (-1, 1)
@@ -25,7 +165,7 @@ def _wheels(x: float, y: float, across: float, width: float) -> list[MeshPart]:
 
 
 def picker(colour: Colour) -> list[MeshPart]:
-    """2.5 x 1.5 x 1.0: a long body with a row of picking arms that reach up."""
+    """Return a picker, 2.5 x 1.5 x 1.0: a long body with two rows of picking arms that reach up."""
     arms = [MeshPart("stem", (0.1, 0.1, 0.3), (x, y, 0.85), STEEL) for x in (-0.1, 0.3, 0.7) for y in (-0.42, 0.42)]
     hands = [MeshPart("box", (0.3, 0.16, 0.06), (x, y, 0.97), WHITE) for x in (-0.1, 0.3, 0.7) for y in (-0.42, 0.42)]
     return [
@@ -40,7 +180,7 @@ def picker(colour: Colour) -> list[MeshPart]:
 
 
 def carrier(colour: Colour) -> list[MeshPart]:
-    """1.8 x 1.5 x 0.5: a flat sled with a fork at its back."""
+    """Return a carrier, 1.8 x 1.5 x 0.5: a flat sled with a fork at its back."""
     fork = [MeshPart("box", (0.5, 0.12, 0.08), (-0.65, y, 0.16), STEEL) for y in (-0.35, 0.35)]
     return [
         MeshPart("box", (1.8, 1.16, 0.24), (0, 0, 0.32), colour),
@@ -54,7 +194,7 @@ def carrier(colour: Colour) -> list[MeshPart]:
 
 
 def bin_(colour: Colour) -> list[MeshPart]:
-    """1 x 1 x 1, open above: one sees what is in it."""
+    """Return a bin, 1 x 1 x 1, open at the top so that its content is visible."""
     rim, inner = _darker(colour, 1.25), _darker(colour, 0.55)
     long_walls = [MeshPart("box", (1.0, 0.07, 0.86), (0, y, 0.55), colour) for y in (-0.465, 0.465)]
     short_walls = [MeshPart("box", (0.07, 0.86, 0.86), (x, 0, 0.55), colour) for x in (-0.465, 0.465)]
@@ -64,8 +204,8 @@ def bin_(colour: Colour) -> list[MeshPart]:
     return [MeshPart("box", (0.9, 0.9, 0.06), (0, 0, 0.15), inner), *long_walls, *short_walls, *rims, *feet]
 
 
-def _someone(x: float, y: float, z: float, shirt: Colour, hat: Colour | None, height: float = 1.7) -> list[MeshPart]:
-    """A person `height` m tall without the hat, standing at x, y, z."""
+def _person(x: float, y: float, z: float, shirt: Colour, hat: Colour | None, height: float = 1.7) -> list[MeshPart]:
+    """Return a person who stands at x, y, z; `height` in m, without the hat."""
     s = height / 1.7
     legs = [MeshPart("box", (0.18 * s, 0.18 * s, 0.8 * s), (x, y + side * 0.13 * s, z + 0.4 * s), TROUSERS) for side in (-1, 1)]
     arms = [MeshPart("stem", (0.14 * s, 0.14 * s, 0.62 * s), (x, y + side * 0.36 * s, z + 1.08 * s), shirt) for side in (-1, 1)]
@@ -84,17 +224,17 @@ def _hair(x: float, y: float, z: float) -> list[MeshPart]:
 
 
 def worker(colour: Colour) -> list[MeshPart]:
-    """0.55 x 1.0 x 1.7, the yellow hat up to 1.9, a fruit bag before the chest."""
-    return [*_someone(0, 0, 0, colour, YELLOW), MeshPart("box", (0.2, 0.4, 0.34), (0.2, 0, 1.05), STRAW)]
+    """Return a worker, 0.55 x 1.0 x 1.7, with a yellow hat up to 1.9 m and a fruit bag in front of the chest."""
+    return [*_person(0, 0, 0, colour, YELLOW), MeshPart("box", (0.2, 0.4, 0.34), (0.2, 0, 1.05), STRAW)]
 
 
 def visitor(colour: Colour) -> list[MeshPart]:
-    """0.55 x 1.0 x 1.7, a sun hat (within the 1.7), a red rucksack."""
-    return [*_someone(0, 0, 0, colour, STRAW, height=1.5), MeshPart("box", (0.2, 0.36, 0.42), (-0.2, 0, 1.0), (214, 70, 60))]
+    """Return a visitor, 0.55 x 1.0 x 1.7, with a sun hat (within the 1.7 m) and a red rucksack."""
+    return [*_person(0, 0, 0, colour, STRAW, height=1.5), MeshPart("box", (0.2, 0.36, 0.42), (-0.2, 0, 1.0), (214, 70, 60))]
 
 
 def tractor(colour: Colour) -> list[MeshPart]:
-    """5 x 3 x 3: hood, cab, big wheels at the back, and two people on its platform."""
+    """Return a tractor, 5 x 3 x 3: hood, cab, big wheels at the back, and two people on its platform."""
     back = [MeshPart("wheel", (1.7, 0.6, 1.7), (-1.0, y, 0.85), TYRE) for y in (-1.2, 1.2)]
     back += [MeshPart("wheel", (0.8, 0.62, 0.8), (-1.0, y, 0.85), YELLOW) for y in (-1.2, 1.2)]
     front = [MeshPart("wheel", (1.1, 0.45, 1.1), (1.6, y, 0.55), TYRE) for y in (-1.1, 1.1)]
@@ -107,14 +247,14 @@ def tractor(colour: Colour) -> list[MeshPart]:
         MeshPart("box", (1.5, 1.6, 0.9), (-0.2, 0, 1.25), colour), MeshPart("box", (0.04, 1.3, 0.9), (0.42, 0, 2.2), GLASS),
         MeshPart("box", (1.7, 1.8, 0.14), (-0.22, 0, 2.93), _darker(colour, 0.8)),
         MeshPart("box", (1.7, 2.6, 0.14), (-1.65, 0, 1.0), _darker(BARK, 1.2)), MeshPart("box", (0.08, 2.5, 0.08), (-2.4, 0, 1.5), STEEL),
-        *_someone(-0.3, 0, 1.2, (60, 80, 150), YELLOW, height=1.35),
-        *_someone(-1.5, 0.7, 1.07, KINDS["worker"].colour, YELLOW), *_someone(-1.6, -0.7, 1.07, (200, 120, 60), STRAW),
+        *_person(-0.3, 0, 1.2, (60, 80, 150), YELLOW, height=1.35),
+        *_person(-1.5, 0.7, 1.07, KINDS["worker"].colour, YELLOW), *_person(-1.6, -0.7, 1.07, (200, 120, 60), STRAW),
         *back, *front, *pillars, *rails,
     ]  # fmt: skip
 
 
-def _beast(colour: Colour, fat: float, leg: float) -> list[MeshPart]:
-    """Body, legs and head of a four-legged animal 1 m long; `fat` is its width, `leg` its legs' length, m."""
+def _quadruped(colour: Colour, fat: float, leg: float) -> list[MeshPart]:
+    """Return the body, legs and head of a four-legged animal, 1 m long. `fat`: its width, `leg`: the length of its legs, m."""
     dark = _darker(colour, 0.75)
     legs = [MeshPart("stem", (0.12, 0.12, leg), (x, y * fat, leg / 2), dark) for x in (-0.26, 0.2) for y in (-0.34, 0.34)]
     return [
@@ -125,27 +265,27 @@ def _beast(colour: Colour, fat: float, leg: float) -> list[MeshPart]:
 
 
 def dog(colour: Colour) -> list[MeshPart]:
-    """1.0 x 0.8 x 0.7: a snout, hanging ears, a tail that points up, a red collar."""
+    """Return a dog, 1.0 x 0.8 x 0.7: a snout, hanging ears, a tail that points up, a red collar."""
     ears = [MeshPart("box", (0.1, 0.05, 0.2), (0.3, y, 0.56), _darker(colour, 0.5)) for y in (-0.17, 0.17)]
     return [
-        *_beast(colour, 0.36, 0.3), *ears, MeshPart("box", (0.24, 0.16, 0.13), (0.46, 0, 0.5), _darker(colour, 1.25)),
+        *_quadruped(colour, 0.36, 0.3), *ears, MeshPart("box", (0.24, 0.16, 0.13), (0.46, 0, 0.5), _darker(colour, 1.25)),
         MeshPart("ball", (0.07, 0.07, 0.07), (0.57, 0, 0.54), LENS), MeshPart("drum", (0.26, 0.26, 0.06), (0.22, 0, 0.48), (210, 30, 40)),
         MeshPart("roller", (0.34, 0.08, 0.08), (-0.42, 0, 0.56), colour, pitch=-50),
     ]  # fmt: skip
 
 
 def cat(colour: Colour) -> list[MeshPart]:
-    """1.0 x 0.8 x 0.7: pointed ears, stripes, a long tail straight up."""
+    """Return a cat, 1.0 x 0.8 x 0.7: pointed ears, stripes, a long tail straight up."""
     ears = [MeshPart("cone", (0.12, 0.1, 0.16), (0.32, y, 0.63), colour) for y in (-0.1, 0.1)]
     stripes = [MeshPart("box", (0.06, 0.3, 0.28), (x, 0, 0.33), _darker(colour, 0.6)) for x in (-0.24, -0.08, 0.08)]
     return [
-        *_beast(colour, 0.28, 0.22), *ears, *stripes, MeshPart("ball", (0.14, 0.16, 0.12), (0.44, 0, 0.44), WHITE),
+        *_quadruped(colour, 0.28, 0.22), *ears, *stripes, MeshPart("ball", (0.14, 0.16, 0.12), (0.44, 0, 0.44), WHITE),
         MeshPart("stem", (0.08, 0.08, 0.42), (-0.38, 0, 0.49), colour), MeshPart("ball", (0.1, 0.1, 0.1), (-0.38, 0, 0.66), WHITE),
     ]  # fmt: skip
 
 
 def weed(colour: Colour) -> list[MeshPart]:
-    """0.5 x 0.5 x 0.5: a tuft of blades with a yellow flower."""
+    """Return a weed, 0.5 x 0.5 x 0.5: a tuft of blades with a yellow flower."""
     blades = [MeshPart("cone", (0.14, 0.05, 0.46), (0, 0, 0.2), colour, pitch=30, yaw=60 * i) for i in range(6)]
     return [*blades, MeshPart("stem", (0.05, 0.05, 0.42), (0, 0, 0.21), colour), MeshPart("ball", (0.16, 0.16, 0.12), (0, 0, 0.44), YELLOW)]
 
@@ -157,7 +297,7 @@ BODIES: dict[str, Callable[[Colour], list[MeshPart]]] = {
 
 
 def body(kind: str) -> list[MeshPart]:
-    """The parts of a body of a kind; its origin lies on the ground below its centre."""
+    """Return the parts of a body of a kind. The origin is on the ground below its centre."""
     return BODIES[kind](KINDS[kind].colour)
 
 
@@ -176,7 +316,7 @@ CROWN = [  # 5.5 x 1.0 m, from 1.8 m up
 
 
 def vine_patch(width: float) -> list[MeshPart]:
-    """The pergola's patch above a lane: 1.7 m along it, `width` m across, 0.5 m thick at z = 2.3."""
+    """Return the pergola's patch above a lane: 1.7 m along it, `width` m across, 0.5 m thick, at z = 2.3 m."""
     count = max(3, round(width / 1.1))
     step = width / count
     return [

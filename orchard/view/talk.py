@@ -1,4 +1,4 @@
-"""Who speaks to whom: arcs between the two for a few seconds, and the log of events."""
+"""Messages between bodies: an arc from the sender to the recipient for a few seconds, and the lines of the event log."""
 
 from collections.abc import Hashable, Sequence
 from typing import NamedTuple
@@ -12,37 +12,40 @@ from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
 
-MOST_LINES = 40  # at once: when all call at once, who is sent counts more than who was asked
-RENEWED_TICKS = 5  # how often the lines follow the robots
-REPEAT_TICKS = 300
-MOST_NAMES = 3  # in a line of the log
-MOST_SAID = 10_000  # that are remembered
+MOST_LINES = 40  # arcs at once; when all agents call at once, arcs to carriers that are sent count more than to those that are asked
+RENEWED_TICKS = 5  # interval at which the arcs follow the robots
+REPEAT_TICKS = 300  # within it, a repeated message is not news
+MOST_NAMES = 3  # in one line of the log
+MOST_SAID = 10_000  # messages that are remembered, to find repeats
 BEADS = 9
 WARNINGS, ERRORS = ("collision", "refused", "stopped", "nothing recorded", "left out"), ("lost", "jam")
 ALARMS = dict.fromkeys(map(palette.plain, WARNINGS), "WARN") | dict.fromkeys(map(palette.plain, ERRORS), "ERROR")
 
 
 def level_of(what: str) -> str:
-    """DEBUG for what is said all the time, WARN and ERROR for what should not be, INFO for the rest."""
+    """Return the log level of an event word: DEBUG for frequent messages, WARN and ERROR for faults, INFO for the rest."""
     word = palette.plain(what)
     return "DEBUG" if word in palette.QUIET else ALARMS.get(word, "INFO")
 
 
 def line_of(event: Event) -> str:
-    """An event as one line: 'bin_01 > carrier_02: call, lane 3 east'."""
+    """Return an event as one line, such as 'bin_01 > carrier_02: call, lane 3 east'."""
     what, text = event.what, event.detail
     said = text if not what or text.lower().startswith(what.lower()) else f"{what}, {text}" if text else what
     return f"{event.who} > {event.whom}: {said}" if event.whom else f"{event.who}: {said}"
 
 
 def gathered(events: Sequence[Event]) -> list[Event]:
-    """What one asks of many at a tick, and what many answer one, as one event each, of '14 carriers'; the rest as it is."""
+    """Return the events with each request to many, and each set of replies from many, merged into one event ('14 carriers').
+
+    Other events are unchanged.
+    """
     said = [replace(alike[0], whom=_together([e.whom for e in alike]), detail=_text(alike)) for alike in _alike(events, "who")]
     return [replace(alike[0], who=_together([e.who for e in alike]), detail=_text(alike)) for alike in _alike(said, "whom")]
 
 
 def _alike(events: Sequence[Event], end: str) -> list[list[Event]]:
-    """Those of the conversation that say the same kind of thing, and have the same one at this end, together; all others alone."""
+    """Group the messages of the same kind that have the same body at `end` ("who" or "whom"). Other events stay alone."""
     groups: dict[Hashable, list[Event]] = {}
     for event in events:
         is_said = palette.plain(event.what) in palette.TALK and event.whom
@@ -57,13 +60,13 @@ def _together(names: Sequence[str]) -> str:
 
 
 def _text(alike: Sequence[Event]) -> str:
-    """What all of them say, or a few; of many that say different things, nothing."""
+    """Return the text that all of them share, or the texts of a few; '' for many with different texts."""
     texts = dict.fromkeys(event.detail for event in alike)
     return "; ".join(texts) if len(texts) == 1 or len(alike) <= MOST_NAMES else ""
 
 
 class Drawn(NamedTuple):
-    """A line that is to be seen now."""
+    """An arc that is shown now."""
 
     until: int  # tick
     start: int  # body
@@ -72,17 +75,17 @@ class Drawn(NamedTuple):
 
 
 class Talk:
-    """The arcs that are to be seen now."""
+    """The arcs that are shown now."""
 
     def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
         self.rec, self.index = rec, layout.index
         self._lines: list[Drawn] = []
         self._there = False
-        self._renewed = -1  # the half second in which they were drawn last
-        self._said: dict[tuple[str, str, str, str], int] = {}  # what was said -> tick
+        self._renewed = -1  # the half second in which the arcs were last drawn
+        self._said: dict[tuple[str, str, str, str], int] = {}  # message -> tick in which it was last sent
 
     def is_news(self, tick: int, event: Event) -> bool:
-        """Whether it was not said in the last half minute: agents ask again and again until they are heard."""
+        """Return whether an event did not occur in the last 30 s: agents repeat a request until it is answered."""
         if len(self._said) >= MOST_SAID:
             self._said = {}
         said = event.what, event.who, event.whom, event.detail
@@ -90,7 +93,7 @@ class Talk:
         return last is None or tick - last > REPEAT_TICKS
 
     def hear(self, tick: int, events: Sequence[Event]) -> bool:
-        """Remember what is to be drawn; whether there is anything new."""
+        """Remember the arcs to draw. Return whether there is a new one."""
         before = len(self._lines)
         for event in events:
             look = palette.TALK.get(palette.plain(event.what))
@@ -99,11 +102,11 @@ class Talk:
         return len(self._lines) > before
 
     def forget(self) -> None:
-        """Something was missed: what is still to be seen of it goes with the next arcs."""
+        """Drop all arcs, after a gap. Those that are still shown are removed when arcs are next drawn."""
         self._there, self._lines = True, []
 
     def show(self, tick: int, poses: np.ndarray, fresh: bool) -> None:
-        """Draw the arcs anew when there is a `fresh` one, and every half second while there are any."""
+        """Draw the arcs again if there is a `fresh` one, and every half second while there are any. `poses`: (n, 3)."""
         if not fresh and tick // RENEWED_TICKS == self._renewed:
             return
         self._renewed = tick // RENEWED_TICKS
@@ -117,7 +120,7 @@ class Talk:
 
 
 def _arc(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """(BEADS, 3): from above one body to above the other, higher the further they are apart."""
+    """Return the points of an arc between two bodies, (BEADS, 3), m. It is higher the further they are apart."""
     along = np.linspace(0.0, 1.0, BEADS)[:, None]
     flat = start[:2] + along * (end[:2] - start[:2])
     rise = 0.05 * float(np.hypot(*(end[:2] - start[:2]))) + 1.0

@@ -1,7 +1,7 @@
-"""Rerun's viewer in a browser: a web server on the loopback that hands out the viewer and says what it is to show.
+"""Rerun's viewer in a browser: a web server on the loopback that serves the viewer and tells it what to show.
 
-`python -m orchard.view.web rerun+http://127.0.0.1:9091/proxy --port 9090` is that server until it is told to end;
-`serve_web` starts the same beside a running program. `rr.serve_web_viewer` is not used: it listens on all interfaces.
+`python -m orchard.view.web rerun+http://127.0.0.1:9091/proxy --port 9090` runs this server until it is ended. `serve_web` starts the
+same server beside a running program. `rr.serve_web_viewer` is not used: it listens on all interfaces.
 """
 
 import argparse
@@ -10,35 +10,35 @@ import socket
 import subprocess
 from urllib.parse import urlencode
 
-from orchard.view.program import viewer_program
+from orchard.view.files import viewer_program
 
 LOOPBACK = "127.0.0.1"
 
 
 def data_uri(port: int) -> str:
-    """Where a viewer served on a port finds its data: on the next port."""
+    """Return the address of the data for a viewer that is served on a port: on the next port."""
     return f"rerun+http://{LOOPBACK}:{port + 1}/proxy"
 
 
 def page_url(port: int) -> str:
-    """What to open in a browser, or to put into a frame."""
-    wishes = {"url": data_uri(port), "hide_welcome_screen": "1", "persist": "0", "theme": "dark"}
-    return f"http://{LOOPBACK}:{port}/?{urlencode(wishes)}"
+    """Return the address to open in a browser, or in a frame of a page."""
+    options = {"url": data_uri(port), "hide_welcome_screen": "1", "persist": "0", "theme": "dark"}
+    return f"http://{LOOPBACK}:{port}/?{urlencode(options)}"
 
 
 def command(port: int, *what: str) -> list[str]:
-    """The server's command line. `what` is the address of live data, or a recording's parts, which it then serves on the next port."""
+    """Return the server's command line. `what`: the address of live data, or a recording's parts, which it then serves on the next port."""
     return [viewer_program(), "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), "--port", str(port + 1), *what]
 
 
 def serve_web(port: int, *what: str) -> subprocess.Popen[bytes]:
-    """Serve the viewer at `page_url(port)`; `terminate()` what it gives when it is no longer wanted."""
+    """Serve the viewer at `page_url(port)`. The caller ends the returned process with `terminate()`."""
     line, null = command(port, *what), subprocess.DEVNULL
     return subprocess.Popen(line, env=_environment(), start_new_session=True, stdin=null, stdout=null, stderr=null)
 
 
 def free_pair() -> int:
-    """A port of the loopback that was free a moment ago, as the next one was: for the viewer, and for its data."""
+    """Return a port of the loopback that was free a moment ago, as was the next port: for the viewer, and for its data."""
     while True:
         with socket.socket() as first, socket.socket() as second:
             first.bind((LOOPBACK, 0))
@@ -55,10 +55,10 @@ def _environment() -> dict[str, str]:
 
 
 def main() -> None:
-    """Become the server, so that a signal to this process reaches it."""
+    """Replace this process by the server, so that a signal to the process reaches the server."""
     parser = argparse.ArgumentParser(prog="python -m orchard.view.web", description="Serve Rerun's viewer on the loopback.")
     parser.add_argument("what", help="the address of live data, or a recording")
-    parser.add_argument("--port", type=int, default=9090, help="of the viewer; its data are expected on the next one")
+    parser.add_argument("--port", type=int, default=9090, help="port of the viewer; its data are expected on the next port")
     arguments = parser.parse_args()
     line = command(arguments.port, arguments.what)
     os.execve(line[0], line, _environment())

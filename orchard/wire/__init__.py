@@ -1,4 +1,4 @@
-"""Messages as bytes: their fields and bounds, the table of keys, and the translation to and from what agents and physics use.
+"""The wire format: messages with their fields and bounds, the table of keys, and conversions from and to the types of the simulator.
 
-Nothing here sends or receives. A change here is a change of keyspace.md.
+Nothing here sends or receives. A change here changes keyspace.md.
 """

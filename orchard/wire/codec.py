@@ -1,4 +1,4 @@
-"""Between what agents, physics and the viewer know and the messages on the wire: in both directions, to the last bit."""
+"""Conversions between the messages on the wire and the types of agents, physics and the viewer. They are exact to the last bit."""
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from orchard.contract.agent import Action, Hitch, Observation
+from orchard.contract.agent import STATE, Action, Hitch, Observation, Observations, observation_of
 from orchard.contract.events import SELDOM, Frame
 from orchard.contract.mail import written_by
-from orchard.contract.observations import STATE, Observations, observation_of
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, LASER_RANGE, Laser, kind_of
 from orchard.field.layout import Layout
@@ -37,7 +36,7 @@ from orchard.wire.messages import (
 )
 from orchard.wire.types import FARTHEST, MOST_BODIES
 
-_SEVEN = Struct(f"<{STATE}d")  # a body's state
+_SEVEN = Struct(f"<{STATE}d")  # the state of a body
 RANGE = 4  # bytes of a float32
 
 
@@ -50,7 +49,7 @@ def _twist(twist: Twist) -> TwistMessage:
 
 
 def odometry_of(run: str, seen: Observation) -> Odometry:
-    """What travels of an observation, all but the scan."""
+    """Return the message for an observation, without its scan."""
     hitch = seen.hitch and OtherEnd(seen.hitch.name, _pose(seen.hitch.x, seen.hitch.y, seen.hitch.orientation), _twist(seen.hitch.twist))
     pose = _pose(seen.x, seen.y, seen.orientation)
     return Odometry(run, seen.tick, pose, _twist(seen.twist), hitch, float(seen.fill), bool(seen.full))
@@ -62,13 +61,13 @@ def _sweep(laser: Laser, scan: np.ndarray | None) -> tuple[float, float, float, 
 
 
 def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> LaserScan:
-    """What travels of an observation's scan, and of its bin's."""
+    """Return the message for the scan of an observation, and for the scan of its bin."""
     rear = None if seen.hitch is None or seen.hitch.scan is None else Beams(*_sweep(rear_laser, seen.hitch.scan))
     return LaserScan(run, seen.tick, *_sweep(laser, seen.scan), rear)
 
 
 def seen_of(run: str, seen: Observations, bodies: Sequence[int], asked: list[AskedOf]) -> Seen:
-    """What travels to the holder of these bodies, given by number, whose agents hear what was asked."""
+    """Return the message for the session that holds these bodies, given by index. `asked`: the requests that its agents hear now."""
     names = [seen.names[body] for body in bodies]
     states = b"".join([seen.states[body].tobytes() for body in bodies])
     ranges = b"".join([seen.scans[body].tobytes() for body in bodies])
@@ -84,10 +83,10 @@ def _other_seen(hitch: Hitch) -> OtherSeen:
 
 
 def observations_of(seen: Seen) -> dict[str, Observation]:
-    """Name -> what was to be seen of that body, to the last bit. Raises ValueError for what does not fit, or is no number."""
+    """Return name -> the observation of that body. Raises ValueError if the arrays do not fit the names, or hold invalid numbers."""
     states, rear = _states_of(seen.states), {name: other.ranges for name, other in seen.hitches.items() if other.ranges is not None}
     if len(states) != len(seen.names):
-        raise ValueError(f"states do not fit {len(seen.names)} names")
+        raise ValueError(f"the states do not fit {len(seen.names)} names")
     fitting = [_fitting(seen.ranges, seen.names), *[_fitting(sweep, ["bin"]) for sweep in rear.values()]]
     sweeps = _sweeps_of([*seen.names, *["bin"] * len(rear)], fitting)
     behind = dict(zip(rear, sweeps[len(states) :], strict=True))
@@ -99,9 +98,9 @@ def observations_of(seen: Seen) -> dict[str, Observation]:
 
 
 def _states_of(states: bytes) -> list[tuple[float, ...]]:
-    """Seven numbers a body. Raises ValueError for what is no number, or no place."""
+    """The seven numbers of each body. Raises ValueError for NaN, infinity and numbers out of bounds."""
     if len(states) % _SEVEN.size:
-        raise ValueError(f"states: {len(states)} bytes are no multiple of {_SEVEN.size}")
+        raise ValueError(f"states: {len(states)} bytes are not a multiple of {_SEVEN.size}")
     if not np.abs(np.frombuffer(states, "<f8")).max(initial=0.0) <= FARTHEST:
         raise ValueError("states: not a number, or out of bounds")
     return [*_SEVEN.iter_unpack(states)]
@@ -111,7 +110,7 @@ def _states_of(states: bytes) -> list[tuple[float, ...]]:
 def _beams_of(name: str) -> int:
     kind = KINDS.get(kind_of(name))
     if kind is None:
-        raise ValueError(f"{name}: there is no such kind")
+        raise ValueError(f"{name}: unknown kind")
     return kind.laser.beams
 
 
@@ -121,51 +120,51 @@ def _hitch_seen(other: OtherSeen, scan: np.ndarray | None) -> Hitch:
 
 
 def _fitting(ranges: bytes, names: Sequence[str]) -> bytes:
-    """The ranges of these bodies. Raises ValueError unless there is one for each beam."""
+    """Return `ranges`. Raises ValueError unless they hold one number for each beam of these bodies."""
     beams = sum(map(_beams_of, names))
     if len(ranges) != RANGE * beams:
-        raise ValueError(f"ranges do not fit: {len(ranges)} bytes, wanted are {RANGE} for each of {beams} beams")
+        raise ValueError(f"the ranges do not fit: {len(ranges)} bytes, not {RANGE} for each of {beams} beams")
     return ranges
 
 
 def _sweeps_of(names: Sequence[str], ranges: Iterable[bytes]) -> list[np.ndarray]:
-    """Each body's ranges, of fitting ones one after another. Raises ValueError for what no laser can have measured."""
+    """Each body's ranges, views of one array. `ranges`: byte strings that fit the names. Raises ValueError for NaN and negative ranges."""
     measured = np.frombuffer(b"".join(ranges), "<f4")
     if not measured.min(initial=0.0) >= 0.0:
         raise ValueError("ranges: not a number, or below 0")
-    return [measured[part] for part in _parts(tuple(names))]
+    return [measured[part] for part in _slices(tuple(names))]
 
 
 @lru_cache(maxsize=64)
-def _parts(names: tuple[str, ...]) -> list[slice]:
-    """Where in the ranges of all these bodies each one's are."""
+def _slices(names: tuple[str, ...]) -> list[slice]:
+    """Each body's slice of the concatenated ranges."""
     ends = [*accumulate(map(_beams_of, names))]
     return [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
 
 
 def picture_of(run: str, frame: Frame) -> Picture:
-    """What travels of a frame, its events apart."""
+    """Return the message for a frame, without its events."""
     scans = None if frame.scans is None else [np.asarray(scan, dtype="<f4").tobytes() for scan in frame.scans]
     lists = {name: _listed(getattr(frame, name)) for name in ("coupled", "fill", "alive", "row_picked")}
     poses = np.asarray(frame.poses, dtype="<f8").tobytes()
-    return Picture(run, frame.tick, poses, scans, dict(frame.doing), **lists, delivered=frame.delivered)
+    return Picture(run, frame.tick, poses, scans, dict(frame.doing), **lists, delivered=frame.delivered, states=dict(frame.states))
 
 
 def frame_of(picture: Picture, layout: Layout) -> Frame:
-    """The frame that was sent. Raises ValueError for one that is not of this orchard, or holds what is no number."""
+    """Return the frame in a picture. Raises ValueError if it does not fit the layout, or holds invalid numbers."""
     bodies, rows = len(layout.names), layout.scenario.rows
     poses = np.frombuffer(picture.poses, dtype="<f8").reshape(-1, 3)
     arrays: dict[str, Any] = {name: _array(getattr(picture, name)) for name in SELDOM}
     lengths = {"row_picked": rows}
     fit = all(array is None or len(array) == lengths.get(name, bodies) for name, array in arrays.items())
     if not fit or len(poses) != bodies or (picture.scans is not None and len(picture.scans) != bodies):
-        raise ValueError(f"it is not of {bodies} bodies and {rows} rows")
+        raise ValueError(f"it does not fit {bodies} bodies and {rows} rows")
     if not (np.abs(poses) <= FARTHEST).all():
         raise ValueError("not a number, or out of bounds")
     scans = None
     if picture.scans is not None:
         scans = _sweeps_of(layout.names, [_fitting(sweep, [name]) for name, sweep in zip(layout.names, picture.scans, strict=True)])
-    return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered)
+    return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered, states=picture.states)
 
 
 def _listed(array: np.ndarray | None) -> list[Any] | None:
@@ -177,21 +176,21 @@ def _array(values: list[Any] | None) -> np.ndarray | None:
 
 
 def drive_of(action: Action, mail: bytes, memory: bytes | None) -> Drive:
-    """What travels of an action."""
+    """Return the message for an action. `mail`: the digest of the mail that the agent heard. `memory`: None if physics has it already."""
     x, y, turn = action.twist
     doing, waits_for = action.doing[:200], action.waits_for[:200]
-    report = Report(action.deeds, doing, waits_for, action.steps_done, mail, memory, written_by(action))
+    report = Report(action.deeds, doing, action.state, waits_for, action.steps_done, mail, memory, written_by(action))
     return Drive(Linear(x, y), Angular(turn), True, report)
 
 
 def velocity_of(velocities: Velocities, name: str) -> Velocity:
-    """One of several, as if it had come on its own."""
+    """Return one velocity of a session as a message of its own."""
     drive = velocities.velocities[name]
     return Velocity(velocities.run, velocities.tick, drive.linear, drive.angular, velocities.holder, drive.once, drive.report)
 
 
 def action_of(velocity: Velocity) -> Action:
-    """The action that was sent, its mail and memory apart."""
+    """Return the action in a velocity, without its requests, answers and memory."""
     twist = Twist(velocity.linear.x, velocity.linear.y, velocity.angular.z)
     report = velocity.report or Report()
-    return Action(twist, report.deeds, doing=report.doing, waits_for=report.waits_for, steps_done=report.steps_done)
+    return Action(twist, report.deeds, doing=report.doing, state=report.state, waits_for=report.waits_for, steps_done=report.steps_done)

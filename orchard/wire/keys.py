@@ -1,6 +1,6 @@
-"""The table of keys: every key that the program uses, what travels on it, who sends it, how often and how surely.
+"""The table of keys: for each key its message, sender, rate, delivery and meaning.
 
-`python -m orchard.keys` writes keyspace.md from it (see docs/keyspace.py); a test holds the two together.
+`make docs` writes keyspace.md from it (see docs/keyspace.py). A test checks that keyspace.md is up to date.
 """
 
 import re
@@ -37,41 +37,41 @@ from orchard.wire.messages import (
     Velocity,
 )
 
-NEVER_LOST = "never lost"  # reliable, in order; a sender waits for a slow subscriber
+NEVER_LOST = "never lost"  # reliable, in order; the sender waits for a slow subscriber
 QUERY = "query"  # a Zenoh get, answered by a queryable
-NEWEST = "never lost; newest wins in realtime"  # there a slow subscriber misses some, and holds nobody up
+NEWEST = "never lost; newest wins in realtime"  # in realtime the sender does not wait, and a slow subscriber misses messages
 LIVELINESS = "liveliness"  # a Zenoh liveliness token
 
 PREFIX = "orchard"
 PHYSICS = "physics"  # the name in the liveliness token of the process that owns the world
-LOGGER = "logger"  # the name in that of a process that records
+LOGGER = "logger"  # the name in the token of a process that records
 _PREFIX = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*")
 
 
 class Key(NamedTuple):
-    """One kind of key."""
+    """A kind of key, and the messages on it."""
 
     template: str
-    message: type | None  # what is put, or asked
+    message: type | None  # the message that is published, or the query
     sender: str
     rate: str
     delivery: str
     meaning: str
-    replies: tuple[type, ...] = ()  # of a query
+    replies: tuple[type, ...] = ()  # if the key can be queried
 
 
-_EVERY_TICK = "once per tick, 10 a simulated second"
-IF_HEARD = ", while somebody listens"
+_EVERY_TICK = "once per tick, 10 per simulated second"
+IF_HEARD = ", while a session subscribes"
 
 TABLE: dict[str, Key] = {
     "velocity": Key(
         "{prefix}/{robot}/velocity",
         Velocity,
-        "whoever drives the robot, or its agent",
+        "the client that drives the robot, or the session that holds its agent",
         _EVERY_TICK,
         NEVER_LOST,
-        "How the robot shall move in the step from this tick to the next. "
-        "What comes in `velocities` physics puts here as well, while somebody listens.",
+        "The velocity of the robot in the step from this tick to the next. "
+        "While a session subscribes, physics also publishes here the velocities that it received in `velocities`.",
     ),
     "velocities": Key(
         "{prefix}/hosts/{session}/velocities",
@@ -79,7 +79,7 @@ TABLE: dict[str, Key] = {
         "a session that holds agents",
         _EVERY_TICK,
         NEVER_LOST,
-        "The same for all agents of a session at once: the answer to `seen`.",
+        "The velocities of all agents of a session in one message: the answer to `seen`.",
     ),
     "pose": Key(
         "{prefix}/{robot}/pose",
@@ -87,7 +87,7 @@ TABLE: dict[str, Key] = {
         "physics",
         _EVERY_TICK + IF_HEARD,
         NEWEST,
-        "Where the robot is at this tick, how it moved in the last step, and what is coupled to it.",
+        "The pose of the robot at this tick, its velocity in the last step, and the body that is coupled to it.",
     ),
     "scan": Key(
         "{prefix}/{robot}/scan",
@@ -95,7 +95,7 @@ TABLE: dict[str, Key] = {
         "physics",
         _EVERY_TICK + IF_HEARD,
         NEWEST,
-        "What the robot's laser measures at this tick, and what its bin's does.",
+        "The ranges that the laser of the robot measures at this tick, and those of the laser of its bin.",
     ),
     "clock": Key(
         "{prefix}/clock",
@@ -103,7 +103,7 @@ TABLE: dict[str, Key] = {
         "physics",
         _EVERY_TICK + IF_HEARD,
         NEWEST,
-        "Simulated time. It is sent last: poses and scans of its tick are out.",
+        "Simulated time. Physics sends it after all poses and scans of its tick.",
     ),
     "seen": Key(
         "{prefix}/hosts/{session}/seen",
@@ -111,51 +111,51 @@ TABLE: dict[str, Key] = {
         "physics",
         _EVERY_TICK + IF_HEARD,
         NEWEST,
-        "For a session that holds agents: all their poses and scans of this tick, so that it need not subscribe to each. "
-        "It comes again while an answer is missing, and is then to be answered again.",
+        "For a session that holds agents: all their poses and scans of this tick, so that the session need not subscribe to each. "
+        "While an answer is missing physics sends it again, and the session must answer again.",
     ),
     "mail": Key(
         "{prefix}/{robot}/mail",
         Letter,
         "any agent",
-        "when it asks",
+        "when it sends a request",
         QUERY,
-        "A request to the robot's agent. The robot's host answers.",
+        "A request to the agent of the robot. The host of that agent replies.",
         (Received, Answered),
     ),
     "letters": Key(
         "{prefix}/letters",
         Letters,
         "physics",
-        "in ticks in which somebody asks or answers" + IF_HEARD,
+        "in ticks with requests or answers" + IF_HEARD,
         NEVER_LOST,
-        "A copy of all requests and answers of a tick, for those who look on.",
+        "A copy of all requests and answers of a tick, for observers.",
     ),
     "recall": Key(
         "{prefix}/recall",
         Recall,
-        "an agent's host, in lockstep",
+        "a host, in lockstep",
         "when it may have missed mail",
         QUERY,
-        "Which mail was for this tick? Physics answers with a copy of what was asked and answered at the two ticks before it.",
+        "A query for the mail of this tick. Physics replies with a copy of all requests and answers of the two ticks before it.",
         (Recalled,),
     ),
     "state": Key(
         "{prefix}/{bin}/state",
         BinStatus,
-        "the bin's agent",
-        "when full or coupled_to changes",
+        "the host of the bin's agent",
+        "when `full` or `coupled_to` changes",
         NEVER_LOST,
-        "Whether the bin is full, and on whom. The same key can be queried, with an empty payload.",
+        "Whether the bin is full, and which robot it is coupled to. The key can also be queried, with an empty payload.",
         (BinStatus,),
     ),
     "events": Key(
         "{prefix}/events",
         Events,
         "physics",
-        "in ticks in which something happens",
+        "in ticks with events",
         NEVER_LOST,
-        "What happened in the step from this tick to the next. `what` is one of: " + ", ".join(get_args(What)) + ".",
+        "The events of the step from this tick to the next. `what` is one of: " + ", ".join(get_args(What)) + ".",
     ),
     "picture": Key(
         "{prefix}/picture",
@@ -163,60 +163,67 @@ TABLE: dict[str, Key] = {
         "physics",
         _EVERY_TICK + IF_HEARD,
         NEVER_LOST,
-        "Everything that is to be seen, in one message, for the logger and whoever looks on.",
+        "The visible state of the whole orchard in one message, for the logger and other observers.",
     ),
     "figures": Key(
-        "{prefix}/figures", Figures, "physics", "twice a second of wall time", NEVER_LOST, "How the run goes, and what each robot does."
+        "{prefix}/figures",
+        Figures,
+        "physics",
+        "twice per second of wall time",
+        NEVER_LOST,
+        "The figures of the run, and what each robot does.",
     ),
     "refused": Key(
         "{prefix}/hosts/{session}/refused",
         RefusedThere,
-        "a host, the logger",
-        "in ticks in which it refused something",
+        "a host or the logger",
+        "in ticks in which it refused messages",
         NEVER_LOST,
-        "How many messages it refused, by reason. Physics adds them up.",
+        "How many messages this session has refused, by reason. Physics adds up the counts of all sessions.",
     ),
     "scenario": Key(
         "{prefix}/scenario",
         None,
-        "anyone",
-        "when it comes to the run",
+        "any client",
+        "when it connects",
         QUERY,
-        "The run's id and present tick, its agents, its scenario. The payload is empty; physics answers.",
+        "The run's id and present tick, its agents and its scenario. The payload of the query is empty. Physics replies.",
         (RunInfo,),
     ),
     "join": Key(
         "{prefix}/hosts/{session}/join",
         Join,
         "a session that wants to hold agents",
-        "when it begins",
+        "when it starts",
         QUERY,
-        "A wish to hold agents. Physics answers with their memories, sends their pose and scan of the present tick (again), "
-        "and from this tick on waits for their velocities.",
+        "A request to hold agents. Physics replies with their memories, sends their poses and scans of the present tick (again), "
+        "and waits for their velocities from this tick on.",
         (Joined,),
     ),
     "lost": Key(
         "{prefix}/lost",
         Lost,
         "physics",
-        "when it happens",
+        "when a session loses agents",
         NEVER_LOST,
-        "Agents that were silent for too long: their robots stand. Their holder may join again.",
+        "Agents that physics no longer waits for, because their session is gone or was silent for too long. "
+        "Their robots stand. The session may join again.",
     ),
     "command": Key(
-        "{prefix}/command", Command, "anyone", "when a person wishes", QUERY, "Stop the run. Physics answers and ends it.", (Done,)
+        "{prefix}/command", Command, "any client", "at a user's request", QUERY, "End the run. Physics replies, then ends it.", (Done,)
     ),
     "stop": Key(
         "{prefix}/stop",
         Stop,
-        "whoever may stop robots",
+        "a client that may stop robots",
         "in an emergency",
         QUERY,
-        "Stop robots, or reset them. It outranks every velocity and every deed, whoever sends them, and outlasts the agents. "
-        "A robot and the bin on its bar are stopped and reset together. People and animals walk on; unloading goes on. "
-        "It holds at once. Physics answers when it is on the disk as well, or after 2 s without (`kept`), or at once where the run "
-        "has not begun, or begins again; asked again, it tells whether it is by now. "
-        "A name that is no robot's is refused, and then nobody is stopped.",
+        "Stop robots in an emergency, or reset them. A stop overrides all velocities and deeds of all senders, and stays in force "
+        "when agents end. A robot and the bin on its bar are stopped and reset together. People and animals keep walking; "
+        "unloading continues. A stop is in force at once. Physics replies when the stop is also on the disk (then `kept` is true), "
+        "or after 2 s if it is not; it replies at once if the run has not begun or is being resumed. "
+        "To learn later whether the stop is on the disk, send the query again. "
+        "A name that is not a robot's is refused, and then no robot is stopped.",
         (Stopped,),
     ),
     "end": Key(
@@ -225,15 +232,15 @@ TABLE: dict[str, Key] = {
         "physics",
         "once",
         NEVER_LOST,
-        "The run is over. Physics waits for two seconds at most until all liveliness tokens are gone.",
+        "The run is over. Physics waits until all liveliness tokens are gone, at most two seconds.",
     ),
     "alive": Key(
         "{prefix}/alive/{name}/{session}",
         None,
-        "each host, for each agent; physics and logger for themselves",
-        "while it lives",
+        "each host, one for each of its agents; physics and the logger, one each",
+        "while the process lives",
         LIVELINESS,
-        "Who is here. `session` is any text of letters and digits that no other process uses: the holder's id.",
+        "The process is present. `session` is a text of letters and digits that no other process uses: the id of the holder.",
     ),
 }
 
@@ -244,17 +251,17 @@ def _filled(template: str, prefix: str, name: str, session: str) -> str:
 
 
 class Keys:
-    """The keys of one orchard."""
+    """The keys of one run, below a prefix. Raises ValueError for an invalid prefix."""
 
     def __init__(self, prefix: str = PREFIX) -> None:
         if not _PREFIX.fullmatch(prefix):
-            raise ValueError(f"prefix {prefix!r}: letters, digits, _ and -, in parts with / between")
+            raise ValueError(f"prefix {prefix!r}: wanted are parts of letters, digits, _ and -, separated by /")
         self.prefix = prefix
 
     def of(self, what: str, name: str = "*", session: str = "*") -> str:
-        """The key of that kind; of all names and sessions unless they are given."""
+        """Return the key of a kind, `what` in TABLE. Without a name or a session it is a key expression for all of them."""
         return _filled(TABLE[what].template, self.prefix, name, session)
 
     def parts(self, key: str) -> list[str]:
-        """What follows the prefix: ['picker_01', 'velocity'], ['alive', 'picker_01', '3fa9'], ['clock']."""
+        """Return the parts of a key after the prefix: ['picker_01', 'velocity'], ['alive', 'picker_01', '3fa9'], ['clock']."""
         return key.removeprefix(self.prefix + "/").split("/")

@@ -1,7 +1,7 @@
-"""What the messages on the wire are made of: types with their bounds, in SI units, and the maps that all messages are.
+"""The parts of the messages on the wire: types with bounds, in SI units, and base classes.
 
-Whatever arrives goes through `read`, which refuses (with the reason) what is too big, malformed, of a wrong type, not a number, infinite
-or out of bounds.
+`read` checks each payload that arrives. It refuses, with the reason, a payload that is too large, malformed, of a wrong type,
+not a number, infinite or out of bounds.
 """
 
 from typing import Annotated, TypeVar
@@ -11,22 +11,26 @@ from msgspec import Meta
 
 from orchard.contract.messages import FASTEST, MAX_PAYLOAD, Tick, unpack
 
-FARTHEST = 1e6  # m, or m/s: what no place and no speed can be
+FARTHEST = 1e6  # m or m/s: no coordinate and no speed is larger
 MOST_BODIES = 10_000
 
 Name = Annotated[str, Meta(max_length=64, pattern="^[a-z][a-z0-9_]*$")]
-KnownName = Annotated[str, Meta(max_length=64)]  # a name that is looked up; to match its letters costs more than to read the rest
-Run = Annotated[str, Meta(max_length=64, description="the run's id; that of the scenario query's answer")]
+KnownName = Annotated[str, Meta(max_length=64)]  # a name that is looked up; matching the pattern costs more time than reading the rest
+Run = Annotated[str, Meta(max_length=64, description="the run's id, as in the reply to the scenario query")]
 Speed = Annotated[float, Meta(ge=-FASTEST, le=FASTEST)]
 Zero = Annotated[float, Meta(ge=0.0, le=0.0, description="0")]
 Unit = Annotated[float, Meta(ge=-1.001, le=1.001)]
 Ranges = Annotated[
-    bytes, Meta(max_length=4096, description="m, as little-endian float32, 4 bytes a beam; +inf where nothing returns (REP-117)")
+    bytes, Meta(max_length=4096, description="m, little-endian float32, 4 bytes per beam; +inf for a beam without a return (REP-117)")
 ]
 Fill = Annotated[float, Meta(ge=0.0, le=1e3)]
 Body = Annotated[int, Meta(ge=-1, lt=MOST_BODIES)]
 Once = Annotated[
-    bool, Meta(description="realtime: it drives for one step, and only from the pose that it answers; else until a newer one comes")
+    bool,
+    Meta(
+        description="realtime; true: it drives for one step only, and only from the pose that it answers; "
+        "false: until a newer velocity arrives"
+    ),
 ]
 Session = Annotated[str, Meta(max_length=64, pattern="^[A-Za-z0-9_-]+$")]
 Holder = Annotated[
@@ -34,7 +38,7 @@ Holder = Annotated[
     Meta(
         max_length=64,
         pattern="^[A-Za-z0-9_-]*$",
-        description="the session id in the sender's liveliness token; '' from one who holds no agent",
+        description="the session id in the sender's liveliness token; '' if the sender holds no agent",
     ),
 ]
 
@@ -59,7 +63,7 @@ M = TypeVar("M")
 
 
 def read(payload: bytes, type_: type[M]) -> M:
-    """The message in a payload; ValueError, saying what is wrong with it."""
+    """Return the message in a payload. Raises ValueError, with the reason, if the payload is too large or not such a message."""
     if len(payload) > MAX_PAYLOAD:
         raise ValueError(f"{len(payload)} bytes; at most {MAX_PAYLOAD}")
     message: M = unpack(payload, type_)

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from orchard.agents.route import COUPLING, D_ROAD, F_ROAD, FULL_BIN, STOP, WAITING
+from orchard.agents.route import OneWay
 from orchard.field.geometry import EAST, SOUTH, WEST
 from orchard.field.kinds import KINDS
 
+COUPLING, D_ROAD, F_ROAD, FULL_BIN, STOP, WAITING = (
+    OneWay.COUPLING, OneWay.D_ROAD, OneWay.F_ROAD, OneWay.FULL_BIN, OneWay.STOP, OneWay.WAITING
+)  # fmt: skip
 PITCH = 5.5  # m, at the narrowest rows
 QUARTER = np.pi / 2
 

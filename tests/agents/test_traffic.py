@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stage import Driven, Stage, Standing, empty_orchard
 
-from orchard.agents.route import D_ROAD, EAST_SIDE, F_ROAD, WEST_SIDE
+from orchard.agents.route import EAST_SIDE, WEST_SIDE, OneWay
 from orchard.agents.traffic import ReservationTable, grant, note
 from orchard.contract.messages import Claim
 from orchard.field.geometry import Twist
@@ -187,7 +187,7 @@ def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
     for side, along in ((EAST_SIDE, -1), (WEST_SIDE, 1)):
         if abs(facing - along * np.pi / 2) > 0.1:
             continue
-        for road, road_x in (("D", D_ROAD), ("F", F_ROAD)):
+        for road, road_x in (("D", OneWay.D_ROAD), ("F", OneWay.F_ROAD)):
             if abs(x - side.x(road_x)) > 0.01:
                 continue
             front, tail = 0.9, -2.4 if stage.bin_of(carrier) else -0.9

@@ -2,13 +2,10 @@
 
 import pytest
 
-from orchard.app.draft import Draft
-from orchard.app.entries import entries, flat, nested
-from orchard.app.headline import read_headline
-from orchard.app.order import Files, Pace, command
+from orchard.app.draft import Draft, entries, flat, nested
+from orchard.app.run_controls import Files, Pace, command
 from orchard.app.runner import Runner
 from orchard.field.scenario import Scenario, check
-from orchard.report.progress import headline
 
 
 def test_the_page_asks_for_every_value_of_a_scenario():
@@ -103,11 +100,3 @@ def test_a_pace_is_what_run_py_is_told(tmp_path):
 def test_two_runs_of_a_second_have_files_of_their_own(tmp_path):
     runner = Runner(tmp_path)
     assert len({runner._fresh_files().scenario for _ in range(5)}) == 5
-
-
-def test_progress_is_read_from_what_run_py_prints():
-    figures = {"sim_seconds": 1234.5, "times_real_time": 8.0, "rows_picked": 4, "bins_delivered": 2, "rows": 6}
-    read = read_headline(headline(figures))
-    assert (read.sim_seconds, read.times_real_time, read.rows_picked, read.bins_delivered, read.rows) == (1234.5, 8.0, 4, 2, 6)
-    assert read.fraction == 0.5
-    assert read_headline("agents 1: started again") is None

@@ -9,15 +9,14 @@ import pytest
 from typer.testing import CliRunner
 
 from chaos.__main__ import app
-from chaos.endurance import Course as Memory
-from chaos.endurance import Endurance, Look
-from chaos.ordeal import Course, Recovery, time_limit
+from chaos.baseline import Baseline
+from chaos.endurance import Endurance, MemorySample, MemorySeries
+from chaos.fault_injection import Execution, Recovery, time_limit
+from chaos.fuzzer import mutated
+from chaos.oracle import judge
 from chaos.relay import Relay
 from chaos.report import Results, markdown
 from chaos.schedule import ALL, BYTES, HOST, KILL, LINK, LINKS, LOGGER, MOST_DEATHS, ROUTER, Fault, most_deaths, trial
-from chaos.stranger import nonsense_of
-from chaos.undisturbed import Undisturbed
-from chaos.verdict import verdict
 from orchard.contract.messages import pack
 from orchard.launch.supervisor import DEATHS, free_port
 from orchard.net.refusals import Refused, read_message
@@ -78,7 +77,7 @@ def is_over(end):
 @pytest.fixture
 def link():
     """(relay, one end, the other end) of a connection through it."""
-    with socket.create_server(("127.0.0.1", 0)) as server, Relay(free_port(), server.getsockname()[1]) as relay:
+    with socket.create_server(("127.0.0.1", 0)) as server, Relay(server.getsockname()[1]) as relay:
         near = socket.create_connection(("127.0.0.1", relay.port), 10.0)
         far, _ = server.accept()
         far.settimeout(10.0)
@@ -114,18 +113,18 @@ def test_a_link_that_is_stalled_loses_nothing(link):
 
 
 def test_a_relay_whose_router_is_away_hangs_up():
-    with Relay(free_port(), free_port()) as relay, socket.create_connection(("127.0.0.1", relay.port), 10.0) as near:
+    with Relay(free_port()) as relay, socket.create_connection(("127.0.0.1", relay.port), 10.0) as near:
         assert is_over(near)
 
 
-# -- the stranger
+# -- the fuzzer
 
 
 def test_no_nonsense_is_of_the_run():
     said, chance = pack(Clock(RUN, 12, Stamp(1, 2))), Random(1)
     for _ in range(2000):
         with pytest.raises(Refused):
-            read_message(nonsense_of(chance, said, RUN), Clock, RUN)
+            read_message(mutated(chance, said, RUN), Clock, RUN)
 
 
 # -- what must come of a run
@@ -133,7 +132,7 @@ def test_no_nonsense_is_of_the_run():
 
 @pytest.fixture(scope="module")
 def wanted():
-    return Undisturbed().result(1, 600)
+    return Baseline().result(1, 600)
 
 
 def summary(wanted, **changes):
@@ -145,12 +144,12 @@ LOCKSTEP = next(this for this in TRIALS if this.mode == "lockstep")
 REALTIME = next(this for this in TRIALS if this.mode == "realtime" and this.seconds is None)
 
 
-def course(exit_code=0):
-    return Course(["kill physics", "kill physics"], [Recovery("kill physics", 1.0), Recovery("kill physics", 3.0)], exit_code, 600, 99.0)
+def execution(exit_code=0):
+    return Execution(["kill physics", "kill physics"], [Recovery("kill physics", 1.0), Recovery("kill physics", 3.0)], exit_code, 600, 99.0)
 
 
 def test_a_run_that_came_to_what_local_mode_does_is_good(wanted):
-    found = verdict(LOCKSTEP, course(), summary(wanted), wanted)
+    found = judge(LOCKSTEP, execution(), summary(wanted), wanted)
     assert found.complaints == []
     assert found.refused == 3
 
@@ -167,7 +166,7 @@ def test_a_run_that_came_to_what_local_mode_does_is_good(wanted):
     ],
 )
 def test_whatever_is_broken_is_counted_and_told(wanted, exit_code, changes, broken):
-    found = verdict(LOCKSTEP, course(exit_code), summary(wanted, **changes), wanted)
+    found = judge(LOCKSTEP, execution(exit_code), summary(wanted, **changes), wanted)
     results = Results(1, "today", [found])
     assert dict(results.promises())[broken] == 1
     assert found.complaints
@@ -175,8 +174,8 @@ def test_whatever_is_broken_is_counted_and_told(wanted, exit_code, changes, brok
 
 
 def test_a_whole_harvest_in_realtime_must_deliver_every_bin(wanted):
-    good = verdict(REALTIME, course(), summary(wanted, finished=True, bins_delivered=3), None)
-    lacking = verdict(REALTIME, course(), summary(wanted, finished=True, bins_delivered=2), None)
+    good = judge(REALTIME, execution(), summary(wanted, finished=True, bins_delivered=3), None)
+    lacking = judge(REALTIME, execution(), summary(wanted, finished=True, bins_delivered=2), None)
     assert (good.bins_lost, lacking.bins_lost) == (0, 1)
     assert (good.complaints == [], lacking.complaints == []) == (True, False)
 
@@ -189,7 +188,7 @@ def test_every_run_has_a_time_limit():
 
 
 def memory(megabytes, handles):
-    return Memory("physics", [Look(5000 * i, float(m), h) for i, (m, h) in enumerate(zip(megabytes, handles, strict=True))])
+    return MemorySeries("physics", [MemorySample(5000 * i, float(m), h) for i, (m, h) in enumerate(zip(megabytes, handles, strict=True))])
 
 
 def test_flat_is_neither_a_leak_of_memory_nor_of_handles():
@@ -202,7 +201,7 @@ def test_flat_is_neither_a_leak_of_memory_nor_of_handles():
 
 
 def test_the_report_has_the_median_and_the_worst_of_each_fault(wanted):
-    results = Results(5, "today", [verdict(LOCKSTEP, course(), summary(wanted), wanted)], 60.0)
+    results = Results(5, "today", [judge(LOCKSTEP, execution(), summary(wanted), wanted)], 60.0)
     results.endurance = Endurance(100_000, [memory([100, 101, 100, 101], [9, 9, 9, 9])], {"lockstep": 600.0})
     text = markdown(results)
     assert "| kill physics, lockstep | 2 | 2 | 2.00 | 3.00 |" in text
@@ -219,7 +218,7 @@ def test_the_command_line_names_what_it_does_not_know():
 
 def test_a_relay_has_no_thread_when_it_is_closed():
     before = threading.active_count()
-    with Relay(free_port(), free_port()):
+    with Relay(free_port()):
         assert threading.active_count() == before + 1
     assert threading.active_count() == before
 

@@ -4,11 +4,13 @@ import re
 import subprocess
 import sys
 
+import own_agents
 import pytest
 from alone import SMALL, local_hash
 from fleet import ROOT, SECONDS
 
 from orchard.agents.catalogue import make_agents
+from orchard.contract.agent import Action
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, parse
@@ -80,6 +82,50 @@ def test_a_name_that_is_taken_is_refused_to_an_own_agent_as_well(fleet):
     assert "picker_01: it is taken" in done.stderr
 
 
+# -- agents that local mode is given
+
+
+def test_an_agent_that_local_mode_is_given_drives_as_a_class_of_the_scenario_does():
+    given, named = Local(SMALL), Local(SMALL.model_copy(update={"agents": {"picker_01": "own_agents.Eastward"}}))
+    given.play("picker_01", own_agents.Eastward(given.engine.layout, "picker_01"))
+    assert list(given.agents) == list(named.agents)
+    for _ in range(40):
+        given.tick()
+        named.tick()
+    assert given.engine.hash == named.engine.hash == with_picker_01(own_agents.Eastward)
+
+
+def test_an_agent_that_takes_over_gets_no_memory_of_another_class():
+    local, heard = Local(SMALL), []
+
+    class Counter:
+        Memory = list[int]
+
+        def tick(self, observation, mail, memory):
+            heard.append(memory)
+            return Action(memory=[*(memory or ()), observation.tick])
+
+    for tick in range(6):
+        if tick in (2, 4):
+            local.play("picker_01", Counter())
+        local.tick()
+    assert heard == [None, [2], [2, 3], [2, 3, 4]]
+
+
+def test_an_agent_that_local_mode_is_given_is_guarded(caplog):
+    local = Local(SMALL)
+    local.play("picker_01", own_agents.Quitter(local.engine.layout, "picker_01"))
+    local.tick()
+    assert local.actions["picker_01"].state == "broken"
+    assert local.actions["picker_02"].state != "broken"
+    assert "SystemExit: 3" in caplog.text
+
+
+def test_only_an_agent_that_is_there_can_be_replaced():
+    with pytest.raises(ValueError, match=r"picker_99: no such agent; there are .*picker_01"):
+        Local(SMALL).play("picker_99", own_agents.Eastward(None, "picker_99"))
+
+
 # -- classes that a scenario names
 
 
@@ -142,8 +188,8 @@ def test_who_is_not_there_cannot_be_replaced():
 
 
 NO_MAP = "a map of kinds .* or names and the classes"
-NO_CLASS = "must be the class that drives it, as"
-NO_KIND = r"no kind \(picker, .*, as picker_01"
+NO_CLASS = "must be the class that drives it, such as"
+NO_KIND = r"not a kind \(picker, .*\) and not a name such as picker_01"
 
 
 @pytest.mark.parametrize(
@@ -161,5 +207,5 @@ def test_what_is_no_class_or_no_kind_is_named(value, why):
     [("lost", r"LookupError: no map \(.*own_agents.py, line \d+\)"), ("nobody", "KeyError: 'picker_01'"), ("none", "no attribute 'none'")],
 )
 def test_a_function_that_makes_no_agents_is_told_with_its_place(function, mistake):
-    with pytest.raises(ValueError, match=f"agents own_agents:{function}: .*{mistake}.*wanted is"):
+    with pytest.raises(ValueError, match=f"agents own_agents:{function}: .*{mistake}.*expected "):
         made(f"own_agents:{function}", lay_out(SMALL), ["picker_01"])

@@ -58,7 +58,7 @@ def test_the_map_of_the_code_names_every_package():
     packages = {
         path.parent.relative_to(ROOT).as_posix() for folder in ("orchard", "processes") for path in ROOT.glob(f"{folder}/**/__init__.py")
     }
-    assert [package for package in packages if f"`{package}/`" not in text] == []
+    assert [package for package in packages - {"orchard"} if f"`{package}/`" not in text] == []
 
 
 def test_each_package_says_what_it_holds():

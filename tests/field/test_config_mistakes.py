@@ -26,7 +26,7 @@ from orchard.field.scenario import People, Scenario, parse
         ("people: {visitors: 51}", "people.visitors = 51: must be"),
         ("animals: {dogs: 51}", "animals.dogs = 51: must be"),
         ("animals: {cats: 51}", "animals.cats = 51: must be"),
-        ("weeds: 5\nagents: {piker: a.B}", ":2: agents.piker: no kind (picker, carrier, bin, tractor,"),
+        ("weeds: 5\nagents: {piker: a.B}", ":2: agents.piker: not a kind (picker, carrier, bin, tractor,"),
         ("laser: {noise: 0.2}", "laser.noise = 0.2: must be a number from 0.0 to 0.02 (standard deviation of a measured range, m)"),
     ],
 )
@@ -100,7 +100,8 @@ def test_an_unknown_key_tells_the_closest(text: str, path: str, guess: str) -> N
 
 def test_an_unknown_key_tells_the_known_ones() -> None:
     assert refusal("xyzzy: 1").endswith(
-        "unknown key; known here: rows, pickers, row_width, carriers, picking_speed, seed, people, animals, weeds, tractor, laser, agents"
+        "unknown key; known here: rows, pickers, row_width, carriers, picking_speed, seed, people, animals, weeds, tractor, laser, agents, "
+        "agents_without_body, dispatch, rows_to_pickers, route"
     )
 
 

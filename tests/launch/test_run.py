@@ -181,7 +181,7 @@ def test_bad_input_is_named_with_exit_code_2_and_no_traceback(arguments, named):
 
 @pytest.mark.parametrize(
     ("word", "told"),
-    [("piker", "own.yaml:1: agents.piker: no kind (picker"), ("picker_99", "agents.picker_99: no such agent or kind")],
+    [("piker", "own.yaml:1: agents.piker: not a kind (picker"), ("picker_99", "agents.picker_99: no such agent or kind")],
 )
 def test_a_class_for_nobody_is_named(tmp_path, word, told):
     file = tmp_path / "own.yaml"

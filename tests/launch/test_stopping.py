@@ -84,10 +84,10 @@ def test_a_stop_without_a_run_is_told_so(tmp_path):
     (tmp_path / "run.py").symlink_to(ROOT / "run.py")
     done = run_py(tmp_path, "stop")
     assert done.returncode == 2
-    assert "no run goes on here" in done.stderr
+    assert "no run of run.py is active here" in done.stderr
     done = run_py(tmp_path, "stop", "--connect", "tcp/127.0.0.1:9")
     assert done.returncode == 2
-    assert "nobody listens there" in done.stderr
+    assert "no router answers there" in done.stderr
     assert "Traceback" not in done.stderr
 
 
@@ -122,7 +122,7 @@ def test_where_the_run_must_first_be_asked_for_the_stop_is_still_asked_once():
 
 def test_whom_physics_never_answers_is_told_that_nobody_knows(monkeypatch):
     monkeypatch.setattr(emergency_stop, "ANSWER_SECONDS", 1.0)
-    with router() as physics, pytest.raises(BusError, match="did not answer within 1 s; it may have heard of this, or not"):
+    with router() as physics, pytest.raises(BusError, match="did not answer within 1 s; the command may have arrived"):
         physics.answer("orchard/stop")
         switch(RunNote("a", physics.endpoint), [], True, None, print)
 
@@ -130,7 +130,7 @@ def test_whom_physics_never_answers_is_told_that_nobody_knows(monkeypatch):
 def test_several_runs_are_named_and_the_note_of_one_that_was_killed_is_removed(tmp_path):
     with noted(tmp_path, RunNote("b", "tcp/127.0.0.1:2")):
         assert find_run(tmp_path, None) == RunNote("b", "tcp/127.0.0.1:2")
-        with noted(tmp_path, RunNote("a", "tcp/127.0.0.1:1")), pytest.raises(BusError, match=r"2 runs go on here(.|\n)*:1 (.|\n)*:2 "):
+        with noted(tmp_path, RunNote("a", "tcp/127.0.0.1:1")), pytest.raises(BusError, match=r"2 runs are active here(.|\n)*:1 (.|\n)*:2 "):
             find_run(tmp_path, None)
         (tmp_path / "killed.going").write_text('{"run": "killed", "endpoint": "tcp/127.0.0.1:3"}')
         assert find_run(tmp_path, None).run == "b"

@@ -36,8 +36,8 @@ def test_an_end_that_says_nothing_of_the_run_is_refused_whoever_sends_it():
     with pytest.raises(Refused, match="malformed"):
         distributed._hear(an_end(), "run1", PROGRESS)
     with pytest.raises(Refused, match="malformed"):
-        distributed._hear(an_end(hash="0", ticks="many", violations=[]), "run1", PROGRESS)
-    assert distributed._hear(an_end(hash="0", ticks=5, violations=[]), "run1", PROGRESS).why == "harvested"
+        distributed._hear(an_end(hash="0", ticks="many", violations=[], broken_agents=[], jam=[]), "run1", PROGRESS)
+    assert distributed._hear(an_end(hash="0", ticks=5, violations=[], broken_agents=[], jam=[]), "run1", PROGRESS).why == "harvested"
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def deaf(tmp_path, monkeypatch):
 def test_an_agent_that_thinks_on_after_the_end_is_not_waited_for(deaf, monkeypatch):
     monkeypatch.setattr(distributed, "THINK_SECONDS", 0.0)
     fleet, said = deaf
-    distributed._part(fleet, ["agents 1"], Inbox(), 60.0)
+    distributed._await_exits(fleet, ["agents 1"], Inbox(), 60.0)
     assert fleet.exit_code("agents 1") == -signal.SIGKILL
     assert said[0].startswith("agents 1 still thinks")
 
@@ -66,7 +66,7 @@ def test_ctrl_c_ends_the_waiting_for_those_who_have_not_ended(deaf, monkeypatch)
     fleet, said = deaf
     inbox = Inbox()
     inbox.put(Signal(signal.SIGINT))
-    distributed._part(fleet, ["agents 1"], inbox, 60.0)
+    distributed._await_exits(fleet, ["agents 1"], inbox, 60.0)
     assert fleet.exit_code("agents 1") == -signal.SIGKILL
     assert said == []
 
@@ -77,7 +77,7 @@ def test_ctrl_c_ends_the_waiting_for_those_who_have_not_ended(deaf, monkeypatch)
 def test_nobody_else_keeps_snapshots_where_somebody_does(tmp_path):
     folder = tmp_path / "one.snapshots"
     with sole(folder):
-        with pytest.raises(SnapshotError, match=r"one.snapshots: the run of these snapshots goes on still"), sole(folder):
+        with pytest.raises(SnapshotError, match=r"one.snapshots: the run of these snapshots is still active"), sole(folder):
             pass
         with sole(tmp_path / "other.snapshots"), sole(None):
             pass
@@ -93,7 +93,7 @@ def test_a_run_that_goes_on_is_not_gone_on_with_a_second_time(tmp_path, mode):
         (folder,) = (ROOT / "runs").glob(f"*-{run.pid}.snapshots")
         again = orchard("--resume", folder, "--record", "none")
         assert again.returncode == 2
-        assert "the run of these snapshots goes on still; stop it first" in again.stderr
+        assert "the run of these snapshots is still active; stop it first" in again.stderr
         run.send_signal(signal.SIGINT)
         printed, _ = run.communicate(timeout=30)
     assert run.returncode == 0, printed

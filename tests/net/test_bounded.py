@@ -13,8 +13,8 @@ def test_what_is_told_is_short_and_does_nothing_to_a_terminal(caplog):
     for number in range(3000):
         refusals.note(f"orchard/{number}\x1b[2J{'x' * 60_000}/velocity", Refused("malformed", "\x1b[2J\n" + "y" * 100_000))
     assert refusals.counts == {"malformed": 3000}
-    assert len(refusals._told) == 1000
-    assert all(len(key) <= 200 and key.isprintable() for key, _ in refusals._told)
+    assert len(refusals._logged) == 1000
+    assert all(len(key) <= 200 and key.isprintable() for key, _ in refusals._logged)
     assert all(len(record.getMessage()) < 500 and record.getMessage().isprintable() for record in caplog.records)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from orchard.contract.agent import Action, Mail, without_body
 from orchard.contract.guard import Guarded
-from orchard.net import deadline_monitor
+from orchard.net import process
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def test_who_thinks_for_too_long_is_named_with_the_place(told):
             return Action(memory=memory)
 
     host = SimpleNamespace(thinking="picker_01", sight=SimpleNamespace(tick=7), performers=["bin_02", "picker_01"])
-    deadline_monitor.monitor(host, seconds=0.05)
+    process.monitor(host, seconds=0.05)
     Guarded("picker_01", Brooding()).tick(without_body("picker_01", 7), Mail(), None)
     host.thinking = ""
     assert re.fullmatch(rf"picker_01 still thinks about tick 7, in {re.escape(__file__)}, line \d+; until .* stand: bin_02", told.words[0])

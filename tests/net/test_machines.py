@@ -79,7 +79,7 @@ def test_the_readmes_two_commands_run_the_carriers_on_another_machine(tmp_path):
     with machines("a") as (host, guest):
         one = subprocess.Popen([*within(host), *first], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         try:
-            said = line_with("carrier: left to others", one)
+            said = line_with("carrier: left to other processes", one)
             other = subprocess.run([*within(guest), *second], capture_output=True, text=True, timeout=3 * SECONDS)
             rest, _ = one.communicate(timeout=SECONDS)
         finally:
@@ -102,7 +102,7 @@ def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
     left = ["--without", "carrier", "--without", "picker_01"]
     run = running("--rows", "3", *left, "--duration", "5", "--record", "none", "--summary", str(path))
     try:
-        endpoint = re.search(r"who connect to (\S+)", line_with("who connect to", run)).group(1)
+        endpoint = re.search(r"which connect to (\S+)", line_with("which connect to", run)).group(1)
         said = line_with("waiting for", run)
         assert "carrier_01, carrier_02" in said
         guest = orchard("--connect", endpoint, "--only", "carrier", "--only", "picker_01", seconds=60)
@@ -118,12 +118,12 @@ def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (["--connect", "tcp/127.0.0.1:9", "--only", "carrier"], "tcp/127.0.0.1:9: nobody listens there"),
-        (["--connect", "tcp/127.0.0.1:9", "--record", "none"], "tcp/127.0.0.1:9: nobody listens there"),
+        (["--connect", "tcp/127.0.0.1:9", "--only", "carrier"], "tcp/127.0.0.1:9: no router answers there"),
+        (["--connect", "tcp/127.0.0.1:9", "--record", "none"], "tcp/127.0.0.1:9: no router answers there"),
         (["--connect", "tcp/127.0.0.1:9", "--only", "carrier", "--rows", "3"], "leave out --rows"),
         (["--listen", "nonsense"], "nonsense: not an endpoint"),
-        (["--listen", "tcp/127.0.0.1:99999"], "tcp/127.0.0.1:99999: 99999 is no port"),
-        (["--listen", "tcp/127.0.0.1:seven"], "tcp/127.0.0.1:seven: seven is no port"),
+        (["--listen", "tcp/127.0.0.1:99999"], "tcp/127.0.0.1:99999: 99999 is not a port"),
+        (["--listen", "tcp/127.0.0.1:seven"], "tcp/127.0.0.1:seven: seven is not a port"),
         (["--without", "carier"], "carier: no such agent or kind"),
         (["--only", "carrier"], "--connect"),
         (["--mode", "local", "--without", "carrier"], "local mode is one process"),

@@ -7,12 +7,11 @@ from orchard.contract.agent import Action, Heard
 from orchard.contract.mail import LocalMail
 from orchard.contract.messages import Given, StateRequest, Written, Yes, pack
 from orchard.field.geometry import Twist
-from orchard.net.lockstep import LockstepBarrier
+from orchard.net.lockstep import LockstepBarrier, Pacer
 from orchard.net.mailbox import Mailbox
-from orchard.net.pacer import Pacer
-from orchard.net.recovery import RecoveryLog
+from orchard.net.realtime import UnheldCommands
 from orchard.net.refusals import Refused
-from orchard.net.unheld import UnheldCommands
+from orchard.net.roster import RecoveryLog
 from orchard.wire.messages import Angular, Answered, AskedOf, Linear, Received, Report, Velocity
 
 

@@ -8,8 +8,8 @@ import pytest
 from alone import SMALL, TICKS, TOY
 from fleet import until
 from machines import machines, needs_machines, slowed, unplugged, within
-from relay import relay
 
+from chaos.relay import Relay
 from orchard.launch.supervisor import free_port
 
 PACE = ("--speed", "5", "--duration", str(TICKS / 10))  # slow enough that a fault meets the run where it shall
@@ -129,7 +129,12 @@ def test_a_slow_link_changes_nothing(fleet, undisturbed, bucket):
         assert fleet.end() == undisturbed
 
 
-# -- a relay of our own
+# -- a relay
+
+
+def relay(endpoint, **network):
+    """A relay to this endpoint. Its chunks are small, so that connections also break in the middle of a message."""
+    return Relay(int(endpoint.rpartition(":")[2]), chunk=4096, **network)
 
 
 def physics_and_a_router(fleet, *arguments):
@@ -143,7 +148,7 @@ def physics_and_a_router(fleet, *arguments):
 @pytest.mark.soak
 def test_delays_and_connections_that_break_change_nothing(fleet, undisturbed):
     fleet.physics(SMALL, *PACE)
-    with relay(fleet.endpoint, seed=1, delay=0.002, life=100_000) as bad:
+    with relay(fleet.endpoint, seed=1, max_delay=0.002, mean_life=100_000) as bad:
         fleet.host("--share", "0/2", agents=TOY)
         fleet.host("--share", "1/2", agents=TOY, endpoint=bad.endpoint)
         assert fleet.end() == undisturbed
@@ -157,7 +162,7 @@ def test_soak_delays_and_connections_that_break_change_nothing(fleet, undisturbe
     """Those of physics, and of all agents, to a router of its own."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     fleet.router(endpoint)
-    with relay(endpoint, seed, delay=0.01, life=life) as bad:
+    with relay(endpoint, seed=seed, max_delay=0.01, mean_life=life) as bad:
         fleet.physics(SMALL, *PACE, "--connect", bad.endpoint)
         fleet.share(2, TOY)
         assert fleet.end(120.0) == undisturbed
@@ -174,9 +179,9 @@ def test_a_network_that_is_silent_for_a_while_changes_nothing(fleet, undisturbed
         fleet.host("--share", "0/2", agents=TOY)
         fleet.host("--share", "1/2", agents=TOY, endpoint=bad.endpoint)
         until(clock, lambda message: message["tick"] >= 30)
-        bad.stall()
+        bad.stall(new=True)
         standstill(clock, seconds)
-        bad.flow()
+        bad.heal()
         assert fleet.end() == undisturbed
 
 
@@ -185,14 +190,14 @@ def test_realtime_goes_on_whatever_a_relay_does(fleet):
     fleet.physics(SMALL, *LIVE, "--duration", "16")
     someone = fleet.client()
     clock, poses = someone.hear("orchard/clock"), someone.hear("orchard/worker_01/pose")
-    with relay(fleet.endpoint, delay=0.005, life=200_000) as bad:
+    with relay(fleet.endpoint, max_delay=0.005, mean_life=200_000) as bad:
         fleet.host("--without", "worker_01", agents=TOY, endpoint=bad.endpoint)
         fleet.host("--only", "worker_01", agents="callers:steady", endpoint=bad.endpoint)
         until(clock, lambda message: message["tick"] >= 40)
-        bad.stall()
+        bad.stall(new=True)
         going_on(clock, 3.0)
         until(poses, lambda pose: poses.empty() and is_at(0.0)(pose))
-        bad.flow()
+        bad.heal()
         until(poses, is_at(0.5))
         bad.calm()  # whoever is cut off at the very end is told nothing of it
         fleet.end()
@@ -207,7 +212,7 @@ def test_who_takes_over_from_one_whose_death_the_network_has_not_told_waits_for_
         fleet.host("--share", "0/2", agents=TOY)
         dead = fleet.host("--share", "1/2", agents=TOY, endpoint=bad.endpoint)
         until(clock, lambda message: message["tick"] >= 30)
-        bad.stall()
+        bad.stall(new=True)
         dead.kill()
         fleet.hosts.remove(dead)
         fleet.host("--share", "1/2", agents=TOY)

@@ -51,7 +51,7 @@ def test_a_slow_recorder_holds_physics_up_no_more_than_none(fleet, tmp_path):
     assert code == 0
     left_out = read_part(file).left_out
     assert left_out > ticks / 3
-    assert f"{left_out} pictures" in complaints
+    assert f"{left_out} frames" in complaints
     assert missing(file, ticks) == {"recording_parts": ["slow.rrd"], "recording_gaps": [], "messages_dropped": left_out}
     assert ticks - left_out > MOST
 

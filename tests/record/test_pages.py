@@ -4,7 +4,7 @@ import numpy as np
 from scripted_orchard import acted_layout
 
 from orchard.contract.events import Event, Frame
-from orchard.record.frame_queue import FrameQueue, QueuedFrame, write
+from orchard.record.logger import FrameQueue, QueuedFrame, write
 
 LAYOUT = acted_layout(rows=3, pickers=2)
 

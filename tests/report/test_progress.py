@@ -1,11 +1,12 @@
 """What a person sees in the terminal."""
 
 import io
+import json
 
 import pytest
 from rich.console import Console
 
-from orchard.report.progress import Progress, headline, robots
+from orchard.report.progress import Headline, Progress, headline_of, robots
 
 FIGURES = {"sim_seconds": 61.5, "times_real_time": 30.2, "rows_picked": 2, "rows": 20, "bins_delivered": 1}
 
@@ -55,7 +56,7 @@ def test_a_robot_that_is_stopped_or_lost_its_agent_stands_out():
 
 
 def test_the_headline_is_one_line_of_eighty_columns():
-    assert len(headline(FIGURES)) <= 80
+    assert len(str(headline_of(FIGURES))) <= 80
 
 
 def test_where_the_output_is_no_terminal_there_are_plain_lines_now_and_then():
@@ -64,5 +65,14 @@ def test_where_the_output_is_no_terminal_there_are_plain_lines_now_and_then():
         for _ in range(20):
             progress.show(FIGURES, fleet(2, 2), {})
     lines = console.file.getvalue().splitlines()
-    assert lines == [headline(FIGURES)]
+    assert lines == [str(headline_of(FIGURES))]
     assert "\x1b" not in console.file.getvalue()
+
+
+def test_a_program_reads_progress_as_json():
+    out = io.StringIO()
+    with Progress(Console(file=out), as_json=True) as progress:
+        progress.show(FIGURES, {}, {})
+    (line,) = out.getvalue().splitlines()
+    assert json.loads(line) == {"progress": {name: FIGURES[name] for name in Headline.__struct_fields__}}
+    assert headline_of({**FIGURES, "rows_picked": 4, "bins_delivered": 2, "rows": 6}).fraction == 0.5

@@ -225,13 +225,13 @@ def test_who_has_no_certificate_is_not_let_in(meeting):
 
 
 def test_who_speaks_no_tls_is_not_let_in(meeting):
-    with pytest.raises(BusError, match="nobody listens there"), client(meeting.endpoint.replace("tls/", "tcp/"), seconds=1.0):
+    with pytest.raises(BusError, match="no router answers there"), client(meeting.endpoint.replace("tls/", "tcp/"), seconds=1.0):
         pass
 
 
 def test_another_authoritys_certificate_is_worth_nothing(meeting, stranger):
     amy = Keyring.load(stranger).of("amy")
-    with pytest.raises(BusError, match="does not vouch for"), client(meeting.endpoint, seconds=1.0, identity=amy):
+    with pytest.raises(BusError, match="does not verify"), client(meeting.endpoint, seconds=1.0, identity=amy):
         pass
 
 
@@ -240,7 +240,7 @@ def test_a_router_believes_no_other_authority_either(meeting, stranger, tmp_path
     own = shutil.copytree(stranger / "amy", tmp_path / "amy")
     shutil.copy(meeting.keyring.folder / "amy" / AUTHORITY, own / AUTHORITY)
     identity = Identity(meeting.keyring.of("amy").role, own)
-    with pytest.raises(BusError, match="wants none of"), client(meeting.endpoint, seconds=1.0, identity=identity):
+    with pytest.raises(BusError, match="does not accept the certificate in"), client(meeting.endpoint, seconds=1.0, identity=identity):
         pass
 
 
@@ -251,7 +251,7 @@ def test_an_agent_cannot_pose_as_physics(folder, tmp_path):
     ben = Keyring.load(folder).of("ben")
     with router("tls/127.0.0.1:0", identity=Identity.load(own)) as false:
         calling = client(false.endpoint, seconds=1.0, identity=ben)
-        with pytest.raises(BusError, match="does not vouch for"):
+        with pytest.raises(BusError, match="does not verify"):
             calling.__enter__()
 
 
@@ -259,7 +259,7 @@ def test_a_certificate_holds_for_its_addresses_only(folder):
     keyring = Keyring.load(folder)
     with router("tls/127.0.0.2:0", identity=keyring.of("physics")) as elsewhere:
         calling = client(elsewhere.endpoint, seconds=1.0, identity=keyring.of("amy"))
-        with pytest.raises(BusError, match="does not vouch for: IP address mismatch"):
+        with pytest.raises(BusError, match=r"does not verify .*: IP address mismatch"):
             calling.__enter__()
 
 
@@ -278,7 +278,7 @@ def test_a_connection_ends_with_its_certificate(folder, tmp_path):
 
 def test_a_role_is_at_work_once(meeting):
     meeting.come("amy")
-    with pytest.raises(BusError, match="at work there already"), client(meeting.endpoint, seconds=1.0, identity=meeting.keyring.of("amy")):
+    with pytest.raises(BusError, match="use this role already"), client(meeting.endpoint, seconds=1.0, identity=meeting.keyring.of("amy")):
         pass
 
 

@@ -45,7 +45,7 @@ def test_an_authority_is_not_overwritten_unasked(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (["--role", "shed"], "shed: wanted is NAME=KIND|AGENT"),
+        (["--role", "shed"], "shed: expected NAME=KIND|AGENT"),
         (["--role", "Shed!=carrier"], "Shed!: not a name for a role"),
         (["--role", "physics=carrier"], "physics is the name of two roles"),
         (["--role", "shed=carier"], "carier: no such agent or kind"),
@@ -64,7 +64,7 @@ def test_another_directorys_things_are_left_alone(tmp_path):
     (tmp_path / "diary.txt").write_text("dear diary")
     done = secured(tmp_path, "--rows", 3)
     assert done.exit_code == 2
-    assert "there is something else in it" in done.stderr
+    assert "it has other files" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["diary.txt"]
 
 
@@ -75,14 +75,14 @@ def test_another_directorys_things_are_left_alone(tmp_path):
     ("arguments", "named"),
     [
         (["--secure", "nowhere"], "nowhere: no roles there"),
-        (["--secure", "{folder}", "--listen", "tcp/127.0.0.1:0"], "not secure; with --secure an endpoint is like tls/"),
+        (["--secure", "{folder}", "--listen", "tcp/127.0.0.1:0"], "not secure; with --secure use an endpoint such as tls/"),
         (["--listen", "tls/127.0.0.1:0"], "tls needs certificates; --secure DIR"),
         (["--secure", "{folder}", "--pickers", 3], "no role for"),
         (["--secure", "{folder}", "--hosts", 2], "leave out --hosts"),
         (["--secure", "{folder}", "--mode", "local"], "local mode is one process"),
         (["--secure", "{folder}", "--without", "bin_01"], "ben is the role of bin_01, picker_02"),
         (["--secure", "{folder}/shed"], "no role for bin_01"),
-        (["--secure", "{folder}", "--connect", "tls/127.0.0.1:9", "--only", "carrier"], "with --only name the one to play"),
+        (["--secure", "{folder}", "--connect", "tls/127.0.0.1:9", "--only", "carrier"], "with --only choose one of them: DIR/<role>"),
     ],
 )
 def test_what_cannot_be_run_is_named(arguments, named, folder, tmp_path):
@@ -119,9 +119,9 @@ def spoil(what: str, own: Path, stranger: Path) -> None:
     [
         ("missing", "key.pem: no such file"),
         ("another key", "not the key of the certificate"),
-        ("another authority", "not by the authority in authority.pem"),
+        ("another authority", "not issued by authority.pem"),
         ("another role", "the certificate of ben, not of amy"),
-        ("expired", "and not now"),
+        ("expired", "UTC, not now"),
         ("nonsense", "certificate.pem: not a certificate"),
         ("no role", "role.json: not as `run.py secure` wrote it"),
     ],

@@ -126,7 +126,7 @@ def test_the_commands_of_the_document_run_the_carriers_on_another_machine(tmp_pa
     with machines("d") as (host, guest):
         one = subprocess.Popen([*within(host), *first], cwd=here, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         try:
-            said = line_with("carrier: left to others", one)
+            said = line_with("carrier: left to other processes", one)
             other = subprocess.run([*within(guest), *second], cwd=there, capture_output=True, text=True, timeout=3 * SECONDS)
             rest, _ = one.communicate(timeout=SECONDS)
         finally:
@@ -142,7 +142,7 @@ def test_a_public_address_without_security_is_warned_of_once(tmp_path):
     (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
     done = orchard(tmp_path / "scenario.yaml", "--listen", "tcp/0.0.0.0:0", "--duration", 1, "--record", "none")
     assert done.returncode == 0, done.stderr
-    assert (done.stdout + done.stderr).count("whoever reaches this address") == 1
+    assert (done.stdout + done.stderr).count("any client that reaches this address") == 1
 
 
 @pytest.mark.parametrize(("address", "is_open"), [("0.0.0.0", True), ("127.0.0.1", False)])
@@ -154,4 +154,4 @@ def test_a_router_warns_of_a_public_address_only(address, is_open):
         _, _, err = routing.end()
     finally:
         routing.kill()
-    assert ("whoever reaches this address" in err) == is_open
+    assert ("any client that reaches this address" in err) == is_open

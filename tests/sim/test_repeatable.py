@@ -9,9 +9,8 @@ from alone import HARVEST_TICKS, harvest_hash, local_hash
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orchard.agents.catalogue import ROLES, make_agents
-from orchard.agents.traffic import Traffic
-from orchard.contract.messages import TRAFFIC, pack, unpack
+from orchard.agents.catalogue import AGENTS, make_agents
+from orchard.contract.messages import pack, unpack
 from orchard.field.kinds import kind_of
 from orchard.field.scenario import LaserSettings, Scenario
 from orchard.local import Local
@@ -72,8 +71,8 @@ def test_a_step_that_is_accounted_for_later_counts_the_same(asked):
     assert ASKED[asked](later.engine) == ASKED[asked](at_once.engine)
 
 
-AGENTS = sorted(make_agents(Local(Scenario(rows=3)).engine.layout))
-RESTARTS = st.lists(st.tuples(st.integers(1, HARVEST_TICKS - 1), st.sampled_from(AGENTS)), min_size=1, max_size=40)
+NAMES = sorted(make_agents(Local(Scenario(rows=3)).engine.layout))
+RESTARTS = st.lists(st.tuples(st.integers(1, HARVEST_TICKS - 1), st.sampled_from(NAMES)), min_size=1, max_size=40)
 
 
 @settings(max_examples=8, deadline=None)
@@ -100,7 +99,7 @@ def test_all_agents_started_afresh_at_every_tick_changes_nothing():
 
 def start_afresh(local: Local, name: str) -> None:
     """What another process would do: a new agent, and its memory from bytes."""
-    local.agents[name] = Traffic() if name == TRAFFIC else ROLES[kind_of(name)](local.engine.layout, name)
+    local.agents[name] = AGENTS[kind_of(name)](local.engine.layout, name)
     local.memories[name] = unpack(pack(local.memories[name]), local.agents[name].Memory)
 
 

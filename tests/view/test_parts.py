@@ -8,6 +8,7 @@ from recordings import lines_of, rows_of, seen_at
 from scripted_orchard import acted_layout, frames
 
 from orchard.contract.events import Frame
+from orchard.view.palette import STATES
 from orchard.view.reader import before, missing
 from orchard.view.recorder import Recorder
 
@@ -37,7 +38,7 @@ def test_a_recording_goes_on_where_it_can_be_read_to(tmp_path):
     known = before(path, "a")
     assert known.file == tmp_path / "run.part2.rrd"
     assert 100 < known.last < 300, "the last tenth is torn off"
-    assert known.said["/world/pickers/picker_01"] == ["picking row 1"]
+    assert known.said["/world/pickers/picker_01"] == {"picking row 1": STATES["picking"]}
     path.write_bytes(whole[:100])
     assert before(path, "a")[:2] == (path, 0), "nothing in it can be read"
     path.write_bytes(b"")
@@ -63,7 +64,7 @@ def test_what_is_missing_is_read_from_the_parts(tmp_path):
     assert told["messages_dropped"] == 7
     texts = lines_of(rows_of(path))
     assert (9.0, "logger: nothing recorded from 5.2 s to 9.0 s: the logger was away") in texts
-    assert any("left out 7 pictures" in text for _, text in texts)
+    assert any("left out 7 frames" in text for _, text in texts)
 
 
 def test_every_tick_counts_when_pictures_are_left_out(tmp_path):

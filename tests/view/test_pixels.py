@@ -17,8 +17,8 @@ from scripted_orchard import acted_layout, frames
 from orchard.contract.events import Frame
 from orchard.field.layout import Layout
 from orchard.launch.supervisor import free_port
+from orchard.view.files import viewer_program
 from orchard.view.palette import STATES
-from orchard.view.program import viewer_program
 from orchard.view.recorder import Recorder
 from orchard.view.scenery import plan_size
 

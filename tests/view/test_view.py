@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,11 +13,12 @@ from recordings import Rows, chunks, entities_with, poses_at
 from rerun.chunk import RrdReader
 from scripted_orchard import ACTED_SECONDS
 
+from orchard.contract.agent import State
 from orchard.contract.events import Event, Frame
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout
 from orchard.launch.supervisor import free_port
-from orchard.view.palette import STATES, state_of
+from orchard.view.palette import STATES
 from orchard.view.reader import optimize
 from orchard.view.recorder import Recorder, hits
 
@@ -150,22 +152,9 @@ def test_a_live_recording_is_served_on_the_loopback_only(layout: Layout) -> None
     recorder.close()
 
 
-@pytest.mark.parametrize(
-    ("doing", "state"),
-    [
-        ("picking row 3", "picking"),
-        ("waiting for a bin", "waiting"),
-        ("stopped: obstacle ahead", "stopped"),
-        ("full, calling", "calling"),
-        ("coupling bin_03", "handling a bin"),
-        ("unloading", "unloading"),
-        ("taking bin_02 to the bay", "hauling a full bin"),
-        ("driving to the queue", "driving"),
-        ("", "resting"),
-    ],
-)
-def test_states(doing: str, state: str) -> None:
-    assert state_of(doing) == state
+def test_every_state_has_a_colour_of_its_own() -> None:
+    assert set(STATES) == set(get_args(State))
+    assert len(set(STATES.values())) == len(STATES)
 
 
 def test_figures_become_plots(recording: Path) -> None:
@@ -191,7 +180,7 @@ def test_optimize_packs_without_loss(recording: Path, tmp_path: Path) -> None:
 KILLED = """
 import os, signal, sys
 from scripted_orchard import acted_layout, frames
-from orchard.view import Recorder
+from orchard.view.recorder import Recorder
 layout = acted_layout(rows=3, pickers=2)
 recorder = Recorder(layout, "killed", sys.argv[1])
 for frame in frames(layout, 20.0):

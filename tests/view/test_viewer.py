@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from orchard.launch.supervisor import open_viewer
-from orchard.view.program import viewer_program
+from orchard.view.files import viewer_program
 from orchard.view.reader import optimize
 from orchard.view.web import command
 

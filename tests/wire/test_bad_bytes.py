@@ -26,10 +26,9 @@ from orchard.field.layout import lay_out
 from orchard.launch.distributed import _hear as follow
 from orchard.net.bus import Alive, Final, Replied, Sample
 from orchard.net.refusals import Refused
-from orchard.record.frame_queue import FrameQueue
+from orchard.record.logger import FrameQueue, Logger
 from orchard.wire.keys import TABLE
 from orchard.wire.messages import Angular, Linear, Velocity
-from processes.logger import Logger
 
 TICKS = 60
 MOST_MEMORY = 64 << 20  # bytes, that 100,000 messages may leave behind
@@ -127,7 +126,7 @@ def test_a_run_under_a_rain_of_bad_messages_is_the_same_to_the_last_bit(other, c
     assert sum(thrower.by_key.values()) > 75_000
     assert max(thrower.memory) - thrower.memory[len(thrower.memory) // 5] < MOST_MEMORY
     drivers = run.physics.harvest.drivers
-    assert len(run.physics.harvest.refusal_totals.there) <= 1000 and not drivers.loose._puts and len(drivers.ledger.memories) <= 9
+    assert len(run.physics.harvest.refusal_totals.there) <= 1000 and not drivers.unheld._puts and len(drivers.ledger.memories) <= 9
     assert not any("Traceback" in record.getMessage() or record.exc_info or len(record.getMessage()) > 700 for record in caplog.records)
     refused = run.physics.harvest.refusal_totals.own.counts, run.host.refusals.counts
     print(dict(thrower.by_key), *map(dict, refused), [m >> 20 for m in thrower.memory[::10]])
@@ -147,7 +146,7 @@ def test_the_logger_refuses_them_and_writes_nothing(other, logger):
     for key in ("orchard/**", "orchard/nobody"):
         logger._handle(Sample(key, b""))
     assert logger.refusals.counts.total() == thrown + 2
-    assert not logger._notes and not len(logger.pages)
+    assert not logger._notes and not len(logger.queue)
 
 
 def test_pictures_that_are_not_of_this_orchard_are_refused(other, logger):
@@ -170,7 +169,7 @@ def test_pictures_that_are_not_of_this_orchard_are_refused(other, logger):
     for change in changes:
         logger._handle(Sample("orchard/picture", msgpack.packb(good | change)))
     assert logger.refusals.counts == {"malformed": len(changes)}
-    assert not len(logger.pages)
+    assert not len(logger.queue)
     logger._handle(
         Sample(
             "orchard/picture",
@@ -186,7 +185,7 @@ def test_pictures_that_are_not_of_this_orchard_are_refused(other, logger):
             ),
         )
     )
-    assert len(logger.pages) == 1, "the good one is taken"
+    assert len(logger.queue) == 1, "the good one is taken"
 
 
 def test_run_py_refuses_them_and_shows_nothing(other):

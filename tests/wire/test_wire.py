@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orchard.contract.agent import Action, Hitch, Observation
+from orchard.contract.agent import Action, Hitch, Observation, Observations
 from orchard.contract.messages import FASTEST, MAX_PAYLOAD, Call, Couple, Offer, Uncouple, pack
-from orchard.contract.observations import Observations
 from orchard.field.geometry import Twist
 from orchard.field.kinds import AROUND, KINDS
 from orchard.net.refusals import Refused, read_message

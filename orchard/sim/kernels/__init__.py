@@ -1,4 +1,4 @@
-"""The inner loops, compiled by numba: moving, the laser, overlaps.
+"""The inner loops, compiled by numba: movement, the laser, overlaps.
 
-A kernel takes arrays and gives arrays. It knows no class of the simulator but named tuples of arrays.
+A kernel takes and returns arrays. It uses no class of the simulator except named tuples of arrays.
 """

@@ -1,10 +1,10 @@
-"""Where the compiled kernels are kept, and whether there are any: to be known without numba, which takes long to load."""
+"""The folder of the compiled kernels, and whether they exist. This module does not import numba, which takes long to load."""
 
 import hashlib
 import os
 from pathlib import Path
 
-COMPILING = "compiling for this machine, which is done once and takes some ten seconds"
+COMPILING = "compiling for this machine; this is done once and takes some ten seconds"
 
 _HERE = Path(__file__).parent
 _FIELD = _HERE.parent.parent / "field"
@@ -12,9 +12,9 @@ _SOURCES = [*sorted(_HERE.glob("*.py")), *(_FIELD / f"{module}.py" for module in
 
 
 def kernels_folder() -> Path | None:
-    """A folder that is named for the sources; None where nothing can be kept.
+    """Return a folder whose name contains a hash of the sources; None if kernels cannot be stored.
 
-    numba looks only at a kernel's own file to see whether it is stale, not at the constants and functions that it takes from others.
+    numba checks only a kernel's own file for changes, not the constants and functions that the kernel imports from other files.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if not chosen and not os.access(_HERE, os.W_OK):
@@ -24,6 +24,6 @@ def kernels_folder() -> Path | None:
 
 
 def are_compiled() -> bool:
-    """Whether there are kernels for this machine; else the first tick waits until they are compiled."""
+    """Whether compiled kernels exist for this machine; if not, the first tick waits until they are compiled."""
     folder = kernels_folder()
     return folder is not None and any(folder.rglob("*.nbc"))

@@ -10,17 +10,17 @@ sensor's distance from that line, on its outer side. A beam of direction u meets
 which is linear in the beam's cosine and sine: two products a beam, no division. The nearest hit is the largest 1/t, so
 each beam keeps a running maximum, 0 at first, and is turned into a range once, at the end.
 
-Which beams meet a face: those between its right corner and its left corner. The sign of a cross product tells whether a
-beam passes a corner on its right or left, exactly, so it is enough to know roughly where to begin. For that no arc tangent
-is needed: y / (|x| + |y|), quarter by quarter, grows with the angle from 0 to 4 (the turn on a diamond in the place of a
-circle), and a table tells for each small step of it which beam points there, with fractions; between two steps a straight line
-is right to a third of a thousandth of a beam. Two faces that share a corner share what is found for it, so no beam slips
-through between them.
+The beams that meet a face are those between its right corner and its left corner. The sign of a cross product decides
+exactly whether a beam passes a corner on its right or left, so an approximate first beam is enough. This needs no arc
+tangent: y / (|x| + |y|), quarter by quarter, grows with the angle from 0 to 4 (the angle on a diamond instead of a circle).
+A table gives the fractional beam index at each small step of this angle; linear interpolation between two steps is right
+to a third of a thousandth of a beam. Two faces that share a corner use the same result for it, so no beam passes between
+them.
 
-What is left out beforehand: boxes whose circumscribed circle is beyond the range or, for a laser that looks forward,
-wholly behind it, and the faces that are turned away. From outside a box at most two faces remain. From inside, a beam
-leaves by the face with the largest 1/t of all four, with no ends to look for. A sensor no deeper inside than boxes.TOUCH
-is on the edge, and measures 0.
+Boxes are skipped if their circumscribed circle is beyond the range or, for a forward laser, wholly behind the sensor.
+Faces that point away are skipped too. From outside a box at most two faces remain. From inside, a beam leaves by the face
+with the largest 1/t of all four, so no corners are needed. A sensor at most boxes.TOUCH inside a box is on its edge, and
+measures 0.
 """
 
 from typing import NamedTuple
@@ -48,34 +48,34 @@ from orchard.sim.kernels.boxes import (
 )
 from orchard.sim.kernels.jit import inlined, jit, log, sin_cos
 
-STEPS = 256  # of the table, to a quarter of the diamond
-SLACK = 1e-3  # of a beam; three times what a place in the table is wrong by
+STEPS = 256  # table steps for each quarter of the diamond
+SLACK = 1e-3  # of a beam; three times the error of the table
 
 
 class Fan(NamedTuple):
-    """A laser's beams."""
+    """The beams of a laser."""
 
     cosine: np.ndarray  # (beams,)
     sine: np.ndarray  # (beams,)
-    table: np.ndarray  # (4 STEPS + 2,): which beam points to a place on the diamond, with fractions; beam 0 to the first
-    turn: float  # a full turn, in beams
-    forward: bool  # nothing behind the sensor can be seen
+    table: np.ndarray  # (4 STEPS + 2,): fractional beam index at each step of the diamond; the first entry is beam 0
+    turn: float  # number of beams in a full turn
+    forward: bool  # whether the sensor sees nothing behind itself
 
 
 @jit
 def cast_all(
-    pose, bodies, solid, sees, walls, wall_frame, wall_begin, wall_members, body_frame,
-    ahead, around, begin, front_beams, front_table, round_beams, round_table, ranges,
+    pose, sees, ranges, bodies, solid, walls, wall_frame, wall_begin, wall_members, body_frame,
+    ahead, around, begin, front_beams, front_table, round_beams, round_table,
 ):  # fmt: skip
-    """Fill `ranges`, (all beams,) float64, with metres to the nearest return of every beam, +inf where there is none.
+    """Fill `ranges`, (all beams,) float64, with the distance to the nearest return of each beam, m; +inf without a return.
 
-    bodies (n, 7) and walls (w, 7): boxes, columns as in boxes.py; the bodies are put to their poses, (n, 3), first.
-    solid (n,) bool: what can be seen; sees (n,) bool: who scans. wall_...: the walls' Grid; body_frame: that of the bodies,
-    with cells as large as a laser's range and a body's radius together. ahead (n,) m: where a laser is mounted; around (n,)
-    bool: which of the two Fans it has, front_ or round_ (_beams: cosine and sine); begin (n + 1,)
-    int64: body i's ranges are begin[i] to begin[i + 1].
+    pose (n, 3): written into `bodies` first. bodies (n, 7) and walls (w, 7): boxes, columns as in boxes.py.
+    solid (n,) bool: bodies that lasers see; sees (n,) bool: bodies that scan. wall_...: the fields of the walls' Grid.
+    body_frame: frame of the bodies' grid, with cells as large as a laser's range plus a body's radius.
+    ahead (n,) m: distance of the laser ahead of the centre; around (n,) bool: whether the laser has the Fan round_ instead of front_.
+    ..._beams: cosine and sine of the Fan's beams. begin (n + 1,) int64: the ranges of body i are begin[i] to begin[i + 1].
 
-    All arrays, because numba takes a quarter of a microsecond to open each field of a named tuple that comes from Python.
+    The parameters are arrays because numba takes a quarter of a microsecond to unpack each field of a named tuple from Python.
     """
     place(pose, bodies)
     wall_grid, body_grid = Grid(wall_frame, wall_begin, wall_members), sort_into_cells(bodies, solid, body_frame)
@@ -95,7 +95,7 @@ def cast_all(
 
 @inlined
 def _cast(me, x, y, bodies, body_grid, walls, wall_grid, fan, inverse):
-    """Raise the 1/t of the beams of one sensor, at (x, y) on body `me`, to those of all boxes around it."""
+    """Raise the 1/t of the beams of one sensor, at (x, y) on body `me`, to the 1/t of all boxes in range."""
     c, s = bodies[me, COSINE], bodies[me, SINE]
     cell = cell_of(wall_grid, x, y)
     for k in range(wall_grid.begin[cell], wall_grid.begin[cell + 1]):
@@ -113,7 +113,7 @@ def _cast(me, x, y, bodies, body_grid, walls, wall_grid, fan, inverse):
 
 @inlined
 def _in_view(boxes, k, x, y, c, s, forward):
-    """Whether a box's circle is within range of a sensor at (x, y), and not behind one that looks forward along (c, s)."""
+    """Whether a box's circle is within range of a sensor at (x, y) and, for a forward sensor, not behind it; (c, s): heading."""
     dx, dy = boxes[k, X] - x, boxes[k, Y] - y
     radius = boxes[k, RADIUS]
     reach = LASER_RANGE + radius
@@ -122,7 +122,7 @@ def _in_view(boxes, k, x, y, c, s, forward):
 
 @inlined
 def _paint_box(box, x, y, c, s, fan, inverse):
-    """Raise the beams' 1/t to those of one box; (x, y) is the sensor, (c, s) its direction, all in the orchard's frame."""
+    """Raise the beams' 1/t to the 1/t of one box; (x, y): the sensor, (c, s): its heading, in the orchard's frame."""
     dx, dy = box[X] - x, box[Y] - y
     at_x, at_y = c * dx + s * dy, c * dy - s * dx
     axis_x, axis_y = c * box[COSINE] + s * box[SINE], c * box[SINE] - s * box[COSINE]
@@ -131,8 +131,8 @@ def _paint_box(box, x, y, c, s, fan, inverse):
     if gap_along <= 0.0 and gap_across <= 0.0:
         _paint_inside(along, across, axis_x, axis_y, box, fan, inverse)
         return
-    end = 1.0 if along > 0.0 else -1.0  # which end of the box faces the sensor
-    flank = 1.0 if across > 0.0 else -1.0  # and which side
+    end = 1.0 if along > 0.0 else -1.0  # the end of the box that faces the sensor
+    flank = 1.0 if across > 0.0 else -1.0  # the side of the box that faces the sensor
     frame, h, w = (at_x, at_y, axis_x, axis_y), end * box[HALF_LENGTH], flank * box[HALF_WIDTH]
     near = _corner(frame, h, w, fan)
     if gap_along > 0.0:
@@ -147,7 +147,7 @@ def _paint_box(box, x, y, c, s, fan, inverse):
 
 @inlined
 def _corner(frame, along, across, fan):
-    """A point of a box, given in the box's frame: x and y in the sensor's, and its place on the fan's diamond."""
+    """Convert a corner from the box's frame: return x and y in the sensor's frame, and its fractional beam index."""
     at_x, at_y, axis_x, axis_y = frame
     x, y = at_x + along * axis_x - across * axis_y, at_y + along * axis_y + across * axis_x
     return x, y, _beam_at(diamond(x, y, fan.cosine[0], fan.sine[0]), fan.table)
@@ -155,14 +155,14 @@ def _corner(frame, along, across, fan):
 
 @inlined
 def _beam_at(place, table):
-    """Which beam points to a place on the diamond, with fractions: to less than SLACK."""
+    """Return the fractional index of the beam at an angle on the diamond; the error is less than SLACK."""
     step = int(place * STEPS)
     return table[step] + (place * STEPS - step) * (table[step + 1] - table[step])
 
 
 @inlined
 def diamond(x, y, cosine, sine):
-    """From 0 to 4, growing with the angle of (x, y) counter-clockwise from the direction (cosine, sine); for the zero vector nan."""
+    """Return a number from 0 to 4 that grows with the angle of (x, y), counter-clockwise from (cosine, sine); nan for the zero vector."""
     ahead, left = x * cosine + y * sine, y * cosine - x * sine
     share = left / (abs(ahead) + abs(left))
     if ahead < 0.0:
@@ -176,7 +176,7 @@ def _paint_face(right, left, a, b, fan, inverse):
     width = left[2] - right[2]
     if width < 0.0:
         width += fan.turn
-    if width > 0.75 * fan.turn:  # seen exactly edge on, and rounding has swapped the corners
+    if width > 0.75 * fan.turn:  # the face is seen edge on, and rounding has swapped its corners
         return
     last = len(inverse) - 1
     end = right[2] + width + SLACK
@@ -187,7 +187,7 @@ def _paint_face(right, left, a, b, fan, inverse):
 
 @inlined
 def _paint_beams(first, last, right, left, a, b, fan, inverse):
-    """Raise the 1/t of beams `first` to `last`, less those at either end that pass the corner by."""
+    """Raise the 1/t of beams `first` to `last`, without the beams at either end that miss the corner."""
     while first <= last and right[0] * fan.sine[first] < right[1] * fan.cosine[first]:
         first += 1
     while last >= first and left[0] * fan.sine[last] > left[1] * fan.cosine[last]:
@@ -198,7 +198,7 @@ def _paint_beams(first, last, right, left, a, b, fan, inverse):
 
 @inlined
 def _raise(first, last, a, b, fan, inverse):
-    """Raise the 1/t of beams `first` to `last`, several at once: an index without a sign cannot count from an array's end."""
+    """Raise the 1/t of beams `first` to `last`. Unsigned indices cannot count from an array's end, so several beams are done at once."""
     for k in range(np.uint64(first), np.uint64(last + 1)):
         found = a * fan.cosine[k] + b * fan.sine[k]
         inverse[k] = found if found > inverse[k] else inverse[k]
@@ -206,7 +206,7 @@ def _raise(first, last, a, b, fan, inverse):
 
 @inlined
 def _paint_inside(along, across, axis_x, axis_y, box, fan, inverse):
-    """Raise the 1/t of all beams of a sensor inside a box to those of the faces by which they leave it."""
+    """Raise the 1/t of all beams of a sensor inside a box to the 1/t of the faces by which they leave the box."""
     ahead, behind = box[HALF_LENGTH] - along, box[HALF_LENGTH] + along
     on_left, on_right = box[HALF_WIDTH] - across, box[HALF_WIDTH] + across
     if min(min(ahead, behind), min(on_left, on_right)) <= TOUCH:
@@ -221,7 +221,7 @@ def _paint_inside(along, across, axis_x, axis_y, box, fan, inverse):
 
 @jit
 def _scramble(word):
-    """The splitmix64 generator's output function (Steele, Lea and Flood 2014): 64 bits to 64 well mixed bits."""
+    """Return 64 well mixed bits: the output function of splitmix64 (Steele, Lea and Flood 2014)."""
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return word ^ (word >> np.uint64(31))
@@ -229,7 +229,7 @@ def _scramble(word):
 
 @jit
 def _normal(key):
-    """A number of the standard normal distribution (Box and Muller 1958) that depends on the key alone."""
+    """Return a number of the standard normal distribution (Box and Muller 1958) that depends only on the key."""
     first = _scramble(key + np.uint64(0x9E3779B97F4A7C15))
     second = _scramble(first + np.uint64(0x9E3779B97F4A7C15))
     radius = np.sqrt(-2.0 * log((np.float64(first >> np.uint64(11)) + 1.0) * 2.0**-53))
@@ -238,7 +238,7 @@ def _normal(key):
 
 @jit
 def add_noise(keys, tick, deviation, begin, ranges):
-    """Add Gaussian noise to every return; keys (n,) uint64: one a body; deviation in metres. Ranges stay in [0, 10]."""
+    """Add Gaussian noise to every return; ranges stay in [0, 10] m. keys (n,) uint64: one for each body; deviation: m."""
     for i in range(len(keys)):
         at_tick = _scramble(keys[i] + np.uint64(tick))
         for k in range(begin[i], begin[i + 1]):

@@ -1,4 +1,4 @@
-"""The inner loops of physics: limits, movement, picking. Arrays have one row per body, in moving order; SI units."""
+"""The inner loops of physics: limits, movement, picking. Arrays have one row per body, in the order in which bodies move; SI units."""
 
 from typing import NamedTuple
 
@@ -25,36 +25,36 @@ from orchard.sim.kernels.boxes import (
 )
 from orchard.sim.kernels.jit import inlined, jit, sin_cos, wrap
 
-NOBODY = -1
-BAR = 0.3  # m; a coupled bin further off its place than this holds its robot
-LANE_REACH = 1.0  # m; a picker this near a lane's centre line drives in that row
-PICK_REACH = 0.2  # m; what is picked goes on from where it ended, or from a row's end; a step is at most half of this
-FULL_WITHIN = 1e-6  # m; a row or a bin that lacks no more than this is full
+NOBODY = -1  # as an index: none
+BAR = 0.3  # m; a robot cannot move to a pose where its coupled bin would be further than this from the coupling point
+LANE_REACH = 1.0  # m; a picker is in a row if it is this near to the lane's centre line
+PICK_REACH = 0.2  # m; picking begins within this of a row's end, and continues within this of its last point; a step is at most half of it
+FULL_WITHIN = 1e-6  # m; a row or a bin that lacks at most this is full
 _FRONTIER = 1e-9  # m
 
 
 class Bodies(NamedTuple):
-    """What the bodies are and does not change."""
+    """The constant properties of n bodies."""
 
-    boxes: np.ndarray  # (n, 7): half sizes and radius hold, the rest is written when they are placed
+    boxes: np.ndarray  # (n, 7): half sizes and radius; `place` writes the other columns
     speed: np.ndarray  # (n,) m/s
     turn: np.ndarray  # (n,) rad/s
-    tows: np.ndarray  # (n,) m from its centre back to its coupled bin's; 0: tows nothing
+    tows: np.ndarray  # (n,) m from its centre back to the centre of its coupled bin; 0: it tows nothing
     solid: np.ndarray  # (n,) bool
-    sideways: np.ndarray  # (n,) bool: a bin, which moves only while it is coupled
+    sideways: np.ndarray  # (n,) bool: bins, which move only while they are coupled
 
 
 class Rows(NamedTuple):
-    """The rows and how far they are picked; r of them."""
+    """The r rows, and how far each is picked."""
 
-    y: np.ndarray  # (r,) m, the lanes' centre lines
+    y: np.ndarray  # (r,) m: the lanes' centre lines
     picked: np.ndarray  # (r,) m
-    begun: np.ndarray  # (r,) int64: -1 from the west, +1 from the east, 0 not yet
+    begun: np.ndarray  # (r,) int64: the end at which picking began: -1 west, +1 east, 0 not yet
 
 
 @jit
 def allowed(wanted, stopped):
-    """Twists, (n, 3), with those that are not finite, and those of stopped bodies, (n,) bool, replaced by standing still."""
+    """Return a copy of twists, (n, 3), in which those of stopped bodies, (n,) bool, and those that are not finite are 0."""
     twists = wanted.copy()
     for i in range(len(twists)):
         if stopped[i] or not (np.isfinite(twists[i, 0]) and np.isfinite(twists[i, 1]) and np.isfinite(twists[i, 2])):
@@ -64,7 +64,7 @@ def allowed(wanted, stopped):
 
 @jit
 def limit(wanted, top, coupled, turn, sideways, twists):
-    """Write into twists, (n, 3), what bodies can do of what they want; top (n,) m/s and turn (n,) rad/s: how fast each may be now."""
+    """Write into twists, (n, 3), the wanted twists, limited to what each body can do now; top (n,) m/s, turn (n,) rad/s: the limits."""
     for i in range(len(wanted)):
         if sideways[i] and coupled[i] == NOBODY:
             twists[i, :] = 0.0
@@ -80,9 +80,9 @@ def limit(wanted, top, coupled, turn, sideways, twists):
 
 @jit
 def arc(x, y, yaw, forward, left, turn, seconds):
-    """Where a body is after a constant twist: the exponential of SE(2).
+    """Return the pose (x, y, yaw) after a constant twist: the exponential of SE(2).
 
-    The chord of the arc points half the turn further than the body, and is shorter than the arc by sin(h) / h.
+    The chord of the arc points half the turn, h, beyond the first heading, and is sin(h) / h times as long as the arc.
     """
     half = 0.5 * turn * seconds
     s, c = sin_cos(yaw + half)
@@ -95,9 +95,9 @@ def advance(
     wanted, twist, pose, coupled, fill, pickers, speed, turn, sideways, shapes, tows, solid, walls, wall_frame, wall_begin, wall_members,
     body_frame, row_y, row_picked, row_from, picking_speed, distance, refused, held, blocked,
 ):  # fmt: skip
-    """One time step of all bodies: what they can do of what they want, (n, 3), where that brings them, and what the pickers pick.
+    """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick.
 
-    What `move_all` and `pick` return. In one piece, because to call a kernel from Python takes longer than to limit thirty bodies.
+    Returns what `move_all` and `pick` return. It is one kernel because a call from Python takes longer than limiting thirty bodies.
     """
     top = top_speeds(speed, pickers, pose, coupled, fill, row_y, row_picked, row_from, picking_speed)
     limit(wanted, top, coupled, turn, sideways, twist)
@@ -108,11 +108,11 @@ def advance(
 
 @jit
 def move_all(twist, pose, coupled, shapes, tows, solid, walls, wall_grid, body_frame, distance, refused, held, blocked):
-    """Move every body with its twist for one time step, one after another, where nothing solid is in the way.
+    """Move each body with its twist for one time step, one after another, if nothing solid is in the way.
 
-    shapes (n, 7) and walls (w, 7): boxes; wall_grid: the Grid of walls that are near; body_frame: that of a grid for the bodies.
+    shapes (n, 7) and walls (w, 7): boxes; wall_grid: the Grid of the walls; body_frame: the frame of a grid for the bodies.
     A body that cannot move keeps its pose, and its twist becomes 0.
-    Returns the collisions that begin, (c, 2) int64: a body's index, and what is in its way: a body's index, or n + a wall's.
+    Returns the collisions that begin, (c, 2) int64: a body's index, and the index of its obstacle: a body, or n + a wall.
     """
     n, boxes = len(pose), shapes.copy()
     place(pose, boxes)
@@ -129,7 +129,7 @@ def move_all(twist, pose, coupled, shapes, tows, solid, walls, wall_grid, body_f
 
 @inlined
 def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused, held, moved):
-    """Move one body, if it can; what is in its way, or NOBODY. In `moved`, (7,), it is tried where it would stand."""
+    """Move one body, if it can; return its obstacle, or NOBODY. `moved`, (7,): scratch space for its box at the new pose."""
     forward, left, turn = twist[i]
     if forward == 0.0 and left == 0.0 and turn == 0.0:
         return NOBODY
@@ -152,7 +152,7 @@ def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid,
 
 @inlined
 def _put(box, x, y, yaw, moved):
-    """Write a box into `moved`, at another pose."""
+    """Write a box into `moved` at another pose."""
     moved[:] = box
     s, c = sin_cos(yaw)
     moved[X], moved[Y], moved[COSINE], moved[SINE] = x, y, c, s
@@ -160,7 +160,7 @@ def _put(box, x, y, yaw, moved):
 
 @inlined
 def _leaves_its_bin(moved, me, coupled, tows, boxes):
-    """Whether a robot, once moved, would have its coupled bin too far off its place."""
+    """Whether a robot's move would leave its coupled bin too far from the coupling point."""
     if tows[me] == 0.0 or coupled[me] == NOBODY:
         return False
     off_x = boxes[coupled[me], X] - (moved[X] - tows[me] * moved[COSINE])
@@ -170,9 +170,9 @@ def _leaves_its_bin(moved, me, coupled, tows, boxes):
 
 @inlined
 def _in_the_way(moved, me, boxes, body_grid, walls, wall_grid):
-    """The first solid thing that a moved body would overlap: a body's index, n + a wall's, or NOBODY.
+    """Return the first obstacle that a moved body would overlap: a body's index, n + a wall's index, or NOBODY.
 
-    The bodies' grid was made before anything moved; its cells leave room for that.
+    The bodies' grid was made before any body moved; its cells are large enough for one step.
     """
     first = len(boxes)
     column, row = column_and_row(body_grid.frame, moved[X], moved[Y])
@@ -193,7 +193,7 @@ def _in_the_way(moved, me, boxes, body_grid, walls, wall_grid):
 
 @jit
 def mover_near(me, reach, twist, boxes):
-    """The first body that moved in the last step (only solid ones can) and is within `reach` metres of a body, edge to edge, or NOBODY."""
+    """Return the first body that moved in the last step (only solid bodies can) within `reach` m of body `me`, edge to edge, or NOBODY."""
     for j in range(len(boxes)):
         moves = twist[j, 0] != 0.0 or twist[j, 1] != 0.0 or twist[j, 2] != 0.0
         if j != me and moves and gap(boxes[me], boxes[j]) <= reach:
@@ -203,7 +203,7 @@ def mover_near(me, reach, twist, boxes):
 
 @jit
 def row_at(y, rows):
-    """The index of the row in whose lane a y lies, or NOBODY."""
+    """Return the index of the row whose lane contains y, or NOBODY."""
     for r in range(len(rows.y)):
         if abs(y - rows.y[r]) <= LANE_REACH:
             return r
@@ -212,7 +212,10 @@ def row_at(y, rows):
 
 @jit
 def top_speeds(speed, pickers, pose, coupled, fill, row_y, row_picked, row_from, picking_speed):
-    """(n,) m/s: how fast bodies may go now: `speed`; pickers in an unpicked part of a row, with a bin that is not full, slower."""
+    """Return the speed limits of the bodies now, (n,) m/s.
+
+    The limit is `speed`; for a picker in an unpicked part of a row, with a bin that is not full, it is at most `picking_speed`.
+    """
     rows, top = Rows(row_y, row_picked, row_from), speed.copy()
     for i in pickers:
         if coupled[i] == NOBODY or fill[coupled[i]] >= ROW_LENGTH or pose[i, 0] < ROW_WEST or pose[i, 0] > ROW_EAST:
@@ -228,9 +231,9 @@ def top_speeds(speed, pickers, pose, coupled, fill, row_y, row_picked, row_from,
 
 @jit
 def pick(pickers, before, pose, coupled, row_y, row_picked, row_from, fill):
-    """Pick what the pickers drove over in this step, `before` (n, 3) being the poses at its beginning.
+    """Pick the parts of rows that the pickers drove over in this step; before (n, 3): the poses at its beginning.
 
-    Returns for each picker the index of the row that it picked from, or NOBODY.
+    Returns, for each picker, the index of the row that it picked from, or NOBODY.
     """
     rows, picked_from = Rows(row_y, row_picked, row_from), np.full(len(pickers), NOBODY)
     for k in range(len(pickers)):
@@ -246,7 +249,7 @@ def pick(pickers, before, pose, coupled, row_y, row_picked, row_from, fill):
 
 @jit
 def _pick_row(r, x, a_bin, rows, fill):
-    """Pick a row up to x, where that goes on from what is picked of it, into a bin. Whether anything was picked."""
+    """Pick a row up to x into a bin, if that continues the picked part of the row. Return whether anything was picked."""
     from_west, from_east = x - ROW_WEST, ROW_EAST - x
     if rows.begun[r] == 0 and min(from_west, from_east) <= PICK_REACH and fill[a_bin] < ROW_LENGTH:
         rows.begun[r] = -1 if from_west <= from_east else 1
@@ -266,7 +269,7 @@ def _or_full(metres):
 
 @jit
 def quaternions(pose):
-    """(n, 2): z and w of the quaternion of every pose; x and y are 0."""
+    """Return z and w of the quaternion of each pose, (n, 2); x and y are 0."""
     parts = np.empty((len(pose), 2))
     for i in range(len(pose)):
         parts[i, 0], parts[i, 1] = sin_cos(0.5 * pose[i, 2])

@@ -1,11 +1,13 @@
-"""How a run goes, on the page: progress, what it prints, the picture, the summary."""
+"""The large part of the page: plan, picture, summary and messages, one at a time."""
 
 import socket
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from nicegui import ui
 
+from orchard.app.preview import PlanView
 from orchard.app.runner import Run, RunReport, RunState
 from orchard.report.summary import as_table
 from orchard.view.web import LOOPBACK, page_url
@@ -20,7 +22,7 @@ BADGES = {
 
 
 class ProgressView:
-    """State, bar and figures of a run."""
+    """State, progress bar and figures of a run."""
 
     def __init__(self) -> None:
         with ui.element("div").classes("progress") as self._box:
@@ -30,6 +32,7 @@ class ProgressView:
         self._box.set_visibility(False)
 
     def show(self, report: RunReport) -> None:
+        """Show the progress in a report."""
         text, colour = BADGES[report.state]
         self._box.set_visibility(True)
         self._badge.set_text(text)
@@ -59,35 +62,36 @@ class MessagesView:
         self._shown = 0
 
     def show(self, report: RunReport) -> None:
+        """Append the new lines of a run."""
         run = report.run
         if run is not self._run:
             self._log.clear()
             self._run, self._shown = run, 0
-        told, lines = run.said()
-        if new := told - self._shown:
+        count, lines = run.said()
+        if new := count - self._shown:
             for line in lines[-new:]:
                 self._log.push(line)
-            self._shown = told
+            self._shown = count
 
 
 class PictureView:
-    """Rerun's viewer in a frame, once there is something to show: first the live picture, at the end the recording."""
+    """The Rerun viewer in a frame: the live picture during a run, the recording after it."""
 
     def __init__(self) -> None:
         self._hint = ui.label().classes("hint")
-        self._link = ui.link("Open in a window of its own", "", new_tab=True).classes("corner")
+        self._link = ui.link("Open in a new tab", "", new_tab=True).classes("corner")
         self._frame = ui.element("iframe").classes("picture").props("data-view=picture allow=fullscreen")
-        self._shown: tuple[Run, bool] | None = None  # and whether it was over
-        self._is_vain = False
-        self.is_seen = False  # the viewer is large: it is not loaded before somebody looks
-        self._say("The live picture appears here when a harvest runs.")
+        self._shown: tuple[Run, bool] | None = None  # the run in the frame, and whether it was over
+        self._is_without_recording = False
+        self.is_seen = False  # the viewer is large: it loads only when the user selects the picture
+        self._show_hint("The live picture appears here when a harvest runs.")
 
     def is_settled(self, run: Run) -> bool:
-        """Whether it shows the recording of a run that is over, or never will."""
-        return self._is_vain or self._shown == (run, True)
+        """Whether the frame shows the recording of a finished run, or no recording exists."""
+        return self._is_without_recording or self._shown == (run, True)
 
     def show(self, report: RunReport) -> None:
-        """Point the frame at a run once its servers answer; then leave it alone, for it would load anew."""
+        """Point the frame at a run once its servers answer. The frame then stays unchanged: a new address would reload the viewer."""
         run, now = report.run, (report.run, report.is_over)
         if now == self._shown or not self.is_seen:
             return
@@ -95,14 +99,14 @@ class PictureView:
         if ready:
             self._point_to(page_url(run.port) + ("&recording=1" if report.is_over else ""))
         self._shown = now if ready else None
-        self._say("" if ready else _without_picture(report))
-        self._is_vain = not ready and report.is_over and not run.files.recording.exists()
+        self._show_hint("" if ready else _without_picture(report))
+        self._is_without_recording = not ready and report.is_over and not run.files.recording.exists()
 
     def _point_to(self, url: str) -> None:
         self._frame.props(f'src="{url}"')
         self._link.props(f'href="{url}"')
 
-    def _say(self, words: str) -> None:
+    def _show_hint(self, words: str) -> None:
         self._hint.set_text(words)
         self._hint.set_visibility(bool(words))
         for element in (self._frame, self._link):
@@ -111,12 +115,12 @@ class PictureView:
 
 def _without_picture(report: RunReport) -> str:
     if not report.is_over:
-        return "The picture is being prepared." if report.run.order.live else "Its recording appears here when it is over."
+        return "The picture is being prepared." if report.run.order.live else "The recording appears here when the run is over."
     return "The recording is being opened." if report.run.files.recording.exists() else "No recording was made."
 
 
 def is_open(port: int) -> bool:
-    """Whether somebody listens on a port of the loopback."""
+    """Whether a server listens on a port of the loopback interface."""
     with socket.socket() as probe:
         probe.settimeout(0.2)
         return probe.connect_ex((LOOPBACK, port)) == 0
@@ -132,7 +136,7 @@ class SummaryView:
             ui.label("The summary appears here when a harvest has ended.").classes("hint")
 
     def show(self, report: RunReport) -> None:
-        """Once, when it is over."""
+        """Show the summary once, when the run is over."""
         if not report.is_over or report.run is self._run:
             return
         self._run = report.run
@@ -141,9 +145,9 @@ class SummaryView:
             if report.summary is not None:
                 _table(report.summary, report.run.files.recording)
             elif report.state is RunState.stopped:
-                ui.label("It was stopped before there was anything to sum up.").classes("hint")
+                ui.label("The run was stopped before it wrote a summary.").classes("hint")
             else:
-                ui.label("There is no summary. What the run said:").classes("hint")
+                ui.label("There is no summary. The last messages of the run:").classes("hint")
                 ui.label("\n".join(report.run.said()[1][-12:])).classes("last-words")
 
 
@@ -158,3 +162,44 @@ def _table(summary: dict[str, Any], recording: Path) -> None:
                     ui.label(str(value))
     if recording.exists():
         ui.label(f"Recording: {recording}").classes("path")
+
+
+VIEWS = ("Plan", "Picture", "Summary", "Messages")
+View = TypeVar("View")
+
+
+class Stage:
+    """The large part of the page. All views stay loaded; one is visible."""
+
+    def __init__(self) -> None:
+        with ui.element("div").classes("stage"):
+            self._choice = ui.toggle(list(VIEWS), value="Plan").props("dense no-caps unelevated data-field=stage").classes("stage-choice")
+            self.plan = self._panel("Plan", PlanView)
+            self._picture = self._panel("Picture", PictureView)
+            self._summary = self._panel("Summary", SummaryView)
+            self._messages = self._panel("Messages", MessagesView)
+
+    def _panel(self, name: str, build: Callable[[], View]) -> View:
+        with ui.element("div").classes("panel") as panel:
+            view = build()
+        panel.bind_visibility_from(self._choice, "value", value=name)
+        return view
+
+    def is_settled(self, report: RunReport) -> bool:
+        """Whether the run is over and its views need no further update."""
+        return report.is_over and self._picture.is_settled(report.run)
+
+    def show(self, report: RunReport) -> None:
+        """Update the views of a run."""
+        self._picture.is_seen = self._choice.value == "Picture"
+        for view in (self._picture, self._summary, self._messages):
+            view.show(report)
+
+    def turn_to_run(self, report: RunReport) -> None:
+        """Select the first view of a run that is new on this page."""
+        live = "Picture" if report.run.order.live else "Messages"
+        self._choice.set_value("Summary" if report.is_over else live)
+
+    def turn_to_end(self) -> None:
+        """Select the summary when the run on this page has ended."""
+        self._choice.set_value("Summary")

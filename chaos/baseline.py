@@ -1,4 +1,4 @@
-"""What local mode makes of a scenario: the hash, and how far the harvest is, that every run in lockstep must have as well."""
+"""The result of a scenario in local mode, without faults. Each lockstep run must reach the same hash and the same progress."""
 
 from typing import NamedTuple
 
@@ -6,11 +6,11 @@ from orchard.field.scenario import Scenario
 from orchard.local import Local
 from orchard.report.metrics import rows_picked
 
-EVERY = 600  # ticks; runs end at a multiple of it, or when all is harvested
+EVERY = 600  # ticks; each run ends at a multiple of it, or when the harvest is finished
 
 
 class Result(NamedTuple):
-    """A run that nothing happened to."""
+    """The state of a run without faults at one tick."""
 
     ticks: int
     hash: str
@@ -18,15 +18,15 @@ class Result(NamedTuple):
     rows: int  # picked
 
 
-class Undisturbed:
-    """Runs in this process, one for each scenario, that go on as far as somebody asks."""
+class Baseline:
+    """Local runs in this process, one for each scenario seed. Each is continued only as far as a result needs it."""
 
     def __init__(self) -> None:
         self._runs: dict[int, Local] = {}
         self._results: dict[tuple[int, int], Result] = {}
 
     def result(self, seed: int, ticks: int | None) -> Result:
-        """Of 3 rows with this seed, after so many ticks; None: when all is harvested."""
+        """Return the result of the scenario with this seed after `ticks`; None: when the harvest is finished."""
         local = self._runs.setdefault(seed, Local(scenario(seed)))
         while not local.engine.over and (ticks is None or local.engine.tick < ticks):
             local.tick()
@@ -40,4 +40,5 @@ class Undisturbed:
 
 
 def scenario(seed: int) -> Scenario:
+    """The soak's scenario: 3 rows, otherwise the defaults."""
     return Scenario(rows=3, seed=seed)

@@ -1,0 +1,56 @@
+"""The network of one run: physics is the router, or a router process of its own stands behind a relay through which every link goes."""
+
+import socket
+import time
+from contextlib import ExitStack, suppress
+
+from chaos.relay import Relay
+from orchard.launch.supervisor import ProcessSpec, Supervisor, free_port
+
+ROUTER = "router"
+START_SECONDS = 30.0  # within which the router must listen
+DELAY_SECONDS = 0.03  # by which a slow link delays each chunk
+
+
+class Network:
+    """The network of one run. Use it with `with`.
+
+    `arguments`: options of run.py that lead its processes to this network. `endpoint`: the router's own endpoint, without the relay.
+    `relay`: None where physics is the router.
+    """
+
+    def __init__(self, is_routed: bool) -> None:
+        """`is_routed`: whether there is a router process of its own, behind a relay."""
+        self._port = free_port()
+        self.endpoint = f"tcp/127.0.0.1:{self._port}"
+        self.relay = Relay(self._port) if is_routed else None
+        self.arguments = ["--listen", self.endpoint] if self.relay is None else ["--connect", self.relay.endpoint]
+        self._stack = ExitStack()
+
+    def __enter__(self) -> "Network":
+        if self.relay is not None:
+            self._supervisor = self._stack.enter_context(Supervisor(say=lambda line: None))
+            self.start_router()
+            self._wait_for_router()
+            self._stack.enter_context(self.relay)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stack.close()
+
+    def start_router(self) -> None:
+        self._supervisor.start(ProcessSpec(ROUTER, "processes.router", ["--listen", self.endpoint]))
+
+    def kill_router(self) -> bool:
+        """Kill the router process. Return whether it was running."""
+        was_running = self._supervisor.exit_code(ROUTER) is None
+        self._supervisor.kill(ROUTER)
+        return was_running
+
+    def _wait_for_router(self) -> None:
+        deadline = time.monotonic() + START_SECONDS
+        while time.monotonic() < deadline:
+            with suppress(OSError), socket.create_connection(("127.0.0.1", self._port), 1.0):
+                return
+            time.sleep(0.05)
+        raise RuntimeError(f"{self.endpoint}: the router does not listen after {START_SECONDS:g} s")

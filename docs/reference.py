@@ -1,0 +1,288 @@
+"""docs/reference.md: the figures and the geometry of the orchard. Prose, and tables made from the constants of the code."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from math import degrees
+from typing import Any
+
+from pydantic import BaseModel
+
+from orchard.agents import animal, robot, sense, steps, tractor, walker, weed
+from orchard.agents import bin as bin_agent
+from orchard.agents.route import WEST_SIDE, OneWay
+from orchard.field import layout as field
+from orchard.field import placement
+from orchard.field.geometry import Rect
+from orchard.field.kinds import AROUND, EIGHTH, KINDS, LASER_RANGE, Kind, Laser
+from orchard.field.layout import Layout, lay_out
+from orchard.field.repeatable import PI, QUARTER
+from orchard.field.scenario import MOST_GUESTS, TIME_STEP, Scenario
+from orchard.sim import deeds
+from orchard.sim.kernels import move
+
+Rows = Iterable[Sequence[str]]
+
+# -- markdown
+
+
+def _table(head: str, rows: Rows) -> str:
+    """A table; `head`: the titles of the columns with | between them. Line breaks in cells become spaces."""
+    titles = head.split("|")
+    lines = [titles, ["---"] * len(titles), *rows]
+    return "\n".join(f"| {' | '.join(' '.join(cell.split()) for cell in line)} |" for line in lines)
+
+
+def _section(title: str, *parts: str) -> str:
+    return "\n\n".join([f"## {title}", *parts])
+
+
+def _points(places: Iterable[Sequence[float]]) -> str:
+    return ", ".join(f"({x:g}, {y:g})" for x, y, *_ in places)
+
+
+def _area(rect: Rect) -> str:
+    return f"x {rect.west:g} to {rect.east:g}, y {rect.south:g} to {rect.north:g}"
+
+
+def _every(values: Sequence[float]) -> str:
+    return f"{len(values)}, every {values[1] - values[0]:g} m from x = {values[0]:g} to x = {values[-1]:g}"
+
+
+def _seconds(ticks: int) -> str:
+    return f"{ticks * TIME_STEP:g} s"
+
+
+def _of_pi(radians: float) -> str:
+    return f"{radians / PI:g} pi"
+
+
+# -- the sections
+
+HEAD = """# The orchard in figures
+
+Written by docs/reference.py from the constants of the code (`make docs`); do not edit.
+
+Sources: the user manual of the 2015 student system "Robotic Orchard Simulator" and the source of that system (where the two
+disagree, the manual counts), and measurements of this project. The last section lists what this project corrected.
+
+Units are SI: m, s, rad. In the frame `map`, x points east, y north and z up; a yaw of 0 faces east, and yaw grows
+counter-clockwise (REP-103, REP-105)."""
+
+
+def document() -> str:
+    """Return the whole of docs/reference.md."""
+    layout = lay_out(Scenario())
+    sections = _field(layout), _things(layout), _towing(), _laser(), _behaviours(), _work(), _places(OneWay(layout)), _scenario()
+    return "\n\n".join([HEAD, *sections, CORRECTED]) + "\n"
+
+
+def _field(layout: Layout) -> str:
+    half, last = field.FENCE_THICKNESS / 2, layout.tree_lines[-1]
+    inner_x, inner_top, inner_bottom = field.X_MAX - half, field.TOP - half, layout.bottom + half
+    rows = [
+        ("fences", f"on all four sides, {field.FENCE_THICKNESS:g} m thick, {field.FENCE_HEIGHT:g} m high"),
+        ("centre lines of the fences", f"x = {-field.X_MAX:g} and {field.X_MAX:g}; top fence y = {field.TOP:g}"),
+        ("bottom fence", f"{last - layout.bottom:g} m south of the last tree line; y = {layout.bottom:g} in the default scenario"),
+        ("tree lines", f"""one more than rows; the first at y = {field.TREE_TOP_LINE:g}, each next one row_width + {field.TRUNK:g} m
+            further south"""),
+        ("trees in a line", _every(field.TREES_X)),
+        ("posts in a line", f"{_every(field.POSTS_X)}: halfway between trees"),
+        ("trunks and posts", f"{field.TRUNK:g} x {field.TRUNK:g} m; trunks 1.8 m high, posts 2.8 m"),
+        ("crowns", "5.5 x 1.0 m, from 1.8 m up; in pictures only"),
+        ("pergola", """over the lanes, at every tree's x: patches 1.7 m long, row_width - 0.5 m wide and 0.5 m thick, at z = 2.3;
+            in pictures only"""),
+        ("row, or lane", "between two tree lines, with its centre line halfway; rows count from 1 at the top"),
+        ("picked part of a row", f"x = {field.ROW_WEST:g} to {field.ROW_EAST:g}, or back: {field.ROW_LENGTH:g} m, which fill one bin"),
+        ("from the fences' faces to the rows", f"{field.ROW_WEST + inner_x:g} m in the west, {inner_x - field.ROW_EAST:g} m in the east"),
+        ("from the fences' faces to the tree lines", f"""{inner_top - field.TREE_TOP_LINE:g} m in the north,
+            {last - inner_bottom:g} m in the south"""),
+        ("driveway", f"{_area(field.DRIVEWAY)}; no obstacle. Its west and north edges lie under the fences"),
+        ("bay", f"{_area(field.BAY)}: the south edge of the driveway"),
+        ("queue", _area(field.QUEUE)),
+    ]  # fmt: skip
+    return _section("The field", _table("what | figure", rows), "Fruit is not modelled. The code is `orchard/field/layout.py`.")
+
+
+def _things(layout: Layout) -> str:
+    head = "kind | length x width x height, m | colour, sRGB | most m/s | most rad/s | solid"
+    notes = """All bodies are boxes. A speed changes within one step: there is no limit of acceleration, which is a choice of the model.
+Bodies move by their own velocity only. Only a bin can move sideways. A bin moves only while it is coupled. Weeds are not solid, and no
+laser sees them."""
+    starts = f"""A start holds where the place is free; else the body starts at the nearest free point of a grid of {placement.GRID:g} m.
+A place is free where the circle around the body is {placement.CLEAR:g} m away from all solid things. Animals may start between the first
+and the last tree line, people not. People and animals do not start in the queue, on the ground that the tractor sweeps
+({_area(placement.TRACK)}), or within {placement.AHEAD_OF_PICKER:g} m ahead of a picker. More of them than have a place above start at
+random places, as weeds do. At first people face one of the four headings, animals any direction."""
+    return _section("The things in it", _table(head, map(_kind_row, KINDS.items())), notes, _table("kind | start", _starts(layout)), starts)
+
+
+def _kind_row(item: tuple[str, Kind]) -> Sequence[str]:
+    name, kind = item
+    size = f"{kind.length:g} x {kind.width:g} x {kind.height:g}"
+    return name, size, ", ".join(map(str, kind.colour)), f"{kind.speed:g}", _of_pi(kind.turn), "yes" if kind.solid else "no"
+
+
+def _starts(layout: Layout) -> Iterator[Sequence[str]]:
+    first, tractors = field.queue_place(0), [start.pose for start in layout.starts if start.kind == "tractor"]
+    yield "picker", f"x = {field.ROW_WEST:g} on the centre line of its first row, facing east, a bin behind it"
+    yield "carrier", f"in the queue, the first at {_points([first])}, facing east, an empty bin behind it"
+    yield "tractor", f"{_points(tractors)}, facing east"
+    for kind, given in placement.GIVEN.items():
+        yield kind, _points(given) or "at random: odd numbers north of the rows, even numbers south of them"
+
+
+def _towing() -> str:
+    head = "robot | centre to centre, m | gap, m | a turn with bin sweeps, m | without bin, m"
+    text = f"""A coupled bin keeps its place behind its robot, square to it; a bar joins them. The bin's agent does that: it observes the
+robot's pose and velocity, and chooses the velocity that brings the bin to its place at the end of the step if the robot keeps its
+velocity. When the robot changes its velocity, the bin is for a moment up to 0.15 m off its place (`tests/agents/test_steps.py`); at
+rest it is exact. A bin that is more than {move.BAR:g} m off its place holds its robot.
+
+A robot couples a bin only while both stand still, with the bin's centre within {deeds.COUPLING_REACH:g} m of the coupling point and its
+sides within {degrees(deeds.COUPLING_ANGLE):g} degrees. A bin is square, so any quarter turn fits. Coupling and uncoupling move nothing."""
+    return _section("Towing", text, _table(head, [_tow_row(name, kind) for name, kind in KINDS.items() if kind.tows]))
+
+
+def _tow_row(name: str, kind: Kind) -> Sequence[str]:
+    gap = kind.tows - kind.length / 2 - KINDS["bin"].length / 2
+    swept = [f"{sense.sweep_radius(kind, towing):.2f}" for towing in (True, False)]
+    return name, f"{kind.tows:g}", f"{gap:g}", *swept
+
+
+def _laser() -> str:
+    head = "bodies | beams | first beam, rad | from beam to beam, rad | mounted"
+    forward = [name for name, kind in KINDS.items() if kind.laser is not AROUND]
+    round_ = [name for name, kind in KINDS.items() if kind.laser is AROUND]
+    rows = [_laser_row(KINDS["picker"].laser, forward, "at the middle of the front edge"), _laser_row(AROUND, round_, "at the centre")]
+    text = f"""Every laser measures at every tick, {1 / TIME_STEP:g} times a simulated second, up to {LASER_RANGE:g} m. A beam without a
+return is +inf (REP-117). Angles are counter-clockwise, 0 straight ahead, as in ROS `sensor_msgs/LaserScan`. Ranges to the boxes are exact,
+and then rounded to float32. A scenario may add Gaussian noise.
+
+The scan plane is 0.2 m above the ground. Fences, trunks, posts and all solid bodies but the scanning one return; weeds, crowns and the
+pergola do not. A robot that tows receives its bin's scan too, and so what is behind it. A flattened weed measures nothing."""
+    return _section("The laser", _table(head, rows), text)
+
+
+def _laser_row(laser: Laser, names: Iterable[str], where: str) -> Sequence[str]:
+    return ", ".join(names), str(laser.beams), _of_pi(laser.first), f"{laser.increment:.6f}", where
+
+
+def _behaviours() -> str:
+    rows = [
+        ("time step", f"{TIME_STEP:g} s"),
+        ("turn (`Face`)", f"{_of_pi(EIGHTH)} rad/s: {QUARTER / EIGHTH:g} s for 90 degrees; it ends exactly at a heading"),
+        ("drive (`DriveTo`)", f"""{steps.CRUISE:g} m/s to an absolute x or y, slower in the last step; nearer than {steps.EXACT:g} m counts
+            as there. A drive that was held up ends at the same place"""),
+        ("move to a point (`MoveTo`)", """first along the axis that the robot faces, turning about if the point lies behind, then along the
+            other axis"""),
+        ("realign (`Realign`)", "rotate to the nearest of NORTH, SOUTH, EAST and WEST until exact"),
+        ("obstacle ahead (pickers, carriers, tractor)", f"""the robot stands while something returns from the corridor ahead:
+            {sense.STOP_DISTANCE:g} m deep from the front edge, and on each side {sense.SIDE_MARGIN:g} m wider than robot or bin,
+            whichever is wider"""),
+        ("obstacle in a turn", f"""the robot stands while its scan or its bin's returns from what the rest of the turn sweeps, with a margin
+            of {sense.TURN_MARGIN:g} m, and while a person or an animal is, or may be, in the circle that the turn sweeps"""),
+        ("people and animals near a turn", f"""a robot asks them for their places {sense.ASK_AHEAD:g} s before they may have come near,
+            with a margin of {sense.MARGIN:g} m; one that has not answered for {_seconds(sense.SILENT_TICKS)} is left to
+            the lasers"""),
+        ("carrier at its work", """on its loop and on its way out it ignores returns from three boxes, widened by 0.1 m: the full bin, the
+            empty bin on the picker's coupling point, and the waiting picker; it still stops for a person"""),
+        ("after a refused step", f"""a robot stands for {_seconds(robot.RECOVERY)}; a person or an animal backs off or turns for
+            {_seconds(walker.RECOVERY)}"""),
+        ("person", "walks straight on at its full speed, and turns only for what is in its path"),
+        ("animal", f"""every {_seconds(animal.MIND_CHANGES)} a new speed, rate of turn and length of turn (up to 1 s), at random, up to what
+            its kind can do; at most 1 m/s while it turns away from something"""),
+        ("turning away (people, animals)", f"""something in the path nearer than {walker.STEER_WITHIN:g} m: steer to the freer side at
+            {_of_pi(walker.STEER)} rad/s; nearer than {walker.TURN_WITHIN:g} m: stop and turn left until {2 * walker.TURN_WITHIN:g} m
+            are free"""),
+        ("lingering (people, animals)", f"""one that got no farther than {walker.LINGER:g} m in {_seconds(walker.LINGER_TICKS)} walks off in
+            a free direction. None stays within a circle of 3 m for 60 s (`tests/agents/test_walkers.py`)"""),
+        ("tractor", f"""drives between x = {tractor.WEST_END:g} and x = {tractor.EAST_END:g}; at each end it waits {tractor.WORK:g} s
+            and then turns about"""),
+        ("weed", f"""asks to be flattened when what it sees within {weed.NEAR:g} m of its centre changes; physics flattens it if something
+            that moved in the last step is within {deeds.WEED_REACH:g} m, edge to edge"""),
+    ]  # fmt: skip
+    return _section("The behaviours", _table("behaviour | rule", rows))
+
+
+def _work() -> str:
+    way_out = OneWay.WAITING - OneWay.FULL_BIN - KINDS["picker"].tows
+    text = f"""These are the built-in rules; a scenario may name others.
+
+1. Each picker takes rows // pickers neighbouring rows, the last one the remainder as well. It picks its first row eastward, the next
+   westward, and so on.
+2. The bin fills with the metres that its picker drives in the unpicked part of a row, within {move.LANE_REACH:g} m of the lane's centre
+   line. Picking begins at an end of the row and goes on where it ended, give or take {move.PICK_REACH:g} m. There physics limits the
+   picker's speed to the scenario's `picking_speed`. After {field.ROW_LENGTH:g} m the row is picked and the bin full.
+3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and asks for an empty bin. After its last row
+   it drives {OneWay.PARKED - OneWay.WAITING:g} m further with its empty bin, and stays there.
+4. The full bin calls all carriers every {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself with its
+   distance by road. The bin sends for the nearest one and asks it every {_seconds(bin_agent.ASK_AGAIN)} whether it still comes; after
+   {bin_agent.GIVE_UP} questions without an answer it calls anew.
+5. The carrier leaves its empty bin on the picker's coupling point and tells the picker, which couples it. Then the carrier couples the
+   full bin and takes it around the orchard to the bay.
+6. A full bin on a carrier is empty after {field.UNLOADING_SECONDS:g} s in which its centre is in the bay and both are at rest. The bay
+   works on one bin at a time. The carrier takes the empty bin back to its line of the queue.
+7. The harvest is over when every row is picked, no bin is full, the carriers stand in the queue with their bins and face east, and the
+   pickers stand.
+
+Physics alone decides what counts: motion, coupling, picking, unloading, and the end of a weed."""
+    return _section("The work", text)
+
+
+def _places(route: OneWay) -> str:
+    front = KINDS["picker"].length / 2
+    xs = [
+        ("full bin", route.FULL_BIN, "clear of the trunks; in the west the picker drives 2 m past the row's end to leave it there"),
+        ("picker waits to cross", route.PICKER_HOLD, f"until it holds both roads' places; its front is {front:g} m further"),
+        ("carrier couples", route.COUPLING, "with the full bin right behind it"),
+        ("full-bin road F", route.F_ROAD, "from there to the bay"),
+        ("delivery road D", route.D_ROAD, "from the queue; the picker's coupling point lies on it"),
+        ("picker waits", route.WAITING, "for an empty bin; its way to the next row, too"),
+        ("picker parked", route.PARKED, "after its last row"),
+    ]
+    along = [
+        ("stop of a delivering carrier", f"{route.STOP:g} m past the lane"),
+        ("carrier waits for a lane's place", f"{route.HOLD:g} m before the lane; it asks for the place {steps.LOOK_AHEAD:g} m before that"),
+        ("carrier's tail has left a lane's place", f"{route.CLEAR:g} m past the lane"),
+        ("roads along the bottom", f"F {route.F_BOTTOM:g} m and D {route.D_BOTTOM:g} m south of the last tree line"),
+        ("wait for the south-west corner, on D", f"x = {route.CORNER_HOLD_X:g}"),
+        ("top road", f"y = {field.TOP_ROAD:g}, through the bay to the queue; a carrier that unloads stops at x = {field.BAY_STOP:g}"),
+        ("turn to a queue line", f"x = {route.TURN_OFF:g} on the top road"),
+        ("queue lines, in the order in which they fill", f"y = {', '.join(f'{y:g}' for y in field.QUEUE_LINES)}"),
+        ("places of a line", f"{field.QUEUE_LINE_PLACES}, every {field.QUEUE_PITCH:g} m westward from x = {field.QUEUE_HEAD:g}"),
+        ("carrier has left the place `top`", f"{route.TOP_CLEAR:g} m south of the southernmost line in use"),
+    ]
+    text = """The west side is the east side turned by half a turn about x = -1.5: x becomes -3 - x, and south becomes north. Carriers drive
+south on the east side and north on the west side; distances before and past a lane are along that direction, from the lane's centre line
+to the robot's centre. [traffic.md](traffic.md) has the plan, its reasons, and why robots cannot block each other for ever."""
+    columns = [(name, f"{x:g}", f"{WEST_SIDE.x(x):g}", note) for name, x, note in xs]
+    return _section("Places and roads", text, _table("place at a lane | x, east | x, west | note", columns), _table("what | figure", along))
+
+
+def _scenario() -> str:
+    text = f"""There are at most as many pickers as rows, at most {MOST_GUESTS} people and at most {MOST_GUESTS} animals. There is a bin
+for each picker and one for each carrier. `config/scenario.schema.json` has all settings and limits, for editors."""
+    return _section("What a scenario sets", _table("setting | limits | default | what", _settings(Scenario)), text)
+
+
+def _settings(model: type[BaseModel], path: str = "") -> Iterator[Sequence[str]]:
+    """A row for each setting that has limits; those of sections too."""
+    for name, info in model.model_fields.items():
+        limits: dict[str, Any] = {key: getattr(limit, key) for limit in info.metadata for key in ("ge", "le") if hasattr(limit, key)}
+        if isinstance(info.default, BaseModel):
+            yield from _settings(type(info.default), f"{path}{name}.")
+        elif limits.keys() == {"ge", "le"} and limits["le"] < 1e9:  # not the seed
+            default = "null" if info.default is None else f"{info.default:g}"
+            yield f"`{path}{name}`", f"{limits['ge']:g} to {limits['le']:g}", default, info.description or ""
+
+
+CORRECTED = """## What differs from the 2015 system
+
+- Robots drove and turned for so many seconds of wall time, and their errors added up. Here targets are absolute, and each step looks
+  at the pose.
+- A bin copied the magnitude of its robot's velocity, and coupled from 8 m away. Here its agent closes the loop on its place.
+- Two bins could call the same carrier, and carriers and tractor drove through each other. Here a carrier serves one bin at a time, and
+  solid bodies never overlap.
+- A robot stopped for any beam shorter than (row width - 1.5) / 2 - 0.1 m. That distance grew with the rows, froze carriers in the queue,
+  and stopped robots at weeds for ever.
+- A weed shot away at 200 m/s. Here it disappears.
+- Every run differed, and no figures told how good a harvest was. Here the seed decides the run, and each run has a summary."""

@@ -1,0 +1,23 @@
+"""A route with another figure and with a step of its own: a carrier stops for a second before it turns into the bay's road.
+
+route: examples.seams.signalled_route.SignalledRoute
+"""
+
+from orchard import OneWay, Say, Step, Wait
+
+
+class Signal(Step, frozen=True):
+    seconds: float
+
+    def act(self, robot):
+        robot.next([Say("about to enter the bay", "waiting"), Wait(self.seconds)])
+        return True
+
+
+class SignalledRoute(OneWay):
+    Steps = (Signal,)
+    PARKED = 44.0  # m: x at which a picker stays after its last row
+
+    def go_to_bay(self, lane, side):
+        *way, last = super().go_to_bay(lane, side)
+        return [*way, Signal(1.0), last]

@@ -1,0 +1,61 @@
+"""Loads the users' classes and functions that a scenario names, or refuses them with the reason and its place."""
+
+import importlib
+import inspect
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from orchard.field.problems import Problem, ScenarioError
+
+MISTAKES = (Exception, SystemExit)  # raised by a user's code; its sys.exit() must not end other agents or the run
+
+
+def load_plugin(key: str, path: str) -> Any:
+    """Return the object at `path`, 'module.name' or 'module:name', which the scenario names in `key`. Raises ScenarioError."""
+    module, _, name = path.replace(":", ".").rpartition(".")
+    try:
+        return getattr(importlib.import_module(module), name)
+    except MISTAKES as error:
+        raise unusable(key, path, error) from error
+
+
+def make_plugin(key: str, path: str, builtin: Mapping[str, Callable[..., Any]], *arguments: Any, methods: Sequence[str] = ()) -> Any:
+    """Return an object of the class that `path` names, built-in or a user's. Raises ScenarioError if that fails or a method is missing."""
+    class_ = builtin[path] if path in builtin else load_plugin(key, path)
+    try:
+        made = class_(*arguments)
+        if missing := [method for method in methods if not hasattr(made, method)]:
+            raise TypeError(f"it has no {' and no '.join(missing)}{place_of_class(type(made))}")
+    except MISTAKES as error:
+        raise unusable(key, path, error) from error
+    return made
+
+
+def unusable(key: str, path: str, error: BaseException, wanted: str = "") -> ScenarioError:
+    """Return the error for a plug-in that cannot be used: the scenario's key, the fault, its place in the user's files, what is allowed."""
+    words = f"cannot be used: {type(error).__name__}: {error}{place_of_error(error)}" + (f"; it must be {wanted}" if wanted else "")
+    return ScenarioError([Problem("scenario", words, key, path)])
+
+
+def place_of_error(error: BaseException) -> str:
+    """Return the place in the user's files where an error was raised, as ' (FILE, line N)'; '' if it was raised elsewhere."""
+    if isinstance(error, SyntaxError):
+        return f" ({error.filename}, line {error.lineno})"
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not _is_ours(frame.filename)]
+    return f" ({frames[-1].filename}, line {frames[-1].lineno})" if frames else ""
+
+
+def place_of_class(class_: type) -> str:
+    """Return the place where a class begins, as ' (FILE, line N)'; '' if it is unknown."""
+    try:
+        return f" ({inspect.getsourcefile(class_)}, line {inspect.getsourcelines(class_)[1]})"
+    except (OSError, TypeError):
+        return ""
+
+
+def _is_ours(file: str) -> bool:
+    return "importlib" in file or file.startswith(_PACKAGE)
+
+
+_PACKAGE = __file__.removesuffix("field/plugins.py")

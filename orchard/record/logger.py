@@ -1,0 +1,258 @@
+"""Receives a run and records it with Rerun.
+
+It only receives. One thread receives and another writes, with a bounded queue between them, so that a slow disk delays no other process:
+when too many frames wait, the two newest become one, and only the older's poses and scans are lost.
+"""
+
+import logging
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from orchard.contract.events import Event, Frame, merged
+from orchard.field.layout import Layout, lay_out
+from orchard.field.scenario import check
+from orchard.net.bus import Alive, Bus, Item, Sample, Signal
+from orchard.net.host import GONE_SECONDS, HostEnded
+from orchard.net.refusals import Refusals, Refused, read_message
+from orchard.net.requests import fetch_run, publish_refusals
+from orchard.sim.frames import talk_of
+from orchard.view.palette import Colour
+from orchard.view.reader import before
+from orchard.view.recorder import Recorder
+from orchard.wire.codec import frame_of
+from orchard.wire.keys import LOGGER, PHYSICS, Keys
+from orchard.wire.messages import End, Events, Letters, Lost, Picture
+
+MOST = 1000  # frames that wait: 100 simulated seconds; some 35 MB for the largest orchard
+AWAY = "the logger was away"
+
+log = logging.getLogger("orchard")
+
+
+MOST_NOTES = 10_000  # events that wait for a frame; a tick never has more than some hundreds
+LOOK_SECONDS = 0.5  # between two checks that the writer still writes
+
+
+# -- between the thread that receives and the thread that writes
+
+
+class QueuedFrame(NamedTuple):
+    """A frame, and the messages and events since the frame before, each with its tick."""
+
+    frame: Frame
+    notes: list[Event]
+
+
+class Recording(Protocol):
+    """The destination of the frames: orchard.view.recorder.Recorder."""
+
+    def tick(self, frame: Frame) -> None: ...
+    def gap(self, since: int, until: int, why: str) -> None: ...
+    def tell(self, event: Event) -> None: ...
+    def close(self) -> None: ...
+
+
+class FrameQueue:
+    """The frames that wait, between two threads.
+
+    When the queue is full, the two newest frames become one. Only the poses and scans of the older one are lost.
+    """
+
+    def __init__(self, most: int = MOST) -> None:
+        self._most = most
+        self._waiting: deque[QueuedFrame] = deque()
+        self._is_closed = False
+        self._change = threading.Condition()
+        self.left_out = 0
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def put(self, queued: QueuedFrame) -> None:
+        """Add a frame, without waiting for the reader."""
+        with self._change:
+            if len(self._waiting) >= self._most:
+                newest = self._waiting.pop()
+                queued = QueuedFrame(merged(newest.frame, queued.frame), newest.notes + queued.notes)
+                self.left_out += 1
+            self._waiting.append(queued)
+            self._change.notify()
+
+    def close(self) -> None:
+        """End the queue: no more frames will come."""
+        with self._change:
+            self._is_closed = True
+            self._change.notify()
+
+    def take(self) -> QueuedFrame | None:
+        """Wait for a frame and return the oldest; None when the queue is closed and empty."""
+        with self._change:
+            while not self._waiting and not self._is_closed:
+                self._change.wait()
+            return self._waiting.popleft() if self._waiting else None
+
+
+class Writer(threading.Thread):
+    """Writes frames in a thread of its own, as fast as it can. `error`: the exception that ended it, or None."""
+
+    def __init__(self, queue: FrameQueue, begin: Callable[[], tuple[Recording, int | None]]) -> None:
+        """`begin` returns the recording, and the last tick that was recorded before, or None if there is nothing to continue."""
+        super().__init__(name="writer", daemon=True)
+        self._queue, self._begin = queue, begin
+        self.error: Exception | None = None
+
+    def run(self) -> None:
+        try:
+            recording, last = self._begin()
+            try:
+                write(self._queue, recording, last)
+            finally:
+                recording.close()
+        except Exception as error:
+            self.error = error
+
+
+def write(queue: FrameQueue, recording: Recording, last: int | None) -> None:
+    """Write all frames, and the gaps between them, until the queue is closed and empty. `last`: as from `begin`."""
+    while (queued := queue.take()) is not None:
+        frame = queued.frame
+        first = frame.tick - frame.left_out  # tick of the first frame that this one stands for
+        if last is not None and first > last + 1:
+            recording.gap(last, first, AWAY)
+        for event in queued.notes:
+            if event.tick < frame.tick - 1:
+                recording.tell(event)
+        recording.tick(replace(frame, events=[event for event in queued.notes if event.tick >= frame.tick - 1]))
+        last = frame.tick
+
+
+# -- the thread that receives
+
+
+class Logger:
+    """Receives one run's frames, events and messages, and passes them to the writer."""
+
+    def __init__(self, bus: Bus, keys: Keys, run: str, layout: Layout, queue: FrameQueue) -> None:
+        self.bus, self.keys, self.run_id, self.layout, self.queue = bus, keys, run, layout, queue
+        self.refusals = Refusals()
+        self._notes: list[Event] = []  # events that wait for the next frame
+        self._gone_until = math.inf  # monotonic clock, s: from then on physics counts as ended; inf while it is alive
+        self._tick: int | None = None  # of the newest frame that was passed on
+
+    def listen(self, session: str) -> None:
+        """Subscribe to the run, and declare the liveliness token. Physics then sends a whole frame."""
+        for what in ("picture", "events", "letters", "lost", "end"):
+            self.bus.subscribe(self.keys.of(what))
+        self.bus.watch(self.keys.of("alive", PHYSICS))
+        self.bus.declare_alive(self.keys.of("alive", LOGGER, session))
+
+    def run(self, writer: Writer) -> int:
+        """Record until the run ends or a signal asks to stop. Return the exit code. Raises the exception that ended the writer."""
+        code = self._hear_all(writer)
+        self.queue.close()
+        writer.join()
+        if writer.error is not None:
+            raise writer.error
+        if self.queue.left_out:
+            log.warning("%d frames came faster than they could be recorded, and are left out", self.queue.left_out)
+        return code
+
+    def _hear_all(self, writer: Writer) -> int:
+        try:
+            while writer.error is None and time.monotonic() < self._gone_until:
+                item = self.bus.inbox.take(LOOK_SECONDS)
+                if item is not None:
+                    self._handle(item)
+        except HostEnded as end:
+            log.info("%s", end)
+            return end.code
+        return 1 if self._gone_until < math.inf else 0
+
+    def _handle(self, item: Item) -> None:
+        if isinstance(item, Signal):
+            raise HostEnded(0, "asked to stop")
+        if isinstance(item, Alive) and item.key == self.keys.of("alive", PHYSICS, self.run_id):
+            self._gone_until = math.inf if item.up else time.monotonic() + GONE_SECONDS
+        if isinstance(item, Sample):
+            try:
+                self._hear(item)
+            except Refused as refusal:
+                self.refusals.note(item.key, refusal)
+                publish_refusals(self.bus, self.keys, self.run_id, self.refusals)
+
+    def _hear(self, sample: Sample) -> None:
+        match self.keys.parts(sample.key):
+            case ["picture"]:
+                self._see(self._frame(sample.payload))
+            case ["letters"]:
+                letters = read_message(sample.payload, Letters, self.run_id)
+                for name, written in letters.letters.items():
+                    answers = [(given.to, given.body) for given in written.answers]
+                    self._note(talk_of(letters.tick, name, written.requests, answers))
+            case ["events"]:
+                self._note(read_message(sample.payload, Events, self.run_id).events)
+            case ["lost"]:
+                lost = read_message(sample.payload, Lost, self.run_id)
+                self._note(Event(lost.tick, "lost", name, "", "its agent does not answer; the body stands") for name in lost.names)
+            case ["end"]:
+                raise HostEnded(0, read_message(sample.payload, End, self.run_id).why)
+            case _:
+                raise Refused("no such key")
+
+    def _note(self, events: Iterable[Event]) -> None:
+        if len(self._notes) >= MOST_NOTES:
+            raise Refused("too many", f"{MOST_NOTES} events wait for a frame")
+        self._notes += events
+
+    def _frame(self, payload: bytes) -> Frame:
+        picture = read_message(payload, Picture, self.run_id)
+        try:
+            return frame_of(picture, self.layout)
+        except ValueError as error:
+            raise Refused("malformed", str(error)) from error
+
+    def _see(self, frame: Frame) -> None:
+        """Pass a frame on. After a missed frame, wait for a whole one: the others contain only what has changed."""
+        if frame.is_whole or (self._tick is not None and frame.tick == self._tick + 1):
+            self._tick = frame.tick
+            self.queue.put(QueuedFrame(frame, self._notes))
+            self._notes = []
+
+
+# -- the recording
+
+
+class RecordingStart:
+    """Begins or continues a recording. `begin` reads the earlier parts while the logger already receives what comes next."""
+
+    def __init__(self, layout: Layout, run: str, file: Path | None, port: int | None) -> None:
+        self.layout, self.run_id, self.file, self.port = layout, run, file, port
+
+    def begin(self) -> tuple[Recorder, int | None]:
+        """Return the recorder, and the last tick that was recorded before; None without a file."""
+        last: int | None = None
+        said: Mapping[str, Mapping[str, Colour]] = {}
+        if self.file is not None:
+            self.file.parent.mkdir(parents=True, exist_ok=True)
+            self.file, last, said = before(self.file, self.run_id)
+        recorder = Recorder(self.layout, self.run_id, self.file, serve=self.port is not None, port=self.port or 0)
+        recorder.bodies.remember(said)
+        print("recording", recorder.uri or self.file, flush=True)
+        return recorder, last
+
+
+def record(bus: Bus, keys: Keys, file: Path | None, port: int | None, session: str) -> tuple[int, Path | None]:
+    """Record a run into a file, and serve viewers on a port. Return the exit code, and the part of the recording that was written."""
+    run = fetch_run(bus, keys)
+    layout = lay_out(check(run.scenario, "the scenario that physics sent"))
+    opening, logger = RecordingStart(layout, run.run, file, port), Logger(bus, keys, run.run, layout, FrameQueue())
+    logger.listen(session or bus.id)
+    writer = Writer(logger.queue, opening.begin)
+    writer.start()
+    return logger.run(writer), opening.file

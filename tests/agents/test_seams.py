@@ -1,0 +1,159 @@
+"""What a scenario can name besides agents: policy, rows, route, agents without a body, messages and steps that are not ours.
+
+Each example of examples/seams/ runs in local mode and in lockstep with the same hash.
+"""
+
+import msgspec
+import pytest
+from alone import local_hash
+
+from orchard import Assignment, BinReport, CarrierReport, Local, OneWay, Scenario, ScenarioError, lay_out
+from orchard.agents.catalogue import check_plugins, make_agents
+from orchard.contract.messages import CustomMessage, pack, unpack
+from orchard.field.scenario import check
+from orchard.report.bounds import bounds_of
+from orchard.report.plan import orchard_plan
+
+EXAMPLES = {
+    "dispatch": {"dispatch": "examples.seams.farthest_first.FarthestFirst"},
+    "rows": {"rows_to_pickers": "examples.seams.even_rows.even_rows"},
+    "route": {"route": "examples.seams.signalled_route.SignalledRoute"},
+    "agents and messages": {
+        "agents": {"picker": "examples.seams.bin_counter.CountingPicker"},
+        "agents_without_body": {"counter": "examples.seams.bin_counter.Counter"},
+    },
+}
+SECONDS = 120
+
+
+def scenario(**named) -> Scenario:
+    return Scenario(rows=4, pickers=2, carriers=2, people={"workers": 1, "visitors": 0}, animals={"dogs": 0, "cats": 0}, weeds=0, **named)
+
+
+def harvest(local: Local, ticks: int = 12_000) -> Local:
+    while not local.engine.over and local.engine.tick < ticks:
+        local.tick()
+    return local
+
+
+@pytest.mark.parametrize("named", EXAMPLES.values(), ids=EXAMPLES)
+def test_an_example_has_the_same_hash_in_local_mode_and_in_lockstep(named, fleet):
+    own = scenario(**named)
+    fleet.physics(own, "--duration", str(SECONDS))
+    fleet.share(2)
+    assert fleet.end() == local_hash(own, 10 * SECONDS)
+
+
+@pytest.mark.parametrize("named", EXAMPLES.values(), ids=EXAMPLES)
+def test_an_example_harvests_all_rows(named):
+    local = harvest(Local(scenario(**named)))
+    assert local.engine.over
+    assert local.engine.world.delivered == 4
+    assert not [name for name, action in local.actions.items() if action.state == "broken"]
+
+
+@pytest.mark.parametrize("named", EXAMPLES.values(), ids=EXAMPLES)
+def test_every_agent_can_be_started_afresh_from_its_bytes(named):
+    own = scenario(**named)
+    local, undisturbed = Local(own), harvest(Local(own), 1500)
+    while local.engine.tick < 1500:
+        local.tick()
+        if local.engine.tick % 300 == 0:
+            local.agents = make_agents(local.engine.layout)
+            local.memories = {name: unpack(pack(memory), local.agents[name].Memory) for name, memory in local.memories.items()}
+    assert local.engine.hash == undisturbed.engine.hash
+
+
+def test_the_farthest_bin_is_fetched_first_by_that_policy():
+    policy = Local(scenario(**EXAMPLES["dispatch"])).agents["dispatch"]._agent.policy
+    bins = [BinReport(f"bin_0{lane}", lane, "east", f"picker_0{lane}", since=0, metres=10.0 * lane) for lane in (1, 2)]
+    carriers = [CarrierReport("carrier_01", job="", is_next=True, metres=0.0)]
+    assert policy.assign(0, bins, carriers, policy.Memory()) == [Assignment("bin_02", "carrier_01")]
+
+
+def test_the_nearest_policy_harvests_alike_through_the_dispatcher():
+    local = harvest(Local(scenario(dispatch="orchard.agents.dispatch.Nearest")))
+    assert local.engine.over
+    assert local.engine.world.delivered == 4
+
+
+def test_rows_follow_the_rule_that_is_named():
+    assert lay_out(Scenario(rows=20, pickers=11)).blocks["picker_11"] == tuple(range(11, 21))
+    blocks = lay_out(Scenario(rows=20, pickers=11, **EXAMPLES["rows"])).blocks
+    assert {len(rows) for rows in blocks.values()} == {1, 2}
+
+
+def test_bounds_and_drawings_follow_the_route_that_is_named():
+    ours, theirs = lay_out(scenario()), lay_out(scenario(route="test_seams.WiderLoop"))
+    assert bounds_of(theirs).cycle_seconds > bounds_of(ours).cycle_seconds + 1.0
+    assert orchard_plan(theirs) != orchard_plan(ours)
+
+
+def test_an_answer_of_an_own_type_arrives_as_that_type():
+    local = harvest(Local(scenario(**EXAMPLES["agents and messages"])), 21)
+    assert set(local.memories["counter"]) == {"picker_01", "picker_02"}
+    (_, request), *_ = local.post.written[20]["picker_01"].requests
+    assert request == CustomMessage("progress", {"steps": 2})
+
+
+class WiderLoop(OneWay):
+    F_BOTTOM, D_BOTTOM = 5.5, 7.6
+
+
+class Raising:
+    def __init__(self, layout):
+        raise LookupError("no map")
+
+
+class Forgetful:
+    """A policy without `assign`."""
+
+    Memory = dict
+
+    def __init__(self, layout):
+        pass
+
+
+class Greedy(Forgetful):
+    """Sends one carrier to every bin."""
+
+    class Memory(msgspec.Struct):
+        pass
+
+    def assign(self, now, bins, carriers, memory):
+        return [Assignment(report.name, "carrier_01") for report in bins] + [Assignment("bin_99", "carrier_01")]
+
+
+def one_row_each(scenario):
+    return {"picker_01": (1,), "picker_02": (2,)}
+
+
+@pytest.mark.parametrize(
+    ("named", "why"),
+    [
+        ({"dispatch": "nowhere.Mine"}, "dispatch = nowhere.Mine: cannot be used: ModuleNotFoundError"),
+        ({"dispatch": "test_seams.Raising"}, r"LookupError: no map \(.*test_seams.py, line \d+"),
+        ({"dispatch": "test_seams.Forgetful"}, r"it has no assign \(.*test_seams.py, line \d+"),
+        ({"route": "test_seams.Forgetful"}, "it has no harvest"),
+        ({"rows_to_pickers": "test_seams.one_row_each"}, r"gives the rows \[1, 2\]; each of 1 to 4"),
+        ({"rows_to_pickers": "test_seams.nothing"}, "no attribute 'nothing'"),
+    ],
+)
+def test_what_cannot_be_used_is_named_before_the_run(named, why):
+    with pytest.raises(ScenarioError, match=why):
+        check_plugins(lay_out(scenario(**named)))
+
+
+def test_an_assignment_that_cannot_be_breaks_the_dispatcher_and_is_named(caplog):
+    local, broken = Local(scenario(dispatch="test_seams.Greedy")), set()
+    while local.engine.tick < 1500:
+        local.tick()
+        broken |= {name for name, action in local.actions.items() if action.state == "broken"}
+    assert broken == {"dispatch"}
+    assert "assigns bin bin_99 which is none of those that are free" in caplog.text
+
+
+@pytest.mark.parametrize("name", ["picker_x", "traffic", "dispatch", "physics", "Weather", "a b"])
+def test_a_further_agent_needs_a_name_of_its_own(name):
+    with pytest.raises(ScenarioError, match=name):
+        check({"agents_without_body": {name: "a.B"}})

@@ -35,7 +35,7 @@ from orchard.launch.terminal import BAD_INPUT, FINISHED, exit_on_errors, print_e
 from orchard.net.endpoints import BusError, check_free
 from orchard.net.lockstep import PATIENCE
 from orchard.report.progress import Progress
-from orchard.security.roles import WARDEN
+from orchard.security.roles import EMERGENCY_OPERATOR
 from orchard.server.snapshots import sole
 from orchard.sim.snapshot import Snapshot, SnapshotError, newest
 from orchard.view.files import parts_of, viewer_program, window
@@ -181,13 +181,13 @@ def _join_run(endpoint: str, only: list[str], without: list[str], secure: Path |
 
 
 @app.command()
-def stop(robots: options.Robots = None, connect: options.There = None, secure: options.Warden = None) -> None:
+def stop(robots: options.Robots = None, connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
     """Stop robots of an active run, each with its bin. They stand until they are reset."""
     raise typer.Exit(_switch(robots or [], connect, secure, True))
 
 
 @app.command()
-def reset(robots: options.Robots = None, connect: options.There = None, secure: options.Warden = None) -> None:
+def reset(robots: options.Robots = None, connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
     """Let stopped robots go on."""
     raise typer.Exit(_switch(robots or [], connect, secure, False))
 
@@ -198,7 +198,7 @@ def _switch(robots: list[str], connect: str | None, secure: Path | None, stop: b
     from orchard.security.identity import Keyring
 
     with exit_on_errors(BusError, ValueError):
-        identity = None if secure is None else Keyring.load(secure).of(WARDEN)
+        identity = None if secure is None else Keyring.load(secure).of(EMERGENCY_OPERATOR)
         answer = switch(find_run(RUNS.folder, connect), robots, stop, identity, print_error)
     console = Console(emoji=False, highlight=False, soft_wrap=True)
     before = [name for name in answer.stopped if name not in answer.changed]

@@ -1,4 +1,4 @@
-"""Runs without any network: their hashes are those that runs of many processes must have, whatever happens to them."""
+"""Runs without a network. Runs of many processes must have the same hashes, whatever faults occur."""
 
 from functools import cache
 
@@ -8,13 +8,13 @@ from orchard.local import Local
 SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)
 AGENTS = 9  # of the small scenario
 TICKS = 120
-TOY = "callers:cast"  # agents that do little but call each other
+TOY = "callers:cast"  # agents that only call each other
 
-HARVEST_TICKS = 1500  # up to the exchanges of 3 rows with 2 pickers
+HARVEST_TICKS = 1500  # includes the exchanges of 3 rows with 2 pickers
 
 
 def local_hash(scenario, ticks, agents=None):
-    """The hash of a run after so many ticks."""
+    """Return the hash of a run after a number of ticks."""
     local = Local(scenario, agents)
     for _ in range(ticks):
         local.tick()
@@ -22,7 +22,7 @@ def local_hash(scenario, ticks, agents=None):
 
 
 def local_at(tick: int) -> Local:
-    """A run of 3 rows that has come to a tick."""
+    """Return a run of 3 rows at a tick."""
     local = Local(Scenario(rows=3))
     while local.engine.tick < tick:
         local.tick()
@@ -31,5 +31,5 @@ def local_at(tick: int) -> Local:
 
 @cache
 def harvest_hash():
-    """That of 3 rows after HARVEST_TICKS."""
+    """Return the hash of a run of 3 rows after HARVEST_TICKS."""
     return local_hash(Scenario(rows=3), HARVEST_TICKS)

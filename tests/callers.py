@@ -1,6 +1,6 @@
-"""Agents for tests of the transport: they call each other a lot, and drive by what they heard. Some are slow, some break.
+"""Agents for tests of the transport: they call each other often, and drive by what they heard. Some are slow, some fail.
 
-Each function is a cast for `python -m processes.agents --agents callers:...`.
+Each function makes the agents for `python -m processes.agents --agents callers:...`.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ from orchard.net import bus
 
 
 class Counted(msgspec.Struct):
-    """What a caller remembers."""
+    """The memory of a caller."""
 
     heard: int = 0
     replies: int = 0
@@ -27,10 +27,10 @@ class Counted(msgspec.Struct):
 
 
 class Caller:
-    """Asks two others at every tick, and one who does not exist; answers two of three; drives by all that it heard."""
+    """Asks two agents and an unknown name at every tick, answers two of three requests, and drives by all that it heard."""
 
     Memory = Counted
-    strangers = ("nobody",)  # whom it asks as well
+    strangers = ("nobody",)  # unknown names that it asks too
 
     def __init__(self, name: str, names: list[str]) -> None:
         self.name, self.names = name, names
@@ -52,7 +52,7 @@ class Caller:
 
 
 class Friend(Caller):
-    """Asks only who is there: a request to nobody, which is never answered, makes it recall the mail of every tick."""
+    """Asks known names only. A request to an unknown name is never answered, so the host recalls the mail of every tick."""
 
     strangers = ()
 
@@ -71,7 +71,7 @@ def _of(class_: type[Caller], layout: Layout) -> dict[str, Caller]:
 
 
 class Slow:
-    """An agent that takes its time."""
+    """An agent that sleeps for a random time at each tick."""
 
     def __init__(self, agent, seconds: float) -> None:
         self._agent, self._seconds = agent, seconds
@@ -83,12 +83,12 @@ class Slow:
 
 
 def slow(layout: Layout, names: object = None) -> dict[str, Slow]:
-    """Callers that are slow at random, in a process whose handlers are as well."""
+    """Return callers that are slow at random, in a process with handlers that are slow too."""
     return _all_slow(cast(layout), 1e-3)
 
 
 def slow_harvesters(layout: Layout, names: object = None) -> dict[str, Slow]:
-    """The orchard's own agents, as slow."""
+    """Return the built-in agents, slow in the same way."""
     return _all_slow(catalogue.make_agents(layout), 1e-4)
 
 
@@ -108,7 +108,7 @@ def _slowly(function):
 
 
 class Broken:
-    """An agent with a mistake in it."""
+    """An agent that raises an error."""
 
     Memory = dict
 
@@ -117,12 +117,12 @@ class Broken:
 
 
 def broken(layout: Layout, names: object = None) -> dict[str, object]:
-    """Callers, and one picker with a mistake in it."""
+    """Return callers, and one picker that raises an error."""
     return cast(layout) | {"picker_01": Broken()}
 
 
 class Steady:
-    """Walks on."""
+    """Drives on at 0.5 m/s."""
 
     Memory = dict
 

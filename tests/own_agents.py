@@ -1,4 +1,4 @@
-"""Agents as users write them, good ones and bad ones, for scenarios that name them."""
+"""Agents as users write them, correct and faulty, for scenarios that name them."""
 
 import math
 import os
@@ -9,7 +9,7 @@ from orchard.field.geometry import Twist
 
 
 class Eastward:
-    """Drives on."""
+    """Drives on at 0.25 m/s."""
 
     Memory = dict
 
@@ -21,21 +21,21 @@ class Eastward:
 
 
 class Forgetful:
-    """Has no tick."""
+    """Has no method `tick`."""
 
     def __init__(self, layout, name):
         pass
 
 
 class Unmakeable:
-    """Breaks when it is made."""
+    """Raises an error when it is made."""
 
     def __init__(self, layout, name):
         raise LookupError("no map")
 
 
 class Wrong(Eastward):
-    """Gives something back at tick 3 that is no velocity."""
+    """Returns an invalid velocity from tick 3 on."""
 
     wrong = Twist(x=math.nan)
 
@@ -54,30 +54,30 @@ class Silent(Eastward):
 
 
 class Secretive(Eastward):
-    """Its memory cannot travel."""
+    """Its memory cannot be encoded."""
 
     def tick(self, observation, mail, memory):
         return Action(twist=Twist(x=0.25), memory=object())
 
 
 class Quitter(Eastward):
-    """Takes its leave as a program does."""
+    """Exits as a program does."""
 
     def tick(self, observation, mail, memory):
         raise SystemExit(3)
 
 
 class Refuser(Eastward):
-    """Takes its leave when it is made."""
+    """Exits when it is made."""
 
     def __init__(self, layout, name):
         raise SystemExit("no licence")
 
 
 class Slip(Eastward):
-    """All is well but for one thing."""
+    """Returns an action with one fault."""
 
-    slip: dict[str, object] = {}  # noqa: RUF012 - as each kind of slip has it
+    slip: dict[str, object] = {}  # noqa: RUF012 - each subclass sets the fault
 
     def tick(self, observation, mail, memory):
         return Action(twist=Twist(x=0.25), **self.slip)
@@ -124,10 +124,10 @@ class Mortal(Eastward):
 
 
 def lost(layout, names):
-    """A function that makes agents, and has a mistake in it."""
+    """Raises an error instead of making agents."""
     raise LookupError("no map")
 
 
 def nobody(layout, names):
-    """Makes none."""
+    """Makes no agents."""
     return {}

@@ -1,4 +1,4 @@
-"""A stage for tests: an orchard in local mode, spoken of in the domain's words and in simulated time."""
+"""A stage for tests: an orchard in local mode, with commands and queries in the words of the domain and in simulated time."""
 
 from collections.abc import Callable
 
@@ -9,13 +9,13 @@ from orchard.field.scenario import Animals, People, Scenario
 from orchard.local import Local
 from orchard.report.metrics import collisions
 from orchard.server.figures import RunFigures
-from orchard.sim.world import NOBODY
+from orchard.sim.world import NONE
 
 NOBODY_ABOUT = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0}
 
 
 def empty_orchard(**changes) -> Scenario:
-    """A scenario without people, animals, weeds and tractor, unless asked for."""
+    """Return a scenario without people, animals, weeds and tractor, except those in `changes`."""
     return Scenario(**{"rows": 3, "tractor": False, **NOBODY_ABOUT, **changes})
 
 
@@ -41,7 +41,7 @@ class Driven:
 
 
 class Stage:
-    """An orchard that runs until something is so; every wait is bounded in simulated time."""
+    """An orchard that a test runs until a condition holds. Each wait is bounded in simulated time."""
 
     def __init__(self, scenario: Scenario, **agents: Agent) -> None:
         self.local = Local(scenario)
@@ -58,12 +58,12 @@ class Stage:
         return self.world.tick / 10
 
     def put(self, name: str, x: float, y: float, heading: str = "EAST") -> None:
-        """Set a body, and the bin that it has, somewhere before the first tick."""
-        assert self.world.tick == 0, "bodies are put before the beginning"
+        """Move a body, and its bin, to a place before the first tick."""
+        assert self.world.tick == 0, "put bodies before the first tick"
         i = self.world.index[name]
         dx, dy = x - self.world.pose[i, 0], y - self.world.pose[i, 1]
-        assert self.world.coupled[i] == NOBODY or heading == "EAST", "a robot with a bin faces east at the beginning"
-        if self.world.coupled[i] != NOBODY:
+        assert self.world.coupled[i] == NONE or heading == "EAST", "put a robot with a bin facing east"
+        if self.world.coupled[i] != NONE:
             self.world.pose[self.world.coupled[i], :2] += dx, dy
         self.world.pose[i] = x, y, HEADINGS[heading]
 
@@ -82,7 +82,7 @@ class Stage:
             self.tick()
 
     def run_until(self, condition: Callable[[], bool], seconds: float = 600.0) -> float:
-        """Run until something is so, and tell how many seconds it took; an assertion fails if it takes longer than allowed."""
+        """Run until a condition holds, and return the seconds that it took. An assertion fails if it takes longer than allowed."""
         start = self.world.tick
         while not condition():
             assert self.world.tick - start < seconds * 10, f"not within {seconds} s; {self.who_is_where()}"
@@ -96,21 +96,21 @@ class Stage:
 
     def who_is_where(self) -> str:
         lines = [
-            f"{n} at {tuple(self.pose(n))}: {a.doing}, waits for {a.waits_for or 'nobody'}"
+            f"{n} at {tuple(self.pose(n))}: {a.doing}, waits for {a.waits_for or 'nothing'}"
             for n, a in self.local.actions.items()
             if n in self.world.index
         ]
         return "\n".join(["", *lines])
 
-    # -- asking
+    # -- queries
 
     def pose(self, name: str) -> tuple[float, float, float]:
         return tuple(float(v) for v in self.world.pose[self.world.index[name]])
 
     def bin_of(self, name: str) -> str:
-        """The name of the bin that a robot has, or ''."""
+        """Return the name of a robot's bin, or ''."""
         other = self.world.coupled[self.world.index[name]]
-        return "" if other == NOBODY else self.world.layout.names[other]
+        return "" if other == NONE else self.world.layout.names[other]
 
     def is_full(self, name: str) -> bool:
         return bool(self.world.fill[self.world.index[name]] >= 70.0)
@@ -124,10 +124,10 @@ class Stage:
     def happened(self, what: str, who: str = "") -> list[Event]:
         return [event for event in self.events if event.what == what and who in ("", event.who)]
 
-    # -- asserting
+    # -- assertions
 
     def assert_at(self, name: str, x: float | None = None, y: float | None = None, heading: str | None = None) -> None:
-        """A body is at a place and faces a heading, to a micrometre and a microradian."""
+        """Assert that a body is at a place and faces a heading, to a micrometre and a microradian."""
         here = self.pose(name)
         for got, wanted, axis in ((here[0], x, "x"), (here[1], y, "y")):
             assert wanted is None or abs(got - wanted) < 1e-6, f"{name}: {axis} = {got}, not {wanted}"

@@ -1,4 +1,4 @@
-"""A world that tests drive by hand, without agents. The field is bare unless a test puts walls."""
+"""A world that tests drive directly, without agents. The field has no walls except those of the test."""
 
 import math
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from orchard.field.geometry import EAST, Pose, Twist
 from orchard.field.layout import ROW_WEST, lay_out
 from orchard.field.scenario import Scenario
 from orchard.sim.physics import step
-from orchard.sim.world import NOBODY, World, new_world
+from orchard.sim.world import NONE, World, new_world
 
 LANE = 10.75  # y of row 1's centre line
 AHEAD = Twist(1.0)
@@ -20,22 +20,22 @@ TURN_LEFT = Twist(yaw=math.pi / 8)
 
 @dataclass
 class Yard:
-    """A world that is driven by hand."""
+    """A world that a test drives directly."""
 
     world: World
     events: list = field(default_factory=list)
 
     def drive(self, ticks: int = 1, deeds: list[tuple[str, Deed]] = (), **twists: Twist) -> list:
-        """Drive the named bodies for some ticks, everything else standing; deeds go with the first."""
+        """Drive the named bodies for some ticks, with the deeds at the first. All other bodies stand. Return the events."""
         index, wanted = self.world.index, np.zeros_like(self.world.pose)
         for name, twist in twists.items():
             wanted[index[name]] = twist
-        due, told = [(index[name], deed) for name, deed in deeds], []
+        due, events = [(index[name], deed) for name, deed in deeds], []
         for _ in range(ticks):
-            told += step(self.world, wanted, due)
+            events += step(self.world, wanted, due)
             due = []
-        self.events += told
-        return told
+        self.events += events
+        return events
 
     def do(self, name: str, deed: Deed) -> list:
         return self.drive(deeds=[(name, deed)])
@@ -47,13 +47,13 @@ class Yard:
         self.world.pose[self.world.index[name]] = pose
 
     def couple(self, robot: str, bin_: str) -> None:
-        """Couple by fiat, wherever they are."""
+        """Couple a robot and a bin without a deed, wherever they are."""
         i, j = self.world.index[robot], self.world.index[bin_]
         self.world.coupled[i], self.world.coupled[j] = j, i
 
     def coupled(self, name: str) -> str:
         other = int(self.world.coupled[self.world.index[name]])
-        return "" if other == NOBODY else self.world.layout.names[other]
+        return "" if other == NONE else self.world.layout.names[other]
 
     def of(self, array: str, name: str):
         return getattr(self.world, array)[self.world.index[name]]
@@ -67,7 +67,7 @@ def yard(*bodies, **kwargs) -> Yard:
 
 
 def picker_with_bin(x: float = ROW_WEST, y: float = LANE, yaw: float = EAST, **kwargs) -> Yard:
-    """picker_01 and its bin_02 behind it, in a bare field."""
+    """Return a yard with picker_01 and bin_02 coupled behind it."""
     back = Pose(x - 2.25 * math.cos(yaw), y - 2.25 * math.sin(yaw), yaw)
     alone = yard(("picker", Pose(x, y, yaw)), ("bin", back), **kwargs)
     alone.couple("picker_01", "bin_02")
@@ -75,9 +75,10 @@ def picker_with_bin(x: float = ROW_WEST, y: float = LANE, yaw: float = EAST, **k
 
 
 def train(**kwargs) -> dict[str, Twist]:
-    """The same twist for a picker and for the bin behind it, which is right as long as it is straight."""
+    """Return the same twist for picker_01 and bin_02 behind it. That keeps the bin in place while they drive straight."""
     return {"picker_01": Twist(**kwargs), "bin_02": Twist(**kwargs)}
 
 
 def everybody() -> Yard:
+    """Return a yard with all bodies of an orchard of 3 rows, at their starts."""
     return Yard(new_world(lay_out(Scenario(rows=3))))

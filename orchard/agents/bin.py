@@ -126,7 +126,7 @@ class Bin:
                 memory.carrier, memory.coming, memory.asked = "", False, tick - CALL_AGAIN
 
     def where(self, x: float, y: float) -> tuple[int, str]:
-        """Return the lane in whose mouth the bin stands, and the end of the lane."""
+        """Return the lane, and the end of it, in the mouth of which the bin stands."""
         lane = min(self.layout.lanes, key=lambda lane: abs(lane.y - y))
         return lane.number, "east" if x > -1.5 else "west"
 

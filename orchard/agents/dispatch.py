@@ -46,7 +46,7 @@ class Assignment(NamedTuple):
 class Dispatch(Protocol):
     """A dispatch policy. Its class is called with the layout.
 
-    `Memory` is the type of its memory: a msgspec.Struct whose fields have defaults. `assign` may change the memory in place.
+    `Memory` is the type of its memory: a msgspec.Struct with a default for each field. `assign` may change the memory in place.
     """
 
     Memory: type

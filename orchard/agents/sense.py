@@ -201,21 +201,21 @@ def sweep_radius(kind: Kind, towing: bool) -> float:
     return math.sqrt((kind.tows + half) ** 2 + half * half) if towing else _radius(kind)
 
 
-def time_to_reach(who: Bystander, sighting: Sighting, tick: int, x: float, y: float, radius: float) -> float:
+def time_to_reach(bystander: Bystander, sighting: Sighting, tick: int, x: float, y: float, radius: float) -> float:
     """Return the time until a bystander may touch a circle, s from now; negative if it may touch the circle already."""
     if math.isinf(sighting.x):
         return math.inf if tick - sighting.tick < SILENT_TICKS else -math.inf
     dx, dy = sighting.x - x, sighting.y - y
-    room = math.sqrt(dx * dx + dy * dy) - radius - who.radius - MARGIN
-    return room / who.speed - (tick - sighting.tick) * TIME_STEP
+    room = math.sqrt(dx * dx + dy * dy) - radius - bystander.radius - MARGIN
+    return room / bystander.speed - (tick - sighting.tick) * TIME_STEP
 
 
 def doubts(
-    everybody: tuple[Bystander, ...], sighted: Mapping[str, Sighting], tick: int, x: float, y: float, radius: float
+    bystanders: tuple[Bystander, ...], sighted: Mapping[str, Sighting], tick: int, x: float, y: float, radius: float
 ) -> tuple[list[str], list[str]]:
     """Return the names of the bystanders that are or may be within a circle now, and of those to ask: now, or soon."""
     near, to_ask = [], []
-    for bystander in everybody:
+    for bystander in bystanders:
         name = bystander.name
         left = time_to_reach(bystander, sighted[name], tick, x, y, radius) if name in sighted else -math.inf
         if left < TIME_STEP:

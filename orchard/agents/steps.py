@@ -1,7 +1,7 @@
 """The steps of which plans are made. A step is data with one method, `act`, which is called every tick until the step is done.
 
-`act` sets the velocity of this tick, asks, or waits. A step itself remembers nothing. Its target is absolute, so a robot that was held up,
-or whose agent was started again, still ends at the right place.
+`act` sets the velocity of this tick, asks, or waits. A step itself remembers nothing. Its target is absolute, so a robot still ends at the
+right place after it was held up, or after its agent was started again.
 """
 
 from functools import cache, reduce
@@ -20,7 +20,7 @@ from orchard.field.scenario import TIME_STEP
 
 EXACT = 1e-9  # m or rad: nearer than this counts as there
 CRUISE = 1.0  # m/s
-SELDOM = 50  # ticks between two questions whose answer changes nothing
+SELDOM = 50  # ticks between two questions if the answer changes nothing
 LOOK_AHEAD = 3.0  # m before a gate, from where the robot asks for its places
 
 
@@ -66,7 +66,7 @@ class DriveTo(Step, frozen=True):
         return False
 
     def _limit(self, robot: PlanExecutor, here: float, ahead: float, target: float) -> float:
-        """The target, or the first gate before it whose places the robot does not hold."""
+        """The target, or the first gate before it with places that the robot does not hold."""
         for gate in self.needs:
             if ahead * (gate.at - here) >= -EXACT and not robot.holds(gate.places):
                 if ahead * (gate.at - here) < LOOK_AHEAD:
@@ -267,25 +267,9 @@ if TYPE_CHECKING:
     AnyStep = Step
 else:  # for msgspec, which decodes the steps of a memory: these, and those that `with_steps` adds
     AnyStep = (
-        Say
-        | DriveTo
-        | Face
-        | Realign
-        | Ahead
-        | MoveTo
-        | Wait
-        | Need
-        | Free
-        | Alone
-        | Deliver
-        | TakeBin
-        | LeaveBin
-        | FetchEmpty
-        | Unload
-        | Confirmed
-        | Home
-        | Again
-    )
+        Say | DriveTo | Face | Realign | Ahead | MoveTo | Wait | Need | Free | Alone | Deliver | TakeBin | LeaveBin
+        | FetchEmpty | Unload | Confirmed | Home | Again
+    )  # fmt: skip
 
 
 class Plan(RobotMemory):
@@ -296,7 +280,7 @@ class Plan(RobotMemory):
 
 @cache
 def with_steps(memory: type[Plan], steps: tuple[type[Step], ...]) -> type[Plan]:
-    """Return a memory type whose plan may also hold these user-defined steps. They are checked and encoded like the built-in steps."""
+    """Return a memory type for plans that may also hold these user-defined steps. They are checked and encoded like built-in steps."""
     if not steps:
         return memory
     kinds: Any = reduce(or_, steps, AnyStep)

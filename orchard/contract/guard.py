@@ -33,7 +33,7 @@ STATES = get_args(State)
 
 
 class Guarded:
-    """An agent whose actions are checked before they count. Messages of its own types are converted (see `CustomMessage`)."""
+    """Checks an agent's actions before they count, and converts messages of the agent's own types (see `CustomMessage`)."""
 
     def __init__(self, name: str, agent: Agent) -> None:
         self.name = name
@@ -129,13 +129,13 @@ def _check(action: Any) -> None:
     if not (isinstance(action.steps_done, int) and action.steps_done >= 0):
         raise ValueError(f"steps_done {action.steps_done!r}: must be a whole number from 0")
     if (action.deeds, action.requests, action.answers) != ([], [], []):
-        _check_said(action)
+        _check_messages(action)
 
 
-def _check_said(action: Action) -> None:
+def _check_messages(action: Action) -> None:
     """Check deeds and messages. Raises TypeError or ValueError for any that physics would refuse with all others of the session."""
-    said = [(deed, Deed) for deed in action.deeds] + [(body, Request) for _, body in action.requests]
-    for message, type_ in [*said, *((body, Answer) for _, body in action.answers)]:
+    sent = [(deed, Deed) for deed in action.deeds] + [(body, Request) for _, body in action.requests]
+    for message, type_ in [*sent, *((body, Answer) for _, body in action.answers)]:
         if not isinstance(message, type_):
             raise TypeError(f"{message!r} is neither a message of orchard/contract/messages.py nor of a type in the agent's `Messages`")
     if len(action.deeds) > MOST_DEEDS:

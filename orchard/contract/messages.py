@@ -83,7 +83,7 @@ class Here(AgentMessage):
 
 
 class Claim(AgentMessage):
-    """From a robot to `traffic`: the places that it keeps and those that it wants; `beside`: a partner whose places it may share."""
+    """From a robot to `traffic`: the places that it keeps and those that it wants; `beside`: a partner with which it may share places."""
 
     keep: list[str]
     want: list[str]

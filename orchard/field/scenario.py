@@ -75,10 +75,8 @@ _PATH = rf"{_NAME}(\.{_NAME})*[.:]{_NAME}"
 ClassPath = Annotated[str, Field(pattern=rf"^{_PATH}$", max_length=200)]
 Driven = Annotated[str, Field(pattern=rf"^(({'|'.join(KINDS)})(_[0-9]+)?|{'|'.join(BODILESS)})$")]
 Bodiless = Annotated[str, Field(pattern="^[a-z][a-z0-9_]{0,63}$")]
-Classes = Annotated[dict[Driven, ClassPath], Field(max_length=200, description="kind or name -> module.Class that drives it")]
-MoreAgents = Annotated[
-    dict[Bodiless, ClassPath], Field(max_length=200, description="name -> module.Class of an additional agent without a body")
-]
+Classes = Annotated[dict[Driven, ClassPath], Field(max_length=200, description="kind or name -> module.Class in place of the built-in one")]
+MoreAgents = Annotated[dict[Bodiless, ClassPath], Field(max_length=200, description="name -> module.Class of another agent without a body")]
 
 
 def _plugin(builtin: str, what: str) -> Any:
@@ -92,13 +90,11 @@ class Scenario(_Section):
     rows: Annotated[int, Field(ge=3, le=20, description="number of rows to pick; each is 70 m long and fills one bin")] = 5
     pickers: Annotated[int, Field(ge=2, le=20, description="number of picking robots; at most one for each row")] = 2
     row_width: Annotated[float, Field(ge=5.0, le=12.0, description="width of a row between its trees, m")] = 5.0
-    carriers: Annotated[int | None, Field(ge=1, le=40, description="number of bin carriers; null: 7 for every 10 pickers, rounded up")] = (
-        None
-    )
+    carriers: Annotated[int | None, Field(ge=1, le=40, description="number of carriers; null: 7 for every 10 pickers, rounded up")] = None
     picking_speed: Annotated[float, Field(ge=0.02, le=1.0, description="speed of a picker while it picks, m/s; of a person: 0.03")] = 1.0
     seed: Annotated[int, Field(ge=0, le=2**63 - 1, description="seed of all random numbers; the same seed gives the same harvest")] = 1
-    people: Annotated[People, Field(description="people, who walk about")] = People()
-    animals: Annotated[Animals, Field(description="animals, which run about")] = Animals()
+    people: Annotated[People, Field(description="workers and visitors")] = People()
+    animals: Annotated[Animals, Field(description="dogs and cats")] = Animals()
     weeds: Annotated[int, _count("number of weeds, north and south of the rows")] = 10
     tractor: Annotated[bool, Field(description="whether a tractor drives up and down the driveway")] = True
     laser: Annotated[LaserSettings, Field(description="the laser range finders of all bodies")] = LaserSettings()
@@ -185,7 +181,7 @@ def check(values: Any, source: str = "scenario", lines: Lines | None = None, kno
 
 
 def _plain(values: Any, levels: int = 2) -> Any:
-    """Convert sections to dicts whose keys are printable text."""
+    """Convert sections to dicts with printable text as keys."""
     if isinstance(values, BaseModel):
         values = values.model_dump()
     if levels == 0 or not isinstance(values, Mapping):

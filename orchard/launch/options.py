@@ -104,7 +104,9 @@ Secure = Annotated[Path | None, typer.Option(metavar="DIR", help="Admit only the
 
 Robots = Annotated[list[str] | None, typer.Argument(metavar="[ROBOT|KIND]...", help="picker_01, carrier; default: all robots.")]
 There = Annotated[str | None, typer.Option(metavar="ENDPOINT", help="A run elsewhere: tcp/192.168.1.10:7447. Default: the run here.")]
-Warden = Annotated[Path | None, typer.Option("--secure", metavar="DIR", help="For a secured run: the directory with the role warden.")]
+EmergencyOperator = Annotated[
+    Path | None, typer.Option("--secure", metavar="DIR", help="For a secured run: the directory with the role emergency-operator.")
+]
 Certificates = Annotated[Path, typer.Argument(metavar="DIR", help="Directory for the certificates.")]
 Role = Annotated[list[str] | None, typer.Option(metavar="NAME=KIND|AGENT,...", help="One host for exactly these agents (repeatable).")]
 Address = Annotated[list[str] | None, typer.Option(metavar="NAME|IP", help="Address at which other machines reach this one (repeatable).")]

@@ -206,11 +206,11 @@ SECONDS = 3.0  # that a token may be gone: a session that was cut off returns so
 
 
 class Watchdog:
-    """Kills a frozen process: one whose liveliness token is gone for SECONDS. A process that has had no token yet is still starting."""
+    """Kills a frozen process: one that has lost its liveliness token for SECONDS. A process that has had no token yet is still starting."""
 
     def __init__(self, supervisor: Supervisor, name: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._supervisor, self._name, self._clock = supervisor, name, clock
-        self._known: int | None = None  # the id of the process whose token was there last
+        self._known: int | None = None  # the id of the process that had the token last
         self._gone: float | None = 0.0  # s, on the clock, since when the token is gone; None while it is there
         self._is_known = True  # whether physics is there: without it all tokens are gone
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from orchard.contract.agent import Action
 from orchard.field.scenario import TIME_STEP
-from orchard.net.refusals import WHOSE, Refused, refuse_other_tick
+from orchard.net.refusals import HOLDER_ERRORS, Refused, refuse_other_tick
 from orchard.net.roster import Roster
 from orchard.wire.codec import action_of
 from orchard.wire.messages import Mode, Velocity
@@ -91,7 +91,7 @@ class LockstepBarrier:
     def take(self, name: str, velocity: Velocity) -> None:
         """Take a velocity for a held agent. Raises Refused if it does not count."""
         if velocity.holder != self._roster.holders[name]:
-            raise Refused("not the holder", WHOSE["not the holder"])
+            raise Refused("not the holder", HOLDER_ERRORS["not the holder"])
         if velocity.tick != self.tick or name not in self.missing:
             self._refuse_unless_repeated(name, velocity)
             return

@@ -16,7 +16,7 @@ import numpy as np
 from orchard.contract.agent import Action
 from orchard.contract.messages import MOST_DEEDS, Written
 from orchard.field.geometry import STILL
-from orchard.net.refusals import WHOSE, Refused, refuse_other_tick
+from orchard.net.refusals import HOLDER_ERRORS, Refused, refuse_other_tick
 from orchard.net.roster import Roster
 from orchard.wire.codec import action_of
 from orchard.wire.messages import Mode, Velocity
@@ -72,7 +72,7 @@ class UnheldCommands:
     def take(self, name: str, velocity: Velocity) -> None:
         """Take a velocity for a robot. Raises Refused if it names a holder, or if its tick is too old or in the future."""
         if velocity.holder:
-            raise Refused("not held", WHOSE["not held"])
+            raise Refused("not held", HOLDER_ERRORS["not held"])
         newest_put = self._puts[name].velocity.tick if name in self._puts else 0
         refuse_other_tick(velocity.tick, max(self._recent.oldest, newest_put), self._recent.newest)
         self._puts[name] = TimedVelocity(velocity, self._recent.clock())
@@ -144,7 +144,7 @@ class RealtimeBarrier:
     def take(self, name: str, velocity: Velocity) -> None:
         """Take a velocity for a held agent. Raises Refused if it does not count."""
         if velocity.holder != self._roster.holders[name]:
-            raise Refused("not the holder", WHOSE["not the holder"])
+            raise Refused("not the holder", HOLDER_ERRORS["not the holder"])
         last = self._newest[name].velocity.tick if name in self._newest else -1
         if last >= 0 and velocity == self._newest[name].velocity:
             return  # a repetition, sent in case the first was lost

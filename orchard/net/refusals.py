@@ -11,8 +11,8 @@ from orchard.wire.types import RunMessage, read
 M = TypeVar("M", bound=RunMessage)
 
 log = logging.getLogger("orchard")
-MOST_TOLD = 1000  # pairs of key and reason that are logged
-WHOSE = {"not the holder": "another session holds this agent", "not held": "no session holds this agent; join first"}
+MOST_LOGGED = 1000  # pairs of key and reason that are logged
+HOLDER_ERRORS = {"not the holder": "another session holds this agent", "not held": "no session holds this agent; join first"}
 
 
 def printable(words: str, most: int = 200) -> str:
@@ -47,7 +47,7 @@ class Refusals:
         self.counts[refusal.reason] += 1
         self._changed = True
         key = printable(key)
-        if (key, refusal.reason) not in self._logged and len(self._logged) < MOST_TOLD:
+        if (key, refusal.reason) not in self._logged and len(self._logged) < MOST_LOGGED:
             self._logged.add((key, refusal.reason))
             log.warning("refused on %s: %s", key, refusal)
 

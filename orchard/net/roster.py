@@ -65,7 +65,7 @@ class Roster:
             released.setdefault(self.holders.pop(name), []).append(name)
         return released
 
-    def anybody(self) -> bool:
+    def has_tokens(self) -> bool:
         """Whether there is any liveliness token."""
         return bool(self._alive)
 

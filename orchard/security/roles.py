@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple
 from orchard.field.kinds import kind_of
 from orchard.wire.keys import LIVELINESS, LOGGER, PHYSICS, QUERY, TABLE, Keys
 
-Duty = Literal["physics", "router", "host", "logger", "operator", "warden"]
+Duty = Literal["physics", "router", "host", "logger", "operator", "emergency-operator"]
 
 # -- roles
 
@@ -32,13 +32,13 @@ class Role:
         return "a" + hashlib.sha256(self.name.encode()).hexdigest()[:15]  # Zenoh allows no leading 0
 
 
-WARDEN = "warden"  # stops robots in an emergency; a role of its own, because run.py already uses the operator's
+EMERGENCY_OPERATOR = "emergency-operator"  # stops robots in an emergency; a role of its own, because run.py already uses the operator's
 SERVANTS = (
     Role(PHYSICS, "physics", (PHYSICS,)),
     Role("router", "router"),
     Role(LOGGER, "logger", (LOGGER,)),
     Role("operator", "operator"),
-    Role(WARDEN, "warden"),
+    Role(EMERGENCY_OPERATOR, "emergency-operator"),
 )
 
 # -- rights
@@ -54,7 +54,7 @@ class Party(NamedTuple):
 THE_PHYSICS, ITS_TOKEN = Party("physics"), Party("physics", own=True)
 OWN_HOST, ANY_HOST = Party("host", own=True), Party("host")
 THE_LOGGER, LOGGER_ITSELF = Party("logger"), Party("logger", own=True)
-OPERATOR, THE_WARDEN = Party("operator"), Party("warden")
+OPERATOR, EMERGENCY = Party("operator"), Party("emergency-operator")
 ALL = (THE_PHYSICS, ANY_HOST, THE_LOGGER, OPERATOR)
 AUDIENCE = (ANY_HOST, THE_LOGGER, OPERATOR)
 
@@ -81,11 +81,11 @@ RIGHTS: dict[str, Right] = {
     "picture": Right((THE_PHYSICS,), (THE_LOGGER,)),
     "figures": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
     "refused": Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),  # a count, which moves nothing
-    "scenario": Right((*AUDIENCE, THE_WARDEN), (THE_PHYSICS,)),
+    "scenario": Right((*AUDIENCE, EMERGENCY), (THE_PHYSICS,)),
     "join": Right((OWN_HOST,), (THE_PHYSICS,)),
     "lost": Right((THE_PHYSICS,), AUDIENCE),
     "command": Right((OPERATOR,), (THE_PHYSICS,)),
-    "stop": Right((OPERATOR, THE_WARDEN), (THE_PHYSICS,)),
+    "stop": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
     "end": Right((THE_PHYSICS,), AUDIENCE),
     "alive": Right((OWN_HOST, LOGGER_ITSELF, ITS_TOKEN), ALL),
 }

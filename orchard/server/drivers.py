@@ -73,7 +73,7 @@ class Drivers:
         self._publisher.publish_tick(seen, self.roster.by_holder(), self.ledger.asked(seen.tick - 1))
 
     def silent(self) -> set[str]:
-        """Return the sessions whose answers are missing."""
+        """Return the sessions with missing answers."""
         return {self.roster.holders[name] for name in self.answers.missing}
 
     def show(self, holders: Collection[str]) -> None:

@@ -95,7 +95,7 @@ class Queries:
         raise RunEnded(f"{command.command}ped")
 
 
-OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run whose token comes later is the newer one, and must end itself
+OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run that appears later is the newer one, and must end itself
 
 
 class Inbound:
@@ -104,7 +104,7 @@ class Inbound:
     def __init__(self, bus: Bus, keys: Keys, harvest: Harvest) -> None:
         self._bus, self._keys, self._harvest = bus, keys, harvest
         self._queries = Queries(keys, harvest)
-        self._newer_from = math.inf  # s, monotonic clock: a run whose token comes after that is newer
+        self._newer_from = math.inf  # s, monotonic clock: a run that appears after that is newer
 
     def listen(self) -> None:
         """Subscribe, and declare the queryables. The liveliness token comes last: it shows the others that physics is ready."""

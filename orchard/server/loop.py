@@ -132,6 +132,6 @@ class Physics:
     def _await_leaving(self) -> None:
         """Wait until all tokens are gone, at most LEAVE_SECONDS, so that the last message reaches the other processes."""
         deadline = time.monotonic() + LEAVE_SECONDS
-        while self._drivers.roster.anybody() and (left := deadline - time.monotonic()) > 0.0:
+        while self._drivers.roster.has_tokens() and (left := deadline - time.monotonic()) > 0.0:
             if not self.arrivals.take_after_end(left):
                 return

@@ -3,29 +3,22 @@
 import logging
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from orchard.contract.agent import Observations
+from orchard.contract.agent import Action, Observations
 from orchard.contract.messages import Written, pack
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout
 from orchard.field.scenario import TICKS_PER_SECOND
 from orchard.net.bus import Bus
-from orchard.wire.codec import odometry_of, scan_of, seen_of
-from orchard.wire.keys import Keys
-from orchard.wire.messages import AskedOf, Clock, Events, Letters, Lost, Stamp, Velocity
-from orchard.wire.types import Message
-
-if TYPE_CHECKING:
-    from orchard.contract.events import Event
-from typing import TYPE_CHECKING, NamedTuple
-
-from orchard.contract.agent import Action
 from orchard.net.refusals import RefusalTotals
 from orchard.net.roster import RecoveryLog
 from orchard.server.figures import RunFigures
 from orchard.sim.frames import FrameBuilder
-from orchard.wire.codec import picture_of
+from orchard.wire.codec import odometry_of, picture_of, scan_of, seen_of
+from orchard.wire.keys import Keys
+from orchard.wire.messages import AskedOf, Clock, Events, Letters, Lost, Stamp, Velocity
+from orchard.wire.types import Message
 
 if TYPE_CHECKING:
     from orchard.contract.events import Event

@@ -8,7 +8,7 @@ from orchard.field import repeatable
 from orchard.field.geometry import Pose, angle_between, to_frame
 from orchard.sim.kernels.boxes import place
 from orchard.sim.kernels.move import mover_near
-from orchard.sim.world import NOBODY, World
+from orchard.sim.world import NONE, World
 
 COUPLING_REACH = 0.1  # m, between the bin's centre and the coupling point
 COUPLING_ANGLE = 5.0 * repeatable.PI / 180.0  # rad, between the sides of robot and bin
@@ -44,11 +44,11 @@ def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
 
 
 def _couple(world: World, wanted: np.ndarray, robot: int, bin_name: str) -> str:
-    bin_ = world.index.get(bin_name, NOBODY)
+    bin_ = world.index.get(bin_name, NONE)
     _refuse_if(world.bodies.tows[robot] == 0.0, "it tows nothing")
-    _refuse_if(bin_ == NOBODY or world.layout.starts[bin_].kind != "bin", "no such bin")
-    _refuse_if(world.coupled[robot] != NOBODY, "it has a bin")
-    _refuse_if(world.coupled[bin_] != NOBODY, "the bin is coupled")
+    _refuse_if(bin_ == NONE or world.layout.starts[bin_].kind != "bin", "no such bin")
+    _refuse_if(world.coupled[robot] != NONE, "it has a bin")
+    _refuse_if(world.coupled[bin_] != NONE, "the bin is coupled")
     _refuse_if(bool(world.stopped[bin_]), "the bin is stopped")
     _refuse_unless_both_stand(world, wanted, robot, bin_)
     _refuse_unless_in_place(world, robot, bin_)
@@ -70,9 +70,9 @@ def _refuse_unless_in_place(world: World, robot: int, bin_: int) -> None:
 def _uncouple(world: World, wanted: np.ndarray, robot: int) -> str:
     bin_ = int(world.coupled[robot])
     _refuse_if(world.bodies.tows[robot] == 0.0, "it tows nothing")
-    _refuse_if(bin_ == NOBODY, "it has no bin")
+    _refuse_if(bin_ == NONE, "it has no bin")
     _refuse_unless_both_stand(world, wanted, robot, bin_)
-    world.coupled[robot] = world.coupled[bin_] = NOBODY
+    world.coupled[robot] = world.coupled[bin_] = NONE
     return world.layout.names[bin_]
 
 
@@ -82,7 +82,7 @@ def _flatten(world: World, weed: int) -> str:
     boxes = world.bodies.boxes.copy()
     place(world.pose, boxes)
     mover = mover_near(weed, WEED_REACH, world.twist, boxes)
-    _refuse_if(mover == NOBODY, "nothing moves within 1 m")
+    _refuse_if(mover == NONE, "nothing moves within 1 m")
     world.alive[weed] = False
     return world.layout.names[int(mover)]
 

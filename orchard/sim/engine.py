@@ -130,7 +130,7 @@ class Engine:
         return events
 
     def step(self, actions: Mapping[str, Action], mail_digests: Mapping[str, bytes]) -> list[Event]:
-        """Do the same without accounting for the step."""
+        """Do what `advance` does, without accounting for the step."""
         self.account()
         events, self._news = self._news + step(self.world, self._twists(actions), self._deeds(actions)), []
         self._stepped = Stepped(self.scans, dict(actions), self._heard(mail_digests), events)

@@ -18,7 +18,7 @@ from orchard.field.layout import ROW_LENGTH
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.kernels.boxes import overlaps
 from orchard.sim.kernels.move import FULL_WITHIN
-from orchard.sim.world import NOBODY, World
+from orchard.sim.world import NONE, World
 
 LOOK_TICKS = round(1.0 / TIME_STEP)  # between two checks of the places of all bodies
 MOST = 50  # violations that are listed
@@ -137,7 +137,7 @@ class Invariants:
 def _known_of(world: World) -> Known:
     """The facts about earlier ticks that can be inferred from the world."""
     names, full = world.layout.names, (world.fill >= ROW_LENGTH).nonzero()[0].tolist()
-    others = {i: "" if world.coupled[i] == NOBODY else names[int(world.coupled[i])] for i in full}
+    others = {i: "" if world.coupled[i] == NONE else names[int(world.coupled[i])] for i in full}
     calls = {names[i]: other if kind_of(other) == "carrier" else "" for i, other in others.items()}
     lacking = {other: names[i] for i, other in others.items() if kind_of(other) == "picker"}
     return Known(world.delivered, [f"row {r + 1}" for r in (world.row_picked >= ROW_LENGTH).nonzero()[0].tolist()], calls, lacking)
@@ -163,17 +163,17 @@ def _misplaced_bins(world: World) -> Iterator[tuple[str, str]]:
     names, coupled, bay = world.layout.names, world.coupled.tolist(), world.bay_ticks.tolist()
     on: dict[int, list[str]] = {i: [] for i, name in enumerate(names) if kind_of(name) == "bin"}
     for i, j in enumerate(coupled):
-        if i not in on and j != NOBODY:
+        if i not in on and j != NONE:
             if j not in on or kind_of(names[i]) not in ("picker", "carrier"):
                 yield f"bar {names[i]}", f"{names[i]} is coupled to {_name(names, j)}; a coupling needs a picker or carrier and a bin"
             else:
                 on[j].append(names[i])
     for bin_, robots in on.items():
         own = coupled[bin_]
-        if robots != ([] if own == NOBODY else [_name(names, own)]):
-            itself, theirs = "by itself" if own == NOBODY else f"on {_name(names, own)}", " and ".join(robots) or "no robot"
+        if robots != ([] if own == NONE else [_name(names, own)]):
+            itself, theirs = "by itself" if own == NONE else f"on {_name(names, own)}", " and ".join(robots) or "no robot"
             yield f"place {names[bin_]}", f"{names[bin_]} is not at one place: it is {itself}, and coupled to {theirs}"
-        elif bay[bin_] and (own == NOBODY or kind_of(names[own]) != "carrier"):
+        elif bay[bin_] and (own == NONE or kind_of(names[own]) != "carrier"):
             yield f"place {names[bin_]}", f"{names[bin_]} is being unloaded, but is on no carrier"
 
 
@@ -202,5 +202,5 @@ def _moving_though_stopped(world: World) -> Iterator[tuple[str, str]]:
         other = int(world.coupled[i])
         if world.twist[i].any():
             yield f"stopped {names[i]}", f"{names[i]} moves, but is stopped"
-        if other != NOBODY and not world.stopped[other]:
+        if other != NONE and not world.stopped[other]:
             yield f"stopped by half {names[i]}", f"{names[i]} is stopped, but {names[other]}, which is coupled to it, is not"

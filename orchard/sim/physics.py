@@ -17,7 +17,7 @@ from orchard.sim.deeds import do_deeds
 from orchard.sim.kernels.boxes import Grid
 from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.move import advance, allowed
-from orchard.sim.world import NOBODY, World
+from orchard.sim.world import NONE, World
 
 UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
 FACING = 1e-6  # rad
@@ -53,7 +53,7 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
 
 
 def _advance(world: World, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Move all bodies, in body order, and pick. Return the collisions that begin, and the row that each picker picks from, or NOBODY."""
+    """Move all bodies, in body order, and pick. Return the collisions that begin, and the row that each picker picks from, or NONE."""
     begun, picked_from = advance(wanted, *_ARGUMENTS(world))
     return begun, picked_from
 
@@ -72,10 +72,10 @@ def _wall(world: World, number: int) -> str:
 
 
 def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
-    """The events for rows that are picked and bins that are full; picked_from: one row index for each picker, or NOBODY."""
+    """The events for rows that are picked and bins that are full; picked_from: one row index for each picker, or NONE."""
     events, names = [], world.layout.names
     for i, r in zip(world.pickers.tolist(), picked_from.tolist(), strict=True):
-        if r == NOBODY:
+        if r == NONE:
             continue
         bin_ = int(world.coupled[i])
         if world.row_picked[r] >= ROW_LENGTH:
@@ -100,7 +100,7 @@ def _unload(world: World) -> list[Event]:
 
 def _rests_in_bay(world: World, bin_: int) -> bool:
     carrier = int(world.coupled[bin_])
-    if carrier == NOBODY or world.layout.starts[carrier].kind != "carrier":
+    if carrier == NONE or world.layout.starts[carrier].kind != "carrier":
         return False
     x, y, _ = world.pose[bin_].tolist()
     return BAY.contains(x, y) and is_at_rest(world, bin_) and is_at_rest(world, carrier)
@@ -145,4 +145,4 @@ def harvest_is_over(world: World) -> bool:
 def _waits_in_queue(world: World, carrier: int) -> bool:
     x, y, yaw = world.pose[carrier].tolist()
     queued = QUEUE.contains(x, y) and abs(angle_between(yaw, EAST)) <= FACING
-    return queued and world.coupled[carrier] != NOBODY and is_at_rest(world, carrier)
+    return queued and world.coupled[carrier] != NONE and is_at_rest(world, carrier)

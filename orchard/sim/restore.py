@@ -13,7 +13,7 @@ from orchard.field.layout import ROW_LENGTH, lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check
 from orchard.sim.snapshot import Snapshot, SnapshotError
-from orchard.sim.world import NOBODY, World, new_world
+from orchard.sim.world import NONE, World, new_world
 
 FURTHEST = 1e12  # m that a body can drive by LAST_TICK
 
@@ -89,7 +89,7 @@ def _faults(world: World) -> Iterator[str]:
 def _are_pairs(world: World) -> bool:
     """Whether all couplings are mutual, each between a bin and a robot that tows."""
     kinds, coupled = [start.kind for start in world.layout.starts], world.coupled.tolist()
-    pairs = [(i, j) for i, j in enumerate(coupled) if j != NOBODY]
+    pairs = [(i, j) for i, j in enumerate(coupled) if j != NONE]
     return all(0 <= j < len(coupled) and coupled[j] == i and _tow(kinds[i], kinds[j]) for i, j in pairs)
 
 

@@ -11,7 +11,7 @@ from orchard.field.scenario import TIME_STEP
 from orchard.sim.world import World
 
 STATES: tuple[State, ...] = get_args(State)
-ROBOTS = ("picker", "carrier", "tractor", "bin")  # the kinds whose states are counted
+ROBOTS = ("picker", "carrier", "tractor", "bin")  # the kinds for which states are counted
 _NUMBER = {state: number for number, state in enumerate(STATES)}
 
 
@@ -52,7 +52,7 @@ class StateTimes:
                 ticks[_NUMBER[state_of(actions[name]) if name in actions else "resting"]] += 1
 
     def faults(self, world: World) -> list[str]:
-        """Return a sentence for each robot whose states do not add up to the run."""
+        """Return a sentence for each robot if its states do not add up to the run."""
         run = world.tick - self._counts.since
         sums = [(name, sum(ticks)) for name, ticks in self._counts.ticks.items()]
         return [f"tick {world.tick}: {name}'s states add up to {ticks} ticks, the run to {run}" for name, ticks in sums if ticks != run]

@@ -12,11 +12,11 @@ from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout
 from orchard.field.scenario import TICKS_PER_SECOND, TIME_STEP
 from orchard.sim.kernels.boxes import RADIUS, Grid, boxes_of, frame_of, grid_of
-from orchard.sim.kernels.move import NOBODY, Bodies
+from orchard.sim.kernels.move import NONE, Bodies
 
 CELL = 10.0  # m: the smallest cell; smaller cells cost more time than they save
 
-__all__ = ["NOBODY", "World", "half_sizes", "new_world"]
+__all__ = ["NONE", "World", "half_sizes", "new_world"]
 
 
 @dataclass
@@ -27,7 +27,7 @@ class World:
     tick: int
     pose: np.ndarray  # (n, 3) float64: x, y, yaw
     twist: np.ndarray  # (n, 3) float64: forward, left, yaw rate of the last step; 0 if the step was refused
-    coupled: np.ndarray  # (n,) int64: index of the body at the other end of the bar, or NOBODY
+    coupled: np.ndarray  # (n,) int64: index of the body at the other end of the bar, or NONE
     fill: np.ndarray  # (n,) float64: of bins, metres of row in the bin, 0 to 70
     alive: np.ndarray  # (n,) bool: False for a flattened weed
     row_picked: np.ndarray  # (r,) float64: picked metres of each row, 0 to 70
@@ -101,7 +101,7 @@ class World:
 def new_world(layout: Layout) -> World:
     """Return the world at tick 0: each body is at its start, and the bins are coupled."""
     n, rows = len(layout.starts), layout.scenario.rows
-    coupled = np.full(n, NOBODY, dtype=np.int64)
+    coupled = np.full(n, NONE, dtype=np.int64)
     for robot in layout.starts:
         if robot.bin:
             i, j = layout.index[robot.name], layout.index[robot.bin]

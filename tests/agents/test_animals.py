@@ -1,4 +1,4 @@
-"""What dogs and cats do."""
+"""The behaviour of dogs and cats."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What bins tell."""
+"""The answers of bins."""
 
 import pytest
 from stage import Stage, empty_orchard
@@ -8,7 +8,7 @@ from orchard.contract.messages import BinState, StateRequest
 
 
 class Asker:
-    """Asks bin_01 for its state at the beginning, and when it has been left full."""
+    """Asks bin_01 for its state at tick 0, and after its picker has left it full."""
 
     Memory = dict
 

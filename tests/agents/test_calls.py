@@ -1,4 +1,4 @@
-"""Bin calls: one exchange, one carrier; and whatever goes wrong with a call ends in a new one, never in a lost bin."""
+"""Bin calls: each exchange has one carrier. A call that fails is followed by a new call, and no bin is lost."""
 
 from stage import Stage, empty_orchard
 
@@ -19,7 +19,7 @@ class HardOfHearing:
 
 
 class LateAnswerer:
-    """A carrier whose answers to being sent for never arrive before a certain tick, although it acts on them."""
+    """A carrier that acts when a bin sends for it, but its answers are lost before a certain tick."""
 
     def __init__(self, agent, until: int) -> None:
         self.agent, self.Memory, self.until = agent, agent.Memory, until
@@ -32,7 +32,7 @@ class LateAnswerer:
 
 
 class Forgetful:
-    """A carrier that forgets its job at one tick, as one whose memory was lost."""
+    """A carrier that forgets its job at one tick, as if its memory was lost."""
 
     def __init__(self, agent, at: int) -> None:
         self.agent, self.Memory, self.at = agent, agent.Memory, at
@@ -44,7 +44,7 @@ class Forgetful:
 
 
 def stage_with(change, **scenario) -> Stage:
-    """An orchard in which every carrier is changed."""
+    """Return an orchard in which `change` has replaced each carrier."""
     stage = Stage(empty_orchard(**scenario))
     for name in [name for name in stage.local.agents if name.startswith("carrier")]:
         stage.local.agents[name] = change(name, stage.local.agents[name])
@@ -52,7 +52,7 @@ def stage_with(change, **scenario) -> Stage:
 
 
 def exchanges(stage: Stage) -> list[tuple[str, str]]:
-    """(carrier, full bin) of every full bin that was taken."""
+    """Return (carrier, full bin) for each full bin that was taken."""
     return [(e.who, e.whom) for e in stage.happened("coupled") if e.who.startswith("carrier")]
 
 

@@ -1,4 +1,4 @@
-"""What carriers do."""
+"""The behaviour of carriers."""
 
 from stage import Stage, Standing, empty_orchard
 

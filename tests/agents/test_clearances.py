@@ -1,4 +1,4 @@
-"""The traffic plan's figures: what turns sweep, and how much room is left between two that may happen at once."""
+"""The traffic plan's figures: the areas that turns sweep, and the room between two turns that may happen at once."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ QUARTER = np.pi / 2
 
 
 def outline(kind: str, x: float = 0.0) -> np.ndarray:
-    """(m, 2): points on the sides of a box with its centre at (x, 0), 2 cm apart."""
+    """Return points on the sides of a box with its centre at (x, 0), (m, 2), 2 cm apart."""
     length, width = KINDS[kind].length / 2, KINDS[kind].width / 2
     along, across = np.arange(-length, length + 0.01, 0.02), np.arange(-width, width + 0.01, 0.02)
     sides = [np.stack([along, np.full(len(along), y)], axis=1) for y in (-width, width)]
@@ -24,12 +24,12 @@ def outline(kind: str, x: float = 0.0) -> np.ndarray:
 
 
 def train(kind: str) -> np.ndarray:
-    """A robot with its bin."""
+    """Return the outline of a robot with its bin, (m, 2)."""
     return np.concatenate([outline(kind), outline("bin", -KINDS[kind].tows)])
 
 
 def swept(shape: np.ndarray, x: float, y: float, start: float, turn: float) -> np.ndarray:
-    """All points that a shape passes while it turns on the spot, in steps of half a degree."""
+    """Return all points that a shape passes while it turns on the spot, in steps of half a degree."""
     angles = start + np.linspace(0.0, turn, 181)
     c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
     px, py = shape[:, 0], shape[:, 1]
@@ -37,7 +37,7 @@ def swept(shape: np.ndarray, x: float, y: float, start: float, turn: float) -> n
 
 
 def gap(one: np.ndarray, other: np.ndarray) -> float:
-    """The least distance between two sets of points, m."""
+    """Return the least distance between two sets of points, m."""
     near = one[np.abs(one[:, None, :2].mean(axis=1) - other.mean(axis=0)).max(axis=1) < 8.0]
     return float(min(np.hypot(*(other - point).T).min() for point in near[:: max(1, len(near) // 4000)]))
 

@@ -1,4 +1,4 @@
-"""What holds a body up: walls, each other, and the bar to its bin."""
+"""The obstacles of a body: walls, other bodies, and the bar to its bin."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from orchard.sim.world import World
 
 
 def overlapping(world: World) -> list[tuple[str, str]]:
-    """The pairs of solid things that overlap; a wall's name is its number."""
+    """Return the pairs of solid things that overlap; the name of a wall is its number."""
     boxes = world.bodies.boxes.copy()
     place(world.pose, boxes)
     solid = np.flatnonzero(world.bodies.solid)
@@ -73,7 +73,7 @@ def test_robots_and_guests_are_counted_apart():
 
 
 def test_who_moves_first_gets_the_place():
-    """A gap of 0.15 m, and both want 0.1 m of it."""
+    """The gap is 0.15 m, and both bodies want to move 0.1 m into it."""
     race = yard(("picker", Pose(0, 0, EAST)), ("worker", Pose(1.25 + 0.275 + 0.15, 0, EAST)))
     race.drive(1, picker_01=AHEAD, worker_02=Twist(-1.0))
     assert race.pose("picker_01").x == pytest.approx(0.1)

@@ -1,4 +1,4 @@
-"""What workers and visitors do."""
+"""The behaviour of workers and visitors."""
 
 import pytest
 from guests import one_guest

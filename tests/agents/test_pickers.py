@@ -1,4 +1,4 @@
-"""What pickers do."""
+"""The behaviour of pickers."""
 
 import pytest
 from stage import Driven, Stage, Standing, empty_orchard

@@ -1,4 +1,4 @@
-"""What a scenario can name besides agents: policy, rows, route, agents without a body, messages and steps that are not ours.
+"""The plug-ins that a scenario can name besides agents: policy, rows, route, agents without a body, and their messages and steps.
 
 Each example of examples/seams/ runs in local mode and in lockstep with the same hash.
 """
@@ -115,7 +115,7 @@ class Forgetful:
 
 
 class Greedy(Forgetful):
-    """Sends one carrier to every bin."""
+    """Assigns one carrier to every bin."""
 
     class Memory(msgspec.Struct):
         pass
@@ -150,7 +150,7 @@ def test_an_assignment_that_cannot_be_breaks_the_dispatcher_and_is_named(caplog)
         local.tick()
         broken |= {name for name, action in local.actions.items() if action.state == "broken"}
     assert broken == {"dispatch"}
-    assert "assigns bin bin_99 which is none of those that are free" in caplog.text
+    assert "assigns bin bin_99, which is not available" in caplog.text
 
 
 @pytest.mark.parametrize("name", ["picker_x", "traffic", "dispatch", "physics", "Weather", "a b"])

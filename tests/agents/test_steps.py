@@ -1,4 +1,4 @@
-"""What every robot can do: sense, turn, move, realign, be followed by its bin, and stand when it has bumped into something."""
+"""The abilities of every robot: sense, turn, move, realign, tow a bin, and stand after a refused step."""
 
 import pytest
 from guests import meadow, one_guest

@@ -1,4 +1,4 @@
-"""What the tractor does."""
+"""The behaviour of the tractor."""
 
 import pytest
 from guests import meadow
@@ -34,7 +34,7 @@ def test_the_tractor_stops_for_an_obstacle_and_waits_for_it_to_move():
 
 
 class Told:
-    """A person that stands, and tells where."""
+    """A person that stands, and answers requests for its position."""
 
     Memory = dict
 

@@ -1,4 +1,4 @@
-"""Nothing jams: the ledger of places, and the meetings for which it is there."""
+"""Harvests never jam: the grants of places, and the meetings of robots that need them."""
 
 import random
 
@@ -69,7 +69,7 @@ def test_a_partner_joins_at_once_although_others_stand_in_line():
     [(3, 2, None, 5.0), (5, 2, None, 5.0), (5, 5, None, 5.0), (4, 4, 1, 6.3), pytest.param(6, 2, 14, 12.0, marks=pytest.mark.soak)],
 )
 def test_a_harvest_ends_without_a_collision(rows, pickers, carriers, row_width):
-    """The tractor on its driveway is not in the way of unloading either."""
+    """Among others this shows that the tractor on its driveway is not in the way of unloading."""
     stage = Stage(empty_orchard(rows=rows, pickers=pickers, carriers=carriers, row_width=row_width, tractor=True))
     stage.run_to_the_end()
     assert stage.world.delivered == rows
@@ -120,7 +120,7 @@ RANDOM_SEED = 20260  # of the soak's scenarios
 
 
 def random_scenario(number: int) -> Scenario:
-    """One of the legal scenarios, any number of anything; picking not so slow that a run takes hours."""
+    """Return a random valid scenario. Its picking speed is high enough that a run does not take hours."""
     chance = random.Random(f"{RANDOM_SEED}/{number}")
     rows = chance.randint(3, 20)
     return Scenario(
@@ -180,7 +180,7 @@ def test_two_carriers_that_meet_at_neighbouring_lanes_both_get_through():
 
 
 def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
-    """(side, road, lane) of every place on a road in which a carrier or its bin is at this moment, while it drives along the road."""
+    """Return (side, road, lane) of each place on a road that a carrier or its bin is in now, while it drives along the road."""
     x, y, _ = stage.pose(carrier)
     facing = stage.world.pose[stage.world.index[carrier], 2]
     touched = []

@@ -1,4 +1,4 @@
-"""What people and animals share: how they steer by what they see, and that they get about."""
+"""The common behaviour of people and animals: they steer by their scans, and do not stay in one place."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from orchard.field.scenario import Animals, People
 
 
 def facing(*boxes: tuple[float, float]) -> Observation:
-    """What a worker at the origin, facing east, sees of one-metre boxes whose near sides are at (metres ahead, metres to the left)."""
+    """Return what a worker at the origin, facing east, observes of 1 m boxes with near sides at (metres ahead, metres to the left)."""
     angles = np.radians(np.linspace(-90, 90, 180))
     scan = np.full(180, np.inf, dtype=np.float32)
     for ahead, left in boxes:

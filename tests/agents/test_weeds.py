@@ -1,4 +1,4 @@
-"""What weeds do."""
+"""The behaviour of weeds."""
 
 from stage import Driven, Stage, Standing, empty_orchard
 

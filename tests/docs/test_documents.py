@@ -15,6 +15,8 @@ from docs.generate import generated
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
 CODE = re.findall(r"```python\n(.*?)```", README, re.S)
+EXTENDING = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "extending.md").read_text(), re.S)
+EXAMPLES = {block: ast.get_docstring(ast.parse(block)) for block in EXTENDING}  # block -> its docstring; None: it is not a file
 COMMANDS = [line for block in re.findall(r"```sh\n(.*?)```", README, re.S) for line in block.splitlines()]
 SECONDS = 240
 
@@ -24,6 +26,21 @@ def test_the_code_in_the_readme_runs(code):
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=SECONDS)
     assert done.returncode == 0, done.stderr
     assert done.stdout
+
+
+@pytest.mark.parametrize("code", [block for block, words in EXAMPLES.items() if words is None])
+def test_the_code_in_extending_md_runs(code):
+    test_the_code_in_the_readme_runs(code)
+
+
+def test_the_examples_in_extending_md_are_the_files():
+    shown = {}
+    for block, words in EXAMPLES.items():
+        if words is not None:
+            (module,) = set(re.findall(r"examples\.seams\.(\w+)\.", words))
+            shown[f"{module}.py"] = block
+    assert shown == {path.name: path.read_text() for path in (ROOT / "examples" / "seams").glob("*.py")}
+    assert all(len(text.splitlines()) <= 30 for text in shown.values())
 
 
 @pytest.mark.parametrize("command", COMMANDS)

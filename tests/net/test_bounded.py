@@ -28,7 +28,7 @@ def test_reasons_and_sessions_that_are_made_up_are_bounded():
         pass
     assert len(physics.harvest.refusal_totals.there) == 1000
     assert physics.harvest.refusal_totals.own.counts == {"malformed": 1500 + 3000, "too many": 500}
-    assert not physics.harvest.drivers.roster.anybody()
+    assert not physics.harvest.drivers.roster.has_tokens()
 
 
 def test_tokens_are_bounded():

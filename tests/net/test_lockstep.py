@@ -151,7 +151,7 @@ def test_the_robot_of_a_broken_agent_stands_and_the_others_go_on(fleet):
     assert code == 1, "a broken agent is not a good run"
     code, _, err = host.end(10.0)
     assert code == 0
-    assert err.count("picker_01 made a mistake at tick 0") == 1
+    assert err.count("picker_01 raised an error at tick 0") == 1
     assert "callers.py" in err
 
 

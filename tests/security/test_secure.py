@@ -25,14 +25,14 @@ from orchard.wire.keys import TABLE
 from orchard.wire.messages import Angular, Command, Drive, Figures, Join, Joined, Linear, Odometry, RefusedThere, Report, Stop, Velocities
 from orchard.wire.types import read
 
-NOBODY = [word for name in agent_names(SMALL) for word in ("--absent", name)]
+NONE = [word for name in agent_names(SMALL) for word in ("--absent", name)]
 
 
 @pytest.fixture
 def farm(folder, tmp_path):
     with ExitStack() as stack:
         processes = Processes(tmp_path, stack)
-        processes.physics(SMALL, "--secure", str(folder / "physics"), "--speed", "4", *NOBODY)
+        processes.physics(SMALL, "--secure", str(folder / "physics"), "--speed", "4", *NONE)
         farm = Farm(folder, processes.endpoint, processes.run, stack)
         farm.physics = processes.world
         yield farm
@@ -191,7 +191,7 @@ def test_the_logger_moves_nothing_and_stops_nothing(farm):
     assert pose.pose == start.pose
 
 
-def test_the_operator_stops_the_run_and_an_agent_cannot(farm):
+def test_the_emergency_operator_stops_the_run_and_an_agent_cannot(farm):
     amy, operator = farm.come("amy"), farm.come("operator")
     stop = Command(farm.run, "stop")
     assert amy.asks("command", stop) == []
@@ -202,12 +202,12 @@ def test_the_operator_stops_the_run_and_an_agent_cannot(farm):
 
 
 def test_the_warden_stops_a_robot_and_an_agent_cannot(farm):
-    amy, warden, witness = farm.come("amy"), farm.come("warden"), farm.come("logger")
+    amy, operator, witness = farm.come("amy"), farm.come("emergency-operator"), farm.come("logger")
     stop = Stop(farm.run, True, [MINE])
     assert amy.asks("stop", stop) == []
-    assert len(warden.asks("stop", stop)) == 1
+    assert len(operator.asks("stop", stop)) == 1
     witness.bus.subscribe(KEYS.of("pose", MINE))
-    assert warden.asks("command", Command(farm.run, "stop")) == []
+    assert operator.asks("command", Command(farm.run, "stop")) == []
     assert witness.pose(MINE)
 
 

@@ -94,7 +94,7 @@ def test_a_run_that_is_stopped_goes_on_where_it_was(tmp_path, undisturbed):
 def test_resuming_nothing_or_with_other_options_is_told(tmp_path):
     nothing = orchard("--resume", tmp_path)
     assert nothing.returncode == 2
-    assert f"{tmp_path}: no snapshot there" in nothing.stderr
+    assert f"{tmp_path}: no usable snapshot" in nothing.stderr
     both = orchard("--resume", tmp_path, "--rows", 3)
     assert both.returncode == 2
     assert "leave out --rows" in both.stderr

@@ -1,4 +1,4 @@
-"""Snapshots that lie, or are damaged: refused by name, or gone on from."""
+"""False or damaged snapshots: they are refused by name, or the run goes on from them."""
 
 import hashlib
 import itertools
@@ -24,7 +24,7 @@ from orchard.sim.snapshot import HEAD, LARGEST, VERSION, SnapshotError, read
 
 @pytest.fixture(scope="module")
 def snapshot():
-    """A good one, as plain data."""
+    """A good snapshot, as plain data."""
     local = local_at(12)
     taken = local.snapshot()
     taken.figures |= RunFigures(local.engine).as_data()
@@ -32,14 +32,14 @@ def snapshot():
 
 
 def filed(path, tree):
-    """The file of a snapshot, with a right checksum."""
+    """Write a snapshot's file with a right checksum, and return its path."""
     payload = tree if isinstance(tree, bytes) else msgpack.packb(tree)
     path.write_bytes(HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
     return path
 
 
 def resumed(path, tree) -> Local:
-    """What becomes of a snapshot. Raises SnapshotError."""
+    """Return the run that a snapshot gives. Raises SnapshotError."""
     found = read(filed(path, tree))
     local = Local.resume(found)
     RunFigures(local.engine, found.figures)
@@ -53,7 +53,7 @@ def array(tree, name, kind, place, value):
 
 
 def on_a_weed(tree):
-    """The first picker is coupled to a weed, and the weed to the picker."""
+    """Couple the first picker to a weed, and the weed to the picker."""
     index = lay_out(Scenario(rows=3)).index
     picker, fruit, weed = (index[name] for name in ("picker_01", "bin_01", "weed_01"))
     return array(array(array(tree, "coupled", "<i8", fruit, -1), "coupled", "<i8", picker, weed), "coupled", "<i8", weed, picker)
@@ -114,13 +114,13 @@ def test_a_snapshot_that_lies_is_refused(tmp_path, snapshot, lie):
 
 @pytest.mark.parametrize("lie", ["nobody remembers", "nobody held"])
 def test_who_is_not_there_is_refused_before_any_agent_is_made(tmp_path, snapshot, lie):
-    """By physics, which has no agents that could miss it."""
+    """Physics, which has no agents, refuses it."""
     with pytest.raises(SnapshotError, match="nobody: there is no such agent"):
         world_from(read(filed(tmp_path / "lie.snapshot", FALSE[lie](snapshot))))
 
 
 def test_a_file_that_is_too_large_is_refused_for_that(tmp_path):
-    """Before anything of it is looked at."""
+    """It is refused before its content is read."""
     path = tmp_path / "large.snapshot"
     with path.open("wb") as sparse:
         sparse.truncate(10**10)

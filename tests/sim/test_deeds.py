@@ -1,4 +1,4 @@
-"""The deeds that physics lets happen, or refuses: coupling, uncoupling, flattening."""
+"""The deeds that physics does or refuses: coupling, uncoupling, flattening."""
 
 import math
 
@@ -17,7 +17,7 @@ from orchard.sim.engine import Engine
 
 
 def beside(kind: str = "picker", off: float = 0.0, aside: float = 0.0, yaw: float = 0.0) -> Yard:
-    """A robot, and a bin so many metres off its coupling point and turned so far."""
+    """Return a yard with a robot, and a bin that is `off` and `aside` metres from the coupling point and turned by `yaw` rad."""
     distance = {"picker": 2.25, "carrier": 1.9, "tractor": 5.0}[kind]
     return yard((kind, Pose(1, 1, NORTH)), ("bin", Pose(1 - aside, 1 - distance + off, NORTH + yaw)))
 
@@ -78,7 +78,7 @@ def test_a_bin_is_coupled_to_one_robot_and_a_robot_to_one_bin():
 
 
 def weed_and_worker(distance: float) -> Yard:
-    """worker_01 drives off along y, so many metres from weed_02, edge to edge."""
+    """Return a yard with worker_01 facing north, and weed_02 at a distance, m, edge to edge."""
     return yard(("worker", Pose(0, 0, NORTH)), ("weed", Pose(0.5 + distance + 0.25, 0, EAST)))
 
 

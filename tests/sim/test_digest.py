@@ -1,4 +1,4 @@
-"""The run's hash: the same for the same run, another for any other."""
+"""The run's hash: equal for equal runs, different for any other run."""
 
 import copy
 
@@ -14,7 +14,7 @@ from orchard.sim.world import World, new_world
 
 
 def a_run(velocity: float = 1.0, ticks: int = 5) -> str:
-    """The hash of a few ticks in which a dog runs."""
+    """Return the hash of a few ticks in which a dog runs."""
     world = new_world(lay_out(Scenario()))
     scanner, digest, wanted = Scanner(world.layout), RunDigest(), np.zeros_like(world.pose)
     wanted[world.index["dog_01"], 0] = velocity

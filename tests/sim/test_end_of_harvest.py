@@ -1,4 +1,4 @@
-"""When the harvest is over, and what still keeps it from being so."""
+"""The conditions for the end of the harvest."""
 
 import pytest
 from yard import Yard, everybody
@@ -9,7 +9,7 @@ from orchard.sim.physics import harvest_is_over
 
 
 def finished() -> Yard:
-    """A harvest that is over."""
+    """Return a harvest that is over."""
     end = everybody()
     end.world.row_picked[:] = 70.0
     end.drive(1)

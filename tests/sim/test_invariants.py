@@ -1,4 +1,4 @@
-"""The invariants: each one is broken by hand, and named; a run from any tick on, with stops in it, breaks none."""
+"""The invariants: each one that a test breaks is named. A run from any tick on, with stops in it, breaks none."""
 
 import os
 import subprocess
@@ -20,7 +20,7 @@ from orchard.sim.invariants import Invariants
 from orchard.sim.physics import step
 from orchard.sim.snapshot import Snapshot
 from orchard.sim.state_times import StateTimes
-from orchard.sim.world import NOBODY, World, new_world
+from orchard.sim.world import NONE, World, new_world
 
 ROOT = Path(__file__).parents[2]
 
@@ -36,7 +36,7 @@ def checker(world) -> Invariants:
 
 
 def after(checker: Invariants, world: World, *events: Event) -> list[str]:
-    """What is violated after one more tick in which nobody moves, and in which these events happen."""
+    """Return the violations after one more tick in which no body moves and these events happen."""
     checker.update(world, step(world, np.zeros_like(world.twist), []) + list(events))
     return checker.violations
 
@@ -65,12 +65,12 @@ def test_a_bin_on_two_robots_is_named(checker, world):
 
 
 def test_a_bin_that_its_robot_does_not_have_is_named(checker, world):
-    world.coupled[world.index["picker_01"]] = NOBODY
+    world.coupled[world.index["picker_01"]] = NONE
     assert after(checker, world) == ["tick 1: bin_01 is not at one place: it is on picker_01, and coupled to no robot"]
 
 
 def test_a_robot_on_the_bar_of_a_robot_is_named(checker, world):
-    world.coupled[world.index["bin_01"]] = NOBODY
+    world.coupled[world.index["bin_01"]] = NONE
     world.coupled[world.index["picker_01"]] = world.index["picker_02"]
     assert after(checker, world) == ["tick 1: picker_01 is coupled to picker_02; a coupling needs a picker or carrier and a bin"]
 
@@ -275,7 +275,7 @@ orchard.sim.engine.step = step
 
 
 def sabotaged(program: str, *arguments: str, folder: Path) -> subprocess.CompletedProcess:
-    """A program whose physics picks a row that nobody drives in."""
+    """Run a program with a physics that picks a row in which no picker drives."""
     command = [sys.executable, "-c", SABOTAGE + program, *arguments]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200"}
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120)

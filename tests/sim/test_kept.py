@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept."""
+"""The folder of the compiled kernels."""
 
 from orchard.sim.kernels import cache
 

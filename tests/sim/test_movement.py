@@ -1,4 +1,4 @@
-"""What a velocity becomes: distance, turn and arc, and the limits of each kind."""
+"""The effect of a velocity: distance, turn and arc, and the limits of each kind."""
 
 import math
 
@@ -34,7 +34,7 @@ def test_40_ticks_of_an_eighth_turn_per_second_are_exactly_90_degrees():
 @example(1.0, 0.0, 1e-300, 0.5)
 @example(1.0, 0.0, 5e-324, 0.5)
 def test_a_step_follows_its_arc(forward, left, turn, yaw):
-    """Against the closed form where that is well conditioned, else against ten thousand tiny straight steps."""
+    """Compare with the closed form where that is well conditioned, else with a thousand small straight steps."""
     x, y, end = move.arc(2.0, -1.0, yaw, forward, left, turn, 0.1)
     if abs(turn) > 1e-3:
         north, east = math.sin(yaw + turn * 0.1) - math.sin(yaw), math.cos(yaw + turn * 0.1) - math.cos(yaw)

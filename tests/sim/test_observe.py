@@ -1,11 +1,11 @@
-"""What physics lets each body know of itself."""
+"""The observations that physics makes for each body."""
 
 import pytest
 from yard import picker_with_bin
 
 from orchard.field.geometry import NORTH, Twist
 from orchard.sim.scan import Scanner, observe
-from orchard.sim.world import NOBODY
+from orchard.sim.world import NONE
 
 
 def test_everybody_is_told_its_place_and_its_hitch():
@@ -21,5 +21,5 @@ def test_everybody_is_told_its_place_and_its_hitch():
     assert picker.hitch.pose == pytest.approx(told.pose("bin_02"), abs=1e-15)
     assert bin_.hitch.name == "picker_01" and bin_.hitch.scan is None and bin_.hitch.twist == (0.3, 0.0, 0.0)
     assert (bin_.fill, bin_.full) == (70.0, True)
-    told.world.coupled[:] = NOBODY
+    told.world.coupled[:] = NONE
     assert observe(told.world, scans)["picker_01"].hitch is None

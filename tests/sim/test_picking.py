@@ -1,4 +1,4 @@
-"""How fruit comes off the rows and into a bin."""
+"""Picking: fruit goes from the rows into a bin."""
 
 import math
 
@@ -117,7 +117,7 @@ def test_a_picker_picks_at_the_picking_speed_and_drives_on_at_its_own():
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.tuples(st.floats(-1, 1), st.integers(1, 80)), max_size=12))
 def test_the_fruit_is_kept(course):
-    """What is in the bin is what is missing in the rows, and neither ever shrinks."""
+    """The bin holds exactly what was picked from the rows, and both only grow."""
     row = picker_with_bin(x=ROW_WEST + 0.1)
     last = 0.0
     for speed, ticks in course:

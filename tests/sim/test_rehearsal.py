@@ -1,4 +1,4 @@
-"""What must be compiled, or loaded, is there before the first tick: no tick waits for it."""
+"""All kernels are compiled, or loaded, before the first tick: no tick waits for them."""
 
 import subprocess
 import sys

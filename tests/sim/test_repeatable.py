@@ -1,4 +1,4 @@
-"""The same seed gives the same run, to the last bit: again, from any agent's memory, and on any processor."""
+"""The same seed gives the same run, to the last bit: repeated, from the memory of any agent, and on any processor."""
 
 import os
 import subprocess
@@ -29,7 +29,7 @@ def test_laser_noise_is_repeatable_and_part_of_the_run():
 
 def test_a_velocity_that_is_off_by_a_trillionth_changes_the_hash():
     class Touched:
-        """A worker whose velocity is off at one tick."""
+        """A worker with a wrong velocity at one tick."""
 
         def __init__(self, agent) -> None:
             self.agent, self.Memory = agent, agent.Memory
@@ -98,7 +98,7 @@ def test_all_agents_started_afresh_at_every_tick_changes_nothing():
 
 
 def start_afresh(local: Local, name: str) -> None:
-    """What another process would do: a new agent, and its memory from bytes."""
+    """Replace an agent as another process would: a new agent, and its memory from bytes."""
     local.agents[name] = AGENTS[kind_of(name)](local.engine.layout, name)
     local.memories[name] = unpack(pack(local.memories[name]), local.agents[name].Memory)
 

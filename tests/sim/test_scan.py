@@ -1,4 +1,4 @@
-"""The laser: exact, blind to what it must not see, repeatable in its noise."""
+"""The laser: it is exact, does not see weeds or its own body, and has repeatable noise."""
 
 import math
 
@@ -32,7 +32,7 @@ def scan_of(world, i: int = 0) -> np.ndarray:
 
 
 def assert_agrees_with_raycaster(world) -> None:
-    """Every range is right to EXACT, against boxes that are right to EXACT."""
+    """Assert that every range is right to EXACT, for boxes with places that are right to EXACT."""
     ends = np.cumsum([KINDS[start.kind].laser.beams for start in world.layout.starts])
     for i, ranges in enumerate(np.split(Scanner(world.layout).ranges(world), ends[:-1])):
         least, most = bounds_of(world, i, EXACT)

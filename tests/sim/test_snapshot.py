@@ -1,4 +1,4 @@
-"""A run as data: whoever goes on from a snapshot has the hash of a run never interrupted; a bad one is refused by name."""
+"""A run as data: a run that goes on from a snapshot has the hash of a run without interruption. A bad snapshot is refused by name."""
 
 import hashlib
 from pathlib import Path
@@ -40,7 +40,7 @@ def test_two_forks_of_one_snapshot_go_their_own_ways():
 
 @pytest.fixture
 def written(tmp_path):
-    """Three snapshots in a folder, of which two are kept."""
+    """A folder in which three snapshots were written, and two are kept."""
     local = local_at(10)
     for _ in range(3):
         write(local.snapshot(), tmp_path)
@@ -62,8 +62,8 @@ def test_the_newest_two_are_kept_and_the_newest_is_read(written):
 @pytest.mark.parametrize(
     ("damage", "why"),
     [
-        (lambda data: data[: len(data) // 2], "torn or changed"),
-        (lambda data: data[:-1] + bytes([data[-1] ^ 1]), "torn or changed"),
+        (lambda data: data[: len(data) // 2], "truncated or changed"),
+        (lambda data: data[:-1] + bytes([data[-1] ^ 1]), "truncated or changed"),
         (lambda data: data.replace(b"snapshot 1", b"snapshot 9", 1), "version 9"),
         (lambda data: b"", "not a snapshot"),
         (lambda data: b"PK" + data, "not a snapshot"),
@@ -79,7 +79,7 @@ def test_a_bad_snapshot_is_refused_by_name_and_the_one_before_it_is_used(written
 
 
 def test_a_folder_without_a_snapshot_is_named(tmp_path):
-    with pytest.raises(SnapshotError, match="no snapshot there"):
+    with pytest.raises(SnapshotError, match="no usable snapshot"):
         newest(tmp_path / "nothing", [])
 
 

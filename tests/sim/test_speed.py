@@ -1,4 +1,4 @@
-"""A guard against what makes it slow: ratios within one run, in processor time, never seconds. How fast it is: docs/benchmarks.md."""
+"""Tests against loss of speed. They compare processor times within one run, never with fixed seconds. Rates: docs/benchmarks.md."""
 
 import sys
 import time
@@ -24,7 +24,7 @@ TRIES = 3  # the machine may be busy: one good try is enough
 
 
 def seconds(work: Callable[[], object], repeats: int) -> float:
-    """Processor time of one call: the least of some."""
+    """Return the processor time of one call, s: the least of some calls."""
     work()
     times = []
     for _ in range(repeats):
@@ -35,14 +35,14 @@ def seconds(work: Callable[[], object], repeats: int) -> float:
 
 
 def robot_step(robots: int) -> float:
-    """Seconds for one robot's scan and movement, in a field as crowded as any."""
+    """Return the processor time of one robot's scan and movement, s, in a field of constant density."""
     world = world_of(growing(robots))
     scanner, steps = Scanner(world.layout), 6000 // robots
     return seconds(lambda: drive(world, scanner, steps), 5) / steps / robots
 
 
 def plain_ranges(world: World, i: int) -> np.ndarray:
-    """One body's scan in plain numpy, a box at a time: only of what is within its range."""
+    """Return one body's scan in plain numpy, a box at a time, for boxes within its range only."""
     laser = KINDS[world.layout.starts[i].kind].laser
     x, y, yaw = world.pose[i].tolist()
     x, y = x + laser.ahead * np.cos(yaw), y + laser.ahead * np.sin(yaw)
@@ -54,7 +54,7 @@ def plain_ranges(world: World, i: int) -> np.ndarray:
 
 
 def best(measure: Callable[[], float], good: float) -> float:
-    """The best of a few tries, at once where it is good."""
+    """Return the least of a few measurements. Stop at the first that is good."""
     found = np.inf
     for _ in range(TRIES):
         found = min(found, measure())
@@ -65,12 +65,12 @@ def best(measure: Callable[[], float], good: float) -> float:
 
 @pytest.mark.parametrize("robots", [300, 1000])
 def test_a_robots_step_costs_as_much_in_a_crowd_as_in_a_small_field(robots):
-    """Whoever compares all with all makes it 10 or 30 times."""
+    """If every body is compared with every other, it costs 10 or 30 times as much."""
     assert best(lambda: robot_step(robots) / robot_step(30), 2.0) <= 2.0
 
 
 def test_the_kernel_is_far_faster_than_plain_numpy():
-    """It was 400 times when this was written."""
+    """It was 400 times as fast when this test was written."""
     world = new_world(lay_out(Scenario()))
     scanner = Scanner(world.layout)
 

@@ -1,4 +1,4 @@
-"""The emergency stop outranks motion: in the engine, and over the bus, whoever drives and whoever dies."""
+"""The emergency stop overrides motion, in the engine and over the bus, whatever drives the robot and whatever process ends."""
 
 import signal
 import time
@@ -28,7 +28,7 @@ FORWARD = Twist(x=0.5)
 
 @pytest.fixture
 def driven() -> Stage:
-    """A picker whose agent drives it, come what may."""
+    """A picker with an agent that always drives."""
     stage = Stage(empty_orchard(), picker_01=Driven(FORWARD))
     stage.run(3.0)
     return stage
@@ -152,7 +152,7 @@ def test_a_stop_that_is_reset_before_the_next_step_changes_nothing():
 
 
 def ask(someone: Client, stop: bool, *names: str, **changes) -> object:
-    """The one reply to a stop or a reset."""
+    """Return the only reply to a stop or a reset."""
     (reply,) = someone.ask("orchard/stop", msgpack.packb({"run": someone.run, "stop": stop, "names": list(names)} | changes))
     return reply
 
@@ -214,11 +214,11 @@ def test_the_latch_outlives_the_agent_and_its_host(fleet):
     end(fleet)
 
 
-NOBODY = [word for kind in ("picker", "carrier", "bin", "worker", "weed", "traffic") for word in ("--absent", kind)]
+NONE = [word for kind in ("picker", "carrier", "bin", "worker", "weed", "traffic") for word in ("--absent", kind)]
 
 
 def kept_in(folder: Path) -> list[str]:
-    return ["--speed", "10", "--snapshots", str(folder / "snapshots"), "--snapshot-every", "1000", *NOBODY]
+    return ["--speed", "10", "--snapshots", str(folder / "snapshots"), "--snapshot-every", "1000", *NONE]
 
 
 def test_a_stop_that_was_taken_outlives_physics_killed_at_once(fleet, tmp_path):

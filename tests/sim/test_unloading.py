@@ -1,4 +1,4 @@
-"""How a full bin is emptied in the bay."""
+"""Unloading of full bins in the bay."""
 
 import pytest
 from yard import Yard, picker_with_bin, yard
@@ -11,7 +11,7 @@ BAY_X, BAY_Y = (BAY.west + BAY.east) / 2, (BAY.south + BAY.north) / 2
 
 
 def carriers_in_bay(*x: float) -> Yard:
-    """Carriers carrier_01, carrier_03 ... with full bins bin_02, bin_04 ..., the bins at these x in the bay, side by side."""
+    """Return a yard with carrier_01, carrier_03 ... and their full bins bin_02, bin_04 ... at these x in the bay, side by side."""
     bodies = []
     for k, bin_x in enumerate(x):
         y = BAY_Y - 0.85 + 1.7 * k

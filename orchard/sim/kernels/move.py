@@ -25,7 +25,7 @@ from orchard.sim.kernels.boxes import (
 )
 from orchard.sim.kernels.jit import inlined, jit, sin_cos, wrap
 
-NOBODY = -1  # as an index: none
+NONE = -1  # as an index: none
 BAR = 0.3  # m; a robot cannot move to a pose where its coupled bin would be further than this from the coupling point
 LANE_REACH = 1.0  # m; a picker is in a row if it is this near to the lane's centre line
 PICK_REACH = 0.2  # m; picking begins within this of a row's end, and continues within this of its last point; a step is at most half of it
@@ -66,7 +66,7 @@ def allowed(wanted, stopped):
 def limit(wanted, top, coupled, turn, sideways, twists):
     """Write into twists, (n, 3), the wanted twists, limited to what each body can do now; top (n,) m/s, turn (n,) rad/s: the limits."""
     for i in range(len(wanted)):
-        if sideways[i] and coupled[i] == NOBODY:
+        if sideways[i] and coupled[i] == NONE:
             twists[i, :] = 0.0
             continue
         forward = min(max(wanted[i, 0], -top[i]), top[i])
@@ -120,34 +120,34 @@ def move_all(twist, pose, coupled, shapes, tows, solid, walls, wall_grid, body_f
     begun, count, moved = np.empty((n, 2), np.int64), 0, np.empty(boxes.shape[1])
     for i in range(n):
         obstacle = _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused, held, moved)
-        if obstacle != NOBODY and not blocked[i]:
+        if obstacle != NONE and not blocked[i]:
             begun[count, 0], begun[count, 1] = i, obstacle
             count += 1
-        blocked[i] = obstacle != NOBODY
+        blocked[i] = obstacle != NONE
     return begun[:count]
 
 
 @inlined
 def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused, held, moved):
-    """Move one body, if it can; return its obstacle, or NOBODY. `moved`, (7,): scratch space for its box at the new pose."""
+    """Move one body, if it can; return its obstacle, or NONE. `moved`, (7,): scratch space for its box at the new pose."""
     forward, left, turn = twist[i]
     if forward == 0.0 and left == 0.0 and turn == 0.0:
-        return NOBODY
+        return NONE
     x, y, yaw = arc(pose[i, 0], pose[i, 1], pose[i, 2], forward, left, turn, TIME_STEP)
     _put(boxes[i], x, y, yaw, moved)
     if _leaves_its_bin(moved, i, coupled, tows, boxes):
         held[i] += 1
         twist[i, :] = 0.0
-        return NOBODY
+        return NONE
     obstacle = _in_the_way(moved, i, boxes, body_grid, walls, wall_grid)
-    if obstacle != NOBODY:
+    if obstacle != NONE:
         refused[i] += 1
         twist[i, :] = 0.0
         return obstacle
     boxes[i] = moved
     pose[i, 0], pose[i, 1], pose[i, 2] = x, y, yaw
     distance[i] += np.sqrt(forward * forward + left * left) * TIME_STEP
-    return NOBODY
+    return NONE
 
 
 @inlined
@@ -161,7 +161,7 @@ def _put(box, x, y, yaw, moved):
 @inlined
 def _leaves_its_bin(moved, me, coupled, tows, boxes):
     """Whether a robot's move would leave its coupled bin too far from the coupling point."""
-    if tows[me] == 0.0 or coupled[me] == NOBODY:
+    if tows[me] == 0.0 or coupled[me] == NONE:
         return False
     off_x = boxes[coupled[me], X] - (moved[X] - tows[me] * moved[COSINE])
     off_y = boxes[coupled[me], Y] - (moved[Y] - tows[me] * moved[SINE])
@@ -170,7 +170,7 @@ def _leaves_its_bin(moved, me, coupled, tows, boxes):
 
 @inlined
 def _in_the_way(moved, me, boxes, body_grid, walls, wall_grid):
-    """Return the first obstacle that a moved body would overlap: a body's index, n + a wall's index, or NOBODY.
+    """Return the first obstacle that a moved body would overlap: a body's index, n + a wall's index, or NONE.
 
     The bodies' grid was made before any body moved; its cells are large enough for one step.
     """
@@ -188,26 +188,26 @@ def _in_the_way(moved, me, boxes, body_grid, walls, wall_grid):
     for k in wall_grid.members[wall_grid.begin[cell] : wall_grid.begin[cell + 1]]:
         if circles_meet(moved, walls, k) and overlap(moved, walls[k]):
             return len(boxes) + k
-    return NOBODY
+    return NONE
 
 
 @jit
 def mover_near(me, reach, twist, boxes):
-    """Return the first body that moved in the last step (only solid bodies can) within `reach` m of body `me`, edge to edge, or NOBODY."""
+    """Return the first body that moved in the last step (only solid bodies can) within `reach` m of body `me`, edge to edge, or NONE."""
     for j in range(len(boxes)):
         moves = twist[j, 0] != 0.0 or twist[j, 1] != 0.0 or twist[j, 2] != 0.0
         if j != me and moves and gap(boxes[me], boxes[j]) <= reach:
             return j
-    return NOBODY
+    return NONE
 
 
 @jit
 def row_at(y, rows):
-    """Return the index of the row whose lane contains y, or NOBODY."""
+    """Return the index of the row whose lane contains y, or NONE."""
     for r in range(len(rows.y)):
         if abs(y - rows.y[r]) <= LANE_REACH:
             return r
-    return NOBODY
+    return NONE
 
 
 @jit
@@ -218,10 +218,10 @@ def top_speeds(speed, pickers, pose, coupled, fill, row_y, row_picked, row_from,
     """
     rows, top = Rows(row_y, row_picked, row_from), speed.copy()
     for i in pickers:
-        if coupled[i] == NOBODY or fill[coupled[i]] >= ROW_LENGTH or pose[i, 0] < ROW_WEST or pose[i, 0] > ROW_EAST:
+        if coupled[i] == NONE or fill[coupled[i]] >= ROW_LENGTH or pose[i, 0] < ROW_WEST or pose[i, 0] > ROW_EAST:
             continue
         r = row_at(pose[i, 1], rows)
-        if r == NOBODY or rows.picked[r] >= ROW_LENGTH:
+        if r == NONE or rows.picked[r] >= ROW_LENGTH:
             continue
         done = pose[i, 0] - ROW_WEST if rows.begun[r] < 0 else ROW_EAST - pose[i, 0]
         if rows.begun[r] == 0 or done >= rows.picked[r] - _FRONTIER:
@@ -233,16 +233,16 @@ def top_speeds(speed, pickers, pose, coupled, fill, row_y, row_picked, row_from,
 def pick(pickers, before, pose, coupled, row_y, row_picked, row_from, fill):
     """Pick the parts of rows that the pickers drove over in this step; before (n, 3): the poses at its beginning.
 
-    Returns, for each picker, the index of the row that it picked from, or NOBODY.
+    Returns, for each picker, the index of the row that it picked from, or NONE.
     """
-    rows, picked_from = Rows(row_y, row_picked, row_from), np.full(len(pickers), NOBODY)
+    rows, picked_from = Rows(row_y, row_picked, row_from), np.full(len(pickers), NONE)
     for k in range(len(pickers)):
         i = pickers[k]
         start, end = before[i, 0], pose[i, 0]
-        if coupled[i] == NOBODY or max(start, end) < ROW_WEST or min(start, end) > ROW_EAST:
+        if coupled[i] == NONE or max(start, end) < ROW_WEST or min(start, end) > ROW_EAST:
             continue
         r = row_at(pose[i, 1], rows)
-        if r != NOBODY and _pick_row(r, min(max(end, ROW_WEST), ROW_EAST), coupled[i], rows, fill):
+        if r != NONE and _pick_row(r, min(max(end, ROW_WEST), ROW_EAST), coupled[i], rows, fill):
             picked_from[k] = r
     return picked_from
 

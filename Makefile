@@ -23,6 +23,7 @@ view: $(VENV)/ready  ## open the newest recording
 
 lint: $(VENV)/ready  ## style, types, and the order of the packages
 	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check --quiet .
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
 

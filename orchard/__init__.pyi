@@ -6,7 +6,9 @@ __all__ = [
     "BinReport",
     "BusError",
     "Carrier",
+    "CarrierMemory",
     "CarrierReport",
+    "Couple",
     "Dispatch",
     "DriveTo",
     "Face",
@@ -15,9 +17,11 @@ __all__ = [
     "Local",
     "Mail",
     "MoveTo",
+    "No",
     "Observation",
     "OneWay",
     "Picker",
+    "PickerMemory",
     "PlanExecutor",
     "Pose",
     "Remote",
@@ -31,24 +35,29 @@ __all__ = [
     "State",
     "Step",
     "Twist",
+    "Uncouple",
     "Wait",
+    "Yes",
     "connect",
+    "draw",
     "lay_out",
     "load",
     "with_changes",
+    "with_steps",
 ]
 
-from .agents.carrier import Carrier
+from .agents.carrier import Carrier, CarrierMemory
 from .agents.dispatch import Assignment, BinReport, CarrierReport, Dispatch
-from .agents.picker import Picker
+from .agents.picker import Picker, PickerMemory
 from .agents.robot import PlanExecutor, Step
 from .agents.route import OneWay, Side
-from .agents.steps import DriveTo, Face, MoveTo, Say, Wait
+from .agents.steps import DriveTo, Face, MoveTo, Say, Wait, with_steps
 from .contract.agent import Action, Agent, Heard, Mail, Observation, Reply, State
-from .contract.messages import AgentMessage
+from .contract.messages import AgentMessage, Couple, No, Uncouple, Yes
 from .field.geometry import Pose, Twist
 from .field.layout import Layout, lay_out
 from .field.problems import ScenarioError
+from .field.repeatable import draw
 from .field.scenario import Scenario, load, with_changes
 from .local import Local
 from .net.endpoints import BusError

@@ -5,7 +5,7 @@ import msgspec
 from orchard.agents.robot import PlanExecutor
 from orchard.agents.route import SIDES, route_of
 from orchard.agents.sense import bystanders_of
-from orchard.agents.steps import Plan, Realign, with_steps
+from orchard.agents.steps import Plan, Realign, of_known_steps, with_steps
 from orchard.contract.agent import Action, Heard, Mail, Observation
 from orchard.contract.messages import Answer, Call, CarrierQuery, CarrierStatus, Come, No, Offer, Yes
 from orchard.field.kinds import number_of
@@ -70,5 +70,6 @@ class Carrier:
 
     def accept(self, robot: PlanExecutor, bin_name: str, come: Come) -> None:
         robot.memory.job = Job(bin_name, come.lane, come.side, come.picker)
-        robot.memory.plan = self.route.fetch(self.number, come.lane, SIDES[come.side], come.picker, bin_name)
+        plan = self.route.fetch(self.number, come.lane, SIDES[come.side], come.picker, bin_name)
+        robot.memory.plan = of_known_steps(plan, self.route.Steps)
         robot.memory.asked = {}

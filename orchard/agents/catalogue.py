@@ -10,7 +10,7 @@ from orchard.agents.dispatch import POLICIES, dispatch_of
 from orchard.agents.dispatcher import Dispatcher
 from orchard.agents.person import Person
 from orchard.agents.picker import Picker
-from orchard.agents.route import ROUTES, route_of
+from orchard.agents.route import ROUTES, check_route
 from orchard.agents.tractor import Tractor
 from orchard.agents.traffic import Traffic
 from orchard.agents.weed import Weed
@@ -64,7 +64,7 @@ def agent_classes(layout: Layout) -> dict[str, str]:
 def check_plugins(layout: Layout) -> None:
     """Check a scenario's plug-ins. Raises ScenarioError or ValueError if a policy or route cannot be used, or an agent is unknown."""
     agent_classes(layout)
-    route_of(layout)
+    check_route(layout)
     dispatch_of(layout)
 
 

@@ -3,7 +3,7 @@
 from orchard.agents.robot import PlanExecutor
 from orchard.agents.route import route_of
 from orchard.agents.sense import bystanders_of
-from orchard.agents.steps import Plan, Realign, with_steps
+from orchard.agents.steps import Plan, Realign, of_known_steps, with_steps
 from orchard.contract.agent import Action, Heard, Mail, Observation
 from orchard.contract.messages import Answer, Here, No, Yes
 from orchard.field.layout import Layout
@@ -26,7 +26,9 @@ class Picker:
         self.Memory = with_steps(PickerMemory, self.route.Steps)
 
     def tick(self, seen: Observation, mail: Mail, memory: PickerMemory | None) -> Action:
-        robot = PlanExecutor(seen, mail, memory or self.Memory(plan=[Realign(), *self.route.harvest(self.rows)]), self.bystanders)
+        if memory is None:
+            memory = self.Memory(plan=[Realign(), *of_known_steps(self.route.harvest(self.rows), self.route.Steps)])
+        robot = PlanExecutor(seen, mail, memory, self.bystanders)
         for heard in mail.requests:
             robot.action.answers.append((heard, self.answer(robot, heard)))
         robot.follow()

@@ -22,10 +22,14 @@ from orchard.agents.steps import (
     Home,
     LeaveBin,
     Need,
+    Plan,
     Say,
     TakeBin,
     Unload,
+    of_known_steps,
+    with_steps,
 )
+from orchard.contract.messages import pack, unpack
 from orchard.field.kinds import KINDS
 from orchard.field.layout import (
     BAY_STOP,
@@ -39,7 +43,7 @@ from orchard.field.layout import (
     Layout,
     queue_place,
 )
-from orchard.field.plugins import make_plugin
+from orchard.field.plugins import MISTAKES, make_plugin, unusable
 from orchard.field.scenario import ONE_WAY
 
 TOP = "top"  # the place where the queue's lines meet the delivery road
@@ -359,6 +363,22 @@ ROUTES = {ONE_WAY: OneWay}
 
 
 def route_of(layout: Layout) -> OneWay:
-    """The route that the scenario names. Raises ScenarioError if it cannot be used."""
-    route: OneWay = make_plugin("route", layout.scenario.route, ROUTES, layout, methods=("harvest", "fetch", "wait_in_queue", "distance"))
+    """The route that the scenario names. Raises ScenarioError for one that cannot be used."""
+    route: OneWay = make_plugin("route", layout.scenario.route, ROUTES, layout, base=OneWay)
     return route
+
+
+def check_route(layout: Layout) -> None:
+    """Make each plan of the route once. Raises ScenarioError where that fails, or a plan has a step that is not in `Steps`."""
+    route, path = route_of(layout), layout.scenario.route
+    if path in ROUTES:
+        return
+    try:
+        unpack(pack(with_steps(Plan, tuple(route.Steps))()), with_steps(Plan, tuple(route.Steps)))
+        for rows in layout.blocks.values():
+            of_known_steps(route.harvest(rows), route.Steps)
+            for count, row in enumerate(rows):
+                of_known_steps(route.fetch(1, row, route.side(count), "picker_01", "bin_01"), route.Steps)
+        route.roads(), route.holds(), route.distance(QUEUE_HEAD, TOP_ROAD, 1, EAST_SIDE)
+    except MISTAKES as error:
+        raise unusable("route", path, error) from error

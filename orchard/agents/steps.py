@@ -6,7 +6,7 @@ right place after it was held up, or after its agent was started again.
 
 from functools import cache, reduce
 from operator import or_
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import msgspec
 
@@ -278,12 +278,24 @@ class Plan(RobotMemory):
     plan: list[AnyStep] = []
 
 
+P = TypeVar("P", bound=Plan)
+
+
+def of_known_steps(steps: list[Step], own: tuple[type[Step], ...]) -> list[Step]:
+    """These steps. Raises TypeError for one whose class is neither ours nor in `own`: a memory with it could not be read again."""
+    for step in steps:
+        if type(step) not in own and type(step).__module__ != __name__:
+            raise TypeError(f"{type(step).__name__} is not in `Steps`")
+    return steps
+
+
+def with_steps(memory: type[P], steps: tuple[type[Step], ...]) -> type[P]:
+    """Return a memory type derived from `memory` whose plan may also hold these steps: they are checked and travel as ours do."""
+    return cast(type[P], _with_steps(memory, steps)) if steps else memory
+
+
 @cache
-def with_steps(memory: type[Plan], steps: tuple[type[Step], ...]) -> type[Plan]:
-    """Return a memory type for plans that may also hold these user-defined steps. They are checked and encoded like built-in steps."""
-    if not steps:
-        return memory
+def _with_steps(memory: type[Plan], steps: tuple[type[Step], ...]) -> Any:
     kinds: Any = reduce(or_, steps, AnyStep)
     plan: Any = ("plan", list[kinds], msgspec.field(default_factory=list))
-    derived: Any = msgspec.defstruct(memory.__name__, [plan], bases=(memory,))
-    return cast(type[Plan], derived)
+    return msgspec.defstruct(memory.__name__, [plan], bases=(memory,))

@@ -146,11 +146,10 @@ def rows_to_pickers(scenario: Scenario) -> dict[str, tuple[int, ...]]:
     rule = load_plugin(key, path)
     try:
         blocks = {name: tuple(int(row) for row in rule(scenario)[name]) for name in _pickers(scenario)}
-        given = sorted(row for rows in blocks.values() for row in rows)
-        if given != list(range(1, scenario.rows + 1)) or not all(blocks.values()):
-            raise ValueError(
-                f"it gives the rows {given}; each of 1 to {scenario.rows} must go to one picker, and each picker must get at least one"
-            )
+        if sorted(row for rows in blocks.values() for row in rows) != list(range(1, scenario.rows + 1)) or not all(blocks.values()):
+            raise ValueError(f"{blocks}: each row of 1 to {scenario.rows} must go to one picker, and each picker must get at least one")
+        if any(rows != tuple(range(rows[0], rows[-1] + 1)) for rows in blocks.values()):
+            raise ValueError(f"{blocks}: the rows of a picker must be neighbours, in their order from north to south")
     except MISTAKES as error:
         raise unusable(key, path, error, wanted) from error
     return blocks

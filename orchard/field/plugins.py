@@ -20,11 +20,15 @@ def load_plugin(key: str, path: str) -> Any:
         raise unusable(key, path, error) from error
 
 
-def make_plugin(key: str, path: str, builtin: Mapping[str, Callable[..., Any]], *arguments: Any, methods: Sequence[str] = ()) -> Any:
+def make_plugin(
+    key: str, path: str, builtin: Mapping[str, Callable[..., Any]], *arguments: Any, methods: Sequence[str] = (), base: type = object
+) -> Any:
     """Return an object of the class that `path` names, built-in or a user's. Raises ScenarioError if that fails or a method is missing."""
     class_ = builtin[path] if path in builtin else load_plugin(key, path)
     try:
         made = class_(*arguments)
+        if not isinstance(made, base):
+            raise TypeError(f"it must be a class that is derived from {base.__name__}{place_of_class(type(made))}")
         if missing := [method for method in methods if not hasattr(made, method)]:
             raise TypeError(f"it has no {' and no '.join(missing)}{place_of_class(type(made))}")
     except MISTAKES as error:

@@ -16,7 +16,7 @@ from msgspec import Meta
 
 from orchard.contract.messages import Written, pack, unpack
 
-VERSION = 1
+VERSION = 2
 HEAD = b"orchard snapshot %d\n"
 LARGEST = 1 << 24  # bytes; the snapshot of the largest orchard has a hundredth of that
 KEPT = 2  # files: the newest two

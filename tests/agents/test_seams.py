@@ -7,7 +7,7 @@ import msgspec
 import pytest
 from alone import local_hash
 
-from orchard import Assignment, BinReport, CarrierReport, Local, OneWay, Scenario, ScenarioError, lay_out
+from orchard import Assignment, BinReport, CarrierReport, Local, OneWay, Scenario, ScenarioError, Step, lay_out
 from orchard.agents.catalogue import check_plugins, make_agents
 from orchard.contract.messages import CustomMessage, pack, unpack
 from orchard.field.scenario import check
@@ -124,6 +124,35 @@ class Greedy(Forgetful):
         return [Assignment(report.name, "carrier_01") for report in bins] + [Assignment("bin_99", "carrier_01")]
 
 
+class Detour(Step, frozen=True):
+    def act(self, robot):
+        return True
+
+
+class Wait(Detour, frozen=True):
+    """Has the name of a step of ours."""
+
+
+class Unregistered(OneWay):
+    """Uses a step that it does not list."""
+
+    def go_home(self, carrier):
+        return [Detour(), *super().go_home(carrier)]
+
+
+class SameName(OneWay):
+    Steps = (Wait,)
+
+
+class Failing(OneWay):
+    def go_to_bay(self, lane, side):
+        raise LookupError("no road")
+
+
+def odd_and_even(scenario):
+    return {"picker_01": (1, 3), "picker_02": (2, 4)}
+
+
 def one_row_each(scenario):
     return {"picker_01": (1,), "picker_02": (2,)}
 
@@ -134,8 +163,12 @@ def one_row_each(scenario):
         ({"dispatch": "nowhere.Mine"}, "dispatch = nowhere.Mine: cannot be used: ModuleNotFoundError"),
         ({"dispatch": "test_seams.Raising"}, r"LookupError: no map \(.*test_seams.py, line \d+"),
         ({"dispatch": "test_seams.Forgetful"}, r"it has no assign \(.*test_seams.py, line \d+"),
-        ({"route": "test_seams.Forgetful"}, "it has no harvest"),
-        ({"rows_to_pickers": "test_seams.one_row_each"}, r"gives the rows \[1, 2\]; each of 1 to 4"),
+        ({"route": "test_seams.Forgetful"}, "must be a class that is derived from OneWay"),
+        ({"route": "test_seams.Unregistered"}, "Detour is not in `Steps`"),
+        ({"route": "test_seams.SameName"}, "Wait"),
+        ({"route": "test_seams.Failing"}, r"LookupError: no road \(.*test_seams.py, line \d+"),
+        ({"rows_to_pickers": "test_seams.odd_and_even"}, "must be neighbours"),
+        ({"rows_to_pickers": "test_seams.one_row_each"}, "each row of 1 to 4 must go to one picker"),
         ({"rows_to_pickers": "test_seams.nothing"}, "no attribute 'nothing'"),
     ],
 )

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import QUICK_START
 from orchard.sim.engine import Engine
+from orchard.sim.kernels.cache import are_compiled
 from orchard.view.recorder import Recorder
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -23,6 +25,12 @@ from farm import make_roles
 from fleet import Fleet
 from page import WINDOW, chromium_with, served
 from scripted_orchard import ACTED_SECONDS, acted_layout, frames
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the kernels once, before several workers and hundreds of processes would each do it."""
+    if not hasattr(config, "workerinput") and not are_compiled():
+        Engine.begin(Scenario(rows=3, laser={"noise": 0.01})).rehearse()
 
 
 @pytest.fixture(autouse=True)

@@ -64,7 +64,7 @@ def test_the_newest_two_are_kept_and_the_newest_is_read(written):
     [
         (lambda data: data[: len(data) // 2], "truncated or changed"),
         (lambda data: data[:-1] + bytes([data[-1] ^ 1]), "truncated or changed"),
-        (lambda data: data.replace(b"snapshot 1", b"snapshot 9", 1), "version 9"),
+        (lambda data: data.replace(b"snapshot %d" % VERSION, b"snapshot 9", 1), "version 9"),
         (lambda data: b"", "not a snapshot"),
         (lambda data: b"PK" + data, "not a snapshot"),
     ],

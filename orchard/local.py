@@ -4,7 +4,7 @@ Start reading here, and then follow the data:
 
     orchard.field.scenario   what a user sets, read from YAML and checked
     orchard.field.layout     scenario -> fences, trees, lanes, and the start of each body
-    orchard.sim.engine       one step of the simulation: world (the state), physics (what moves and happens), scan (observations)
+    orchard.sim.engine       one step of the simulation; it uses world (the state), physics (motion and events), scan (laser scans)
     orchard.contract         what an agent receives and returns: observation, mail, action
     orchard.agents           what each kind of robot, person and animal does
 
@@ -30,7 +30,7 @@ class Local:
     """An orchard and all its agents in one process. Call `tick()` until `engine.over`."""
 
     def __init__(self, scenario: Scenario, agents: dict[str, Agent] | None = None) -> None:
-        """`agents`: name -> agent; None: those of the scenario."""
+        """`agents`: name -> agent. If it is None, all agents of the scenario are made."""
         self.engine = Engine.begin(scenario)
         self.agents = agents if agents is not None else make_agents(self.engine.layout)
         self.memories: dict[str, Any] = {}
@@ -39,7 +39,10 @@ class Local:
 
     @classmethod
     def resume(cls, snapshot: Snapshot) -> "Local":
-        """Return the run of a snapshot, from its tick on. To compare variants, resume it several times. Raises SnapshotError."""
+        """Return the run of a snapshot, which continues at the snapshot's tick. To compare variants, resume the snapshot several times.
+
+        Raises SnapshotError.
+        """
         engine = Engine.resume(snapshot)
         local = cls(engine.layout.scenario)
         local.engine, local.post = engine, LocalMail(dict(snapshot.letters))
@@ -56,9 +59,10 @@ class Local:
         return Snapshot("", scenario, engine.as_data(), engine.digest, memories, letters, engine.figures_as_data(), sorted(self.agents))
 
     def play(self, name: str, agent: Agent) -> None:
-        """Let `agent` drive `name` from the next tick on; it is guarded as in a run of many processes.
+        """Let `agent` drive `name` from the next tick on. If it raises an error, its robot stands and the run goes on (see `Guarded`).
 
-        It receives the memory of the agent before it, or None if that does not fit its `Memory`. Raises ValueError for an unknown name.
+        It receives the memory of the agent that it replaces, or None if that memory does not fit its `Memory`.
+        Raises ValueError for an unknown name.
         """
         if name not in self.engine.layout.agents:
             raise ValueError(f"{name}: no such agent; there are {', '.join(self.engine.layout.agents)}")

@@ -1,4 +1,4 @@
-"""Drive a robot of a run in other processes with your own agent.
+"""Drive a robot with your own agent, in a run of other processes.
 
 with connect("tcp/127.0.0.1:7447") as orchard:
     orchard.play("picker_01", MyAgent())
@@ -20,7 +20,7 @@ from orchard.wire.messages import RunInfo
 
 
 class Remote:
-    """A connection to a run. `layout`: where everything is at the start. `names`: the agents that can be driven."""
+    """A connection to a run. `layout`: the place of each thing at the start. `names`: the agents of the run, which `play` accepts."""
 
     def __init__(self, bus: Bus, keys: Keys, known: RunInfo) -> None:
         self._bus, self._keys = bus, keys
@@ -28,7 +28,10 @@ class Remote:
         self.layout = lay_out(check(known.scenario, "the scenario that physics sent"))
 
     def play(self, name: str, agent: Agent) -> str:
-        """Drive a robot until the run ends. Return why it ended. Raises BusError if another session holds the robot, or physics is gone."""
+        """Drive a robot until the run ends, and return the reason for the end.
+
+        Raises BusError for an unknown name, if another session drives the robot, or if physics is gone.
+        """
         if name not in self.names:
             raise BusError(f"{name}: no such agent; there are {', '.join(self.names)}")
         host = Host(self._bus, self._keys, self.run, self.mode, self.layout, {name: agent})
@@ -48,9 +51,10 @@ def _end_of(host: Host) -> HostEnded:
 
 @contextmanager
 def connect(endpoint: str, prefix: str = PREFIX, secure: str | None = None) -> Iterator[Remote]:
-    """Connect to the run at an endpoint, and close the connection at the end. A secured run requires `secure`, the role's directory.
+    """Connect to the run at an endpoint, such as tcp/127.0.0.1:7447, and close the connection at the end of the `with` block.
 
-    Raises BusError if no router answers or no run is there, ValueError if the directory is not valid.
+    A secured run requires `secure`: the directory with the certificate of a role (docs/security.md).
+    Raises BusError if no router answers or no run is there. Raises ValueError if the directory is not valid.
     """
     keys = Keys(prefix)
     with client(endpoint, Inbox(), identity=identity_in(secure, prefix)) as bus:

@@ -1,4 +1,4 @@
-"""People, workers and visitors: they walk in a straight line, and turn only when something is in their path."""
+"""People: workers and visitors. They walk straight on. They turn for an obstacle, after a refused step, or when they have lingered."""
 
 from orchard.agents.walker import WalkerMemory, tell_where, walk
 from orchard.contract.agent import Action, Mail, Observation

@@ -52,7 +52,7 @@ _OPPOSITE = {"EAST": "WEST", "WEST": "EAST", "NORTH": "SOUTH", "SOUTH": "NORTH"}
 
 @dataclass(frozen=True)
 class Side:
-    """One side of the rows. The west side is the east side turned by half a turn about x = -1.5.
+    """One side of the rows. The west side is the east side after half a turn about the point x = -1.5 on a lane's centre line.
 
     Figures of a route are given for the east side; a `Side` turns them into x and y of either side.
     """

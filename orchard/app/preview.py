@@ -45,7 +45,7 @@ def _enough_note(enough: int) -> str:
 
 
 def terms(layout: Layout) -> dict[str, float]:
-    """Return the upper bound of each part of the harvest, bins/h."""
+    """Return the upper bound that each part (pickers, carriers, unloading) sets for the harvest, bins/h."""
     return {name: 3600.0 * rate for name, rate in bounds_of(layout).terms.items()}
 
 

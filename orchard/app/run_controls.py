@@ -22,7 +22,7 @@ MODES = {
 
 @dataclass(frozen=True)
 class RunSettings:
-    """A run that a user has requested."""
+    """The settings of a run that a user has requested."""
 
     scenario: Scenario
     mode: str = "lockstep"

@@ -157,7 +157,7 @@ def to_yaml(scenario: Scenario) -> str:
 
 
 def json_schema() -> dict[str, Any]:
-    """Return the JSON schema of a scenario file. It does not contain the rules about several fields."""
+    """Return the JSON schema of a scenario file. It does not contain the rules that compare several fields."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
 
 

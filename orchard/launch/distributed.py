@@ -136,7 +136,7 @@ def _noted(request: RunRequest, note: RunNote, progress: Progress) -> Iterator[N
 def _start(
     supervisor: Supervisor, request: RunRequest, credentials: Credentials, folder: Path, endpoint: str, run_id: str
 ) -> subprocess.Popen[bytes] | None:
-    """Start physics, the logger and the viewers. Return the viewer's window, if any. `folder`: for REQUEST and RESULT."""
+    """Start physics, the logger and the viewers. Return the viewer's window, if any. `folder`: for the files REQUEST and RESULT."""
     identity, file = credentials.identity(PHYSICS), folder / REQUEST
     options = RunOptions(
         scenario=request.scenario.model_dump(),

@@ -60,7 +60,7 @@ class _Running:
 
 @dataclass
 class Supervisor:
-    """The processes of a run. Use it with `with`, which leaves no process behind. `say` prints a line."""
+    """The processes of a run. Use it in a `with` statement: at its end all processes are stopped. `say` prints a line."""
 
     say: Callable[[str], None]
     running: dict[str, _Running] = field(default_factory=dict)

@@ -142,7 +142,7 @@ class Inbox:
         self._wake()
 
     def put_quietly(self, item: Item) -> None:
-        """Put an item, and wake the reader only if it has as many items as it waits for."""
+        """Put an item. Wake the reader only if the inbox holds as many items as the reader waits for."""
         self._settle()
         self._items.append(item)
         if len(self._items) >= self._enough:

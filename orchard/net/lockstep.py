@@ -89,7 +89,7 @@ class LockstepBarrier:
         self.missing.discard(name)
 
     def take(self, name: str, velocity: Velocity) -> None:
-        """Take a velocity for a held agent. Raises Refused if it does not count."""
+        """Take a velocity for a held agent. Ignore a repetition. Raises Refused if the velocity is not one that physics waits for."""
         if velocity.holder != self._roster.holders[name]:
             raise Refused("not the holder", HOLDER_ERRORS["not the holder"])
         if velocity.tick != self.tick or name not in self.missing:

@@ -114,7 +114,7 @@ class Publisher:
         return self._is_heard(self._keys.of(what))
 
     def are_robots_heard(self) -> bool:
-        """Whether a session subscribes to the pose, scan or velocity of a robot."""
+        """Whether a session subscribes to any key of a robot, such as its pose, scan or velocity."""
         return self._is_heard(self._robots)
 
     def _is_heard(self, keys: str) -> bool:

@@ -68,7 +68,7 @@ class Recorder:
         self._left_out = 0  # frames that were left out since this was last recorded
 
     def _open(self, path: str | Path | None, serve: bool, port: int) -> str:
-        """Set the sinks. Return the address for a viewer, or ''."""
+        """Set the sinks: the file, and the server for viewers. Return the server's address; '' without a server."""
         server = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port) if serve else None
         sinks = [sink for sink in (rr.FileSink(str(path)) if path is not None else None, server) if sink is not None]
         if sinks:

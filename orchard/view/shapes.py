@@ -180,7 +180,7 @@ def picker(colour: Colour) -> list[MeshPart]:
 
 
 def carrier(colour: Colour) -> list[MeshPart]:
-    """Return a carrier, 1.8 x 1.5 x 0.5: a flat sled with a fork at its back."""
+    """Return a carrier, 1.8 x 1.5 x 0.5 m: a flat sled with a fork at its back."""
     fork = [MeshPart("box", (0.5, 0.12, 0.08), (-0.65, y, 0.16), STEEL) for y in (-0.35, 0.35)]
     return [
         MeshPart("box", (1.8, 1.16, 0.24), (0, 0, 0.32), colour),

@@ -222,7 +222,7 @@ class Received(Message, tag_field="type", tag="received"):
 
 
 class Answered(Message, tag_field="type", tag="answered"):
-    """Second reply to a request, stamped with the tick in which the request was heard: that of the request + 1."""
+    """Second reply to a request. Its tick is the one in which the request was heard: the tick of the request + 1."""
 
     body: Annotated[Answer | None, Meta(description="see 'The answers' below; nil: the request was heard and gets no answer")]
 

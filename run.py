@@ -164,7 +164,7 @@ def _run_processes(request: RunRequest) -> tuple[dict[str, Any] | None, str]:
     """Run physics, agents and logger in separate processes."""
     from orchard.launch.distributed import run
 
-    with exit_on_errors(BusError, ValueError), Progress(Console(emoji=False, highlight=False)) as progress:
+    with exit_on_errors(BusError, ValueError), Progress(Console(emoji=False, highlight=False), request.as_json) as progress:
         return run(request, progress)
 
 
@@ -265,9 +265,9 @@ def main() -> None:
     """Run a command of the command line; `harvest` is the default."""
     commands = {"view", "harvest", "stop", "reset", "secure"}
     arguments = sys.argv[1:]
+    sys.path.append(os.getcwd())  # for the user's own classes
     if arguments[:1] == ["app"]:
         raise SystemExit(_page(arguments[1:]))
-    sys.path.append(os.getcwd())  # for the user's own classes
     app(arguments if arguments and arguments[0] in commands else ["harvest", *arguments])
 
 

@@ -9,6 +9,7 @@ import argparse
 import json
 import sys
 from contextlib import AbstractContextManager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -81,17 +82,21 @@ def _options(arguments: dict[str, Any]) -> RunOptions:
     """The options of the request file, if there is one, and of the command line. Raises ValueError or ScenarioError for bad ones."""
     request = arguments.pop("request", None)
     values = {} if request is None else json.loads(request)
+    if not isinstance(values, dict):
+        raise ValueError("--request: the file must hold a JSON object")
     if (scenario := arguments.pop("scenario_file", None)) is not None:
         values["scenario"] = load(scenario).model_dump()
-    if arguments.get("speed") == "max":
-        del arguments["speed"]
-        if "realtime" in (arguments.get("mode"), values.get("mode")):
-            raise ValueError("--speed max: in realtime the wall clock sets the pace; expected a number, 1 for real time")
+    values |= arguments
+    if values.get("speed") == "max":
+        values["speed"] = None
+        if values.get("mode") == "realtime":
+            raise ValueError("--speed max: in realtime the wall clock sets the pace; expected is a number, 1 for real time")
     try:
-        return msgspec.convert(values | arguments, RunOptions, strict=False)
+        return msgspec.convert(values, RunOptions, strict=False)
     except msgspec.ValidationError as error:
         words, _, path = str(error).partition(" - at `$.")
-        raise ValueError(f"--{path.rstrip('`').replace('_', '-')}: {words}") from None
+        option = f"--{path.rstrip('`').replace('_', '-')}" if path else "--request"
+        raise ValueError(f"{option}: {words}") from None
 
 
 def _arguments(argv: list[str] | None) -> dict[str, Any]:
@@ -121,8 +126,10 @@ def _arguments(argv: list[str] | None) -> dict[str, Any]:
 
 
 def _text(path: str) -> str:
-    with open(path) as file:
-        return file.read()
+    try:
+        return Path(path).read_text()
+    except OSError as error:
+        raise argparse.ArgumentTypeError(f"{path}: {error.strerror}") from error
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import math
 import os
 
 from orchard.contract.agent import Action
-from orchard.contract.messages import Call, Uncouple
+from orchard.contract.messages import Call, Here, Uncouple
 from orchard.field.geometry import Twist
 
 
@@ -131,3 +131,16 @@ def lost(layout, names):
 def nobody(layout, names):
     """Makes no agents."""
     return {}
+
+
+class Verbose(Eastward):
+    """Its request does not fit into what an agent may send at a tick."""
+
+    def tick(self, observation, mail, memory):
+        return Action(requests=[("bin_01", Here("x" * 40_000))], memory=memory)
+
+
+class Speechless(Eastward):
+    """Forgot the comma of a tuple."""
+
+    Messages = Here

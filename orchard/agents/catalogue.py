@@ -81,11 +81,11 @@ def _make_own(path: str, layout: Layout, name: str) -> Agent:
         agent = load_plugin(f"agents.{name}", path)(layout, name)
         if not callable(getattr(agent, "tick", None)):
             raise TypeError(f"it has no method tick(observation, mail, memory){place_of_class(type(agent))}")
+        return Guarded(name, agent)
     except ScenarioError as error:
         return _broken(name, error)
     except MISTAKES as error:
         return _broken(name, unusable(f"agents.{name}", path, error))
-    return Guarded(name, agent)
 
 
 def _broken(name: str, error: ScenarioError) -> Agent:

@@ -104,7 +104,7 @@ class OneWay:
     The class is called with the layout. Figures are metres on the east side. docs/traffic.md derives them.
     """
 
-    Steps: ClassVar[tuple[type[Step], ...]] = ()  # user-defined steps that the drives use
+    Steps: ClassVar[Sequence[type[Step]]] = ()  # user-defined steps that the drives use
     D_ROAD = 38.25  # x of the delivery road: a picker's coupling point lies on it
     F_ROAD = 36.2  # x of the full-bin road
     WAITING = 40.5  # x at which a picker waits, and of its way to the next row
@@ -374,11 +374,12 @@ def check_route(layout: Layout) -> None:
     if path in ROUTES:
         return
     try:
-        unpack(pack(with_steps(Plan, tuple(route.Steps))()), with_steps(Plan, tuple(route.Steps)))
+        unpack(pack(with_steps(Plan, route.Steps)()), with_steps(Plan, route.Steps))
         for rows in layout.blocks.values():
             of_known_steps(route.harvest(rows), route.Steps)
             for count, row in enumerate(rows):
                 of_known_steps(route.fetch(1, row, route.side(count), "picker_01", "bin_01"), route.Steps)
+                of_known_steps(route.crossing(row, row + 1, route.side(count)) if row < layout.scenario.rows else [], route.Steps)
         route.roads(), route.holds(), route.distance(QUEUE_HEAD, TOP_ROAD, 1, EAST_SIDE)
     except MISTAKES as error:
         raise unusable("route", path, error) from error

@@ -4,6 +4,7 @@
 right place after it was held up, or after its agent was started again.
 """
 
+from collections.abc import Sequence
 from functools import cache, reduce
 from operator import or_
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -281,17 +282,19 @@ class Plan(RobotMemory):
 P = TypeVar("P", bound=Plan)
 
 
-def of_known_steps(steps: list[Step], own: tuple[type[Step], ...]) -> list[Step]:
-    """These steps. Raises TypeError for one whose class is neither ours nor in `own`: a memory with it could not be read again."""
+def of_known_steps(steps: list[Step], own: Sequence[type[Step]]) -> list[Step]:
+    """Return these steps. Raises TypeError for one that a memory could not hold: its class is neither built-in nor in `own`, or it is
+    a step of `own` within `Again` or `Confirmed`, which hold built-in steps only."""
     for step in steps:
         if type(step) not in own and type(step).__module__ != __name__:
-            raise TypeError(f"{type(step).__name__} is not in `Steps`")
+            raise TypeError(f"{type(step).__name__} is not in `Steps`, or is within a step that holds built-in steps only")
+        of_known_steps([*getattr(step, "steps", ()), *getattr(step, "otherwise", ())], ())
     return steps
 
 
-def with_steps(memory: type[P], steps: tuple[type[Step], ...]) -> type[P]:
+def with_steps(memory: type[P], steps: Sequence[type[Step]]) -> type[P]:
     """Return a memory type derived from `memory` whose plan may also hold these steps: they are checked and travel as ours do."""
-    return cast(type[P], _with_steps(memory, steps)) if steps else memory
+    return cast(type[P], _with_steps(memory, tuple(steps))) if steps else memory
 
 
 @cache

@@ -109,7 +109,7 @@ class Run:
         self._is_hushed = self._is_hushed or (self.asked_to_stop and line.startswith("Traceback"))
         if not self._is_hushed:
             words = line.rstrip()
-            with contextlib.suppress(msgspec.DecodeError):  # any other line
+            with contextlib.suppress(msgspec.DecodeError, KeyError):  # any other line
                 self.headline = msgspec.json.decode(line, type=dict[str, Headline])["progress"]
                 words = str(self.headline)
             self._said = (self._said[0] + 1, (*self._said[1], words)[-KEPT_LINES:])

@@ -42,7 +42,7 @@ class Guarded:
         self._sideways = kind is None or kind.sideways
         self.packed: bytes | None = None  # its memory as msgpack
         self._agent = agent
-        self._messages: dict[str, type[AgentMessage]] = {type_of(message): message for message in getattr(agent, "Messages", ())}
+        self._messages = {type_of(message): message for message in _own_messages(agent)}
         self._failed = False
 
     def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
@@ -97,6 +97,14 @@ class Guarded:
         return CustomMessage(fields.pop("type"), fields)
 
 
+def _own_messages(agent: Any) -> tuple[type[AgentMessage], ...]:
+    """The agent's own types of messages. Raises TypeError for what is not a tuple of classes that are derived from AgentMessage."""
+    types = getattr(agent, "Messages", ())
+    if not isinstance(types, tuple) or not all(isinstance(one, type) and issubclass(one, AgentMessage) for one in types):
+        raise TypeError(f"Messages must be a tuple of classes that are derived from AgentMessage, not {types!r}")
+    return types
+
+
 def _packed(memory: Any) -> bytes:
     """Encode a memory. Raises ValueError if it is too large, TypeError if it is not plain data."""
     packed = pack(memory)
@@ -140,4 +148,7 @@ def _check_messages(action: Action) -> None:
             raise TypeError(f"{message!r} is neither a message of orchard/contract/messages.py nor of a type in the agent's `Messages`")
     if len(action.deeds) > MOST_DEEDS:
         raise ValueError(f"{len(action.deeds)} deeds in one tick; at most {MOST_DEEDS}")
-    unpack(pack((action.deeds, written_by(action))), tuple[list[Deed], Written | None])
+    packed = pack((action.deeds, written_by(action)))
+    if len(packed) > LARGEST_MEMORY:
+        raise ValueError(f"its deeds and messages take {len(packed)} bytes; at most {LARGEST_MEMORY}")
+    unpack(packed, tuple[list[Deed], Written | None])

@@ -26,7 +26,7 @@ class AgentMessage(msgspec.Struct, frozen=True, tag_field="type", tag=str.lower)
     """
 
 
-def type_of(message: "Deed | Request | Answer") -> str:
+def type_of(message: AgentMessage | type[AgentMessage]) -> str:
     """Return the `type` of a message on the wire, such as 'call', 'offer' or 'emptybin'."""
     return str(message.__struct_config__.tag)
 

@@ -116,7 +116,7 @@ class Scenario(_Section):
 
     @model_validator(mode="after")
     def _new_names(self) -> "Scenario":
-        taken = [name for name in self.agents_without_body if kind_of(name) in KINDS or name in RESERVED]
+        taken = [name for name in self.agents_without_body if kind_of(name) in (*KINDS, *RESERVED)]
         self._demand(not taken, f"must be names that no other agent has; not {', '.join(taken)}", "agents_without_body")
         return self
 

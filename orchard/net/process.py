@@ -1,6 +1,5 @@
 """What all processes of a run share: start and end, memory settings before the first tick, and a report of an agent that is too slow."""
 
-import ctypes
 import gc
 import logging
 import signal
@@ -8,16 +7,16 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
 from orchard.contract import guard
 from orchard.net.bus import Inbox, Signal
 from orchard.net.host import Host, HostEnded
 
+log = logging.getLogger("orchard")
+
+LONG_SECONDS = 3.0  # after which an agent is too slow
 YOUNG = 20_000  # objects that may be created before Python's cycle collector runs; some megabytes
-HUGE_PAGE = 2 << 20  # bytes, on x86-64 and most other processors
-MADV_COLLAPSE = 25  # Linux 6.1 and later: move these pages to a huge page now (linux/mman.h)
 
 
 def run_process(name: str, body: Callable[[Inbox], int], *mistakes: type[Exception]) -> int:
@@ -44,43 +43,11 @@ def settle() -> None:
     """Prepare a complete process for its ticks: its present objects stay until it ends.
 
     The cycle collector does not visit these objects again; the objects of a tick are freed by reference counting. With two agent
-    processes this saves a tenth of all processor time. Python's objects are moved to huge pages: a tick touches some thousand of
-    them all over the memory, and after a switch of processes the processor must look up each small page again. This gives a tenth
-    more ticks.
+    processes this saves a tenth of all processor time.
     """
     gc.collect()
     gc.freeze()
     gc.set_threshold(YOUNG)
-    _use_huge_pages()
-
-
-def _use_huge_pages() -> None:
-    """Move this process's data to huge pages. If the kernel cannot, only the speed differs."""
-    maps = Path("/proc/self/maps")
-    if not maps.exists():
-        return
-    madvise = ctypes.CDLL(None).madvise
-    madvise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
-    for begin, end in own(maps.read_text()):
-        for page in range(-(-begin // HUGE_PAGE) * HUGE_PAGE, end - HUGE_PAGE + 1, HUGE_PAGE):
-            madvise(page, HUGE_PAGE, MADV_COLLAPSE)  # fails where nothing is mapped, as in stacks
-
-
-def own(maps: str) -> Iterator[tuple[int, int]]:
-    """Yield begin and end of the private writable memory in a text like /proc/self/maps.
-
-    Its lines are `address perms offset dev inode [name]`.
-    """
-    for line in maps.splitlines():
-        addresses, permissions, *_, name = [*line.split(maxsplit=5), ""][:6]
-        if permissions == "rw-p" and name in ("", "[heap]"):
-            begin, _, end = addresses.partition("-")
-            yield int(begin, 16), int(end, 16)
-
-
-log = logging.getLogger("orchard")
-
-LONG_SECONDS = 3.0
 
 
 def monitor(host: Host, seconds: float = LONG_SECONDS) -> None:

@@ -73,7 +73,7 @@ class RunFigures:
     def message(self, run: str, refused: dict[str, int]) -> messages.Figures:
         """Return the figures so far, and what each robot does, as a message. `refused`: reason -> number of refused messages."""
         actions = as_shown(self._world, self.actions)
-        doing = {name: action.doing for name, action in actions.items() if action.doing}
+        doing = {name: action.doing or state_of(action) for name, action in actions.items() if action.doing or action.state}
         states = {name: state_of(actions[name]) for name in doing}
         waits = {name: action.waits_for for name, action in actions.items() if action.waits_for}
         return messages.Figures(run, self._world.tick, self.figures(), doing, waits, refused, states)

@@ -46,7 +46,7 @@ def read_end(path: Path, run: str) -> End | None:
     return None
 
 
-Positive = Annotated[float, Meta(gt=0.0)]
+Positive = Annotated[float, Meta(gt=0.0, le=1e12)]  # neither NaN nor infinite
 
 
 class RunOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

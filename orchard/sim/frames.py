@@ -56,7 +56,7 @@ class FrameBuilder:
     def _news_of(self, actions: Mapping[str, Action]) -> dict[str, tuple[str, State]]:
         """The text and the state of each body that does something new. A robot without an agent stands after a stop."""
         said: dict[str, tuple[str, State]] = {name: ("standing", "resting") for name, (words, _) in self._said.items() if words == STOPPED}
-        said |= {name: (words_of(action), state_of(action)) for name, action in actions.items() if action.doing}
+        said |= {name: (words_of(action), state_of(action)) for name, action in actions.items() if action.doing or action.state}
         news = {name: now for name, now in said.items() if self._said.get(name) != now}
         self._said |= news
         return news
@@ -64,7 +64,8 @@ class FrameBuilder:
 
 def words_of(action: Action) -> str:
     """Return what a robot does, and what holds it up, as text."""
-    return f"{action.doing}, held up by {action.waits_for}" if action.state == "stopped" and action.waits_for else action.doing
+    doing = action.doing or state_of(action)
+    return f"{doing}, held up by {action.waits_for}" if action.state == "stopped" and action.waits_for else doing
 
 
 def talk_of(tick: int, name: str, requests: Sequence[tuple[str, Request]], answers: Sequence[tuple[str, Answer]]) -> list[Event]:

@@ -91,7 +91,8 @@ class BodyView:
         path, colour, known = self.path.get(name), palette.STATES[state], self._said.get(name)
         if path is None or known is None:
             return
-        text = text or state
+        if known.get(text, colour) != colour:
+            text = f"{text} ({state})"
         if text not in known:
             known[text] = colour
             self.rec.log(path, rr.StateConfiguration(values=list(known), colors=list(known.values())), static=True)

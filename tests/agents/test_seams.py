@@ -140,6 +140,15 @@ class Unregistered(OneWay):
         return [Detour(), *super().go_home(carrier)]
 
 
+class Nested(OneWay):
+    """Its wait in the queue, which a refused job falls back to within `Confirmed`, has a step of its own."""
+
+    Steps = [Detour]  # noqa: RUF012
+
+    def wait_in_queue(self):
+        return [Detour(), *super().wait_in_queue()]
+
+
 class SameName(OneWay):
     Steps = (Wait,)
 
@@ -166,6 +175,7 @@ def one_row_each(scenario):
         ({"route": "test_seams.Forgetful"}, "must be a class that is derived from OneWay"),
         ({"route": "test_seams.Unregistered"}, "Detour is not in `Steps`"),
         ({"route": "test_seams.SameName"}, "Wait"),
+        ({"route": "test_seams.Nested"}, "Detour is not in `Steps`, or is within a step"),
         ({"route": "test_seams.Failing"}, r"LookupError: no road \(.*test_seams.py, line \d+"),
         ({"rows_to_pickers": "test_seams.odd_and_even"}, "must be neighbours"),
         ({"rows_to_pickers": "test_seams.one_row_each"}, "each row of 1 to 4 must go to one picker"),
@@ -186,7 +196,7 @@ def test_an_assignment_that_cannot_be_breaks_the_dispatcher_and_is_named(caplog)
     assert "assigns bin bin_99, which is not available" in caplog.text
 
 
-@pytest.mark.parametrize("name", ["picker_x", "traffic", "dispatch", "physics", "Weather", "a b"])
+@pytest.mark.parametrize("name", ["picker_x", "traffic", "traffic_2", "dispatch", "physics", "Weather", "a b"])
 def test_a_further_agent_needs_a_name_of_its_own(name):
     with pytest.raises(ScenarioError, match=name):
         check({"agents_without_body": {name: "a.B"}})

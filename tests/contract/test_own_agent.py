@@ -168,6 +168,8 @@ def test_a_name_counts_more_than_a_kind():
         ("own_agents.Busy", "17 deeds in one tick; at most 16"),
         ("own_agents.Lost", "matching regex"),
         ("own_agents.Talkative", "its memory takes 300005 bytes; at most 32768"),
+        ("own_agents.Verbose", r"messages take \d+ bytes; at most 32768"),
+        ("own_agents.Speechless", "Messages must be a tuple of classes"),
         ("own_agents.Idle", "raised an error at tick 0"),
     ],
 )

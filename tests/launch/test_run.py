@@ -1,5 +1,6 @@
 """run.py as a person uses it: one command, real processes."""
 
+import json
 import re
 import signal
 import subprocess
@@ -78,6 +79,13 @@ def test_the_recording_holds_the_whole_run(lockstep):
     assert seconds_of(recording) == pytest.approx(summary["sim_seconds"], abs=1.0)
     lacks = {key: summary[key] for key in ("recording_parts", "recording_gaps", "messages_dropped")}
     assert lacks == {"recording_parts": ["run.rrd"], "recording_gaps": [], "messages_dropped": 0}
+
+
+def test_progress_is_json_for_programs_in_every_mode():
+    for mode in ("local", "lockstep"):
+        done = orchard("--rows", 3, "--mode", mode, "--speed", 10, "--duration", 10, "--record", "none", "--progress", "json")
+        lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
+        assert lines and all(json.loads(line)["progress"]["rows"] == 3 for line in lines), done.stdout
 
 
 # -- the hash of lockstep is that of local mode, for any number of agent processes

@@ -18,7 +18,7 @@ STATES: dict[State, Colour] = {
     "hauling": (0, 190, 200),
     "unloading": (165, 80, 220),
     "resting": (150, 155, 160),
-    "broken": (20, 20, 20),
+    "broken": (250, 250, 250),
 }
 
 

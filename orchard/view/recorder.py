@@ -219,7 +219,7 @@ class Recorder:
     def _robots(self) -> dict[str, float]:
         states = [(kind_of(name), state) for name, (_, state) in self._doing.items()]
         waiting = sum(kind == "picker" and state in ("waiting", "calling") for kind, state in states)
-        busy = sum(kind == "carrier" and state in ("driving", "handling a bin", "hauling", "unloading") for kind, state in states)
+        busy = sum(kind == "carrier" and state not in ("waiting", "resting", "broken") for kind, state in states)
         return {"metrics/robots/pickers_waiting": float(waiting), "metrics/robots/carriers_busy": float(busy)}
 
     def _rows_and_bins(self, frame: Frame) -> dict[str, float]:

@@ -47,7 +47,8 @@ class Dispatcher:
         memory = memory or DispatcherMemory()
         self.forget(memory, seen.tick)
         action = Action(memory=memory, answers=[(heard, self.answer(memory, heard, seen.tick)) for heard in mail.requests])
-        carriers = [self.report_of(reply.sender, reply.body) for reply in mail.replies if isinstance(reply.body, CarrierStatus)]
+        told = [(reply.sender, reply.body) for reply in mail.replies if isinstance(reply.body, CarrierStatus)]
+        carriers = [CarrierReport(name, status.job, status.is_next, status.metres) for name, status in told]
         if carriers:
             self.decide(memory, carriers, seen.tick)
         waiting = [name for name in memory.bins if name not in memory.bookings]
@@ -72,9 +73,6 @@ class Dispatcher:
         booking.told = tick
         del memory.bins[name]
         return CarrierComing(booking.carrier)
-
-    def report_of(self, name: str, status: CarrierStatus) -> CarrierReport:
-        return CarrierReport(name, status.job, status.is_next, status.metres)
 
     def decide(self, memory: DispatcherMemory, carriers: list[CarrierReport], tick: int) -> None:
         """Let the policy send free carriers to waiting bins. Raises ValueError for an assignment that is not allowed."""

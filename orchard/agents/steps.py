@@ -293,7 +293,7 @@ def of_known_steps(steps: list[Step], own: Sequence[type[Step]]) -> list[Step]:
 
 
 def with_steps(memory: type[P], steps: Sequence[type[Step]]) -> type[P]:
-    """Return a memory type derived from `memory` whose plan may also hold these steps: they are checked and travel as ours do."""
+    """Return a memory type derived from `memory` whose plan may also hold these steps: they are checked and encoded like built-in steps."""
     return cast(type[P], _with_steps(memory, tuple(steps))) if steps else memory
 
 

@@ -46,10 +46,13 @@ def test_a_run_in_realtime_takes_numbers_only(small):
     small.fill("speed", "max")
     small.until(lambda: "it cannot be max" in small.problem("speed"), "explained at the field")
     small.until(lambda: not small.one("[data-action=run]").is_enabled(), "it cannot be run")
-    small.fill("speed", 50)
+    small.fill("speed", 5)
     small.fill("duration", 20)
     small.press("run")
     small.tell_state("running")
+    small.until(
+        lambda: "rows picked" in small.view("progress").text and small.view("state").text == "running", "progress of a run of processes"
+    )
     small.tell_state("finished", RUN_SECONDS)
     summary = small.until(lambda: small.view("summary").text, "the summary")
     assert re.search(r"mode\s+realtime", summary)

@@ -12,6 +12,7 @@ from orchard.contract.events import Event
 from orchard.contract.messages import MAX_PAYLOAD, Answer, Call, Deed, Offer, Request, Written, pack
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS
+from orchard.net.bus import FULL_QUEUE_US
 from orchard.net.lockstep import AGAIN_SECONDS
 from orchard.net.mailbox import DOUBT_SECONDS, STALE_TICKS
 from orchard.net.realtime import SLACK, WATCHDOG, WATCHDOG_TICKS
@@ -214,6 +215,7 @@ It publishes, subscribes, queries and replies on the keys below. `{{prefix}}` is
 - **Frames** (REP-103, REP-105): in `map`, x points east, y north and z up, in metres. A yaw of 0 faces east; yaw grows counter-clockwise.
   In the frame of a body, `base_link`, x points forward and y to the left. Names and meanings of fields are those of ROS.
 - **Delivery**: "never lost" is published with congestion control BLOCK, "newest wins" with DROP. A query is a get with target ALL and consolidation NONE.
+  A router closes the link to a session that receives nothing for {full_queue:g} s while messages wait for it. That session connects again, and has missed what was sent meanwhile.
 
 | key | message | sender | rate | delivery |
 | --- | --- | --- | --- | --- |
@@ -302,7 +304,7 @@ def document() -> str:
     table = "\n".join(map(_table_row, TABLE.values()))
     kinds = "\n".join(f"| {name} | {kind.speed:g} | {kind.turn:.6g} | {kind.laser.beams} |" for name, kind in KINDS.items())
     times = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "slack": SLACK, "stale": STALE_TICKS}
-    times |= {"again": AGAIN_SECONDS, "doubt": DOUBT_SECONDS}
+    times |= {"again": AGAIN_SECONDS, "doubt": DOUBT_SECONDS, "full_queue": FULL_QUEUE_US / 1e6}
     head = HEAD.format(table=table, kinds=kinds, most=MAX_PAYLOAD, tokens=MOST_TOKENS, **times)
     return "\n".join([head, *(_section(what, key) for what, key in TABLE.items()), *(_union(*item) for item in UNIONS.items())])
 

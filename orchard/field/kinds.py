@@ -1,8 +1,6 @@
-"""The kinds of bodies (size, colour, speed, laser, towing), and the names of agents.
+"""The kinds of bodies (size, colour, speed, laser, towing), and the names of agents. Figures: docs/reference.md."""
 
-Figures: docs/reference.md, "The things in it".
-"""
-
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -34,6 +32,11 @@ class Kind:
     solid: bool = True
     robot: bool = False  # robots move before people and animals
     sideways: bool = False  # can move to its left and right (only a coupled bin)
+
+    @property
+    def radius(self) -> float:
+        """The radius of the circle around its box, m."""
+        return 0.5 * math.sqrt(self.length * self.length + self.width * self.width)
 
 
 LASER_RANGE = 10.0  # m
@@ -70,7 +73,7 @@ def kind_of(name: str) -> str:
 
 
 def number_of(name: str) -> int:
-    """The number in a name: 1 in 'picker_01'."""
+    """Return the number in a name: 1 for 'picker_01'."""
     return int(name.rsplit("_", 1)[1])
 
 
@@ -89,13 +92,8 @@ def select_agents(names: Iterable[str], only: list[str], without: list[str], sha
     for word in [*only, *without]:
         if not any(word in (name, kind_of(name)) for name in names):
             raise ValueError(f"{word}: no such agent or kind; there are {', '.join(sorted({kind_of(name) for name in names}))}")
-    first, of = _share(share)
-    kept = [name for name in names if not only or name in only or kind_of(name) in only]
-    return [name for name in kept if name not in without and kind_of(name) not in without][first::of]
-
-
-def _share(text: str) -> tuple[int, int]:
-    first, _, of = text.partition("/")
+    first, _, of = share.partition("/")
     if not (first.isdecimal() and of.isdecimal() and int(first) < int(of)):
-        raise ValueError(f"share {text}: must be I/N, with I from 0 to N - 1")
-    return int(first), int(of)
+        raise ValueError(f"share {share}: must be I/N, with I from 0 to N - 1")
+    kept = [name for name in names if not only or name in only or kind_of(name) in only]
+    return [name for name in kept if name not in without and kind_of(name) not in without][int(first) :: int(of)]

@@ -1,16 +1,13 @@
-"""The layout of an orchard, made from a scenario: fences, trees, lanes, driveway, queue, and the start of each body.
+"""The layout of an orchard, made from a scenario. Figures: docs/reference.md. Metres, in the frame `map`: x east, y north."""
 
-Figures: docs/reference.md, "The field" and "The things in it". Metres, in the frame `map`: x east, y north.
-"""
-
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from orchard.field.geometry import EAST, Pose, Rect
 from orchard.field.kinds import KINDS, name_of
-from orchard.field.placement import Placement, Start
+from orchard.field.placement import Start, guests
 from orchard.field.plugins import MISTAKES, load_plugin, unusable
 from orchard.field.scenario import MANUAL, Scenario
 
@@ -58,12 +55,12 @@ class Layout:
     @property
     def pitch(self) -> float:
         """Distance from one tree line to the next, m."""
-        return pitch(self.scenario)
+        return self.scenario.row_width + TRUNK
 
     @property
     def bottom(self) -> float:
         """y of the bottom fence's centre line, m."""
-        return bottom(self.scenario)
+        return TOP - (self.scenario.row_width * self.scenario.rows + 0.5 * (self.scenario.rows + 1) + 41.0)
 
     @property
     def tree_lines(self) -> tuple[float, ...]:
@@ -89,49 +86,26 @@ class Layout:
         return self.lanes[number - 1]
 
 
-def pitch(scenario: Scenario) -> float:
-    """Return the distance from one tree line to the next, m."""
-    return scenario.row_width + TRUNK
-
-
-def bottom(scenario: Scenario) -> float:
-    return TOP - (scenario.row_width * scenario.rows + 0.5 * (scenario.rows + 1) + 41.0)
-
-
 def lay_out(scenario: Scenario) -> Layout:
     """Return the layout of a scenario. Solid bodies do not overlap, and the same scenario and seed give the same layout."""
-    lanes = tuple(Lane(i + 1, TREE_TOP_LINE - (i + 0.5) * pitch(scenario)) for i in range(scenario.rows))
-    walls = np.array(_fences(scenario) + _trunks_and_posts(scenario))
-    blocks = rows_to_pickers(scenario)
-    machines = _machines(scenario, lanes, blocks)
-    crowd = Placement(walls, inside=_inside(scenario), rows=_rows_area(scenario), keep_off=(QUEUE,))
-    return Layout(scenario, lanes, blocks, _in_moving_order(machines + crowd.guests(scenario, machines)), walls)
+    lanes = tuple(Lane(i + 1, TREE_TOP_LINE - (i + 0.5) * (scenario.row_width + TRUNK)) for i in range(scenario.rows))
+    bare = Layout(scenario, lanes, rows_to_pickers(scenario), starts=(), walls=np.empty((0, 4)))
+    walls, machines, half = np.array(_fences(bare) + _trunks_and_posts(bare)), _machines(bare), FENCE_THICKNESS / 2
+    inside = Rect(-X_MAX + half, bare.bottom + half, X_MAX - half, TOP - half)
+    rows = Rect(ROW_WEST, bare.tree_lines[-1], ROW_EAST, TREE_TOP_LINE)
+    starts = machines + guests(scenario, machines, walls, inside, rows, keep_off=QUEUE)
+    starts.sort(key=lambda start: (not KINDS[start.kind].robot, not KINDS[start.kind].solid, start.name))
+    return replace(bare, starts=tuple(starts), walls=walls)
 
 
-def _fences(scenario: Scenario) -> list[tuple[float, float, float, float]]:
-    low, half = bottom(scenario), FENCE_THICKNESS / 2
+def _fences(layout: Layout) -> list[tuple[float, float, float, float]]:
+    low, half = layout.bottom, FENCE_THICKNESS / 2
     middle, half_height = (TOP + low) / 2, (TOP - low) / 2 + half
-    return [
-        (0.0, TOP, X_MAX + half, half),
-        (0.0, low, X_MAX + half, half),
-        (-X_MAX, middle, half, half_height),
-        (X_MAX, middle, half, half_height),
-    ]
+    return [(0.0, y, X_MAX + half, half) for y in (TOP, low)] + [(x, middle, half, half_height) for x in (-X_MAX, X_MAX)]
 
 
-def _trunks_and_posts(scenario: Scenario) -> list[tuple[float, float, float, float]]:
-    lines = [TREE_TOP_LINE - i * pitch(scenario) for i in range(scenario.rows + 1)]
-    return [(x, y, TRUNK / 2, TRUNK / 2) for y in lines for x in sorted(TREES_X + POSTS_X)]
-
-
-def _inside(scenario: Scenario) -> Rect:
-    half = FENCE_THICKNESS / 2
-    return Rect(-X_MAX + half, bottom(scenario) + half, X_MAX - half, TOP - half)
-
-
-def _rows_area(scenario: Scenario) -> Rect:
-    last_line = TREE_TOP_LINE - scenario.rows * pitch(scenario)
-    return Rect(ROW_WEST, last_line, ROW_EAST, TREE_TOP_LINE)
+def _trunks_and_posts(layout: Layout) -> list[tuple[float, float, float, float]]:
+    return [(x, y, TRUNK / 2, TRUNK / 2) for y in layout.tree_lines for x in sorted(TREES_X + POSTS_X)]
 
 
 def rows_to_pickers(scenario: Scenario) -> dict[str, tuple[int, ...]]:
@@ -142,7 +116,7 @@ def rows_to_pickers(scenario: Scenario) -> dict[str, tuple[int, ...]]:
     """
     if scenario.rows_to_pickers == MANUAL:
         return manual_rows(scenario)
-    key, path, wanted = "rows_to_pickers", scenario.rows_to_pickers, "a function of the scenario that returns {picker: rows}"
+    key, path = "rows_to_pickers", scenario.rows_to_pickers
     rule = load_plugin(key, path)
     try:
         blocks = {name: tuple(int(row) for row in rule(scenario)[name]) for name in _pickers(scenario)}
@@ -151,7 +125,7 @@ def rows_to_pickers(scenario: Scenario) -> dict[str, tuple[int, ...]]:
         if any(rows != tuple(range(rows[0], rows[-1] + 1)) for rows in blocks.values()):
             raise ValueError(f"{blocks}: the rows of a picker must be neighbours, in their order from north to south")
     except MISTAKES as error:
-        raise unusable(key, path, error, wanted) from error
+        raise unusable(key, path, error, "a function of the scenario that returns {picker: rows}") from error
     return blocks
 
 
@@ -172,22 +146,12 @@ def queue_place(number: int) -> Pose:
     return Pose(QUEUE_HEAD - place * QUEUE_PITCH, QUEUE_LINES[line], EAST)
 
 
-def _machines(scenario: Scenario, lanes: tuple[Lane, ...], blocks: dict[str, tuple[int, ...]]) -> list[Start]:
-    robots = [("picker", name, Pose(ROW_WEST, lanes[rows[0] - 1].y, EAST)) for name, rows in blocks.items()]
-    robots += [("carrier", name_of("carrier", i + 1), queue_place(i)) for i in range(scenario.carrier_count)]
+def _machines(layout: Layout) -> list[Start]:
+    robots = [("picker", name, Pose(ROW_WEST, layout.lane(rows[0]).y, EAST)) for name, rows in layout.blocks.items()]
+    robots += [("carrier", name_of("carrier", i + 1), queue_place(i)) for i in range(layout.scenario.carrier_count)]
     starts = []
     for number, (kind, name, pose) in enumerate(robots, start=1):
         bin_name = name_of("bin", number)
         starts.append(Start(name, kind, pose, bin_name))
         starts.append(Start(bin_name, "bin", Pose(pose.x - KINDS[kind].tows, pose.y, EAST)))
-    if scenario.tractor:
-        starts.append(Start(name_of("tractor", 1), "tractor", Pose(-45.0, 29.0, EAST)))
-    return starts
-
-
-def _in_moving_order(starts: list[Start]) -> tuple[Start, ...]:
-    def rank(start: Start) -> tuple[int, str]:
-        kind = KINDS[start.kind]
-        return (0 if kind.robot else 1 if kind.solid else 2), start.name
-
-    return tuple(sorted(starts, key=rank))
+    return starts + ([Start(name_of("tractor", 1), "tractor", Pose(-45.0, 29.0, EAST))] if layout.scenario.tractor else [])

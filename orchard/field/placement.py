@@ -1,10 +1,9 @@
 """The start poses of people, animals and weeds: the given place if it is free, else the nearest free place.
 
-A place is free if the circle around the body's box is clear of all obstacles, so the body fits at any yaw. Poses are
-computed with + - * / and sqrt only, because they are hashed and must have the same bits on every machine. Metres.
+A place is free if the circle around the body's box is clear of all obstacles, so the body fits at any yaw. Poses are hashed: they need
+the same bits on every machine. Metres.
 """
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -43,61 +42,44 @@ class Start:
     bin: str = ""
 
 
-class Placement:
-    """Places people, animals and weeds one by one, each clear of all bodies before it.
+def guests(scenario: Scenario, machines: list[Start], walls: np.ndarray, inside: Rect, rows: Rect, keep_off: Rect) -> list[Start]:
+    """Return the starts of all people, animals and weeds, each clear of all before it; the same seed gives the same starts.
 
-    `walls`: (n, 4), m: x, y, half length along x, half width along y of each fixed obstacle. `inside`: the ground between the fences.
-    `rows`: the ground between the first and the last tree line, where no person is placed. `keep_off`: no person or animal is placed there.
+    `machines`: the robots, which must face east. `walls`: (n, 4), m: x, y, half length along x, half width along y of each fixed obstacle.
+    `inside`: the ground between the fences. `rows`: the ground between the first and the last tree line, where no person is placed.
+    `keep_off`: no person or animal is placed there. Raises ValueError if no free place is left.
     """
-
-    def __init__(self, walls: np.ndarray, inside: Rect, rows: Rect, keep_off: Iterable[Rect] = ()) -> None:
-        self.walls, self.inside, self.rows, self.keep_off = walls, inside, rows, tuple(keep_off)
-
-    def guests(self, scenario: Scenario, machines: list[Start]) -> list[Start]:
-        """Return the starts of all people, animals and weeds; the same seed gives the same starts.
-
-        `machines`: the robots, which must face east. Raises ValueError if no free place is left.
-        """
-        solid = [(*wall, CLEAR) for wall in self.walls.tolist()] + [_box(machine) for machine in machines]
-        areas = [_area(rect) for rect in (*self.keep_off, TRACK, *_ways(machines))]
-        grounds = {kind: _Ground(self.inside, _radius(kind), solid + areas) for kind in ANIMALS}
-        grounds |= {kind: _Ground(self.inside, _radius(kind), [*solid, *areas, _area(self.rows)]) for kind in PEOPLE}
-        starts = []
-        for kind, number in _in_order(scenario):
-            start = _start(grounds[kind], self.inside, scenario.seed, kind, number)
-            starts.append(start)
-            for ground in grounds.values():
-                ground.take((start.pose.x, start.pose.y, 0.0, 0.0, _radius(kind) + CLEAR))
-        return starts + self._weeds(scenario, solid)
-
-    def _weeds(self, scenario: Scenario, solid: list[Obstacle]) -> list[Start]:
-        """Odd numbers above the rows, even numbers below. Weeds are not solid: people and animals may stand on them."""
-        above = Rect(self.inside.west, self.rows.north, self.inside.east, self.inside.north)
-        below = Rect(self.inside.west, self.inside.south, self.inside.east, self.rows.south)
-        grounds = [_Ground(strip, _radius("weed"), solid) for strip in (above, below)]
-        starts = []
-        for number in range(1, scenario.weeds + 1):
-            ground = grounds[(number - 1) % 2]
-            start = _start(ground, ground.within, scenario.seed, "weed", number)
-            starts.append(start)
-            ground.take((start.pose.x, start.pose.y, 0.0, 0.0, _radius("weed") + CLEAR))
-        return starts
+    boxes = [(machine.pose, KINDS[machine.kind]) for machine in machines]
+    solid = [(*wall, CLEAR) for wall in walls.tolist()] + [(at.x, at.y, kind.length / 2, kind.width / 2, CLEAR) for at, kind in boxes]
+    shared = solid + [_area(rect) for rect in (keep_off, TRACK, *_ways(machines))]
+    grounds = {kind: _Ground(inside, kind, shared) for kind in ANIMALS}
+    grounds |= {kind: _Ground(inside, kind, [*shared, _area(rows)]) for kind in PEOPLE}
+    crowd = [_place(scenario.seed, kind, number, grounds[kind], grounds.values()) for kind, number in _in_order(scenario)]
+    # weeds: odd numbers above the rows, even numbers below; they are not solid, and people and animals may stand on them
+    strips = Rect(inside.west, rows.north, inside.east, inside.north), Rect(inside.west, inside.south, inside.east, rows.south)
+    beds = [_Ground(strip, "weed", solid) for strip in strips]
+    return crowd + [_place(scenario.seed, "weed", i + 1, beds[i % 2], [beds[i % 2]]) for i in range(scenario.weeds)]
 
 
 class _Ground:
-    """The free places for bodies of one radius: within a rectangle, clear of all obstacles."""
+    """The free places for bodies of one kind: within a rectangle, clear of all obstacles."""
 
-    def __init__(self, within: Rect, radius: float, obstacles: list[Obstacle]) -> None:
-        self.within, self.radius = within, radius
-        self.obstacles = list(obstacles)
+    def __init__(self, within: Rect, kind: str, obstacles: list[Obstacle]) -> None:
+        self.within, self.radius = within, KINDS[kind].radius
         self.xs, self.ys = _steps(within.west, within.east), _steps(within.south, within.north)
         self.open = np.ones((len(self.ys), len(self.xs)), dtype=bool)  # the free grid points
+        self.obstacles: list[Obstacle] = []
         for obstacle in obstacles:
-            self._close(obstacle)
+            self.take(obstacle)
 
     def take(self, obstacle: Obstacle) -> None:
         self.obstacles.append(obstacle)
-        self._close(obstacle)
+        x, y, half_x, half_y, gap = obstacle
+        reach = gap + self.radius
+        columns = slice(*np.searchsorted(self.xs, (x - half_x - reach, x + half_x + reach)))
+        rows = slice(*np.searchsorted(self.ys, (y - half_y - reach, y + half_y + reach)))
+        beside = np.abs(self.xs[columns] - x)[None, :] - half_x, np.abs(self.ys[rows] - y)[:, None] - half_y
+        self.open[rows, columns] &= _squared(*beside) >= reach * reach
 
     def free(self, x: float, y: float) -> bool:
         if not self.within.contains(x, y):
@@ -113,20 +95,14 @@ class _Ground:
             raise ValueError("the orchard is full: no free place is left")
         return float(self.xs[column]), float(self.ys[row])
 
-    def _close(self, obstacle: Obstacle) -> None:
-        x, y, half_x, half_y, gap = obstacle
-        reach = gap + self.radius
-        columns = slice(*np.searchsorted(self.xs, (x - half_x - reach, x + half_x + reach)))
-        rows = slice(*np.searchsorted(self.ys, (y - half_y - reach, y + half_y + reach)))
-        beside = np.abs(self.xs[columns] - x)[None, :] - half_x, np.abs(self.ys[rows] - y)[:, None] - half_y
-        self.open[rows, columns] &= _squared(*beside) >= reach * reach
 
-
-def _start(ground: _Ground, area: Rect, seed: int, kind: str, number: int) -> Start:
+def _place(seed: int, kind: str, number: int, ground: _Ground, shared: Iterable[_Ground]) -> Start:
+    """Place a body on its ground, and take its place from all grounds that share it."""
     name = name_of(kind, number)
-    given = GIVEN[kind][number - 1 : number]
-    places = given or tuple(_random_places(area, seed, name))
+    places = GIVEN[kind][number - 1 : number] or tuple(_random_places(ground.within, seed, name))
     x, y = next((place for place in places if ground.free(*place)), None) or ground.nearest(*places[0])
+    for each in shared:
+        each.take((x, y, 0.0, 0.0, KINDS[kind].radius + CLEAR))
     return Start(name, kind, Pose(x, y, _yaw(seed, name, kind)))
 
 
@@ -150,17 +126,6 @@ def _in_order(scenario: Scenario) -> list[tuple[str, int]]:
     counts = {"worker": people.workers, "visitor": people.visitors, "dog": animals.dogs, "cat": animals.cats}
     guests = [(kind, number) for kind, count in counts.items() for number in range(1, count + 1)]
     return sorted(guests, key=lambda guest: guest[1] > len(GIVEN[guest[0]]))
-
-
-def _radius(kind: str) -> float:
-    """The radius of the circle around a body's box."""
-    length, width = KINDS[kind].length, KINDS[kind].width
-    return 0.5 * math.sqrt(length * length + width * width)
-
-
-def _box(machine: Start) -> Obstacle:
-    kind = KINDS[machine.kind]
-    return machine.pose.x, machine.pose.y, kind.length / 2, kind.width / 2, CLEAR
 
 
 def _ways(machines: list[Start]) -> list[Rect]:

@@ -9,6 +9,7 @@ from typing import Any
 from orchard.field.problems import Problem, ScenarioError
 
 MISTAKES = (Exception, SystemExit)  # raised by a user's code; its sys.exit() must not end other agents or the run
+_PACKAGE = __file__.removesuffix("field/plugins.py")
 
 
 def load_plugin(key: str, path: str) -> Any:
@@ -46,7 +47,8 @@ def place_of_error(error: BaseException) -> str:
     """Return the place in the user's files where an error was raised, as ' (FILE, line N)'; '' if it was raised elsewhere."""
     if isinstance(error, SyntaxError):
         return f" ({error.filename}, line {error.lineno})"
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not _is_ours(frame.filename)]
+    files = traceback.extract_tb(error.__traceback__)
+    frames = [frame for frame in files if "importlib" not in frame.filename and not frame.filename.startswith(_PACKAGE)]
     return f" ({frames[-1].filename}, line {frames[-1].lineno})" if frames else ""
 
 
@@ -56,10 +58,3 @@ def place_of_class(class_: type) -> str:
         return f" ({inspect.getsourcefile(class_)}, line {inspect.getsourcelines(class_)[1]})"
     except (OSError, TypeError):
         return ""
-
-
-def _is_ours(file: str) -> bool:
-    return "importlib" in file or file.startswith(_PACKAGE)
-
-
-_PACKAGE = __file__.removesuffix("field/plugins.py")

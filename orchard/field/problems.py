@@ -13,6 +13,15 @@ MOST_TOLD = 50  # problems in the text of a ScenarioError
 
 Lines = dict[tuple[str, ...], int]  # path in the file -> its line, from 1
 
+_CLASSES = {  # what each map of names and classes must be
+    "agents": f"a map of kinds ({', '.join(KINDS)}) or names and the classes that drive them: {{picker: my_package.MyPicker}}",
+    "agents_without_body": "a map of new names and the classes that drive them: {weather: my_package.Weather}",
+}
+_NOT_A_NAME = {  # what is wrong with a key of it
+    "agents": f"not a kind ({', '.join(KINDS)}) and not a name such as picker_01",
+    "agents_without_body": "not a name: small letters, digits and _, beginning with a letter",
+}
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -41,27 +50,21 @@ class ScenarioError(Exception):
 
 def problem_of(error: dict[str, Any], model: type[BaseModel], source: str, lines: Lines) -> Problem:
     """Convert a pydantic error about values of `model`; `lines` gives the line of each key."""
-    loc, value = error["loc"], show(error["input"])
+    loc, line = error["loc"], lines.get(error["loc"], 0)
     if error["type"] == "rule":
         fields = [(*loc, field) for field in error["ctx"]["fields"]]
         line = max(lines.get(field, 0) for field in fields)
         return Problem(source, error["msg"], ", ".join(map(dotted, fields)), ", ".join(map(str, error["ctx"]["values"])), line)
-    if error["of_key"] and loc[0] == "agents_without_body":
-        return Problem(source, "not a name: small letters, digits and _, beginning with a letter", dotted(loc), "", lines.get(loc, 0))
     if error["of_key"]:
-        return Problem(source, f"not a kind ({', '.join(KINDS)}) and not a name such as picker_01", dotted(loc), "", lines.get(loc, 0))
+        return Problem(source, _NOT_A_NAME[loc[0]], dotted(loc), "", line)
     text = _unknown(loc, model) if error["type"] == "extra_forbidden" else f"must be {_wanted(loc, model)}"
-    return Problem(source, text, dotted(loc), value, lines.get(loc, 0))
+    return Problem(source, text, dotted(loc), show(error["input"]), line)
 
 
 def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
     """The allowed values of a field: 'a number from 5.0 to 12.0 (width of a row between its trees, m)'."""
-    if path[0] in ("agents", "agents_without_body") and len(path) > 1:
-        return "the class that drives it, such as my_package.MyPicker"
-    if path[0] == "agents_without_body":
-        return "a map of new names and the classes that drive them: {weather: my_package.Weather}"
-    if path[0] == "agents":
-        return f"a map of kinds ({', '.join(KINDS)}) or names and the classes that drive them: {{picker: my_package.MyPicker}}"
+    if path[0] in _CLASSES:
+        return _CLASSES[path[0]] if len(path) == 1 else "the class that drives it, such as my_package.MyPicker"
     field = _keys(path[:-1], model)[path[-1]]
     if section := _section(field):
         return f"a map with some of the keys {', '.join(section.model_fields)}"

@@ -49,16 +49,10 @@ def sin_cos(angle: float) -> tuple[float, float]:
     """Return the sine and cosine of an angle in radians. The reduction to a quadrant is exact up to some thousand turns."""
     quarters = math.floor(angle / QUARTER + 0.5)
     rest = (angle - quarters * _QUARTER_HIGH) - quarters * _QUARTER_LOW
-    s = sine_series(rest)
-    c = cosine_series(rest)
-    turn = quarters % 4
-    if turn == 0:
-        return s, c
-    if turn == 1:
-        return c, -s
-    if turn == 2:
-        return -s, -c
-    return -c, s
+    s, c = sine_series(rest), cosine_series(rest)
+    if quarters % 2:
+        s, c = c, -s
+    return (-s, -c) if quarters % 4 >= 2 else (s, c)
 
 
 def arctan_unit(t: float) -> float:
@@ -77,8 +71,7 @@ def atan2(y: float, x: float) -> float:
     if ax == 0.0 and ay == 0.0:
         return 0.0
     angle = arctan_unit(ay / ax) if ay <= ax else QUARTER - arctan_unit(ax / ay)
-    if x < 0.0:
-        angle = PI - angle
+    angle = PI - angle if x < 0.0 else angle
     return -angle if y < 0.0 else angle
 
 

@@ -1,13 +1,10 @@
-"""The scenario: what a user can set, with its limits, and how it is read. Only this module uses YAML.
-
-`load(path)` returns a `Scenario`, or raises a `ScenarioError` that names all problems at once. `make docs` writes its JSON schema, with
-which an editor completes and checks a scenario file while a user types.
-"""
+"""The scenario: what a user can set, with its limits, and how it is read. Only this module uses YAML."""
 
 import json
 import math
 import re
 from collections.abc import Mapping
+from functools import reduce
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -40,28 +37,26 @@ class _Section(BaseModel):
             raise PydanticCustomError("rule", text, {"fields": fields, "values": [getattr(self, field) for field in fields]})
 
 
-class People(_Section):
+class _Guests(_Section):
+    @model_validator(mode="after")
+    def _not_too_many(self) -> "_Guests":
+        counts = self.model_dump()
+        self._demand(sum(counts.values()) <= MOST_GUESTS, f"must be at most {MOST_GUESTS} together", *counts)
+        return self
+
+
+class People(_Guests):
     """Workers and visitors: at most 50 together."""
 
     workers: Annotated[int, _count("number of workers, who wear yellow hats")] = 4
     visitors: Annotated[int, _count("number of visitors")] = 3
 
-    @model_validator(mode="after")
-    def _not_too_many(self) -> "People":
-        self._demand(self.workers + self.visitors <= MOST_GUESTS, f"must be at most {MOST_GUESTS} together", "workers", "visitors")
-        return self
 
-
-class Animals(_Section):
+class Animals(_Guests):
     """Dogs and cats: at most 50 together."""
 
     dogs: Annotated[int, _count("number of dogs")] = 2
     cats: Annotated[int, _count("number of cats")] = 1
-
-    @model_validator(mode="after")
-    def _not_too_many(self) -> "Animals":
-        self._demand(self.dogs + self.cats <= MOST_GUESTS, f"must be at most {MOST_GUESTS} together", "dogs", "cats")
-        return self
 
 
 class LaserSettings(_Section):
@@ -115,13 +110,9 @@ class Scenario(_Section):
         return (TRAFFIC, *([] if self.dispatch == NEAREST else [DISPATCH]), *sorted(self.agents_without_body))
 
     @model_validator(mode="after")
-    def _new_names(self) -> "Scenario":
+    def _new_names_and_no_idle_pickers(self) -> "Scenario":
         taken = [name for name in self.agents_without_body if kind_of(name) in (*KINDS, *RESERVED)]
         self._demand(not taken, f"must be names that no other agent has; not {', '.join(taken)}", "agents_without_body")
-        return self
-
-    @model_validator(mode="after")
-    def _no_idle_pickers(self) -> "Scenario":
         self._demand(self.pickers <= self.rows, "must be at most one picker a row", "pickers", "rows")
         return self
 
@@ -146,8 +137,7 @@ def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
     """
     values = scenario.model_dump()
     for path, value in changes.items():
-        *sections, key = path.split(".")
-        _merge(values, _nested([*sections, key], value))
+        _merge(values, reduce(lambda inner, key: {key: inner}, reversed(path.split(".")), value))
     return check(values, "changes")
 
 
@@ -157,7 +147,7 @@ def to_yaml(scenario: Scenario) -> str:
 
 
 def json_schema() -> dict[str, Any]:
-    """Return the JSON schema of a scenario file. It does not contain the rules that compare several fields."""
+    """Return the JSON schema of a scenario file, for editors. It does not contain the rules that compare several fields."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
 
 
@@ -190,19 +180,16 @@ def _plain(values: Any, levels: int = 2) -> Any:
 
 
 def _errors(values: dict[str, Any]) -> list[dict[str, Any]]:
-    """Find all errors.
-
-    Pydantic checks a rule about several fields only if each field is valid. So wrong values are set to their defaults, and the rest is
-    checked again, until every rule has been checked.
-    """
+    """Find all errors. Pydantic checks a rule about several fields only if each field is valid, so wrong values are set to their defaults,
+    and the rest is checked again, until every rule has been checked."""
     found: list[dict[str, Any]] = []
     wrong: set[tuple[str, ...]] = set()
     while errors := _failures(values):
         found += [error for error in errors if not wrong & _fields(error)]
-        if any(error["loc"] == () for error in errors):
+        paths = {error["loc"] for error in errors}
+        if () in paths:
             break
-        wrong |= {error["loc"] for error in errors}
-        values = _without(values, {error["loc"] for error in errors})
+        wrong, values = wrong | paths, _without(values, paths)
     return found
 
 
@@ -221,17 +208,12 @@ def _located(error: Any) -> dict[str, Any]:
 
 
 def _fields(error: dict[str, Any]) -> set[tuple[str, ...]]:
-    """The paths of the fields that an error is about."""
     return {(*error["loc"], field) for field in error["ctx"]["fields"]} if error["type"] == "rule" else {error["loc"]}
 
 
 def _without(values: dict[str, Any], paths: set[tuple[str, ...]], at: tuple[str, ...] = ()) -> dict[str, Any]:
     kept = {key: value for key, value in values.items() if (*at, key) not in paths}
     return {key: _without(value, paths, (*at, key)) if isinstance(value, dict) else value for key, value in kept.items()}
-
-
-def _nested(keys: list[str], value: Any) -> Any:
-    return {keys[0]: _nested(keys[1:], value)} if keys else value
 
 
 def _merge(values: dict[str, Any], changes: dict[str, Any]) -> None:

@@ -39,10 +39,7 @@ class Local:
 
     @classmethod
     def resume(cls, snapshot: Snapshot) -> "Local":
-        """Return the run of a snapshot, which continues at the snapshot's tick. To compare variants, resume the snapshot several times.
-
-        Raises SnapshotError.
-        """
+        """Return the run of a snapshot, which continues at the snapshot's tick, as often as you resume it. Raises SnapshotError."""
         engine = Engine.resume(snapshot)
         local = cls(engine.layout.scenario)
         local.engine, local.post = engine, LocalMail(dict(snapshot.letters))

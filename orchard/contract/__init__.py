@@ -1,4 +1,1 @@
-"""The interface between agents and simulators: observations, mail, actions, events, and the guard that checks actions.
-
-This package contains no behaviour, no physics and no network code.
-"""
+"""The interface between agents and simulators: observations, mail, actions, events, and the guard that checks actions."""

@@ -13,12 +13,14 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from orchard.contract.messages import Answer, Deed, Request
+from orchard.contract.messages import MAX_PAYLOAD, Answer, Deed, Request
 from orchard.field.geometry import STILL, Pose, Twist, yaw_of
 
-State = Literal[
-    "picking", "driving", "waiting", "calling", "handling a bin", "hauling", "unloading", "resting", "stopped", "broken"
-]  # fmt: skip
+State = Literal["picking", "driving", "waiting", "calling", "handling a bin", "hauling", "unloading", "resting", "stopped", "broken"]
+
+# limits for what an agent sends
+MOST_DEEDS = 16  # of one body in one tick
+LARGEST_MEMORY = MAX_PAYLOAD // 32  # bytes: the memories of a session's agents go in one message to a session that takes over
 
 
 class Hitch(NamedTuple):
@@ -60,7 +62,7 @@ class Observation:
 
 
 def without_body(name: str, tick: int) -> Observation:
-    """Return the observation of an agent without a body: only the tick is meaningful."""
+    """Return the observation of an agent without a body."""
     return Observation(name, tick, math.nan, math.nan, (0.0, 1.0), STILL, None)  # type: ignore[arg-type]  # never None for a body
 
 
@@ -135,7 +137,6 @@ class Observations:
     full: Collection[str]  # names of the full bins
 
     def observations(self) -> dict[str, Observation]:
-        """Return the observation of each body, by name."""
         rows = zip(self.names, self.states.tolist(), self.scans, strict=True)
         return {name: self._observation(name, state, scan) for name, state, scan in rows}
 

@@ -6,29 +6,15 @@ from typing import Any, get_args
 
 import msgspec
 
-from orchard.contract.agent import Action, Agent, Mail, Observation, State
+from orchard.contract.agent import LARGEST_MEMORY, MOST_DEEDS, Action, Agent, Mail, Observation, State
 from orchard.contract.mail import written_by
-from orchard.contract.messages import (
-    FASTEST,
-    MAX_PAYLOAD,
-    MOST_DEEDS,
-    AgentMessage,
-    Answer,
-    CustomMessage,
-    Deed,
-    Request,
-    Written,
-    pack,
-    type_of,
-    unpack,
-)
+from orchard.contract.messages import FASTEST, AgentMessage, Answer, CustomMessage, Deed, Request, Written, pack, type_of, unpack
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, kind_of
 from orchard.field.plugins import MISTAKES
 
 log = logging.getLogger("orchard")
 
-LARGEST_MEMORY = MAX_PAYLOAD // 32  # bytes: the memories of a session's agents go in one message to a session that takes over
 STATES = get_args(State)
 
 
@@ -38,8 +24,7 @@ class Guarded:
     def __init__(self, name: str, agent: Agent) -> None:
         self.name = name
         self.Memory = getattr(agent, "Memory", dict)
-        kind = KINDS.get(kind_of(name))
-        self._sideways = kind is None or kind.sideways
+        self._sideways = kind_of(name) not in KINDS or KINDS[kind_of(name)].sideways
         self.packed: bytes | None = None  # its memory as msgpack
         self._agent = agent
         self._messages = {type_of(message): message for message in _own_messages(agent)}
@@ -50,22 +35,18 @@ class Guarded:
         try:
             action = self._agent.tick(observation, self._typed(mail) if self._messages else mail, memory)
             if self._messages:
-                self._untype(action)
+                action.requests = [(to, self._custom(body)) for to, body in action.requests]
+                action.answers = [(heard, self._custom(body)) for heard, body in action.answers]
             _check(action)
             if action.twist.y and not self._sideways:
                 raise ValueError(f"{action.twist}: a {kind_of(self.name)} does not move sideways")
-            self.packed = None if action.memory is None else _packed(action.memory)
+            self.packed = None if action.memory is None else _packed(action.memory, "its memory takes")
         except MISTAKES:
-            self._report(observation.tick)
-            return Action(memory=memory, doing="broken", state="broken")
+            if not self._failed:
+                log.error("%s raised an error at tick %d; it stands.\n%s", self.name, observation.tick, traceback.format_exc(limit=-3))
+            self._failed = True
+            return Broken().tick(observation, mail, memory)
         return action
-
-    def _report(self, tick: int) -> None:
-        if not self._failed:
-            log.error("%s raised an error at tick %d; it stands.\n%s", self.name, tick, traceback.format_exc(limit=-3))
-        self._failed = True
-
-    # -- messages of the agent's own types
 
     def _typed(self, mail: Mail) -> Mail:
         """Convert custom messages to the agent's types. A message that does not fit its type is logged and left out."""
@@ -85,12 +66,8 @@ class Guarded:
             log.warning("%s: message %r from %s does not fit its type: %s", self.name, body.name, sender, error)
             return None
 
-    def _untype(self, action: Action) -> None:
-        """Convert messages of the agent's own types to custom messages."""
-        action.requests = [(to, self._custom(body)) for to, body in action.requests]
-        action.answers = [(heard, self._custom(body)) for heard, body in action.answers]
-
     def _custom(self, body: Any) -> Any:
+        """Convert a message of the agent's own types to a custom message."""
         if type(body) not in self._messages.values():
             return body
         fields = msgspec.to_builtins(body, order="deterministic")
@@ -105,11 +82,11 @@ def _own_messages(agent: Any) -> tuple[type[AgentMessage], ...]:
     return types
 
 
-def _packed(memory: Any) -> bytes:
-    """Encode a memory. Raises ValueError if it is too large, TypeError if it is not plain data."""
-    packed = pack(memory)
+def _packed(data: Any, what: str) -> bytes:
+    """Encode a memory or messages. Raises ValueError if it is too large, TypeError if it is not plain data."""
+    packed = pack(data)
     if len(packed) > LARGEST_MEMORY:
-        raise ValueError(f"its memory takes {len(packed)} bytes; at most {LARGEST_MEMORY}")
+        raise ValueError(f"{what} {len(packed)} bytes; at most {LARGEST_MEMORY}")
     return packed
 
 
@@ -123,7 +100,7 @@ class Broken:
 
 
 def _check(action: Any) -> None:
-    """Check an action. Raises TypeError or ValueError if it is invalid."""
+    """Raise TypeError or ValueError if an action is invalid."""
     if not isinstance(action, Action):
         raise TypeError(f"tick returned {type(action).__name__}; it must return an Action")
     x, y, yaw = map(float, action.twist)
@@ -141,14 +118,12 @@ def _check(action: Any) -> None:
 
 
 def _check_messages(action: Action) -> None:
-    """Check deeds and messages. Raises TypeError or ValueError for any that physics would refuse with all others of the session."""
+    """Raise TypeError or ValueError for deeds and messages that physics would refuse with all others of the session."""
     sent = [(deed, Deed) for deed in action.deeds] + [(body, Request) for _, body in action.requests]
     for message, type_ in [*sent, *((body, Answer) for _, body in action.answers)]:
         if not isinstance(message, type_):
             raise TypeError(f"{message!r} is neither a message of orchard/contract/messages.py nor of a type in the agent's `Messages`")
     if len(action.deeds) > MOST_DEEDS:
         raise ValueError(f"{len(action.deeds)} deeds in one tick; at most {MOST_DEEDS}")
-    packed = pack((action.deeds, written_by(action)))
-    if len(packed) > LARGEST_MEMORY:
-        raise ValueError(f"its deeds and messages take {len(packed)} bytes; at most {LARGEST_MEMORY}")
+    packed = _packed((action.deeds, written_by(action)), "its deeds and messages take")
     unpack(packed, tuple[list[Deed], Written | None])

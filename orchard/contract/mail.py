@@ -32,10 +32,7 @@ def written_by(action: Action) -> Written | None:
 
 
 class LocalMail:
-    """Carries mail within one process, as the bus does between processes.
-
-    It keeps only the letters of the last two ticks. The mail of the next tick follows from them.
-    """
+    """Carries mail within one process, as the bus does between processes. It keeps only the letters of the last two ticks."""
 
     def __init__(self, written: dict[int, dict[str, Written]] | None = None) -> None:
         self.written = written or {}  # tick -> sender -> its letters
@@ -43,18 +40,17 @@ class LocalMail:
     def collect(self, sender: str, tick: int, action: Action) -> None:
         """Keep the letters of an agent's action at a tick."""
         if (written := written_by(action)) is not None:
-            self.keep(sender, tick, written)
-
-    def keep(self, sender: str, tick: int, written: Written) -> None:
-        """Keep letters of a sender at a tick."""
-        self.written.setdefault(tick, {})[sender] = written
+            self.written.setdefault(tick, {})[sender] = written
 
     def deliver(self, tick: int) -> dict[str, Mail]:
         """Return the mail of all agents at a tick, by name. Agents without mail are absent."""
         self.written = {at: letters for at, letters in self.written.items() if at >= tick - 2}
         mail: dict[str, Mail] = {}
-        for recipient, requests in self._requests(tick - 1).items():
-            mail[recipient] = Mail(requests=in_hearing_order(requests))
+        for sender, letters in self.written.get(tick - 1, {}).items():
+            for number, (to, request) in enumerate(letters.requests):
+                mail.setdefault(to, Mail()).requests.append(Heard(sender, tick - 1, number, request))
+        for heard_by_one in mail.values():
+            heard_by_one.requests = in_hearing_order(heard_by_one.requests)
         answered = self._answers(tick - 1)
         for sender, letters in self.written.get(tick - 2, {}).items():
             if letters.requests:
@@ -68,11 +64,3 @@ class LocalMail:
         """(agent that answers, agent that asked, tick, number) -> answer. With the first, no agent can answer in another's place."""
         written = self.written.get(tick, {}).items()
         return {(name, to, at, number): body for name, letters in written for to, at, number, body in letters.answers}
-
-    def _requests(self, tick: int) -> dict[str, list[Heard]]:
-        """Recipient -> the requests that were sent to it at a tick."""
-        asked: dict[str, list[Heard]] = {}
-        for sender, letters in self.written.get(tick, {}).items():
-            for number, (to, request) in enumerate(letters.requests):
-                asked.setdefault(to, []).append(Heard(sender, tick, number, request))
-        return asked

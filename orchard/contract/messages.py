@@ -7,10 +7,8 @@ import msgspec
 from msgspec import Meta
 from msgspec.msgpack import Decoder, Encoder
 
-# limits for what an agent sends
 MAX_PAYLOAD = 1 << 20  # bytes of one message
 FASTEST = 100.0  # m/s and rad/s, of any velocity
-MOST_DEEDS = 16  # of one body in one tick
 LAST_TICK = 2**36 - 1  # 217 years: its time in nanoseconds fits in 64 bits
 
 Tick = Annotated[int, Meta(ge=0, le=LAST_TICK, description="number of the time step, 0.1 s each, from 0")]
@@ -220,10 +218,7 @@ def pack(message: Any) -> bytes:
 
 
 def unpack(data: bytes, type_: Any) -> Any:
-    """Decode msgpack bytes and check the data against a type.
-
-    Raises ValueError (of which msgspec's errors are subclasses); the text names the fault and its place in the message.
-    """
+    """Decode msgpack bytes and check the data against a type. Raises ValueError, with the fault and its place in the message."""
     try:
         return _decoder(type_).decode(data)
     except RecursionError as error:

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from orchard.contract.agent import Action
-from orchard.contract.messages import MOST_DEEDS, Written
+from orchard.contract.agent import MOST_DEEDS, Action
+from orchard.contract.messages import Written
 from orchard.field.geometry import STILL
 from orchard.net.refusals import HOLDER_ERRORS, Refused, refuse_other_tick
 from orchard.net.roster import Roster

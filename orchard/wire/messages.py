@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 from msgspec import Meta
 
-from orchard.contract.agent import State
+from orchard.contract.agent import MOST_DEEDS, State
 from orchard.contract.events import Event
-from orchard.contract.messages import MOST_DEEDS, Answer, Deed, Metres, Request, Text, Tick, Written
+from orchard.contract.messages import Answer, Deed, Metres, Request, Text, Tick, Written
 from orchard.wire.types import (
     MOST_BODIES,
     Body,

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from orchard.field import placement
 from orchard.field.geometry import HEADINGS, Pose
 from orchard.field.kinds import ANIMALS, KINDS, PEOPLE, kind_of, name_of
-from orchard.field.layout import BAY, DRIVEWAY, QUEUE, ROW_EAST, ROW_WEST, Layout, Start, bottom, lay_out
+from orchard.field.layout import BAY, DRIVEWAY, QUEUE, ROW_EAST, ROW_WEST, Layout, Start, lay_out
 from orchard.field.scenario import Animals, People, Scenario
 
 BIGGEST = Scenario(
@@ -259,7 +259,7 @@ def test_the_given_places_are_kept_for_those_they_are_given_to() -> None:
 @given(rows=st.integers(3, 20), width=st.floats(5.0, 12.0))
 def test_the_field_is_as_high_as_the_manual_says(rows: int, width: float) -> None:
     height = width * rows + 0.5 * (rows + 1) + 41.0
-    assert bottom(Scenario(rows=rows, row_width=width)) == pytest.approx(34.0 - height)
+    assert lay_out(Scenario(rows=rows, row_width=width)).bottom == pytest.approx(34.0 - height)
 
 
 @pytest.mark.parametrize(("rows", "width"), [(3, 5.0), (5, 5.0), (20, 12.0), (7, 6.4)])

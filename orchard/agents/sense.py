@@ -10,13 +10,13 @@ only after the time that this one needs to come near.
 import math
 from collections.abc import Mapping
 from functools import cache, lru_cache
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
-from orchard.contract.agent import Hitch, Observation
+from orchard.contract.agent import Observation
 from orchard.field import repeatable
-from orchard.field.geometry import Pose, to_frame
+from orchard.field.geometry import Pose, from_frame, to_frame
 from orchard.field.kinds import ANIMALS, AROUND, KINDS, PEOPLE, Kind, Laser, kind_of
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
@@ -26,7 +26,6 @@ SIDE_MARGIN = 0.2  # m by which the corridor ahead is wider on either side
 TURN_MARGIN = 0.05  # m around the area that a turn sweeps
 _SWEEP_STEP = repeatable.PI / 48  # rad between the poses at which a turn is checked
 _BIN_HALF = KINDS["bin"].length / 2
-_CORRIDORS = 64  # in the cache: there are only a few, one for each width and each distance
 
 
 class Box(NamedTuple):
@@ -45,7 +44,7 @@ def beams(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
     return np.array([c for _, c in pairs]), np.array([s for s, _ in pairs])
 
 
-@lru_cache(maxsize=_CORRIDORS)
+@lru_cache(maxsize=64)  # there are only a few, one for each width and each distance
 def corridor(half_width: float, ahead: float) -> np.ndarray:
     """Return the range of each forward beam, (180,), m, below which it ends in a corridor from the front edge to `ahead` metres."""
     cosines, sines = beams(KINDS["picker"].laser)
@@ -65,10 +64,7 @@ def something_ahead(seen: Observation, blind_to: list[Box]) -> bool:
     inside = seen.scan < corridor(corridor_half_width(kind, seen.hitch is not None), STOP_DISTANCE)
     if not np.count_nonzero(inside):
         return False
-    if not blind_to:
-        return True
-    points = _returns(seen.scan, kind.laser, inside)
-    return bool(len(_not_on(points, seen.pose, blind_to)))
+    return not blind_to or len(_not_on(_returns(seen.scan, kind.laser, inside), seen.pose, blind_to)) > 0
 
 
 def turn_is_free(seen: Observation, turn: float, blind_to: list[Box]) -> bool:
@@ -77,9 +73,7 @@ def turn_is_free(seen: Observation, turn: float, blind_to: list[Box]) -> bool:
     boxes = [(0.0, kind.length / 2, kind.width / 2)]
     if seen.hitch is not None and kind.tows:
         boxes.append((-kind.tows, _BIN_HALF, _BIN_HALF))
-    points = _points_around(seen, kind, max(-x + half for x, half, _ in boxes) + 1.0)
-    if blind_to:
-        points = _not_on(points, seen.pose, blind_to)
+    points = _not_on(_points_around(seen, kind, max(-x + half for x, half, _ in boxes) + 1.0), seen.pose, blind_to)
     return not len(points) or not _swept(points, boxes, turn)
 
 
@@ -89,10 +83,9 @@ def _swept(points: np.ndarray, boxes: list[tuple[float, float, float]], turn: fl
     turned = np.array([repeatable.sin_cos(turn * i / steps) for i in range(steps + 1)])
     s, c = turned[:, :1], turned[:, 1:]  # a row for each step, a column for each point
     ahead, left = c * points[:, 0] + s * points[:, 1], np.abs(c * points[:, 1] - s * points[:, 0])
-    for x, half_length, half_width in boxes:
-        if ((np.abs(ahead - x) < half_length + TURN_MARGIN) & (left < half_width + TURN_MARGIN)).any():
-            return True
-    return False
+    return any(
+        ((np.abs(ahead - x) < half_length + TURN_MARGIN) & (left < half_width + TURN_MARGIN)).any() for x, half_length, half_width in boxes
+    )
 
 
 def _points_around(seen: Observation, kind: Kind, radius: float) -> np.ndarray:
@@ -100,18 +93,11 @@ def _points_around(seen: Observation, kind: Kind, radius: float) -> np.ndarray:
     own = _returns(seen.scan, kind.laser, seen.scan < radius)
     if seen.hitch is None or seen.hitch.scan is None:
         return own
-    return np.concatenate([own, _behind(seen, seen.hitch, kind, radius)])
-
-
-def _behind(seen: Observation, hitch: Hitch, kind: Kind, radius: float) -> np.ndarray:
-    scan = cast(np.ndarray, hitch.scan)
-    points = _returns(scan, AROUND, scan < radius)
-    pose, bin_pose = seen.pose, hitch.pose
-    x, y = to_frame(pose, bin_pose.x, bin_pose.y)
-    s, c = repeatable.sin_cos(bin_pose.yaw - pose.yaw)
-    ahead, left = x + c * points[:, 0] - s * points[:, 1], y + s * points[:, 0] + c * points[:, 1]
+    scan, bin_pose = seen.hitch.scan, seen.hitch.pose
+    bin_in_frame = Pose(*to_frame(seen.pose, bin_pose.x, bin_pose.y), bin_pose.yaw - seen.pose.yaw)
+    ahead, left = from_frame(bin_in_frame, *_returns(scan, AROUND, scan < radius).T)
     other = (np.abs(ahead) > kind.length / 2 + 0.1) | (np.abs(left) > kind.width / 2 + 0.1)
-    return np.stack([ahead[other], left[other]], axis=1)
+    return np.concatenate([own, np.stack([ahead[other], left[other]], axis=1)])
 
 
 def _returns(scan: np.ndarray, laser: Laser, chosen: np.ndarray) -> np.ndarray:
@@ -122,9 +108,7 @@ def _returns(scan: np.ndarray, laser: Laser, chosen: np.ndarray) -> np.ndarray:
 
 
 def _not_on(points: np.ndarray, pose: Pose, boxes: list[Box]) -> np.ndarray:
-    """The points that lie on none of the boxes."""
-    s, c = repeatable.sin_cos(pose.yaw)
-    x, y = pose.x + c * points[:, 0] - s * points[:, 1], pose.y + s * points[:, 0] + c * points[:, 1]
+    x, y = from_frame(pose, *points.T)
     keep = np.ones(len(points), dtype=bool)
     for box in boxes:
         keep &= (np.abs(x - box.x) > box.half_x + 0.1) | (np.abs(y - box.y) > box.half_y + 0.1)
@@ -134,11 +118,9 @@ def _not_on(points: np.ndarray, pose: Pose, boxes: list[Box]) -> np.ndarray:
 def nearest_in_path(seen: Observation, reach: float) -> float:
     """Return the distance ahead to the nearest return in a walker's path, m, up to a reach; infinity if the path is free."""
     kind = KINDS[kind_of(seen.name)]
-    if not np.count_nonzero(seen.scan < reach):
-        return float("inf")
     chosen = seen.scan < corridor(kind.width / 2 + SIDE_MARGIN, reach)
-    if not np.count_nonzero(chosen):
-        return float("inf")
+    if not np.count_nonzero(seen.scan < reach) or not np.count_nonzero(chosen):
+        return math.inf
     cosines, _ = beams(kind.laser)
     return float((seen.scan[chosen] * cosines[chosen]).min())
 
@@ -152,9 +134,7 @@ def free_directions(seen: Observation, reach: float, count: int = 13) -> list[fl
 
 
 def _in_path(points: np.ndarray, angle: float, half_width: float, reach: float) -> bool:
-    """Whether any point lies in the path from the origin in a direction."""
-    s, c = repeatable.sin_cos(angle)
-    ahead, left = c * points[:, 0] + s * points[:, 1], c * points[:, 1] - s * points[:, 0]
+    ahead, left = to_frame(Pose(0.0, 0.0, angle), *points.T)
     return bool(((ahead > 0.0) & (ahead < reach) & (np.abs(left) < half_width)).any())
 
 
@@ -187,22 +167,18 @@ class Sighting(NamedTuple):
 
 
 def bystanders_of(layout: Layout) -> tuple[Bystander, ...]:
-    """Return all people and animals of an orchard."""
-    return tuple(Bystander(s.name, KINDS[s.kind].speed, _radius(KINDS[s.kind])) for s in layout.starts if s.kind in PEOPLE + ANIMALS)
-
-
-def _radius(kind: Kind) -> float:
-    return 0.5 * math.sqrt(kind.length * kind.length + kind.width * kind.width)
+    return tuple(Bystander(s.name, KINDS[s.kind].speed, KINDS[s.kind].radius) for s in layout.starts if s.kind in PEOPLE + ANIMALS)
 
 
 def sweep_radius(kind: Kind, towing: bool) -> float:
     """Return the distance from a robot's centre to the furthest corner of the robot, or of its bin, m."""
-    half = KINDS["bin"].length / 2
-    return math.sqrt((kind.tows + half) ** 2 + half * half) if towing else _radius(kind)
+    return math.sqrt((kind.tows + _BIN_HALF) ** 2 + _BIN_HALF * _BIN_HALF) if towing else kind.radius
 
 
-def time_to_reach(bystander: Bystander, sighting: Sighting, tick: int, x: float, y: float, radius: float) -> float:
+def time_to_reach(bystander: Bystander, sighting: Sighting | None, tick: int, x: float, y: float, radius: float) -> float:
     """Return the time until a bystander may touch a circle, s from now; negative if it may touch the circle already."""
+    if sighting is None:
+        return -math.inf
     if math.isinf(sighting.x):
         return math.inf if tick - sighting.tick < SILENT_TICKS else -math.inf
     dx, dy = sighting.x - x, sighting.y - y
@@ -214,12 +190,5 @@ def doubts(
     bystanders: tuple[Bystander, ...], sighted: Mapping[str, Sighting], tick: int, x: float, y: float, radius: float
 ) -> tuple[list[str], list[str]]:
     """Return the names of the bystanders that are or may be within a circle now, and of those to ask: now, or soon."""
-    near, to_ask = [], []
-    for bystander in bystanders:
-        name = bystander.name
-        left = time_to_reach(bystander, sighted[name], tick, x, y, radius) if name in sighted else -math.inf
-        if left < TIME_STEP:
-            near.append(name)
-        if left < ASK_AHEAD:
-            to_ask.append(name)
-    return near, to_ask
+    left = {one.name: time_to_reach(one, sighted.get(one.name), tick, x, y, radius) for one in bystanders}
+    return [name for name, time in left.items() if time < TIME_STEP], [name for name, time in left.items() if time < ASK_AHEAD]

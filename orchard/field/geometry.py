@@ -3,7 +3,9 @@
 x east, y north, metres; yaw in radians, 0 faces east, counter-clockwise positive (REP-103).
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
+
+import numpy as np
 
 from orchard.field import repeatable
 
@@ -12,6 +14,7 @@ NORTH = repeatable.QUARTER
 WEST = repeatable.PI
 SOUTH = -repeatable.QUARTER
 HEADINGS = {"EAST": EAST, "NORTH": NORTH, "WEST": WEST, "SOUTH": SOUTH}
+Number = TypeVar("Number", float, np.ndarray)
 
 
 class Pose(NamedTuple):
@@ -55,15 +58,15 @@ def nearest_heading(yaw: float) -> str:
     return min(HEADINGS, key=lambda name: abs(angle_between(yaw, HEADINGS[name])))
 
 
-def to_frame(pose: Pose, x: float, y: float) -> tuple[float, float]:
-    """Convert a point from the orchard's frame to a pose's frame: metres ahead, metres to the left."""
+def to_frame(pose: Pose, x: Number, y: Number) -> tuple[Number, Number]:
+    """Convert a point, or arrays of points, from the orchard's frame to a pose's frame: metres ahead, metres to the left."""
     s, c = repeatable.sin_cos(pose.yaw)
     dx, dy = x - pose.x, y - pose.y
     return c * dx + s * dy, c * dy - s * dx
 
 
-def from_frame(pose: Pose, ahead: float, left: float) -> tuple[float, float]:
-    """Convert a point from a pose's frame, metres ahead and to the left, to the orchard's frame."""
+def from_frame(pose: Pose, ahead: Number, left: Number) -> tuple[Number, Number]:
+    """Convert a point, or arrays of points, from a pose's frame, metres ahead and to the left, to the orchard's frame."""
     s, c = repeatable.sin_cos(pose.yaw)
     return pose.x + c * ahead - s * left, pose.y + s * ahead + c * left
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from orchard.agents import animal, robot, sense, steps, tractor, walker, weed
 from orchard.agents import bin as bin_agent
+from orchard.agents import robot, sense, steps, tractor, walker, weed
 from orchard.agents.route import WEST_SIDE, OneWay
 from orchard.field import layout as field
 from orchard.field import placement
@@ -188,7 +188,7 @@ def _behaviours() -> str:
         ("after a refused step", f"""a robot stands for {_seconds(robot.RECOVERY)}; a person or an animal backs off or turns for
             {_seconds(walker.RECOVERY)}"""),
         ("person", "walks straight on at its full speed, and turns only for what is in its path"),
-        ("animal", f"""every {_seconds(animal.MIND_CHANGES)} a new speed, rate of turn and length of turn (up to 1 s), at random, up to what
+        ("animal", f"""every {_seconds(walker.MIND_CHANGES)} a new speed, rate of turn and length of turn (up to 1 s), at random, up to what
             its kind can do; at most 1 m/s while it turns away from something"""),
         ("turning away (people, animals)", f"""something in the path nearer than {walker.STEER_WITHIN:g} m: steer to the freer side at
             {_of_pi(walker.STEER)} rad/s; nearer than {walker.TURN_WITHIN:g} m: stop and turn left until {2 * walker.TURN_WITHIN:g} m

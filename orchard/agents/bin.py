@@ -60,8 +60,6 @@ class Bin:
             return Yes() if memory.carrier == heard.sender else No("another carrier comes")
         return No("a bin knows nothing of that")
 
-    # -- following
-
     def follow(self, seen: Observation, hitch: Hitch, memory: BinMemory, action: Action) -> None:
         """Move to the place behind the robot where the bin belongs after this tick, if the robot keeps its velocity."""
         action.twist = twist_to(seen.pose, place_behind(hitch, seen.pose.yaw))
@@ -74,8 +72,6 @@ class Bin:
         if memory.carrier:
             memory.carrier, memory.coming, memory.shunned, memory.done = "", False, [], memory.done + 1
 
-    # -- calling
-
     def call(self, seen: Observation, mail: Mail, memory: BinMemory, action: Action) -> None:
         """Call until a carrier is chosen, send for it, and ask it again and again whether it comes."""
         action.doing = f"full, {memory.carrier} comes" if memory.coming else "full, calling"
@@ -84,17 +80,19 @@ class Bin:
         lane, side = self.where(seen.x, seen.y)
         memory.since = seen.tick if memory.since < 0 else memory.since
         self.hear(mail, memory, seen.tick)
-        if not memory.carrier and (carrier := self.chosen(seen, mail, memory, lane, side)):
-            memory.carrier, memory.silent = carrier, 0
-            self.send_for(seen.tick, memory, action, lane, side)
-        elif memory.carrier and seen.tick - memory.asked >= (ASK_AGAIN if memory.coming else CALL_AGAIN):
-            self.send_for(seen.tick, memory, action, lane, side)
-        elif not memory.carrier and seen.tick - memory.asked >= CALL_AGAIN:
-            if self.policy is None:
-                action.requests.append((DISPATCH, FullBin(lane, side, memory.picker, memory.since)))
-            else:
-                action.requests += [(carrier, Call(lane, side)) for carrier in self.carriers]
-            memory.asked = seen.tick
+        chosen = "" if memory.carrier else self.chosen(seen, mail, memory, lane, side)
+        if chosen:
+            memory.carrier, memory.silent = chosen, 0
+        elif seen.tick - memory.asked < (ASK_AGAIN if memory.coming else CALL_AGAIN):
+            return
+        memory.asked = seen.tick
+        if memory.carrier:
+            action.requests.append((memory.carrier, Come(lane, side, memory.picker)))
+            memory.silent += 1
+        elif self.policy is None:
+            action.requests.append((DISPATCH, FullBin(lane, side, memory.picker, memory.since)))
+        else:
+            action.requests += [(carrier, Call(lane, side)) for carrier in self.carriers]
 
     def chosen(self, seen: Observation, mail: Mail, memory: BinMemory, lane: int, side: str) -> str:
         """Return the carrier that the dispatcher names, or that the policy chooses among those that offer to come; '' if there is none.
@@ -109,10 +107,6 @@ class Bin:
         report = BinReport(seen.name, lane, side, memory.picker, memory.since, 0.0)
         assignments = self.policy.assign(seen.tick, [report], willing, self.policy.Memory()) if willing else []
         return assignments[0].carrier if assignments else ""
-
-    def send_for(self, tick: int, memory: BinMemory, action: Action, lane: int, side: str) -> None:
-        action.requests.append((memory.carrier, Come(lane, side, memory.picker)))
-        memory.asked, memory.silent = tick, memory.silent + 1
 
     def hear(self, mail: Mail, memory: BinMemory, tick: int) -> None:
         """Read the answer of the carrier that was sent for. A carrier that refuses, or stays silent, is given up."""
@@ -141,17 +135,11 @@ def place_behind(hitch: Hitch, yaw: float) -> Pose:
 
 
 def moved(pose: Pose, twist: Twist) -> Pose:
-    """Return a pose after one tick of a forward and turning velocity."""
-    turn = twist.yaw * TIME_STEP
-    ahead, left = arc(twist.x * TIME_STEP, 0.0, turn)
-    x, y = from_frame(pose, ahead, left)
-    return Pose(x, y, repeatable.wrap(pose.yaw + turn))
-
-
-def arc(ahead: float, left: float, turn: float) -> tuple[float, float]:
-    """Return the end of a path, m, in the frame at its start: it goes `ahead` and `left` in a frame that turns by `turn` meanwhile."""
+    """Return a pose after one tick of a forward and turning velocity: the end of an arc."""
+    ahead, turn = twist.x * TIME_STEP, twist.yaw * TIME_STEP
     a, b = chord(turn)
-    return a * ahead - b * left, b * ahead + a * left
+    x, y = from_frame(pose, a * ahead, b * ahead)
+    return Pose(x, y, repeatable.wrap(pose.yaw + turn))
 
 
 def chord(turn: float) -> tuple[float, float]:
@@ -163,7 +151,7 @@ def chord(turn: float) -> tuple[float, float]:
 
 
 def twist_to(start: Pose, end: Pose) -> Twist:
-    """Return the velocity that leads from one pose to another in one tick: the inverse of `arc`."""
+    """Return the velocity that leads from one pose to another in one tick: on an arc."""
     turn = angle_between(start.yaw, end.yaw)
     ahead, left = to_frame(start, end.x, end.y)
     if (turn, ahead, left) == (0.0, 0.0, 0.0):

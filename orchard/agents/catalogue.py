@@ -3,21 +3,21 @@
 import logging
 from collections.abc import Callable, Collection
 
-from orchard.agents.animal import Animal
 from orchard.agents.bin import Bin
 from orchard.agents.carrier import Carrier
-from orchard.agents.dispatch import POLICIES, dispatch_of
-from orchard.agents.dispatcher import Dispatcher
-from orchard.agents.person import Person
+from orchard.agents.dispatch import POLICIES, Dispatcher, dispatch_of
 from orchard.agents.picker import Picker
-from orchard.agents.route import ROUTES, check_route
+from orchard.agents.route import EAST_SIDE, ROUTES, route_of
+from orchard.agents.steps import Plan, of_known_steps, with_steps
 from orchard.agents.tractor import Tractor
 from orchard.agents.traffic import Traffic
+from orchard.agents.walker import Animal, Person
 from orchard.agents.weed import Weed
 from orchard.contract.agent import Agent
 from orchard.contract.guard import Broken, Guarded
+from orchard.contract.messages import pack, unpack
 from orchard.field.kinds import DISPATCH, TRAFFIC, kind_of, select_agents
-from orchard.field.layout import Layout
+from orchard.field.layout import QUEUE_HEAD, TOP_ROAD, Layout
 from orchard.field.plugins import MISTAKES, load_plugin, place_of_class, unusable
 from orchard.field.problems import ScenarioError
 
@@ -41,12 +41,8 @@ AGENTS: dict[str, Callable[[Layout, str], Agent]] = {
 def make_agents(layout: Layout, names: Collection[str] | None = None) -> dict[str, Agent]:
     """Make these agents of an orchard, or all. Return them by name, sorted; each is built-in or of the class that the scenario names."""
     own = agent_classes(layout)
-    agents = {
-        name: _make_own(own[name], layout, name) if name in own else _make_ours(layout, name)
-        for name in layout.agents
-        if names is None or name in names
-    }
-    return dict(sorted(agents.items()))
+    wanted = sorted(name for name in layout.agents if names is None or name in names)
+    return {name: _make_own(own[name], layout, name) if name in own else _make_ours(layout, name) for name in wanted}
 
 
 def agent_classes(layout: Layout) -> dict[str, str]:
@@ -64,8 +60,25 @@ def agent_classes(layout: Layout) -> dict[str, str]:
 def check_plugins(layout: Layout) -> None:
     """Check a scenario's plug-ins. Raises ScenarioError or ValueError if a policy or route cannot be used, or an agent is unknown."""
     agent_classes(layout)
-    check_route(layout)
+    _check_route(layout)
     dispatch_of(layout)
+
+
+def _check_route(layout: Layout) -> None:
+    """Make each plan of the route once. Raises ScenarioError where that fails, or a plan has a step that is not in `Steps`."""
+    route, path = route_of(layout), layout.scenario.route
+    if path in ROUTES:
+        return
+    try:
+        unpack(pack(with_steps(Plan, route.Steps)()), with_steps(Plan, route.Steps))
+        for rows in layout.blocks.values():
+            of_known_steps(route.harvest(rows), route.Steps)
+            for count, row in enumerate(rows):
+                of_known_steps(route.fetch(1, row, route.side(count), "picker_01", "bin_01"), route.Steps)
+                of_known_steps(route.crossing(row, row + 1, route.side(count)) if row < layout.scenario.rows else [], route.Steps)
+        route.roads(), route.holds(), route.distance(QUEUE_HEAD, TOP_ROAD, 1, EAST_SIDE)
+    except MISTAKES as error:
+        raise unusable("route", path, error) from error
 
 
 def _make_ours(layout: Layout, name: str) -> Agent:
@@ -77,17 +90,12 @@ def _make_ours(layout: Layout, name: str) -> Agent:
 
 def _make_own(path: str, layout: Layout, name: str) -> Agent:
     """Make an agent of a user's class. If that fails, log the error and return an agent that stands."""
+    key = f"agents.{name}"
     try:
-        agent = load_plugin(f"agents.{name}", path)(layout, name)
+        agent = load_plugin(key, path)(layout, name)
         if not callable(getattr(agent, "tick", None)):
             raise TypeError(f"it has no method tick(observation, mail, memory){place_of_class(type(agent))}")
         return Guarded(name, agent)
-    except ScenarioError as error:
-        return _broken(name, error)
     except MISTAKES as error:
-        return _broken(name, unusable(f"agents.{name}", path, error))
-
-
-def _broken(name: str, error: ScenarioError) -> Agent:
-    log.error("%s stands: %s", name, error)
-    return Guarded(name, Broken())
+        log.error("%s stands: %s", name, error if isinstance(error, ScenarioError) else unusable(key, path, error))
+        return Guarded(name, Broken())

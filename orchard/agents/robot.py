@@ -1,7 +1,6 @@
 """A robot that follows a plan, during one tick: what its steps can sense and command.
 
-The memory of such a robot is its plan, with the present step first. `PlanExecutor` runs a tick: it reads what traffic granted, runs steps
-until one needs time, and finally stops for obstacles, whatever the step commanded.
+`PlanExecutor` reads what traffic granted, runs steps until one needs time, and finally stops for obstacles, whatever the step commanded.
 """
 
 import math
@@ -37,6 +36,13 @@ class RobotMemory(msgspec.Struct):
     asked: dict[str, int] = {}  # question -> tick at which the present step last asked it
 
 
+class Gate(msgspec.Struct, frozen=True):
+    """A point of a drive, by the robot's centre: it needs these places from there on, or it needs them no longer."""
+
+    places: list[str]
+    at: float
+
+
 class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
     """One step of a plan, as data. The class name identifies it in a memory's bytes."""
 
@@ -54,12 +60,8 @@ class PlanExecutor:
         self.pose: Pose = seen.pose
         self.action = Action(memory=memory)
         self.wanting: list[str] = []
-        self._beside = ""
-        self._turn = 0.0
         self._blind_to: list[Box] = []
-        self._queueing = False
-
-    # -- what steps do
+        self._beside, self._turn, self._queueing = "", 0.0, False
 
     def move(self, twist: Twist, blind_to: list[Box], queueing: bool = False) -> None:
         """Drive with this velocity in this tick, unless something is in the way. Returns from the boxes `blind_to` do not count.
@@ -97,8 +99,6 @@ class PlanExecutor:
             self.memory.asked[question] = self.seen.tick
         return answers[0] if answers else None
 
-    # -- places
-
     def holds(self, places: list[str]) -> bool:
         """Whether the robot holds all these places."""
         return all(place in self.memory.held for place in places)
@@ -109,17 +109,13 @@ class PlanExecutor:
 
     def free(self, places: list[str]) -> None:
         """Give places back."""
-        if any(place in self.memory.held for place in places):
-            self.memory.held = [place for place in self.memory.held if place not in places]
+        self.memory.held = [place for place in self.memory.held if place not in places]
 
     def is_alone_in(self, place: str) -> bool:
         """Whether no other robot shares a place. While one does, ask traffic again."""
-        if place in self.memory.alone:
-            return True
-        self.wanting = [place]
-        return False
-
-    # -- how a tick runs
+        if place not in self.memory.alone:
+            self.wanting = [place]
+        return place in self.memory.alone
 
     def follow(self) -> None:
         """Run the plan's steps until one of them needs time."""
@@ -179,7 +175,7 @@ class PlanExecutor:
                 self.memory.sighted[reply.sender] = Sighting(self.seen.tick - 1, *here)
 
     def _near_the_turn(self) -> list[str]:
-        """The people and animals that are, or may be, in what the turn sweeps. Ask those that are, or soon may be."""
+        """The people and animals that are, or may be, in what the turn sweeps. They, and those that soon may be, are asked."""
         radius = sweep_radius(KINDS[kind_of(self.seen.name)], self.seen.hitch is not None)
         near, to_ask = doubts(self._bystanders, self.memory.sighted, self.seen.tick, self.pose.x, self.pose.y, radius)
         self.action.requests += [(name, Where()) for name in to_ask]

@@ -8,42 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
-from orchard.agents.robot import Step
+from orchard.agents.robot import Gate, Step
 from orchard.agents.sense import Box
-from orchard.agents.steps import (
-    Alone,
-    Confirmed,
-    Deliver,
-    DriveTo,
-    Face,
-    FetchEmpty,
-    Free,
-    Gate,
-    Home,
-    LeaveBin,
-    Need,
-    Plan,
-    Say,
-    TakeBin,
-    Unload,
-    of_known_steps,
-    with_steps,
-)
-from orchard.contract.messages import pack, unpack
+from orchard.agents.steps import Alone, Confirmed, Deliver, DriveTo, Face, FetchEmpty, Free, Home, LeaveBin, Need, Say, TakeBin, Unload
 from orchard.field.kinds import KINDS
-from orchard.field.layout import (
-    BAY_STOP,
-    QUEUE_HEAD,
-    QUEUE_LINE_PLACES,
-    QUEUE_LINES,
-    ROW_EAST,
-    ROW_WEST,
-    TOP_ROAD,
-    TREE_TOP_LINE,
-    Layout,
-    queue_place,
-)
-from orchard.field.plugins import MISTAKES, make_plugin, unusable
+from orchard.field.layout import BAY_STOP, QUEUE_HEAD, QUEUE_LINE_PLACES, QUEUE_LINES, ROW_EAST, ROW_WEST, TOP_ROAD, Layout, queue_place
+from orchard.field.plugins import make_plugin
 from orchard.field.scenario import ONE_WAY
 
 TOP = "top"  # the place where the queue's lines meet the delivery road
@@ -122,7 +92,7 @@ class OneWay:
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
-        assert QUEUE_LINES[0] == TOP_ROAD and min(QUEUE_LINES) - self.TOP_CLEAR > TREE_TOP_LINE
+        assert QUEUE_LINES[0] == TOP_ROAD and min(QUEUE_LINES) - self.TOP_CLEAR > layout.tree_lines[0]
 
     # -- what plans, bounds and dispatch ask for
 
@@ -224,10 +194,9 @@ class OneWay:
 
         On the west side the turn swings the bin over the place of the carrier that delivered, so that carrier must have left it.
         """
-        wait_for_carrier = [Alone(side.place("D", row))] if side is WEST_SIDE else []
         return [
             Say(f"driving to row {next_row}", "driving"),
-            *wait_for_carrier,
+            *([Alone(side.place("D", row))] if side is WEST_SIDE else []),
             Face("SOUTH"),
             Free([side.place("D", row)]),
             DriveTo(y=self.layout.lane(next_row).y),
@@ -239,26 +208,22 @@ class OneWay:
     def park(self, row: int, side: Side) -> list[Step]:
         """After the last row drive off the roads with the empty bin, and stay there."""
         place = [side.place("D", row)]
-        return [
-            Say("parking", "driving"),
-            DriveTo(x=side.x(self.PARKED), frees=[Gate(place, side.x(42.0))]),
-            Free(place),
-            Say("finished", "resting"),
-        ]
+        drive = DriveTo(x=side.x(self.PARKED), frees=[Gate(place, side.x(42.0))])
+        return [Say("parking", "driving"), drive, Free(place), Say("finished", "resting")]
 
     # -- carriers
 
     def leave_queue(self) -> list[Step]:
         """Drive onto the delivery road. Carriers of several lines take turns at `top`; those of one line follow each other."""
-        several = self.layout.scenario.carrier_count > QUEUE_LINE_PLACES
-        return [DriveTo(x=self.D_ROAD, needs=[Gate([TOP], QUEUE_HEAD)] if several else []), Face("SOUTH")]
+        needs = [Gate([TOP], QUEUE_HEAD)] if self.layout.scenario.carrier_count > QUEUE_LINE_PLACES else []
+        return [DriveTo(x=self.D_ROAD, needs=needs), Face("SOUTH")]
 
     def go_to_lane(self, lane: int, side: Side) -> list[Step]:
         """Drive along the delivery road to a lane, to one on the west side around the bottom."""
         top = [Gate([TOP], self.top_clear)]
         stop = side.y(self.layout.lane(lane).y, self.STOP)
         if side is EAST_SIDE:
-            return [self._along(side, "D", self._lanes_before(side, lane), stop=stop, frees=top)]
+            return [self._along(side, "D", self._lanes(side, last=lane), stop=stop, frees=top)]
         needs = [Gate(["corner/south-east"], self.inner_bottom + self.HOLD)]
         return [
             self._along(EAST_SIDE, "D", self._lanes(EAST_SIDE), stop=self.outer_bottom, needs=needs, frees=top),
@@ -267,7 +232,7 @@ class OneWay:
             DriveTo(x=WEST_SIDE.x(self.D_ROAD), needs=[Gate(["corner/south-west"], self.CORNER_HOLD_X)]),
             Face("NORTH"),
             Free(["corner/south-west"]),
-            self._along(side, "D", self._lanes_before(side, lane), stop=stop),
+            self._along(side, "D", self._lanes(side, last=lane), stop=stop),
         ]
 
     def loop_to_full_bin(self, lane: int, side: Side) -> list[Step]:
@@ -287,10 +252,10 @@ class OneWay:
         blind = self.at_work(lane, side)
         out: list[Step] = [DriveTo(x=side.x(self.F_ROAD), blind_to=blind), Face(side.heading("SOUTH"), blind)]
         if side is WEST_SIDE:
-            return [*out, *self._north_to_bay(self._lanes_after(side, lane))]
+            return [*out, *self._north_to_bay(self._lanes(side, first=lane))]
         return [
             *out,
-            self._along(side, "F", self._lanes_after(side, lane), stop=self.inner_bottom),
+            self._along(side, "F", self._lanes(side, first=lane), stop=self.inner_bottom),
             Need(["corner/south-east"]),
             Face("WEST"),
             DriveTo(x=WEST_SIDE.x(self.F_ROAD), frees=[Gate(["corner/south-east"], 34.7)]),
@@ -332,20 +297,10 @@ class OneWay:
         """The queue line of a carrier, by its number (from 1): the line in which it starts."""
         return QUEUE_LINES.index(queue_place(carrier - 1).y)
 
-    def _lanes(self, side: Side) -> list[int]:
-        """The lanes in the order in which a carrier passes them."""
-        numbers = [lane.number for lane in self.layout.lanes]
-        return numbers if side is EAST_SIDE else numbers[::-1]
-
-    def _lanes_before(self, side: Side, lane: int) -> list[int]:
-        """The lanes that a carrier passes on its way to a lane, and that lane."""
-        lanes = self._lanes(side)
-        return lanes[: lanes.index(lane) + 1]
-
-    def _lanes_after(self, side: Side, lane: int) -> list[int]:
-        """A lane, and the lanes that a carrier passes on its way from it."""
-        lanes = self._lanes(side)
-        return lanes[lanes.index(lane) :]
+    def _lanes(self, side: Side, first: int | None = None, last: int | None = None) -> list[int]:
+        """The lanes that a carrier passes on this side, in its order: all, or those from `first` on, or those up to `last`."""
+        lanes = [lane.number for lane in self.layout.lanes][:: side.sign]
+        return lanes[lanes.index(first) if first else 0 : lanes.index(last) + 1 if last else None]
 
     def _along(
         self, side: Side, road: str, lanes: list[int], stop: float, needs: Sequence[Gate] = (), frees: Sequence[Gate] = ()
@@ -366,20 +321,3 @@ def route_of(layout: Layout) -> OneWay:
     """The route that the scenario names. Raises ScenarioError for one that cannot be used."""
     route: OneWay = make_plugin("route", layout.scenario.route, ROUTES, layout, base=OneWay)
     return route
-
-
-def check_route(layout: Layout) -> None:
-    """Make each plan of the route once. Raises ScenarioError where that fails, or a plan has a step that is not in `Steps`."""
-    route, path = route_of(layout), layout.scenario.route
-    if path in ROUTES:
-        return
-    try:
-        unpack(pack(with_steps(Plan, route.Steps)()), with_steps(Plan, route.Steps))
-        for rows in layout.blocks.values():
-            of_known_steps(route.harvest(rows), route.Steps)
-            for count, row in enumerate(rows):
-                of_known_steps(route.fetch(1, row, route.side(count), "picker_01", "bin_01"), route.Steps)
-                of_known_steps(route.crossing(row, row + 1, route.side(count)) if row < layout.scenario.rows else [], route.Steps)
-        route.roads(), route.holds(), route.distance(QUEUE_HEAD, TOP_ROAD, 1, EAST_SIDE)
-    except MISTAKES as error:
-        raise unusable("route", path, error) from error

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import msgspec
 
-from orchard.agents.robot import PlanExecutor, RobotMemory, Step
+from orchard.agents.robot import Gate, PlanExecutor, RobotMemory, Step
 from orchard.agents.sense import Box
 from orchard.contract.agent import State
 from orchard.contract.messages import BinState, CarrierComing, Confirm, EmptyBin, Here, No, StateRequest, Yes
@@ -23,13 +23,6 @@ EXACT = 1e-9  # m or rad: nearer than this counts as there
 CRUISE = 1.0  # m/s
 SELDOM = 50  # ticks between two questions if the answer changes nothing
 LOOK_AHEAD = 3.0  # m before a gate, from where the robot asks for its places
-
-
-class Gate(msgspec.Struct, frozen=True):
-    """A point of a drive, by the robot's centre: it needs these places from there on, or it needs them no longer."""
-
-    places: list[str]
-    at: float
 
 
 class Say(Step, frozen=True):

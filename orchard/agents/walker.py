@@ -1,14 +1,18 @@
-"""The common behaviour of people and animals: they walk on, turn away from obstacles, and never linger for long."""
+"""People and animals. They turn away from obstacles, back off after a refused step, and never linger for long.
+
+People, workers and visitors, walk straight on otherwise. Animals choose a new direction and speed at random every 3 s.
+"""
 
 import msgspec
 
 from orchard.agents.sense import free_directions, freer_side, nearest_in_path
-from orchard.contract.agent import Heard, Mail, Observation
+from orchard.contract.agent import Action, Heard, Mail, Observation, State
 from orchard.contract.messages import Answer, No, Position, Where
 from orchard.field.geometry import STILL, Twist, angle_between
-from orchard.field.kinds import Kind
+from orchard.field.kinds import KINDS, Kind, kind_of
+from orchard.field.layout import Layout
 from orchard.field.repeatable import PI, draw, wrap
-from orchard.field.scenario import TIME_STEP
+from orchard.field.scenario import TICKS_PER_SECOND, TIME_STEP
 
 STEER_WITHIN = 4.0  # m (docs/reference.md)
 TURN_WITHIN = 1.0  # m
@@ -20,6 +24,9 @@ LINGER = 6.0  # m: a walker that has got no farther from a place, and so may sti
 LINGER_TICKS = 200  # ... breaks out of it after 20 s
 OUT_TICKS = 80  # ticks for which it walks in one direction to get out
 FREE = (3.0, 1.5)  # m that must be free in that direction; if no direction is, the second value
+
+MIND_CHANGES = 3 * TICKS_PER_SECOND  # ticks between two choices of an animal (manual)
+SLOW = 0.05  # m/s: a slower animal counts as standing
 
 
 class WalkerMemory(msgspec.Struct):
@@ -34,6 +41,55 @@ class WalkerMemory(msgspec.Struct):
     recovers_until: int = 0  # tick
     out: float | None = None  # rad, the yaw in which it breaks out
     until: int = 0  # tick at which breaking out ends
+
+
+class Person:
+    """Walks about the orchard."""
+
+    Memory = WalkerMemory
+
+    def __init__(self, layout: Layout, name: str) -> None:
+        self.seed, self.kind = layout.scenario.seed, KINDS[kind_of(name)]
+
+    def tick(self, seen: Observation, mail: Mail, memory: WalkerMemory | None) -> Action:
+        memory = memory or WalkerMemory(seen.x, seen.y, seen.tick)
+        twist, evading = walk(seen, memory, self.seed, self.kind.speed, self.kind, Twist(x=self.kind.speed))
+        return Action(twist=twist, answers=tell_where(seen, mail), memory=memory, doing=evading or "walking", state="driving")
+
+
+class AnimalMemory(WalkerMemory):
+    """The present choice of an animal."""
+
+    speed: float = 0.0  # m/s
+    rate: float = 0.0  # rad/s
+    turning_until: int = 0  # tick
+    mind: int = -1  # number of the present choice; -1: none yet
+
+
+class Animal:
+    """Wanders at random."""
+
+    Memory = AnimalMemory
+
+    def __init__(self, layout: Layout, name: str) -> None:
+        self.seed, self.kind = layout.scenario.seed, KINDS[kind_of(name)]
+
+    def tick(self, seen: Observation, mail: Mail, memory: AnimalMemory | None) -> Action:
+        memory = memory or AnimalMemory(seen.x, seen.y, seen.tick)
+        if (mind := seen.tick // MIND_CHANGES) != memory.mind:
+            memory.mind = mind
+            self.change_mind(seen, memory)
+        whim = Twist(x=memory.speed, yaw=memory.rate if seen.tick < memory.turning_until else 0.0)
+        twist, evading = walk(seen, memory, self.seed, min(memory.speed, 1.0), self.kind, whim)
+        doing = evading or ("wandering" if memory.speed >= SLOW else "standing")
+        state: State = "resting" if doing == "standing" else "driving"
+        return Action(twist=twist, answers=tell_where(seen, mail), memory=memory, doing=doing, state=state)
+
+    def change_mind(self, seen: Observation, memory: AnimalMemory) -> None:
+        """Choose a turn to either side at up to 2 pi rad/s, for up to a second, and a speed of up to 3 m/s."""
+        rate, speed, length = draw(self.seed, seen.name, memory.mind * MIND_CHANGES, 3)
+        memory.rate, memory.speed = (2 * rate - 1) * self.kind.turn, speed * self.kind.speed
+        memory.turning_until = seen.tick + int(TICKS_PER_SECOND * length)
 
 
 def tell_where(seen: Observation, mail: Mail) -> list[tuple[Heard, Answer]]:
@@ -78,8 +134,8 @@ def break_out(seen: Observation, memory: WalkerMemory, seed: int, speed: float, 
     if seen.tick - memory.since < LINGER_TICKS:
         return None
     if memory.out is None or seen.tick >= memory.until:
-        memory.out = wrap(seen.pose.yaw + way_out(seen, draw(seed, seen.name, seen.tick)[0]))
-        memory.until = seen.tick + OUT_TICKS
+        out = wrap(seen.pose.yaw + way_out(seen, draw(seed, seen.name, seen.tick)[0]))
+        memory.out, memory.until = out, seen.tick + OUT_TICKS
     left = angle_between(seen.pose.yaw, memory.out)
     if abs(left) > 1e-9:
         return Twist(yaw=max(-most_turn, min(most_turn, left / TIME_STEP)))
@@ -92,7 +148,6 @@ def break_out(seen: Observation, memory: WalkerMemory, seed: int, speed: float, 
 def way_out(seen: Observation, chance: float) -> float:
     """Return the angle to one of the free directions, rad, chosen by `chance` (0 to 1); if none is free, a direction behind."""
     for reach in FREE:
-        free = free_directions(seen, reach)
-        if free:
+        if free := free_directions(seen, reach):
             return free[int(chance * len(free))]
     return PI / 2 + chance * PI

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from guests import one_guest
 
-from orchard.agents.animal import Animal
+from orchard.agents.walker import Animal
 from orchard.contract.agent import Mail
 from orchard.field.scenario import Scenario
 from orchard.local import Local

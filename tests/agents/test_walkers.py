@@ -5,8 +5,7 @@ import pytest
 from guests import meadow
 from stage import empty_orchard
 
-from orchard.agents.person import Person
-from orchard.agents.walker import WalkerMemory
+from orchard.agents.walker import Person, WalkerMemory
 from orchard.contract.agent import Mail, Observation
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out

@@ -58,8 +58,7 @@ class Local:
     def play(self, name: str, agent: Agent) -> None:
         """Let `agent` drive `name` from the next tick on. If it raises an error, its robot stands and the run goes on (see `Guarded`).
 
-        It receives the memory of the agent that it replaces, or None if that memory does not fit its `Memory`.
-        Raises ValueError for an unknown name.
+        It receives the memory of the agent that it replaces, or None if it does not fit `Memory`. Raises ValueError for an unknown name.
         """
         if name not in self.engine.layout.agents:
             raise ValueError(f"{name}: no such agent; there are {', '.join(self.engine.layout.agents)}")

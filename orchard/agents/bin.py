@@ -1,4 +1,4 @@
-"""The bin: follows the robot that it is coupled to, and calls a carrier when it stands full in the mouth of a lane."""
+"""The bin: holds the fruit of one row, follows its robot, and calls a carrier when it stands full in the mouth of a lane."""
 
 import msgspec
 
@@ -30,8 +30,6 @@ class BinMemory(msgspec.Struct):
 
 
 class Bin:
-    """Holds the fruit of one row, follows its robot, and calls carriers."""
-
     Memory = BinMemory
 
     def __init__(self, layout: Layout, name: str) -> None:

@@ -37,8 +37,7 @@ class Carrier:
 
     def tick(self, seen: Observation, mail: Mail, memory: CarrierMemory | None) -> Action:
         robot = PlanExecutor(seen, mail, memory or self.Memory(plan=[Realign(), *self.route.wait_in_queue()]), self.bystanders)
-        for heard in mail.requests:
-            robot.action.answers.append((heard, self.answer(robot, heard)))
+        robot.action.answers = [(heard, self.answer(robot, heard)) for heard in mail.requests]
         robot.follow()
         return robot.finish()
 

@@ -65,8 +65,7 @@ class Dispatch(Protocol):
 class Nearest:
     """The manual's policy: the bin that has called for longest gets the carrier that is nearest by road. Ties by name."""
 
-    class Memory(msgspec.Struct):
-        """Empty: the policy needs no memory."""
+    Memory = dict  # empty
 
     def __init__(self, layout: Layout) -> None:
         pass

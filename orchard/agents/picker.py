@@ -29,8 +29,7 @@ class Picker:
         if memory is None:
             memory = self.Memory(plan=[Realign(), *of_known_steps(self.route.harvest(self.rows), self.route.Steps)])
         robot = PlanExecutor(seen, mail, memory, self.bystanders)
-        for heard in mail.requests:
-            robot.action.answers.append((heard, self.answer(robot, heard)))
+        robot.action.answers = [(heard, self.answer(robot, heard)) for heard in mail.requests]
         robot.follow()
         return robot.finish()
 

@@ -53,15 +53,11 @@ def corridor(half_width: float, ahead: float) -> np.ndarray:
     return ranges
 
 
-def corridor_half_width(kind: Kind, towing: bool) -> float:
-    """Return half the width that must be free ahead of a robot, m: the robot or its bin, whichever is wider, and a margin."""
-    return max(kind.width / 2, _BIN_HALF if towing else 0.0) + SIDE_MARGIN
-
-
 def something_ahead(seen: Observation, blind_to: list[Box]) -> bool:
     """Whether anything but the boxes `blind_to` returns from the corridor ahead, nearer than the stopping distance."""
     kind = KINDS[kind_of(seen.name)]
-    inside = seen.scan < corridor(corridor_half_width(kind, seen.hitch is not None), STOP_DISTANCE)
+    widest = kind.width / 2 if seen.hitch is None else max(kind.width / 2, _BIN_HALF)
+    inside = seen.scan < corridor(widest + SIDE_MARGIN, STOP_DISTANCE)
     if not np.count_nonzero(inside):
         return False
     return not blind_to or len(_not_on(_returns(seen.scan, kind.laser, inside), seen.pose, blind_to)) > 0

@@ -26,8 +26,6 @@ ROUND: list[Step] = [
 
 
 class Tractor:
-    """Works on the driveway during the whole run."""
-
     Memory = Plan
 
     def __init__(self, layout: Layout, name: str) -> None:

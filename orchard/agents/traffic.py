@@ -31,8 +31,6 @@ class ReservationTable(msgspec.Struct):
 
 
 class Traffic:
-    """Grants places on the roads."""
-
     Memory = ReservationTable
 
     def __init__(self, layout: Layout, name: str) -> None:
@@ -66,17 +64,13 @@ def grant(ledger: ReservationTable) -> None:
     waited_for: set[str] = set()
     for name, wish in sorted(ledger.wishes.items(), key=lambda item: (item[1].since, item[0])):
         missing = [place for place in wish.places if place not in ledger.holds[name]]
-        free = not waited_for.intersection(missing) or _joins_partner(ledger, wish, missing)
-        if free and not blockers(ledger, name, wish):
+        # a robot that only joins its partner need not wait in line: the partner could not leave otherwise
+        joins_partner = all(place in ledger.holds.get(wish.beside, []) for place in missing)
+        if (joins_partner or not waited_for.intersection(missing)) and not blockers(ledger, name, wish):
             ledger.holds[name] = ledger.holds[name] + missing
             del ledger.wishes[name]
         else:
             waited_for.update(missing)
-
-
-def _joins_partner(ledger: ReservationTable, wish: PendingClaim, missing: list[str]) -> bool:
-    """Whether a robot only joins its partner. It need not wait in line then: the partner could not leave otherwise."""
-    return all(place in ledger.holds.get(wish.beside, []) for place in missing)
 
 
 def blockers(ledger: ReservationTable, name: str, wish: PendingClaim) -> list[str]:

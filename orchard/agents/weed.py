@@ -20,8 +20,6 @@ class WeedMemory(msgspec.Struct):
 
 
 class Weed:
-    """Stands until it is flattened."""
-
     Memory = WeedMemory
 
     def __init__(self, layout: Layout, name: str) -> None:

@@ -7,7 +7,7 @@ the reply in tick k + 2, with an answer or without. Physics does not interpret m
 import hashlib
 
 from orchard.contract.agent import Action, Heard, Mail, Reply
-from orchard.contract.messages import Answer, Given, Written, pack, type_of
+from orchard.contract.messages import Given, Written, pack, type_of
 
 
 def in_hearing_order(requests: list[Heard]) -> list[Heard]:
@@ -46,12 +46,14 @@ class LocalMail:
         """Return the mail of all agents at a tick, by name. Agents without mail are absent."""
         self.written = {at: letters for at, letters in self.written.items() if at >= tick - 2}
         mail: dict[str, Mail] = {}
-        for sender, letters in self.written.get(tick - 1, {}).items():
+        last = self.written.get(tick - 1, {}).items()
+        for sender, letters in last:
             for number, (to, request) in enumerate(letters.requests):
                 mail.setdefault(to, Mail()).requests.append(Heard(sender, tick - 1, number, request))
         for heard_by_one in mail.values():
             heard_by_one.requests = in_hearing_order(heard_by_one.requests)
-        answered = self._answers(tick - 1)
+        # with the agent that answers in the key, no agent can answer in another's place
+        answered = {(name, to, at, number): body for name, letters in last for to, at, number, body in letters.answers}
         for sender, letters in self.written.get(tick - 2, {}).items():
             if letters.requests:
                 mail.setdefault(sender, Mail()).replies = [
@@ -59,8 +61,3 @@ class LocalMail:
                     for number, (to, request) in enumerate(letters.requests)
                 ]
         return mail
-
-    def _answers(self, tick: int) -> dict[tuple[str, str, int, int], Answer]:
-        """(agent that answers, agent that asked, tick, number) -> answer. With the first, no agent can answer in another's place."""
-        written = self.written.get(tick, {}).items()
-        return {(name, to, at, number): body for name, letters in written for to, at, number, body in letters.answers}

@@ -109,10 +109,9 @@ def _trunks_and_posts(layout: Layout) -> list[tuple[float, float, float, float]]
 
 
 def rows_to_pickers(scenario: Scenario) -> dict[str, tuple[int, ...]]:
-    """Return the rows of each picker, in the order in which it picks them, by the rule that the scenario names.
+    """Return the rows of each picker, in the order in which it picks them, by the rule that the scenario names: a function.
 
-    A rule is a function of the scenario that returns {picker: rows}. Raises ScenarioError if the rule cannot be used, or if it does not
-    give each row to exactly one picker and each picker at least one row.
+    Raises ScenarioError if the rule cannot be used, or does not give each row to exactly one picker and each picker at least one row.
     """
     if scenario.rows_to_pickers == MANUAL:
         return manual_rows(scenario)

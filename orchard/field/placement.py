@@ -4,7 +4,7 @@ A place is free if the circle around the body's box is clear of all obstacles, s
 the same bits on every machine. Metres.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,17 +99,17 @@ class _Ground:
 def _place(seed: int, kind: str, number: int, ground: _Ground, shared: Iterable[_Ground]) -> Start:
     """Place a body on its ground, and take its place from all grounds that share it."""
     name = name_of(kind, number)
-    places = GIVEN[kind][number - 1 : number] or tuple(_random_places(ground.within, seed, name))
+    places = GIVEN[kind][number - 1 : number] or _random_places(ground.within, seed, name)
     x, y = next((place for place in places if ground.free(*place)), None) or ground.nearest(*places[0])
     for each in shared:
         each.take((x, y, 0.0, 0.0, KINDS[kind].radius + CLEAR))
     return Start(name, kind, Pose(x, y, _yaw(seed, name, kind)))
 
 
-def _random_places(area: Rect, seed: int, name: str) -> Iterator[tuple[float, float]]:
-    for number in range(TRIES):
-        u, v = draw(seed, f"place of {name}", number, 2)
-        yield round(area.west + u * (area.east - area.west), 2), round(area.south + v * (area.north - area.south), 2)
+def _random_places(area: Rect, seed: int, name: str) -> tuple[tuple[float, float], ...]:
+    width, height = area.east - area.west, area.north - area.south
+    chances = [draw(seed, f"place of {name}", number, 2) for number in range(TRIES)]
+    return tuple((round(area.west + u * width, 2), round(area.south + v * height, 2)) for u, v in chances)
 
 
 def _yaw(seed: int, name: str, kind: str) -> float:

@@ -50,11 +50,9 @@ class ScenarioError(Exception):
 
 def problem_of(error: dict[str, Any], model: type[BaseModel], source: str, lines: Lines) -> Problem:
     """Convert a pydantic error about values of `model`; `lines` gives the line of each key."""
-    loc, line = error["loc"], lines.get(error["loc"], 0)
+    loc, line = error["loc"], max(lines.get(field, 0) for field in error["fields"])
     if error["type"] == "rule":
-        fields = [(*loc, field) for field in error["ctx"]["fields"]]
-        line = max(lines.get(field, 0) for field in fields)
-        return Problem(source, error["msg"], ", ".join(map(dotted, fields)), ", ".join(map(str, error["ctx"]["values"])), line)
+        return Problem(source, error["msg"], ", ".join(map(dotted, error["fields"])), ", ".join(map(str, error["ctx"]["values"])), line)
     if error["of_key"]:
         return Problem(source, _NOT_A_NAME[loc[0]], dotted(loc), "", line)
     text = _unknown(loc, model) if error["type"] == "extra_forbidden" else f"must be {_wanted(loc, model)}"

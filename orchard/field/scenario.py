@@ -146,14 +146,10 @@ def to_yaml(scenario: Scenario) -> str:
     return yaml.safe_dump(scenario.model_dump(), sort_keys=False)
 
 
-def json_schema() -> dict[str, Any]:
-    """Return the JSON schema of a scenario file, for editors. It does not contain the rules that compare several fields."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
-
-
 def schema_text() -> str:
-    """Return the text of `config/scenario.schema.json`."""
-    return json.dumps(json_schema(), indent=2) + "\n"
+    """Return the text of `config/scenario.schema.json`, for editors. It does not contain the rules that compare several fields."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
+    return json.dumps(schema, indent=2) + "\n"
 
 
 # --- values -> Scenario, or every problem ---
@@ -185,7 +181,7 @@ def _errors(values: dict[str, Any]) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     wrong: set[tuple[str, ...]] = set()
     while errors := _failures(values):
-        found += [error for error in errors if not wrong & _fields(error)]
+        found += [error for error in errors if wrong.isdisjoint(error["fields"])]
         paths = {error["loc"] for error in errors}
         if () in paths:
             break
@@ -202,13 +198,11 @@ def _failures(values: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _located(error: Any) -> dict[str, Any]:
-    """Add the path to an error, and whether it is about a key of `agents` and not about the value: pydantic marks that in the path."""
+    """Add to an error its path, its fields, and whether it is about a key of `agents`, which pydantic marks in the path."""
     of_key = error["loc"][2:] == ("[key]",)
-    return dict(error) | {"loc": error["loc"][:2] if of_key else error["loc"], "of_key": of_key}
-
-
-def _fields(error: dict[str, Any]) -> set[tuple[str, ...]]:
-    return {(*error["loc"], field) for field in error["ctx"]["fields"]} if error["type"] == "rule" else {error["loc"]}
+    loc = error["loc"][:2] if of_key else error["loc"]
+    fields = [(*loc, field) for field in error["ctx"]["fields"]] if error["type"] == "rule" else [loc]
+    return dict(error) | {"loc": loc, "of_key": of_key, "fields": fields}
 
 
 def _without(values: dict[str, Any], paths: set[tuple[str, ...]], at: tuple[str, ...] = ()) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import TIME_STEP, People, Scenario, check, json_schema, load, parse, schema_text, with_changes
+from orchard.field.scenario import TIME_STEP, People, Scenario, check, load, parse, schema_text, with_changes
 
 CONFIG = Path(__file__).parents[2] / "config"
 
@@ -33,7 +33,6 @@ def test_the_realistic_file_picks_at_a_persons_rate() -> None:
 
 def test_the_committed_schema_is_the_models() -> None:
     assert (CONFIG / "scenario.schema.json").read_text() == schema_text(), "run: python -m orchard.config"
-    assert json.loads(schema_text()) == json_schema()
 
 
 @pytest.mark.parametrize("file", sorted(CONFIG.glob("*.yaml")), ids=lambda file: file.name)
@@ -52,7 +51,8 @@ def fields(section: dict, schema: dict) -> dict[str, dict]:
 
 
 def test_every_field_is_described_and_limited() -> None:
-    found = fields(json_schema(), json_schema())
+    schema = json.loads(schema_text())
+    found = fields(schema, schema)
     assert {"rows", "workers", "noise", "carriers"} <= set(found)
     for name, field in found.items():
         assert field["description"], name

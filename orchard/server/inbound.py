@@ -15,9 +15,8 @@ from orchard.net.refusals import Refused, read_message, refuse_other_tick
 from orchard.server.harvest import Harvest, RunEnded
 from orchard.server.snapshots import KEPT_SECONDS
 from orchard.sim.stops import stopped
+from orchard.wire import messages as wire
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
-from orchard.wire.messages import Command, Done, Join, Joined, Recall, Recalled, RefusedThere, RunInfo, Stop, Stopped, Velocities, Velocity
-from orchard.wire.types import Session
 
 
 class Queries:
@@ -54,30 +53,30 @@ class Queries:
             raise Refused("malformed", "the scenario query has no payload")
         engine, drivers = self._harvest.engine, self._harvest.drivers
         scenario = engine.layout.scenario.model_dump()
-        query.reply(pack(RunInfo(self._harvest.run, engine.tick, drivers.answers.mode, list(drivers.roster.names), scenario)))
+        query.reply(pack(wire.RunInfo(self._harvest.run, engine.tick, drivers.answers.mode, list(drivers.roster.names), scenario)))
 
     def _join(self, session: str, query: Query) -> None:
         """Let a host hold all the agents that it names, or none. A secured router makes sure that a session uses only its own key."""
-        join = read_message(query.payload, Join, self._harvest.run)
+        join = read_message(query.payload, wire.Join, self._harvest.run)
         if join.holder != session:
             raise Refused("not the holder", f"{join.holder!r} is not the session of the key")
         drivers = self._harvest.drivers
         refused = drivers.join(join.names, join.holder)
         held = [] if refused else join.names
         memories = {name: drivers.ledger.memories.get(name) for name in held}
-        query.reply(pack(Joined(self._harvest.run, self._harvest.engine.tick, memories, refused)))
+        query.reply(pack(wire.Joined(self._harvest.run, self._harvest.engine.tick, memories, refused)))
         drivers.expect(held, join.holder)
 
     def _recall(self, query: Query) -> None:
         """Send a host the letters of the last two ticks."""
-        recall, tick = read_message(query.payload, Recall, self._harvest.run), self._harvest.engine.tick
+        recall, tick = read_message(query.payload, wire.Recall, self._harvest.run), self._harvest.engine.tick
         refuse_other_tick(recall.tick, tick, tick)
-        query.reply(pack(Recalled(self._harvest.run, tick, sorted(self._harvest.drivers.ledger.letters.items()))))
+        query.reply(pack(wire.Recalled(self._harvest.run, tick, sorted(self._harvest.drivers.ledger.letters.items()))))
 
     def _stop(self, query: Query) -> None:
         """Stop or reset robots; the engine makes sure that nothing overrides a stop. The reply says whether it is in a snapshot."""
         harvest, engine = self._harvest, self._harvest.engine
-        request = read_message(query.payload, Stop, harvest.run)
+        request = read_message(query.payload, wire.Stop, harvest.run)
         harvest.reporter.report()
         try:
             changed = engine.stop(request.names) if request.stop else engine.reset(request.names)
@@ -86,11 +85,11 @@ class Queries:
         if changed and harvest.has_begun:
             harvest.keep()
         kept = harvest.has_begun and harvest.snapshot_writer.finish(KEPT_SECONDS)
-        query.reply(pack(Stopped(harvest.run, engine.tick, changed, stopped(engine.world), kept)))
+        query.reply(pack(wire.Stopped(harvest.run, engine.tick, changed, stopped(engine.world), kept)))
 
     def _command(self, query: Query) -> None:
-        command = read_message(query.payload, Command, self._harvest.run)
-        query.reply(pack(Done(self._harvest.run, self._harvest.engine.tick)))
+        command = read_message(query.payload, wire.Command, self._harvest.run)
+        query.reply(pack(wire.Done(self._harvest.run, self._harvest.engine.tick)))
         query.drop()
         raise RunEnded(f"{command.command}ped")
 
@@ -154,10 +153,10 @@ class Inbound:
         run = self._harvest.run
         match self._keys.parts(sample.key):
             case ["hosts", session, "refused"]:
-                counts = read_message(sample.payload, RefusedThere, run).counts
+                counts = read_message(sample.payload, wire.RefusedThere, run).counts
                 self._harvest.refusal_totals.hear(_session(session), counts)
             case [name, "velocity"]:
-                self._harvest.drivers.drive(name, read_message(sample.payload, Velocity, run))
+                self._harvest.drivers.drive(name, read_message(sample.payload, wire.Velocity, run))
             case ["hosts", session, "velocities"]:
                 self._drive_all(session, sample)
             case _:
@@ -165,7 +164,7 @@ class Inbound:
 
     def _drive_all(self, session: str, sample: Sample) -> None:
         """Take a session's velocities. A secured router makes sure that a session uses only its own key."""
-        velocities = read_message(sample.payload, Velocities, self._harvest.run)
+        velocities = read_message(sample.payload, wire.Velocities, self._harvest.run)
         if velocities.holder != session:
             raise Refused("not the holder", f"{velocities.holder!r} is not the session of the key")
         for refusal in self._harvest.drivers.drive_all(velocities):
@@ -198,7 +197,7 @@ class Inbound:
 def _session(text: str) -> str:
     """The session id in a key. Raises Refused if it is malformed."""
     try:
-        session: str = msgspec.convert(text, Session)
+        session: str = msgspec.convert(text, wire.Session)
     except ValueError as error:
         raise Refused("malformed", f"a session's id: {error}") from error
     return session

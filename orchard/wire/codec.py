@@ -14,45 +14,25 @@ from orchard.contract.mail import written_by
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, LASER_RANGE, Laser, kind_of
 from orchard.field.layout import Layout
-from orchard.wire.messages import (
-    Angular,
-    AskedOf,
-    Beams,
-    Drive,
-    LaserScan,
-    Linear,
-    Odometry,
-    OtherEnd,
-    OtherSeen,
-    Picture,
-    Point,
-    PoseMessage,
-    Quaternion,
-    Report,
-    Seen,
-    TwistMessage,
-    Velocities,
-    Velocity,
-)
-from orchard.wire.types import FARTHEST, MOST_BODIES
+from orchard.wire import messages as wire
+from orchard.wire.messages import FARTHEST, MOST_BODIES
 
 _SEVEN = Struct(f"<{STATE}d")  # the state of a body
 RANGE = 4  # bytes of a float32
 
 
-def _pose(x: float, y: float, orientation: tuple[float, float]) -> PoseMessage:
-    return PoseMessage(Point(float(x), float(y)), Quaternion(float(orientation[0]), float(orientation[1])))
+def _pose(body: Observation | Hitch) -> wire.PoseMessage:
+    return wire.PoseMessage(wire.Point(float(body.x), float(body.y)), wire.Quaternion(*map(float, body.orientation)))
 
 
-def _twist(twist: Twist) -> TwistMessage:
-    return TwistMessage(Linear(float(twist[0]), float(twist[1])), Angular(float(twist[2])))
+def _twist(twist: Twist) -> wire.TwistMessage:
+    return wire.TwistMessage(wire.Linear(float(twist[0]), float(twist[1])), wire.Angular(float(twist[2])))
 
 
-def odometry_of(run: str, seen: Observation) -> Odometry:
+def odometry_of(run: str, seen: Observation) -> wire.Odometry:
     """Return the message for an observation, without its scan."""
-    hitch = seen.hitch and OtherEnd(seen.hitch.name, _pose(seen.hitch.x, seen.hitch.y, seen.hitch.orientation), _twist(seen.hitch.twist))
-    pose = _pose(seen.x, seen.y, seen.orientation)
-    return Odometry(run, seen.tick, pose, _twist(seen.twist), hitch, float(seen.fill), bool(seen.full))
+    hitch = seen.hitch and wire.OtherEnd(seen.hitch.name, _pose(seen.hitch), _twist(seen.hitch.twist))
+    return wire.Odometry(run, seen.tick, _pose(seen), _twist(seen.twist), hitch, float(seen.fill), bool(seen.full))
 
 
 def _sweep(laser: Laser, scan: np.ndarray | None) -> tuple[float, float, float, float, bytes]:
@@ -60,13 +40,13 @@ def _sweep(laser: Laser, scan: np.ndarray | None) -> tuple[float, float, float, 
     return laser.first, last, laser.increment, LASER_RANGE, np.asarray(scan, dtype="<f4").tobytes()
 
 
-def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> LaserScan:
+def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> wire.LaserScan:
     """Return the message for the scan of an observation, and for the scan of its bin."""
-    rear = None if seen.hitch is None or seen.hitch.scan is None else Beams(*_sweep(rear_laser, seen.hitch.scan))
-    return LaserScan(run, seen.tick, *_sweep(laser, seen.scan), rear)
+    rear = None if seen.hitch is None or seen.hitch.scan is None else wire.Beams(*_sweep(rear_laser, seen.hitch.scan))
+    return wire.LaserScan(run, seen.tick, *_sweep(laser, seen.scan), rear)
 
 
-def seen_of(run: str, seen: Observations, bodies: Sequence[int], asked: list[AskedOf]) -> Seen:
+def seen_of(run: str, seen: Observations, bodies: Sequence[int], asked: list[wire.AskedOf]) -> wire.Seen:
     """Return the message for the session that holds these bodies, given by index. `asked`: the requests that its agents hear now."""
     names = [seen.names[body] for body in bodies]
     states = b"".join([seen.states[body].tobytes() for body in bodies])
@@ -74,15 +54,15 @@ def seen_of(run: str, seen: Observations, bodies: Sequence[int], asked: list[Ask
     hitches = {name: _other_seen(seen.hitches[name]) for name in names if name in seen.hitches}
     fills = {name: seen.fills[name] for name in names if name in seen.fills}
     full = [name for name in fills if name in seen.full]
-    return Seen(run, seen.tick, names, states, ranges, hitches, fills, full, asked)
+    return wire.Seen(run, seen.tick, names, states, ranges, hitches, fills, full, asked)
 
 
-def _other_seen(hitch: Hitch) -> OtherSeen:
+def _other_seen(hitch: Hitch) -> wire.OtherSeen:
     ranges = None if hitch.scan is None else hitch.scan.tobytes()
-    return OtherSeen(hitch.name, (hitch.x, hitch.y, *hitch.orientation, *hitch.twist), ranges)
+    return wire.OtherSeen(hitch.name, (hitch.x, hitch.y, *hitch.orientation, *hitch.twist), ranges)
 
 
-def observations_of(seen: Seen) -> dict[str, Observation]:
+def observations_of(seen: wire.Seen) -> dict[str, Observation]:
     """Return name -> the observation of that body. Raises ValueError if the arrays do not fit the names, or hold invalid numbers."""
     states, rear = _states_of(seen.states), {name: other.ranges for name, other in seen.hitches.items() if other.ranges is not None}
     if len(states) != len(seen.names):
@@ -90,7 +70,7 @@ def observations_of(seen: Seen) -> dict[str, Observation]:
     fitting = [_fitting(seen.ranges, seen.names), *[_fitting(sweep, ["bin"]) for sweep in rear.values()]]
     sweeps = _sweeps_of([*seen.names, *["bin"] * len(rear)], fitting)
     behind = dict(zip(rear, sweeps[len(states) :], strict=True))
-    hitches = {name: _hitch_seen(other, behind.get(name)) for name, other in seen.hitches.items()}
+    hitches = {name: _hitch_of(other, behind.get(name)) for name, other in seen.hitches.items()}
     return {
         name: observation_of(name, seen.tick, state, scan, hitches.get(name), seen.fills.get(name, 0.0), name in seen.full)
         for name, state, scan in zip(seen.names, states, sweeps, strict=False)
@@ -114,7 +94,7 @@ def _beams_of(name: str) -> int:
     return kind.laser.beams
 
 
-def _hitch_seen(other: OtherSeen, scan: np.ndarray | None) -> Hitch:
+def _hitch_of(other: wire.OtherSeen, scan: np.ndarray | None) -> Hitch:
     x, y, z, w, vx, vy, turn = other.state
     return Hitch(other.name, x, y, (z, w), Twist(vx, vy, turn), scan)
 
@@ -142,21 +122,20 @@ def _slices(names: tuple[str, ...]) -> list[slice]:
     return [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
 
 
-def picture_of(run: str, frame: Frame) -> Picture:
+def picture_of(run: str, frame: Frame) -> wire.Picture:
     """Return the message for a frame, without its events."""
     scans = None if frame.scans is None else [np.asarray(scan, dtype="<f4").tobytes() for scan in frame.scans]
-    lists = {name: _listed(getattr(frame, name)) for name in ("coupled", "fill", "alive", "row_picked")}
+    lists = {name: None if (array := getattr(frame, name)) is None else array.tolist() for name in SELDOM}
     poses = np.asarray(frame.poses, dtype="<f8").tobytes()
-    return Picture(run, frame.tick, poses, scans, dict(frame.doing), **lists, delivered=frame.delivered, states=dict(frame.states))
+    return wire.Picture(run, frame.tick, poses, scans, dict(frame.doing), **lists, delivered=frame.delivered, states=dict(frame.states))
 
 
-def frame_of(picture: Picture, layout: Layout) -> Frame:
+def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
     """Return the frame in a picture. Raises ValueError if it does not fit the layout, or holds invalid numbers."""
     bodies, rows = len(layout.names), layout.scenario.rows
     poses = np.frombuffer(picture.poses, dtype="<f8").reshape(-1, 3)
-    arrays: dict[str, Any] = {name: _array(getattr(picture, name)) for name in SELDOM}
-    lengths = {"row_picked": rows}
-    fit = all(array is None or len(array) == lengths.get(name, bodies) for name, array in arrays.items())
+    arrays: dict[str, Any] = {name: np.array(values) for name in SELDOM if (values := getattr(picture, name)) is not None}
+    fit = all(len(array) == (rows if name == "row_picked" else bodies) for name, array in arrays.items())
     if not fit or len(poses) != bodies or (picture.scans is not None and len(picture.scans) != bodies):
         raise ValueError(f"it does not fit {bodies} bodies and {rows} rows")
     if not (np.abs(poses) <= FARTHEST).all():
@@ -167,30 +146,22 @@ def frame_of(picture: Picture, layout: Layout) -> Frame:
     return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered, states=picture.states)
 
 
-def _listed(array: np.ndarray | None) -> list[Any] | None:
-    return None if array is None else array.tolist()
-
-
-def _array(values: list[Any] | None) -> np.ndarray | None:
-    return None if values is None else np.array(values)
-
-
-def drive_of(action: Action, mail: bytes, memory: bytes | None) -> Drive:
+def drive_of(action: Action, mail: bytes, memory: bytes | None) -> wire.Drive:
     """Return the message for an action. `mail`: the digest of the mail that the agent heard. `memory`: None if physics has it already."""
     x, y, turn = action.twist
     doing, waits_for = action.doing[:200], action.waits_for[:200]
-    report = Report(action.deeds, doing, action.state, waits_for, action.steps_done, mail, memory, written_by(action))
-    return Drive(Linear(x, y), Angular(turn), True, report)
+    report = wire.Report(action.deeds, doing, action.state, waits_for, action.steps_done, mail, memory, written_by(action))
+    return wire.Drive(wire.Linear(x, y), wire.Angular(turn), True, report)
 
 
-def velocity_of(velocities: Velocities, name: str) -> Velocity:
+def velocity_of(velocities: wire.Velocities, name: str) -> wire.Velocity:
     """Return one velocity of a session as a message of its own."""
     drive = velocities.velocities[name]
-    return Velocity(velocities.run, velocities.tick, drive.linear, drive.angular, velocities.holder, drive.once, drive.report)
+    return wire.Velocity(velocities.run, velocities.tick, drive.linear, drive.angular, velocities.holder, drive.once, drive.report)
 
 
-def action_of(velocity: Velocity) -> Action:
+def action_of(velocity: wire.Velocity) -> Action:
     """Return the action in a velocity, without its requests, answers and memory."""
     twist = Twist(velocity.linear.x, velocity.linear.y, velocity.angular.z)
-    report = velocity.report or Report()
+    report = velocity.report or wire.Report()
     return Action(twist, report.deeds, doing=report.doing, state=report.state, waits_for=report.waits_for, steps_done=report.steps_done)

@@ -8,34 +8,7 @@ from functools import lru_cache
 from typing import NamedTuple, get_args
 
 from orchard.contract.events import What
-from orchard.wire.messages import (
-    Answered,
-    BinStatus,
-    Clock,
-    Command,
-    Done,
-    End,
-    Events,
-    Figures,
-    Join,
-    Joined,
-    LaserScan,
-    Letter,
-    Letters,
-    Lost,
-    Odometry,
-    Picture,
-    Recall,
-    Recalled,
-    Received,
-    RefusedThere,
-    RunInfo,
-    Seen,
-    Stop,
-    Stopped,
-    Velocities,
-    Velocity,
-)
+from orchard.wire import messages as wire
 
 NEVER_LOST = "never lost"  # reliable, in order; the sender waits for a slow subscriber
 QUERY = "query"  # a Zenoh get, answered by a queryable
@@ -65,59 +38,58 @@ IF_HEARD = ", while a session subscribes"
 
 # fmt: off
 TABLE: dict[str, Key] = {
-    "velocity": Key("{prefix}/{robot}/velocity", Velocity, "the client that drives the robot, or the session that holds its agent",
+    "velocity": Key("{prefix}/{robot}/velocity", wire.Velocity, "the client that drives the robot, or the session that holds its agent",
                     _EVERY_TICK, NEVER_LOST,
                     "The velocity of the robot in the step from this tick to the next. While a session subscribes, physics also "
                     "publishes here the velocities that it received in `velocities`."),
-    "velocities": Key("{prefix}/hosts/{session}/velocities", Velocities, "a session that holds agents", _EVERY_TICK, NEVER_LOST,
+    "velocities": Key("{prefix}/hosts/{session}/velocities", wire.Velocities, "a session that holds agents", _EVERY_TICK, NEVER_LOST,
                       "The velocities of all agents of a session in one message: the answer to `seen`."),
-    "pose": Key("{prefix}/{robot}/pose", Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+    "pose": Key("{prefix}/{robot}/pose", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                 "The pose of the robot at this tick, its velocity in the last step, and the body that is coupled to it."),
-    "scan": Key("{prefix}/{robot}/scan", LaserScan, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+    "scan": Key("{prefix}/{robot}/scan", wire.LaserScan, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                 "The ranges that the laser of the robot measures at this tick, and those of the laser of its bin."),
-    "clock": Key("{prefix}/clock", Clock, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+    "clock": Key("{prefix}/clock", wire.Clock, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                  "Simulated time. Physics sends it after all poses and scans of its tick."),
-    "seen": Key("{prefix}/hosts/{session}/seen", Seen, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+    "seen": Key("{prefix}/hosts/{session}/seen", wire.Seen, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                 "For a session that holds agents: all their poses and scans of this tick, so that the session need not subscribe to "
                 "each. While an answer is missing physics sends it again, and the session must answer again."),
-    "mail": Key("{prefix}/{robot}/mail", Letter, "any agent", "when it sends a request", QUERY,
-                "A request to the agent of the robot. The host of that agent replies.", (Received, Answered)),
-    "letters": Key("{prefix}/letters", Letters, "physics", "in ticks with requests or answers" + IF_HEARD, NEVER_LOST,
+    "mail": Key("{prefix}/{robot}/mail", wire.Letter, "any agent", "when it sends a request", QUERY,
+                "A request to the agent of the robot. The host of that agent replies.", (wire.Received, wire.Answered)),
+    "letters": Key("{prefix}/letters", wire.Letters, "physics", "in ticks with requests or answers" + IF_HEARD, NEVER_LOST,
                    "A copy of all requests and answers of a tick, for observers."),
-    "recall": Key("{prefix}/recall", Recall, "a host, in lockstep", "when it may have missed mail", QUERY,
+    "recall": Key("{prefix}/recall", wire.Recall, "a host, in lockstep", "when it may have missed mail", QUERY,
                   "A query for the mail of this tick. Physics replies with a copy of all requests and answers of the two ticks before "
-                  "it.", (Recalled,)),
-    "state": Key("{prefix}/{bin}/state", BinStatus, "the host of the bin's agent", "when `full` or `coupled_to` changes", NEVER_LOST,
+                  "it.", (wire.Recalled,)),
+    "state": Key("{prefix}/{bin}/state", wire.BinStatus, "the host of the bin's agent", "when `full` or `coupled_to` changes", NEVER_LOST,
                  "Whether the bin is full, and which robot it is coupled to. The key can also be queried, with an empty payload.",
-                 (BinStatus,)),
-    "events": Key("{prefix}/events", Events, "physics", "in ticks with events", NEVER_LOST,
+                 (wire.BinStatus,)),
+    "events": Key("{prefix}/events", wire.Events, "physics", "in ticks with events", NEVER_LOST,
                   "The events of the step from this tick to the next. `what` is one of: " + ", ".join(get_args(What)) + "."),
-    "picture": Key("{prefix}/picture", Picture, "physics", _EVERY_TICK + IF_HEARD, NEVER_LOST,
+    "picture": Key("{prefix}/picture", wire.Picture, "physics", _EVERY_TICK + IF_HEARD, NEVER_LOST,
                    "The visible state of the whole orchard in one message, for the logger and other observers."),
-    "figures": Key("{prefix}/figures", Figures, "physics", "twice per second of wall time", NEVER_LOST,
+    "figures": Key("{prefix}/figures", wire.Figures, "physics", "twice per second of wall time", NEVER_LOST,
                    "The figures of the run, and what each robot does."),
-    "refused": Key("{prefix}/hosts/{session}/refused", RefusedThere, "a host or the logger", "in ticks in which it refused messages",
-                   NEVER_LOST,
-                   "How many messages this session has refused, by reason. Physics adds up the counts of all sessions."),
+    "refused": Key("{prefix}/hosts/{session}/refused", wire.RefusedThere, "a host or the logger", "in ticks in which it refused messages",
+                   NEVER_LOST, "How many messages this session has refused, by reason. Physics adds up the counts of all sessions."),
     "scenario": Key("{prefix}/scenario", None, "any client", "when it connects", QUERY,
                     "The run's id and present tick, its agents and its scenario. The payload of the query is empty. Physics replies.",
-                    (RunInfo,)),
-    "join": Key("{prefix}/hosts/{session}/join", Join, "a session that wants to hold agents", "when it starts", QUERY,
+                    (wire.RunInfo,)),
+    "join": Key("{prefix}/hosts/{session}/join", wire.Join, "a session that wants to hold agents", "when it starts", QUERY,
                 "A request to hold agents. Physics replies with their memories, sends their poses and scans of the present tick "
-                "(again), and waits for their velocities from this tick on.", (Joined,)),
-    "lost": Key("{prefix}/lost", Lost, "physics", "when a session loses agents", NEVER_LOST,
+                "(again), and waits for their velocities from this tick on.", (wire.Joined,)),
+    "lost": Key("{prefix}/lost", wire.Lost, "physics", "when a session loses agents", NEVER_LOST,
                 "Agents that physics no longer waits for, because their session is gone or was silent for too long. Their robots stand. "
                 "The session may join again."),
-    "command": Key("{prefix}/command", Command, "any client", "at a user's request", QUERY,
-                   "End the run. Physics replies, then ends it.", (Done,)),
-    "stop": Key("{prefix}/stop", Stop, "a client that may stop robots", "in an emergency", QUERY,
+    "command": Key("{prefix}/command", wire.Command, "any client", "at a user's request", QUERY,
+                   "End the run. Physics replies, then ends it.", (wire.Done,)),
+    "stop": Key("{prefix}/stop", wire.Stop, "a client that may stop robots", "in an emergency", QUERY,
                 "Stop robots in an emergency, or reset them. A stop overrides all velocities and deeds of all senders, and stays in "
                 "force when agents end. A robot and the bin on its bar are stopped and reset together. People and animals keep walking; "
                 "unloading continues. A stop is in force at once. Physics replies when the stop is also on the disk (then `kept` is "
                 "true), or after 2 s if it is not; it replies at once if the run has not begun or is being resumed. To learn later "
                 "whether the stop is on the disk, send the query again. A name that is not a robot's is refused, and then no robot is "
-                "stopped.", (Stopped,)),
-    "end": Key("{prefix}/end", End, "physics", "once", NEVER_LOST,
+                "stopped.", (wire.Stopped,)),
+    "end": Key("{prefix}/end", wire.End, "physics", "once", NEVER_LOST,
                "The run is over. Physics waits until all liveliness tokens are gone, at most two seconds."),
     "alive": Key("{prefix}/alive/{name}/{session}", None, "each host, one for each of its agents; physics and the logger, one each",
                  "while the process lives", LIVELINESS,

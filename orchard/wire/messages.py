@@ -6,28 +6,31 @@ messages about the run and its sessions (join, stop, end); messages for observer
 
 from typing import Annotated, Any, Literal, NamedTuple
 
-import msgspec
 from msgspec import Meta
 
 from orchard.contract.agent import MOST_DEEDS, State
 from orchard.contract.events import Event
-from orchard.contract.messages import Answer, Deed, Metres, Request, Text, Tick, Written
-from orchard.wire.types import (
-    MOST_BODIES,
-    Body,
-    Fill,
-    Holder,
-    KnownName,
-    Message,
-    Name,
-    Once,
-    Ranges,
-    RunMessage,
-    Speed,
-    SubMessage,
-    Unit,
-    Zero,
-)
+from orchard.contract.messages import FASTEST, Answer, Deed, Metres, Request, Text, Tick, Written
+from orchard.wire.types import Message, RunMessage, SubMessage
+
+FARTHEST = 1e6  # m or m/s: no coordinate and no speed is larger
+MOST_BODIES = 10_000
+
+Name = Annotated[str, Meta(max_length=64, pattern="^[a-z][a-z0-9_]*$")]
+KnownName = Annotated[str, Meta(max_length=64)]  # a name that is looked up; matching the pattern costs more time than reading the rest
+Speed = Annotated[float, Meta(ge=-FASTEST, le=FASTEST)]
+Zero = Annotated[float, Meta(ge=0.0, le=0.0, description="0")]
+Unit = Annotated[float, Meta(ge=-1.001, le=1.001)]
+RANGES = "m, little-endian float32, 4 bytes per beam; +inf for a beam without a return (REP-117)"
+Ranges = Annotated[bytes, Meta(max_length=4096, description=RANGES)]
+Fill = Annotated[float, Meta(ge=0.0, le=1e3)]
+Body = Annotated[int, Meta(ge=-1, lt=MOST_BODIES)]
+ONCE = "realtime; true: it drives for one step only, and only from the pose that it answers; false: until a newer velocity arrives"
+Once = Annotated[bool, Meta(description=ONCE)]
+Session = Annotated[str, Meta(max_length=64, pattern="^[A-Za-z0-9_-]+$")]
+HOLDER = "the session id in the sender's liveliness token; '' if the sender holds no agent"
+Holder = Annotated[str, Meta(max_length=64, pattern="^[A-Za-z0-9_-]*$", description=HOLDER)]
+States = Annotated[dict[Name, State], Meta(description="name -> its state; the same names as in `doing`")]
 
 
 class Point(SubMessage):
@@ -145,27 +148,24 @@ class OtherSeen(SubMessage):
     ranges: Annotated[Ranges | None, Meta(description="for a robot that tows: the ranges of its bin; else nil")] = None
 
 
+STATES = (
+    "seven little-endian float64 per body: x, y (m); z, w of the quaternion; "
+    "linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
+)
+ALL_RANGES = "m, little-endian float32: for each body as many as its laser has beams; +inf for a beam without a return"
+ASKED = "lockstep: [to, sender, number] of each request of the tick before to these agents, heard now"
+
+
 class Seen(Message):
     """What the agents of one session observe at this tick: the content of `pose` and `scan` as arrays, cheaper than a message for each."""
 
     names: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description="the bodies, in the order of the arrays")]
-    states: Annotated[
-        bytes,
-        Meta(
-            description="seven little-endian float64 per body: x, y (m); z, w of the quaternion; "
-            "linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
-        ),
-    ]
-    ranges: Annotated[
-        bytes, Meta(description="m, little-endian float32: for each body as many as its laser has beams; +inf for a beam without a return")
-    ]
+    states: Annotated[bytes, Meta(description=STATES)]
+    ranges: Annotated[bytes, Meta(description=ALL_RANGES)]
     hitches: Annotated[dict[KnownName, OtherSeen], Meta(description="name -> the body at the other end of its bar; only coupled bodies")]
     fills: Annotated[dict[KnownName, Fill], Meta(description="name -> metres of row in it; only bins that are not empty")]
     full: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description="the bins that are full")]
-    asked: Annotated[
-        list[AskedOf],
-        Meta(description="lockstep: [to, sender, number] of each request of the tick before to these agents, heard now"),
-    ] = msgspec.field(default_factory=list)
+    asked: Annotated[list[AskedOf], Meta(description=ASKED)] = []
 
 
 class Report(SubMessage):
@@ -173,7 +173,7 @@ class Report(SubMessage):
 
     deeds: Annotated[
         list[Deed], Meta(max_length=MOST_DEEDS, description="couple, uncouple, flatten; physics decides whether each is done")
-    ] = msgspec.field(default_factory=list)
+    ] = []
     doing: Annotated[Text, Meta(description="a short present participle: 'picking row 3'")] = ""
     state: Annotated[State | None, Meta(description="the same for programs; nil: 'driving' while the robot moves, else 'resting'")] = None
     waits_for: Annotated[Text, Meta(description="what it waits for, if it cannot continue")] = ""
@@ -351,9 +351,7 @@ class Picture(Message):
     alive: Annotated[list[bool] | None, Meta(description="for each body; false for a weed that is flattened")]
     row_picked: Annotated[list[Fill] | None, Meta(description="for each row, the metres that are picked, 0 to 70")]
     delivered: Annotated[int, Meta(ge=0, description="bins unloaded so far")]
-    states: Annotated[dict[Name, State], Meta(description="name -> its state; the same names as in `doing`")] = msgspec.field(
-        default_factory=dict
-    )
+    states: States = {}
 
 
 class Figures(Message):
@@ -363,6 +361,4 @@ class Figures(Message):
     doing: Annotated[dict[Name, str], Meta(description="name -> what it does")]
     waits_for: Annotated[dict[Name, str], Meta(description="name -> what it waits for; only for agents that wait")]
     messages_refused: Annotated[dict[str, int], Meta(description="reason -> how many since the run began")]
-    states: Annotated[dict[Name, State], Meta(description="name -> its state; the same names as in `doing`")] = msgspec.field(
-        default_factory=dict
-    )
+    states: States = {}

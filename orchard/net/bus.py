@@ -1,7 +1,7 @@
 """Sending and receiving with Zenoh. Only this module imports zenoh.
 
-All that arrives becomes an item in one inbox, in the order of arrival. Handlers only store the item and wake the reader;
-the thread that reads the inbox does the rest. So no lock is needed, and none is held during a get, a reply or a drop.
+All that arrives becomes an item in one inbox, in the order of arrival. Handlers only store the item and wake the reader, which does
+the rest in its own thread. So no lock is needed, and none is held during a get, a reply or a drop.
 """
 
 import ctypes
@@ -29,16 +29,12 @@ LISTEN_SECONDS = 1.0  # how long a router tries to get its port
 LEASE_MS = 2000  # a neighbour that is silent for this long counts as gone
 FULL_QUEUE_US = 300_000  # how long the router waits for a neighbour that receives nothing, before it closes the link
 GET_SECONDS = 10.0  # far above mailbox.DOUBT_SECONDS; zenoh keeps some 700 bytes of each get until then, answered or not
-
-
 TIMED_OUT = "Timeout"  # zenoh's error for a get without an answer in time
 _ASKING: dict[str, Any] = {
     "target": zenoh.QueryTarget.ALL,
     "consolidation": zenoh.ConsolidationMode.NONE,  # AUTO would hold the first reply back until the last
     "congestion_control": zenoh.CongestionControl.BLOCK,
 }
-
-
 _OTHERS = zenoh.Locality.REMOTE  # a session does not receive its own samples
 _OPEN = "any client that reaches this address can drive every robot and end the run; --secure DIR admits only known clients"
 
@@ -109,8 +105,7 @@ Item = Sample | Alive | Query | Replied | Final | Signal
 class Inbox:
     """The items that have arrived, in their order. Putting is safe in any thread and in a signal handler.
 
-    Waking a thread costs more than handling a message. So a reader that needs several quiet items passes their number
-    to `take`.
+    Waking a thread costs more than handling a message. So a reader that needs several quiet items passes their number to `take`.
     """
 
     POLL = 0.05  # s between two checks of a reader that is not woken
@@ -123,10 +118,9 @@ class Inbox:
         self._settled: set[int] = set()  # thread ids
 
     def _settle(self) -> None:
-        """Keep the Python state of a zenoh thread.
+        """Keep the Python state of a zenoh thread: to create and delete it at each call from that thread costs more than the message.
 
-        Python creates a state, with its own memory, for each call from such a thread, and deletes it afterwards. That costs
-        more than the message. A state that is ensured once more than it is released lives as long as its thread.
+        A state that is ensured once more than it is released lives as long as its thread.
         """
         thread = get_ident()
         if thread not in self._settled:
@@ -142,7 +136,7 @@ class Inbox:
         self._wake()
 
     def put_quietly(self, item: Item) -> None:
-        """Put an item. Wake the reader only if the inbox holds as many items as the reader waits for."""
+        """Put an item, and wake the reader only if the inbox holds as many items as it waits for."""
         self._settle()
         self._items.append(item)
         if len(self._items) >= self._enough:
@@ -182,10 +176,7 @@ class Bus:
     """A Zenoh session. All that it receives arrives in `inbox`."""
 
     def __init__(self, session: zenoh.Session, inbox: Inbox, endpoint: str) -> None:
-        self.inbox = inbox
-        self.endpoint = endpoint
-        self.id = str(session.zid())
-        self._session = session
+        self.inbox, self.endpoint, self.id, self._session = inbox, endpoint, str(session.zid()), session
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._listeners: dict[str, zenoh.Publisher] = {}  # publishers that only check for subscribers
         self._kept: list[Any] = []  # declarations, which end when they are no longer referenced
@@ -231,9 +222,7 @@ class Bus:
 
     def subscribe(self, keys: str, quietly: bool = False) -> None:
         """Subscribe to keys: each sample arrives as a Sample. `quietly`: samples are put with `Inbox.put_quietly`."""
-        put = self.inbox.put_quietly if quietly else self.inbox.put
-        handler: Callback[zenoh.Sample] = Callback(lambda sample: put(_sample(sample)), indirect=False)
-        self._kept.append(self._session.declare_subscriber(keys, handler))
+        self._kept.append(self._session.declare_subscriber(keys, self._into(_sample, quietly)))
 
     def answer(self, key: str) -> None:
         """Declare a queryable on a key: each query arrives as a Query."""
@@ -247,8 +236,8 @@ class Bus:
         """Declare a liveliness token, which lasts as long as the session. Call it after all subscriptions."""
         self._kept.append(self._session.liveliness().declare_token(token))
 
-    def _into(self, item_of: Callable[[Any], Item]) -> "Callback[Any]":
-        put = self.inbox.put
+    def _into(self, item_of: Callable[[Any], Item], quietly: bool = False) -> "Callback[Any]":
+        put = self.inbox.put_quietly if quietly else self.inbox.put
         return Callback(lambda arrived: put(item_of(arrived)), indirect=False)
 
 
@@ -296,7 +285,11 @@ def client(endpoint: str, inbox: Inbox | None = None, seconds: float | None = No
 
 @contextmanager
 def _session(mode: str, endpoint: str, seconds: float, identity: Identity | None) -> Iterator[zenoh.Session]:
-    session = _open(mode, endpoint, seconds, identity)
+    check_security(endpoint, identity is not None)
+    try:
+        session = zenoh.open(_config(mode, endpoint, seconds, identity))
+    except zenoh.ZError as error:
+        raise BusError(_explain(mode, endpoint, seconds, identity, str(error))) from error
     try:
         yield session
     finally:
@@ -306,26 +299,13 @@ def _session(mode: str, endpoint: str, seconds: float, identity: Identity | None
             log.warning("the session with %s did not close: %s", endpoint, error)
 
 
-def _open(mode: str, endpoint: str, seconds: float, identity: Identity | None) -> zenoh.Session:
-    check_security(endpoint, identity is not None)
-    try:
-        return zenoh.open(_config(mode, endpoint, seconds, identity))
-    except zenoh.ZError as error:
-        raise BusError(_explain(mode, endpoint, seconds, identity, str(error))) from error
-
-
 def _explain(mode: str, endpoint: str, seconds: float, identity: Identity | None, error: str) -> str:
     if "must be of the form" in error:
         return f"{endpoint}: {NO_ENDPOINT}"
     if mode == "router":
         return f"{endpoint}: {IN_USE}"
-    return f"{endpoint}: {_tls_fault(endpoint, identity) or f'no router answers there; tried for {seconds:g} s'}"
-
-
-def _tls_fault(endpoint: str, identity: Identity | None) -> str:
-    if identity is None:
-        return ""
-    return why_no_trust(endpoint, identity.folder)
+    fault = "" if identity is None else why_no_trust(endpoint, identity.folder)
+    return f"{endpoint}: {fault or f'no router answers there; tried for {seconds:g} s'}"
 
 
 def _config(mode: str, endpoint: str, seconds: float, identity: Identity | None) -> zenoh.Config:
@@ -338,7 +318,7 @@ def _config(mode: str, endpoint: str, seconds: float, identity: Identity | None)
     }
     settings |= _listen_settings(endpoint) if mode == "router" else _connect_settings(endpoint, seconds)
     if identity is not None:
-        settings |= _tls_settings(identity) | (_access_settings(identity) if mode == "router" else {})
+        settings |= _tls_settings(identity) | ({"access_control": identity.rules()} if mode == "router" else {})
     config = zenoh.Config()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
@@ -370,8 +350,3 @@ def _tls_settings(identity: Identity) -> dict[str, Any]:
         tls |= {f"{side}_certificate": str(identity.folder / CERTIFICATE), f"{side}_private_key": str(identity.folder / KEY)}
     tls["close_link_on_expiration"] = True
     return {"id": identity.role.session} | {f"transport/link/tls/{key}": value for key, value in tls.items()}
-
-
-def _access_settings(identity: Identity) -> dict[str, Any]:
-    """The access rules of a router."""
-    return {"access_control": identity.rules()}

@@ -20,7 +20,7 @@ from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, PhysicsRequest, 
 from orchard.net.roster import NO_TOKEN, TAKEN
 from orchard.wire.codec import drive_of
 from orchard.wire.keys import PHYSICS, Keys
-from orchard.wire.messages import BinStatus, Drive, End, Join, Joined, Lost, Recall, Recalled, Velocities
+from orchard.wire.messages import BinStatus, End, Join, Joined, Lost, Recall, Recalled, Velocities
 
 log = logging.getLogger("orchard")
 RECALL_SECONDS = 5.0  # after which a recall is sent again: the link to physics may be cut
@@ -51,20 +51,15 @@ class AgentRunner:
         self._sent: bytes | None = None  # the packed memory that physics has
 
     def resume(self, memory: bytes | None) -> None:
-        """Continue with the memory that physics has; None: without one."""
-        self.memory = None if memory is None else self._unpacked(memory)
-        self._sent = memory
-
-    def _unpacked(self, memory: bytes) -> Any:
-        """The memory; None if it is that of another class of agent."""
+        """Continue with the memory that physics has; without one if that is None, or of another class of agent."""
+        self.memory, self._sent = None, memory
         try:
-            return unpack(memory, self._agent.Memory)
+            self.memory = None if memory is None else unpack(memory, self._agent.Memory)
         except ValueError as error:
             log.warning("%s starts without a memory; its last one is not of its class: %s", self.name, error)
-            return None
 
     def act(self, seen: Observation, mail: Mail) -> Action:
-        """Tick the agent and return its action. A broken agent stands, and the others go on."""
+        """Tick the agent and return its action; a broken agent stands."""
         action = self._agent.tick(seen, mail, self.memory)
         self.memory = action.memory
         return action
@@ -83,27 +78,24 @@ class StateBoard:
 
     def __init__(self, bus: Bus, keys: Keys, run: str) -> None:
         self._bus, self._keys, self._run = bus, keys, run
-        self._seen: dict[str, Observation] = {}
+        self._states: dict[str, BinStatus] = {}
 
     def update(self, seen: Observation) -> None:
-        """Store the observation of a bin. Publish its state if `full` or `coupled_to` has changed."""
-        coupled_to, old = seen.hitch.name if seen.hitch else "", self._seen.get(seen.name)
-        self._seen[seen.name] = seen
-        if old is None or (old.full, old.hitch.name if old.hitch else "") != (seen.full, coupled_to):
-            self._bus.publish(self._keys.of("state", seen.name), pack(self._state(seen)))
-
-    def _state(self, seen: Observation) -> BinStatus:
-        return BinStatus(self._run, seen.tick, seen.full, seen.fill, seen.hitch.name if seen.hitch else "")
+        """Store the state of an observed bin. Publish it if `full` or `coupled_to` has changed."""
+        state = BinStatus(self._run, seen.tick, seen.full, seen.fill, seen.hitch.name if seen.hitch else "")
+        old, self._states[seen.name] = self._states.get(seen.name), state
+        if old is None or (old.full, old.coupled_to) != (state.full, state.coupled_to):
+            self._bus.publish(self._keys.of("state", seen.name), pack(state))
 
     def tell(self, name: str, question: Query) -> None:
-        """Reply to a query for the state of a bin. Raises Refused if the query has a payload."""
+        """Reply to a query for a bin's state. Raises Refused if it has a payload."""
         if question.payload:
             question.refuse("malformed: a query for a state has no payload")
             raise Refused("malformed", "a query for a state has no payload")
-        if name not in self._seen:
+        if name not in self._states:
             question.refuse("not known before the first tick")
             return
-        question.reply(pack(self._state(self._seen[name])))
+        question.reply(pack(self._states[name]))
         question.drop()
 
 
@@ -152,7 +144,7 @@ class Host:
             performer.resume(joined.memories.get(name))
 
     def _joined(self) -> Joined:
-        """The reply to the join. The join is repeated while a token is missing or a predecessor counts as alive."""
+        """The reply to the join, which is repeated while a token is missing or a predecessor counts as alive."""
         request = pack(Join(self.run_id, self.bus.id, list(self.performers)))
         for tries in range(1, JOIN_TRIES + 1):
             joined = self._query("join", request, Joined)
@@ -191,7 +183,8 @@ class Host:
         mail, seen = self._mail(tick), self.sight.observations()
         actions = {name: self._act(name, seen[name], mail.get(name) or Mail()) for name in self.performers}
         self.thinking = ""
-        drives = {name: self._drive(name, action, mail.get(name)) for name, action in actions.items()}
+        digests = {name: digest_of(heard) for name, heard in mail.items()}
+        drives = {name: drive_of(action, digests.get(name, b""), self.performers[name].news()) for name, action in actions.items()}
         self._answer = pack(Velocities(self.run_id, tick, self.bus.id, drives))
         self._send()
         self._send_rest(seen, actions)
@@ -225,19 +218,13 @@ class Host:
             raise _JoinAgain
         return LocalMail(dict(recalled.letters)).deliver(tick)
 
-    def _drive(self, name: str, action: Action, mail: Mail | None) -> Drive:
-        return drive_of(action, b"" if mail is None else digest_of(mail), self.performers[name].news())
-
     def _send(self) -> None:
         self.bus.publish(self.keys.of("velocities", session=self.bus.id), self._answer)
 
     # -- what arrives
 
     def _wait(self, ready: Callable[[], bool], seconds: float = math.inf) -> None:
-        """Handle items until `ready()` or until the time is over.
-
-        All present items are handled first, so that an old tick is not taken for the newest.
-        """
+        """Handle all present items, so that an old tick is not taken for the newest, and then more until `ready()` or the time is over."""
         for _ in range(len(self.bus.inbox)):
             self._handle_next(0.0)
         deadline = time.monotonic() + seconds
@@ -263,19 +250,19 @@ class Host:
             self.refusals.note(getattr(item, "key", "a reply"), refusal)
 
     def _handle(self, item: Item) -> None:
-        if isinstance(item, Sample):
-            self._take_sample(item)
-        elif isinstance(item, Query):
-            self._take_query(item)
-        elif isinstance(item, Replied) and isinstance(item.ticket, SentRequest):
-            if not item.error:
-                self.mailbox.replied(item.ticket, item.payload)
-        elif isinstance(item, Final) and isinstance(item.ticket, SentRequest):
-            item.ticket.final = True
-        elif isinstance(item, Signal):
-            raise HostEnded(0, "asked to stop")
-        elif isinstance(item, Alive) and item.key == self.keys.of("alive", PHYSICS, self.run_id):
-            self._track_physics(item.up)
+        match item:
+            case Sample():
+                self._take_sample(item)
+            case Query():
+                self._take_query(item)
+            case Replied(SentRequest() as asked, payload, ""):
+                self.mailbox.replied(asked, payload)
+            case Final(SentRequest() as asked):
+                asked.final = True
+            case Signal():
+                raise HostEnded(0, "asked to stop")
+            case Alive(key, up) if key == self.keys.of("alive", PHYSICS, self.run_id):
+                self._track_physics(up)
 
     def _track_physics(self, up: bool) -> None:
         """Physics, or the link to it, is gone (not `up`) or there again."""

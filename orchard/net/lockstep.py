@@ -11,7 +11,7 @@ from typing import Any
 
 from orchard.contract.agent import Action
 from orchard.field.scenario import TIME_STEP
-from orchard.net.refusals import HOLDER_ERRORS, Refused, refuse_other_tick
+from orchard.net.refusals import Refused, refuse_other_tick
 from orchard.net.roster import Roster
 from orchard.wire.codec import action_of
 from orchard.wire.messages import Mode, Velocity
@@ -43,28 +43,54 @@ PATIENCE = 15.0  # s of wall time that an agent may take to answer
 AGAIN_SECONDS = 0.5  # after which a tick is sent again to the sessions that have not answered
 
 
-class LockstepBarrier:
-    """The velocities for one tick: physics waits until none is missing. The counterpart is `realtime.RealtimeBarrier`."""
+class Barrier:
+    """The velocities for one tick, until physics does not wait for any more."""
 
-    mode: Mode = "lockstep"
+    mode: Mode
+
+    def __init__(self, roster: Roster, clock: Callable[[], float]) -> None:
+        self._roster, self._clock = roster, clock
+        self.tick = -1
+        self.missing: set[str] = set()
+        self.velocities: dict[str, Velocity] = {}
+
+    def _refuse_unless_held_by(self, name: str, holder: str) -> None:
+        if holder != self._roster.holders[name]:
+            raise Refused("not the holder", "another session holds this agent")
+
+    def give_up(self) -> set[str]:
+        """Stop waiting for the missing agents. Return the agents that lose their holder."""
+        lost, self.missing = self.missing, set()
+        return lost
+
+    def digests(self) -> dict[str, bytes]:
+        """Return the mail digests that the agents reported, by name."""
+        return {name: velocity.report.mail for name, velocity in self.velocities.items() if velocity.report is not None}
+
+    def figures(self) -> dict[str, Any]:
+        """Return this barrier's figures for the summary."""
+        return {}
+
+
+class LockstepBarrier(Barrier):
+    """Physics waits until no velocity is missing. The counterpart is `realtime.RealtimeBarrier`."""
+
+    mode = "lockstep"
     newest_wins = False  # each tick must reach each agent
     releases_at_once = False  # a session that is gone may come back, or be replaced, until the deadline
 
     def __init__(self, roster: Roster, patience: float = PATIENCE, clock: Callable[[], float] = time.monotonic) -> None:
-        self._roster, self._patience, self._clock = roster, patience, clock
-        self.tick = -1
+        super().__init__(roster, clock)
+        self._patience = patience
         self.deadline = math.inf  # on the clock: the time to wait for missing answers
-        self.missing: set[str] = set()
         self._back: set[str] = set()  # agents that sessions have taken since the tick began
-        self.velocities: dict[str, Velocity] = {}
         self._actions: dict[str, Action] = {}  # the actions in these velocities
         self._before: dict[str, Velocity] = {}  # the velocities of the last tick
 
     def open(self, tick: int, lag: float = 0.0) -> None:
         """Open a tick and wait for each held agent. `lag`: seconds that the tick begins late."""
         self.tick, self.missing, self.velocities, self._before = tick, set(self._roster.holders), {}, self.velocities
-        self._actions = {}
-        self._back.clear()
+        self._actions, self._back = {}, set()
         self.deadline = self._clock() + self._patience
 
     def expect(self, name: str) -> None:
@@ -79,19 +105,13 @@ class LockstepBarrier:
             self._back.add(name)
             self.deadline = self._clock() + self._patience
 
-    def give_up(self) -> set[str]:
-        """Stop waiting for the missing agents. Return the agents that lose their holder: the missing ones."""
-        lost, self.missing = self.missing, set()
-        return lost
-
     def release(self, name: str) -> None:
         """Stop waiting for an agent that no session holds any more."""
         self.missing.discard(name)
 
     def take(self, name: str, velocity: Velocity) -> None:
         """Take a velocity for a held agent. Ignore a repetition. Raises Refused if the velocity is not one that physics waits for."""
-        if velocity.holder != self._roster.holders[name]:
-            raise Refused("not the holder", HOLDER_ERRORS["not the holder"])
+        self._refuse_unless_held_by(name, velocity.holder)
         if velocity.tick != self.tick or name not in self.missing:
             self._refuse_unless_repeated(name, velocity)
             return
@@ -108,11 +128,3 @@ class LockstepBarrier:
     def actions(self) -> dict[str, Action]:
         """Return the actions to apply, in the order of names, never in the order of arrival."""
         return {name: self._actions[name] for name in sorted(self._actions)}
-
-    def digests(self) -> dict[str, bytes]:
-        """Return the mail digests that the agents reported, by name."""
-        return {name: velocity.report.mail for name, velocity in self.velocities.items() if velocity.report is not None}
-
-    def figures(self) -> dict[str, Any]:
-        """Return this barrier's figures for the summary."""
-        return {}

@@ -7,11 +7,11 @@ answer did not come) recalls all mail of the tick from physics.
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import Protocol
 
 from orchard.contract.agent import Action, Heard, Mail, Observation, Reply, without_body
 from orchard.contract.mail import in_hearing_order
 from orchard.contract.messages import Answer, Request, pack
+from orchard.net.bus import Query
 from orchard.net.refusals import Refused, read_message
 from orchard.wire.codec import observations_of
 from orchard.wire.messages import Answered, AskedOf, Letter, Received, Seen
@@ -28,7 +28,7 @@ class LatestObservations:
         self.forget()
 
     def forget(self) -> None:
-        """Drop the observations; the next tick that arrives is the newest."""
+        """Drop the observations. The next tick that arrives is the newest."""
         self.tick = -1  # -1: no tick has arrived
         self.asked: list[AskedOf] = []  # the requests that these agents hear at this tick
         self._seen: dict[str, Observation] = {}
@@ -72,22 +72,12 @@ class SentRequest:
 STALE_TICKS = 50  # realtime: the most ticks between two hosts whose agents exchange mail
 
 
-class PendingQuery(Protocol):
-    """A query that waits for replies; see bus.Query."""
-
-    payload: bytes
-
-    def reply(self, payload: bytes) -> None: ...
-    def refuse(self, reason: str) -> None: ...
-    def drop(self) -> None: ...
-
-
 @dataclass
 class _ReceivedRequest:
     """A request that has arrived, and the query that waits for its answer."""
 
     heard: Heard
-    question: PendingQuery
+    question: Query
     is_heard: bool = False  # its tick has begun or is over: it is answered in this tick or never
     body: Answer | None = None
 
@@ -111,14 +101,20 @@ class Mailbox:
 
     # what arrives
 
-    def hear(self, recipient: str, question: PendingQuery) -> None:
-        """Hold a request for the next tick and reply `received` at once (rules 5 and 7). Raises Refused if it does not count."""
+    def hear(self, recipient: str, question: Query) -> None:
+        """Hold a request for the next tick and reply `received` at once (rules 5 and 7). Raises Refused if it does not count.
+
+        A repeated request replaces the query that is held.
+        """
         try:
             letter = self._checked(question.payload)
         except Refused as refusal:
             question.refuse(str(refusal))
             raise
-        self._hold(recipient, letter, question)
+        key = (recipient, letter.sender, letter.tick, letter.number)
+        if key in self._held:
+            self._held[key].question.drop()
+        self._held[key] = _ReceivedRequest(Heard(letter.sender, letter.tick, letter.number, letter.body), question)
         question.reply(pack(Received(self._run, letter.tick)))
 
     def _checked(self, payload: bytes) -> Letter:
@@ -128,14 +124,6 @@ class Mailbox:
         if not self._is_timely(letter.tick):
             raise Refused("past tick" if letter.tick < self.last else "future tick", f"a request of {letter.tick} at tick {self.last}")
         return letter
-
-    def _hold(self, recipient: str, letter: Letter, question: PendingQuery) -> None:
-        """A repeated request replaces the query that is held."""
-        heard = Heard(letter.sender, letter.tick, letter.number, letter.body)
-        key = (recipient, letter.sender, letter.tick, letter.number)
-        if key in self._held:
-            self._held[key].question.drop()
-        self._held[key] = _ReceivedRequest(heard, question)
 
     def replied(self, asked: SentRequest, payload: bytes) -> None:
         """Take a reply to a request. Raises Refused if it does not count."""
@@ -166,20 +154,18 @@ class Mailbox:
 
         A host that has just joined waits for neither, because it recalls the mail.
         """
-        asked = self._asked.get(tick - 2)
-        return self._is_new(tick) or (self._has(tick, asked_of) and (not asked or all(request.final for request in asked)))
+        return self._is_new(tick) or (self._has(tick, asked_of) and all(asked.final for asked in self._asked.get(tick - 2, ())))
 
     def doubts(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
         """Whether mail of a tick may be missing: the host has just joined, a request has not come, or a get has ended without an answer."""
-        asked = self._asked.get(tick - 2)
-        return self._is_new(tick) or not (self._has(tick, asked_of) and (not asked or all(request.answered for request in asked)))
+        return self._is_new(tick) or not (self._has(tick, asked_of) and all(asked.answered for asked in self._asked.get(tick - 2, ())))
 
     def _is_new(self, tick: int) -> bool:
         return tick <= self._joined + 1
 
     def _has(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
         """Whether these requests of the tick before have come."""
-        return not asked_of or all((to, sender, tick - 1, number) in self._held for to, sender, number in asked_of)
+        return all((to, sender, tick - 1, number) in self._held for to, sender, number in asked_of)
 
     def deliver(self, tick: int) -> dict[str, Mail]:
         """Return name -> the requests of the last tick and the answers given in it (rule 3). Agents without mail are absent."""
@@ -197,6 +183,9 @@ class Mailbox:
 
     def _is_heard(self, asked: int, tick: int) -> bool:
         return asked == tick - 1
+
+    def _is_done(self, asked: int, tick: int) -> bool:
+        return asked < tick
 
     def _take_settled(self, tick: int) -> list[SentRequest]:
         """Remove and return the requests whose outcome the agents learn at this tick."""
@@ -224,9 +213,6 @@ class Mailbox:
             held = self._held.pop(key)
             held.question.reply(pack(Answered(self._run, self.last, held.body)))
             held.question.drop()
-
-    def _is_done(self, asked: int, tick: int) -> bool:
-        return asked < tick
 
 
 class RealtimeMailbox(Mailbox):

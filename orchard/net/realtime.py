@@ -1,8 +1,7 @@
 """The physics side of realtime, without a network: the wall clock goes on, and the newest velocity counts.
 
-`RealtimeBarrier` is the counterpart of `lockstep.LockstepBarrier`, with the same methods. A tick's answers have until the next tick is due;
-where the machine hiccups they have a moment longer, which the ticks after it make up for. Then the step is done without those that are
-missing. `UnheldCommands` is used in both modes: the newest velocity drives a robot that no session holds, for half a second.
+A tick's answers have until the next tick is due; where the machine hiccups they have a moment longer, which the ticks after it make up
+for. Then the step is done without those that are missing. `UnheldCommands` is used in both modes.
 """
 
 import time
@@ -16,10 +15,11 @@ import numpy as np
 from orchard.contract.agent import MOST_DEEDS, Action
 from orchard.contract.messages import Written
 from orchard.field.geometry import STILL
-from orchard.net.refusals import HOLDER_ERRORS, Refused, refuse_other_tick
+from orchard.net.lockstep import Barrier
+from orchard.net.refusals import Refused, refuse_other_tick
 from orchard.net.roster import Roster
 from orchard.wire.codec import action_of
-from orchard.wire.messages import Mode, Velocity
+from orchard.wire.messages import Velocity
 
 WATCHDOG = 0.5  # s that one velocity drives a robot without a holder, of simulated or wall time, whichever is slower
 WATCHDOG_TICKS = 5
@@ -66,13 +66,12 @@ class UnheldCommands:
         self._puts: dict[str, TimedVelocity] = {}
 
     def begin(self, tick: int) -> None:
-        """Record the publication of a new tick."""
         self._recent.begin(tick)
 
     def take(self, name: str, velocity: Velocity) -> None:
         """Take a velocity for a robot. Raises Refused if it names a holder, or if its tick is too old or in the future."""
         if velocity.holder:
-            raise Refused("not held", HOLDER_ERRORS["not held"])
+            raise Refused("not held", "no session holds this agent; join first")
         newest_put = self._puts[name].velocity.tick if name in self._puts else 0
         refuse_other_tick(velocity.tick, max(self._recent.oldest, newest_put), self._recent.newest)
         self._puts[name] = TimedVelocity(velocity, self._recent.clock())
@@ -83,8 +82,7 @@ class UnheldCommands:
 
     def actions(self, tick: int) -> dict[str, Action]:
         """Return the actions to apply at a tick, by name."""
-        is_over = self._recent.is_over
-        self._puts = {name: put for name, put in self._puts.items() if not is_over(put.velocity.tick, put.at, tick)}
+        self._puts = {name: put for name, put in self._puts.items() if not self._recent.is_over(put.velocity.tick, put.at, tick)}
         return {name: Action(action_of(put.velocity).twist) for name, put in self._puts.items()}
 
 
@@ -93,16 +91,17 @@ SHARE = 0.5  # of a tick's time, to wait for agents that missed the last tick, a
 LATE = 0.5  # of a tick's time: a tick that begins later than this after it was due counts as late
 
 
-class RealtimeBarrier:
-    """The newest velocity of each held agent."""
+class RealtimeBarrier(Barrier):
+    """The newest velocity of each held agent. The counterpart is `lockstep.LockstepBarrier`."""
 
-    mode: Mode = "realtime"
+    mode = "realtime"
     newest_wins = True  # sessions need only the newest tick
     releases_at_once = True  # the robots of a session that is gone are released at once, and stand
 
     def __init__(self, roster: Roster, step: float, clock: Callable[[], float] = time.monotonic) -> None:
         """`step`: s of wall time between two ticks."""
-        self._roster, self._step, self._clock = roster, step, clock
+        super().__init__(roster, clock)  # `velocities`: those that were used first in the last step
+        self._step = step
         self._recent = RecentTicks(clock)
         self._newest: dict[str, TimedVelocity] = {}
         self._fresh: dict[str, Velocity] = {}  # velocities that no step has used
@@ -111,9 +110,6 @@ class RealtimeBarrier:
         self._begun = self._patient = clock()
         self._late = self._missed = 0
         self._delays = Delays()
-        self.tick = -1
-        self.missing: set[str] = set()
-        self.velocities: dict[str, Velocity] = {}  # velocities that were used first in the last step
 
     # -- what arrives
 
@@ -143,8 +139,7 @@ class RealtimeBarrier:
 
     def take(self, name: str, velocity: Velocity) -> None:
         """Take a velocity for a held agent. Raises Refused if it does not count."""
-        if velocity.holder != self._roster.holders[name]:
-            raise Refused("not the holder", HOLDER_ERRORS["not the holder"])
+        self._refuse_unless_held_by(name, velocity.holder)
         last = self._newest[name].velocity.tick if name in self._newest else -1
         if last >= 0 and velocity == self._newest[name].velocity:
             return  # a repetition, sent in case the first was lost
@@ -158,8 +153,8 @@ class RealtimeBarrier:
             self._delays.add(self._newest[name].at - self._begun)
 
     def give_up(self) -> set[str]:
-        """Stop waiting for the missing agents. Return the agents that lose their holder: none in realtime."""
-        self.missing = set()
+        """Stop waiting for the missing agents. None of them loses its holder."""
+        super().give_up()
         return set()
 
     # -- one step
@@ -170,31 +165,20 @@ class RealtimeBarrier:
         self._tardy = {name for name in held if name not in self._newest or self._newest[name].velocity.tick != self.tick}
         self._missed += len(self._tardy)
         self.velocities, self._fresh = self._fresh, {}
-        return {name: self._action(name, put) for name, put in sorted(self._newest.items()) if self._counts(put)}
-
-    def _counts(self, put: TimedVelocity) -> bool:
-        return not self._recent.is_over(put.velocity.tick, put.at, self.tick)
+        puts, is_over = sorted(self._newest.items()), self._recent.is_over
+        return {name: self._action(name, put) for name, put in puts if not is_over(put.velocity.tick, put.at, self.tick)}
 
     def _action(self, name: str, put: TimedVelocity) -> Action:
         action = action_of(self.velocities.get(name, put.velocity))
         if name not in self.velocities:
             action.deeds = []
-        if put.velocity.once and not self._is_for_now(name, put.velocity.tick):
+        if put.velocity.once and self._moved.get(name, -1) >= put.velocity.tick:  # it has moved since the pose that this answers
             action.twist = STILL
         if action.twist != STILL:
             self._moved[name] = self.tick
         return action
 
-    def _is_for_now(self, name: str, tick: int) -> bool:
-        """Whether the robot has not moved since the pose that the velocity for `tick` answers."""
-        return self._moved.get(name, -1) < tick
-
-    def digests(self) -> dict[str, bytes]:
-        """Return the mail digests that the agents reported, by name."""
-        return {name: velocity.report.mail for name, velocity in self.velocities.items() if velocity.report is not None}
-
     def figures(self) -> dict[str, Any]:
-        """Return this barrier's figures for the summary."""
         delays = {f"p{share}": self._delays.below(share) for share in (50, 99)}
         return {"ticks_late": self._late, "velocities_missed": self._missed, "answer_milliseconds": delays}
 

@@ -12,7 +12,6 @@ M = TypeVar("M", bound=RunMessage)
 
 log = logging.getLogger("orchard")
 MOST_LOGGED = 1000  # pairs of key and reason that are logged
-HOLDER_ERRORS = {"not the holder": "another session holds this agent", "not held": "no session holds this agent; join first"}
 
 
 def printable(words: str, most: int = 200) -> str:
@@ -74,11 +73,11 @@ def refuse_other_tick(tick: int, first: int, last: int) -> None:
 MOST_SESSIONS = 1000  # sessions whose refusals are added up
 
 
-class RefusalTotals:
+class RefusalTotals(Refusals):
     """The refusals of physics, and those that each session reports."""
 
     def __init__(self) -> None:
-        self.own = Refusals()
+        super().__init__()
         self.there: dict[str, Mapping[Reason, int]] = {}  # session -> its counts so far
 
     def hear(self, session: str, counts: Mapping[Reason, int]) -> None:
@@ -89,7 +88,7 @@ class RefusalTotals:
 
     def total(self) -> dict[str, int]:
         """Return reason -> count, of all processes."""
-        total: Counter[str] = Counter(self.own.counts)
+        total: Counter[str] = Counter(self.counts)
         for counts in self.there.values():
             total.update(counts)
         return dict(sorted(total.items()))

@@ -27,14 +27,6 @@ def publish_refusals(bus: Bus, keys: Keys, run: str, refusals: Refusals) -> None
         bus.publish(keys.of("refused", session=bus.id), pack(RefusedThere(run, dict(refusals.counts))))
 
 
-def _ignore(item: Item) -> None:
-    """Ignore an item, as long as the run is not known."""
-
-
-def _do_nothing() -> None:
-    """Do nothing while no reply comes."""
-
-
 @dataclass(frozen=True)
 class PhysicsRequest(Generic[M]):
     """A get to which only physics has a valid reply."""
@@ -48,9 +40,9 @@ class PhysicsRequest(Generic[M]):
 def ask(
     bus: Bus,
     request: PhysicsRequest[M],
-    handle: Callable[[Item], None] = _ignore,
+    handle: Callable[[Item], None] = lambda item: None,
     refusals: Refusals | None = None,
-    meanwhile: Callable[[], None] = _do_nothing,
+    meanwhile: Callable[[], None] = lambda: None,
 ) -> M:
     """Return the first valid reply. Repeat the request while there is none.
 
@@ -89,6 +81,6 @@ def _replies_to(bus: Bus, ticket: object, handle: Callable[[Item], None], meanwh
             handle(item)
 
 
-def fetch_run(bus: Bus, keys: Keys, handle: Callable[[Item], None] = _ignore) -> RunInfo:
+def fetch_run(bus: Bus, keys: Keys, handle: Callable[[Item], None] = lambda item: None) -> RunInfo:
     """Return the run that physics simulates at this router. Raises BusError if there is none."""
     return ask(bus, PhysicsRequest(keys.of("scenario"), b"", lambda reply: read(reply, RunInfo)), handle)

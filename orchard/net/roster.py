@@ -18,36 +18,28 @@ class Roster:
         self.names = tuple(names)
         self.holders: dict[str, str] = {}  # name -> session id
         self._by_holder: dict[str, list[str]] = {}  # computed on demand
-        self._alive: set[tuple[str, str]] = set()
+        self.tokens: set[tuple[str, str]] = set()  # (name, session id) of each liveliness token
 
     def token(self, name: str, holder: str, up: bool) -> None:
         """Record that a liveliness token appeared (`up`) or disappeared. Raises Refused if there are too many.
 
         A session that is gone keeps its agents until another session takes them over or they are released.
         """
-        if up and len(self._alive) >= MOST_TOKENS:
+        if up and len(self.tokens) >= MOST_TOKENS:
             raise Refused("too many", f"there are {MOST_TOKENS} liveliness tokens")
-        (self._alive.add if up else self._alive.discard)((name, holder))
+        (self.tokens.add if up else self.tokens.discard)((name, holder))
 
     def may_join(self, name: str, holder: str) -> str:
         """Return why a session cannot hold an agent; '' if it can."""
         if name not in self.names:
             return "there is no such agent"
-        if (name, holder) not in self._alive:
+        if (name, holder) not in self.tokens:
             return NO_TOKEN
-        if self.is_alive(name) and self.holders[name] != holder:
-            return f"{TAKEN}, by session {self.holders[name]}"
-        return ""
+        owner = self.holders.get(name, holder)
+        return f"{TAKEN}, by session {owner}" if owner != holder and (name, owner) in self.tokens else ""
 
     def join(self, name: str, holder: str) -> None:
         self.holders[name], self._by_holder = holder, {}
-
-    def is_alive(self, name: str) -> bool:
-        return (name, self.holders.get(name, "")) in self._alive
-
-    def is_there(self, name: str) -> bool:
-        """Whether any session has a liveliness token for this name."""
-        return any(there == name for there, _ in self._alive)
 
     def by_holder(self) -> dict[str, list[str]]:
         """Return session id -> the names that it holds."""
@@ -64,10 +56,6 @@ class Roster:
         for name in sorted(names):
             released.setdefault(self.holders.pop(name), []).append(name)
         return released
-
-    def has_tokens(self) -> bool:
-        """Whether there is any liveliness token."""
-        return bool(self._alive)
 
 
 Letters = Iterable[tuple[int, dict[str, Written]]]  # (tick, sender -> its letters)
@@ -95,6 +83,6 @@ class RecoveryLog:
             self.letters[tick] = written
 
     def asked(self, tick: int) -> list[AskedOf]:
-        """Return all requests of a tick, without their bodies."""
+        """Return the requests of a tick, without their bodies."""
         written = self.letters.get(tick, {}).items()
         return [AskedOf(to, sender, number) for sender, letters in written for number, (to, _) in enumerate(letters.requests)]

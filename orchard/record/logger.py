@@ -1,7 +1,6 @@
 """Receives a run and records it with Rerun.
 
-It only receives. One thread receives and another writes, with a bounded queue between them, so that a slow disk delays no other process:
-when too many frames wait, the two newest become one, and only the older's poses and scans are lost.
+One thread receives and another writes, with a bounded queue between them, so that a slow disk delays no other process.
 """
 
 import logging
@@ -9,10 +8,10 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from orchard.contract.events import Event, Frame, merged
 from orchard.field.layout import Layout, lay_out
@@ -30,14 +29,11 @@ from orchard.wire.keys import LOGGER, PHYSICS, Keys
 from orchard.wire.messages import End, Events, Letters, Lost, Picture
 
 MOST = 1000  # frames that wait: 100 simulated seconds; some 35 MB for the largest orchard
+MOST_NOTES = 10_000  # events that wait for a frame; a tick never has more than some hundreds
+LOOK_SECONDS = 0.5  # between two checks that the writer still writes
 AWAY = "the logger was away"
 
 log = logging.getLogger("orchard")
-
-
-MOST_NOTES = 10_000  # events that wait for a frame; a tick never has more than some hundreds
-LOOK_SECONDS = 0.5  # between two checks that the writer still writes
-
 
 # -- between the thread that receives and the thread that writes
 
@@ -49,20 +45,8 @@ class QueuedFrame(NamedTuple):
     notes: list[Event]
 
 
-class Recording(Protocol):
-    """The destination of the frames: orchard.view.recorder.Recorder."""
-
-    def tick(self, frame: Frame) -> None: ...
-    def gap(self, since: int, until: int, why: str) -> None: ...
-    def tell(self, event: Event) -> None: ...
-    def close(self) -> None: ...
-
-
 class FrameQueue:
-    """The frames that wait, between two threads.
-
-    When the queue is full, the two newest frames become one. Only the poses and scans of the older one are lost.
-    """
+    """The frames that wait. When it is full, the two newest become one, and only the older's poses and scans are lost."""
 
     def __init__(self, most: int = MOST) -> None:
         self._most = most
@@ -85,7 +69,7 @@ class FrameQueue:
             self._change.notify()
 
     def close(self) -> None:
-        """End the queue: no more frames will come."""
+        """End the queue: no more frames come."""
         with self._change:
             self._is_closed = True
             self._change.notify()
@@ -99,17 +83,19 @@ class FrameQueue:
 
 
 class Writer(threading.Thread):
-    """Writes frames in a thread of its own, as fast as it can. `error`: the exception that ended it, or None."""
+    """Begins or continues a recording, and writes frames into it in a thread of its own, as fast as it can.
 
-    def __init__(self, queue: FrameQueue, begin: Callable[[], tuple[Recording, int | None]]) -> None:
-        """`begin` returns the recording, and the last tick that was recorded before, or None if there is nothing to continue."""
+    `file`: the part of the recording that it writes. `error`: the exception that ended it, or None.
+    """
+
+    def __init__(self, queue: FrameQueue, layout: Layout, run: str, file: Path | None, port: int | None) -> None:
         super().__init__(name="writer", daemon=True)
-        self._queue, self._begin = queue, begin
+        self._queue, self._layout, self._run_id, self.file, self._port = queue, layout, run, file, port
         self.error: Exception | None = None
 
     def run(self) -> None:
         try:
-            recording, last = self._begin()
+            recording, last = self._begun()
             try:
                 write(self._queue, recording, last)
             finally:
@@ -117,9 +103,21 @@ class Writer(threading.Thread):
         except Exception as error:
             self.error = error
 
+    def _begun(self) -> tuple[Recorder, int | None]:
+        """The recorder, and the last tick of the earlier parts, which are read while the logger already receives what comes next."""
+        last: int | None = None
+        said: Mapping[str, Mapping[str, Colour]] = {}
+        if self.file is not None:
+            self.file.parent.mkdir(parents=True, exist_ok=True)
+            self.file, last, said = before(self.file, self._run_id)
+        recorder = Recorder(self._layout, self._run_id, self.file, serve=self._port is not None, port=self._port or 0)
+        recorder.bodies.remember(said)
+        print("recording", recorder.uri or self.file, flush=True)
+        return recorder, last
 
-def write(queue: FrameQueue, recording: Recording, last: int | None) -> None:
-    """Write all frames, and the gaps between them, until the queue is closed and empty. `last`: as from `begin`."""
+
+def write(queue: FrameQueue, recording: Recorder, last: int | None) -> None:
+    """Write all frames, and the gaps between them, until the queue is closed and empty. `last`: tick; None if nothing is recorded yet."""
     while (queued := queue.take()) is not None:
         frame = queued.frame
         first = frame.tick - frame.left_out  # tick of the first frame that this one stands for
@@ -225,34 +223,12 @@ class Logger:
             self._notes = []
 
 
-# -- the recording
-
-
-class RecordingStart:
-    """Begins or continues a recording. `begin` reads the earlier parts while the logger already receives what comes next."""
-
-    def __init__(self, layout: Layout, run: str, file: Path | None, port: int | None) -> None:
-        self.layout, self.run_id, self.file, self.port = layout, run, file, port
-
-    def begin(self) -> tuple[Recorder, int | None]:
-        """Return the recorder, and the last tick that was recorded before; None without a file."""
-        last: int | None = None
-        said: Mapping[str, Mapping[str, Colour]] = {}
-        if self.file is not None:
-            self.file.parent.mkdir(parents=True, exist_ok=True)
-            self.file, last, said = before(self.file, self.run_id)
-        recorder = Recorder(self.layout, self.run_id, self.file, serve=self.port is not None, port=self.port or 0)
-        recorder.bodies.remember(said)
-        print("recording", recorder.uri or self.file, flush=True)
-        return recorder, last
-
-
 def record(bus: Bus, keys: Keys, file: Path | None, port: int | None, session: str) -> tuple[int, Path | None]:
     """Record a run into a file, and serve viewers on a port. Return the exit code, and the part of the recording that was written."""
     run = fetch_run(bus, keys)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
-    opening, logger = RecordingStart(layout, run.run, file, port), Logger(bus, keys, run.run, layout, FrameQueue())
+    logger = Logger(bus, keys, run.run, layout, FrameQueue())
     logger.listen(session or bus.id)
-    writer = Writer(logger.queue, opening.begin)
+    writer = Writer(logger.queue, layout, run.run, file, port)
     writer.start()
-    return logger.run(writer), opening.file
+    return logger.run(writer), writer.file

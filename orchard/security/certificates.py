@@ -7,10 +7,11 @@ the authority's certificate, with which it verifies the other roles.
 import ipaddress
 import os
 import secrets
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import TypeVar
 
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature
@@ -20,7 +21,9 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY
 
+T = TypeVar("T")
 EARLIER = timedelta(hours=1)  # a certificate is valid from this long before it is made: another machine's clock may be behind
+PEM = serialization.Encoding.PEM
 SERVES, CALLS = ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH
 
 
@@ -33,12 +36,14 @@ class Authority:
 
     @classmethod
     def begin(cls, days: float) -> "Authority":
-        """Return a new authority with a random name and key. Its certificates are valid for `days` days."""
+        """Return a new authority with a random name and a key that only signs certificates and revocation lists, valid for `days` days."""
         name = f"orchard {secrets.token_hex(8)}"
         key = ec.generate_private_key(ec.SECP256R1())
         draft = _draft(name, name, key, datetime.now(UTC) + timedelta(days=days))
         draft = draft.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-        return cls(draft.add_extension(_signs_certificates(), critical=True).sign(key, hashes.SHA256()), key)
+        never = ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement")
+        only = x509.KeyUsage(**dict.fromkeys(never, False), key_cert_sign=True, crl_sign=True, encipher_only=False, decipher_only=False)
+        return cls(draft.add_extension(only, critical=True).sign(key, hashes.SHA256()), key)
 
     def write(self, folder: Path) -> None:
         """Write the authority's own certificate and key."""
@@ -58,7 +63,7 @@ class Authority:
         if names:
             draft = draft.add_extension(x509.SubjectAlternativeName(names), critical=False)
         _write(folder, draft.sign(self.key, hashes.SHA256()), key)
-        (folder / AUTHORITY).write_bytes(_pem(self.certificate))
+        (folder / AUTHORITY).write_bytes(self.certificate.public_bytes(PEM))
 
 
 def _draft(name: str, issuer: str, key: ec.EllipticCurvePrivateKey, until: datetime) -> x509.CertificateBuilder:
@@ -75,12 +80,6 @@ def _name_of(name: x509.Name) -> str:
     return str(name.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value)
 
 
-def _signs_certificates() -> x509.KeyUsage:
-    """Return the only usage of an authority's key: it signs certificates and revocation lists."""
-    never = ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement")
-    return x509.KeyUsage(**dict.fromkeys(never, False), key_cert_sign=True, crl_sign=True, encipher_only=False, decipher_only=False)
-
-
 def address(text: str) -> x509.GeneralName:
     """Return an IP address, or the name of a machine, for a certificate. Raises ValueError if the text is neither."""
     try:
@@ -91,15 +90,11 @@ def address(text: str) -> x509.GeneralName:
         return x509.DNSName(text)
 
 
-def _pem(certificate: x509.Certificate) -> bytes:
-    return certificate.public_bytes(serialization.Encoding.PEM)
-
-
 def _write(folder: Path, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
     """Write both files, into a directory that only its owner can read."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    (folder / CERTIFICATE).write_bytes(_pem(certificate))
-    secret = key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
+    (folder / CERTIFICATE).write_bytes(certificate.public_bytes(PEM))
+    secret = key.private_bytes(PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
     (folder / KEY).unlink(missing_ok=True)
     with open(os.open(folder / KEY, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
         file.write(secret)
@@ -113,14 +108,16 @@ def check(folder: Path, name: str) -> None:
 
     Raises ValueError, with the reason, if a file is missing, is another role's, is not issued by the authority, or is not valid now.
     """
-    certificate, authority = _read(folder / CERTIFICATE), _read(folder / AUTHORITY)
+    files = folder / CERTIFICATE, folder / AUTHORITY
+    certificate, authority = (_read(path, x509.load_pem_x509_certificate, "not a certificate") for path in files)
     if _name_of(certificate.subject) != name:
         raise ValueError(f"{folder / CERTIFICATE}: this is the certificate of {_name_of(certificate.subject)}, not of {name}")
     try:
         certificate.verify_directly_issued_by(authority)
     except (ValueError, TypeError, InvalidSignature):
         raise ValueError(f"{folder / CERTIFICATE}: not issued by {AUTHORITY} beside it; are both from one directory?") from None
-    if _public_key(folder / KEY) != certificate.public_key():
+    key = _read(folder / KEY, lambda data: serialization.load_pem_private_key(data, None), "not a private key without a password")
+    if key.public_key() != certificate.public_key():
         raise ValueError(f"{folder / KEY}: not the key of the certificate beside it")
     for one in (certificate, authority):
         if not one.not_valid_before_utc <= datetime.now(UTC) <= one.not_valid_after_utc:
@@ -128,19 +125,10 @@ def check(folder: Path, name: str) -> None:
             raise ValueError(f"{folder}: its certificate is valid {span}, not now; `run.py secure --anew` makes new ones")
 
 
-def _read(path: Path) -> x509.Certificate:
+def _read(path: Path, load: Callable[[bytes], T], fault: str) -> T:
     try:
-        return x509.load_pem_x509_certificate(path.read_bytes())
-    except OSError as error:
-        raise ValueError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
-    except ValueError as error:
-        raise ValueError(f"{path}: not a certificate") from error
-
-
-def _public_key(path: Path) -> object:
-    try:
-        return serialization.load_pem_private_key(path.read_bytes(), None).public_key()
+        return load(path.read_bytes())
     except OSError as error:
         raise ValueError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
     except (ValueError, TypeError) as error:
-        raise ValueError(f"{path}: not a private key without a password") from error
+        raise ValueError(f"{path}: {fault}") from error

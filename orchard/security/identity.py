@@ -17,6 +17,10 @@ from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY, SERVANTS, Role, 
 from orchard.wire.keys import PREFIX, Keys
 
 ROLE, ACCESS = "role.json", "access.json"  # a role's files
+HOME = "authority"  # the authority's own directory
+LOCAL = ("127.0.0.1", "::1", "localhost")  # addresses by which each machine reaches itself
+SECONDS = 3.0  # time that the other side has for each step, when a process finds out why it cannot connect
+_NAME = re.compile(r"[a-z][a-z0-9_-]{0,31}")
 
 
 @dataclass(frozen=True)
@@ -108,9 +112,6 @@ class Keyring:
         return hosts
 
 
-SECONDS = 3.0  # time that the other side has for each step
-
-
 def why_no_trust(endpoint: str, folder: Path) -> str:
     """Return why a role's files and the process at tls/host:port do not accept each other; '' if the fault is another one."""
     import ssl  # not at the top: it takes a tenth of a process's start, and only this needs it
@@ -121,28 +122,18 @@ def why_no_trust(endpoint: str, folder: Path) -> str:
     host = host.strip("[]")
     try:
         with socket.create_connection((host, int(port)), SECONDS) as plain, trust.wrap_socket(plain, server_hostname=host) as secured:
-            return _refusal(secured)
+            try:
+                secured.recv(1)  # the other side reports on this side's certificate only after the handshake
+            except TimeoutError:
+                return "the session is refused, although the certificates are valid; does another process use this role already?"
     except ssl.SSLCertVerificationError as error:
         return f"{folder / AUTHORITY} does not verify the certificate of the process that listens there: {error.verify_message}"
     except ssl.SSLError as error:
         reason = (error.reason or str(error)).replace("_", " ").lower()
         return f"the process that listens there does not speak TLS, or does not accept the certificate in {folder}: {reason}"
     except (OSError, ValueError):
-        return ""
-
-
-def _refusal(secured: socket.socket) -> str:
-    """Why the other side refuses the session; ''. It reports on this side's certificate only after the handshake."""
-    try:
-        secured.recv(1)
-    except TimeoutError:
-        return "the session is refused, although the certificates are valid; does another process use this role already?"
+        pass
     return ""
-
-
-HOME = "authority"  # the authority's own directory
-LOCAL = ("127.0.0.1", "::1", "localhost")  # addresses by which each machine reaches itself
-_NAME = re.compile(r"[a-z][a-z0-9_-]{0,31}")
 
 
 def make(folder: Path, hosts: Iterable[Role], addresses: Sequence[str], days: float, anew: bool = False) -> list[Role]:

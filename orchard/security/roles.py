@@ -6,12 +6,14 @@ its certificate, and checks each message that comes from the session (ingress) o
 
 import hashlib
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 from orchard.field.kinds import kind_of
 from orchard.wire.keys import LIVELINESS, LOGGER, PHYSICS, QUERY, TABLE, Keys
+
+CERTIFICATE, KEY, AUTHORITY = "certificate.pem", "key.pem", "authority.pem"  # a role's files
 
 Duty = Literal["physics", "router", "host", "logger", "operator", "emergency-operator"]
 
@@ -148,15 +150,10 @@ def _ends(what: str) -> tuple[tuple[_Passage, ...], tuple[_Passage, ...]]:
     return (_PUTS + _ANSWERS, _SUBSCRIBES + _ASKS) if key.replies else (_PUTS, _SUBSCRIBES)
 
 
-def _exprs(what: str, party: Party, role: Role, keys: Keys) -> Iterator[str]:
-    """Yield the key expressions of one kind of key that `party` covers for `role`."""
+def _exprs(what: str, party: Party, role: Role, keys: Keys) -> list[str]:
+    """The key expressions of one kind of key that `party` covers for `role`."""
     if not party.own:
-        yield keys.of(what)
-        return
+        return [keys.of(what)]
     session = role.session if role.duty == "host" or what != "alive" else "*"  # the tokens of physics and the logger may name the run
-    for name in role.names:
-        if kind_of(name) == "bin" or "{bin}" not in TABLE[what].template:
-            yield keys.of(what, name, session)
-
-
-CERTIFICATE, KEY, AUTHORITY = "certificate.pem", "key.pem", "authority.pem"
+    names = [name for name in role.names if kind_of(name) == "bin" or "{bin}" not in TABLE[what].template]
+    return [keys.of(what, name, session) for name in names]

@@ -30,7 +30,7 @@ class Drivers:
     # -- which session holds which agent
 
     def token(self, name: str, holder: str, up: bool) -> None:
-        """Record that a liveliness token appeared (`up`) or disappeared. Raises Refused if there are too many."""
+        """Record a token as `Roster.token` does. In realtime, release an agent whose session is gone."""
         self.roster.token(name, holder, up)
         if self.answers.releases_at_once and not up and self.roster.holders.get(name) == holder:
             self.release({name})
@@ -79,9 +79,8 @@ class Drivers:
     def show(self, holders: Collection[str]) -> None:
         """Send the tick that is under way to these sessions, again or because they have just joined."""
         assert self._seen is not None
-        by_holder = self.roster.by_holder()
         self._publisher.refresh_subscribers()
-        shown = {holder: by_holder[holder] for holder in sorted(holders)}
+        shown = {holder: self.roster.by_holder()[holder] for holder in sorted(holders)}
         self._publisher.publish_tick(self._seen, shown, self.ledger.asked(self._seen.tick - 1))
 
     def actions(self, tick: int) -> dict[str, Action]:
@@ -93,11 +92,12 @@ class Drivers:
 
     def drive(self, name: str, velocity: Velocity) -> None:
         """Take a velocity for a robot. Raises Refused if it does not count."""
-        if velocity.linear.y:
-            self._refuse_sideways(name)
+        layout = self._engine.layout
+        if velocity.linear.y and name in layout.index and not KINDS[kind := layout.starts[layout.index[name]].kind].sideways:
+            raise Refused("out of bounds", f"linear.y: a {kind} does not move sideways")
         if name in self.roster.holders:
             self.answers.take(name, velocity)
-        elif name in self._engine.layout.index:
+        elif name in layout.index:
             self.unheld.take(name, velocity)
         else:
             raise Refused("no such robot", name)
@@ -115,9 +115,3 @@ class Drivers:
                 refusals.append(refusal)
                 del velocities.velocities[name]
         return refusals
-
-    def _refuse_sideways(self, name: str) -> None:
-        layout = self._engine.layout
-        kind = layout.starts[layout.index[name]].kind if name in layout.index else ""
-        if kind and not KINDS[kind].sideways:
-            raise Refused("out of bounds", f"linear.y: a {kind} does not move sideways")

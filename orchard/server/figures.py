@@ -39,7 +39,7 @@ class RunFigures:
         self._begun = self._reported = time.monotonic()
 
     def as_data(self) -> dict[str, Any]:
-        """Return all data that a resumed run needs."""
+        """Return the data that a resumed run needs."""
         return {"harvest": msgspec.to_builtins(self._figures), "wall_seconds": self._wall()} | self._engine.figures_as_data()
 
     def _wall(self) -> float:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 from msgspec import Meta
 
+from orchard.contract.agent import Action
+from orchard.contract.events import Event
 from orchard.contract.messages import LAST_TICK, pack
 from orchard.field.scenario import TIME_STEP
 from orchard.net.bus import Bus
@@ -19,11 +21,13 @@ from orchard.net.refusals import RefusalTotals, Refused, read_message
 from orchard.net.roster import RecoveryLog, Roster
 from orchard.server.drivers import Drivers
 from orchard.server.figures import RunFigures
-from orchard.server.publisher import Publisher, StepReporter
+from orchard.server.publisher import Publisher
 from orchard.server.snapshots import SNAPSHOT_SECONDS, SnapshotWriter
+from orchard.sim.frames import FrameBuilder
 from orchard.sim.snapshot import Snapshot
+from orchard.wire.codec import picture_of
 from orchard.wire.keys import PREFIX, Keys
-from orchard.wire.messages import End, Mode
+from orchard.wire.messages import End, Events, Letters, Mode
 
 if TYPE_CHECKING:
     from orchard.sim.engine import Engine
@@ -90,27 +94,55 @@ class RunEnded(Exception):
 
 
 class Harvest:
-    """The parts of one run. `Inbound` handles what arrives, and `Physics` decides when each step is done."""
+    """The parts of one run, its steps and their reports. `Inbound` handles what arrives; `Physics` decides when each step is done."""
 
     def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: RunOptions, before: Snapshot | None = None) -> None:
         """`before`: the snapshot from which the engine was resumed."""
-        self.engine, self.refusal_totals, self.snapshot_writer = (
-            engine,
-            RefusalTotals(),
-            SnapshotWriter(options.snapshot_folder, options.snapshot_every),
-        )
+        self.engine, self.refusal_totals, self.frame_builder = engine, RefusalTotals(), FrameBuilder(engine.world)
+        self.snapshot_writer = SnapshotWriter(options.snapshot_folder, options.snapshot_every)
         self.run = options.run or (before.run if before else uuid.uuid4().hex[:16])
         roster, ledger = Roster(engine.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
-        answers = _answers(roster, options)
+        is_paced = options.mode == "realtime"
+        answers = RealtimeBarrier(roster, TIME_STEP / options.pace) if is_paced else LockstepBarrier(roster, options.patience)
         self.publisher = Publisher(bus, keys, self.run, engine.layout, answers.newest_wins)
         self.drivers = Drivers(engine, roster, answers, ledger, self.publisher)
-        account = RunFigures(engine, before.figures if before else {})
-        self.reporter = StepReporter(engine, account, self.publisher, ledger, self.refusal_totals)
+        self.account = RunFigures(engine, before.figures if before else {})
+        self._pending: tuple[int, list[Event], dict[str, Action]] | None = None  # a step that is not reported yet
 
     @property
     def has_begun(self) -> bool:
         """Whether the first tick has been published."""
         return self.drivers.answers.tick >= 0
+
+    def begin(self) -> None:
+        """Start the figures' wall clock, and publish the first figures."""
+        self.account.begin()
+        self._publish_figures()
+
+    def step(self) -> None:
+        """Step with the velocities that have come. `report` reports the step later, while the agents think about the next one."""
+        tick = self.engine.tick
+        actions = self.drivers.actions(tick)
+        self._pending = tick, self.engine.step(actions, self.drivers.answers.digests()), actions
+
+    def report(self) -> None:
+        """Count and publish the results of the last step, unless that is done."""
+        if self._pending is None:
+            return
+        (tick, events, actions), self._pending = self._pending, None
+        self.account.update(events, actions)
+        if events:
+            self.publisher.publish("events", Events(self.run, tick, events))
+        if (letters := self.drivers.ledger.letters.get(tick)) and self.publisher.is_heard("letters"):
+            self.publisher.publish("letters", Letters(self.run, tick, letters))
+        if self.publisher.is_heard("picture"):
+            frame = self.frame_builder.frame(self.engine.scans, actions, events)
+            self.publisher.publish("picture", picture_of(self.run, frame))
+        if self.account.is_due():
+            self._publish_figures()
+
+    def _publish_figures(self) -> None:
+        self.publisher.publish("figures", self.account.message(self.run, self.refusal_totals.total()))
 
     def keep(self) -> None:
         """Start to write a snapshot."""
@@ -120,19 +152,14 @@ class Harvest:
         """The state of the run between two ticks."""
         engine, ledger = self.engine, self.drivers.ledger
         scenario, held = engine.layout.scenario.model_dump(), sorted(self.drivers.roster.holders)
-        letters, figures = sorted(ledger.letters.items()), self.reporter.account.as_data()
+        letters, figures = sorted(ledger.letters.items()), self.account.as_data()
         return Snapshot(self.run, scenario, engine.as_data(), engine.digest, ledger.memories, letters, figures, held)
 
     def end(self, why: str) -> End:
         """Return the last message of the run. `why`: why it ended."""
         engine, answers = self.engine, self.drivers.answers
         run = {"mode": answers.mode, "hosts": len(set(self.drivers.roster.holders.values()))}
-        figures = self.reporter.account.figures() | answers.figures()
+        figures = self.account.figures() | answers.figures()
         summary = {"hash": engine.hash} | run | figures | {"messages_refused": self.refusal_totals.total()}
-        summary |= {"finished": engine.over, "violations": engine.violations(), "jam": self.reporter.account.jam}
+        summary |= {"finished": engine.over, "violations": engine.violations(), "jam": self.account.jam}
         return End(self.run, engine.tick, engine.over, why, engine.hash, summary)
-
-
-def _answers(roster: Roster, options: RunOptions) -> LockstepBarrier | RealtimeBarrier:
-    """The barrier that decides when all answers to a tick are in."""
-    return RealtimeBarrier(roster, TIME_STEP / options.pace) if options.mode == "realtime" else LockstepBarrier(roster, options.patience)

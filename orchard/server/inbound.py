@@ -24,11 +24,7 @@ class Queries:
 
     def __init__(self, keys: Keys, harvest: Harvest) -> None:
         self._keys, self._harvest = keys, harvest
-        self._replies = {"scenario": self._scenario, "recall": self._recall, "stop": self._stop, "command": self._command}
-
-    def queryables(self) -> list[str]:
-        """Return the keys of the queryables."""
-        return [self._keys.of(what) for what in (*self._replies, "join")]
+        self.replies = {"scenario": self._scenario, "recall": self._recall, "stop": self._stop, "command": self._command}
 
     def reply(self, query: Query) -> None:
         """Reply to a query, and drop it. A query that is refused gets an error reply, and raises Refused."""
@@ -42,8 +38,8 @@ class Queries:
     def _reply_to(self, key: str) -> Callable[[Query], None]:
         """The method that replies on a key. Raises Refused for an unknown key, or one with a wildcard."""
         match self._keys.parts(key):
-            case [what] if what in self._replies:
-                return self._replies[what]
+            case [what] if what in self.replies:
+                return self.replies[what]
             case ["hosts", session, "join"]:
                 return partial(self._join, session)
         raise Refused("no such key")
@@ -56,10 +52,9 @@ class Queries:
         query.reply(pack(wire.RunInfo(self._harvest.run, engine.tick, drivers.answers.mode, list(drivers.roster.names), scenario)))
 
     def _join(self, session: str, query: Query) -> None:
-        """Let a host hold all the agents that it names, or none. A secured router makes sure that a session uses only its own key."""
+        """Let a host hold all the agents that it names, or none."""
         join = read_message(query.payload, wire.Join, self._harvest.run)
-        if join.holder != session:
-            raise Refused("not the holder", f"{join.holder!r} is not the session of the key")
+        _refuse_other_session(join.holder, session)
         drivers = self._harvest.drivers
         refused = drivers.join(join.names, join.holder)
         held = [] if refused else join.names
@@ -77,7 +72,7 @@ class Queries:
         """Stop or reset robots; the engine makes sure that nothing overrides a stop. The reply says whether it is in a snapshot."""
         harvest, engine = self._harvest, self._harvest.engine
         request = read_message(query.payload, wire.Stop, harvest.run)
-        harvest.reporter.report()
+        harvest.report()
         try:
             changed = engine.stop(request.names) if request.stop else engine.reset(request.names)
         except ValueError as error:
@@ -98,7 +93,7 @@ OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run that appears la
 
 
 class Inbound:
-    """Passes on what arrives, and counts what is refused."""
+    """Passes on what arrives at physics, and counts what is refused."""
 
     def __init__(self, bus: Bus, keys: Keys, harvest: Harvest) -> None:
         self._bus, self._keys, self._harvest = bus, keys, harvest
@@ -110,23 +105,20 @@ class Inbound:
         self._bus.subscribe(self._keys.of("velocities"), quietly=True)
         self._bus.subscribe(self._keys.of("velocity"), quietly=True)
         self._bus.subscribe(self._keys.of("refused"))
-        for key in self._queries.queryables():
-            self._bus.answer(key)
+        for what in (*self._queries.replies, "join"):
+            self._bus.answer(self._keys.of(what))
         self._newer_from = time.monotonic() + OTHER_RUN_SECONDS
         self._bus.watch(self._keys.of("alive"))
         self._bus.declare_alive(self._keys.of("alive", PHYSICS, self._harvest.run))
 
     def take(self, seconds: float, enough: int = 1) -> bool:
-        """Handle one item. Return False if none came in `seconds`. Raises RunEnded if the item ends the run.
-
-        `enough`: the number of quiet items that wake the reader.
-        """
+        """Handle one item. Return False if none came in `seconds`. Raises RunEnded if it ends the run. `enough`: as for `Inbox.take`."""
         item = self._bus.inbox.take(seconds, enough)
         if item is not None:
             try:
                 self._handle(item)
             except Refused as refusal:
-                self._harvest.refusal_totals.own.note(getattr(item, "key", ""), refusal)
+                self._harvest.refusal_totals.note(getattr(item, "key", ""), refusal)
         return item is not None
 
     def take_after_end(self, seconds: float) -> bool:
@@ -158,17 +150,12 @@ class Inbound:
             case [name, "velocity"]:
                 self._harvest.drivers.drive(name, read_message(sample.payload, wire.Velocity, run))
             case ["hosts", session, "velocities"]:
-                self._drive_all(session, sample)
+                velocities = read_message(sample.payload, wire.Velocities, run)
+                _refuse_other_session(velocities.holder, session)
+                for refusal in self._harvest.drivers.drive_all(velocities):
+                    self._harvest.refusal_totals.note(sample.key, refusal)
             case _:
                 raise Refused("no such key")
-
-    def _drive_all(self, session: str, sample: Sample) -> None:
-        """Take a session's velocities. A secured router makes sure that a session uses only its own key."""
-        velocities = read_message(sample.payload, wire.Velocities, self._harvest.run)
-        if velocities.holder != session:
-            raise Refused("not the holder", f"{velocities.holder!r} is not the session of the key")
-        for refusal in self._harvest.drivers.drive_all(velocities):
-            self._harvest.refusal_totals.own.note(sample.key, refusal)
 
     def _token(self, alive: Alive) -> None:
         name, holder = self._owner_of(alive)
@@ -176,7 +163,7 @@ class Inbound:
             self._refuse_another_run(alive.up, holder)
             return
         if name == LOGGER and alive.up:
-            self._harvest.reporter.frame_builder.forget()
+            self._harvest.frame_builder.forget()
         self._harvest.drivers.token(name, holder, alive.up)
 
     def _owner_of(self, alive: Alive) -> tuple[str, str]:
@@ -188,16 +175,20 @@ class Inbound:
 
     def _refuse_another_run(self, up: bool, run: str) -> None:
         """Raise BusError if another run uses this router and prefix: the newer run ends itself, and so do two that begin together."""
-        is_new = not self._harvest.has_begun and time.monotonic() < self._newer_from
-        if up and run != self._harvest.run and is_new:
+        if up and run != self._harvest.run and not self._harvest.has_begun and time.monotonic() < self._newer_from:
             where = f"with prefix {self._keys.prefix}; choose another router or prefix"
             raise BusError(f"{self._bus.endpoint}: run {run} is active there, {where}")
+
+
+def _refuse_other_session(holder: str, session: str) -> None:
+    """Raise Refused unless the holder is the session of the key: a secured router makes sure that a session uses only its own key."""
+    if holder != session:
+        raise Refused("not the holder", f"{holder!r} is not the session of the key")
 
 
 def _session(text: str) -> str:
     """The session id in a key. Raises Refused if it is malformed."""
     try:
-        session: str = msgspec.convert(text, wire.Session)
+        return str(msgspec.convert(text, wire.Session))
     except ValueError as error:
         raise Refused("malformed", f"a session's id: {error}") from error
-    return session

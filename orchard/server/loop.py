@@ -14,7 +14,6 @@ from orchard.net.bus import Bus
 from orchard.net.lockstep import AGAIN_SECONDS, Pacer
 from orchard.server.harvest import Harvest, RunEnded, RunOptions
 from orchard.server.inbound import Inbound
-from orchard.server.publisher import FinishedStep
 from orchard.sim.snapshot import Snapshot
 from orchard.wire.keys import LOGGER, Keys
 from orchard.wire.messages import End
@@ -37,7 +36,7 @@ class Physics:
         self.bus, self._engine, self._options = bus, engine, options
         self.harvest = Harvest(bus, keys, engine, options, before)
         self.arrivals = Inbound(bus, keys, self.harvest)
-        self._drivers, self._reporter = self.harvest.drivers, self.harvest.reporter
+        self._drivers = self.harvest.drivers
         self._held_before = before.held if before else None
         self._pacer = Pacer(options.pace)
 
@@ -55,12 +54,12 @@ class Physics:
                 self.arrivals.take(0.0)
             get_ready()
             self.gather()
-            self._reporter.begin()
+            self.harvest.begin()
             while not (why := self._why_over()):
                 self._tick()
         except RunEnded as ended:
             why = str(ended)
-        self._reporter.report()
+        self.harvest.report()
         if why in ("stopped", "duration"):
             self.harvest.keep()
         self.harvest.snapshot_writer.finish()
@@ -84,8 +83,11 @@ class Physics:
             elif not self.arrivals.take(min(left, WARN_SECONDS)):
                 log.warning("waiting for %d agents: %s", len(missing), ", ".join(missing))
         deadline = time.monotonic() + LOGGER_SECONDS
-        while self._options.recorded and not self._drivers.roster.is_there(LOGGER) and (left := deadline - time.monotonic()) > 0.0:
+        while self._options.recorded and not self._has_logger() and (left := deadline - time.monotonic()) > 0.0:
             self.arrivals.take(left)
+
+    def _has_logger(self) -> bool:
+        return any(name == LOGGER for name, _ in self._drivers.roster.tokens)
 
     def _is_expected(self, name: str) -> bool:
         return name not in self._options.absent and not self._drivers.drives(name)
@@ -96,19 +98,18 @@ class Physics:
             return "harvested"
         if self._engine.tick >= self._options.ticks:
             return "duration"
-        return "jammed" if self._reporter.account.jam else ""
+        return "jammed" if self.harvest.account.jam else ""
 
     def _tick(self) -> None:
         """Publish the tick; account for the last one and report it while the agents think; take their answers; step."""
-        tick, seen = self._engine.tick, self._engine.observe()
+        seen = self._engine.observe()
         self._drivers.begin(seen, self._await_due())
         self._engine.account()
-        self._reporter.report()
+        self.harvest.report()
         if self.harvest.snapshot_writer.is_due():
             self.harvest.keep()
         self._await_answers()
-        actions = self._drivers.actions(tick)
-        self._reporter.add(FinishedStep(tick, self._engine.step(actions, self._drivers.answers.digests()), actions))
+        self.harvest.step()
 
     def _await_due(self) -> float:
         """Wait until the tick is due. Return the seconds that it begins late."""
@@ -132,6 +133,6 @@ class Physics:
     def _await_leaving(self) -> None:
         """Wait until all tokens are gone, at most LEAVE_SECONDS, so that the last message reaches the other processes."""
         deadline = time.monotonic() + LEAVE_SECONDS
-        while self._drivers.roster.has_tokens() and (left := deadline - time.monotonic()) > 0.0:
+        while self._drivers.roster.tokens and (left := deadline - time.monotonic()) > 0.0:
             if not self.arrivals.take_after_end(left):
                 return

@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from orchard.sim.snapshot import Snapshot, SnapshotError, as_file, newest, store
@@ -23,34 +23,22 @@ def sole(folder: Path | None) -> Iterator[None]:
 
     The lock ends with the process, however that ends. If the folder cannot be created, there is no lock: `SnapshotWriter` logs the error.
     """
-    if folder is None:
+    with ExitStack() as stack:
+        if folder is not None and (opened := _opened(folder)) is not None:
+            stack.callback(os.close, opened)
+            try:
+                fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise SnapshotError(f"{folder}: the run of these snapshots is still active; stop it first") from error
         yield
-        return
+
+
+def _opened(folder: Path) -> int | None:
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
-    with _locked(folder):
-        yield
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    try:
-        opened = os.open(folder, os.O_RDONLY)
-    except OSError:
-        yield
-        return
-    try:
-        _lock(opened, folder)
-        yield
-    finally:
-        os.close(opened)
-
-
-def _lock(opened: int, folder: Path) -> None:
-    try:
-        fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise SnapshotError(f"{folder}: the run of these snapshots is still active; stop it first") from error
+    with suppress(OSError):
+        return os.open(folder, os.O_RDONLY)
+    return None
 
 
 class SnapshotWriter:

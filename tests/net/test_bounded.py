@@ -27,8 +27,8 @@ def test_reasons_and_sessions_that_are_made_up_are_bounded():
     while physics.arrivals.take(0.0):
         pass
     assert len(physics.harvest.refusal_totals.there) == 1000
-    assert physics.harvest.refusal_totals.own.counts == {"malformed": 1500 + 3000, "too many": 500}
-    assert not physics.harvest.drivers.roster.has_tokens()
+    assert physics.harvest.refusal_totals.counts == {"malformed": 1500 + 3000, "too many": 500}
+    assert not physics.harvest.drivers.roster.tokens
 
 
 def test_tokens_are_bounded():
@@ -37,4 +37,4 @@ def test_tokens_are_bounded():
         physics.bus.inbox.put(Alive(f"orchard/alive/picker_01/s{number}", True))
     while physics.arrivals.take(0.0):
         pass
-    assert physics.harvest.refusal_totals.own.counts == {"too many": 1000}
+    assert physics.harvest.refusal_totals.counts == {"too many": 1000}

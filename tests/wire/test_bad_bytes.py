@@ -120,7 +120,7 @@ def test_a_run_under_a_rain_of_bad_messages_is_the_same_to_the_last_bit(other, c
     thrower = Thrower(run, other, 75_000)
     end = run.to_the_end()
     assert end.hash == local_hash(SMALL, TICKS), "no effect"
-    assert run.physics.harvest.refusal_totals.own.counts.total() == thrower.expected["physics1"]
+    assert run.physics.harvest.refusal_totals.counts.total() == thrower.expected["physics1"]
     assert run.host.refusals.counts.total() == thrower.expected[HOST]
     assert len(thrower.replies) == thrower.asked and all(reply.error for reply in thrower.replies), "nonsense gets an error reply"
     assert sum(thrower.by_key.values()) > 75_000
@@ -128,7 +128,7 @@ def test_a_run_under_a_rain_of_bad_messages_is_the_same_to_the_last_bit(other, c
     drivers = run.physics.harvest.drivers
     assert len(run.physics.harvest.refusal_totals.there) <= 1000 and not drivers.unheld._puts and len(drivers.ledger.memories) <= 9
     assert not any("Traceback" in record.getMessage() or record.exc_info or len(record.getMessage()) > 700 for record in caplog.records)
-    refused = run.physics.harvest.refusal_totals.own.counts, run.host.refusals.counts
+    refused = run.physics.harvest.refusal_totals.counts, run.host.refusals.counts
     print(dict(thrower.by_key), *map(dict, refused), [m >> 20 for m in thrower.memory[::10]])
 
 

@@ -36,17 +36,12 @@ class Remote:
             raise BusError(f"{name}: no such agent; there are {', '.join(self.names)}")
         host = Host(self._bus, self._keys, self.run, self.mode, self.layout, {name: agent})
         host.listen()
-        end = _end_of(host)
-        if end.code:
-            raise BusError(str(end))
-        return str(end)
-
-
-def _end_of(host: Host) -> HostEnded:
-    try:
-        host.run()
-    except HostEnded as end:
-        return end
+        try:
+            host.run()
+        except HostEnded as end:
+            if end.code:
+                raise BusError(str(end)) from None
+            return str(end)
 
 
 @contextmanager

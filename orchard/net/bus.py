@@ -309,38 +309,25 @@ def _explain(mode: str, endpoint: str, seconds: float, identity: Identity | None
 
 
 def _config(mode: str, endpoint: str, seconds: float, identity: Identity | None) -> zenoh.Config:
-    settings = {
+    settings: dict[str, Any] = {
         "mode": mode,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
     }
-    settings |= _listen_settings(endpoint) if mode == "router" else _connect_settings(endpoint, seconds)
+    if mode == "router":
+        settings |= {"listen/endpoints": [endpoint], "listen/timeout_ms": int(LISTEN_SECONDS * 1000), "listen/exit_on_failure": True}
+        settings["transport/link/tx/queue/congestion_control/block/wait_before_close"] = FULL_QUEUE_US
+    else:
+        settings |= {"connect/endpoints": [endpoint], "connect/timeout_ms": int(seconds * 1000), "connect/exit_on_failure": True}
+        settings["connect/retry"] = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
     if identity is not None:
         settings |= _tls_settings(identity) | ({"access_control": identity.rules()} if mode == "router" else {})
     config = zenoh.Config()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
-
-
-def _listen_settings(endpoint: str) -> dict[str, Any]:
-    return {
-        "listen/endpoints": [endpoint],
-        "listen/timeout_ms": int(LISTEN_SECONDS * 1000),
-        "listen/exit_on_failure": True,
-        "transport/link/tx/queue/congestion_control/block/wait_before_close": FULL_QUEUE_US,
-    }
-
-
-def _connect_settings(endpoint: str, seconds: float) -> dict[str, Any]:
-    return {
-        "connect/endpoints": [endpoint],
-        "connect/timeout_ms": int(seconds * 1000),
-        "connect/exit_on_failure": True,
-        "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
-    }
 
 
 def _tls_settings(identity: Identity) -> dict[str, Any]:

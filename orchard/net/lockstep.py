@@ -16,6 +16,9 @@ from orchard.net.roster import Roster
 from orchard.wire.codec import action_of
 from orchard.wire.messages import Mode, Velocity
 
+PATIENCE = 15.0  # s of wall time that an agent may take to answer
+AGAIN_SECONDS = 0.5  # after which a tick is sent again to the sessions that have not answered
+
 
 class Pacer:
     """Paces ticks in wall time: `speed` simulated seconds per second; with infinity it never waits."""
@@ -37,10 +40,6 @@ class Pacer:
         due = now if self._due == -math.inf else self._due
         self._due = max(due, now - self.CATCH_UP) + self._step
         return max(0.0, now - due)
-
-
-PATIENCE = 15.0  # s of wall time that an agent may take to answer
-AGAIN_SECONDS = 0.5  # after which a tick is sent again to the sessions that have not answered
 
 
 class Barrier:

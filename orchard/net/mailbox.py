@@ -1,8 +1,7 @@
-"""The observations and the mail of a host's agents, without a network. In lockstep the mail is repeatable.
+"""The observations and the mail of a host's agents. In lockstep the mail is repeatable.
 
 The rules are numbered in docs/design.md. A request of tick k is a query; it is heard at k + 1, and its answer at k + 2, in an order
-that does not depend on the network. Physics has a copy of each letter. A host that may have missed mail (it has just joined, or an
-answer did not come) recalls all mail of the tick from physics.
+that does not depend on the network. A host that may have missed mail recalls all mail of the tick from physics.
 """
 
 from collections.abc import Collection, Iterable
@@ -17,6 +16,7 @@ from orchard.wire.codec import observations_of
 from orchard.wire.messages import Answered, AskedOf, Letter, Received, Seen
 
 DOUBT_SECONDS = 1.0  # after which a request without news counts as lost; physics has a copy
+STALE_TICKS = 50  # realtime: the most ticks between two hosts whose agents exchange mail
 
 
 class LatestObservations:
@@ -69,9 +69,6 @@ class SentRequest:
     answer: Answer | None = None
 
 
-STALE_TICKS = 50  # realtime: the most ticks between two hosts whose agents exchange mail
-
-
 @dataclass
 class _ReceivedRequest:
     """A request that has arrived, and the query that waits for its answer."""
@@ -102,17 +99,14 @@ class Mailbox:
     # what arrives
 
     def hear(self, recipient: str, question: Query) -> None:
-        """Hold a request for the next tick and reply `received` at once (rules 5 and 7). Raises Refused if it does not count.
-
-        A repeated request replaces the query that is held.
-        """
+        """Hold a request for the next tick, once, and reply `received` (rules 5 and 7). Raises Refused if it does not count."""
         try:
             letter = self._checked(question.payload)
         except Refused as refusal:
             question.refuse(str(refusal))
             raise
         key = (recipient, letter.sender, letter.tick, letter.number)
-        if key in self._held:
+        if key in self._held:  # a repeated request
             self._held[key].question.drop()
         self._held[key] = _ReceivedRequest(Heard(letter.sender, letter.tick, letter.number, letter.body), question)
         question.reply(pack(Received(self._run, letter.tick)))
@@ -150,10 +144,7 @@ class Mailbox:
         return tick == self.last + 1
 
     def is_settled(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
-        """Whether all gets of two ticks ago are final, and all requests of the last tick to these agents have come (rule 2).
-
-        A host that has just joined waits for neither, because it recalls the mail.
-        """
+        """Rule 2: all gets of two ticks ago are final and all requests of the last tick have come. A host that has just joined recalls."""
         return self._is_new(tick) or (self._has(tick, asked_of) and all(asked.final for asked in self._asked.get(tick - 2, ())))
 
     def doubts(self, tick: int, asked_of: Collection[AskedOf]) -> bool:

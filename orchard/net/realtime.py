@@ -23,17 +23,21 @@ from orchard.wire.messages import Velocity
 
 WATCHDOG = 0.5  # s that one velocity drives a robot without a holder, of simulated or wall time, whichever is slower
 WATCHDOG_TICKS = 5
+SLACK = 0.2  # s beyond the tick's time, to wait for agents that answered the last tick in time; less than Pacer.CATCH_UP
+SHARE = 0.5  # of a tick's time, to wait for agents that missed the last tick, and for all agents when the clock is behind
+LATE = 0.5  # of a tick's time: a tick that begins later than this after it was due counts as late
 
 
 class RecentTicks:
     """The ticks whose velocities may still drive a robot: less than WATCHDOG_TICKS ticks or less than WATCHDOG seconds ago."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self.clock = clock
+        self.clock, self.newest = clock, 0
         self._begun: deque[tuple[int, float]] = deque([(0, clock())])  # (tick, time of its publication, s)
 
     def begin(self, tick: int) -> None:
         """Record the publication of a new tick."""
+        self.newest = tick
         self._begun.append((tick, self.clock()))
         while self.is_over(*self._begun[0], tick):
             self._begun.popleft()
@@ -41,10 +45,6 @@ class RecentTicks:
     @property
     def oldest(self) -> int:
         return self._begun[0][0]
-
-    @property
-    def newest(self) -> int:
-        return self._begun[-1][0]
 
     def is_over(self, tick: int, at: float, now: int) -> bool:
         """Whether a velocity for `tick`, received at time `at`, does not drive any more at the tick `now`."""
@@ -84,11 +84,6 @@ class UnheldCommands:
         """Return the actions to apply at a tick, by name."""
         self._puts = {name: put for name, put in self._puts.items() if not self._recent.is_over(put.velocity.tick, put.at, tick)}
         return {name: Action(action_of(put.velocity).twist) for name, put in self._puts.items()}
-
-
-SLACK = 0.2  # s beyond the tick's time, to wait for agents that answered the last tick in time; less than Pacer.CATCH_UP
-SHARE = 0.5  # of a tick's time, to wait for agents that missed the last tick, and for all agents when the clock is behind
-LATE = 0.5  # of a tick's time: a tick that begins later than this after it was due counts as late
 
 
 class RealtimeBarrier(Barrier):

@@ -12,6 +12,7 @@ M = TypeVar("M", bound=RunMessage)
 
 log = logging.getLogger("orchard")
 MOST_LOGGED = 1000  # pairs of key and reason that are logged
+MOST_SESSIONS = 1000  # sessions whose refusals are added up
 
 
 def printable(words: str, most: int = 200) -> str:
@@ -68,9 +69,6 @@ def refuse_other_tick(tick: int, first: int, last: int) -> None:
         raise Refused("past tick", f"{tick}; it is {last} now")
     if tick > last:
         raise Refused("future tick", f"{tick}; it is {last} now")
-
-
-MOST_SESSIONS = 1000  # sessions whose refusals are added up
 
 
 class RefusalTotals(Refusals):

@@ -1,4 +1,1 @@
-"""Security of a run: roles and their rights on keys, certificates, and the directories that hold them.
-
-No module here opens a session; `net.bus` does so with the files that are made here.
-"""
+"""Security of a run: roles and their rights on keys, certificates, and their directories. `net.bus` opens sessions with these files."""

@@ -1,4 +1,1 @@
-"""The inside of the physics process: it owns the world and the clock, publishes each tick, collects the answers, steps, and reports.
-
-It decides nothing about how an agent behaves.
-"""
+"""The inside of the physics process, which owns the world and the clock. It decides nothing about how an agent behaves."""

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from orchard.sim.engine import Engine
 
 log = logging.getLogger("orchard")
+Positive = Annotated[float, Meta(gt=0.0, le=1e12)]  # neither NaN nor infinite
 
 
 def write_end(end: End, path: str) -> None:
@@ -48,9 +49,6 @@ def read_end(path: Path, run: str) -> End | None:
     with suppress(OSError, Refused):
         return read_message(path.read_bytes(), End, run)
     return None
-
-
-Positive = Annotated[float, Meta(gt=0.0, le=1e12)]  # neither NaN nor infinite
 
 
 class RunOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -18,6 +18,8 @@ from orchard.sim.stops import stopped
 from orchard.wire import messages as wire
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 
+OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run that appears later is the newer one, and must end itself
+
 
 class Queries:
     """Replies to the queries that physics receives."""
@@ -87,9 +89,6 @@ class Queries:
         query.reply(pack(wire.Done(self._harvest.run, self._harvest.engine.tick)))
         query.drop()
         raise RunEnded(f"{command.command}ped")
-
-
-OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run that appears later is the newer one, and must end itself
 
 
 class Inbound:

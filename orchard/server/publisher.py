@@ -32,7 +32,7 @@ class Publisher:
     # -- a tick
 
     def publish_tick(self, seen: Observations, holders: Mapping[str, Collection[str]], asked: Sequence[AskedOf]) -> None:
-        """Send each session the observations of its agents and the requests to them; then single poses and scans; then the clock.
+        """Send each session what its agents observe, and the requests to them; then single poses and scans; then the clock.
 
         `holders`: session id -> the names that it holds. `asked`: the requests of the last tick.
         """

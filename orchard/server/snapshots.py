@@ -42,10 +42,7 @@ def _opened(folder: Path) -> int | None:
 
 
 class SnapshotWriter:
-    """Writes snapshots into a folder, `seconds` of wall time apart. Without a folder it writes none.
-
-    It writes in its own thread, so that a slow disk does not delay the run. While it writes, no other snapshot is due.
-    """
+    """Writes snapshots into a folder, if there is one, `seconds` of wall time apart, in a thread: a slow disk does not delay the run."""
 
     def __init__(self, folder: Path | None, seconds: float) -> None:
         self._folder, self._seconds = folder, seconds

@@ -1,7 +1,4 @@
-"""The table of keys: for each key its message, sender, rate, delivery and meaning.
-
-`make docs` writes keyspace.md from it (see docs/keyspace.py). A test checks that keyspace.md is up to date.
-"""
+"""The table of keys: for each key its message, sender, rate, delivery and meaning. `make docs` writes keyspace.md from it."""
 
 import re
 from functools import lru_cache

@@ -16,20 +16,27 @@ from orchard.wire.types import Message, RunMessage, SubMessage
 FARTHEST = 1e6  # m or m/s: no coordinate and no speed is larger
 MOST_BODIES = 10_000
 
+# the longest descriptions of fields
+ALL_RANGES = "m, little-endian float32: for each body as many as its laser has beams; +inf for a beam without a return"
+ASKED = "lockstep: [to, sender, number] of each request of the tick before to these agents, heard now"
+DEEDS = "couple, uncouple, flatten; physics decides whether each is done"
+HOLDER = "the session id in the sender's liveliness token; '' if the sender holds no agent"
+ONCE = "realtime; true: it drives for one step only, and only from the pose that it answers; false: until a newer velocity arrives"
+RANGES = "m, little-endian float32, 4 bytes per beam; +inf for a beam without a return (REP-117)"
+SEVEN = "x, y (m); z, w of the quaternion; linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
+
 Name = Annotated[str, Meta(max_length=64, pattern="^[a-z][a-z0-9_]*$")]
 KnownName = Annotated[str, Meta(max_length=64)]  # a name that is looked up; matching the pattern costs more time than reading the rest
+Session = Annotated[str, Meta(max_length=64, pattern="^[A-Za-z0-9_-]+$")]
+Holder = Annotated[str, Meta(max_length=64, pattern="^[A-Za-z0-9_-]*$", description=HOLDER)]
 Speed = Annotated[float, Meta(ge=-FASTEST, le=FASTEST)]
 Zero = Annotated[float, Meta(ge=0.0, le=0.0, description="0")]
 Unit = Annotated[float, Meta(ge=-1.001, le=1.001)]
-RANGES = "m, little-endian float32, 4 bytes per beam; +inf for a beam without a return (REP-117)"
 Ranges = Annotated[bytes, Meta(max_length=4096, description=RANGES)]
 Fill = Annotated[float, Meta(ge=0.0, le=1e3)]
 Body = Annotated[int, Meta(ge=-1, lt=MOST_BODIES)]
-ONCE = "realtime; true: it drives for one step only, and only from the pose that it answers; false: until a newer velocity arrives"
 Once = Annotated[bool, Meta(description=ONCE)]
-Session = Annotated[str, Meta(max_length=64, pattern="^[A-Za-z0-9_-]+$")]
-HOLDER = "the session id in the sender's liveliness token; '' if the sender holds no agent"
-Holder = Annotated[str, Meta(max_length=64, pattern="^[A-Za-z0-9_-]*$", description=HOLDER)]
+Deeds = Annotated[list[Deed], Meta(max_length=MOST_DEEDS, description=DEEDS)]
 States = Annotated[dict[Name, State], Meta(description="name -> its state; the same names as in `doing`")]
 
 
@@ -148,19 +155,11 @@ class OtherSeen(SubMessage):
     ranges: Annotated[Ranges | None, Meta(description="for a robot that tows: the ranges of its bin; else nil")] = None
 
 
-STATES = (
-    "seven little-endian float64 per body: x, y (m); z, w of the quaternion; "
-    "linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
-)
-ALL_RANGES = "m, little-endian float32: for each body as many as its laser has beams; +inf for a beam without a return"
-ASKED = "lockstep: [to, sender, number] of each request of the tick before to these agents, heard now"
-
-
 class Seen(Message):
     """What the agents of one session observe at this tick: the content of `pose` and `scan` as arrays, cheaper than a message for each."""
 
     names: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description="the bodies, in the order of the arrays")]
-    states: Annotated[bytes, Meta(description=STATES)]
+    states: Annotated[bytes, Meta(description=f"seven little-endian float64 per body: {SEVEN}")]
     ranges: Annotated[bytes, Meta(description=ALL_RANGES)]
     hitches: Annotated[dict[KnownName, OtherSeen], Meta(description="name -> the body at the other end of its bar; only coupled bodies")]
     fills: Annotated[dict[KnownName, Fill], Meta(description="name -> metres of row in it; only bins that are not empty")]
@@ -171,9 +170,7 @@ class Seen(Message):
 class Report(SubMessage):
     """What a host sends with the velocity of an agent. A client that only drives leaves it out."""
 
-    deeds: Annotated[
-        list[Deed], Meta(max_length=MOST_DEEDS, description="couple, uncouple, flatten; physics decides whether each is done")
-    ] = []
+    deeds: Deeds = []
     doing: Annotated[Text, Meta(description="a short present participle: 'picking row 3'")] = ""
     state: Annotated[State | None, Meta(description="the same for programs; nil: 'driving' while the robot moves, else 'resting'")] = None
     waits_for: Annotated[Text, Meta(description="what it waits for, if it cannot continue")] = ""

@@ -28,10 +28,7 @@ class Remote:
         self.layout = lay_out(check(known.scenario, "the scenario that physics sent"))
 
     def play(self, name: str, agent: Agent) -> str:
-        """Drive a robot until the run ends, and return the reason for the end.
-
-        Raises BusError for an unknown name, if another session drives the robot, or if physics is gone.
-        """
+        """Drive a robot until the run ends; return why. Raises BusError if it is unknown or another session's, or if physics is gone."""
         if name not in self.names:
             raise BusError(f"{name}: no such agent; there are {', '.join(self.names)}")
         host = Host(self._bus, self._keys, self.run, self.mode, self.layout, {name: agent})

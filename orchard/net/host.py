@@ -155,7 +155,6 @@ class Host:
         return joined
 
     def _query(self, what: str, request: bytes, type_: type[M], seconds: float = ANSWER_SECONDS) -> M:
-        """The reply of physics to a query. Invalid replies are refused."""
         key = self.keys.of(what, session=self.bus.id)
         get = PhysicsRequest(key, request, lambda payload: read_message(payload, type_, self.run_id), seconds)
         return ask(self.bus, get, self.handle, self.refusals, self._check_gone)

@@ -1,7 +1,6 @@
 """The physics side of lockstep, without a network: which answers a tick still waits for; and the pace of ticks in wall time.
 
-Physics publishes tick k, waits until all held agents have answered it, applies the answers in the layout's order, and goes on to k + 1.
-It does not wait for an agent that no session holds: its robot stands, unless a client drives it.
+Physics does not wait for an agent that no session holds: its robot stands, unless a client drives it.
 """
 
 import math

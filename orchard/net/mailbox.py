@@ -155,7 +155,6 @@ class Mailbox:
         return tick <= self._joined + 1
 
     def _has(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
-        """Whether these requests of the tick before have come."""
         return all((to, sender, tick - 1, number) in self._held for to, sender, number in asked_of)
 
     def deliver(self, tick: int) -> dict[str, Mail]:

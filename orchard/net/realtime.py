@@ -211,7 +211,6 @@ def _with_unused_report(before: Velocity | None, velocity: Velocity) -> Velocity
 
 
 def _all_letters(before: Written | None, now: Written | None) -> Written | None:
-    """The letters of two velocities."""
     if before is None or now is None:
         return before or now
     return Written([*before.requests, *now.requests], [*before.answers, *now.answers])

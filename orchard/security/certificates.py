@@ -104,10 +104,7 @@ def _write(folder: Path, certificate: x509.Certificate, key: ec.EllipticCurvePri
 
 
 def check(folder: Path, name: str) -> None:
-    """Check the files of the role `name`.
-
-    Raises ValueError, with the reason, if a file is missing, is another role's, is not issued by the authority, or is not valid now.
-    """
+    """Raise ValueError, with the reason, if a file of the role `name` is missing, another's, not of this authority, or not valid now."""
     files = folder / CERTIFICATE, folder / AUTHORITY
     certificate, authority = (_read(path, x509.load_pem_x509_certificate, "not a certificate") for path in files)
     if _name_of(certificate.subject) != name:

@@ -139,8 +139,7 @@ def why_no_trust(endpoint: str, folder: Path) -> str:
 def make(folder: Path, hosts: Iterable[Role], addresses: Sequence[str], days: float, anew: bool = False) -> list[Role]:
     """Write the authority and all roles, valid for `days` days. Return the roles.
 
-    Raises ValueError for a name or address that is malformed, for a directory with other files, and if the directory has an authority,
-    unless `anew` is set.
+    Raises ValueError for a malformed name or address, for a directory with other files, and for one with an authority unless `anew`.
     """
     known = certificates()
     roles = [*SERVANTS, *hosts]

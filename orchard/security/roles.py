@@ -151,7 +151,6 @@ def _ends(what: str) -> tuple[tuple[_Passage, ...], tuple[_Passage, ...]]:
 
 
 def _exprs(what: str, party: Party, role: Role, keys: Keys) -> list[str]:
-    """The key expressions of one kind of key that `party` covers for `role`."""
     if not party.own:
         return [keys.of(what)]
     session = role.session if role.duty == "host" or what != "alive" else "*"  # the tokens of physics and the logger may name the run

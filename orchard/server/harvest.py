@@ -147,7 +147,6 @@ class Harvest:
         self.snapshot_writer.keep(self._snapshot())
 
     def _snapshot(self) -> Snapshot:
-        """The state of the run between two ticks."""
         engine, ledger = self.engine, self.drivers.ledger
         scenario, held = engine.layout.scenario.model_dump(), sorted(self.drivers.roster.holders)
         letters, figures = sorted(ledger.letters.items()), self.account.as_data()

@@ -65,7 +65,6 @@ class Queries:
         drivers.expect(held, join.holder)
 
     def _recall(self, query: Query) -> None:
-        """Send a host the letters of the last two ticks."""
         recall, tick = read_message(query.payload, wire.Recall, self._harvest.run), self._harvest.engine.tick
         refuse_other_tick(recall.tick, tick, tick)
         query.reply(pack(wire.Recalled(self._harvest.run, tick, sorted(self._harvest.drivers.ledger.letters.items()))))
@@ -166,7 +165,6 @@ class Inbound:
         self._harvest.drivers.token(name, holder, alive.up)
 
     def _owner_of(self, alive: Alive) -> tuple[str, str]:
-        """The name and the session in a liveliness token."""
         match self._keys.parts(alive.key):
             case ["alive", name, session] if name in self._harvest.drivers.roster.names or name in (PHYSICS, LOGGER):
                 return name, _session(session)

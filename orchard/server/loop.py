@@ -1,8 +1,4 @@
-"""The loop of a run: publish a tick, wait for the agents' answers, step.
-
-It contains no agent: a robot that no client drives stands still. `LockstepBarrier` and `RealtimeBarrier` decide when all answers to a
-tick are in; in realtime that is at the latest when the wall clock requires the next tick.
-"""
+"""The loop of a run: publish a tick, wait until `LockstepBarrier` or `RealtimeBarrier` has all answers of the agents, step."""
 
 import logging
 import math

@@ -117,7 +117,6 @@ def _sweeps_of(names: Sequence[str], ranges: Iterable[bytes]) -> list[np.ndarray
 
 @lru_cache(maxsize=64)
 def _slices(names: tuple[str, ...]) -> list[slice]:
-    """Each body's slice of the concatenated ranges."""
     ends = [*accumulate(map(_beams_of, names))]
     return [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
 

@@ -4,7 +4,6 @@ Needs what .ci/apt-packages.txt names, as the tests that look at pictures do.
 """
 
 import io
-import math
 import subprocess
 import time
 from collections.abc import Iterator
@@ -18,6 +17,7 @@ from rerun.experimental import ViewerClient
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.launch.local_run import run
+from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import free_port
 from orchard.view.files import viewer_program
@@ -35,7 +35,7 @@ PATIENCE = 60.0  # s of wall time
 def record(path: Path) -> None:
     """Harvest for a while."""
     recorder = Recorder(lay_out(SCENARIO), "8 rows, 4 pickers", path)
-    wish = RunRequest(SCENARIO, "local", math.inf, 0, RECORDED, path, view=False, snapshots=path.parent)
+    wish = RunRequest(HarvestOptions(mode="local", duration=RECORDED), SCENARIO, path, path.parent)
     run(wish, recorder.tick, lambda *_: None)
     recorder.close()
 

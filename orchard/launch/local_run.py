@@ -2,19 +2,17 @@
 
 import math
 import signal
-import subprocess
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
-
-from rich.console import Console
 
 from orchard.contract.events import Event, Frame
 from orchard.field.layout import lay_out
 from orchard.field.scenario import TIME_STEP
 from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import open_viewer
+from orchard.launch.terminal import console, print_line
 from orchard.local import Local
 from orchard.net.lockstep import Pacer
 from orchard.report.progress import Progress
@@ -51,8 +49,9 @@ def run(
     """
     local = Local(request.scenario) if request.resumed is None else Local.resume(request.resumed)
     engine, account = local.engine, RunFigures(local.engine, request.resumed.figures if request.resumed else {})
-    frames, pacer, snapshot_writer = FrameBuilder(engine.world), Pacer(request.speed), SnapshotWriter(request.snapshots, SNAPSHOT_SECONDS)
-    ticks = math.inf if request.duration is None else round(request.duration / TIME_STEP)
+    frames, snapshot_writer = FrameBuilder(engine.world), SnapshotWriter(request.snapshots, SNAPSHOT_SECONDS)
+    pacer, duration = Pacer(request.options.pace), request.options.duration
+    ticks = math.inf if duration is None else round(duration / TIME_STEP)
     account.begin()
     with sole(request.snapshots), interruptible() as is_stopped:
         while not (why := _end(local, account, ticks, is_stopped())):
@@ -104,38 +103,34 @@ def _talk(local: Local) -> list[Event]:
 
 def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
     """Run a harvest with its recording, viewers and progress. Return its summary, and why it ended."""
-    recorder, browser, viewer = _recorder(request), _web_viewer(request), open_viewer(request.uri) if request.view else None
-    try:
-        with Progress(Console(emoji=False, highlight=False), request.as_json) as progress:
+    options = request.options
+    with ExitStack() as stack:
+        recorder = _recorder(request)
+        if recorder is not None:
+            stack.callback(recorder.close)
+        if options.web is not None:
+            from orchard.view.web import page_url, serve_web
+
+            print_line(f"Live: {page_url(options.web)}")
+            browser = serve_web(options.web, request.uri)
+            stack.callback(browser.wait)
+            stack.callback(browser.terminate)
+        viewer = open_viewer(request.uri) if options.view else None
+        with Progress(console, options.progress == "json") as progress:
             if not are_compiled():
                 progress.say(COMPILING)
             summary, why = run(request, None if recorder is None else recorder.tick, progress.show)
         if viewer is not None and why == "stopped":
             viewer.terminate()
         return summary, why
-    finally:
-        if recorder is not None:
-            recorder.close()
-        if browser is not None:
-            browser.terminate()
-            browser.wait()
 
 
 def _recorder(request: RunRequest) -> "Recorder | None":
     """The recorder; None if the run is neither recorded nor watched."""
-    if request.recording is None and not request.is_live:
+    is_live = request.options.is_live
+    if request.recording is None and not is_live:
         return None
     from orchard.view.recorder import Recorder  # not at the top: Rerun takes half a second to load
 
-    name, port = f"{request.scenario.rows} rows, seed {request.scenario.seed}", request.data_port if request.is_live else 0
-    return Recorder(lay_out(request.scenario), name, request.recording, serve=request.is_live, port=port)
-
-
-def _web_viewer(request: RunRequest) -> subprocess.Popen[bytes] | None:
-    """The process of the web viewer; None without --web."""
-    if request.web is None:
-        return None
-    from orchard.view.web import page_url, serve_web
-
-    Console(emoji=False, highlight=False).print(f"Live: {page_url(request.web)}", soft_wrap=True)
-    return serve_web(request.web, request.uri)
+    name, port = f"{request.scenario.rows} rows, seed {request.scenario.seed}", request.data_port if is_live else 0
+    return Recorder(lay_out(request.scenario), name, request.recording, serve=is_live, port=port)

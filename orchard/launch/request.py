@@ -5,46 +5,29 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
 
 from orchard.field.scenario import Scenario
+from orchard.launch.options import HarvestOptions
 from orchard.launch.supervisor import free_port
-from orchard.net.lockstep import PATIENCE
 from orchard.security.identity import Identity, Keyring
 from orchard.sim.snapshot import Snapshot
 
 
 @dataclass(frozen=True)
 class RunRequest:
-    """The settings of a run."""
+    """A run to start: its options, and what follows from them."""
 
+    options: HarvestOptions
     scenario: Scenario
-    mode: str
-    speed: float  # simulated s per s of wall time; infinity: as fast as possible
-    hosts: int | None  # agent processes; 0: one per agent; None: one per core, at most 4
-    duration: float | None  # s, simulated
     recording: Path | None
-    view: bool
     snapshots: Path  # the folder for snapshots
     resumed: Snapshot | None = None  # the snapshot from which the run is resumed
-    listen: str | None = None  # endpoint at which other processes may join; None: a free port of 127.0.0.1
-    connect: str | None = None  # endpoint of another router, which all processes use
-    without: tuple[str, ...] = ()  # kinds and names of agents that other processes run
-    patience: float = PATIENCE  # s of wall time that lockstep waits for a silent agent
-    secure: Path | None = None  # the directory of `run.py secure`
-    web: int | None = None  # port of the web viewer
-    as_json: bool = False  # whether progress is printed as JSON
     notes: Path | None = None  # folder for the note with which `run.py stop` finds the run; None: no note
-
-    @property
-    def is_live(self) -> bool:
-        """Whether the run is watched live."""
-        return self.view or self.web is not None
 
     @cached_property
     def data_port(self) -> int:
         """The port of the live data: the port after that of the web viewer, or a free one."""
-        return free_port() if self.web is None else self.web + 1
+        return free_port() if self.options.web is None else self.options.web + 1
 
     @property
     def uri(self) -> str:
@@ -55,65 +38,41 @@ class RunRequest:
 Shares = list[tuple[str, Sequence[str]]]  # (name of an agent process, the agents that it hosts)
 
 
-class Credentials(Protocol):
-    """What the processes of a run need to connect, and how its agents are shared among processes."""
+@dataclass(frozen=True)
+class Credentials:
+    """What the processes of a run need to connect, and how its agents are shared among processes.
 
-    protocol: str  # the first part of an endpoint
+    An open run has no keyring, and admits every client. In a secured run each client has a role, and may do only what that role allows.
+    """
 
-    def identity(self, role: str) -> Identity | None: ...
-    def option(self, role: str) -> list[str]: ...
-    def shares(self, names: Sequence[str], all_names: Sequence[str]) -> Shares: ...
+    keyring: Keyring | None
+    hosts: int | None  # agent processes of an open run
 
+    @classmethod
+    def of(cls, options: HarvestOptions) -> "Credentials":
+        """Return the credentials of a run. Raises ValueError if the directory of a secured run has no roles."""
+        return cls(Keyring.load(options.secure) if options.secure else None, options.hosts)
 
-class OpenRun:
-    """The credentials of an open run, which admits every client."""
+    def identity(self, role: str) -> Identity | None:
+        return self.keyring.of(role) if self.keyring else None
 
-    protocol = "tcp"
-
-    def __init__(self, hosts: int | None) -> None:
-        self._hosts = hosts
-
-    def identity(self, role: str) -> None:
-        return None
+    def only_identity(self) -> Identity | None:
+        """Return the identity of a directory with one role; None for an open run. Raises ValueError if it has several roles."""
+        if self.keyring is None:
+            return None
+        roles = list(self.keyring.roles)
+        if len(roles) > 1:
+            raise ValueError(f"{self.keyring.folder}: it has {len(roles)} roles; with --only choose one of them: DIR/<role>")
+        return self.keyring.of(roles[0])
 
     def option(self, role: str) -> list[str]:
         """Return the command line options of a process with this role."""
-        return []
+        identity = self.identity(role)
+        return ["--secure", str(identity.folder)] if identity else []
 
     def shares(self, names: Sequence[str], all_names: Sequence[str]) -> Shares:
         """Return the shares of this machine's agent processes."""
-        return shares(names, self._hosts)
-
-
-class SecuredRun:
-    """The credentials of a secured run: each client has a role, and may do only what that role allows."""
-
-    protocol = "tls"
-
-    def __init__(self, folder: Path) -> None:
-        self._keyring = Keyring.load(folder)
-
-    @property
-    def only_role(self) -> str:
-        """The role of a directory that has only one. Raises ValueError if it has several."""
-        roles = list(self._keyring.roles)
-        if len(roles) > 1:
-            raise ValueError(f"{self._keyring.folder}: it has {len(roles)} roles; with --only choose one of them: DIR/<role>")
-        return roles[0]
-
-    def identity(self, role: str) -> Identity:
-        return self._keyring.of(role)
-
-    def option(self, role: str) -> list[str]:
-        return ["--secure", str(self.identity(role).folder)]
-
-    def shares(self, names: Sequence[str], all_names: Sequence[str]) -> Shares:
-        return list(self._keyring.hosts(names, all_names).items())
-
-
-def credentials_of(folder: Path | None, hosts: int | None) -> OpenRun | SecuredRun:
-    """Return the credentials of a run. `folder`: the directory of a secured run, or None. Raises ValueError if it has no roles."""
-    return OpenRun(hosts) if folder is None else SecuredRun(folder)
+        return list(self.keyring.hosts(names, all_names).items()) if self.keyring else shares(names, self.hosts)
 
 
 def shares(names: Sequence[str], hosts: int | None) -> Shares:

@@ -1,7 +1,5 @@
-"""The summary of a run as a table and as JSON."""
+"""The summary of a run as a table."""
 
-import json
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -50,8 +48,3 @@ def _words(key: str, value: Any) -> str:
     if isinstance(value, float):
         return f"{value:,.2f}{unit}"
     return f"{value}{unit}"
-
-
-def write(summary: dict[str, Any], path: Path) -> None:
-    """Write a summary to a file as JSON. Raises OSError if the file cannot be written."""
-    path.write_text(json.dumps(summary, indent=2) + "\n")

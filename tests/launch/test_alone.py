@@ -4,6 +4,7 @@ import signal
 
 from orchard.field.scenario import Scenario
 from orchard.launch import local_run
+from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
 
 
@@ -16,7 +17,7 @@ def test_ctrl_c_stops_it_at_once(tmp_path, monkeypatch):
             signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(local_run.time, "sleep", nap)
-    wish = RunRequest(Scenario(), "local", 1e-12, None, None, None, False, tmp_path)
+    wish = RunRequest(HarvestOptions(mode="local", speed=1e-12), Scenario(), None, tmp_path)
     summary, why = local_run.run(wish, None, lambda *figures: None)
     assert (why, summary["ticks"]) == ("stopped", 1)
     assert max(naps) < 1.0

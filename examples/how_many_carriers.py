@@ -16,7 +16,7 @@ from rich.table import Table
 
 from orchard.field.scenario import Animals, People, Scenario
 from orchard.local import Local
-from orchard.report.bounds import bounds_of
+from orchard.report.bounds import Bounds
 from orchard.report.metrics import HarvestFigures, harvest_figures
 
 CARRIERS = (1, 2, 3, 4, 6, 8, 10, 14, 20)
@@ -33,7 +33,7 @@ def harvest(scenario: Scenario) -> dict:
     while not local.engine.over:
         events = local.tick()
         figures.update(local.engine.world, events, local.actions)
-    return harvest_figures(local.engine.world, figures) | {"enough": bounds_of(local.engine.layout).enough_carriers}
+    return harvest_figures(local.engine.world, figures) | {"enough": Bounds(local.engine.layout).enough_carriers}
 
 
 def main() -> None:

@@ -9,7 +9,7 @@ from nicegui.events import ValueChangeEventArguments
 from orchard.app.draft import entries
 from orchard.field.kinds import KINDS
 from orchard.field.layout import TOP, TREES_X, X_MAX, Layout
-from orchard.report.bounds import bounds_of
+from orchard.report.bounds import Bounds
 from orchard.report.plan import COLOURS, orchard_plan
 
 
@@ -24,7 +24,7 @@ class Figure:
 
 def figures(layout: Layout) -> list[Figure]:
     """Return the derived figures of an orchard, formatted for the page."""
-    scenario, bounds = layout.scenario, bounds_of(layout)
+    scenario, bounds = layout.scenario, Bounds(layout)
     bins = sum(start.kind == "bin" for start in layout.starts)
     trees = len(layout.tree_lines) * len(TREES_X)
     enough = math.ceil(round(bounds.enough_carriers, 6))
@@ -46,7 +46,7 @@ def _enough_note(enough: int) -> str:
 
 def terms(layout: Layout) -> dict[str, float]:
     """Return the upper bound that each part (pickers, carriers, unloading) sets for the harvest, bins/h."""
-    return {name: 3600.0 * rate for name, rate in bounds_of(layout).terms.items()}
+    return {name: 3600.0 * rate for name, rate in Bounds(layout).terms.items()}
 
 
 class PlanView:

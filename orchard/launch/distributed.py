@@ -72,11 +72,11 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
         summary, why = launched.follow(inbox)
         if summary is not None:
             launched.watchdog.end()
-            for name, _ in shares if why == "stopped" else ():  # a host that was still connecting has not received the end
-                supervisor.terminate(name)
+            if why == "stopped":  # a host that was still connecting has not received the end
+                supervisor.terminate(*(name for name, _ in shares))
         elif end := read_end(Path(folder) / RESULT, run_id):
             summary, why = end.summary, end.why
-            supervisor.terminate_all()  # the others have not received the end either; SIGTERM lets them close their files and sessions
+            supervisor.terminate(*supervisor.running)  # the others have not received the end either; they close their files and sessions
         if request.recording is not None:  # the recording is read next, and Rerun takes half a second to load
             threading.Thread(target=import_module, args=("orchard.view.reader",), daemon=True).start()
         supervisor.terminate(WEB_VIEWER)
@@ -91,7 +91,7 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
 def _await_exits(supervisor: Supervisor, hosts: list[str], inbox: Inbox, seconds: float) -> None:
     """Wait until all processes have ended, at most `seconds`. Kill hosts that still run after THINK_SECONDS. Ctrl-C stops all."""
     begun = time.monotonic()
-    while supervisor.is_any_running() and time.monotonic() - begun < seconds:
+    while None in supervisor.exit_codes() and time.monotonic() - begun < seconds:
         if isinstance(inbox.take(POLL_SECONDS), Signal):
             supervisor.stop(STOP_SECONDS)
         if time.monotonic() - begun >= THINK_SECONDS:

@@ -48,15 +48,6 @@ class _Running:
     deaths: int = 0  # quick deaths in a row
     due: float = math.inf  # s, on the supervisor's clock: the time of its restart
 
-    def is_dead(self) -> bool:
-        """Whether it has ended and must be restarted."""
-        return self.program.again and self.popen.poll() not in (None, *self.program.final)
-
-    def count_death(self, now: float) -> None:
-        """Count a death, and set the time of the restart."""
-        self.deaths = self.deaths + 1 if now - self.begun < QUICK_SECONDS else 1
-        self.due = now + (BACK_OFF * 2 ** (self.deaths - 2) if self.deaths > 1 else 0.0)
-
 
 @dataclass
 class Supervisor:
@@ -83,10 +74,11 @@ class Supervisor:
         It has no session of its own: Linux divides the processor among sessions first, which costs processes that work together an eighth
         of their ticks.
         """
-        command = [sys.executable, "-m", program.module, *arguments]
-        null, pipe = subprocess.DEVNULL, subprocess.PIPE
+        paths = [os.environ.get("PYTHONPATH", ""), os.getcwd()]  # modules in the user's current directory are found
+        environment = QUICK_START | QUICK_TICKS | os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+        command, null, pipe = [sys.executable, "-m", program.module, *arguments], subprocess.DEVNULL, subprocess.PIPE
         popen = subprocess.Popen(
-            command, cwd=ROOT, env=_environment(), stdin=null, stdout=null, stderr=pipe,
+            command, cwd=ROOT, env=environment, stdin=null, stdout=null, stderr=pipe,
             text=True, errors="backslashreplace", process_group=0,
         )  # fmt: skip
         take_turns(popen.pid)
@@ -109,47 +101,39 @@ class Supervisor:
         """Return the exit codes of all processes; None for one that runs."""
         return [running.popen.poll() for running in self.running.values()]
 
-    def is_any_running(self) -> bool:
-        """Whether any process runs."""
-        return None in self.exit_codes()
-
     def watch(self) -> None:
         """Restart processes that have died: at once, then after increasing waits. After DEATHS quick deaths a process is given up."""
         for name, running in list(self.running.items()):
-            if not running.is_dead():
+            program, code = running.program, running.popen.poll()
+            if code is None or code in program.final or not program.again:
                 continue
             if running.due == math.inf:
-                self._handle_death(name, running)
+                self._count_death(running, code)
             if self.clock() >= running.due:
-                program = running.program
                 popen = self._open(program, [*program.arguments, *program.afterwards])
                 self.running[name] = _Running(program, popen, self.clock(), running.deaths)
 
-    def _handle_death(self, name: str, running: _Running) -> None:
-        running.count_death(self.clock())
-        code = running.popen.returncode
+    def _count_death(self, running: _Running, code: int) -> None:
+        """Set the time of the restart, or give the process up."""
+        program, now = running.program, self.clock()
+        running.deaths = running.deaths + 1 if now - running.begun < QUICK_SECONDS else 1
         if running.deaths < DEATHS:
-            self.say(f"{name} ended with code {code}; starting it again")
-            return
-        stands = f"; these stand: {', '.join(running.program.agents)}" if running.program.agents else ""
-        self.say(f"{name} ended with code {code}, {DEATHS} times in a row; giving up on it{stands}")
-        self.given_up[name] = running.program
-        del self.running[name]
-        running.due = math.inf
-
-    def terminate(self, name: str) -> None:
-        """Ask a process to end, if it runs."""
-        if name in self.running and self.running[name].popen.poll() is None:
-            self.running[name].popen.terminate()
-
-    def terminate_all(self) -> None:
-        """Ask all processes to end."""
-        for name in self.running:
-            self.terminate(name)
+            running.due = now + (BACK_OFF * 2 ** (running.deaths - 2) if running.deaths > 1 else 0.0)
+            self.say(f"{program.name} ended with code {code}; starting it again")
+        else:
+            stands = f"; these stand: {', '.join(program.agents)}" if program.agents else ""
+            self.say(f"{program.name} ended with code {code}, {DEATHS} times in a row; giving up on it{stands}")
+            self.given_up[program.name] = self.running.pop(program.name).program
 
     def pid(self, name: str) -> int | None:
         """Return the id of a process; None if it was never started."""
         return self.running[name].popen.pid if name in self.running else None
+
+    def terminate(self, *names: str) -> None:
+        """Ask processes to end, if they run."""
+        for name in names:
+            if name in self.running:
+                self.running[name].popen.terminate()
 
     def kill(self, name: str) -> None:
         """End a process by force, even if it is frozen."""
@@ -159,19 +143,16 @@ class Supervisor:
     def wait(self, seconds: float) -> None:
         """Wait until all processes have ended, at most `seconds`."""
         deadline = time.monotonic() + seconds
-        for running in self.running.values():
-            try:
+        with suppress(subprocess.TimeoutExpired):
+            for running in self.running.values():
                 running.popen.wait(max(0.0, deadline - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                return
 
     def stop(self, seconds: float) -> None:
         """Ask all processes to end, and kill those that have not ended after `seconds`."""
-        self.terminate_all()
+        self.terminate(*self.running)
         self.wait(seconds)
         for running in self.running.values():
-            if running.popen.poll() is None:
-                running.popen.kill()
+            running.popen.kill()
             running.popen.wait()
 
 
@@ -182,12 +163,6 @@ def take_turns(pid: int) -> None:
     """
     with suppress(AttributeError, ProcessLookupError):  # only Linux has this policy; the process may have ended
         os.sched_setscheduler(pid, os.SCHED_BATCH, os.sched_param(0))
-
-
-def _environment() -> dict[str, str]:
-    """The environment of a process, in which modules of the user's current directory are found."""
-    paths = [os.environ.get("PYTHONPATH", ""), os.getcwd()]
-    return QUICK_START | QUICK_TICKS | os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
 
 
 def free_port() -> int:

@@ -4,7 +4,6 @@ Times in seconds, rates in bins per second. A bound assumes that the drives of t
 """
 
 import math
-from dataclasses import dataclass
 
 from orchard.agents.robot import Step
 from orchard.agents.route import EAST_SIDE, OneWay, Side, route_of
@@ -16,31 +15,30 @@ from orchard.field.layout import QUEUE, QUEUE_HEAD, ROW_EAST, ROW_LENGTH, ROW_WE
 TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and the gap to the next one; at 1 m/s also the s in which the next one moves into the bay
 
 
-@dataclass(frozen=True)
 class Bounds:
-    """The terms of the closed forms for one scenario, and the bounds that follow."""
+    """The terms of the closed forms for one orchard on its route, and the bounds that follow. A mean is over all rows."""
 
-    rows: int
-    pickers: int
-    carriers: int
-    row_seconds: float  # T, to pick one row
-    crossing_seconds: float  # t_x, from the end of a row to the head of the next
-    approach_seconds: float  # A, from the queue's head until the picker has its empty bin, mean of all rows
-    cycle_seconds: float  # C, from the queue's head around the orchard and back, mean of all rows
-    bay_seconds: float  # t_bay, for which one carrier occupies the bay
-    least_approach_seconds: float  # A of the row where it is least
-    least_cycle_seconds: float  # C of the row where it is least
-    queue_seconds: float  # from the queue's tail to its head; a harvest is over when the last carrier stands anywhere in the queue
+    def __init__(self, layout: Layout) -> None:
+        route, scenario, head = route_of(layout), layout.scenario, Pose(QUEUE_HEAD, TOP_ROAD, EAST)
+        exchanges = [(row, route.side(i)) for block in layout.blocks.values() for i, row in enumerate(block)]
+        crossings = [_crossing(route, row, side) for row, side in exchanges if row < scenario.rows]
+        approaches = [duration(route.approach(row, side), head) for row, side in exchanges]
+        cycles = [duration(route.fetch(1, row, side, "", ""), head) + UNLOADING_SECONDS for row, side in exchanges]
+        self.rows, self.pickers, self.carriers = scenario.rows, scenario.pickers, scenario.carrier_count
+        self.row_seconds = ROW_LENGTH / scenario.picking_speed  # T, to pick one row
+        self.crossing_seconds = sum(crossings) / len(crossings)  # t_x, from the end of a row to the head of the next, mean
+        self.approach_seconds = sum(approaches) / len(approaches)  # A, from the queue's head until the picker has its empty bin, mean
+        self.cycle_seconds = sum(cycles) / len(cycles)  # C, from the queue's head around the orchard and back, mean
+        self.bay_seconds = UNLOADING_SECONDS + TRAIN  # t_bay, for which one carrier occupies the bay
+        self.least_approach_seconds, self.least_cycle_seconds = min(approaches), min(cycles)  # A and C of the rows where they are least
+        # from the queue's tail to its head; a harvest is over when the last carrier stands anywhere in the queue
+        self.queue_seconds = duration([DriveTo(x=QUEUE_HEAD)], Pose(QUEUE.west, TOP_ROAD, EAST))
 
     @property
     def terms(self) -> dict[str, float]:
         """Bins per second that each part of the harvest allows."""
         cycle = self.row_seconds + self.crossing_seconds + self.approach_seconds
-        return {
-            "pickers": self.pickers / cycle,
-            "carriers": self.carriers / self.cycle_seconds,
-            "unloading": 1.0 / self.bay_seconds,
-        }
+        return {"pickers": self.pickers / cycle, "carriers": self.carriers / self.cycle_seconds, "unloading": 1.0 / self.bay_seconds}
 
     @property
     def bottleneck(self) -> str:
@@ -66,40 +64,6 @@ class Bounds:
         return self.cycle_seconds * self.terms["pickers"]
 
 
-def bounds_of(layout: Layout) -> Bounds:
-    """Return the bounds of an orchard on its route, averaged over its rows."""
-    route, rows = route_of(layout), layout.scenario.rows
-    exchanges = [(row, route.side(i)) for block in layout.blocks.values() for i, row in enumerate(block)]
-    approaches = [approach(route, row, side) for row, side in exchanges]
-    cycles = [cycle(route, row, side) for row, side in exchanges]
-    return Bounds(
-        rows=rows,
-        pickers=layout.scenario.pickers,
-        carriers=layout.scenario.carrier_count,
-        row_seconds=ROW_LENGTH / layout.scenario.picking_speed,
-        crossing_seconds=_mean([_crossing(route, row, side) for row, side in exchanges if row < rows]),
-        approach_seconds=_mean(approaches),
-        cycle_seconds=_mean(cycles),
-        bay_seconds=UNLOADING_SECONDS + TRAIN,
-        least_approach_seconds=min(approaches),
-        least_cycle_seconds=min(cycles),
-        queue_seconds=duration([DriveTo(x=QUEUE_HEAD)], Pose(QUEUE.west, TOP_ROAD, EAST)),
-    )
-
-
-HEAD = Pose(QUEUE_HEAD, TOP_ROAD, EAST)
-
-
-def approach(route: OneWay, row: int, side: Side) -> float:
-    """Return A for one row, s."""
-    return duration(route.approach(row, side), HEAD)
-
-
-def cycle(route: OneWay, row: int, side: Side) -> float:
-    """Return C for one row, s."""
-    return duration(route.fetch(1, row, side, "", ""), HEAD) + UNLOADING_SECONDS
-
-
 def _crossing(route: OneWay, row: int, side: Side) -> float:
     start = Pose(ROW_EAST if side is EAST_SIDE else ROW_WEST, route.layout.lane(row).y, HEADINGS[side.heading("EAST")])
     return duration(route.crossing(row, row + 1, side), start)
@@ -118,7 +82,3 @@ def duration(steps: list[Step], start: Pose) -> float:
             seconds += (abs(to_x - x) + abs(to_y - y)) / step.speed
             x, y = to_x, to_y
     return seconds
-
-
-def _mean(values: list[float]) -> float:
-    return sum(values) / len(values) if values else 0.0

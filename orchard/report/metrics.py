@@ -11,7 +11,7 @@ from orchard.contract.events import Event
 from orchard.field.kinds import ANIMALS, PEOPLE, kind_of
 from orchard.field.layout import QUEUE, ROW_LENGTH
 from orchard.field.scenario import TIME_STEP
-from orchard.report.bounds import bounds_of
+from orchard.report.bounds import Bounds
 from orchard.sim.world import World
 
 JAM_SECONDS = 600.0  # without a metre picked or a step of work finished
@@ -65,18 +65,9 @@ def who_waits(actions: Mapping[str, Action]) -> list[str]:
     ]
 
 
-def collisions(world: World) -> int:
-    """Return the number of refused steps of pickers, carriers, tractor and bins."""
-    return _sum_by_kind(world, world.refused, WORKERS_OF_THE_HARVEST)
-
-
-def refused_moves(world: World) -> int:
-    """Return the number of refused steps of people and animals."""
-    return _sum_by_kind(world, world.refused, PEOPLE + ANIMALS)
-
-
-def _sum_by_kind(world: World, counts: Any, kinds: tuple[str, ...]) -> int:
-    return sum(int(counts[i]) for name, i in world.layout.index.items() if kind_of(name) in kinds)
+def collisions(world: World, kinds: tuple[str, ...] = WORKERS_OF_THE_HARVEST) -> int:
+    """Return the number of refused steps of these kinds of bodies."""
+    return sum(int(world.refused[i]) for name, i in world.layout.index.items() if kind_of(name) in kinds)
 
 
 def rows_picked(world: World) -> int:
@@ -86,17 +77,16 @@ def rows_picked(world: World) -> int:
 def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
     """Return the part of the summary that depends on the simulation only and is the same in every repetition."""
     hours = world.tick * TIME_STEP / 3600.0
-    carriers = world.layout.scenario.carrier_count
-    bounds = bounds_of(world.layout)
+    scenario, bounds = world.layout.scenario, Bounds(world.layout)
     distance: dict[str, float] = {}
     for name, i in world.layout.index.items():
         distance[kind_of(name)] = distance.get(kind_of(name), 0.0) + float(world.distance[i])
     return {
-        "seed": world.layout.scenario.seed,
+        "seed": scenario.seed,
         "ticks": world.tick,
         "sim_seconds": round(world.tick * TIME_STEP, 1),
         "agents": len(world.layout.starts),
-        "rows": world.layout.scenario.rows,
+        "rows": scenario.rows,
         "rows_picked": rows_picked(world),
         "bins_delivered": world.delivered,
         "bins_per_hour": world.delivered / hours if hours else 0.0,
@@ -104,10 +94,10 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "bound_sim_seconds": bounds.harvest_seconds,
         "bottleneck": bounds.bottleneck,
         "collisions": collisions(world),
-        "refused_moves": refused_moves(world),
+        "refused_moves": collisions(world, PEOPLE + ANIMALS),
         "weeds_flattened": figures.weeds_flattened,
         "picker_waiting_seconds": sum(figures.waits) / len(figures.waits) if figures.waits else 0.0,
-        "carrier_utilisation": figures.busy_ticks / (world.tick * carriers) if world.tick else 0.0,
+        "carrier_utilisation": figures.busy_ticks / (world.tick * scenario.carrier_count) if world.tick else 0.0,
         "broken_agents": [f"{name}, since tick {tick}" for name, tick in figures.broken.items()],
         "distance_metres": {kind: metres for kind, metres in sorted(distance.items()) if kind != "weed"},
     }

@@ -6,29 +6,21 @@ from orchard.agents.route import EAST_SIDE, OneWay, Side, route_of
 from orchard.field.kinds import KINDS, kind_of
 from orchard.field.layout import BAY, DRIVEWAY, QUEUE, QUEUE_LINES, ROW_EAST, ROW_WEST, TOP, TREES_X, X_MAX, Layout
 
-COLOURS = {
-    "ground": "#dfe8cf",
-    "driveway": "#cbb98f",
-    "lane": "#c7b08a",
-    "tree": "#7fae5d",
-    "trunk": "#5b4128",
-    "fence": "#6b6b6b",
-    "D": "#2f7fd1",
-    "F": "#c0392b",
-    "picker": "#b23bb2",
-    "bay": "#e0a030",
-}
+COLOURS = {"ground": "#dfe8cf", "driveway": "#cbb98f", "lane": "#c7b08a", "tree": "#7fae5d", "trunk": "#5b4128", "fence": "#6b6b6b",
+           "D": "#2f7fd1", "F": "#c0392b", "picker": "#b23bb2", "bay": "#e0a030"}  # fmt: skip
 OTHER_ROAD = "#777777"
 PIXELS = 12  # for a metre
 
 
 class Drawing:
-    """SVG elements in metres, y north."""
+    """An orchard's ground and roads as SVG elements, in metres, y north. `west`, `south`, `east`, `north`: the part that is seen."""
 
-    def __init__(self, west: float, south: float, east: float, north: float) -> None:
+    def __init__(self, layout: Layout, west: float, south: float, east: float, north: float) -> None:
         self.west, self.north = west, north
-        self.elements: list[str] = []
         self.width, self.height = (east - west) * PIXELS, (north - south) * PIXELS
+        self.elements: list[str] = []
+        _ground(self, layout)
+        _roads(self, layout)
 
     def x(self, x: float) -> float:
         return round((x - self.west) * PIXELS, 2)
@@ -49,9 +41,9 @@ class Drawing:
     def circle(self, x: float, y: float, radius: float, style: str) -> None:
         self.elements.append(f'<circle cx="{self.x(x)}" cy="{self.y(y)}" r="{round(radius * PIXELS, 2)}" style="{style}"/>')
 
-    def text(self, x: float, y: float, words: str, size: float = 0.9) -> None:
+    def text(self, x: float, y: float, words: str) -> None:
         at = f'x="{self.x(x)}" y="{self.y(y)}"'
-        self.elements.append(f'<text {at} font-size="{size * PIXELS}" font-family="sans-serif">{html.escape(words)}</text>')
+        self.elements.append(f'<text {at} font-size="{0.9 * PIXELS}" font-family="sans-serif">{html.escape(words)}</text>')
 
     def svg(self) -> str:
         head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {self.width} {self.height}">'
@@ -59,11 +51,12 @@ class Drawing:
 
 
 def orchard_plan(layout: Layout) -> str:
-    """Return the drawing of the whole orchard."""
-    drawing = Drawing(-X_MAX - 1, layout.bottom - 1, X_MAX + 1, TOP + 1)
-    _ground(drawing, layout)
-    _roads(drawing, layout)
-    _bodies(drawing, layout)
+    """Return the drawing of the whole orchard, with all bodies at their starts."""
+    drawing = Drawing(layout, -X_MAX - 1, layout.bottom - 1, X_MAX + 1, TOP + 1)
+    for start in layout.starts:
+        kind = KINDS[kind_of(start.name)]
+        colour = "rgb({},{},{})".format(*kind.colour)
+        drawing.box(start.pose.x, start.pose.y, kind.length / 2, kind.width / 2, f"fill:{colour};stroke:black;stroke-width:1", start.name)
     return drawing.svg()
 
 
@@ -72,10 +65,7 @@ def exchange_plan(layout: Layout) -> str:
 
     The west side is the same, turned by half a turn.
     """
-    low, high = layout.lane(3).y - 4, layout.lane(1).y + 5
-    drawing = Drawing(30.0, low, 46.0, high)
-    _ground(drawing, layout)
-    _roads(drawing, layout)
+    drawing = Drawing(layout, 30.0, layout.lane(3).y - 4, 46.0, layout.lane(1).y + 5)
     for lane in layout.lanes[:3]:
         _exchange(drawing, route_of(layout), lane.y, EAST_SIDE)
     return drawing.svg()
@@ -110,13 +100,6 @@ def _roads(drawing: Drawing, layout: Layout) -> None:
         drawing.line([(x - 0.75, y), (x + 0.75, y)], f"stroke:{COLOURS.get(name, OTHER_ROAD)};stroke-width:3")
 
 
-def _bodies(drawing: Drawing, layout: Layout) -> None:
-    for start in layout.starts:
-        kind = KINDS[kind_of(start.name)]
-        colour = "rgb({},{},{})".format(*kind.colour)
-        drawing.box(start.pose.x, start.pose.y, kind.length / 2, kind.width / 2, f"fill:{colour};stroke:black;stroke-width:1", start.name)
-
-
 def _exchange(drawing: Drawing, route: OneWay, y: float, side: Side) -> None:
     """Draw the outlines of all places of an exchange, and the circles that turns sweep."""
     picker, carrier, fruit = KINDS["picker"], KINDS["carrier"], KINDS["bin"]
@@ -128,13 +111,7 @@ def _exchange(drawing: Drawing, route: OneWay, y: float, side: Side) -> None:
     stop = side.y(y, route.STOP)
     drawing.box(side.x(route.D_ROAD), stop, carrier.width / 2, carrier.length / 2, outline + COLOURS["D"])
     drawing.box(side.x(route.COUPLING), y, carrier.length / 2, carrier.width / 2, outline + COLOURS["F"])
-    for x, at, radius in (
-        (route.D_ROAD, stop, 1.17),
-        (route.COUPLING, stop, 1.17),
-        (route.COUPLING, y, 1.17),
-        (route.F_ROAD, y, 2.45),
-        (route.WAITING, y, 2.80),
-    ):
+    sweeps = {(route.D_ROAD, stop): 1.17, (route.COUPLING, stop): 1.17, (route.COUPLING, y): 1.17, (route.F_ROAD, y): 2.45}
+    for (x, at), radius in (sweeps | {(route.WAITING, y): 2.80}).items():
         drawing.circle(side.x(x), at, radius, "fill:none;stroke:#888;stroke-width:0.7;stroke-dasharray:3")
-    path = [(route.D_ROAD, stop), (route.COUPLING, stop), (route.COUPLING, y), (route.F_ROAD, y)]
-    drawing.line([(side.x(x), at) for x, at in path], "stroke:black;stroke-width:1")
+    drawing.line([(side.x(x), at) for x, at in sweeps], "stroke:black;stroke-width:1")

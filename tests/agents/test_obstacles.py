@@ -8,8 +8,9 @@ from raycaster import world_of
 from yard import AHEAD, TURN_LEFT, picker_with_bin, train, yard
 
 from orchard.field.geometry import EAST, Pose, Twist
+from orchard.field.kinds import ANIMALS, PEOPLE
 from orchard.field.layout import ROW_WEST
-from orchard.report.metrics import collisions, refused_moves
+from orchard.report.metrics import collisions
 from orchard.sim.kernels.boxes import overlap, place
 from orchard.sim.physics import step
 from orchard.sim.world import World
@@ -69,7 +70,7 @@ def test_a_body_may_drive_until_it_touches():
 def test_robots_and_guests_are_counted_apart():
     both = yard(("picker", Pose(0, 0, EAST)), ("worker", Pose(1.25 + 0.275, 0, EAST)))
     both.drive(2, picker_01=AHEAD, worker_02=Twist(-1.0))
-    assert (collisions(both.world), refused_moves(both.world)) == (2, 2)
+    assert (collisions(both.world), collisions(both.world, PEOPLE + ANIMALS)) == (2, 2)
 
 
 def test_who_moves_first_gets_the_place():

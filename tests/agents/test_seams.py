@@ -11,7 +11,7 @@ from orchard import Assignment, BinReport, CarrierReport, Local, OneWay, Scenari
 from orchard.agents.catalogue import check_plugins, make_agents
 from orchard.contract.messages import CustomMessage, pack, unpack
 from orchard.field.scenario import check
-from orchard.report.bounds import bounds_of
+from orchard.report.bounds import Bounds
 from orchard.report.plan import orchard_plan
 
 EXAMPLES = {
@@ -85,7 +85,7 @@ def test_rows_follow_the_rule_that_is_named():
 
 def test_bounds_and_drawings_follow_the_route_that_is_named():
     ours, theirs = lay_out(scenario()), lay_out(scenario(route="test_seams.WiderLoop"))
-    assert bounds_of(theirs).cycle_seconds > bounds_of(ours).cycle_seconds + 1.0
+    assert Bounds(theirs).cycle_seconds > Bounds(ours).cycle_seconds + 1.0
     assert orchard_plan(theirs) != orchard_plan(ours)
 
 

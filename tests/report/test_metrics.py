@@ -7,7 +7,7 @@ from orchard.agents.steps import DriveTo, Face
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
-from orchard.report.bounds import bounds_of, duration
+from orchard.report.bounds import Bounds, duration
 from orchard.report.metrics import HarvestFigures, harvest_figures, who_waits
 
 
@@ -66,7 +66,7 @@ def test_the_duration_of_a_plan_is_its_drives_and_turns():
     ],
 )
 def test_the_bottleneck_is_the_part_that_allows_least(changes, bottleneck):
-    bounds = bounds_of(lay_out(Scenario(**changes)))
+    bounds = Bounds(lay_out(Scenario(**changes)))
     assert bounds.bottleneck == bottleneck
     assert bounds.bins_per_hour == pytest.approx(3600 * bounds.terms[bottleneck])
 
@@ -76,7 +76,7 @@ def test_a_carrier_that_nothing_holds_up_takes_as_long_as_the_closed_form_says()
     called = stage.run_until(lambda: stage.local.memories.get("carrier_01") and stage.local.memories["carrier_01"].job is not None, 90)
     took = stage.run_until(lambda: stage.world.delivered == 1, 600)
     took += stage.run_until(lambda: abs(stage.pose("carrier_01")[0] - 35.4) < 1e-6 and stage.pose("carrier_01")[1] > 24, 200)
-    bounds = bounds_of(stage.world.layout)
+    bounds = Bounds(stage.world.layout)
     assert called > 70
     assert bounds.cycle_seconds - 20 < took < bounds.cycle_seconds + 20
 
@@ -84,5 +84,5 @@ def test_a_carrier_that_nothing_holds_up_takes_as_long_as_the_closed_form_says()
 @pytest.mark.parametrize(("pickers", "carriers"), [(2, 1), (4, 4), (2, 6)])
 def test_no_harvest_is_over_sooner_than_the_bound(pickers, carriers):
     stage = Stage(empty_orchard(rows=4, pickers=pickers, carriers=carriers))
-    bound = bounds_of(stage.world.layout).harvest_seconds
+    bound = Bounds(stage.world.layout).harvest_seconds
     assert bound <= stage.run_to_the_end() < 1.6 * bound

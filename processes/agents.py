@@ -26,6 +26,7 @@ from orchard.security.identity import Identity, identity_in
 from orchard.wire.keys import PREFIX, Keys
 
 Factory = Callable[[Layout, Collection[str]], dict[str, Agent]]
+FACTORY = "orchard.agents.catalogue:make_agents"
 
 
 def _only_signals(item: Item) -> None:
@@ -33,31 +34,22 @@ def _only_signals(item: Item) -> None:
         raise HostEnded(0, "asked to stop")
 
 
-# -- which agents
+def made(path: str, layout: Layout, names: Collection[str]) -> dict[str, Agent]:
+    """Call the factory 'package.module:name', and return name -> agent.
 
-
-def factory(path: str) -> Factory:
-    """Return the function that 'package.module:name' names. Raises ValueError if there is none."""
+    Raises ValueError, with the place, if there is no such function, or if it raises an error or lacks an agent.
+    """
     module, _, name = path.partition(":")
     try:
-        found: Factory = getattr(importlib.import_module(module), name)
+        make: Factory = getattr(importlib.import_module(module), name)
     except (ImportError, AttributeError, ValueError) as error:
         raise ValueError(f"agents {path}: {error}; expected package.module:function") from error
-    return found
-
-
-def made(path: str, layout: Layout, names: Collection[str]) -> dict[str, Agent]:
-    """Call a factory, and return name -> agent. Raises ValueError, with the place, if it raises an error or lacks an agent."""
-    make = factory(path)
     try:
         agents = make(layout, names)
         return {name: agents[name] for name in names}
     except Exception as error:
         expected = "a function of (layout, names) that returns a map with an agent for each name"
         raise ValueError(f"agents {path}: {type(error).__name__}: {error}{place_of_error(error)}; expected {expected}") from error
-
-
-# -- the process
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -101,12 +93,7 @@ def _options(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--without", action="append", default=[], metavar="KIND|NAME", help="host all but these (repeatable)")
     parser.add_argument("--share", default="0/1", metavar="I/N", help="of these, host the I-th (from 0) and every N-th after it")
     parser.add_argument("--patience", type=_seconds, default=GONE_SECONDS, metavar="SECONDS", help="time that physics may be gone")
-    parser.add_argument(
-        "--agents",
-        default="orchard.agents.catalogue:make_agents",
-        metavar="MODULE:FUNCTION",
-        help="factory: (layout, names) -> {name: agent}",
-    )
+    parser.add_argument("--agents", default=FACTORY, metavar="MODULE:FUNCTION", help="factory: (layout, names) -> {name: agent}")
     return parser.parse_args(argv)
 
 

@@ -6,26 +6,60 @@ if __name__ == "__main__":  # Ctrl-C during the imports ends the process at once
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 import argparse
+import contextlib
+import socket
 import sys
 from pathlib import Path
 
+try:
+    from nicegui import app, ui
+except ModuleNotFoundError as missing:
+    print(f"The page needs the package {missing.name}: pip install 'orchard[app]'", file=sys.stderr)
+    raise SystemExit(2) from None
+
+from orchard.app.page import Page
 from orchard.app.run_controls import ROOT
+from orchard.app.runner import Runner
+from orchard.field.scenario import Scenario
+
+ICON = "🥝"
+PATIENCE = 30.0  # s that a browser may be too busy to answer, for example while it loads the Rerun viewer
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Serve the page until Ctrl-C. Return the exit code: 2 if NiceGUI is missing or the address cannot be used."""
+    """Serve the page until Ctrl-C. Return the exit code: 2 if the address cannot be used."""
     parser = argparse.ArgumentParser(prog="python -m orchard.app", description="Set up an orchard in the browser, run it, and watch it.")
     parser.add_argument("--port", type=int, default=8080, help="port of the page")
     parser.add_argument("--host", default="127.0.0.1", help="any client that reaches it can start runs; pictures stay on the loopback")
     parser.add_argument("--runs", type=Path, default=ROOT / "runs", metavar="DIRECTORY", help="directory of recordings and summaries")
     parser.add_argument("--quiet", action="store_true", help="do not open a browser")
     arguments = parser.parse_args(argv)
-    try:
-        from orchard.app.serve import serve
-    except ModuleNotFoundError as missing:
-        print(f"The page needs the package {missing.name}: pip install 'orchard[app]'", file=sys.stderr)
+    host, port, runner = arguments.host, arguments.port, Runner(arguments.runs)
+    if problem := _problem(host, port):
+        print(problem, file=sys.stderr)
         return 2
-    return serve(arguments.host, arguments.port, arguments.runs, not arguments.quiet)
+    last: list[Page] = []  # the newest page; the next page begins with its scenario
+
+    def page() -> None:
+        begin = last[-1].draft.scenario if last else None
+        last[:] = [Page(runner, begin or Scenario())]
+
+    app.on_shutdown(runner.close)
+    print(f"The page is at http://{host}:{port}  (Ctrl-C stops the server)", flush=True)
+    with contextlib.suppress(KeyboardInterrupt):
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        ui.run(page, host=host, port=port, show=not arguments.quiet, reload=False, show_welcome_message=False, title="Kiwifruit orchard",
+               favicon=ICON, reconnect_timeout=PATIENCE)  # fmt: skip
+    return 0
+
+
+def _problem(host: str, port: int) -> str:
+    """Why the server cannot listen at the address; '' if it can."""
+    try:
+        with socket.create_server((host, port)):
+            return ""
+    except (OSError, OverflowError) as error:
+        return f"--host {host} --port {port}: {getattr(error, 'strerror', None) or error}"
 
 
 if __name__ == "__main__":

@@ -1,19 +1,17 @@
 """What a user has entered: the entries of a scenario, their values, and what is wrong with each."""
 
 import re
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, reduce
 from math import floor, inf, log10
 from typing import Any, get_args
 
 from pydantic import BaseModel
-from pydantic.fields import FieldInfo
 
 from orchard.agents.catalogue import check_plugins
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
-from orchard.field.scenario import Scenario, check
+from orchard.field.scenario import Scenario, with_changes
 
 WHOLE = re.compile(r"[-+]?[0-9]{1,29}")
 DECIMAL = re.compile(r"[-+]?([0-9]{1,40}\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,3})?")
@@ -41,8 +39,6 @@ def hint(text: object) -> str:
 
 
 MOST_STEPS = 1e6  # steps of a slider; a value with more gets a text field only
-
-
 PLUGINS = ("agents", "agents_without_body", "dispatch", "rows_to_pickers", "route")  # named in a file, not entered on the page
 
 
@@ -91,42 +87,23 @@ class Entry:
 
 
 @cache
-def entries() -> dict[str, Entry]:
-    """Return all entries by path, in the order of the scenario file."""
-    return {entry.path: entry for entry in _entries(Scenario)}
-
-
-def _entries(model: type[BaseModel], before: str = "") -> Iterator[Entry]:
+def entries(model: type[BaseModel] = Scenario, before: str = "") -> dict[str, Entry]:
+    """Return all entries by path, in the order of the scenario file. `model`: a section of it, with the path `before`."""
+    found: dict[str, Entry] = {}
     for name, field in model.model_fields.items():
-        kind = field.annotation
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
-            yield from _entries(kind, f"{before}{name}.")
+        path, kinds = before + name, get_args(field.annotation) or (field.annotation,)
+        if isinstance(kinds[0], type) and issubclass(kinds[0], BaseModel):
+            found |= entries(kinds[0], f"{path}.")
         elif name not in PLUGINS:
-            yield _entry(before + name, field)
-
-
-def _entry(path: str, field: FieldInfo) -> Entry:
-    kinds = get_args(field.annotation) or (field.annotation,)
-    limits = {type(limit).__name__: limit for limit in field.metadata}
-    span = (limits["Ge"].ge, limits["Le"].le) if "Ge" in limits else ()
-    return Entry(path, field.description or "", kinds[0], type(None) in kinds, *span)
+            limits = {type(limit).__name__: limit for limit in field.metadata}
+            span = (limits["Ge"].ge, limits["Le"].le) if "Ge" in limits else ()
+            found[path] = Entry(path, field.description or "", kinds[0], type(None) in kinds, *span)
+    return found
 
 
 def flat(scenario: Scenario) -> dict[str, Any]:
     """Return the values of a scenario that the page asks for, by path."""
     return {path: reduce(getattr, path.split("."), scenario) for path in entries()}
-
-
-def nested(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values by path as nested dicts, the structure of a scenario file."""
-    tree: dict[str, Any] = {}
-    for path, value in values.items():
-        *sections, key = path.split(".")
-        place = tree
-        for section in sections:
-            place = place.setdefault(section, {})
-        place[key] = value
-    return tree
 
 
 class Draft:
@@ -140,7 +117,7 @@ class Draft:
 
     def take(self, scenario: Scenario) -> None:
         """Replace all values by those of a scenario."""
-        self.values, self.plugins = flat(scenario), {name: getattr(scenario, name) for name in PLUGINS}
+        self._base, self.values = scenario, flat(scenario)  # the base has the user's own classes
         self._check()
 
     def set(self, path: str, value: Any) -> None:
@@ -151,19 +128,19 @@ class Draft:
     @property
     def classes(self) -> dict[str, str]:
         """The user's own classes and functions, by the key of the scenario or the agent that names them."""
-        default = _builtin()
-        named = {name: value for name, value in self.plugins.items() if value != default[name]}
+        default = Scenario()
+        named = {name: value for name in PLUGINS if (value := getattr(self._base, name)) != getattr(default, name)}
         return {key: path for name, value in named.items() for key, path in (value if isinstance(value, dict) else {name: value}).items()}
 
     def drop_classes(self) -> None:
         """Remove the user's own classes, so that the built-in ones are used again."""
-        self.plugins = _builtin()
+        self._base = Scenario()
         self._check()
 
     def _check(self) -> None:
         self.scenario, self.problems = None, {}
         try:
-            scenario = check(nested(self.values) | self.plugins, "page")
+            scenario = with_changes(self._base, **self.values)
             if self.classes:
                 check_plugins(lay_out(scenario))
         except ScenarioError as error:
@@ -172,10 +149,6 @@ class Draft:
             self.problems = {"agents": str(error)}
         else:
             self.scenario = scenario
-
-
-def _builtin() -> dict[str, Any]:
-    return {name: getattr(Scenario(), name) for name in PLUGINS}
 
 
 def _typed(path: str, value: Any) -> Any:

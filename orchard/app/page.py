@@ -1,19 +1,19 @@
-"""The page: the form on the left; the run, the stage and the derived figures on the right."""
+"""The page: presets and files on top; the form on the left; the run, the stage and the derived figures on the right."""
 
 from pathlib import Path
 from typing import Any
 
-from nicegui import run, ui
+from nicegui import events, run, ui
 
 from orchard.app.draft import Draft
-from orchard.app.files import FileButtons, complain
-from orchard.app.form import ClassesView, Form
+from orchard.app.form import Form
 from orchard.app.preview import FiguresView
-from orchard.app.run_controls import RunControls
+from orchard.app.run_controls import ROOT, RunControls
 from orchard.app.runner import Runner, RunReport
 from orchard.app.views import ProgressView, Stage
 from orchard.field.layout import lay_out
-from orchard.field.scenario import Scenario
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import LARGEST_FILE, Scenario, load, parse, to_yaml
 
 STYLE = Path(__file__).with_name("style.css")
 REDRAW_SECONDS = 0.1  # s between two checks for changed input
@@ -40,11 +40,10 @@ class Page:
         with ui.header().classes("top"):
             ui.label("Kiwifruit orchard").classes("top-title")
             ui.element("div").classes("grow")
-            self.files = FileButtons(self._take, lambda: self.draft.scenario)
+            self._build_files()
         with ui.element("main").classes("page"):
             with ui.element("aside").classes("form"):
-                self.form = Form(self._set)
-                self.classes = ClassesView(self._drop_classes)
+                self.form = Form(self._set, self._drop_classes)
             with ui.element("div").classes("right"):
                 self._build_run()
                 with ui.element("div").classes("middle"):
@@ -52,10 +51,21 @@ class Page:
                     with ui.element("div").classes("figures"):
                         self.figures = FiguresView()
 
+    def _build_files(self) -> None:
+        """Build the buttons for the presets, Open and Save."""
+        for name, scenario in presets().items():
+            ui.button(name.capitalize(), on_click=lambda scenario=scenario: self._take(scenario)).props(f"flat no-caps data-preset={name}")
+        ui.element("div").classes("divider")
+        limit = 10 * LARGEST_FILE  # bytes; a larger file is not read, `parse` reports a smaller one above LARGEST_FILE
+        self._upload = ui.upload(on_upload=self._open, on_rejected=self._rejected, max_file_size=limit, auto_upload=True)
+        self._upload.props("accept=.yaml,.yml").classes("hidden")
+        ui.button("Open", icon="folder_open", on_click=lambda: self._upload.run_method("pickFiles")).props("flat no-caps data-action=open")
+        self._save = ui.button("Save", icon="download", on_click=self._download).props("flat no-caps data-action=save")
+
     def _build_run(self) -> None:
         with ui.element("div").classes("run-card"):
             with ui.element("div").classes("wishes"):
-                self.wishes = RunControls(self._mark, self.runner.run.order if self.runner.run else None)
+                self.wishes = RunControls(self._mark, self.runner.run.settings if self.runner.run else None)
                 self.start_button = ui.button("Run", icon="play_arrow", on_click=self._start)
                 self.start_button.props("no-caps unelevated data-action=run")
                 self.stop_button = ui.button("Stop", icon="stop", on_click=self._stop)
@@ -78,6 +88,25 @@ class Page:
         self.form.show(self.draft.values)
         self._mark()
 
+    async def _open(self, event: events.UploadEventArguments) -> None:
+        content = await event.file.read()
+        self._upload.reset()
+        try:
+            self._take(parse(content.decode("utf-8-sig"), event.file.name))
+        except UnicodeDecodeError:
+            complain("This file was not opened", [f"{event.file.name}: not UTF-8 text"])
+        except ScenarioError as error:
+            complain("This file was not opened", [str(problem) for problem in error.problems])
+        else:
+            ui.notify(f"{event.file.name} opened", type="positive")
+
+    def _rejected(self) -> None:
+        complain("This file was not opened", ["The file is too large for a scenario, or it is not a .yaml file."])
+
+    def _download(self) -> None:
+        if self.draft.scenario is not None:
+            ui.download.content(to_yaml(self.draft.scenario), "orchard.yaml", "application/yaml")
+
     def _mark(self) -> None:
         self._changed = True
 
@@ -85,7 +114,7 @@ class Page:
         if self.draft.scenario is None:
             return
         try:
-            self.runner.start(self.wishes.order(self.draft.scenario))
+            self.runner.start(self.draft.scenario, self.wishes.settings)
         except (OSError, RuntimeError, ValueError) as error:
             complain("The harvest was not started", [str(error)])
         self._watch()
@@ -103,7 +132,6 @@ class Page:
             return
         self._changed = False
         self.form.follow(self.draft)
-        self.classes.show(self.draft)
         self._update_buttons()
         if (scenario := self.draft.scenario) is None:
             self.stage.plan.fade()
@@ -115,7 +143,7 @@ class Page:
 
     def _update_buttons(self) -> None:
         """Update the buttons and the number of invalid fields."""
-        wrong = len(self.draft.problems) + len(self.wishes.pace.problems)
+        wrong = len(self.draft.problems) + len(self.wishes.settings.problems)
         self.trouble.set_text(f"{wrong} field{'s have' if wrong > 1 else ' has'} an invalid value")
         self.trouble.set_visibility(wrong > 0)
         going = self.runner.run if self.runner.is_busy else None
@@ -123,7 +151,7 @@ class Page:
         self.start_button.set_enabled(not wrong)
         self.stop_button.set_visibility(going is not None)
         self.stop_button.set_enabled(going is not None and not going.asked_to_stop)
-        self.files.allow_saving(self.draft.scenario is not None)
+        self._save.set_enabled(self.draft.scenario is not None)
 
     def _watch(self) -> None:
         """Update the views of the run."""
@@ -131,12 +159,25 @@ class Page:
         if self.runner.run is None:
             return
         now, before = self.runner.run.report(), self._seen
-        if before is None or before.run is not now.run:
+        if before is None or before.run is not now.run or now.is_over != before.is_over:
             self.stage.turn_to_run(now)
-        elif now.is_over and not before.is_over:
-            self.stage.turn_to_end()
         elif before.is_over and self.stage.is_settled(now):
             return
         self._seen = now
         self.progress.show(now)
         self.stage.show(now)
+
+
+def presets() -> dict[str, Scenario]:
+    """Return the presets by name: the default scenario, and each file in `config/` except orchard.yaml, which holds the default."""
+    ready = {path.stem: load(path) for path in sorted((ROOT / "config").glob("*.yaml")) if path.stem != "orchard"}
+    return {"default": Scenario()} | ready
+
+
+def complain(title: str, lines: list[str]) -> None:
+    """Open a dialog with a title and error lines. Nothing else changes."""
+    with ui.dialog(value=True) as dialog, ui.card().classes("complaint").props("data-view=complaint"):
+        ui.label(title).classes("group-title")
+        for line in lines:
+            ui.label(line).classes("complaint-line")
+        ui.button("OK", on_click=dialog.close).props("no-caps unelevated").classes("self-end")

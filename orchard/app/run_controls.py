@@ -10,7 +10,6 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from orchard.app.draft import hint, number_of, shown
-from orchard.field.scenario import Scenario
 
 ROOT = Path(__file__).parent.parent.parent
 MODES = {
@@ -20,46 +19,30 @@ MODES = {
 }
 
 
+SPEEDS = (0.1, 1000)  # limits, both included: x real time
+DURATIONS = (1, 1_000_000)  # limits, both included: s, simulated
+
+
+def _words(limits: tuple[float, float]) -> str:
+    return f"{limits[0]:g} to {limits[1]:.0f}"
+
+
+def _problem(text: str, limits: tuple[float, float], also: str) -> str:
+    """The problem of a text; '' if it is a number within the limits. `also` is added to the message."""
+    number = number_of(text)
+    good = not isinstance(number, str) and limits[0] <= number <= limits[1]
+    return "" if good else f"must be a number from {_words(limits)}{also}{hint(text)}"
+
+
 @dataclass(frozen=True)
 class RunSettings:
-    """The settings of a run that a user has requested."""
-
-    scenario: Scenario
-    mode: str = "lockstep"
-    speed: float | None = None  # x real time; None: as fast as possible
-    duration: float | None = None  # s, simulated; None: the whole harvest
-    live: bool = True  # whether to serve the live picture
-
-
-@dataclass(frozen=True)
-class Limits:
-    """The limits of a setting, both included."""
-
-    low: float
-    high: float
-
-    def __str__(self) -> str:
-        return f"{self.low:g} to {self.high:.0f}"
-
-    def problem(self, text: str, also: str) -> str:
-        """Return the problem of a text; '' if it is a number within the limits. `also` is added to the message."""
-        number = number_of(text)
-        good = not isinstance(number, str) and self.low <= number <= self.high
-        return "" if good else f"must be a number from {self}{also}{hint(text)}"
-
-
-SPEEDS = Limits(0.1, 1000)  # x real time
-DURATIONS = Limits(1, 1_000_000)  # s, simulated
-
-
-@dataclass(frozen=True)
-class Pace:
-    """Mode, speed and duration as a user entered them."""
+    """How a run is to go, as a user entered it."""
 
     mode: str
     speed: str
     duration: str = ""  # '': the whole harvest
     as_fast_as_it_goes: bool = False  # overrides the speed, except in realtime
+    live: bool = True  # whether to serve the live picture
 
     @property
     def is_by_the_clock(self) -> bool:
@@ -75,21 +58,10 @@ class Pace:
         """Messages for the invalid settings, by name."""
         clock = "; the wall clock sets the pace, so it cannot be max" if self.is_by_the_clock else ""
         told = {
-            "speed": "" if self.is_fastest else SPEEDS.problem(self.speed, f"; 1 is real time{clock}"),
-            "duration": "" if self._is_whole else DURATIONS.problem(self.duration, "; empty: the whole harvest"),
+            "speed": "" if self.is_fastest else _problem(self.speed, SPEEDS, f"; 1 is real time{clock}"),
+            "duration": _problem(self.duration, DURATIONS, "; empty: the whole harvest") if self.duration.strip() else "",
         }
         return {name: words for name, words in told.items() if words}
-
-    @property
-    def _is_whole(self) -> bool:
-        return not self.duration.strip()
-
-    def order(self, scenario: Scenario, live: bool) -> RunSettings:
-        """Return the order to run a scenario. Raises ValueError if a setting is invalid."""
-        if self.problems:
-            raise ValueError("; ".join(f"{name} {words}" for name, words in self.problems.items()))
-        speed, duration = None if self.is_fastest else float(self.speed), None if self._is_whole else float(self.duration)
-        return RunSettings(scenario, self.mode, speed, duration, live)
 
 
 @dataclass(frozen=True)
@@ -112,14 +84,14 @@ class Files:
         return self.folder / f"{self.name}.json"
 
 
-def command(order: RunSettings, files: Files, web_port: int) -> list[str]:
+def command(settings: RunSettings, files: Files, web_port: int) -> list[str]:
     """Return the command line of `run.py`. It serves the live picture on `web_port` and its data on the next port."""
-    speed = "max" if order.speed is None else shown(order.speed)
-    duration = [] if order.duration is None else ["--duration", shown(order.duration)]
-    live = ["--web", str(web_port)] if order.live else []
+    speed = "max" if settings.is_fastest else shown(float(settings.speed))
+    duration = ["--duration", shown(float(settings.duration))] if settings.duration.strip() else []
+    live = ["--web", str(web_port)] if settings.live else []
     where = ["--record", str(files.recording), "--summary", str(files.summary)]
     program = [sys.executable, "-u", str(ROOT / "run.py"), str(files.scenario)]
-    return [*program, "--mode", order.mode, "--progress", "json", "--speed", speed, *duration, *live, *where]
+    return [*program, "--mode", settings.mode, "--progress", "json", "--speed", speed, *duration, *live, *where]
 
 
 FASTEST = 50  # x real time, the maximum of the slider; the text field accepts more
@@ -138,17 +110,18 @@ class RunControls:
         self._build_duration()
         self._live = ui.switch("Live picture", value=True).props("dense data-field=live")
         if last is not None:
-            self._show(last)
+            self._mode.set_value(last.mode)
+            self._fastest.set_value(last.is_fastest)
+            self._speed.set_value(shown(AT_FIRST) if last.is_fastest else last.speed)
+            self._duration.set_value(last.duration.strip())
+            self._live.set_value(last.live)
         self._update()
 
     @property
-    def pace(self) -> Pace:
+    def settings(self) -> RunSettings:
         """The settings as entered, valid or not."""
-        return Pace(str(self._mode.value), self._speed.value or "", self._duration.value or "", bool(self._fastest.value))
-
-    def order(self, scenario: Scenario) -> RunSettings:
-        """Return the order to run a scenario. Raises ValueError if a setting is invalid."""
-        return self.pace.order(scenario, bool(self._live.value))
+        speed, duration, fastest = self._speed.value or "", self._duration.value or "", bool(self._fastest.value)
+        return RunSettings(str(self._mode.value), speed, duration, fastest, bool(self._live.value))
 
     # -- layout
 
@@ -162,7 +135,7 @@ class RunControls:
             self._slider.on("update:model-value", self._slid, throttle=0.05)
             self._speed = ui.input(value=shown(AT_FIRST), suffix="x", on_change=self._entered).classes("number")
             self._speed.props("dense outlined inputmode=decimal autocomplete=off data-field=speed aria-label=Speed input-class=figure")
-            self._speed.tooltip(f"times real time, {SPEEDS}")
+            self._speed.tooltip(f"times real time, {_words(SPEEDS)}")
             self._fastest = ui.checkbox("fastest", on_change=self._update).props("dense data-field=fastest")
             self._fastest.tooltip("as fast as this machine can")
 
@@ -171,7 +144,7 @@ class RunControls:
             self._duration = ui.input(placeholder="all rows", suffix="s", on_change=self._update).classes("number wide")
             self._duration.props("dense outlined clearable inputmode=decimal autocomplete=off data-field=duration input-class=figure")
             self._duration.props('aria-label="End after"')
-            self._duration.tooltip(f"simulated seconds, {DURATIONS}; empty: the whole harvest")
+            self._duration.tooltip(f"simulated seconds, {_words(DURATIONS)}; empty: the whole harvest")
 
     def _setting(self, name: str, path: str) -> ui.element:
         """Return the container for the controls of a setting. Its problem or explanation is shown below."""
@@ -182,13 +155,6 @@ class RunControls:
         return place
 
     # -- user actions
-
-    def _show(self, order: RunSettings) -> None:
-        self._mode.set_value(order.mode)
-        self._fastest.set_value(order.speed is None)
-        self._speed.set_value(shown(order.speed or AT_FIRST))
-        self._duration.set_value("" if order.duration is None else shown(order.duration))
-        self._live.set_value(order.live)
 
     def _slid(self, event: GenericEventArguments) -> None:
         self._speed.set_value(shown(event.args))
@@ -201,16 +167,14 @@ class RunControls:
 
     def _update(self) -> None:
         """Show the problem or the explanation of each setting, and report the change."""
-        pace = self.pace
-        self._fastest.set_visibility(not pace.is_by_the_clock)
+        settings = self.settings
+        self._fastest.set_visibility(not settings.is_by_the_clock)
         for element in (self._slider, self._speed):
-            element.set_enabled(not pace.is_fastest)
-        notes = {
-            "mode": MODES[pace.mode],
-            "speed": "the wall clock sets the pace; fastest is not available" if pace.is_by_the_clock else "",
-        }
+            element.set_enabled(not settings.is_fastest)
+        clock = "the wall clock sets the pace; fastest is not available" if settings.is_by_the_clock else ""
+        notes = {"mode": MODES[settings.mode], "speed": clock}
         for path, label in self._problems.items():
-            problem = pace.problems.get(path, "")
+            problem = settings.problems.get(path, "")
             label.set_text(problem or notes.get(path, ""))
             label.classes(add="wrong" if problem else "", remove="" if problem else "wrong")
         self._change()

@@ -6,8 +6,6 @@ import os
 import signal
 import subprocess
 import threading
-import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
@@ -17,23 +15,13 @@ from typing import Any
 import msgspec
 
 from orchard.app.run_controls import Files, RunSettings, command
-from orchard.field.scenario import to_yaml
+from orchard.field.scenario import Scenario, to_yaml
 from orchard.report.progress import Headline, headline_of
 from orchard.view.files import parts_of
 from orchard.view.web import free_pair, serve_web
 
 KEPT_LINES = 500
 PATIENCE = 6.0  # s that a run may take to end after a stop request; a healthy run takes less than 3
-
-
-@contextlib.contextmanager
-def _ctrl_c_held_back() -> Iterator[None]:
-    """Block SIGINT for processes started in this context, until they unblock it: Python would lose a SIGINT while it loads `site`."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class RunState(StrEnum):
@@ -44,10 +32,6 @@ class RunState(StrEnum):
     finished = "finished"
     stopped = "stopped"
     failed = "failed"
-
-    @property
-    def is_over(self) -> bool:
-        return self not in (RunState.running, RunState.stopping)
 
 
 @dataclass(frozen=True)
@@ -61,21 +45,20 @@ class RunReport:
 
     @property
     def is_over(self) -> bool:
-        return self.state.is_over
+        return self.state not in (RunState.running, RunState.stopping)
 
 
 class Run:
-    """One run of `run.py`."""
+    """One run of `run.py`. `said`: the number of lines printed so far, and the last KEPT_LINES of them."""
 
-    def __init__(self, order: RunSettings, files: Files) -> None:
-        self.order, self.files, self.port = order, files, free_pair()
-        self._said: tuple[int, tuple[str, ...]] = (0, ())
+    def __init__(self, scenario: Scenario, settings: RunSettings, files: Files) -> None:
+        self.settings, self.files, self.port = settings, files, free_pair()
+        self.said: tuple[int, tuple[str, ...]] = (0, ())
         self.headline: Headline | None = None
         self.summary: dict[str, Any] | None = None
         self.asked_to_stop = self._is_hushed = False
-        self.begun = time.monotonic()
         self._web: subprocess.Popen[bytes] | None = None
-        files.scenario.write_text(to_yaml(order.scenario))
+        files.scenario.write_text(to_yaml(scenario))
         self._process = self._open()
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
@@ -83,14 +66,18 @@ class Run:
     def _open(self) -> subprocess.Popen[str]:
         """Start the process in its own session, so that Ctrl-C at the page's terminal reaches it only through `stop`.
 
-        The user's own classes are found from the directory in which the page was started.
+        The user's own classes are found from the directory in which the page was started. The process inherits a blocked SIGINT, which it
+        unblocks: Python would lose a SIGINT while it loads `site`.
         """
         null, pipe, wide = subprocess.DEVNULL, subprocess.PIPE, os.environ | {"COLUMNS": "200"}
-        line = command(self.order, self.files, self.port)
-        with _ctrl_c_held_back():
+        line = command(self.settings, self.files, self.port)
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
             return subprocess.Popen(
                 line, env=wide, stdin=null, stdout=pipe, stderr=subprocess.STDOUT, text=True, errors="replace", start_new_session=True
             )
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def _listen(self) -> None:
         """Read lines until the run ends. Summary, headline and recording are ready before `report` says that the run is over."""
@@ -112,11 +99,7 @@ class Run:
             with contextlib.suppress(msgspec.DecodeError, KeyError):  # any other line
                 self.headline = msgspec.json.decode(line, type=dict[str, Headline])["progress"]
                 words = str(self.headline)
-            self._said = (self._said[0] + 1, (*self._said[1], words)[-KEPT_LINES:])
-
-    def said(self) -> tuple[int, tuple[str, ...]]:
-        """Return the number of lines printed so far, and the last KEPT_LINES of them."""
-        return self._said
+            self.said = (self.said[0] + 1, (*self.said[1], words)[-KEPT_LINES:])
 
     @property
     def is_over(self) -> bool:
@@ -124,8 +107,7 @@ class Run:
 
     def report(self) -> RunReport:
         """Return the present report. The state is read first: if the run is over, the other values are final."""
-        state = self._state()
-        return RunReport(self, state, self.headline, self.summary)
+        return RunReport(run=self, state=self._state(), headline=self.headline, summary=self.summary)
 
     def _state(self) -> RunState:
         if not self.is_over:
@@ -168,13 +150,15 @@ class Runner:
     def is_busy(self) -> bool:
         return self.run is not None and not self.run.is_over
 
-    def start(self, order: RunSettings) -> None:
-        """Start a run. Raises OSError if its files cannot be written, RuntimeError while another run is in progress."""
+    def start(self, scenario: Scenario, settings: RunSettings) -> None:
+        """Start a run. Raises OSError if its files cannot be written, RuntimeError while another run is in progress, ValueError."""
         if self.is_busy:
             raise RuntimeError("another run is in progress; stop it first")
+        if settings.problems:
+            raise ValueError("; ".join(f"{name} {words}" for name, words in settings.problems.items()))
         self.close()
         self.folder.mkdir(parents=True, exist_ok=True)
-        self.run = Run(order, self._fresh_files())
+        self.run = Run(scenario, settings, self._fresh_files())
 
     def _fresh_files(self) -> Files:
         """Files named after the time. Two runs within a second get different names."""

@@ -12,13 +12,7 @@ from orchard.app.runner import Run, RunReport, RunState
 from orchard.report.summary import as_table
 from orchard.view.web import LOOPBACK, page_url
 
-BADGES = {
-    RunState.running: ("running", "primary"),
-    RunState.stopping: ("stopping", "warning"),
-    RunState.finished: ("finished", "positive"),
-    RunState.stopped: ("stopped", "warning"),
-    RunState.failed: ("failed", "negative"),
-}
+COLOURS = {"running": "primary", "stopping": "warning", "finished": "positive", "stopped": "warning", "failed": "negative"}  # of states
 
 
 class ProgressView:
@@ -33,9 +27,9 @@ class ProgressView:
 
     def show(self, report: RunReport) -> None:
         """Show the progress in a report."""
-        text, colour = BADGES[report.state]
+        colour = COLOURS[report.state]
         self._box.set_visibility(True)
-        self._badge.set_text(text)
+        self._badge.set_text(report.state)
         self._badge.props(f"color={colour}")
         known = report.headline
         done = 1.0 if report.state is RunState.finished else known.fraction if known else 0.0
@@ -67,7 +61,7 @@ class MessagesView:
         if run is not self._run:
             self._log.clear()
             self._run, self._shown = run, 0
-        count, lines = run.said()
+        count, lines = run.said
         if new := count - self._shown:
             for line in lines[-new:]:
                 self._log.push(line)
@@ -95,16 +89,14 @@ class PictureView:
         run, now = report.run, (report.run, report.is_over)
         if now == self._shown or not self.is_seen:
             return
-        ready = is_open(run.port) and is_open(run.port + 1)
+        ready = _is_open(run.port) and _is_open(run.port + 1)
         if ready:
-            self._point_to(page_url(run.port) + ("&recording=1" if report.is_over else ""))
+            url = page_url(run.port) + ("&recording=1" if report.is_over else "")
+            self._frame.props(f'src="{url}"')
+            self._link.props(f'href="{url}"')
         self._shown = now if ready else None
         self._show_hint("" if ready else _without_picture(report))
         self._is_without_recording = not ready and report.is_over and not run.files.recording.exists()
-
-    def _point_to(self, url: str) -> None:
-        self._frame.props(f'src="{url}"')
-        self._link.props(f'href="{url}"')
 
     def _show_hint(self, words: str) -> None:
         self._hint.set_text(words)
@@ -115,11 +107,11 @@ class PictureView:
 
 def _without_picture(report: RunReport) -> str:
     if not report.is_over:
-        return "The picture is being prepared." if report.run.order.live else "The recording appears here when the run is over."
+        return "The picture is being prepared." if report.run.settings.live else "The recording appears here when the run is over."
     return "The recording is being opened." if report.run.files.recording.exists() else "No recording was made."
 
 
-def is_open(port: int) -> bool:
+def _is_open(port: int) -> bool:
     """Whether a server listens on a port of the loopback interface."""
     with socket.socket() as probe:
         probe.settimeout(0.2)
@@ -148,7 +140,7 @@ class SummaryView:
                 ui.label("The run was stopped before it wrote a summary.").classes("hint")
             else:
                 ui.label("There is no summary. The last messages of the run:").classes("hint")
-                ui.label("\n".join(report.run.said()[1][-12:])).classes("last-words")
+                ui.label("\n".join(report.run.said[1][-12:])).classes("last-words")
 
 
 def _table(summary: dict[str, Any], recording: Path) -> None:
@@ -164,7 +156,6 @@ def _table(summary: dict[str, Any], recording: Path) -> None:
         ui.label(f"Recording: {recording}").classes("path")
 
 
-VIEWS = ("Plan", "Picture", "Summary", "Messages")
 View = TypeVar("View")
 
 
@@ -173,7 +164,8 @@ class Stage:
 
     def __init__(self) -> None:
         with ui.element("div").classes("stage"):
-            self._choice = ui.toggle(list(VIEWS), value="Plan").props("dense no-caps unelevated data-field=stage").classes("stage-choice")
+            self._choice = ui.toggle(["Plan", "Picture", "Summary", "Messages"], value="Plan").classes("stage-choice")
+            self._choice.props("dense no-caps unelevated data-field=stage")
             self.plan = self._panel("Plan", PlanView)
             self._picture = self._panel("Picture", PictureView)
             self._summary = self._panel("Summary", SummaryView)
@@ -196,10 +188,6 @@ class Stage:
             view.show(report)
 
     def turn_to_run(self, report: RunReport) -> None:
-        """Select the first view of a run that is new on this page."""
-        live = "Picture" if report.run.order.live else "Messages"
+        """Select the view of a run that is new on this page, or has ended."""
+        live = "Picture" if report.run.settings.live else "Messages"
         self._choice.set_value("Summary" if report.is_over else live)
-
-    def turn_to_end(self) -> None:
-        """Select the summary when the run on this page has ended."""
-        self._choice.set_value("Summary")

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TextIO, TypeVar
+from typing import TypeVar
 
 import msgspec
 
@@ -50,24 +50,15 @@ def noted(folder: Path, note: RunNote) -> Iterator[None]:
 
 def running_here(folder: Path) -> list[RunNote]:
     """Return the active runs, sorted by id. Stale notes are removed."""
-    return [note for path in sorted(folder.glob("*.going")) if (note := _read(path)) is not None]
-
-
-def _read(path: Path) -> RunNote | None:
-    """None if the note is stale, gone, or malformed."""
-    with suppress(OSError, msgspec.DecodeError), path.open() as file:
-        if _is_locked(file):
-            return msgspec.json.decode(file.read(), type=RunNote)
-        path.unlink(missing_ok=True)
-    return None
-
-
-def _is_locked(file: TextIO) -> bool:
-    try:
-        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    return False
+    notes = []
+    for path in sorted(folder.glob("*.going")):
+        with suppress(OSError, msgspec.DecodeError), path.open() as file:  # gone meanwhile, or malformed
+            try:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+                path.unlink(missing_ok=True)
+            except BlockingIOError:  # the run holds the lock
+                notes.append(msgspec.json.decode(file.read(), type=RunNote))
+    return notes
 
 
 # -- the request to physics

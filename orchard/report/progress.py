@@ -76,10 +76,8 @@ class Progress:
             table = robots(dict.fromkeys(self._seen, SILENT) | dict(doing), waits_for, self.console.width, self.console.height)
             self._live.update(Group(Text(str(headline_of(figures)), style="bold"), table))
         elif time.monotonic() - self._printed >= LINE_SECONDS:
-            self._printed = time.monotonic()
-            known = headline_of(figures)
-            line = msgspec.json.encode({"progress": known}).decode() if self._as_json else str(known)
-            self.console.print(line, highlight=False, markup=False, soft_wrap=True)
+            self._printed, known = time.monotonic(), headline_of(figures)
+            self.say(msgspec.json.encode({"progress": known}).decode() if self._as_json else str(known))
 
     def say(self, words: str) -> None:
         """Print a line that stays on the console."""

@@ -2,15 +2,15 @@
 
 import pytest
 
-from orchard.app.draft import Draft, entries, flat, nested
-from orchard.app.run_controls import Files, Pace, command
+from orchard.app.draft import Draft, entries, flat
+from orchard.app.run_controls import Files, RunSettings, command
 from orchard.app.runner import Runner
-from orchard.field.scenario import Scenario, check
+from orchard.field.scenario import Scenario, with_changes
 
 
 def test_the_page_asks_for_every_value_of_a_scenario():
     assert list(entries()) == list(flat(Scenario()))
-    assert check(nested(flat(Scenario(rows=7, carriers=3)))) == Scenario(rows=7, carriers=3)
+    assert with_changes(Scenario(), **flat(Scenario(rows=7, carriers=3))) == Scenario(rows=7, carriers=3)
 
 
 def test_limits_and_steps_come_from_the_model():
@@ -75,11 +75,11 @@ def test_a_class_for_a_robot_that_is_gone_is_told():
 @pytest.mark.parametrize(
     ("pace", "told"),
     [
-        (Pace("lockstep", "max"), {"speed": "from 0.1 to 1000"}),
-        (Pace("realtime", "max"), {"speed": "it cannot be max"}),
-        (Pace("realtime", "", as_fast_as_it_goes=True), {"speed": "it cannot be max"}),
-        (Pace("local", "0,5", "-1"), {"speed": "write a point: 0.5", "duration": "from 1 to 1000000"}),
-        (Pace("local", "", "soon", as_fast_as_it_goes=True), {"duration": "empty: the whole harvest"}),
+        (RunSettings("lockstep", "max"), {"speed": "from 0.1 to 1000"}),
+        (RunSettings("realtime", "max"), {"speed": "it cannot be max"}),
+        (RunSettings("realtime", "", as_fast_as_it_goes=True), {"speed": "it cannot be max"}),
+        (RunSettings("local", "0,5", "-1"), {"speed": "write a point: 0.5", "duration": "from 1 to 1000000"}),
+        (RunSettings("local", "", "soon", as_fast_as_it_goes=True), {"duration": "empty: the whole harvest"}),
     ],
 )
 def test_what_is_wrong_with_a_pace_is_told_at_its_field(pace, told):
@@ -89,12 +89,12 @@ def test_what_is_wrong_with_a_pace_is_told_at_its_field(pace, told):
 
 def test_a_pace_is_what_run_py_is_told(tmp_path):
     def options(pace):
-        line = command(pace.order(Scenario(), live=False), Files(tmp_path, "run"), 9090)
+        line = command(pace, Files(tmp_path, "run"), 9090)
         return [line[line.index(name) + 1] if name in line else None for name in ("--mode", "--speed", "--duration")]
 
-    assert options(Pace("realtime", "12", "0" + "90.5", as_fast_as_it_goes=True)) == ["realtime", "12", "90.5"]
-    assert options(Pace("lockstep", "", " ", as_fast_as_it_goes=True)) == ["lockstep", "max", None]
-    assert options(Pace("local", "0.125", "1000000")) == ["local", "0.125", "1000000"]
+    assert options(RunSettings("realtime", "12", "0" + "90.5", as_fast_as_it_goes=True)) == ["realtime", "12", "90.5"]
+    assert options(RunSettings("lockstep", "", " ", as_fast_as_it_goes=True)) == ["lockstep", "max", None]
+    assert options(RunSettings("local", "0.125", "1000000")) == ["local", "0.125", "1000000"]
 
 
 def test_two_runs_of_a_second_have_files_of_their_own(tmp_path):

@@ -58,11 +58,7 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
     _put_signals(inbox)  # from here on Ctrl-C is an item: it must not come between a process's start and its entry in the supervisor
     with TemporaryDirectory() as folder, Supervisor(progress.say) as supervisor, ExitStack() as stack:
         launched = _Launched(request, credentials, reachable(endpoint), run_id, supervisor, progress)
-        try:  # leave a note, with which `run.py stop` finds the run
-            if request.notes is not None:
-                stack.enter_context(noted(request.notes, RunNote(run_id, launched.endpoint)))
-        except OSError as error:
-            progress.say(f"{error}; to stop robots of this run: run.py stop --connect {launched.endpoint}")
+        launched.leave_note(stack)
         if not are_compiled():
             progress.say(COMPILING)
         viewer = launched.start(Path(folder), endpoint)
@@ -111,7 +107,7 @@ def _endpoint_of(options: HarvestOptions, credentials: Credentials) -> str:
         with client(options.connect, seconds=LOOK_SECONDS, identity=credentials.identity("operator")):
             return options.connect
     endpoint = with_port(options.listen or f"{'tls' if credentials.keyring else 'tcp'}/127.0.0.1:{free_port()}")
-    check_security(endpoint, credentials.keyring is not None)
+    check_security(endpoint, credentials.identity(PHYSICS) is not None)
     check_free(endpoint)
     return endpoint
 
@@ -141,6 +137,14 @@ class _Launched:
         self.watchdog = Watchdog(supervisor, LOGGER)
 
     # -- its processes
+
+    def leave_note(self, stack: ExitStack) -> None:
+        """Leave a note, with which `run.py stop` finds the run. If it cannot be written, print the endpoint, which a user must then give."""
+        try:
+            if self.request.notes is not None:
+                stack.enter_context(noted(self.request.notes, RunNote(self.run_id, self.endpoint)))
+        except OSError as error:
+            self.progress.say(f"{error}; to stop robots of this run: run.py stop --connect {self.endpoint}")
 
     def start(self, folder: Path, listen: str) -> subprocess.Popen[bytes] | None:
         """Start physics, the logger and the viewers. Return the viewer's window, if any. `folder`: for the files REQUEST and RESULT."""
@@ -203,10 +207,10 @@ class _Launched:
 
         Raises BusError if physics does not listen within BEGIN_SECONDS, or has ended or been given up.
         """
-        deadline = time.monotonic() + BEGIN_SECONDS
+        deadline, identity = time.monotonic() + BEGIN_SECONDS, self.credentials.identity("operator")
         while True:
             try:
-                return stack.enter_context(client(self.endpoint, inbox, TRY_SECONDS, self.credentials.identity("operator")))
+                return stack.enter_context(client(self.endpoint, inbox, TRY_SECONDS, identity))
             except BusError:
                 self.supervisor.watch()
                 if self._why_over(True) or time.monotonic() >= deadline:

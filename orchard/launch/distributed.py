@@ -139,7 +139,7 @@ class _Launched:
     # -- its processes
 
     def leave_note(self, stack: ExitStack) -> None:
-        """Leave a note, with which `run.py stop` finds the run. If it cannot be written, print the endpoint, which a user must then give."""
+        """Leave a note, with which `run.py stop` finds the run. If it cannot be written, print the endpoint, which a user must give."""
         try:
             if self.request.notes is not None:
                 stack.enter_context(noted(self.request.notes, RunNote(self.run_id, self.endpoint)))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
@@ -25,6 +26,9 @@ from farm import make_roles
 from fleet import Fleet
 from page import WINDOW, chromium_with, served
 from scripted_orchard import ACTED_SECONDS, acted_layout, frames
+
+settings.register_profile("orchard", deadline=None)  # a time limit would depend on what else the machine does
+settings.load_profile("orchard")
 
 
 def pytest_configure(config: pytest.Config) -> None:

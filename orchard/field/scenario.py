@@ -4,6 +4,7 @@ import json
 import math
 import re
 from collections.abc import Mapping
+from copy import deepcopy
 from functools import reduce
 from pathlib import Path
 from typing import Annotated, Any
@@ -215,7 +216,7 @@ def _merge(values: dict[str, Any], changes: dict[str, Any]) -> None:
         if isinstance(change, dict) and isinstance(values.get(key), dict):
             _merge(values[key], change)
         else:
-            values[key] = change
+            values[key] = deepcopy(change)
 
 
 # --- file -> values ---

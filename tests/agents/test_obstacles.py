@@ -34,7 +34,7 @@ PEN = [(-5.0, 0.0, 0.5, 6.0), (5.0, 0.0, 0.5, 6.0), (0.0, -6.0, 5.0, 0.5), (0.0,
 twist = st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.floats(-6, 6))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.lists(twist, min_size=len(CROWD), max_size=len(CROWD)), min_size=1, max_size=4))
 def test_no_two_solid_things_ever_overlap(courses):
     world = world_of(*CROWD, walls=PEN)

@@ -32,7 +32,7 @@ def test_the_realistic_file_picks_at_a_persons_rate() -> None:
 
 
 def test_the_committed_schema_is_the_models() -> None:
-    assert (CONFIG / "scenario.schema.json").read_text() == schema_text(), "run: python -m orchard.config"
+    assert (CONFIG / "scenario.schema.json").read_text() == schema_text(), "run: make docs"
 
 
 @pytest.mark.parametrize("file", sorted(CONFIG.glob("*.yaml")), ids=lambda file: file.name)
@@ -106,6 +106,12 @@ def test_changes_are_checked_anew() -> None:
     with pytest.raises(ScenarioError) as caught:
         with_changes(scenario, rows=3, pickers=4, weeds=99)
     assert [problem.path for problem in caught.value.problems] == ["weeds", "pickers, rows"]
+
+
+def test_changes_leave_the_callers_maps_as_they_were():
+    own = {"picker": "mine.Picker"}
+    assert with_changes(Scenario(), agents=own, **{"agents.bin": "mine.Bin"}).agents == {"picker": "mine.Picker", "bin": "mine.Bin"}
+    assert own == {"picker": "mine.Picker"}
 
 
 def test_a_change_reaches_into_a_section_and_leaves_the_rest() -> None:

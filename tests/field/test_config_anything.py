@@ -23,7 +23,7 @@ legal = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(legal)
 def test_a_scenario_survives_yaml(scenario: Scenario) -> None:
     assert parse(to_yaml(scenario)) == scenario
@@ -58,13 +58,13 @@ nearly = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(anything | st.dictionaries(keys, anything, max_size=5) | nearly)
 def test_any_value_is_a_scenario_or_an_error(values: object) -> None:
     scenario_or_error(check, values)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.dictionaries(st.text(max_size=3) | st.sampled_from(["rows", "people.workers", "people", "laser.noise.x"]), anything, max_size=3))
 def test_any_change_is_a_scenario_or_an_error(changes: dict) -> None:
     scenario_or_error(lambda: with_changes(Scenario(), **changes))
@@ -76,19 +76,19 @@ SCRAPS += ["5", "0x1F", "0o7", "1e3", ".inf", ".nan", "true", "null", "2001-01-0
 scraps = st.lists(st.sampled_from(SCRAPS) | st.text(max_size=2), max_size=25).map("".join)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.text() | scraps)
 def test_any_text_is_a_scenario_or_an_error(text: str) -> None:
     scenario_or_error(parse, text)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(nearly)
 def test_any_yaml_of_values_is_a_scenario_or_an_error(values: dict) -> None:
     scenario_or_error(parse, yaml.dump(values))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(content=st.binary(max_size=200))
 def test_any_file_is_a_scenario_or_an_error(content: bytes, tmp_path_factory: pytest.TempPathFactory) -> None:
     file = tmp_path_factory.getbasetemp() / "any.yaml"

@@ -74,7 +74,7 @@ def test_a_rect_contains_its_edges():
     assert not rect.contains(2.001, 0.5) and not rect.contains(1.0, -0.001)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(boxes, boxes)
 def test_boxes_overlap_just_where_a_point_of_one_edge_lies_in_the_other(a, b):
     inside = min(depth(edge_points(*a), b).min(), depth(edge_points(*b), a).min())
@@ -83,7 +83,7 @@ def test_boxes_overlap_just_where_a_point_of_one_edge_lies_in_the_other(a, b):
     assert overlap(box_of(*b), box_of(*a)) == (inside < 0.0)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(boxes, boxes)
 def test_the_gap_is_the_shortest_way_between_two_edges(a, b):
     between = edge_points(*a)[:, None, :] - edge_points(*b)[None, :, :]
@@ -102,7 +102,7 @@ def test_boxes_side_by_side_touch_and_do_not_overlap():
     assert overlap(box_of(0, 0, 0, 1, 1), box_of(2 - 1.1e-9, 0.5, 0, 1, 1))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.tuples(metres, metres, halves, halves), min_size=1, max_size=12), metres, metres, st.floats(0.5, 12.0))
 def test_the_grid_forgets_no_wall_within_reach(walls, x, y, reach):
     walls = np.array(walls)

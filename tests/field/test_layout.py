@@ -100,7 +100,7 @@ def strictly_in(points: np.ndarray, west: float, south: float, east: float, nort
 # --- every legal scenario ---
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(scenarios())
 @example(BIGGEST)
 @example(FULLEST)
@@ -158,7 +158,7 @@ def assert_weeds_in_their_strips(layout: Layout) -> None:
     assert 0 <= len(above) - len(below) <= 1
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(scenarios())
 def test_guests_are_clear_of_walls_and_machines_at_any_yaw(scenario: Scenario) -> None:
     layout = lay_out(scenario)
@@ -172,7 +172,7 @@ def test_guests_are_clear_of_walls_and_machines_at_any_yaw(scenario: Scenario) -
         assert min(gaps) - radius >= 0.3 - 1e-9, start
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(scenarios())
 def test_the_same_scenario_gives_the_same_layout(scenario: Scenario) -> None:
     one, other = lay_out(scenario), lay_out(scenario.model_copy())
@@ -255,7 +255,7 @@ def test_the_given_places_are_kept_for_those_they_are_given_to() -> None:
 # --- the figures of the reference ---
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(rows=st.integers(3, 20), width=st.floats(5.0, 12.0))
 def test_the_field_is_as_high_as_the_manual_says(rows: int, width: float) -> None:
     height = width * rows + 0.5 * (rows + 1) + 41.0
@@ -308,7 +308,7 @@ def test_a_picker_has_neighbouring_rows_and_the_last_the_remainder(rows: int, pi
     assert list(lay_out(Scenario(rows=rows, pickers=pickers)).blocks.values()) == blocks
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(scenarios())
 def test_robots_start_with_their_bins_behind_them(scenario: Scenario) -> None:
     layout = lay_out(scenario)

@@ -17,7 +17,7 @@ angles = st.one_of(st.floats(-10.0, 10.0), st.floats(-6000.0, 6000.0), st.intege
 lengths = st.one_of(st.floats(-100.0, 100.0), st.floats(-1e-6, 1e-6), st.integers(-3, 3).map(float))
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=500)
 @given(angles)
 def test_sine_and_cosine_are_right_to_the_last_digits(angle):
     s, c = repeatable.sin_cos(angle)
@@ -25,19 +25,19 @@ def test_sine_and_cosine_are_right_to_the_last_digits(angle):
     assert c == pytest.approx(math.cos(angle), abs=ERROR, rel=0)
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=500)
 @given(lengths, lengths)
 def test_the_arc_tangent_is_right_to_the_last_digits(y, x):
     assert repeatable.atan2(y, x) == pytest.approx(math.atan2(y + 0.0, x + 0.0), abs=2 * ERROR, rel=0)
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=500)
 @given(st.floats(1e-300, 1e300))
 def test_the_logarithm_is_right_to_the_last_digits(x):
     assert repeatable.log(x) == pytest.approx(math.log(x), abs=ERROR, rel=ERROR)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(angles, lengths, lengths, st.floats(1e-300, 1e300))
 def test_compiled_and_plain_give_the_same_bits(angle, y, x, positive):
     assert jit.sin_cos(angle) == repeatable.sin_cos(angle)
@@ -53,7 +53,7 @@ def test_east_is_exact():
     assert repeatable.atan2(0.0, -1.0) == repeatable.PI
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(angles)
 def test_wrapping_keeps_the_direction_and_what_is_wrapped_already(angle):
     wrapped = repeatable.wrap(angle)

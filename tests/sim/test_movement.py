@@ -29,7 +29,7 @@ def test_40_ticks_of_an_eighth_turn_per_second_are_exactly_90_degrees():
     assert turned.pose("picker_01").yaw == pytest.approx(0.0, abs=2e-14)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.floats(-3, 3), st.floats(-3, 3), st.one_of(st.floats(-6.3, 6.3), st.floats(-1e-7, 1e-7), st.just(0.0)), st.floats(-3.1, 3.1))
 @example(1.0, 0.0, 1e-300, 0.5)
 @example(1.0, 0.0, 5e-324, 0.5)

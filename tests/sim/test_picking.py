@@ -114,7 +114,7 @@ def test_a_picker_picks_at_the_picking_speed_and_drives_on_at_its_own():
     assert row.of("twist", "picker_01")[0] == 1.0  # its bin is full
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.tuples(st.floats(-1, 1), st.integers(1, 80)), max_size=12))
 def test_the_fruit_is_kept(course):
     """The bin holds exactly what was picked from the rows, and both only grow."""

@@ -75,7 +75,7 @@ NAMES = sorted(make_agents(Local(Scenario(rows=3)).engine.layout))
 RESTARTS = st.lists(st.tuples(st.integers(1, HARVEST_TICKS - 1), st.sampled_from(NAMES)), min_size=1, max_size=40)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(RESTARTS)
 def test_an_agent_started_afresh_from_its_memory_at_any_tick_changes_nothing(restarts):
     local = Local(Scenario(rows=3))

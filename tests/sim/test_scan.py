@@ -40,13 +40,13 @@ def assert_agrees_with_raycaster(world) -> None:
         assert not wrong.any(), (world.layout.names[i], np.flatnonzero(wrong), least[wrong], ranges[wrong], most[wrong])
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(bodies, walls)
 def test_every_beam_is_exact_against_any_boxes(bodies, walls):
     assert_agrees_with_raycaster(world_of(*bodies, walls=walls))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.lists(st.tuples(st.sampled_from(sorted(KINDS)), field_poses), min_size=1, max_size=6))
 def test_every_beam_is_exact_anywhere_in_an_orchard_and_just_outside(bodies):
     assert_agrees_with_raycaster(world_of(*bodies, walls=lay_out(Scenario()).walls.tolist()))

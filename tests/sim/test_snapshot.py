@@ -15,7 +15,7 @@ from orchard.local import Local
 from orchard.sim.snapshot import HEAD, KEPT, VERSION, Snapshot, SnapshotError, newest, write
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(st.lists(st.integers(0, HARVEST_TICKS), min_size=1, max_size=4))
 def test_a_run_resumed_at_any_ticks_has_the_hash_of_one_never_interrupted(ticks):
     local = Local(Scenario(rows=3))
@@ -89,14 +89,14 @@ def good(tmp_path_factory) -> bytes:
     return write(local_at(3).snapshot(), tmp_path_factory.mktemp("good")).read_bytes()
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(junk=st.binary(max_size=200), at=st.integers(0, 10**6))
 def test_whatever_bytes_are_in_a_file_it_is_a_snapshot_or_refused(tmp_path_factory, good, junk, at):
     at %= len(good)
     assert_usable_or_refused(tmp_path_factory.getbasetemp() / "junk.snapshot", good[:at] + junk + good[at + len(junk) :])
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(junk=st.binary(max_size=20), at=st.integers(0, 10**6))
 def test_a_false_payload_with_a_right_checksum_is_a_snapshot_or_refused(tmp_path_factory, good, junk, at):
     payload = good.split(b"\n", 2)[2]

@@ -55,7 +55,7 @@ def sights_of(observations):
 
 
 @given(st.lists(seen, min_size=1, max_size=4))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_what_is_seen_arrives_to_the_last_bit(several):
     for number, observation in enumerate(several):
         observation.name, observation.tick = f"picker_{number:02d}", 7
@@ -100,7 +100,7 @@ def test_a_beam_too_many_of_the_one_does_not_make_up_for_one_too_few_of_the_othe
 
 
 @given(seen)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_pose_and_scan_of_one_robot_say_the_same(observation):
     pose = msgpack.unpackb(pack(odometry_of(RUN, observation)))
     scan = msgpack.unpackb(pack(scan_of(RUN, observation, KINDS["picker"].laser, AROUND)))
@@ -116,7 +116,7 @@ def test_pose_and_scan_of_one_robot_say_the_same(observation):
 
 
 @given(twists, st.lists(st.sampled_from([Couple("bin_01"), Uncouple()]), max_size=3), st.binary(max_size=64), st.none() | st.binary())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_an_action_arrives_to_the_last_bit(twist, deeds, mail, memory):
     action = Action(twist, deeds, doing="picking row 1", waits_for="bin_01", steps_done=7)
     sent = Velocities(RUN, 3, "a1", {"picker_01": drive_of(action, mail, memory)})
@@ -184,7 +184,7 @@ MESSAGES = (Velocity, Velocities, Seen, Recall, Recalled, Letter, Join, Command)
 
 
 @given(st.binary(max_size=200), st.sampled_from(MESSAGES))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_random_bytes_are_refused(payload, type_):
     with pytest.raises(Refused):
         read_message(payload, type_, RUN)
@@ -193,7 +193,7 @@ def test_random_bytes_are_refused(payload, type_):
 
 
 @given(st.data())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_a_damaged_velocity_is_refused_or_still_one(data):
     payload = bytearray(msgpack.packb(GOOD | {"report": {"doing": "picking", "memory": b"abc"}}))
     place = data.draw(st.integers(0, len(payload) - 1))

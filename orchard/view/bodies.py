@@ -1,6 +1,6 @@
 """Bodies and rows in the recording: frames, shapes, pins, names, bars, fruit, and how far each row is picked."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -11,10 +11,10 @@ from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
 from orchard.field.layout import ROW_EAST, ROW_LENGTH, ROW_WEST, Layout
 from orchard.field.placement import Start
 from orchard.view import palette
-from orchard.view.scenery import ROW_Z, archetype
+from orchard.view.scenery import ROW_Z
 from orchard.view.shapes import FLAG, MeshPart, body, mesh_of
 
-GROUPS = {"person": PEOPLE, "animal": ANIMALS}  # kinds that share a branch of world/
+BRANCHES = dict.fromkeys(PEOPLE, "people") | dict.fromkeys(ANIMALS, "animals")  # kinds that share a branch of world/
 PINNED = ("picker", "carrier", "tractor")
 PIN_Z = 4.4  # m: well above the pergola
 SHORT = {"picker": "P", "carrier": "C", "tractor": "T"}
@@ -25,16 +25,13 @@ BIN_FLOOR, BIN_RIM = 0.2, 0.94  # z of the fruit in an empty and in a full bin, 
 FILL_STEPS = 14
 WHOLE, UNSEEN = (1.0, 1.0, 1.0), (0.01, 0.01, 0.01)  # scales of a mesh that is shown, and of one that is hidden
 NAME_ASIDE = 3.0  # m to the left, for every other carrier's name on the plan: names in a queue do not cover each other
-FRUIT = [MeshPart("cab", (0.88, 0.88, 1.0), (0, 0, -0.5), palette.KIWI), *(
-    MeshPart("ball", (0.3, 0.3, 0.24), (x, y, 0.0), palette.KIWI_FLESH if (i + j) % 2 else palette.KIWI)
-    for i, x in enumerate((-0.27, 0.0, 0.27)) for j, y in enumerate((-0.27, 0.0, 0.27))
-)]  # fmt: skip
-
-
-def path_of(start: Start) -> str:
-    """Return a body's entity path, such as world/pickers/picker_01."""
-    group = next((group for group, kinds in GROUPS.items() if start.kind in kinds), start.kind)
-    return f"world/{'people' if group == 'person' else group + 's'}/{start.name}"
+FRUIT = [
+    MeshPart("cab", (0.88, 0.88, 1.0), (0, 0, -0.5), palette.KIWI),
+    MeshPart("ball", (0.3, 0.3, 0.24), ((-0.27, 0.27), (-0.27, 0.27), 0), palette.KIWI),
+    MeshPart("ball", (0.3, 0.3, 0.24), (0, 0, 0), palette.KIWI),
+    MeshPart("ball", (0.3, 0.3, 0.24), (0, (-0.27, 0.27), 0), palette.KIWI_FLESH),
+    MeshPart("ball", (0.3, 0.3, 0.24), ((-0.27, 0.27), 0, 0), palette.KIWI_FLESH),
+]
 
 
 class BodyView:
@@ -42,12 +39,11 @@ class BodyView:
 
     def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
         self.rec, self.layout = rec, layout
-        self.path = {start.name: path_of(start) for start in layout.starts}
+        self.path = {s.name: f"world/{BRANCHES.get(s.kind, s.kind + 's')}/{s.name}" for s in layout.starts}  # world/pickers/picker_01
         self._said: dict[str, dict[str, palette.Colour]] = {s.name: {} for s in layout.starts if s.kind != "weed"}
-        self._level = dict.fromkeys((s.name for s in layout.starts if s.kind == "bin"), -1)
-        # None: unknown. A further part of a recording begins with what the part before showed at its end.
-        self._barred: dict[int, bool | None] = dict.fromkeys(i for i, s in enumerate(layout.starts) if KINDS[s.kind].tows)
-        self._weeds: dict[int, bool | None] = dict.fromkeys(i for i, s in enumerate(layout.starts) if s.kind == "weed")
+        self._bins, self._weeds = indices(layout, {"bin"}), indices(layout, {"weed"})
+        self._towing = indices(layout, {name for name, kind in KINDS.items() if kind.tows})
+        self._shown: dict[str, int] = {}  # entity -> fill level of a bin, or whether a bar or weed is there. A further part knows nothing
         for start in layout.starts:
             self._log_static(start)
 
@@ -61,12 +57,12 @@ class BodyView:
         path, frame = self.path[start.name], rr.CoordinateFrame(start.name)
         self.rec.log(path, frame, static=True)
         if start.kind != "weed":
-            self.rec.log(path, archetype(mesh_of(body(start.kind))), static=True)
+            self.rec.log(path, body(start.kind), static=True)
         if start.kind in PINNED:
             self._pin(start)
         if start.kind == "bin":
-            self.rec.log(f"{path}/fruit", frame, archetype(mesh_of(FRUIT)), static=True)
-            self.rec.log(f"{path}/full", frame, archetype(mesh_of(FLAG)), static=True)
+            self.rec.log(f"{path}/fruit", frame, mesh_of(FRUIT), static=True)
+            self.rec.log(f"{path}/full", frame, mesh_of(FLAG), static=True)
         colour = SCAN_COLOURS.get(start.kind, OTHER_SCANS)
         self.rec.log(f"scans/{start.name}", frame, rr.Points3D.from_fields(colors=[colour], radii=[0.1]), static=True)
 
@@ -102,48 +98,40 @@ class BodyView:
 
     def fills(self, fill: np.ndarray) -> None:
         """Log the fruit level of the bins in which it changed. `fill`: (n,) metres of row, one per body."""
-        for name, level in self._level.items():
-            now = int(np.ceil(FILL_STEPS * fill[self.layout.index[name]] / ROW_LENGTH - 1e-9))
-            if now != level:
-                self._level[name] = now
-                self._fruit(name, now)
-
-    def _fruit(self, name: str, level: int) -> None:
-        path = f"{self.path[name]}/fruit"
-        z = BIN_FLOOR + (BIN_RIM - BIN_FLOOR) * level / FILL_STEPS
-        scale = (1.0, 1.0, z - 0.17) if level else UNSEEN
-        self.rec.log(path, rr.InstancePoses3D(translations=[(0.0, 0.0, z)], scales=[scale]))
-        self.rec.log(f"{self.path[name]}/full", rr.InstancePoses3D(scales=[WHOLE if level >= FILL_STEPS else UNSEEN]))
+        for i in self._bins:
+            path, level = self.path[self.layout.names[i]], int(np.ceil(FILL_STEPS * fill[i] / ROW_LENGTH - 1e-9))
+            if self._is_new(path, level):
+                z = BIN_FLOOR + (BIN_RIM - BIN_FLOOR) * level / FILL_STEPS
+                scale = (1.0, 1.0, z - 0.17) if level else UNSEEN
+                self.rec.log(f"{path}/fruit", rr.InstancePoses3D(translations=[(0.0, 0.0, z)], scales=[scale]))
+                self.rec.log(f"{path}/full", rr.InstancePoses3D(scales=[WHOLE if level >= FILL_STEPS else UNSEEN]))
 
     def bars(self, coupled: np.ndarray) -> None:
         """Log the bars between robots and bins that were coupled or uncoupled. `coupled`: (n,) index of the other body, or -1."""
-        for i, barred in self._barred.items():
-            now = bool(coupled[i] >= 0)
-            if now != barred:
-                self._barred[i] = now
-                self._bar(self.layout.starts[i], now)
-
-    def _bar(self, robot: Start, there: bool) -> None:
-        kind = KINDS[robot.kind]
-        ends = [(-kind.length / 2 + 0.1, 0.0, 0.42), (-kind.tows + 0.45, 0.0, 0.42)]
-        strips = rr.LineStrips3D([ends] if there else [], colors=[palette.BAR], radii=[0.09])
-        self.rec.log(f"{self.path[robot.name]}/bar", rr.CoordinateFrame(robot.name), static=True)
-        self.rec.log(f"{self.path[robot.name]}/bar", strips)
+        for i in self._towing:
+            robot, there = self.layout.starts[i], bool(coupled[i] >= 0)
+            path, kind = f"{self.path[robot.name]}/bar", KINDS[robot.kind]
+            if self._is_new(path, there):
+                ends = [(-kind.length / 2 + 0.1, 0.0, 0.42), (-kind.tows + 0.45, 0.0, 0.42)]
+                self.rec.log(path, rr.CoordinateFrame(robot.name), static=True)
+                self.rec.log(path, rr.LineStrips3D([ends] if there else [], colors=[palette.BAR], radii=[0.09]))
 
     def weeds(self, alive: np.ndarray) -> None:
         """Log the weeds that have grown, and clear those that are flattened. `alive`: (n,) bool."""
-        for i, grown in self._weeds.items():
-            now, path = bool(alive[i]), self.path[self.layout.names[i]]
-            if now and not grown:
-                self.rec.log(path, archetype(mesh_of(body("weed"))))
-            if not now and grown is not False:
-                self.rec.log(path, rr.Clear(recursive=False))
-            self._weeds[i] = now
+        for i in self._weeds:
+            path, grown = self.path[self.layout.names[i]], bool(alive[i])
+            if self._is_new(path, grown):
+                self.rec.log(path, body("weed") if grown else rr.Clear(recursive=False))
 
-    def scanned(self, kinds: Iterable[str]) -> list[int]:
-        """Return the indices of the bodies of these kinds, in the order of `layout.starts`."""
-        wanted = set(kinds)
-        return [i for i, start in enumerate(self.layout.starts) if start.kind in wanted]
+    def _is_new(self, path: str, value: int) -> bool:
+        """Whether an entity does not show this value yet. From now on it does."""
+        before, self._shown[path] = self._shown.get(path), value
+        return before != value
+
+
+def indices(layout: Layout, kinds: Container[str]) -> list[int]:
+    """Return the indices of the bodies of these kinds, in the order of `layout.starts`."""
+    return [i for i, start in enumerate(layout.starts) if start.kind in kinds]
 
 
 CHUNKS = 35  # pieces of a row, 2 m each, picked or not
@@ -159,13 +147,12 @@ class RowView:
         self._done = [-1] * len(layout.lanes)
         self._from_west: dict[int, bool] = {}
         self._fruit = [_fruit(lane.y, layout.scenario.row_width, lane.number) for lane in layout.lanes]
-        self._pickers = [i for i, start in enumerate(layout.starts) if start.kind == "picker"]
+        self._pickers = indices(layout, {"picker"})
         for lane in layout.lanes:
             points, triangles = _strip(lane.y, layout.scenario.row_width)
             strip = rr.Mesh3D.from_fields(vertex_positions=points, triangle_indices=triangles)
             rec.log(f"world/rows/row_{lane.number:02d}", strip, static=True)
-            look = rr.Points3D.from_fields(radii=[0.085], colors=[palette.KIWI])
-            rec.log(f"canopy/fruit/row_{lane.number:02d}", look, static=True)
+            rec.log(f"canopy/fruit/row_{lane.number:02d}", rr.Points3D.from_fields(radii=[0.085], colors=[palette.KIWI]), static=True)
 
     def show(self, picked: np.ndarray, poses: np.ndarray) -> None:
         """Log the rows that changed. `picked`: (r,) metres of each row; `poses`: (n, 3), which show from which end a new row is picked."""

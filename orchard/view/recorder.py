@@ -16,7 +16,7 @@ from orchard.field.layout import ROW_LENGTH, Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
 from orchard.view.blueprint import TIMELINE, blueprint
-from orchard.view.bodies import BodyView, RowView
+from orchard.view.bodies import BodyView, RowView, indices
 from orchard.view.palette import log_legend
 from orchard.view.reader import LEFT_OUT, MISSING, SINCE
 from orchard.view.scenery import log_scenery
@@ -56,7 +56,7 @@ class Recorder:
         _log_series(self.rec)
         self.bodies, self.rows, self.talk = BodyView(self.rec, layout), RowView(self.rec, layout), Talk(self.rec, layout)
         self._scan_chunk = CHUNK_TICKS if serve else SCAN_CHUNK_TICKS
-        self._scanned = self.bodies.scanned(scanned)
+        self._scanned = indices(layout, set(scanned))
         self._poses: list[tuple[int, np.ndarray]] = []
         self._scans: list[tuple[int, Sequence[np.ndarray | None]]] = []
         self._events: list[tuple[int, str, str]] = []  # tick, line, level

@@ -9,7 +9,7 @@ import rerun as rr
 from orchard.field import layout as field
 from orchard.field.layout import Layout
 from orchard.view import palette
-from orchard.view.shapes import CROWN, LINE_POST, TRUNK, Mesh, MeshPart, mesh_of, vine_patch
+from orchard.view.shapes import CROWN, LINE_POST, TRUNK, Coordinate, MeshPart, mesh_of, vine_patch
 
 WORLD_FRAME = "tf#/"  # Rerun's name for the frame of the root entity
 PLAN_CAMERA = "plan/camera"
@@ -24,48 +24,29 @@ MEADOW_Z, GRASS_Z, ROADS_Z, DRIVEWAY_Z, ROW_Z, SHADE_Z = -0.35, -0.26, -0.18, -0
 
 def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
     """Log everything that never changes."""
+    lanes = [lane.y for lane in layout.lanes]
     rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    _mesh(rec, "world/ground", mesh_of(_ground(layout)))
-    _mesh(rec, "world/fences", mesh_of(_fences(layout)))
-    _instances(rec, "world/trees", mesh_of(TRUNK), _grid(field.TREES_X, layout.tree_lines))
-    _instances(rec, "world/posts", mesh_of(LINE_POST), _grid(field.POSTS_X, layout.tree_lines))
-    _instances(rec, "canopy/crowns", mesh_of(CROWN), _grid(field.TREES_X, layout.tree_lines), half_turns=True)
-    _instances(rec, "canopy/pergola", mesh_of(vine_patch(layout.scenario.row_width - 0.5)), _over_lanes(layout), half_turns=True)
-    _mesh(rec, "canopy/shade", mesh_of(_shade(layout)), alpha=110)
+    rec.log("world/ground", mesh_of(_ground(layout)), static=True)
+    rec.log("world/fences", mesh_of(_fences(layout)), static=True)
+    _instances(rec, "world/trees", TRUNK, field.TREES_X, layout.tree_lines)
+    _instances(rec, "world/posts", LINE_POST, field.POSTS_X, layout.tree_lines)
+    _instances(rec, "canopy/crowns", CROWN, field.TREES_X, layout.tree_lines, half_turns=True)
+    _instances(rec, "canopy/pergola", vine_patch(layout.scenario.row_width - 0.5), field.TREES_X, lanes, half_turns=True)
+    shade = MeshPart("drum", (5.6, 1.7, 0.01), (np.subtract(field.TREES_X, 0.3), np.add(layout.tree_lines, 0.3), SHADE_Z), palette.SHADE)
+    rec.log("canopy/shade", mesh_of([shade], alpha=110), static=True)
     rec.log("canopy/wires", rr.LineStrips3D(_wires(layout), colors=[palette.WIRE], radii=[0.02]), static=True)
-    _plan_canopy(rec, layout)
+    _plan_canopy(rec, layout, lanes)
     _camera(rec, layout)
 
 
-def _mesh(rec: rr.RecordingStream, path: str, mesh: Mesh, alpha: int | None = None) -> None:
-    rec.log(path, archetype(mesh, alpha), static=True)
-
-
-def archetype(mesh: Mesh, alpha: int | None = None) -> rr.Mesh3D:
-    """Return a mesh as Rerun's Mesh3D. It is transparent if `alpha` is less than 255."""
-    return rr.Mesh3D(
-        vertex_positions=mesh.points,
-        triangle_indices=mesh.triangles,
-        vertex_normals=mesh.normals,
-        vertex_colors=mesh.colours,
-        albedo_factor=None if alpha is None else (255, 255, 255, alpha),
-    )
-
-
-def _instances(rec: rr.RecordingStream, path: str, mesh: Mesh, places: np.ndarray, half_turns: bool = False) -> None:
+def _instances(
+    rec: rr.RecordingStream, path: str, parts: Sequence[MeshPart], xs: Sequence[float], ys: Sequence[float], half_turns: bool = False
+) -> None:
     """Log the same mesh at many places. With `half_turns`, half of them are turned by 180 degrees, so that they look less alike."""
+    places = np.array([(x, y, 0.0) for y in ys for x in xs], dtype=np.float32)
     turned = (np.arange(len(places)) * 7 // 3) % 2 * (1.0 if half_turns else 0.0)
     quaternions = np.stack([0 * turned, 0 * turned, turned, 1 - turned], axis=1)
-    _mesh(rec, path, mesh)
-    rec.log(path, rr.InstancePoses3D(translations=places, quaternions=quaternions), static=True)
-
-
-def _grid(xs: Sequence[float], ys: Sequence[float]) -> np.ndarray:
-    return np.array([(x, y, 0.0) for y in ys for x in xs], dtype=np.float32)
-
-
-def _over_lanes(layout: Layout) -> np.ndarray:
-    return _grid(field.TREES_X, [lane.y for lane in layout.lanes])
+    rec.log(path, mesh_of(parts), rr.InstancePoses3D(translations=places, quaternions=quaternions), static=True)
 
 
 def _slab(west: float, south: float, east: float, north: float, z: float, colour: palette.Colour) -> MeshPart:
@@ -75,12 +56,11 @@ def _slab(west: float, south: float, east: float, north: float, z: float, colour
 
 def _ground(layout: Layout) -> list[MeshPart]:
     """Return the ground: fields, mown grass within the fences, bare soil below the trees, dirt roads around the rows, the driveway."""
-    first, last = layout.tree_lines[0], layout.tree_lines[-1]
-    drive = field.DRIVEWAY
+    first, last, drive = layout.tree_lines[0], layout.tree_lines[-1], field.DRIVEWAY
     return [
         *_fields(),
         *_lawn(layout),
-        *(_slab(-36.5, y - 0.6, 36.5, y + 0.6, ROADS_Z, palette.BARE) for y in layout.tree_lines),
+        MeshPart("box", (73.0, 1.2, 0.02), (0.0, layout.tree_lines, ROADS_Z), palette.BARE),
         _slab(36.5, last - 8, 42.5, 26, ROADS_Z, palette.SOIL),
         _slab(-45.5, last - 8, -36.5, 23, ROADS_Z, palette.SOIL),
         _slab(-36.5, last - 8, 36.5, last - 3.5, ROADS_Z, palette.SOIL),
@@ -95,10 +75,8 @@ def _fields() -> list[MeshPart]:
     """Return a patchwork of fields up to the horizon, the same every time. One of them is the orchard's meadow."""
     draw = np.random.default_rng(1)
     edges = [-2000.0, -1300.0, -850.0, -560.0, -360.0, -220.0, 180.0, 310.0, 520.0, 800.0, 1250.0, 2000.0]
-    return [
-        _slab(west, south, east, north, MEADOW_Z, palette.MEADOW if west < 0 < east and south < 0 < north else _any(draw))
-        for west, east in pairwise(edges) for south, north in pairwise(edges)
-    ]  # fmt: skip
+    squares = [(west, south, east, north) for west, east in pairwise(edges) for south, north in pairwise(edges)]
+    return [_slab(w, s, e, n, MEADOW_Z, palette.MEADOW if w < 0 < e and s < 0 < n else _any(draw)) for w, s, e, n in squares]
 
 
 def _any(draw: np.random.Generator) -> palette.Colour:
@@ -122,18 +100,22 @@ def _bay() -> list[MeshPart]:
 
 def _fences(layout: Layout) -> list[MeshPart]:
     """Return the fences, 2.5 m high with gaps: a kerb as wide as the laser sees it, a post about every 5 m, three rails."""
-    low, top, x = layout.bottom, field.TOP, field.X_MAX
-    corners = [(-x, low), (x, low), (x, top), (-x, top)]
-    return [part for i in range(4) for part in _fence(corners[i], corners[(i + 1) % 4])]
+    x, y, length = (-field.X_MAX, field.X_MAX), (layout.bottom, field.TOP), field.TOP - layout.bottom
+    along_x, along_y = np.linspace(*x, round(2 * field.X_MAX / 5.0) + 1), np.linspace(*y, round(length / 5.0) + 1)
+    post = (0.25, 0.25, field.FENCE_HEIGHT)
+    return [
+        MeshPart("box", post, (along_x, y, field.FENCE_HEIGHT / 2), palette.FENCE),
+        MeshPart("box", post, (x, along_y[1:-1], field.FENCE_HEIGHT / 2), palette.FENCE),
+        *_rails(2 * field.X_MAX, 0.0, y, 0.0),
+        *_rails(length, x, float(np.mean(y)), 90.0),
+    ]
 
 
-def _fence(start: tuple[float, float], end: tuple[float, float]) -> list[MeshPart]:
-    length, middle = float(np.hypot(end[0] - start[0], end[1] - start[1])), np.add(start, end) / 2
-    yaw = 0.0 if start[1] == end[1] else 90.0
-    posts = np.linspace(start, end, max(2, round(length / 5.0)), endpoint=False)
-    parts = [MeshPart("box", (0.25, 0.25, field.FENCE_HEIGHT), (px, py, field.FENCE_HEIGHT / 2), palette.FENCE) for px, py in posts]
-    parts += [MeshPart("box", (length, 0.1, 0.16), (*middle, z), palette.FENCE, yaw=yaw) for z in (0.9, 1.6, 2.3)]
-    return [*parts, MeshPart("box", (length + 1.0, field.FENCE_THICKNESS, 0.25), (*middle, 0.0), palette.KERB, yaw=yaw)]
+def _rails(length: float, x: Coordinate, y: Coordinate, yaw: float) -> list[MeshPart]:
+    return [
+        MeshPart("box", (length, 0.1, 0.16), (x, y, (0.9, 1.6, 2.3)), palette.FENCE, yaw=yaw),
+        MeshPart("box", (length + 1.0, field.FENCE_THICKNESS, 0.25), (x, y, 0.0), palette.KERB, yaw=yaw),
+    ]
 
 
 def _wires(layout: Layout) -> list[np.ndarray]:
@@ -143,21 +125,13 @@ def _wires(layout: Layout) -> list[np.ndarray]:
     return along + [np.array([(x, first, 2.78), (x, last, 2.78)]) for x in field.POSTS_X]
 
 
-def _shade(layout: Layout) -> list[MeshPart]:
-    """Return the shade of the crowns around noon."""
-    places = _grid(field.TREES_X, layout.tree_lines)
-    return [MeshPart("drum", (5.6, 1.7, 0.01), (x - 0.3, y + 0.3, SHADE_Z), palette.SHADE) for x, y, _ in places]
-
-
-def _plan_canopy(rec: rr.RecordingStream, layout: Layout) -> None:
+def _plan_canopy(rec: rr.RecordingStream, layout: Layout, lanes: list[float]) -> None:
     """Log the plan's canopy, flat and transparent, and the row numbers beside it."""
-    size = (1.7, layout.scenario.row_width - 0.5, 0.02)
-    patches = [MeshPart("box", size, (x, y, 3.2), palette.VINE[0]) for x, y, _ in _over_lanes(layout)]
-    crowns = [MeshPart("drum", (5.5, 1.4, 0.02), (x, y, 3.4), palette.LEAVES[0]) for x, y, _ in _grid(field.TREES_X, layout.tree_lines)]
-    _mesh(rec, "plan/pergola", mesh_of(patches), alpha=70)
-    _mesh(rec, "plan/crowns", mesh_of(crowns), alpha=130)
-    numbers = [(field.ROW_WEST - 2.5, lane.y, 4.0) for lane in layout.lanes]
-    labels = [f"{lane.number}" for lane in layout.lanes]
+    patches = MeshPart("box", (1.7, layout.scenario.row_width - 0.5, 0.02), (field.TREES_X, lanes, 3.2), palette.VINE[0])
+    crowns = MeshPart("drum", (5.5, 1.4, 0.02), (field.TREES_X, layout.tree_lines, 3.4), palette.LEAVES[0])
+    rec.log("plan/pergola", mesh_of([patches], alpha=70), static=True)
+    rec.log("plan/crowns", mesh_of([crowns], alpha=130), static=True)
+    numbers, labels = [(field.ROW_WEST - 2.5, y, 4.0) for y in lanes], [f"{lane.number}" for lane in layout.lanes]
     rec.log("plan/rows", rr.Points3D(numbers, labels=labels, radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True), static=True)
 
 

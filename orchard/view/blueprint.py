@@ -24,11 +24,15 @@ def blueprint(layout: Layout) -> rrb.Blueprint:
 
     The plan of an orchard that is at least as high as wide gets a column of its own.
     """
-    high, wide = plan_size(layout)
-    pictures = _stacked(layout) if high < wide else _beside(layout)
-    bins = _plot("Bins", "metrics/bins", layout.scenario.rows)
-    robots = _plot("Robots", "metrics/robots", max(_count(layout, "picker"), _count(layout, "carrier")))
-    figures = rrb.Vertical(bins, robots, _events(), row_shares=[3, 3, 4])
+    pickers, carriers = layout.scenario.pickers, layout.scenario.carrier_count
+    spaces, histories, plan = _spaces(layout), _histories(pickers, carriers + 1), _plan()
+    if _is_high(layout):
+        left = rrb.Vertical(spaces, histories, row_shares=[10, 10])
+        pictures: rrb.Container = rrb.Horizontal(left, plan, column_shares=[12, 10])
+    else:
+        pictures = rrb.Vertical(spaces, rrb.Horizontal(plan, histories, column_shares=[1, 1]), row_shares=[12, 10])
+    plots = _plot("Bins", "metrics/bins", layout.scenario.rows), _plot("Robots", "metrics/robots", max(pickers, carriers))
+    figures = rrb.Vertical(*plots, _events(), row_shares=[3, 3, 4])
     return rrb.Blueprint(
         rrb.Horizontal(rrb.Vertical(pictures, _legend(), row_shares=[22, 1]), figures, column_shares=[11, 4]),
         rrb.TimePanel(state=rrb.PanelState.Collapsed, timeline=TIMELINE, playback_speed=4.0),
@@ -39,23 +43,13 @@ def blueprint(layout: Layout) -> rrb.Blueprint:
     )
 
 
-def _count(layout: Layout, kind: str) -> int:
-    return sum(start.kind == kind for start in layout.starts)
+def _is_high(layout: Layout) -> bool:
+    high, wide = plan_size(layout)
+    return high >= wide
 
 
-def _stacked(layout: Layout) -> rrb.Container:
-    below = rrb.Horizontal(_plan(), _histories(layout), column_shares=[1, 1])
-    return rrb.Vertical(_spaces(layout), below, row_shares=[12, 10])
-
-
-def _beside(layout: Layout) -> rrb.Container:
-    left = rrb.Vertical(_spaces(layout), _histories(layout), row_shares=[10, 10])
-    return rrb.Horizontal(left, _plan(), column_shares=[12, 10])
-
-
-def _histories(layout: Layout) -> rrb.Container:
+def _histories(pickers: int, others: int) -> rrb.Container:
     """Return the histories of all robots, pickers first: stacked for up to FEW robots, else in two tabs."""
-    pickers, others = _count(layout, "picker"), _count(layout, "carrier") + 1
     if pickers + others > FEW:
         return rrb.Tabs(_history("What the pickers do", PICKERS), _history("What carriers and tractor do", OTHERS))
     both = _history("What the robots do", PICKERS), _history("Carriers and tractor", OTHERS, titlebar=False)
@@ -67,13 +61,12 @@ def _history(name: str, contents: list[str], titlebar: bool = True) -> rrb.State
 
 
 def _legend() -> rrb.Spatial2DView:
-    wide, high = palette.size()
     return rrb.Spatial2DView(
         name="Colours",
         origin=palette.LEGEND,
         titlebar=False,
         background=(13, 16, 17),
-        visual_bounds=rrb.VisualBounds2D(x_range=(0.0, wide), y_range=(0.0, high)),
+        visual_bounds=rrb.VisualBounds2D(x_range=(0.0, palette.ENDS[-1]), y_range=(0.0, palette.LINE)),
     )
 
 
@@ -93,8 +86,8 @@ def _spaces(layout: Layout) -> rrb.Tabs:
 
 def _outside(layout: Layout) -> rrb.EyeControls3D:
     """Return a low camera at the south-east corner, where the robots leave the rows. It is a little higher for a large orchard."""
-    south, large = layout.tree_lines[-1], plan_size(layout)[0] > plan_size(layout)[1]
-    if large:
+    south = layout.tree_lines[-1]
+    if _is_high(layout):
         return _eye((48.0, south - 12.0, 13.0), (10.0, south + 26.0, -3.0))
     return _eye((44.5, south - 7.0, 8.0 + 0.05 * (TOP - south)), (13.0, south + 12.0, -3.0))
 

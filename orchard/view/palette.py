@@ -1,5 +1,6 @@
 """Colours (sRGB) of states, arcs and the field, and the legend that explains them."""
 
+from itertools import accumulate
 from typing import NamedTuple
 
 import rerun as rr
@@ -72,30 +73,14 @@ LETTER, GAP, LINE = 6.4, 16.0, 36.0  # screen points, approximate: width of a le
 ARCS = {"asked": "call", "answered": "offer", "sent": "come", "told": "here"}  # words of the legend -> events
 
 
-def entries() -> list[tuple[str, Colour]]:
-    """Return the words and their colours."""
-    talk = [(word, TALK[said].colour) for word, said in ARCS.items()]
-    return [("A pin:", WIRE), *STATES.items(), ("An arc:", WIRE), *talk]
-
-
-def places() -> list[float]:
-    """Return the x of the middle of each word, in screen points from the left."""
-    middles, x = [], GAP / 2
-    for word, _ in entries():
-        middles.append(x + LETTER * len(word) / 2)
-        x += LETTER * len(word) + GAP
-    return middles
-
-
-def size() -> tuple[float, float]:
-    """Return the width and height of the strip, in screen points."""
-    word, _ = entries()[-1]
-    return places()[-1] + LETTER * len(word) / 2 + GAP / 2, LINE
+TALKED = [(word, TALK[said].colour) for word, said in ARCS.items()]
+ENTRIES: list[tuple[str, Colour]] = [("A pin:", WIRE), *STATES.items(), ("An arc:", WIRE), *TALKED]
+ENDS = list(accumulate(LETTER * len(word) + GAP for word, _ in ENTRIES))  # x of the right end of each word and half a gap, screen points
 
 
 def log_legend(rec: rr.RecordingStream) -> None:
     """Log the legend once. It is the same in every recording."""
-    words, colours = zip(*entries(), strict=True)
-    middles = [(x, 0.38 * LINE) for x in places()]
+    words, colours = zip(*ENTRIES, strict=True)
+    middles = [(end - (LETTER * len(word) + GAP) / 2, 0.38 * LINE) for word, end in zip(words, ENDS, strict=True)]
     radii = [0.01 if word.endswith(":") else -5.0 for word in words]
     rec.log(LEGEND, rr.Points2D(middles, labels=words, colors=colours, radii=radii, show_labels=True), static=True)

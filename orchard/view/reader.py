@@ -7,6 +7,7 @@ the writer was killed, the end of its file may be missing.
 import subprocess
 import warnings
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -56,16 +57,12 @@ def before(path: Path, run: str) -> Before:
 
 def read_part(path: Path) -> RecordingPart | None:
     """Return the content of a file, or None if nothing can be read. A file that a kill has torn is repaired first."""
-    if not path.exists():
-        return None
-    try:
+    with suppress(*UNREADABLE):
+        return _read(path) if path.exists() else None
+    optimize(path)  # it is torn, or cut off where a message ended
+    with suppress(*UNREADABLE):
         return _read(path)
-    except UNREADABLE:  # torn, or cut off where a message ended
-        optimize(path)
-    try:
-        return _read(path)
-    except UNREADABLE:
-        return None
+    return None
 
 
 def optimize(path: str | Path) -> None:
@@ -73,8 +70,7 @@ def optimize(path: str | Path) -> None:
 
     Raises subprocess.CalledProcessError if Rerun's program fails.
     """
-    path = Path(path)
-    packed = path.with_suffix(".packed.rrd")
+    packed = Path(path).with_suffix(".packed.rrd")
     command = [viewer_program(), "rrd", "optimize", "--continue-on-error", str(path), "-o", str(packed)]
     subprocess.run(command, check=True, capture_output=True, timeout=600)
     packed.replace(path)
@@ -87,7 +83,7 @@ def missing(path: Path, ticks: int) -> dict[str, Any]:
     gaps = [gap for found in parts.values() for gap in found.gaps] + ([(last, ticks)] if last < ticks else [])
     return {
         "recording_parts": [file.name for file in parts],
-        "recording_gaps": [[_seconds(since), _seconds(until)] for since, until in gaps],
+        "recording_gaps": [[round(since * TIME_STEP, 1), round(until * TIME_STEP, 1)] for since, until in gaps],
         "messages_dropped": sum(found.left_out for found in parts.values()),
     }
 
@@ -137,7 +133,3 @@ def _words(chunk: Chunk) -> list[dict[str, Colour]]:
 def _colour(rgba: int) -> Colour:
     """Return the sRGB colour of Rerun's number for it, 0xRRGGBBAA."""
     return rgba >> 24 & 255, rgba >> 16 & 255, rgba >> 8 & 255
-
-
-def _seconds(tick: int) -> float:
-    return round(tick * TIME_STEP, 1)

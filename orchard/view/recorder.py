@@ -3,7 +3,7 @@
 Moving things are sent in chunks of a second. What changes rarely is sent when it changes. The timeline is `sim_time`, seconds.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -41,9 +41,8 @@ SERIES: dict[str, tuple[str, palette.Colour, float]] = {
 class Recorder:
     """Writes one run, or a further part of one. Call `tick` for each frame in order, then `close`."""
 
-    def __init__(self, layout: Layout, run_name: str, path: str | Path | None = None, serve: bool = False, port: int = 9876,
-                 scanned: Iterable[str] = SCANNED) -> None:  # fmt: skip
-        """`serve`: open a server for viewers on the loopback. `scanned`: record the scans of these kinds of bodies."""
+    def __init__(self, layout: Layout, run_name: str, path: str | Path | None = None, serve: bool = False, port: int = 9876) -> None:
+        """`serve`: open a server for viewers on the loopback."""
         self.layout = layout
         self.rec = rr.RecordingStream("orchard", recording_id=run_name)
         self.rec.set_log_time_enabled(False)
@@ -53,14 +52,16 @@ class Recorder:
         self.rec.set_time(TIMELINE, duration=0.0)
         log_scenery(self.rec, layout)
         log_legend(self.rec)
-        _log_series(self.rec)
+        for series, (name, colour, width) in SERIES.items():
+            style = rr.SeriesLines(names=[name], colors=[colour], widths=[width], interpolation_mode="StepAfter")
+            self.rec.log(series, style, static=True)
         self.bodies, self.rows, self.talk = BodyView(self.rec, layout), RowView(self.rec, layout), Talk(self.rec, layout)
         self._scan_chunk = CHUNK_TICKS if serve else SCAN_CHUNK_TICKS
-        self._scanned = indices(layout, set(scanned))
+        self._scanned = indices(layout, SCANNED)
         self._poses: list[tuple[int, np.ndarray]] = []
         self._scans: list[tuple[int, Sequence[np.ndarray | None]]] = []
         self._events: list[tuple[int, str, str]] = []  # tick, line, level
-        self._last: np.ndarray | None = None
+        self._last = np.full((len(layout.names), 3), np.nan)  # the poses that were last sent
         self._newest = 0  # tick
         self._doing: dict[str, tuple[str, State]] = {}
         self._gauges: dict[str, float] = {}
@@ -79,7 +80,11 @@ class Recorder:
         """Record one frame. Frames come in order; ticks may be left out."""
         self.rec.set_time(TIMELINE, duration=frame.tick * TIME_STEP)
         is_due = frame.tick // CHUNK_TICKS > self._second
-        self._keep(frame)
+        self._newest = frame.tick
+        self._left_out += frame.left_out
+        self._poses.append((frame.tick, np.array(frame.poses, dtype=np.float64)))
+        if frame.scans is not None and frame.tick % SCAN_TICKS == 0:
+            self._scans.append((frame.tick, frame.scans))
         self._changes(frame)
         self._words(frame)
         self._figures(frame, is_due)
@@ -101,80 +106,60 @@ class Recorder:
     def _log(self, tick: int, event: Event, level: str) -> None:
         self._events.append((tick, line_of(event), level))
 
-    def _send_chunk(self, tick: int) -> None:
-        self._second = tick // CHUNK_TICKS
-        self._send_poses()
-        self._report_left_out(tick)
-        self._send_events()
-        if tick // self._scan_chunk > self._sweep:
-            self._sweep = tick // self._scan_chunk
-            self._send_scans()
-        if not self.uri:
-            self.rec.flush()  # into the file, 0.3 ms: a kill loses at most one second, and five of the scans
-
-    def _report_left_out(self, tick: int) -> None:
-        if self._left_out:
-            self.rec.log(MISSING, rr.AnyValues(True, **{LEFT_OUT: self._left_out}))
-            words = f"left out {self._left_out} frames, which came faster than they can be recorded"
-            self.tell(Event(tick, "left out", "logger", "", words))
-            self._left_out = 0
-
-    def flush(self) -> None:
-        """Write everything that waits for its chunk, and wait until it is written."""
-        self._send_poses()
-        self._report_left_out(self._newest)
-        self._send_events()
-        self._send_scans()
-        self.rec.flush()
-
     def close(self) -> None:
-        """Write the rest and end the file. The server is closed too."""
-        self.flush()
+        """Write the rest, wait until it is written, and end the file. The server is closed too."""
+        self._send(scans=True)
+        self.rec.flush()
         self.rec.disconnect()
 
     # -- what is sent in chunks
 
-    def _keep(self, frame: Frame) -> None:
-        self._newest = frame.tick
-        self._left_out += frame.left_out
-        self._poses.append((frame.tick, np.array(frame.poses, dtype=np.float64)))
-        if frame.scans is not None and frame.tick % SCAN_TICKS == 0:
-            self._scans.append((frame.tick, frame.scans))
+    def _send_chunk(self, tick: int) -> None:
+        self._second, before, self._sweep = tick // CHUNK_TICKS, self._sweep, tick // self._scan_chunk
+        self._send(scans=self._sweep > before)
+        if not self.uri:
+            self.rec.flush()  # into the file, 0.3 ms: a kill loses at most one second, and five of the scans
+
+    def _send(self, scans: bool) -> None:
+        self._send_poses()
+        if self._left_out:
+            self.rec.log(MISSING, rr.AnyValues(True, **{LEFT_OUT: self._left_out}))
+            words = f"left out {self._left_out} frames, which came faster than they can be recorded"
+            self.tell(Event(self._newest, "left out", "logger", "", words))
+            self._left_out = 0
+        self._send_events()
+        if scans:
+            self._send_scans()
 
     def _send_poses(self) -> None:
         """Send the poses that have changed, all in one entity; each row names the body's frame.
 
         The newest tick always gets a row: it shows how far the recording reaches.
         """
-        times: list[np.ndarray] = []
-        places: list[np.ndarray] = []
-        frames: list[str] = []
-        for tick, poses in self._poses:
-            changed = np.ones(len(poses), bool) if self._last is None else (poses != self._last).any(axis=1)
-            changed[0] |= tick == self._newest
-            moved = np.flatnonzero(changed)
-            self._last = poses
-            times.append(np.full(len(moved), tick * TIME_STEP))
-            places.append(poses[moved])
-            frames.extend(self.layout.names[i] for i in moved)
-        self._poses.clear()
-        if frames:
-            self.rec.send_columns("/tf", indexes=[_times(np.concatenate(times))], columns=_transforms(np.concatenate(places), frames))
+        if self._poses:
+            ticks, poses = zip(*self._poses, strict=True)
+            changed = (np.array(poses) != np.array([self._last, *poses[:-1]])).any(axis=2)
+            changed[-1, 0] = True
+            when, which = changed.nonzero()
+            columns = _transforms(np.array(poses)[when, which], [self.layout.names[i] for i in which])
+            self.rec.send_columns("/tf", indexes=[_times(np.array(ticks)[when])], columns=columns)
+            self._last = poses[-1]
+            self._poses.clear()
 
     def _send_scans(self) -> None:
-        for i in self._scanned if self._scans else ():
+        for i in self._scanned:
             name, laser = self.layout.names[i], KINDS[self.layout.starts[i].kind].laser
             kept = [(tick, ranges) for tick, scans in self._scans if (ranges := scans[i]) is not None]
             if kept:
                 points, lengths = hits(np.stack([ranges for _, ranges in kept]), laser, SCAN_BEAMS)
                 column = rr.Points3D.columns(positions=points).partition(lengths)
-                self.rec.send_columns(f"scans/{name}", indexes=[_ticks(tick for tick, _ in kept)], columns=column)
+                self.rec.send_columns(f"scans/{name}", indexes=[_times([tick for tick, _ in kept])], columns=column)
         self._scans.clear()
 
     def _send_events(self) -> None:
         if self._events:
             ticks, texts, levels = zip(*self._events, strict=True)
-            self.rec.send_columns("events", indexes=[_ticks(ticks)], columns=rr.TextLog.columns(text=texts, level=levels))
+            self.rec.send_columns("events", indexes=[_times(ticks)], columns=rr.TextLog.columns(text=texts, level=levels))
             self._events.clear()
 
     # -- what changes rarely
@@ -202,7 +187,7 @@ class Recorder:
         for event in frame.events:
             if event not in lines:
                 self._log(frame.tick, event, "DEBUG")
-        self.talk.show(frame.tick, frame.poses, fresh=self.talk.hear(frame.tick, news))
+        self.talk.show(frame.tick, frame.poses, news)
 
     def _figures(self, frame: Frame, is_due: bool) -> None:
         if not is_due and frame.delivered == self._gauges.get("metrics/bins/delivered"):
@@ -251,15 +236,5 @@ def _transforms(places: np.ndarray, frames: list[str]) -> rr.ComponentColumnList
     )
 
 
-def _times(seconds: np.ndarray) -> rr.TimeColumn:
-    return rr.TimeColumn(TIMELINE, duration=np.round(seconds * 1e9).astype("timedelta64[ns]"))
-
-
-def _ticks(ticks: Iterable[int]) -> rr.TimeColumn:
-    return _times(np.array(list(ticks)) * TIME_STEP)
-
-
-def _log_series(rec: rr.RecordingStream) -> None:
-    for path, (name, colour, width) in SERIES.items():
-        style = rr.SeriesLines(names=[name], colors=[colour], widths=[width], interpolation_mode="StepAfter")
-        rec.log(path, style, static=True)
+def _times(ticks: Sequence[int] | np.ndarray) -> rr.TimeColumn:
+    return rr.TimeColumn(TIMELINE, duration=np.round(np.array(ticks) * TIME_STEP * 1e9).astype("timedelta64[ns]"))

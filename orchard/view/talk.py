@@ -92,31 +92,28 @@ class Talk:
         last, self._said[said] = self._said.get(said), tick
         return last is None or tick - last > REPEAT_TICKS
 
-    def hear(self, tick: int, events: Sequence[Event]) -> bool:
-        """Remember the arcs to draw. Return whether there is a new one."""
-        before = len(self._lines)
-        for event in events:
-            look = palette.TALK.get(palette.plain(event.what))
-            if look and event.who in self.index and event.whom in self.index:
-                self._lines.append(Drawn(tick + round(look.seconds / TIME_STEP), self.index[event.who], self.index[event.whom], look))
-        return len(self._lines) > before
-
     def forget(self) -> None:
         """Drop all arcs, after a gap. Those that are still shown are removed when arcs are next drawn."""
         self._there, self._lines = True, []
 
-    def show(self, tick: int, poses: np.ndarray, fresh: bool) -> None:
-        """Draw the arcs again if there is a `fresh` one, and every half second while there are any. `poses`: (n, 3)."""
+    def show(self, tick: int, poses: np.ndarray, news: Sequence[Event]) -> None:
+        """Draw the arcs again if there is a new one, and every half second while there are any. `poses`: (n, 3)."""
+        fresh = [drawn for event in news if (drawn := self._drawn(tick, event))]
         if not fresh and tick // RENEWED_TICKS == self._renewed:
             return
         self._renewed = tick // RENEWED_TICKS
-        self._lines = [line for line in self._lines if line.until > tick]
+        self._lines = [line for line in self._lines + fresh if line.until > tick]
         seen = sorted(self._lines, key=lambda line: (-line.look.rank, -line.until))[:MOST_LINES]
         if seen or self._there:
             arcs = [_arc(poses[line.start], poses[line.end]) for line in seen]
             looks = [line.look for line in seen]
             self.rec.log("talk", rr.LineStrips3D(arcs, colors=[look.colour for look in looks], radii=[look.radius for look in looks]))
             self._there = bool(seen)
+
+    def _drawn(self, tick: int, event: Event) -> Drawn | None:
+        """Return the arc of an event; None for an event that is not shown as one."""
+        look, start, end = palette.TALK.get(palette.plain(event.what)), self.index.get(event.who), self.index.get(event.whom)
+        return None if look is None or start is None or end is None else Drawn(tick + round(look.seconds / TIME_STEP), start, end, look)
 
 
 def _arc(start: np.ndarray, end: np.ndarray) -> np.ndarray:

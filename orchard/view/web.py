@@ -13,6 +13,7 @@ from urllib.parse import urlencode
 from orchard.view.files import viewer_program
 
 LOOPBACK = "127.0.0.1"
+QUIET = {"RUST_LOG": "error"}  # environment of the server
 
 
 def data_uri(port: int) -> str:
@@ -34,7 +35,7 @@ def command(port: int, *what: str) -> list[str]:
 def serve_web(port: int, *what: str) -> subprocess.Popen[bytes]:
     """Serve the viewer at `page_url(port)`. The caller ends the returned process with `terminate()`."""
     line, null = command(port, *what), subprocess.DEVNULL
-    return subprocess.Popen(line, env=_environment(), start_new_session=True, stdin=null, stdout=null, stderr=null)
+    return subprocess.Popen(line, env=os.environ | QUIET, start_new_session=True, stdin=null, stdout=null, stderr=null)
 
 
 def free_pair() -> int:
@@ -50,10 +51,6 @@ def free_pair() -> int:
             return port
 
 
-def _environment() -> dict[str, str]:
-    return os.environ | {"RUST_LOG": "error"}
-
-
 def main() -> None:
     """Replace this process by the server, so that a signal to the process reaches the server."""
     parser = argparse.ArgumentParser(prog="python -m orchard.view.web", description="Serve Rerun's viewer on the loopback.")
@@ -61,7 +58,7 @@ def main() -> None:
     parser.add_argument("--port", type=int, default=9090, help="port of the viewer; its data are expected on the next port")
     arguments = parser.parse_args()
     line = command(arguments.port, arguments.what)
-    os.execve(line[0], line, _environment())
+    os.execve(line[0], line, os.environ | QUIET)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from orchard.field.layout import Layout, Start
 from orchard.field.scenario import TIME_STEP, Animals, People, Scenario
 from orchard.sim.physics import step
 from orchard.sim.scan import Scanner
-from orchard.sim.world import World, new_world
+from orchard.sim.world import World
 
 ROBOT = "dog"  # the kind with the size that field.py gives; it drives forward and turns
 
@@ -24,7 +24,7 @@ def world_of(area: Field) -> World:
     """Return a world with only the walls and robots of the field."""
     no_obstacles = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0, "tractor": False}
     starts = tuple(Start(name_of(ROBOT, i + 1), ROBOT, Pose(*pose)) for i, pose in enumerate(area.starts.tolist()))
-    return new_world(Layout(Scenario(**no_obstacles), (), {}, starts, area.walls))
+    return World(Layout(Scenario(**no_obstacles), (), {}, starts, area.walls))
 
 
 def twists(robots: int, steps: int) -> np.ndarray:
@@ -43,7 +43,7 @@ def drive(world: World, scanner: Scanner, steps: int) -> None:
 def steps_per_second(area: Field, seconds: float, repeats: int = 5) -> float:
     """Return the median rate of `repeats` measurements, which together take `seconds`."""
     world = world_of(area)
-    scanner, wanted = Scanner(world.layout), twists(len(area.starts), MOST_STEPS)
+    scanner, wanted = Scanner(world), twists(len(area.starts), MOST_STEPS)
     drive(world, scanner, 3)  # loads the compiled kernels
     rates, k = [], 0
     for _ in range(repeats):

@@ -200,7 +200,7 @@ def _print_memory(robots: int) -> None:
     from bench.core import drive
 
     world = world_of(field(robots))
-    drive(world, Scanner(world.layout), 10)
+    drive(world, Scanner(world), 10)
     print(psutil.Process().memory_info().rss / MEGABYTE)
 
 

@@ -56,7 +56,7 @@ def _simulate(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions
     from orchard.sim.engine import Engine  # not at the top: numba takes seconds to load, and meanwhile other processes can connect
 
     engine = Engine.begin(check(options.scenario, "the scenario")) if before is None else Engine.resume(before)
-    absent = select_agents(engine.agents, options.absent, []) if options.absent else []
+    absent = select_agents(engine.layout.agents, options.absent, []) if options.absent else []
     physics = Physics(bus, keys, engine, msgspec.structs.replace(options, absent=absent), before)
     physics.listen()
     where = "connected to" if options.connect else "listening on"

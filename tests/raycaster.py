@@ -9,7 +9,7 @@ from orchard.field.geometry import Pose
 from orchard.field.kinds import KINDS, LASER_RANGE
 from orchard.field.layout import Lane, Layout, Start
 from orchard.field.scenario import Animals, People, Scenario
-from orchard.sim.world import World, new_world
+from orchard.sim.world import World
 
 TOUCH = 1e-9  # m: on the edge of a box
 FAR_AWAY = (1000.0, 1000.0, 0.25, 0.25)
@@ -21,7 +21,7 @@ def world_of(*bodies: tuple[str, Pose], walls: list[tuple[float, float, float, f
     starts = tuple(Start(f"{kind}_{i + 1:02d}", kind, Pose(*pose)) for i, (kind, pose) in enumerate(bodies))
     chosen = Scenario(**{"rows": 3, **nobody, **scenario})
     lanes = tuple(Lane(i + 1, 10.75 - 5.5 * i) for i in range(chosen.rows))
-    return new_world(Layout(chosen, lanes, {}, starts, np.array(walls or [FAR_AWAY])))
+    return World(Layout(chosen, lanes, {}, starts, np.array(walls or [FAR_AWAY])))
 
 
 def boxes_seen_by(world: World, me: int) -> list[tuple[float, float, float, float, float]]:

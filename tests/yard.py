@@ -11,7 +11,7 @@ from orchard.field.geometry import EAST, Pose, Twist
 from orchard.field.layout import ROW_WEST, lay_out
 from orchard.field.scenario import Scenario
 from orchard.sim.physics import step
-from orchard.sim.world import NONE, World, new_world
+from orchard.sim.world import NONE, World
 
 LANE = 10.75  # y of row 1's centre line
 AHEAD = Twist(1.0)
@@ -81,4 +81,4 @@ def train(**kwargs) -> dict[str, Twist]:
 
 def everybody() -> Yard:
     """Return a yard with all bodies of an orchard of 3 rows, at their starts."""
-    return Yard(new_world(lay_out(Scenario(rows=3))))
+    return Yard(World(lay_out(Scenario(rows=3))))

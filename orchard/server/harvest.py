@@ -99,7 +99,7 @@ class Harvest:
         self.engine, self.refusal_totals, self.frame_builder = engine, RefusalTotals(), FrameBuilder(engine.world)
         self.snapshot_writer = SnapshotWriter(options.snapshot_folder, options.snapshot_every)
         self.run = options.run or (before.run if before else uuid.uuid4().hex[:16])
-        roster, ledger = Roster(engine.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
+        roster, ledger = Roster(engine.layout.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
         is_paced = options.mode == "realtime"
         answers = RealtimeBarrier(roster, TIME_STEP / options.pace) if is_paced else LockstepBarrier(roster, options.patience)
         self.publisher = Publisher(bus, keys, self.run, engine.layout, answers.newest_wins)

@@ -45,7 +45,7 @@ def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
 
 def _couple(world: World, wanted: np.ndarray, robot: int, bin_name: str) -> str:
     bin_ = world.index.get(bin_name, NONE)
-    _refuse_if(world.bodies.tows[robot] == 0.0, "it tows nothing")
+    _refuse_if(world.fixed.tows[robot] == 0.0, "it tows nothing")
     _refuse_if(bin_ == NONE or world.layout.starts[bin_].kind != "bin", "no such bin")
     _refuse_if(world.coupled[robot] != NONE, "it has a bin")
     _refuse_if(world.coupled[bin_] != NONE, "the bin is coupled")
@@ -60,7 +60,7 @@ def _refuse_unless_in_place(world: World, robot: int, bin_: int) -> None:
     """A bin is square, so its yaw counts modulo a quarter turn."""
     pose, other = Pose(*world.pose[robot].tolist()), Pose(*world.pose[bin_].tolist())
     ahead, left = to_frame(pose, other.x, other.y)
-    ahead += float(world.bodies.tows[robot])
+    ahead += float(world.fixed.tows[robot])
     _refuse_if(ahead * ahead + left * left > COUPLING_REACH * COUPLING_REACH, "the bin is not at the coupling point")
     askew = angle_between(pose.yaw, other.yaw)
     askew -= repeatable.QUARTER * round(askew / repeatable.QUARTER)
@@ -69,7 +69,7 @@ def _refuse_unless_in_place(world: World, robot: int, bin_: int) -> None:
 
 def _uncouple(world: World, wanted: np.ndarray, robot: int) -> str:
     bin_ = int(world.coupled[robot])
-    _refuse_if(world.bodies.tows[robot] == 0.0, "it tows nothing")
+    _refuse_if(world.fixed.tows[robot] == 0.0, "it tows nothing")
     _refuse_if(bin_ == NONE, "it has no bin")
     _refuse_unless_both_stand(world, wanted, robot, bin_)
     world.coupled[robot] = world.coupled[bin_] = NONE
@@ -79,7 +79,7 @@ def _uncouple(world: World, wanted: np.ndarray, robot: int) -> str:
 def _flatten(world: World, weed: int) -> str:
     _refuse_if(world.layout.starts[weed].kind != "weed", "it is no weed")
     _refuse_if(not world.alive[weed], "it is flat")
-    boxes = world.bodies.boxes.copy()
+    boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
     mover = mover_near(weed, WEED_REACH, world.twist, boxes)
     _refuse_if(mover == NONE, "nothing moves within 1 m")

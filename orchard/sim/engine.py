@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -22,16 +22,9 @@ from orchard.sim.restore import fitting, world_as_data, world_from
 from orchard.sim.scan import Scanner, observe
 from orchard.sim.snapshot import Snapshot
 from orchard.sim.state_times import StateTimes
-from orchard.sim.world import World, new_world
+from orchard.sim.world import World
 
-
-class Stepped(NamedTuple):
-    """A step that is not accounted for yet."""
-
-    scans: list[np.ndarray]  # of the tick before the step
-    actions: Mapping[str, Action]
-    heard: dict[str, bytes]  # name -> digest of its mail
-    events: list[Event]
+Stepped = tuple[list[np.ndarray], Mapping[str, Action], dict[str, bytes], list[Event]]  # scans before, actions, mail digests, events
 
 
 class Engine:
@@ -44,20 +37,19 @@ class Engine:
     def __init__(self, world: World, digest: bytes = bytes(32), before: Mapping[str, Any] | None = None) -> None:
         """`digest`, `before`: of a resumed run, its hash so far and what `figures_as_data` returned."""
         self.world, self.layout = world, world.layout
-        self.agents = self.layout.agents  # the names of all agents
         self.scans: list[np.ndarray] = []  # ranges at the last observed tick, m, float32, one array for each body
-        self._scanner = Scanner(self.layout)
+        self._scanner = Scanner(world)
         before = before or {}
         self._invariants = Invariants(world, before.get("invariants"))
         self._states = StateTimes(world, before.get("states"))
-        self._digest = RunDigest(digest)
-        self._stepped: Stepped | None = None
+        self._digest = digest
+        self._stepped: Stepped | None = None  # a step that is not accounted for yet
         self._news = msgspec.convert(before.get("news", []), list[Event])  # events of stops and resets, which the next step returns
 
     @classmethod
     def begin(cls, scenario: Scenario) -> "Engine":
         """Return an orchard at tick 0."""
-        return cls(new_world(lay_out(scenario)))
+        return cls(World(lay_out(scenario)))
 
     @classmethod
     def resume(cls, snapshot: Snapshot) -> "Engine":
@@ -67,7 +59,7 @@ class Engine:
 
     def rehearse(self) -> None:
         """Do a step in a separate world with the same bodies, so that all kernels are compiled, or loaded, before the first tick."""
-        rehearsal = Engine(new_world(self.layout))
+        rehearsal = Engine(World(self.layout))
         rehearsal.observe()
         weeds = [name for name in self.layout.names if kind_of(name) == "weed"]
         rehearsal.advance({name: Action(deeds=[Flatten()]) for name in weeds[:1]}, {})
@@ -75,8 +67,8 @@ class Engine:
 
     def figures_as_data(self) -> dict[str, Any]:
         """Return the state besides the world and the hash as plain data, for a snapshot's figures."""
-        news = msgspec.to_builtins(self._news)
-        return {"invariants": self.invariants.as_data(), "states": self.states.as_data(), "news": news}
+        figures = {"invariants": self.invariants.known, "states": self.states.counts, "news": self._news}
+        return {name: msgspec.to_builtins(figure) for name, figure in figures.items()}
 
     def as_data(self) -> dict[str, Any]:
         """Return the world as a snapshot holds it."""
@@ -105,15 +97,14 @@ class Engine:
 
     @property
     def digest(self) -> bytes:
-        """The state of the run's hash, 32 bytes."""
+        """The run's hash, 32 bytes: SHA-256 over all ticks so far."""
         self.account()
-        return self._digest.state
+        return self._digest
 
     @property
     def hash(self) -> str:
-        """The run's hash: SHA-256 over all ticks so far, in hexadecimal digits."""
-        self.account()
-        return self._digest.hexdigest()
+        """The run's hash in hexadecimal digits."""
+        return self.digest.hex()
 
     def observe(self) -> Observations:
         """Return the observations of all bodies at this tick."""
@@ -133,7 +124,8 @@ class Engine:
         """Do what `advance` does, without accounting for the step."""
         self.account()
         events, self._news = self._news + step(self.world, self._twists(actions), self._deeds(actions)), []
-        self._stepped = Stepped(self.scans, dict(actions), self._heard(mail_digests), events)
+        heard = {name: mail_digests[name] for name in self.layout.agents if mail_digests.get(name)}  # mail to unknown names is left out
+        self._stepped = self.scans, dict(actions), heard, events
         return events
 
     def account(self) -> None:
@@ -143,7 +135,7 @@ class Engine:
         """
         if self._stepped is not None:
             (scans, actions, heard, events), self._stepped = self._stepped, None
-            self._digest.update(self.world, scans, heard)
+            self._digest = next_digest(self._digest, self.world, scans, heard)
             self._invariants.update(self.world, events)
             self._states.update(self.world, actions)
 
@@ -152,22 +144,21 @@ class Engine:
         return self.invariants.end(self.world, self.over) + self.states.faults(self.world)
 
     def stop(self, words: Sequence[str] = ()) -> list[str]:
-        """Stop these robots, or all, until they are reset (see `stops.stop`). Return those that were not stopped before."""
-        self.account()
-        changed = stops.stop(self.world, words)
-        self._news += [Event(self.tick, "stopped", name) for name in changed]
-        return changed
+        """Stop the robots with these names or kinds, or all, until they are reset. Return those that were not stopped before.
+
+        Raises ValueError for a word that is no robot's name or kind; then no robot is stopped.
+        """
+        return self._latch(words, "stopped")
 
     def reset(self, words: Sequence[str] = ()) -> list[str]:
-        """Let these robots, or all, go on (see `stops.reset`). Return those that were stopped before."""
-        self.account()
-        changed = stops.reset(self.world, words)
-        self._news += [Event(self.tick, "reset", name) for name in changed]
-        return changed
+        """Let these robots, or all, go on. Return those that were stopped before. Raises ValueError as `stop` does."""
+        return self._latch(words, "reset")
 
-    def _heard(self, mail_digests: Mapping[str, bytes]) -> dict[str, bytes]:
-        """The digests of mail that was heard. Mail to unknown names is left out."""
-        return {name: mail_digests[name] for name in self.agents if mail_digests.get(name)}
+    def _latch(self, words: Sequence[str], what: str) -> list[str]:
+        self.account()
+        changed = stops.latch(self.world, words, what == "stopped")
+        self._news += [Event(self.tick, what, name) for name in changed]
+        return changed
 
     def _twists(self, actions: Mapping[str, Action]) -> np.ndarray:
         twists = (actions[name].twist if name in actions else STILL for name in self.layout.names)
@@ -183,27 +174,15 @@ _NOTHING = np.zeros(0, dtype=np.float32)
 _LITTLE = {kind: np.dtype(f"<{kind}") for kind in ("f8", "f4", "i8", "b1")}
 
 
-class RunDigest:
-    """SHA-256 over all state of a run. Each tick's hash includes the one before, so 32 bytes cover all ticks."""
+def next_digest(before: bytes, world: World, scans: Sequence[np.ndarray], mail_digests: Mapping[str, bytes]) -> bytes:
+    """Return SHA-256 over all state of a run, 32 bytes. Each tick's digest includes the one before.
 
-    def __init__(self, state: bytes = bytes(32)) -> None:
-        self.state = state
-
-    def update(self, world: World, scans: Sequence[np.ndarray], mail_digests: Mapping[str, bytes]) -> None:
-        """Add one tick: the world, the scans that the agents received (float32), and name -> digest of the mail that the agent heard."""
-        sha = hashlib.sha256(self.state)
-        sha.update(b"%d %d %d\n" % (world.tick, world.delivered, len(mail_digests)))
-        for array in (world.pose, world.coupled, world.fill, world.row_picked, world.alive, np.concatenate([_NOTHING, *scans])):
-            sha.update(_little_endian(array))
-        for name in sorted(mail_digests):
-            sha.update(b"%d %d " % (len(name.encode()), len(mail_digests[name])) + name.encode() + mail_digests[name])
-        self.state = sha.digest()
-
-    def hexdigest(self) -> str:
-        """Return the hash of all ticks so far, 64 hexadecimal digits."""
-        return self.state.hex()
-
-
-def _little_endian(array: np.ndarray) -> memoryview:
-    """An array's bytes, the same on every machine."""
-    return np.ascontiguousarray(array, dtype=_LITTLE[array.dtype.kind + str(array.itemsize)]).data
+    `scans`: those that the agents received (float32); `mail_digests`: name -> digest of the mail that the agent heard.
+    """
+    sha = hashlib.sha256(before)
+    sha.update(b"%d %d %d\n" % (world.tick, world.delivered, len(mail_digests)))
+    for array in (world.pose, world.coupled, world.fill, world.row_picked, world.alive, np.concatenate([_NOTHING, *scans])):
+        sha.update(np.ascontiguousarray(array, dtype=_LITTLE[array.dtype.kind + str(array.itemsize)]).data)  # the same on every machine
+    for name in sorted(mail_digests):
+        sha.update(b"%d %d " % (len(name.encode()), len(mail_digests[name])) + name.encode() + mail_digests[name])
+    return sha.digest()

@@ -10,14 +10,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from orchard.contract.events import Event
 from orchard.field.kinds import kind_of
 from orchard.field.layout import ROW_LENGTH
 from orchard.field.scenario import TIME_STEP
-from orchard.sim.kernels.boxes import overlaps
-from orchard.sim.kernels.move import FULL_WITHIN
+from orchard.sim.kernels.move import FULL_WITHIN, overlaps
 from orchard.sim.world import NONE, World
 
 LOOK_TICKS = round(1.0 / TIME_STEP)  # between two checks of the places of all bodies
@@ -38,16 +36,11 @@ class Invariants:
     """Checks the invariants of one run, from any tick on."""
 
     def __init__(self, world: World, data: dict[str, Any] | None = None) -> None:
-        """`data`: what `as_data` returned; without it, the earlier ticks are inferred from the world. Raises ValueError for wrong data."""
+        """`data`: `known` as plain data; without it, the earlier ticks are inferred from the world. Raises ValueError for wrong data."""
         self.known = _known_of(world) if data is None else msgspec.convert(data, Known)
         self._rows = world.row_picked.tolist()
         self._coupled: list[int] = []
         self._tolerance = 2.0 * FULL_WITHIN * (len(self._rows) + len(world.layout.names))  # m: full rows and bins are rounded up
-
-    def as_data(self) -> dict[str, Any]:
-        """Return the state of the checker as plain data, for a snapshot."""
-        data: dict[str, Any] = msgspec.to_builtins(self.known)
-        return data
 
     @property
     def violations(self) -> list[str]:
@@ -125,7 +118,8 @@ class Invariants:
             case "unloaded":
                 carrier, known.delivered = known.calls.pop(body, None), known.delivered + 1
                 if carrier != other:
-                    yield f"call {body}", f"{body} was unloaded on {other}, but {_taken(carrier)}"
+                    taken = "it had not been full" if carrier is None else f"{carrier or 'no carrier'} had taken it"
+                    yield f"call {body}", f"{body} was unloaded on {other}, but {taken}"
 
     def _open_calls(self) -> Iterator[tuple[str, str]]:
         for bin_ in self.known.calls:
@@ -141,12 +135,6 @@ def _known_of(world: World) -> Known:
     calls = {names[i]: other if kind_of(other) == "carrier" else "" for i, other in others.items()}
     lacking = {other: names[i] for i, other in others.items() if kind_of(other) == "picker"}
     return Known(world.delivered, [f"row {r + 1}" for r in (world.row_picked >= ROW_LENGTH).nonzero()[0].tolist()], calls, lacking)
-
-
-def _taken(carrier: str | None) -> str:
-    if carrier is None:
-        return "it had not been full"
-    return f"{carrier} had taken it" if carrier else "no carrier had taken it"
 
 
 def _row_faults(before: list[float], rows: list[float]) -> Iterator[tuple[str, str]]:
@@ -185,15 +173,11 @@ def _name(names: tuple[str, ...], i: int) -> str:
 
 
 def _overlapping_bodies(world: World) -> Iterator[tuple[str, str]]:
-    bodies, names = world.bodies, world.layout.names
-    for i, k in overlaps(world.pose, bodies.boxes, bodies.solid, world.walls, *world.wall_grid).tolist():
-        other = names[k] if k < len(names) else "a fence, trunk or post"
-        yield f"inside {names[i]} {other}", f"{names[i]} overlaps {other}, at {_place(world.pose[i])}"
-
-
-def _place(pose: np.ndarray) -> str:
-    x, y, _ = pose.tolist()
-    return f"({x:.2f}, {y:.2f})"
+    fixed, names = world.fixed, world.layout.names
+    walls = fixed.walls, fixed.wall_frame, fixed.wall_begin, fixed.wall_members
+    for i, k in overlaps(world.pose, fixed.shapes, fixed.solid, *walls).tolist():
+        other, (x, y, _) = names[k] if k < len(names) else "a fence, trunk or post", world.pose[i].tolist()
+        yield f"inside {names[i]} {other}", f"{names[i]} overlaps {other}, at ({x:.2f}, {y:.2f})"
 
 
 def _moving_though_stopped(world: World) -> Iterator[tuple[str, str]]:

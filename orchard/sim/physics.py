@@ -14,10 +14,9 @@ from orchard.field.geometry import EAST, angle_between
 from orchard.field.layout import BAY, QUEUE, ROW_LENGTH, UNLOADING_SECONDS
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.deeds import do_deeds
-from orchard.sim.kernels.boxes import Grid
 from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.move import advance, allowed
-from orchard.sim.world import NONE, World
+from orchard.sim.world import NONE, Fixed, World
 
 UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
 FACING = 1e-6  # rad
@@ -26,11 +25,8 @@ FACING = 1e-6  # rad
 _ARGUMENTS = attrgetter(  # of the kernel `advance`: each parameter's place in the world
     *in_order(
         advance,
-        {name: name for name in ("twist", "pose", "coupled", "fill", "distance", "refused", "held", "blocked", "pickers", "walls")}
-        | {name: f"bodies.{name}" for name in ("speed", "turn", "sideways", "tows", "solid")}
-        | {"shapes": "bodies.boxes", "body_frame": "frame", "picking_speed": "layout.scenario.picking_speed"}
-        | {"row_y": "lane_y", "row_picked": "row_picked", "row_from": "row_from"}
-        | {f"wall_{name}": f"wall_grid.{name}" for name in Grid._fields},
+        {name: name for name in ("twist", "pose", "coupled", "fill", "distance", "refused", "held", "blocked", "row_picked", "row_from")}
+        | {name: f"fixed.{name}" for name in Fixed._fields},
         skip=1,
     )
 )
@@ -44,7 +40,7 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
     """
     wanted = allowed(twists, world.stopped)
     events = do_deeds(world, wanted, deeds)
-    begun, picked_from = _advance(world, wanted)
+    begun, picked_from = advance(wanted, *_ARGUMENTS(world))
     events += [_collision(world, *pair) for pair in begun.tolist()]
     events += _picked(world, picked_from)
     events += _unload(world)
@@ -52,29 +48,19 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
     return events
 
 
-def _advance(world: World, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Move all bodies, in body order, and pick. Return the collisions that begin, and the row that each picker picks from, or NONE."""
-    begun, picked_from = advance(wanted, *_ARGUMENTS(world))
-    return begun, picked_from
-
-
 def _collision(world: World, i: int, obstacle: int) -> Event:
     names = world.layout.names
     if obstacle < len(names):
         return Event(world.tick, "collision", names[i], names[obstacle])
-    return Event(world.tick, "collision", names[i], "", _wall(world, obstacle - len(names)))
-
-
-def _wall(world: World, number: int) -> str:
-    x, y, half_length, half_width = world.layout.walls[number].tolist()
+    x, y, half_length, half_width = world.layout.walls[obstacle - len(names)].tolist()
     what = "a fence" if max(half_length, half_width) > 1.0 else "a trunk or post"
-    return f"{what} at ({x:g}, {y:g})"
+    return Event(world.tick, "collision", names[i], "", f"{what} at ({x:g}, {y:g})")
 
 
 def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
     """The events for rows that are picked and bins that are full; picked_from: one row index for each picker, or NONE."""
     events, names = [], world.layout.names
-    for i, r in zip(world.pickers.tolist(), picked_from.tolist(), strict=True):
+    for i, r in zip(world.fixed.pickers.tolist(), picked_from.tolist(), strict=True):
         if r == NONE:
             continue
         bin_ = int(world.coupled[i])
@@ -134,15 +120,10 @@ def harvest_is_over(world: World) -> bool:
     """
     if (world.row_picked < ROW_LENGTH).any() or (world.fill >= ROW_LENGTH).any():
         return False
-    kinds = [start.kind for start in world.layout.starts]
-    return all(
-        _waits_in_queue(world, i) if kind == "carrier" else is_at_rest(world, i)
-        for i, kind in enumerate(kinds)
-        if kind in ("carrier", "picker")
-    )
+    robots = [(i, start.kind) for i, start in enumerate(world.layout.starts) if start.kind in ("carrier", "picker")]
+    return all(is_at_rest(world, i) and (kind == "picker" or _waits_in_queue(world, i)) for i, kind in robots)
 
 
 def _waits_in_queue(world: World, carrier: int) -> bool:
     x, y, yaw = world.pose[carrier].tolist()
-    queued = QUEUE.contains(x, y) and abs(angle_between(yaw, EAST)) <= FACING
-    return queued and world.coupled[carrier] != NONE and is_at_rest(world, carrier)
+    return QUEUE.contains(x, y) and abs(angle_between(yaw, EAST)) <= FACING and bool(world.coupled[carrier] != NONE)

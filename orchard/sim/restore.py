@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -13,15 +12,14 @@ from orchard.field.layout import ROW_LENGTH, lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check
 from orchard.sim.snapshot import Snapshot, SnapshotError
-from orchard.sim.world import NONE, World, new_world
+from orchard.sim.world import NONE, World
 
 FURTHEST = 1e12  # m that a body can drive by LAST_TICK
 
 
 def world_as_data(world: World) -> dict[str, Any]:
-    """Return all fields of a world except its layout."""
-    values = {field.name: getattr(world, field.name) for field in fields(world) if field.name != "layout"}
-    return {name: value.tobytes() if isinstance(value, np.ndarray) else value for name, value in values.items()}
+    """Return the state of a world."""
+    return {name: value.tobytes() if isinstance(value, np.ndarray) else value for name, value in world.state.items()}
 
 
 @contextmanager
@@ -37,10 +35,9 @@ def fitting(snapshot: Snapshot) -> Iterator[None]:
 def world_from(snapshot: Snapshot) -> World:
     """Return the world of a snapshot. Raises SnapshotError if it does not fit its scenario, or a value is impossible."""
     with fitting(snapshot):
-        world = new_world(lay_out(check(snapshot.scenario, "the snapshot's scenario")))
-        for field in fields(world):
-            if field.name != "layout":
-                setattr(world, field.name, _like(getattr(world, field.name), snapshot.world[field.name]))
+        world = World(lay_out(check(snapshot.scenario, "the snapshot's scenario")))
+        for name, value in world.state.items():
+            setattr(world, name, _like(value, snapshot.world[name]))
         unknown = {*snapshot.held, *snapshot.memories} - set(world.layout.agents)
         faults = [*_faults(world), *(f"{name}: there is no such agent" for name in sorted(unknown))]
         if faults:
@@ -61,10 +58,10 @@ def _like(old: Any, value: Any) -> Any:
 
 def _faults(world: World) -> Iterator[str]:
     """A sentence for each field with an impossible value."""
-    west, south = world.walls[:, :2].min(axis=0)
-    east, north = world.walls[:, :2].max(axis=0)
+    west, south = world.layout.walls[:, :2].min(axis=0)
+    east, north = world.layout.walls[:, :2].max(axis=0)
     x, y, yaw = world.pose.T
-    spans = {
+    spans: dict[str, tuple[Any, float, float]] = {
         "tick": (world.tick, 0, LAST_TICK),
         "pose": (x, west, east),
         "pose's y": (y, south, north),
@@ -90,8 +87,5 @@ def _are_pairs(world: World) -> bool:
     """Whether all couplings are mutual, each between a bin and a robot that tows."""
     kinds, coupled = [start.kind for start in world.layout.starts], world.coupled.tolist()
     pairs = [(i, j) for i, j in enumerate(coupled) if j != NONE]
-    return all(0 <= j < len(coupled) and coupled[j] == i and _tow(kinds[i], kinds[j]) for i, j in pairs)
-
-
-def _tow(one: str, other: str) -> bool:
-    return any(KINDS[robot].tows > 0.0 and towed == "bin" for robot, towed in ((one, other), (other, one)))
+    tow = {(robot, "bin") for robot, kind in KINDS.items() if kind.tows > 0.0}
+    return all(0 <= j < len(coupled) and coupled[j] == i and {(kinds[i], kinds[j]), (kinds[j], kinds[i])} & tow for i, j in pairs)

@@ -12,12 +12,13 @@ from orchard.contract.agent import Hitch, Observations
 from orchard.field import repeatable
 from orchard.field.geometry import Twist
 from orchard.field.kinds import AROUND, KINDS, LASER_RANGE, Laser
-from orchard.field.layout import ROW_LENGTH, Layout
-from orchard.sim.kernels.boxes import RADIUS, boxes_of, frame_of, grid_of
+from orchard.field.layout import ROW_LENGTH
+from orchard.sim.kernels.boxes import RADIUS
+from orchard.sim.kernels.grid import frame_of, grid_of
 from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.laser import STEPS, add_noise, cast_all
 from orchard.sim.kernels.move import quaternions
-from orchard.sim.world import World, half_sizes
+from orchard.sim.world import World
 
 _FORWARD = KINDS["picker"].laser
 
@@ -25,15 +26,14 @@ _FORWARD = KINDS["picker"].laser
 class Scanner:
     """All lasers of an orchard, one for each body."""
 
-    def __init__(self, layout: Layout) -> None:
-        kinds = [KINDS[start.kind] for start in layout.starts]
-        lasers = [kind.laser for kind in kinds]
+    def __init__(self, world: World) -> None:
+        layout, walls, bodies = world.layout, world.fixed.walls, world.fixed.shapes.copy()
+        lasers = [KINDS[start.kind].laser for start in layout.starts]
         begin = np.cumsum([0] + [laser.beams for laser in lasers], dtype=np.int64)
-        walls, bodies = boxes_of(layout.walls[:, :2], layout.walls[:, 2:]), boxes_of(np.zeros((len(kinds), 2)), half_sizes(layout))
         (front_beams, front_table), (round_beams, round_table) = _fan(_FORWARD), _fan(AROUND)
         constant = {
             "bodies": bodies,
-            "solid": np.array([kind.solid for kind in kinds], dtype=np.bool_),
+            "solid": world.fixed.solid,
             "walls": walls,
             **{f"wall_{name}": array for name, array in grid_of(walls, LASER_RANGE)._asdict().items()},
             "body_frame": frame_of(walls, LASER_RANGE + float(bodies[:, RADIUS].max(initial=0.0))),
@@ -91,7 +91,7 @@ def observe(world: World, scans: list[np.ndarray]) -> Observations:
     names = world.layout.names
     states = np.concatenate((world.pose[:, :2], quaternions(world.pose), world.twist), axis=1)
     coupled = np.flatnonzero(world.coupled >= 0).tolist()
-    robots = world.bodies.tows > 0.0
+    robots = world.fixed.tows > 0.0
     hitches = {names[i]: _hitch(world, states, scans, int(world.coupled[i]), bool(robots[i])) for i in coupled}
     fills = {names[i]: float(world.fill[i]) for i in np.flatnonzero(world.fill).tolist()}
     return Observations(world.tick, names, states, scans, hitches, fills, {name for name, fill in fills.items() if fill >= ROW_LENGTH})

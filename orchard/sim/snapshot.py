@@ -7,7 +7,6 @@ then renamed, so that a kill leaves the old file or the new one, never a part of
 import hashlib
 import os
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -46,11 +45,6 @@ class Snapshot(msgspec.Struct):
 # -- files
 
 
-def write(snapshot: Snapshot, folder: Path) -> Path:
-    """Write a snapshot into a folder, remove all but the newest KEPT, and return its path. Raises OSError."""
-    return store(*as_file(snapshot), folder)
-
-
 def as_file(snapshot: Snapshot) -> tuple[str, bytes]:
     """Return the name and the content of a snapshot's file."""
     payload = pack(snapshot)
@@ -59,7 +53,7 @@ def as_file(snapshot: Snapshot) -> tuple[str, bytes]:
 
 
 def store(name: str, content: bytes, folder: Path) -> Path:
-    """Write a file that `as_file` returned into a folder, as `write` does. Raises OSError."""
+    """Write a file that `as_file` returned into a folder, remove all but the newest KEPT, and return its path. Raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
     beside = path.with_suffix(".new")
@@ -68,7 +62,7 @@ def store(name: str, content: bytes, folder: Path) -> Path:
         file.flush()
         os.fsync(file.fileno())
     beside.replace(path)
-    for old in list(_newest_first(folder))[KEPT:]:
+    for old in _newest_first(folder)[KEPT:]:
         old.unlink()
     return path
 
@@ -108,5 +102,5 @@ def newest(folder: Path, refused: list[str]) -> Snapshot:
     raise SnapshotError("; ".join([*refused, f"{folder}: no usable snapshot"]))
 
 
-def _newest_first(folder: Path) -> Iterator[Path]:
-    yield from sorted(folder.glob("tick-*.snapshot"), reverse=True)
+def _newest_first(folder: Path) -> list[Path]:
+    return sorted(folder.glob("tick-*.snapshot"), reverse=True)

@@ -27,23 +27,17 @@ class StateTimes:
     """The ticks that each robot has spent in each state. An agent sets its robot's state; an emergency stop overrides it."""
 
     def __init__(self, world: World, data: dict[str, Any] | None = None) -> None:
-        """`data`: of a resumed run, what `as_data` returned. Raises ValueError or KeyError if it does not fit the world."""
+        """`data`: of a resumed run, `counts` as plain data. Raises ValueError or KeyError if it does not fit the world."""
         robots = [name for name in world.layout.names if kind_of(name) in ROBOTS]
-        self._counts = StateCounts(world.tick, {name: [0] * len(STATES) for name in robots})
-        if data is not None:
-            counts = msgspec.convert(data, StateCounts)
-            self._counts = StateCounts(counts.since, {name: counts.ticks[name] for name in robots}, counts.stopped)
-            if any(len(ticks) != len(STATES) for ticks in self._counts.ticks.values()):
-                raise ValueError(f"states: each robot must have {len(STATES)} numbers")
-
-    def as_data(self) -> dict[str, Any]:
-        """Return the counts as plain data."""
-        data: dict[str, Any] = msgspec.to_builtins(self._counts)
-        return data
+        new = StateCounts(world.tick, {name: [0] * len(STATES) for name in robots})
+        known = new if data is None else msgspec.convert(data, StateCounts)
+        self.counts = StateCounts(known.since, {name: known.ticks[name] for name in robots}, known.stopped)
+        if any(len(ticks) != len(STATES) for ticks in self.counts.ticks.values()):
+            raise ValueError(f"states: each robot must have {len(STATES)} numbers")
 
     def update(self, world: World, actions: Mapping[str, Action]) -> None:
         """Count the tick that has just ended. A robot without an action rests."""
-        counts, stopped = self._counts, world.stopped.tolist()
+        counts, stopped = self.counts, world.stopped.tolist()
         for name, ticks in counts.ticks.items():
             if stopped[world.layout.index[name]]:
                 ticks[_NUMBER["stopped"]] += 1
@@ -53,18 +47,18 @@ class StateTimes:
 
     def faults(self, world: World) -> list[str]:
         """Return a sentence for each robot if its states do not add up to the run."""
-        run = world.tick - self._counts.since
-        sums = [(name, sum(ticks)) for name, ticks in self._counts.ticks.items()]
+        run = world.tick - self.counts.since
+        sums = [(name, sum(ticks)) for name, ticks in self.counts.ticks.items()]
         return [f"tick {world.tick}: {name}'s states add up to {ticks} ticks, the run to {run}" for name, ticks in sums if ticks != run]
 
     def figures(self) -> dict[str, Any]:
         """Return figures for the summary, s: the time of each kind in each state, all robots together, and of each robot under a stop."""
         kinds: dict[str, dict[str, float]] = {}
         for kind in ROBOTS:
-            of_kind = [ticks for name, ticks in self._counts.ticks.items() if kind_of(name) == kind]
+            of_kind = [ticks for name, ticks in self.counts.ticks.items() if kind_of(name) == kind]
             spent = {state: _seconds(sum(ticks[number] for ticks in of_kind)) for state, number in _NUMBER.items()}
             kinds |= {kind: {state: seconds for state, seconds in spent.items() if seconds}} if of_kind else {}
-        return {"state_seconds": kinds, "stopped_seconds": {name: _seconds(ticks) for name, ticks in self._counts.stopped.items()}}
+        return {"state_seconds": kinds, "stopped_seconds": {name: _seconds(ticks) for name, ticks in self.counts.stopped.items()}}
 
 
 def _seconds(ticks: int) -> float:

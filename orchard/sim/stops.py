@@ -22,35 +22,21 @@ def robots_of(layout: Layout) -> list[str]:
     return [start.name for start in layout.starts if KINDS[start.kind].robot]
 
 
-def stop(world: "World", words: Sequence[str] = ()) -> list[str]:
-    """Stop the robots with these names or kinds, or all robots without any. Return those that were not stopped before.
-
-    Raises ValueError for a word that is no robot's name or kind; then no robot is stopped.
-    """
-    return _set(world, words, True)
-
-
-def reset(world: "World", words: Sequence[str] = ()) -> list[str]:
-    """Let these robots, or all, go on. Return those that were stopped before. Raises ValueError as `stop` does."""
-    return _set(world, words, False)
-
-
 def stopped(world: "World") -> list[str]:
     """Return all stopped robots, in the layout's order."""
     return [name for name, latched in zip(world.layout.names, world.stopped.tolist(), strict=True) if latched]
 
 
-def _set(world: "World", words: Sequence[str], latch: bool) -> list[str]:
+def latch(world: "World", words: Sequence[str], stop: bool) -> list[str]:
+    """Stop or reset the robots with these names or kinds, or all without any; return those that change. Raises ValueError: see Engine."""
     meant = [world.index[name] for name in select_agents(robots_of(world.layout), list(words), [])]
     pairs = {j for i in meant for j in (i, int(world.coupled[i])) if j >= 0}
-    changed = [i for i in sorted(pairs) if bool(world.stopped[i]) is not latch]
-    world.stopped[changed] = latch
+    changed = [i for i in sorted(pairs) if bool(world.stopped[i]) is not stop]
+    world.stopped[changed] = stop
     return [world.layout.names[i] for i in changed]
 
 
 def as_shown(world: "World", actions: Mapping[str, Action]) -> Mapping[str, Action]:
     """Return the actions as they are shown to people: a stopped robot shows as stopped, whatever its agent returned."""
-    return {
-        **actions,
-        **{name: replace(actions.get(name) or Action(), doing=STOPPED, state="stopped", waits_for="") for name in stopped(world)},
-    }
+    halted = {name: replace(actions.get(name) or Action(), doing=STOPPED, state="stopped", waits_for="") for name in stopped(world)}
+    return {**actions, **halted}

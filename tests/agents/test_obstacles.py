@@ -18,12 +18,12 @@ from orchard.sim.world import World
 
 def overlapping(world: World) -> list[tuple[str, str]]:
     """Return the pairs of solid things that overlap; the name of a wall is its number."""
-    boxes = world.bodies.boxes.copy()
+    boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
-    solid = np.flatnonzero(world.bodies.solid)
+    solid = np.flatnonzero(world.fixed.solid)
     names = world.layout.names
     pairs = [(names[i], names[j]) for i in solid for j in solid if i < j and overlap(boxes[i], boxes[j])]
-    return pairs + [(names[i], str(k)) for i in solid for k in range(len(world.walls)) if overlap(boxes[i], world.walls[k])]
+    return pairs + [(names[i], str(k)) for i in solid for k in range(len(world.fixed.walls)) if overlap(boxes[i], world.fixed.walls[k])]
 
 
 CROWD = [

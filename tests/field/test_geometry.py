@@ -8,7 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from orchard.field.geometry import EAST, NORTH, SOUTH, WEST, Pose, Rect, angle_between, from_frame, nearest_heading, to_frame, yaw_of
-from orchard.sim.kernels.boxes import boxes_of, cell_of, gap, grid_of, overlap, place
+from orchard.sim.kernels.boxes import boxes_of, gap, overlap, place
+from orchard.sim.kernels.grid import cell_of, grid_of
 from orchard.sim.kernels.move import quaternions
 
 metres = st.floats(-60.0, 60.0)

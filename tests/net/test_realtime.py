@@ -19,7 +19,7 @@ from orchard.net.realtime import SLACK, Delays, RealtimeBarrier
 from orchard.net.refusals import Refused
 from orchard.server.figures import RunFigures
 from orchard.sim.physics import is_full
-from orchard.sim.snapshot import write
+from orchard.sim.snapshot import as_file, store
 from orchard.wire.messages import Angular, Answered, AskedOf, Linear, Received, Report, Seen, Velocity
 
 STEP = 0.125  # s of wall time to a tick
@@ -262,7 +262,7 @@ def test_the_exchange_of_bins_works_in_realtime(tmp_path):
     before = local_at(650)
     taken = before.snapshot()
     taken.run, taken.figures = "exchange", taken.figures | RunFigures(before.engine).as_data()
-    write(taken, tmp_path)
+    store(*as_file(taken), tmp_path)
     assert not is_full(before.engine.world, before.engine.world.index["bin_01"])
     with running("--resume", tmp_path, "--mode", "realtime", "--speed", 10, "--hosts", 1, "--record", "none", "--duration", 900) as run:
         assert any(re.search(r"bins delivered [1-3]/3", line) for line in run.stdout)

@@ -20,14 +20,14 @@ from orchard.sim.invariants import Invariants
 from orchard.sim.physics import step
 from orchard.sim.snapshot import Snapshot
 from orchard.sim.state_times import StateTimes
-from orchard.sim.world import NONE, World, new_world
+from orchard.sim.world import NONE, World
 
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
 def world() -> World:
-    return new_world(lay_out(empty_orchard(people=People(workers=1, visitors=0))))
+    return World(lay_out(empty_orchard(people=People(workers=1, visitors=0))))
 
 
 @pytest.fixture
@@ -211,7 +211,7 @@ def test_states_go_on_from_data(world):
     after(Invariants(world), world)
     states.update(world, {})
     after(Invariants(world), world)
-    resumed = StateTimes(world, unpack(pack(states.as_data()), dict))
+    resumed = StateTimes(world, unpack(pack(states.counts), dict))
     assert resumed.faults(world) != [], "a tick was left out"
     resumed.update(world, {})
     assert resumed.faults(world) == []

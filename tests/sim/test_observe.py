@@ -12,7 +12,7 @@ def test_everybody_is_told_its_place_and_its_hitch():
     told = picker_with_bin(yaw=NORTH)
     told.world.fill[1] = 70.0
     told.drive(1, picker_01=Twist(0.3))
-    scans = Scanner(told.world.layout).scan(told.world)
+    scans = Scanner(told.world).scan(told.world)
     seen = observe(told.world, scans)
     picker, bin_ = seen["picker_01"], seen["bin_02"]
     assert picker.pose == pytest.approx(told.pose("picker_01"), abs=1e-15)

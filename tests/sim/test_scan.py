@@ -13,7 +13,7 @@ from orchard.field.kinds import KINDS, LASER_RANGE
 from orchard.field.layout import lay_out
 from orchard.field.scenario import LaserSettings, Scenario
 from orchard.sim.scan import Scanner
-from orchard.sim.world import new_world
+from orchard.sim.world import World
 
 EXACT = 1e-9  # m; a beam that passes a corner this near may hit or miss it
 AHEAD = 90  # of the beams of a laser that looks forward, the first left of straight ahead; 89 is the first right of it
@@ -28,13 +28,13 @@ walls = st.lists(st.tuples(coordinates, coordinates, sizes, sizes), min_size=1, 
 
 
 def scan_of(world, i: int = 0) -> np.ndarray:
-    return Scanner(world.layout).scan(world)[i]
+    return Scanner(world).scan(world)[i]
 
 
 def assert_agrees_with_raycaster(world) -> None:
     """Assert that every range is right to EXACT, for boxes with places that are right to EXACT."""
     ends = np.cumsum([KINDS[start.kind].laser.beams for start in world.layout.starts])
-    for i, ranges in enumerate(np.split(Scanner(world.layout).ranges(world), ends[:-1])):
+    for i, ranges in enumerate(np.split(Scanner(world).ranges(world), ends[:-1])):
         least, most = bounds_of(world, i, EXACT)
         wrong = ~((least <= ranges) & (ranges <= most))
         assert not wrong.any(), (world.layout.names[i], np.flatnonzero(wrong), least[wrong], ranges[wrong], most[wrong])
@@ -53,12 +53,12 @@ def test_every_beam_is_exact_anywhere_in_an_orchard_and_just_outside(bodies):
 
 
 def test_the_orchard_at_its_start_is_seen_as_the_raycaster_sees_it():
-    assert_agrees_with_raycaster(new_world(lay_out(Scenario(rows=6, pickers=3, carriers=14))))
+    assert_agrees_with_raycaster(World(lay_out(Scenario(rows=6, pickers=3, carriers=14))))
 
 
 def test_a_forward_laser_has_180_beams_and_a_bin_60():
     world = world_of(("picker", Pose(0, 0, 0)), ("bin", Pose(-5, 0, 0)), ("weed", Pose(5, 5, 0)))
-    scans = Scanner(world.layout).scan(world)
+    scans = Scanner(world).scan(world)
     assert [len(scan) for scan in scans] == [180, 60, 60]
     assert all(scan.dtype == np.float32 for scan in scans)
 
@@ -89,14 +89,14 @@ def test_nothing_within_10_m_is_no_return():
 
 def test_a_robot_sees_its_own_bin_not_and_its_bin_sees_it():
     world = world_of(("picker", Pose(0, 0, 0)), ("bin", Pose(-2.25, 0, 0)))
-    robot, bin_ = Scanner(world.layout).scan(world)
+    robot, bin_ = Scanner(world).scan(world)
     assert np.isinf(robot).all()  # behind it
     assert bin_[0] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_nobody_sees_a_weed_and_a_weed_sees_everybody():
     world = world_of(("worker", Pose(0, 0, 0)), ("weed", Pose(2, 0, 0)))
-    worker, weed = Scanner(world.layout).scan(world)
+    worker, weed = Scanner(world).scan(world)
     assert np.isinf(worker).all()
     assert weed[30] == pytest.approx(2.0 - 0.275, abs=1e-6)
 
@@ -122,7 +122,7 @@ def test_the_nearer_of_two_hides_the_farther():
 
 def test_a_scan_that_was_kept_does_not_change():
     world = world_of(("worker", Pose(0, 0, 0)), walls=[(5.0, 0, 1.0, 1.0)])
-    scanner = Scanner(world.layout)
+    scanner = Scanner(world)
     kept = scanner.scan(world)[0]
     before = kept.copy()
     world.pose[0, 0] = 1.0
@@ -134,7 +134,7 @@ def noisy(seed: int = 1, noise: float = 0.02, tick: int = 0):
     workers = ("worker", Pose(0, 0, 0)), ("worker", Pose(0, 1.5, 0))
     world = world_of(*workers, walls=[(8.0, 0, 1.0, 90.0)], seed=seed, laser=LaserSettings(noise=noise))
     world.tick = tick
-    return Scanner(world.layout).scan(world)
+    return Scanner(world).scan(world)
 
 
 def test_noise_is_the_same_for_the_same_seed_name_and_tick_and_another_otherwise():

@@ -12,7 +12,7 @@ from torn import assert_usable_or_refused
 from orchard.contract.messages import pack, unpack
 from orchard.field.scenario import Scenario
 from orchard.local import Local
-from orchard.sim.snapshot import HEAD, KEPT, VERSION, Snapshot, SnapshotError, newest, write
+from orchard.sim.snapshot import HEAD, KEPT, VERSION, Snapshot, SnapshotError, as_file, newest, store
 
 
 @settings(max_examples=5)
@@ -43,7 +43,7 @@ def written(tmp_path):
     """A folder in which three snapshots were written, and two are kept."""
     local = local_at(10)
     for _ in range(3):
-        write(local.snapshot(), tmp_path)
+        store(*as_file(local.snapshot()), tmp_path)
         local.tick()
     return tmp_path
 
@@ -86,7 +86,7 @@ def test_a_folder_without_a_snapshot_is_named(tmp_path):
 @pytest.fixture(scope="module")
 def good(tmp_path_factory) -> bytes:
     """The bytes of a good snapshot's file."""
-    return write(local_at(3).snapshot(), tmp_path_factory.mktemp("good")).read_bytes()
+    return store(*as_file(local_at(3).snapshot()), tmp_path_factory.mktemp("good")).read_bytes()
 
 
 @settings(max_examples=200)

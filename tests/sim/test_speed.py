@@ -13,7 +13,7 @@ from orchard.field.kinds import KINDS, LASER_RANGE
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.sim.scan import Scanner
-from orchard.sim.world import World, new_world
+from orchard.sim.world import World
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -37,7 +37,7 @@ def seconds(work: Callable[[], object], repeats: int) -> float:
 def robot_step(robots: int) -> float:
     """Return the processor time of one robot's scan and movement, s, in a field of constant density."""
     world = world_of(growing(robots))
-    scanner, steps = Scanner(world.layout), 6000 // robots
+    scanner, steps = Scanner(world), 6000 // robots
     return seconds(lambda: drive(world, scanner, steps), 5) / steps / robots
 
 
@@ -71,8 +71,8 @@ def test_a_robots_step_costs_as_much_in_a_crowd_as_in_a_small_field(robots):
 
 def test_the_kernel_is_far_faster_than_plain_numpy():
     """It was 400 times as fast when this test was written."""
-    world = new_world(lay_out(Scenario()))
-    scanner = Scanner(world.layout)
+    world = World(lay_out(Scenario()))
+    scanner = Scanner(world)
 
     def share() -> float:
         plain = seconds(lambda: [plain_ranges(world, i) for i in range(len(world.pose))], 2)

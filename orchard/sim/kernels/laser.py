@@ -1,26 +1,23 @@
 """The laser's inner loops: the ranges of many beams to many oriented boxes, exact to rounding.
 
-Every quantity below is in the sensor's frame: the sensor at the origin, facing along +x.
+Every quantity below is in the sensor's frame: the sensor at the origin, facing along +x. One face of a box is a segment on the line
+{p : n.p = -gap}, where n is the face's outward normal and gap > 0 the sensor's distance from that line, on its outer side. A beam of
+direction u meets the line at p = t u, so
 
-One face of a box is a segment on the line {p : n.p = -gap}, where n is the face's outward normal and gap > 0 the
-sensor's distance from that line, on its outer side. A beam of direction u meets the line at p = t u, so
+    1 / t  =  -(n . u) / gap  =  a cos + b sin      with  a = -n_x / gap,  b = -n_y / gap:
 
-    1 / t  =  -(n . u) / gap  =  a cos + b sin      with  a = -n_x / gap,  b = -n_y / gap,
+two products a beam, no division. The nearest hit is the largest 1/t, so each beam keeps a running maximum, 0 at first, and is turned into
+a range once, at the end.
 
-which is linear in the beam's cosine and sine: two products a beam, no division. The nearest hit is the largest 1/t, so
-each beam keeps a running maximum, 0 at first, and is turned into a range once, at the end.
+The beams that meet a face are those between its right corner and its left corner. The sign of a cross product decides exactly whether a
+beam passes a corner on its right or left, so an approximate first beam is enough. This needs no arc tangent: y / (|x| + |y|), quarter by
+quarter, grows with the angle from 0 to 4 (the angle on a diamond instead of a circle). A table gives the fractional beam index at each
+small step of this angle; linear interpolation between two steps is right to a third of a thousandth of a beam. Two faces that share a
+corner use the same result for it, so no beam passes between them.
 
-The beams that meet a face are those between its right corner and its left corner. The sign of a cross product decides
-exactly whether a beam passes a corner on its right or left, so an approximate first beam is enough. This needs no arc
-tangent: y / (|x| + |y|), quarter by quarter, grows with the angle from 0 to 4 (the angle on a diamond instead of a circle).
-A table gives the fractional beam index at each small step of this angle; linear interpolation between two steps is right
-to a third of a thousandth of a beam. Two faces that share a corner use the same result for it, so no beam passes between
-them.
-
-Boxes are skipped if their circumscribed circle is beyond the range or, for a forward laser, wholly behind the sensor.
-Faces that point away are skipped too. From outside a box at most two faces remain. From inside, a beam leaves by the face
-with the largest 1/t of all four, so no corners are needed. A sensor at most boxes.TOUCH inside a box is on its edge, and
-measures 0.
+Boxes are skipped if their circumscribed circle is beyond the range or, for a forward laser, wholly behind the sensor; faces that point
+away are skipped too, so at most two remain. From inside a box, a beam leaves by the face with the largest 1/t of all four, so no corners
+are needed. A sensor at most boxes.TOUCH inside a box is on its edge, and measures 0.
 """
 
 from typing import NamedTuple
@@ -29,23 +26,8 @@ import numpy as np
 
 from orchard.field.kinds import LASER_RANGE
 from orchard.field.repeatable import TURN
-from orchard.sim.kernels.boxes import (
-    COSINE,
-    HALF_LENGTH,
-    HALF_WIDTH,
-    RADIUS,
-    ROWS,
-    SINE,
-    TOUCH,
-    Grid,
-    X,
-    Y,
-    cell_of,
-    column_and_row,
-    place,
-    sort_into_cells,
-    strip,
-)
+from orchard.sim.kernels.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, TOUCH, X, Y, place
+from orchard.sim.kernels.grid import ROWS, Grid, cell_of, column_and_row, sort_into_cells, strip
 from orchard.sim.kernels.jit import inlined, jit, log, sin_cos
 
 STEPS = 256  # table steps for each quarter of the diamond

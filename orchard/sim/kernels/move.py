@@ -6,23 +6,8 @@ import numpy as np
 
 from orchard.field.layout import ROW_EAST, ROW_LENGTH, ROW_WEST
 from orchard.field.scenario import TIME_STEP
-from orchard.sim.kernels.boxes import (
-    COSINE,
-    ROWS,
-    SINE,
-    TOUCH,
-    Grid,
-    X,
-    Y,
-    cell_of,
-    circles_meet,
-    column_and_row,
-    gap,
-    overlap,
-    place,
-    sort_into_cells,
-    strip,
-)
+from orchard.sim.kernels.boxes import COSINE, SINE, TOUCH, X, Y, circles_meet, gap, overlap, place
+from orchard.sim.kernels.grid import ROWS, Grid, cell_of, column_and_row, sort_into_cells, strip
 from orchard.sim.kernels.jit import inlined, jit, sin_cos, wrap
 
 NONE = -1  # as an index: none
@@ -31,17 +16,6 @@ LANE_REACH = 1.0  # m; a picker is in a row if it is this near to the lane's cen
 PICK_REACH = 0.2  # m; picking begins within this of a row's end, and continues within this of its last point; a step is at most half of it
 FULL_WITHIN = 1e-6  # m; a row or a bin that lacks at most this is full
 _FRONTIER = 1e-9  # m
-
-
-class Bodies(NamedTuple):
-    """The constant properties of n bodies."""
-
-    boxes: np.ndarray  # (n, 7): half sizes and radius; `place` writes the other columns
-    speed: np.ndarray  # (n,) m/s
-    turn: np.ndarray  # (n,) rad/s
-    tows: np.ndarray  # (n,) m from its centre back to the centre of its coupled bin; 0: it tows nothing
-    solid: np.ndarray  # (n,) bool
-    sideways: np.ndarray  # (n,) bool: bins, which move only while they are coupled
 
 
 class Rows(NamedTuple):
@@ -73,9 +47,7 @@ def limit(wanted, top, coupled, turn, sideways, twists):
         left = min(max(wanted[i, 1], -top[i]), top[i]) if sideways[i] else 0.0
         speed = np.sqrt(forward * forward + left * left)
         share = top[i] / speed if speed > top[i] else 1.0
-        twists[i, 0] = forward * share
-        twists[i, 1] = left * share
-        twists[i, 2] = min(max(wanted[i, 2], -turn[i]), turn[i])
+        twists[i, 0], twists[i, 1], twists[i, 2] = forward * share, left * share, min(max(wanted[i, 2], -turn[i]), turn[i])
 
 
 @jit
@@ -99,11 +71,11 @@ def advance(
 
     Returns what `move_all` and `pick` return. It is one kernel because a call from Python takes longer than limiting thirty bodies.
     """
-    top = top_speeds(speed, pickers, pose, coupled, fill, row_y, row_picked, row_from, picking_speed)
-    limit(wanted, top, coupled, turn, sideways, twist)
+    rows = Rows(row_y, row_picked, row_from)
+    limit(wanted, top_speeds(speed, pickers, pose, coupled, fill, rows, picking_speed), coupled, turn, sideways, twist)
     before, walls_near = pose.copy(), Grid(wall_frame, wall_begin, wall_members)
     begun = move_all(twist, pose, coupled, shapes, tows, solid, walls, walls_near, body_frame, distance, refused, held, blocked)
-    return begun, pick(pickers, before, pose, coupled, row_y, row_picked, row_from, fill)
+    return begun, pick(pickers, before, pose, coupled, rows, fill)
 
 
 @jit
@@ -184,11 +156,39 @@ def _in_the_way(moved, me, boxes, body_grid, walls, wall_grid):
                 first = j
     if first < len(boxes):
         return first
-    cell = cell_of(wall_grid, moved[X], moved[Y])
-    for k in wall_grid.members[wall_grid.begin[cell] : wall_grid.begin[cell + 1]]:
-        if circles_meet(moved, walls, k) and overlap(moved, walls[k]):
-            return len(boxes) + k
+    wall = _wall_at(moved, walls, wall_grid)
+    return NONE if wall == NONE else len(boxes) + wall
+
+
+@inlined
+def _wall_at(box, walls, grid):
+    """Return the first wall that a box overlaps, or NONE."""
+    cell = cell_of(grid, box[X], box[Y])
+    for k in grid.members[grid.begin[cell] : grid.begin[cell + 1]]:
+        if circles_meet(box, walls, k) and overlap(box, walls[k]):
+            return k
     return NONE
+
+
+@jit
+def overlaps(pose, shapes, solid, walls, wall_frame, wall_begin, wall_members):
+    """Return the overlaps of solid bodies with later bodies and with walls, (c, 2) int64: as `move_all` returns collisions.
+
+    Of several bodies that overlap one body, only the first is returned; the same holds for walls.
+    """
+    n, boxes, count, found = len(pose), shapes.copy(), 0, np.empty((2 * len(pose), 2), np.int64)
+    place(pose, boxes)
+    for i in np.flatnonzero(solid):
+        for j in range(i + 1, n):
+            if solid[j] and circles_meet(boxes[i], boxes, j) and overlap(boxes[i], boxes[j]):
+                found[count, 0], found[count, 1] = i, j
+                count += 1
+                break
+        wall = _wall_at(boxes[i], walls, Grid(wall_frame, wall_begin, wall_members))
+        if wall != NONE:
+            found[count, 0], found[count, 1] = i, n + wall
+            count += 1
+    return found[:count]
 
 
 @jit
@@ -211,12 +211,12 @@ def row_at(y, rows):
 
 
 @jit
-def top_speeds(speed, pickers, pose, coupled, fill, row_y, row_picked, row_from, picking_speed):
+def top_speeds(speed, pickers, pose, coupled, fill, rows, picking_speed):
     """Return the speed limits of the bodies now, (n,) m/s.
 
     The limit is `speed`; for a picker in an unpicked part of a row, with a bin that is not full, it is at most `picking_speed`.
     """
-    rows, top = Rows(row_y, row_picked, row_from), speed.copy()
+    top = speed.copy()
     for i in pickers:
         if coupled[i] == NONE or fill[coupled[i]] >= ROW_LENGTH or pose[i, 0] < ROW_WEST or pose[i, 0] > ROW_EAST:
             continue
@@ -230,12 +230,12 @@ def top_speeds(speed, pickers, pose, coupled, fill, row_y, row_picked, row_from,
 
 
 @jit
-def pick(pickers, before, pose, coupled, row_y, row_picked, row_from, fill):
+def pick(pickers, before, pose, coupled, rows, fill):
     """Pick the parts of rows that the pickers drove over in this step; before (n, 3): the poses at its beginning.
 
-    Returns, for each picker, the index of the row that it picked from, or NONE.
+    Return, for each picker, the index of the row that it picked from, or NONE.
     """
-    rows, picked_from = Rows(row_y, row_picked, row_from), np.full(len(pickers), NONE)
+    picked_from = np.full(len(pickers), NONE)
     for k in range(len(pickers)):
         i = pickers[k]
         start, end = before[i, 0], pose[i, 0]

@@ -1,0 +1,86 @@
+"""Grids of square cells over the ground, which tell the kernels which boxes are near a point."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orchard.sim.kernels.boxes import HALF_LENGTH, HALF_WIDTH, TOUCH, X, Y
+from orchard.sim.kernels.jit import inlined, jit
+
+WEST, SOUTH, CELL, COLUMNS, ROWS = range(5)  # indices into a grid's frame
+
+
+class Grid(NamedTuple):
+    """Square cells over the ground, row by row from the south-west, and the boxes of each cell."""
+
+    frame: np.ndarray  # (5,): west edge, south edge and side of a cell, m; number of columns, number of rows
+    begin: np.ndarray  # (columns x rows + 1,) int64: the boxes of cell k are members[begin[k] : begin[k + 1]]
+    members: np.ndarray  # int64: indices of boxes
+
+
+def frame_of(walls: np.ndarray, cell: float) -> np.ndarray:
+    """Return the frame of a grid that covers all walls, (w, 7) boxes that face east. `cell`: side of a cell, m."""
+    x, y, hx, hy = walls[:, X], walls[:, Y], walls[:, HALF_LENGTH], walls[:, HALF_WIDTH]
+    west, south = float((x - hx).min()), float((y - hy).min())
+    return np.array([west, south, cell, int(((x + hx).max() - west) / cell) + 1, int(((y + hy).max() - south) / cell) + 1])
+
+
+def grid_of(walls: np.ndarray, reach: float, cell: float = 5.0) -> Grid:
+    """Return the Grid of the walls, (w, 7) boxes that face east. A cell holds each wall within `reach` (m) of a point in the cell."""
+    frame = frame_of(walls, cell)
+    x, y, hx, hy = walls[:, X], walls[:, Y], walls[:, HALF_LENGTH], walls[:, HALF_WIDTH]
+    near = []
+    for row in range(int(frame[ROWS])):
+        for column in range(int(frame[COLUMNS])):
+            dx = np.maximum(np.abs(x - frame[WEST] - (column + 0.5) * cell) - hx - cell / 2, 0.0)
+            dy = np.maximum(np.abs(y - frame[SOUTH] - (row + 0.5) * cell) - hy - cell / 2, 0.0)
+            near.append(np.flatnonzero(dx * dx + dy * dy <= reach * reach + TOUCH))
+    begin = np.cumsum([0] + [len(members) for members in near], dtype=np.int64)
+    return Grid(frame, begin, np.concatenate(near).astype(np.int64))
+
+
+@inlined
+def column_and_row(frame, x, y):
+    """Return the column and row of the cell at a point (m). Points outside the grid are clamped to the nearest cell."""
+    column = min(max(int((x - frame[WEST]) / frame[CELL]), 0), int(frame[COLUMNS]) - 1)
+    row = min(max(int((y - frame[SOUTH]) / frame[CELL]), 0), int(frame[ROWS]) - 1)
+    return column, row
+
+
+@inlined
+def cell_of(grid, x, y):
+    """Return the index of the cell at a point (m), or of the nearest cell, which holds all boxes within its reach of the point."""
+    column, row = column_and_row(grid.frame, x, y)
+    return row * int(grid.frame[COLUMNS]) + column
+
+
+@jit
+def sort_into_cells(boxes, solid, frame):
+    """Return the Grid of the solid boxes by their centres, in ascending order within a cell (a counting sort).
+
+    boxes (n, 7); solid (n,) bool. A centre within one cell side of a point is in the point's cell or in one of the eight cells
+    around it. This also holds for points outside the grid: clamping to the nearest cell brings no two points further apart.
+    """
+    columns = int(frame[COLUMNS])
+    cells = np.empty(len(boxes), np.int64)
+    begin = np.zeros(columns * int(frame[ROWS]) + 2, np.int64)
+    for i in range(len(boxes)):
+        column, row = column_and_row(frame, boxes[i, X], boxes[i, Y])
+        cells[i] = row * columns + column
+        begin[cells[i] + 2] += solid[i]
+    for cell in range(2, len(begin)):
+        begin[cell] += begin[cell - 1]
+    members = np.empty(begin[-1], np.int64)
+    for i in range(len(boxes)):
+        if solid[i]:
+            members[begin[cells[i] + 1]] = i
+            begin[cells[i] + 1] += 1
+    return Grid(frame, begin[:-1], members)
+
+
+@inlined
+def strip(grid, column, row):
+    """Return the range of `members`, first and last + 1, of a cell and its neighbours in the same row."""
+    columns = int(grid.frame[COLUMNS])
+    west, east = max(column - 1, 0), min(column + 1, columns - 1)
+    return grid.begin[row * columns + west], grid.begin[row * columns + east + 1]

@@ -114,10 +114,7 @@ def is_at_rest(world: World, i: int) -> bool:
 
 
 def harvest_is_over(world: World) -> bool:
-    """Whether the harvest is over.
-
-    All rows are picked, no bin is full, the carriers stand in the queue with their bins, facing east, and the pickers stand.
-    """
+    """Whether all rows are picked, no bin is full, the carriers stand in the queue with their bins, facing east, and the pickers stand."""
     if (world.row_picked < ROW_LENGTH).any() or (world.fill >= ROW_LENGTH).any():
         return False
     robots = [(i, start.kind) for i, start in enumerate(world.layout.starts) if start.kind in ("carrier", "picker")]

@@ -68,14 +68,9 @@ class Scanner:
         return ranges
 
 
-def beam_angle(laser: Laser, beam: int) -> float:
-    """Return the direction of a beam in its body's frame, rad."""
-    return laser.first + beam * laser.increment
-
-
 def _fan(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
     """The beams' cosines and sines, (2, beams), and the fractional beam index at each step of the diamond, (4 STEPS + 2,)."""
-    beams = np.array([repeatable.sin_cos(beam_angle(laser, k))[::-1] for k in range(laser.beams)]).T.copy()
+    beams = np.array([repeatable.sin_cos(laser.first + k * laser.increment)[::-1] for k in range(laser.beams)]).T.copy()
     quarter, share = np.divmod(np.arange(4 * STEPS + 2) / STEPS, 1.0)
     angles = [q * repeatable.QUARTER + repeatable.atan2(s, 1.0 - s) for q, s in zip(quarter.tolist(), share.tolist(), strict=True)]
     return beams, np.array(angles) / laser.increment

@@ -132,14 +132,11 @@ class Recorder:
             self._send_scans()
 
     def _send_poses(self) -> None:
-        """Send the poses that have changed, all in one entity; each row names the body's frame.
-
-        The newest tick always gets a row: it shows how far the recording reaches.
-        """
+        """Send the poses that have changed, all in one entity; each row names the body's frame."""
         if self._poses:
             ticks, poses = zip(*self._poses, strict=True)
             changed = (np.array(poses) != np.array([self._last, *poses[:-1]])).any(axis=2)
-            changed[-1, 0] = True
+            changed[-1, 0] = True  # the newest tick always gets a row: it shows how far the recording reaches
             when, which = changed.nonzero()
             columns = _transforms(np.array(poses)[when, which], [self.layout.names[i] for i in which])
             self.rec.send_columns("/tf", indexes=[_times(np.array(ticks)[when])], columns=columns)

@@ -26,10 +26,7 @@ class MeshPart(NamedTuple):
 
 
 def mesh_of(parts: Iterable[MeshPart], own: Colour = (0, 0, 0), alpha: int | None = None) -> rr.Mesh3D:
-    """Return all parts as one mesh of flat faces, transparent if `alpha` is less than 255. `own`: the body's own colour.
-
-    A face is darker the more it is turned away from the sun.
-    """
+    """Return all parts as one mesh of flat faces, darker on the side away from the sun. `own`: the body's colour, `alpha`: 255 opaque."""
     pieces = [(_placed(part), part.colour if isinstance(part.colour, tuple) else _darker(own, part.colour)) for part in parts]
     corners = np.concatenate([piece for piece, _ in pieces])
     colours = np.concatenate([np.tile(np.array(colour, float), (len(piece), 1)) for piece, colour in pieces])

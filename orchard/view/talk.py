@@ -36,10 +36,7 @@ def line_of(event: Event) -> str:
 
 
 def gathered(events: Sequence[Event]) -> list[Event]:
-    """Return the events with each request to many, and each set of replies from many, merged into one event ('14 carriers').
-
-    Other events are unchanged.
-    """
+    """Return the events with each request to many, and each set of replies from many, merged into one event ('14 carriers')."""
     said = [replace(alike[0], whom=_together([e.whom for e in alike]), detail=_text(alike)) for alike in _alike(events, "who")]
     return [replace(alike[0], who=_together([e.who for e in alike]), detail=_text(alike)) for alike in _alike(said, "whom")]
 

@@ -142,11 +142,8 @@ def _leaves_its_bin(moved, me, coupled, tows, boxes):
 
 @inlined
 def _in_the_way(moved, me, boxes, body_grid, walls, wall_grid):
-    """Return the first obstacle that a moved body would overlap: a body's index, n + a wall's index, or NONE.
-
-    The bodies' grid was made before any body moved; its cells are large enough for one step.
-    """
-    first = len(boxes)
+    """Return the first obstacle that a moved body would overlap: a body's index, n + a wall's index, or NONE."""
+    first = len(boxes)  # the bodies' grid was made before any body moved; its cells are large enough for one step
     column, row = column_and_row(body_grid.frame, moved[X], moved[Y])
     for near in range(max(row - 1, 0), min(row + 2, int(body_grid.frame[ROWS]))):
         begin, end = strip(body_grid, column, near)
@@ -172,10 +169,7 @@ def _wall_at(box, walls, grid):
 
 @jit
 def overlaps(pose, shapes, solid, walls, wall_frame, wall_begin, wall_members):
-    """Return the overlaps of solid bodies with later bodies and with walls, (c, 2) int64: as `move_all` returns collisions.
-
-    Of several bodies that overlap one body, only the first is returned; the same holds for walls.
-    """
+    """Return each solid body with the first later body and the first wall that it overlaps, (c, 2) int64: as `move_all` does."""
     n, boxes, count, found = len(pose), shapes.copy(), 0, np.empty((2 * len(pose), 2), np.int64)
     place(pose, boxes)
     for i in np.flatnonzero(solid):
@@ -212,10 +206,7 @@ def row_at(y, rows):
 
 @jit
 def top_speeds(speed, pickers, pose, coupled, fill, rows, picking_speed):
-    """Return the speed limits of the bodies now, (n,) m/s.
-
-    The limit is `speed`; for a picker in an unpicked part of a row, with a bin that is not full, it is at most `picking_speed`.
-    """
+    """Return the speed limits, (n,) m/s: for a picker in an unpicked part of a row, with a bin that is not full, the picking speed."""
     top = speed.copy()
     for i in pickers:
         if coupled[i] == NONE or fill[coupled[i]] >= ROW_LENGTH or pose[i, 0] < ROW_WEST or pose[i, 0] > ROW_EAST:
@@ -231,10 +222,7 @@ def top_speeds(speed, pickers, pose, coupled, fill, rows, picking_speed):
 
 @jit
 def pick(pickers, before, pose, coupled, rows, fill):
-    """Pick the parts of rows that the pickers drove over in this step; before (n, 3): the poses at its beginning.
-
-    Return, for each picker, the index of the row that it picked from, or NONE.
-    """
+    """Pick what the pickers drove over since the poses `before`, (n, 3). Return the row that each picked from, or NONE."""
     picked_from = np.full(len(pickers), NONE)
     for k in range(len(pickers)):
         i = pickers[k]

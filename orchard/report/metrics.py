@@ -15,7 +15,7 @@ from orchard.report.bounds import Bounds
 from orchard.sim.world import World
 
 JAM_SECONDS = 600.0  # without a metre picked or a step of work finished
-PLANNERS = ("picker", "carrier")  # the harvest makes progress while they finish steps of their plans
+PLANNERS = ("picker_", "carrier_")  # the harvest makes progress while they finish steps of their plans
 WORKERS_OF_THE_HARVEST = ("picker", "carrier", "bin", "tractor")
 
 
@@ -38,9 +38,8 @@ class HarvestFigures:
         for name, action in actions.items():
             if action.state == "broken":
                 self.broken.setdefault(name, world.tick - 1)
-        carriers = [i for i, start in enumerate(world.layout.starts) if start.kind == "carrier"]
-        self.busy_ticks += sum(not QUEUE.contains(x, y) for x, y, _ in world.pose[carriers].tolist())
-        steps = sum(action.steps_done for name, action in actions.items() if kind_of(name) in PLANNERS)
+        self.busy_ticks += sum(not QUEUE.contains(x, y) for x, y, _ in world.pose[world.fixed.carriers].tolist())
+        steps = sum(action.steps_done for name, action in actions.items() if name.startswith(PLANNERS))
         progress = steps + sum(world.row_picked.tolist())
         if progress != self.progress or np.count_nonzero(world.stopped):
             self.progress, self.progress_tick = progress, world.tick

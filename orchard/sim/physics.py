@@ -26,7 +26,7 @@ _ARGUMENTS = attrgetter(  # of the kernel `advance`: each parameter's place in t
     *in_order(
         advance,
         {name: name for name in ("twist", "pose", "coupled", "fill", "distance", "refused", "held", "blocked", "row_picked", "row_from")}
-        | {name: f"fixed.{name}" for name in Fixed._fields},
+        | {name: f"fixed.{name}" for name in Fixed._fields if name != "carriers"},
         skip=1,
     )
 )

@@ -29,6 +29,7 @@ class Fixed(NamedTuple):
     sideways: np.ndarray  # (n,) bool: bins, which move only while they are coupled
     shapes: np.ndarray  # (n, 7) boxes: half sizes and radius; `place` writes the other columns
     pickers: np.ndarray  # int64: their indices
+    carriers: np.ndarray  # int64: their indices
     picking_speed: float  # m/s
     row_y: np.ndarray  # (r,) m: the lanes' centre lines
     walls: np.ndarray  # (w, 7): the boxes of fences, trunks and posts
@@ -53,6 +54,7 @@ def fixed_of(layout: Layout) -> Fixed:
         np.array([kind.sideways for kind in kinds], dtype=bool),
         shapes,
         np.array([i for i, start in enumerate(layout.starts) if start.kind == "picker"], dtype=np.int64),
+        np.array([i for i, start in enumerate(layout.starts) if start.kind == "carrier"], dtype=np.int64),
         layout.scenario.picking_speed,
         np.array([lane.y for lane in layout.lanes]),
         walls,

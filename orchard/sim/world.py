@@ -91,6 +91,11 @@ class World:
                 self.coupled[i], self.coupled[j] = j, i
 
     @property
+    def seconds(self) -> float:
+        """Simulated time since the start of the run, s."""
+        return self.tick * TIME_STEP
+
+    @property
     def index(self) -> dict[str, int]:
         return self.layout.index
 

@@ -1,0 +1,163 @@
+"""Python processes that start fast: a server has imported what they need, and forks itself for each.
+
+Each is a process of its own, with its own Zenoh session, memory and signals; only its imports are done already. Half of a test's processor
+time would be imports otherwise.
+"""
+
+import atexit
+import json
+import os
+import queue
+import runpy
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+
+DOORS = ("processes.physics", "processes.agents", "processes.router")  # each runs as a process; what they import is shared
+
+
+class Forked:
+    """A process that runs a module; the methods are those of subprocess.Popen."""
+
+    def __init__(self, server: "Server", module: str, arguments: Sequence[str], environment: dict[str, str]) -> None:
+        self._module, ends = module, (os.pipe(), os.pipe())
+        self.stdout, self.stderr = (os.fdopen(read) for read, _ in ends)
+        self.returncode: int | None = None
+        self.pid, self._exit = server.fork({"module": module, "arguments": arguments, "environment": environment}, [end for _, end in ends])
+        for _, end in ends:
+            os.close(end)
+
+    def poll(self) -> int | None:
+        with suppress(subprocess.TimeoutExpired):
+            self.wait(0.0)
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        if self.returncode is None:
+            try:
+                self.returncode = self._exit.get(block=timeout != 0.0, timeout=timeout)
+            except queue.Empty:
+                raise subprocess.TimeoutExpired(self._module, timeout or 0.0) from None
+        return self.returncode
+
+    def send_signal(self, number: int) -> None:
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
+
+    def communicate(self, timeout: float | None = None) -> tuple[str, str]:
+        if self.stdout.closed:
+            raise ValueError("it was read to its end before")
+        with self.stdout, self.stderr, ThreadPoolExecutor(2) as readers:
+            said = [readers.submit(file.read) for file in (self.stdout, self.stderr)]
+            self.wait(timeout)
+            return said[0].result(timeout), said[1].result(timeout)
+
+
+class Server:
+    """The server's side in the tests."""
+
+    def __init__(self, paths: Sequence[str]) -> None:
+        """`paths`: folders of modules."""
+        self._socket, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
+        self._process = subprocess.Popen([sys.executable, "-m", "forks", str(other.fileno())], env=environment, pass_fds=[other.fileno()])
+        other.close()
+        atexit.register(self._close)
+        self._born: queue.Queue[int] = queue.Queue()
+        self._exits: dict[int, queue.Queue[int]] = {}
+        self._lock = threading.Lock()
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def fork(self, request: dict, files: Sequence[int]) -> tuple[int, "queue.Queue[int]"]:
+        """Start a process. `files`: its stdout and stderr. Return its id, and a queue that will have its exit code."""
+        with self._lock:
+            socket.send_fds(self._socket, [json.dumps(request).encode()], files)
+            pid = self._born.get(timeout=60.0)
+            return pid, self._exits[pid]
+
+    def _close(self) -> None:
+        self._socket.shutdown(socket.SHUT_RDWR)
+        self._process.wait(10.0)
+
+    def _listen(self) -> None:
+        while message := self._socket.recv(1 << 16):
+            pid, code = json.loads(message)
+            if code is None:
+                self._exits[pid] = queue.Queue()
+                self._born.put(pid)
+            else:
+                self._exits.pop(pid).put(code)
+
+
+# -- in the server
+
+
+def serve(tests: socket.socket) -> dict | None:
+    """Fork for each request until the tests are over. Return the request in the forked process, and None at the end."""
+    woken, wake = os.pipe()
+    os.set_blocking(wake, False)
+    signal.set_wakeup_fd(wake)
+    signal.signal(signal.SIGCHLD, lambda number, frame: None)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    while True:
+        ready, _, _ = select.select([tests, woken], [], [])
+        if woken in ready:
+            os.read(woken, 4096)
+            report_ends(tests)
+        if tests in ready:
+            message, files, _, _ = socket.recv_fds(tests, 1 << 20, 2)
+            if not message:
+                return None
+            if not (pid := os.fork()):
+                become(files)
+                return json.loads(message)
+            tests.send(json.dumps([pid, None]).encode())
+            for file in files:
+                os.close(file)
+
+
+def report_ends(tests: socket.socket) -> None:
+    with suppress(ChildProcessError):
+        while (ended := os.waitpid(-1, os.WNOHANG)) != (0, 0):
+            tests.send(json.dumps([ended[0], os.waitstatus_to_exitcode(ended[1])]).encode())
+
+
+def become(files: Sequence[int]) -> None:
+    """Turn a fork of the server into a process like any other, with these files as stdout and stderr."""
+    signal.set_wakeup_fd(-1)
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for file, number in zip(files, (1, 2), strict=True):
+        os.dup2(file, number)
+    os.closerange(3, 1024)
+    sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", buffering=1, closefd=False)
+
+
+def preload() -> None:
+    """Import what the processes import, and load the kernels."""
+    for door in DOORS:
+        __import__(door)
+        del sys.modules[door]  # each process runs its own
+    from orchard.field.scenario import Scenario
+    from orchard.sim.engine import Engine
+
+    Engine.begin(Scenario(rows=3)).rehearse()
+
+
+if __name__ == "__main__":
+    preload()
+    request = serve(socket.socket(fileno=int(sys.argv[1])))
+    if request is not None:
+        os.environ.clear()
+        os.environ.update(request["environment"])
+        sys.argv = [request["module"], *request["arguments"]]
+        runpy.run_module(request["module"], run_name="__main__", alter_sys=True)

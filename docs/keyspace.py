@@ -1,5 +1,6 @@
 """The text of keyspace.md: the table of keys, and for each message its docstring, its fields and an example in bytes."""
 
+import re
 from collections.abc import Iterator
 from typing import Any, get_args
 
@@ -7,16 +8,20 @@ import msgspec
 import numpy as np
 from msgspec import inspect
 
-from orchard.contract.agent import Observation, Observations
+from docs import carrier
+from orchard.contract.agent import Heard, Mail, Observation, Observations, Reply
 from orchard.contract.events import Event
-from orchard.contract.messages import MAX_PAYLOAD, Answer, Call, Deed, Offer, Request, Written, pack
+from orchard.contract.mail import digest_of
+from orchard.contract.messages import MAX_PAYLOAD, Answer, Call, Claim, Deed, Offer, Places, Request, Written, pack
 from orchard.field.geometry import Twist
-from orchard.field.kinds import KINDS
-from orchard.net.bus import FULL_QUEUE_US
+from orchard.field.kinds import AROUND, KINDS
+from orchard.net.bus import CONNECT_SECONDS, FULL_QUEUE_US, GET_SECONDS, LEASE_MS
+from orchard.net.host import JOIN_TRIES
 from orchard.net.lockstep import AGAIN_SECONDS
 from orchard.net.mailbox import DOUBT_SECONDS, STALE_TICKS
 from orchard.net.realtime import SLACK, WATCHDOG, WATCHDOG_TICKS
-from orchard.net.roster import MOST_TOKENS
+from orchard.net.requests import AGAIN_SECONDS as ASK_SECONDS
+from orchard.net.roster import MOST_TOKENS, NO_TOKEN
 from orchard.wire.codec import odometry_of, scan_of, seen_of
 from orchard.wire.keys import QUERY, TABLE, Key, Keys
 from orchard.wire.messages import (
@@ -193,6 +198,8 @@ def _bounds(type_: Any) -> str:
     low, high, most = getattr(type_, "ge", None), getattr(type_, "le", None), getattr(type_, "max_length", None)
     if low is not None and high is not None:
         return f", {low:g} to {high:g}" if low != high else f", {low:g}"
+    if choice := re.fullmatch(r"\^\((\w+(?:\|\w+)*)\)\$", getattr(type_, "pattern", None) or ""):
+        return ", " + " or ".join(f"'{word}'" for word in choice[1].split("|"))
     unit = "bytes" if isinstance(type_, inspect.BytesType) else "characters"
     return f", at most {most} {unit}" if most is not None else ""
 
@@ -205,7 +212,8 @@ HEAD = """# The keys
 
 Generated from orchard/wire/keys.py by `make docs`; do not edit.
 
-A process opens a Zenoh session: Zenoh 1.x, mode `client`, the endpoint on which physics or a router listens, multicast scouting off.
+A process opens a Zenoh session: Zenoh 1.x, mode `client`, the endpoint on which physics or a router listens, multicast scouting off. Without `connect/timeout_ms` a client
+tries to connect only once; the orchard's own wait {connect} ms for a router. With `transport/link/tx/lease` at {lease} (ms), as theirs, a session that is cut off counts as gone after that time.
 It publishes, subscribes, queries and replies on the keys below. `{{prefix}}` is `orchard` unless the run was started with another prefix.
 
 - **Payloads** are msgpack: a map with text keys. `float` is float 64 (integers are accepted too). `bin` is msgpack's bin, not text.
@@ -214,6 +222,8 @@ It publishes, subscribes, queries and replies on the keys below. `{{prefix}}` is
   The messages Join, Command, Stop and RefusedThere carry only `run`.
 - **Frames** (REP-103, REP-105): in `map`, x points east, y north and z up, in metres. A yaw of 0 faces east; yaw grows counter-clockwise.
   In the frame of a body, `base_link`, x points forward and y to the left. Names and meanings of fields are those of ROS.
+- **Bodies** are the first names in `agents`, in the reply to the scenario query, in this order: robots by name, people and animals by name, weeds by name. All arrays "of each body" have this order.
+  Agents without a body, such as `traffic`, come last.
 - **Delivery**: "never lost" is published with congestion control BLOCK, "newest wins" with DROP. A query is a get with target ALL and consolidation NONE.
   A router closes the link to a session that receives nothing for {full_queue:g} s while messages wait for it. That session connects again, and has missed what was sent meanwhile.
 
@@ -239,7 +249,7 @@ Before tick 0 there are no poses: physics waits until each agent that is left to
    Declare a queryable on the robot's `mail` if its agent shall receive requests.
 3. Declare the liveliness token `{{prefix}}/alive/picker_01/<session id>`. Keep it: without it, another session may take the agent.
 4. Query `{{prefix}}/hosts/<session id>/join` with `run`, `holder` (again the session id) and `names`. The reply holds the present tick or, under `refused`, why you cannot hold the agents.
-   An agent is never held by two sessions.
+   An agent is never held by two sessions. Physics may learn of the token later than of the join: while the reason is "{no_token}", repeat the join for {join:g} s.
 5. For each tick physics sends one `pose` and one `scan` of the robot, and then `clock`. Publish exactly one velocity with this `tick` and with `holder`. The whole run waits for it.
    If each subscriber of your program has its own thread (in Python each callback has), `clock` may arrive before the `pose` of its tick: wait until the ticks agree.
    While the velocity is missing, physics sends pose, scan and clock again every {again} s: publish the same velocity again if you have already published it.
@@ -256,7 +266,9 @@ use it. Each deed is done once. Ticks may be left out: answer the newest tick wh
 may be up to {stale} apart. A velocity does not wait for mail. If the token of a robot's holder is gone, the robot stands at once.
 
 **The scan** is raw bytes: `ranges` holds 4 bytes per beam, little-endian float32, metres; +inf for a beam without a return within `range_max`. Beam i points to
-`angle_min + i * angle_increment`, radians, counter-clockwise; 0 is straight ahead. In Python: `numpy.frombuffer(scan["ranges"], "<f4")`.
+`angle_min + i * angle_increment`, radians, counter-clockwise; 0 is straight ahead. In Python: `numpy.frombuffer(scan["ranges"], "<f4")`. There is no `range_min`: it is 0. A laser is in the middle of its body's width, and as far ahead
+of the body's centre as the table of bodies says. The {around} beams of bins and weeds begin straight ahead and go around, {around_step:.6g} rad apart; all others have {front} beams from -pi/2 (right) to pi/2 (left),
+pi/{gaps} rad apart. `seen` has only the ranges.
 
 **Requests.** A request is a get on `{{prefix}}/<name>/mail`, stamped with the tick in which it is sent, and numbered from 0 for each sender and tick. The first reply, `received`, comes at once.
 The request is heard at the next tick, and answered in that tick or never. The answer is the second reply, stamped with the tick of the request + 1; its body is nil if there is no answer.
@@ -264,8 +276,22 @@ The agent that asks acts on it at the tick of the request + 2.
 The recipient's host must reply `received` at once, hold the query, and reply once more in the tick in which the request is heard.
 In lockstep a lost query changes nothing. A copy of each letter goes to physics with the velocity (`report.letters`), and with the next tick physics lists the requests to your agents
 (`asked` in `seen`): wait for these requests before you answer that tick. A host asks physics on `{{prefix}}/recall` for the mail of the tick, and uses that mail instead, in three cases:
-it has just joined; a second reply is missing; or a listed request has not come for {doubt:g} s. A client that sends no copies must not send the velocity of a tick before each of its gets
-has received its `received` or has ended.
+it has just joined (the tick of the join and the next); a second reply is missing; or a listed request has not come for {doubt:g} s. A client that sends no copies must not send the velocity of a tick before each of its gets
+has received its `received` or has ended. `asked` is in `seen` only: a client that hears requests subscribes to `seen`, not to `pose` and `scan`.
+So an agent's tick k is: take `seen`; wait until each request in `asked` has come and each get of tick k - 2 has ended; decide; publish the velocity, with copies; send the gets of this tick, one for each
+request, without wildcards, with a time-out of {get:g} s; answer the requests that were heard, and drop their queries. What comes twice (same sender, tick and number) is heard once.
+
+**Heard mail** is, at tick k, the requests stamped k - 1 and the replies to one's own requests of k - 2. Requests are heard sorted by (`type` of the body, sender, tick, number), texts by their bytes; replies by number.
+In a recall, `letters` is [[tick, {{sender: {{requests, answers}}}}]]: of tick k - 1 each request [to, body] to you is heard, numbered by its place in the list from 0, and each answer [to, tick, number, body] with `to` =
+you and `tick` = k - 2 is the sender's answer to your request of that number. A request of yours without one is answered nil.
+
+**The digest** of the heard mail, `report.mail`, is BLAKE2b with a digest of 16 bytes, without key, over the msgpack of [requests, replies]: requests are [sender, tick, number, body], replies are [the agent that was asked,
+number, body or nil]. A body is the map with `type` first and then all fields in the order of the tables below; so it is enough to pack again what was unpacked, if that keeps the order. Packed as usual: each
+number, text, array and map in its shortest form, but each float as float 64. Without mail the digest is empty. For example, `{digest_of}` gives `{digest}`.
+
+**The run's hash** covers, tick by tick, the state of all bodies, all scans, and these digests. It is the same in each run of a scenario if each client is repeatable: what it sends for tick k follows from what it
+has seen and heard up to then, and never from a clock, the order of arrival, or random numbers without a fixed seed; it hears its mail as above; and it sends copies and digests. A client that leaves the digests out is
+not in the hash with its mail. Sine, cosine and arctangent differ in their last bits between libraries, and so does the hash if velocities follow from them.
 
 ## What is refused
 
@@ -291,10 +317,11 @@ key and reason. A refused query gets an error reply with the reason.
 
 A name is a kind and a number: `picker_01`. An agent without a body, such as `traffic`, has only mail.
 
-| kind | maximum m/s, forward and back | maximum rad/s | beams of its laser |
-| --- | --- | --- | --- |
+| kind | length x width, m | maximum m/s, forward and back | maximum rad/s | beams of its laser | laser ahead of the centre, m | tows: bin's centre behind its own, m | solid |
+| --- | --- | --- | --- | --- | --- | --- | --- |
 {kinds}
 
+{carrier}
 ## The messages
 """  # noqa: E501
 
@@ -302,11 +329,30 @@ A name is a kind and a number: `picker_01`. An agent without a body, such as `tr
 def document() -> str:
     """Return the text of keyspace.md."""
     table = "\n".join(map(_table_row, TABLE.values()))
-    kinds = "\n".join(f"| {name} | {kind.speed:g} | {kind.turn:.6g} | {kind.laser.beams} |" for name, kind in KINDS.items())
     times = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "slack": SLACK, "stale": STALE_TICKS}
     times |= {"again": AGAIN_SECONDS, "doubt": DOUBT_SECONDS, "full_queue": FULL_QUEUE_US / 1e6}
-    head = HEAD.format(table=table, kinds=kinds, most=MAX_PAYLOAD, tokens=MOST_TOKENS, **times)
+    times |= {
+        "connect": round(CONNECT_SECONDS * 1000),
+        "lease": LEASE_MS,
+        "get": GET_SECONDS,
+        "join": JOIN_TRIES * ASK_SECONDS,
+        "no_token": NO_TOKEN,
+    }
+    front, shown = KINDS["carrier"].laser.beams, _digest_example()
+    lasers = {"around": AROUND.beams, "around_step": AROUND.increment, "front": front, "gaps": front - 1}
+    work = {"kinds": carrier.bodies(), "carrier": carrier.chapter(), "digest_of": shown[0], "digest": shown[1]}
+    head = HEAD.format(table=table, most=MAX_PAYLOAD, tokens=MOST_TOKENS, **times, **lasers, **work)
     return "\n".join([head, *(_section(what, key) for what, key in TABLE.items()), *(_union(*item) for item in UNIONS.items())])
+
+
+def _digest_example() -> tuple[str, str]:
+    """The mail of an example, and its digest in hexadecimal."""
+    call, answer = (
+        Heard("bin_01", TICK - 1, 0, Call(3, "east")),
+        Reply("traffic", 0, Claim([], ["east/D/3"], ""), Places(["east/D/3"], [], [])),
+    )
+    packed = [[(call.sender, call.tick, call.number, call.body)], [(answer.sender, answer.number, answer.body)]]
+    return msgspec.json.encode(packed).decode(), digest_of(Mail([call], [answer])).hex()
 
 
 def _table_row(key: Key) -> str:

@@ -340,7 +340,12 @@ class Picture(Message):
     """The whole orchard after the step that ends at this tick, for observers. `nil` means unchanged. Every 5 s, and when a logger joins,
     all fields but `scans` are complete."""
 
-    poses: Annotated[bytes, Meta(description="x, y (m), yaw (rad) of each body, in the order of the scenario, little-endian float64")]
+    poses: Annotated[
+        bytes,
+        Meta(
+            description="x, y (m), yaw (rad) of each body, in the order of `agents` in the reply to the scenario query, little-endian float64"
+        ),
+    ]
     scans: Annotated[list[bytes] | None, Meta(description="twice per second: the ranges of each body, m, little-endian float32")]
     doing: Annotated[dict[Name, str], Meta(description="name -> what it does; only if that has changed")]
     coupled: Annotated[list[Body] | None, Meta(description="for each body, the index of the body at the other end of its bar, or -1")]

@@ -1,0 +1,584 @@
+"""A carrier that is written from keyspace.md alone, as it could be in any language: zenoh, msgpack, and nothing of this program.
+
+    python foreign_carrier.py ENDPOINT NAME
+
+Holds the agent of a carrier in lockstep until the run ends. Headings in this file follow keyspace.md: its chapters, in their order.
+"""
+
+import hashlib
+import json
+import math
+import queue
+import struct
+import sys
+import time
+from contextlib import suppress
+
+import msgpack
+import zenoh
+from zenoh.handlers import Callback
+
+# -- keys, and how to hold an agent in lockstep
+
+SESSION = "foreigncarrier"
+
+
+def opened(endpoint):
+    config = zenoh.Config()
+    settings = {"mode": "client", "scouting/multicast/enabled": False, "connect/endpoints": [endpoint], "connect/timeout_ms": 7000}
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return zenoh.open(config)
+
+
+class RunOver(Exception):
+    """Raised when physics has published the end."""
+
+
+class Host:
+    """Holds one agent: what arrives, when a tick is complete, what is sent."""
+
+    def __init__(self, session, name):
+        self.session, self.name, self.inbox = session, name, queue.Queue()
+        self.info = self.query("scenario")
+        self.run, self.answer = self.info["run"], b""
+        for key in (f"hosts/{SESSION}/seen", "lost", "end"):
+            session.declare_subscriber(f"orchard/{key}", lambda sample: self.inbox.put((sample.key_expr, sample.payload.to_bytes())))
+        self.mail = session.declare_queryable(f"orchard/{name}/mail", lambda query: self.inbox.put(("query", query)))
+        self.token = session.liveliness().declare_token(f"orchard/alive/{name}/{SESSION}")
+        self.join()
+
+    def query(self, key, message=None, seconds=5.0):
+        """The reply to a query, which is repeated until one comes."""
+        payload = b"" if message is None else msgpack.packb({"run": self.run} | message)
+        for _ in range(50):
+            for reply in self.session.get(f"orchard/{key}", payload=payload, timeout=seconds):
+                if reply.ok:
+                    return msgpack.unpackb(reply.ok.payload.to_bytes())
+            time.sleep(0.1)
+        raise SystemExit(f"no reply to {key}")
+
+    def join(self):
+        for _ in range(50):
+            joined = self.query(f"hosts/{SESSION}/join", {"holder": SESSION, "names": [self.name]})
+            if not joined["refused"]:
+                break
+            time.sleep(0.1)
+        else:
+            raise SystemExit(joined["refused"][self.name])
+        self.joined, self.last, self.seen = joined["tick"], joined["tick"] - 1, None
+        self.held, self.asked = {}, {}  # (sender, tick, number) -> [query, letter]; tick -> the requests of mine
+
+    def ticks(self, decide):
+        """Answer ticks until the run ends. `decide`: of seen, the requests heard and my requests with their answers; returns a drive,
+        requests and answers."""
+        with suppress(RunOver):
+            while True:
+                seen = self.next_seen()
+                heard, mine = self.heard(seen)
+                drive, requests, answers = decide(seen, heard, mine)
+                drive["report"]["mail"] = digest_of(heard, [[r["to"], r["number"], r["answer"]] for r in mine])
+                if requests or answers:
+                    drive["report"]["letters"] = {"requests": requests, "answers": answers}
+                self.send(drive, requests, answers)
+        self.token.undeclare()
+        self.mail.undeclare()
+
+    # what arrives
+
+    def next_seen(self):
+        while self.seen is None or self.seen["tick"] <= self.last:
+            self.take(self.inbox.get())
+        if self.seen["tick"] != self.last + 1:
+            self.join()
+            return self.next_seen()
+        return self.seen
+
+    def take(self, item):
+        what, *rest = item
+        match str(what).removeprefix("orchard/"), rest:
+            case "query", [query]:
+                self.hold(query)
+            case "reply", [request, payload]:
+                message = msgpack.unpackb(payload)
+                if message["type"] == "answered" and message["tick"] == request["tick"] + 1:
+                    request |= {"answered": True, "answer": message["body"]}
+            case "final", [request]:
+                request["final"] = True
+            case "end", _:
+                raise RunOver
+            case "lost", [payload]:
+                if msgpack.unpackb(payload)["holder"] == SESSION:
+                    self.join()
+            case _, [payload]:
+                self.see(msgpack.unpackb(payload))
+
+    def see(self, seen):
+        if seen["tick"] == self.last:
+            self.publish()
+        elif seen["tick"] > self.last:
+            self.seen = seen
+
+    def hold(self, query):
+        letter = msgpack.unpackb(query.payload.to_bytes())
+        if letter["run"] != self.run or letter["tick"] not in (self.last, self.last + 1):
+            query.reply_err(b"past tick")
+            query.drop()
+            return
+        key = letter["sender"], letter["tick"], letter["number"]
+        if key in self.held:
+            self.held[key][0].drop()
+        self.held[key] = query, letter["body"]
+        query.reply(f"orchard/{self.name}/mail", msgpack.packb({"type": "received", "run": self.run, "tick": letter["tick"]}))
+
+    # the mail of a tick
+
+    def heard(self, seen):
+        """Return the requests, [sender, tick, number, body], and my own requests of two ticks ago with their answers, in their order."""
+        tick, wanted = seen["tick"], [(sender, seen["tick"] - 1, number) for _, sender, number in seen["asked"]]
+        mine, deadline = self.asked.pop(tick - 2, []), time.monotonic() + 1.0
+        is_new = tick <= self.joined + 1
+        while not is_new and not (all(k in self.held for k in wanted) and all(r["final"] for r in mine)) and time.monotonic() < deadline:
+            with suppress(queue.Empty):
+                self.take(self.inbox.get(timeout=0.1))
+        if is_new or not (all(k in self.held for k in wanted) and all(r["answered"] for r in mine)):
+            return self.recalled(tick, mine)
+        requests = [[*key, body] for key, (_, body) in self.held.items() if key[1] == tick - 1]
+        return in_order(requests), mine
+
+    def recalled(self, tick, mine):
+        letters = dict(self.query("recall", {"tick": tick})["letters"])
+        requests, answers = [], {}
+        for sender, written in letters.get(tick - 1, {}).items():
+            requests += [[sender, tick - 1, n, body] for n, (to, body) in enumerate(written["requests"]) if to == self.name]
+            answers |= {(sender, n): body for to, at, n, body in written["answers"] if (to, at) == (self.name, tick - 2)}
+        return in_order(requests), [request | {"answer": answers.get((request["to"], request["number"]))} for request in mine]
+
+    # what is sent
+
+    def send(self, drive, requests, answers):
+        tick = self.last = self.seen["tick"]
+        velocities = {"run": self.run, "tick": tick, "holder": SESSION, "velocities": {self.name: drive}}
+        self.answer = msgpack.packb(velocities)
+        self.publish()
+        new = {"tick": tick, "final": False, "answered": False}
+        self.asked[tick] = [new | {"to": to, "number": number, "body": body} for number, (to, body) in enumerate(requests)]
+        for request in self.asked[tick]:
+            self.get(request)
+        self.close({(to, at, n): body for to, at, n, body in answers})
+
+    def publish(self):
+        self.session.put(f"orchard/hosts/{SESSION}/velocities", self.answer, congestion_control=zenoh.CongestionControl.BLOCK)
+
+    def get(self, request):
+        letter = {"run": self.run, "sender": self.name} | {field: request[field] for field in ("tick", "number", "body")}
+        handler = Callback(
+            lambda reply: self.inbox.put(("reply", request, reply.ok.payload.to_bytes())) if reply.ok else None,
+            lambda: self.inbox.put(("final", request)),
+        )
+        how = {"target": zenoh.QueryTarget.ALL, "consolidation": zenoh.ConsolidationMode.NONE, "timeout": 10.0}
+        self.session.get(f"orchard/{request['to']}/mail", handler, payload=msgpack.packb(letter), **how)
+
+    def close(self, answers):
+        """Answer the requests that were heard in this tick, and drop all that are older."""
+        for key in [key for key in self.held if key[1] < self.last]:
+            query, _ = self.held.pop(key)
+            reply = {"type": "answered", "run": self.run, "tick": self.last, "body": answers.get(key)}
+            query.reply(f"orchard/{self.name}/mail", msgpack.packb(reply))
+            query.drop()
+
+
+def in_order(requests):
+    return sorted(requests, key=lambda heard: (heard[3]["type"], *heard[:3]))
+
+
+def digest_of(requests, replies):
+    mail = msgpack.packb([requests, replies])
+    return hashlib.blake2b(mail, digest_size=16).digest() if requests or replies else b""
+
+
+# -- bodies, field, motion
+
+BYSTANDERS = {"worker": (0.55, 1.0, 1.0), "visitor": (0.55, 1.0, 1.0), "dog": (1.0, 0.8, 3.0), "cat": (1.0, 0.8, 3.0)}  # m, m, m/s
+LENGTH, WIDTH, TOWS, BIN = 1.8, 1.5, 1.9, 1.0
+FRONT = [(-math.pi / 2 + i * math.pi / 179) for i in range(180)]
+AROUND = [i * 2 * math.pi / 60 for i in range(60)]
+STEP, EXACT, CRUISE, RATE = 0.1, 1e-9, 1.0, math.pi / 8
+EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
+
+
+def wrapped(angle):
+    return math.remainder(angle, 2 * math.pi)
+
+
+class Side:
+    """One side of the lanes; figures are those of the east."""
+
+    def __init__(self, name, field):
+        self.name, self.field, self.sign = name, field, 1 if name == "east" else -1
+
+    def x(self, east):
+        return east if self.sign > 0 else -3.0 - east
+
+    def y(self, lane, past):
+        return self.field.lane(lane) - self.sign * past
+
+    def heading(self, east):
+        return east if self.sign > 0 else wrapped(east + math.pi)
+
+    def lanes(self, first=None, last=None):
+        """Those that a carrier passes, in its order."""
+        lanes = list(range(1, self.field.rows + 1))[:: self.sign]
+        return lanes[lanes.index(first) if first else 0 : lanes.index(last) + 1 if last else None]
+
+
+class Field:
+    D, F, COUPLES, FULL, PICKER = 38.25, 36.2, 34.15, 32.25, 40.5
+    STOP, HOLD, CLEAR = 1.9, 3.75, 5.7
+    TOP_ROAD, BAY_STOP, TURN_OFF, HEAD = 24.5, -30.0, -18.6, 35.4
+    LINES = (24.5, 21.5, 18.5, 27.5)
+
+    def __init__(self, scenario, name):
+        self.rows, self.pitch = scenario["rows"], scenario["row_width"] + 0.5
+        carriers = scenario["carriers"] or math.ceil(scenario["pickers"] * 7 / 10)
+        last_trees = 13.5 - self.rows * self.pitch
+        self.bottom_d, self.bottom_f = last_trees - 5.6, last_trees - 3.5
+        self.line = self.LINES[(int(name.rsplit("_", 1)[1]) - 1) // 12]
+        self.top = ["top"] if carriers > 12 else []
+        self.top_clear = min(self.LINES[: (carriers - 1) // 12 + 1]) - 3.75
+        self.east, self.west = Side("east", self), Side("west", self)
+
+    def lane(self, number):
+        return 13.5 - (number - 0.5) * self.pitch
+
+    def side(self, name):
+        return self.east if name == "east" else self.west
+
+    def along(self, side, road, lanes):
+        """The places on a road past lanes: where to wait for each, where to give it back."""
+        places = [(f"{side.name}/{road}/{lane}", lane) for lane in lanes]
+        return [(p, side.y(n, -self.HOLD)) for p, n in places], [(p, side.y(n, self.CLEAR)) for p, n in places]
+
+    def distance(self, x, y, lane, side):
+        stop = side.y(lane, self.STOP)
+        if side is self.east:
+            return (self.D - x) + y - stop
+        return (self.D - x) + (y - self.bottom_d) + (self.D - self.west.x(self.D)) + (stop - self.bottom_d)
+
+    def at_work(self, lane, side):
+        """The boxes that are no obstacles: x, y, half length, half width."""
+        y, half = self.lane(lane), BIN / 2 + 0.1
+        return [(side.x(self.FULL), y, half, half), (side.x(self.D), y, half, half), (side.x(self.PICKER), y, 1.35, 0.85)]
+
+
+# -- the job of a carrier
+
+
+class Carrier:
+    """One carrier. `work` is a coroutine: each `yield` is the end of a tick."""
+
+    def __init__(self, info, name):
+        self.name, self.field = name, Field(info["scenario"], name)
+        self.people = [other for other in info["agents"] if other.rsplit("_", 1)[0] in BYSTANDERS]
+        self.job, self.jobs, self.steps = None, 0, 0
+        self.held, self.agreed, self.claimed = [], [], -5
+        self.sighted, self.moved, self.bumped = {}, False, -10
+        self.doing, self.state = "waiting in the queue", "waiting"
+        self.working = self.work()
+
+    def decide(self, seen, heard, mine):
+        self.observe(seen)
+        self.hear(mine)
+        answers = [[sender, tick, number, self.reply_to(sender, body)] for sender, tick, number, body in heard]
+        next(self.working)
+        self.claim()
+        twist = self.safe()
+        self.moved = twist != (0.0, 0.0)
+        report = {"deeds": self.deeds, "doing": self.doing, "state": self.state, "waits_for": self.waits_for, "steps_done": self.steps}
+        drive = {"linear": {"x": twist[0]}, "angular": {"z": twist[1]}, "report": report}
+        return drive, self.requests, answers
+
+    def observe(self, seen):
+        self.tick = seen["tick"]
+        self.x, self.y, z, w, *self.twist = struct.unpack("<7d", seen["states"])
+        self.yaw = wrapped(2 * math.atan2(z, w))
+        self.scan = struct.unpack("<180f", seen["ranges"])
+        self.hitch = seen["hitches"].get(self.name)
+        self.speed, self.rate, self.left, self.blind, self.queueing = 0.0, 0.0, 0.0, [], False
+        self.deeds, self.requests, self.wanted, self.waits_for = [], [], [], ""
+        if self.moved and not any(self.twist):
+            self.bumped = self.tick
+
+    def hear(self, mine):
+        self.answered = [request for request in mine if request["answer"]]
+        for request in self.answered:
+            if request["answer"]["type"] == "places":
+                self.agreed = request["answer"]["held"]
+                self.held += [place for place in self.agreed if place in request["body"]["want"] and place not in self.held]
+        for request in mine:
+            if request["body"]["type"] == "where":
+                is_told = request["answer"] and request["answer"]["type"] == "position"
+                self.sighted[request["to"]] = (self.tick - 1, *((request["answer"]["x"], request["answer"]["y"]) if is_told else ()))
+
+    # requests of others
+
+    def reply_to(self, sender, body):
+        if body["type"] == "carrierquery":
+            metres = max(0.0, self.field.HEAD - self.x)
+            return {"type": "carrierstatus", "job": self.job[0] if self.job else "", "is_next": self.is_next(), "metres": metres}
+        if body["type"] not in ("call", "come"):
+            return no("a carrier knows nothing of that")
+        if body["type"] == "come" and self.job and self.job[0] == sender:
+            return {"type": "yes"}
+        if not 1 <= body["lane"] <= self.field.rows:
+            return no("there is no such lane")
+        if self.job:
+            return no(f"busy with {self.job[0]}")
+        return self.offer(body) if body["type"] == "call" else self.accept(sender, body)
+
+    def offer(self, body):
+        if not self.is_next():
+            return no("another one goes first")
+        distance = self.field.distance(self.x, self.y, body["lane"], self.field.side(body["side"]))
+        return {"type": "offer", "x": self.x, "y": self.y, "distance": distance}
+
+    def accept(self, sender, body):
+        self.job = sender, body["lane"], self.field.side(body["side"]), body["picker"]
+        return {"type": "yes"}
+
+    def is_next(self):
+        short = self.field.HEAD - self.x
+        return not self.job and (short < 0.1 or (short < 4.2 and self.twist[0] > 0.0))
+
+    # steps
+
+    def work(self):
+        yield from self.face(EAST)
+        while True:
+            self.say("waiting in the queue", "waiting")
+            while not self.job:
+                left = self.field.HEAD - self.x
+                self.speed, self.queueing = (min(CRUISE, left / STEP) if left > EXACT else 0.0), True
+                yield
+            answer = yield from self.ask(self.job[0], {"type": "confirm"}, lambda answer: True)
+            if answer["type"] == "yes":
+                yield from self.fetch(*self.job)
+                self.jobs += 1
+            self.job = None
+
+    def fetch(self, full, lane, side, picker):
+        self.say(f"bringing an empty bin to {picker}", "driving")
+        yield from self.bring(lane, side)
+        empty = self.hitch["name"]
+        while self.hitch:
+            self.deed({"type": "uncouple"})
+            yield
+        yield from self.ask(picker, {"type": "here", "bin": empty}, lambda answer: answer["type"] == "yes")
+        yield from self.loop(lane, side)
+        while not self.hitch or self.hitch["name"] != full:
+            self.deed({"type": "couple", "bin": full})
+            yield
+        self.say(f"taking {full} to the bay", "hauling")
+        yield from self.haul(lane, side)
+        self.say(f"unloading {full}", "unloading")
+        yield from self.ask(full, {"type": "state"}, lambda answer: answer["type"] == "binstate" and not answer["full"])
+        self.say("returning to the queue", "driving")
+        yield from self.go_home()
+
+    def bring(self, lane, side):
+        field, east, west = self.field, self.field.east, self.field.west
+        yield from self.drive("x", field.D, [(place, field.HEAD) for place in field.top])
+        yield from self.face(SOUTH)
+        leave_top = [(place, field.top_clear) for place in field.top]
+        needs, frees = field.along(side, "D", side.lanes(last=lane))
+        if side is west:
+            past, left = field.along(east, "D", east.lanes())
+            corner = ("corner/south-east", field.bottom_f + field.HOLD)
+            yield from self.drive("y", field.bottom_d, [*past, corner], left + leave_top)
+            yield from self.face(WEST)
+            self.free("corner/south-east")
+            yield from self.drive("x", west.x(field.D), [("corner/south-west", -35.5)])
+            yield from self.face(NORTH)
+            self.free("corner/south-west")
+            leave_top = []
+        yield from self.drive("y", side.y(lane, field.STOP), needs, frees + leave_top)
+
+    def loop(self, lane, side):
+        blind = self.field.at_work(lane, side)
+        yield from self.need(f"{side.name}/F/{lane}")
+        yield from self.face(side.heading(WEST), blind)
+        yield from self.drive("x", side.x(self.field.COUPLES), frees=[(f"{side.name}/D/{lane}", side.x(36.4))], blind=blind)
+        yield from self.face(side.heading(NORTH), blind)
+        yield from self.drive("y", self.field.lane(lane), blind=blind)
+        yield from self.face(side.heading(EAST), blind)
+
+    def haul(self, lane, side):
+        field, west, blind, corner = self.field, self.field.west, self.field.at_work(lane, side), []
+        yield from self.drive("x", side.x(field.F), blind=blind)
+        yield from self.face(side.heading(SOUTH), blind)
+        if side is not west:
+            yield from self.drive("y", field.bottom_f, *field.along(side, "F", side.lanes(first=lane)))
+            yield from self.need("corner/south-east")
+            yield from self.face(WEST)
+            yield from self.drive("x", west.x(field.F), frees=[("corner/south-east", 34.7)])
+            yield from self.need("corner/south-west")
+            yield from self.face(NORTH)
+            corner = [("corner/south-west", field.bottom_f + 1.4)]
+        needs, frees = field.along(west, "F", west.lanes(first=lane if side is west else None))
+        yield from self.drive("y", field.TOP_ROAD, needs, frees + corner)
+        yield from self.face(EAST)
+        yield from self.drive("x", field.BAY_STOP)
+
+    def go_home(self):
+        field = self.field
+        yield from self.drive("x", field.TURN_OFF)
+        if field.line != field.TOP_ROAD:
+            yield from self.face(SOUTH if field.line < field.TOP_ROAD else NORTH)
+            yield from self.drive("y", field.line)
+            yield from self.face(EAST)
+
+    def say(self, doing, state):
+        self.doing, self.state, self.steps = doing, state, self.steps + 1
+
+    def drive(self, axis, target, needs=(), frees=(), blind=()):
+        """Straight on, to an x or y. Places: (name, the coordinate at which it is needed, or given back)."""
+        ahead = 1.0 if abs(wrapped(self.yaw - (EAST if axis == "x" else NORTH))) < 1.0 else -1.0
+        while True:
+            here = getattr(self, axis)
+            self.free(*(place for place, at in frees if ahead * (here - at) > -EXACT))
+            missing = [(p, at) for p, at in needs if p not in self.held and -EXACT <= ahead * (at - here) <= ahead * (target - here)]
+            limit = missing[0][1] if missing else target
+            if missing and ahead * (limit - here) < 3.0:
+                self.want(missing[0][0])
+            left = ahead * (limit - here)
+            if left > EXACT:
+                self.speed, self.blind = min(CRUISE, left / STEP), blind
+            elif not missing:
+                break
+            yield
+        self.steps += 1
+
+    def face(self, heading, blind=()):
+        while abs(left := wrapped(heading - self.yaw)) > EXACT:
+            self.rate, self.left, self.blind = max(-RATE, min(RATE, left / STEP)), left, blind
+            yield
+        self.steps += 1
+
+    def need(self, place):
+        while place not in self.held:
+            self.want(place)
+            yield
+
+    def want(self, place):
+        self.wanted, self.waits_for = [place], place
+
+    def free(self, *places):
+        self.held = [place for place in self.held if place not in places]
+
+    def deed(self, deed):
+        """When both stand."""
+        self.waits_for = deed.get("bin", "")
+        if not any(self.twist) and not (self.hitch and any(self.hitch["state"][4:])):
+            self.deeds = [deed]
+
+    def ask(self, to, body, hoped):
+        """Every 5 ticks, until the answer is as hoped."""
+        asked = -5
+        while True:
+            for answer in [r["answer"] for r in self.answered if (r["to"], r["body"]["type"]) == (to, body["type"])]:
+                if hoped(answer):
+                    self.steps += 1
+                    return answer
+            if self.tick - asked >= 5:
+                asked = self.tick
+                self.requests.append([to, body])
+            self.waits_for = to
+            yield
+
+    def claim(self):
+        since = self.tick - self.claimed
+        if (self.wanted and since >= 5) or (sorted(self.agreed) != sorted(self.held) and since >= 2):
+            self.claimed = self.tick
+            self.requests.append(["traffic", {"type": "claim", "keep": list(self.held), "want": self.wanted, "beside": ""}])
+
+    # obstacles
+
+    def safe(self):
+        """The velocity of this tick: 0 where something is in the way."""
+        if self.tick - self.bumped < 10:
+            return 0.0, 0.0
+        if self.speed > 0.0 and self.something_ahead():
+            self.waits_for = "" if self.queueing else "an obstacle ahead"
+            return 0.0, 0.0
+        if self.rate and (self.somebody_near() or self.something_in_the_turn()):
+            self.waits_for = "an obstacle in its turn"
+            return 0.0, 0.0
+        return self.speed, self.rate
+
+    def something_ahead(self):
+        points = self.points(self.scan, FRONT, 2.0, LENGTH / 2)
+        return any(ahead < LENGTH / 2 + 0.8 and abs(left) < WIDTH / 2 + 0.2 and not self.is_blind(ahead, left) for ahead, left in points)
+
+    def something_in_the_turn(self):
+        boxes = [(0.0, LENGTH / 2, WIDTH / 2)] + ([(-TOWS, BIN / 2, BIN / 2)] if self.hitch else [])
+        points = [point for point in self.points_around() if not self.is_blind(*point)]
+        steps = int(abs(self.left) / (math.pi / 48)) + 1
+        for angle in (self.left * i / steps for i in range(steps + 1) if points):
+            s, c = math.sin(angle), math.cos(angle)
+            turned = [(c * ahead + s * left, c * left - s * ahead) for ahead, left in points]
+            if any(abs(a - x) < length + 0.05 and abs(left) < width + 0.05 for a, left in turned for x, length, width in boxes):
+                return True
+        return False
+
+    def points(self, scan, angles, reach, ahead):
+        """What returns nearer than `reach`: metres ahead of the centre, metres to the left."""
+        return [(ahead + r * math.cos(a), r * math.sin(a)) for r, a in zip(scan, angles, strict=True) if r < reach]
+
+    def points_around(self):
+        """Of both lasers, without the carrier itself."""
+        own = self.points(self.scan, FRONT, 3.5, LENGTH / 2)
+        if not self.hitch:
+            return own
+        x, y, z, w, *_ = self.hitch["state"]
+        dx, dy, turn = x - self.x, y - self.y, 2 * math.atan2(z, w) - self.yaw
+        s, c = math.sin(self.yaw), math.cos(self.yaw)
+        at, side = c * dx + s * dy, c * dy - s * dx
+        s, c = math.sin(turn), math.cos(turn)
+        rear = [(at + c * a - s * b, side + s * a + c * b) for a, b in self.points(struct.unpack("<60f", self.hitch["ranges"]), AROUND, 3.5, 0.0)]
+        return own + [(a, b) for a, b in rear if abs(a) > LENGTH / 2 + 0.1 or abs(b) > WIDTH / 2 + 0.1]
+
+    def is_blind(self, ahead, left):
+        s, c = math.sin(self.yaw), math.cos(self.yaw)
+        x, y = self.x + c * ahead - s * left, self.y + s * ahead + c * left
+        return any(abs(x - bx) <= half_x and abs(y - by) <= half_y for bx, by, half_x, half_y in self.blind)
+
+    def somebody_near(self):
+        """Whether a person or an animal is, or may be, in the circle of the turn; those that soon may be are asked."""
+        radius = math.hypot(TOWS + BIN / 2, BIN / 2) if self.hitch else math.hypot(LENGTH, WIDTH) / 2
+        left = {name: self.seconds_to(name, radius) for name in self.people}
+        self.requests += [[name, {"type": "where"}] for name, seconds in left.items() if seconds < 0.3]
+        return any(seconds < 0.1 for seconds in left.values())
+
+    def seconds_to(self, name, radius):
+        tick, *place = self.sighted.get(name, (-100,))
+        length, width, speed = BYSTANDERS[name.rsplit("_", 1)[0]]
+        if not place:
+            return math.inf if self.tick - tick < 50 else -math.inf
+        room = math.hypot(place[0] - self.x, place[1] - self.y) - radius - math.hypot(length, width) / 2 - 0.1
+        return room / speed - (self.tick - tick) * STEP
+
+
+def no(reason):
+    return {"type": "no", "reason": reason}
+
+
+def main(endpoint, name):
+    with opened(endpoint) as session:
+        host = Host(session, name)
+        carrier = Carrier(host.info, name)
+        host.ticks(carrier.decide)
+        print(carrier.jobs, "bins taken", flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -283,10 +283,10 @@ request, without wildcards, with a time-out of {get:g} s; answer the requests th
 
 **Heard mail** is, at tick k, the requests stamped k - 1 and the replies to one's own requests of k - 2. Requests are heard sorted by (`type` of the body, sender, tick, number), texts by their bytes; replies by number.
 In a recall, `letters` is [[tick, {{sender: {{requests, answers}}}}]]: of tick k - 1 each request [to, body] to you is heard, numbered by its place in the list from 0, and each answer [to, tick, number, body] with `to` =
-you and `tick` = k - 2 is the sender's answer to your request of that number. A request of yours without one is answered nil.
+you and `tick` = k - 2 is the sender's answer to your request of that number. A request of yours without one is answered nil. Your own requests of k - 2 are there too: a session that has just joined has no other copy.
 
 **The digest** of the heard mail, `report.mail`, is BLAKE2b with a digest of 16 bytes, without key, over the msgpack of [requests, replies]: requests are [sender, tick, number, body], replies are [the agent that was asked,
-number, body or nil]. A body is the map with `type` first and then all fields in the order of the tables below; so it is enough to pack again what was unpacked, if that keeps the order. Packed as usual: each
+number, body or nil]. A body is the map with `type` first and then all fields in the order of the tables below; so it is enough to pack again what was unpacked, if that keeps the order and floats stay floats. Packed as usual: each
 number, text, array and map in its shortest form, but each float as float 64. Without mail the digest is empty. For example, `{digest_of}` gives `{digest}`.
 
 **The run's hash** covers, tick by tick, the state of all bodies, all scans, and these digests. It is the same in each run of a scenario if each client is repeatable: what it sends for tick k follows from what it
@@ -331,26 +331,18 @@ def document() -> str:
     table = "\n".join(map(_table_row, TABLE.values()))
     times = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "slack": SLACK, "stale": STALE_TICKS}
     times |= {"again": AGAIN_SECONDS, "doubt": DOUBT_SECONDS, "full_queue": FULL_QUEUE_US / 1e6}
-    times |= {
-        "connect": round(CONNECT_SECONDS * 1000),
-        "lease": LEASE_MS,
-        "get": GET_SECONDS,
-        "join": JOIN_TRIES * ASK_SECONDS,
-        "no_token": NO_TOKEN,
-    }
+    times |= {"connect": round(CONNECT_SECONDS * 1000), "lease": LEASE_MS, "get": GET_SECONDS, "join": JOIN_TRIES * ASK_SECONDS}
     front, shown = KINDS["carrier"].laser.beams, _digest_example()
     lasers = {"around": AROUND.beams, "around_step": AROUND.increment, "front": front, "gaps": front - 1}
     work = {"kinds": carrier.bodies(), "carrier": carrier.chapter(), "digest_of": shown[0], "digest": shown[1]}
-    head = HEAD.format(table=table, most=MAX_PAYLOAD, tokens=MOST_TOKENS, **times, **lasers, **work)
+    head = HEAD.format(table=table, most=MAX_PAYLOAD, tokens=MOST_TOKENS, no_token=NO_TOKEN, **times, **lasers, **work)
     return "\n".join([head, *(_section(what, key) for what, key in TABLE.items()), *(_union(*item) for item in UNIONS.items())])
 
 
 def _digest_example() -> tuple[str, str]:
     """The mail of an example, and its digest in hexadecimal."""
-    call, answer = (
-        Heard("bin_01", TICK - 1, 0, Call(3, "east")),
-        Reply("traffic", 0, Claim([], ["east/D/3"], ""), Places(["east/D/3"], [], [])),
-    )
+    call = Heard("bin_01", TICK - 1, 0, WRITTEN.requests[0][1])
+    answer = Reply("traffic", 0, Claim([], ["east/D/3"], ""), Places(["east/D/3"], [], []))
     packed = [[(call.sender, call.tick, call.number, call.body)], [(answer.sender, answer.number, answer.body)]]
     return msgspec.json.encode(packed).decode(), digest_of(Mail([call], [answer])).hex()
 

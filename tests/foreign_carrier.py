@@ -2,7 +2,8 @@
 
     python foreign_carrier.py ENDPOINT NAME
 
-Holds the agent of a carrier in lockstep until the run ends. Headings in this file follow keyspace.md: its chapters, in their order.
+Holds the agent of a carrier in lockstep until the run ends. The parts of this file follow the chapters of keyspace.md. If a figure
+changes there, it must change here.
 """
 
 import hashlib
@@ -42,8 +43,8 @@ class Host:
         self.session, self.name, self.inbox = session, name, queue.Queue()
         self.info = self.query("scenario")
         self.run, self.answer = self.info["run"], b""
-        for key in (f"hosts/{SESSION}/seen", "lost", "end"):
-            session.declare_subscriber(f"orchard/{key}", lambda sample: self.inbox.put((sample.key_expr, sample.payload.to_bytes())))
+        put = lambda sample: self.inbox.put((sample.key_expr, sample.payload.to_bytes()))  # noqa: E731
+        self.heard_keys = [session.declare_subscriber(f"orchard/{key}", put) for key in (f"hosts/{SESSION}/seen", "lost", "end")]
         self.mail = session.declare_queryable(f"orchard/{name}/mail", lambda query: self.inbox.put(("query", query)))
         self.token = session.liveliness().declare_token(f"orchard/alive/{name}/{SESSION}")
         self.join()
@@ -142,17 +143,20 @@ class Host:
             with suppress(queue.Empty):
                 self.take(self.inbox.get(timeout=0.1))
         if is_new or not (all(k in self.held for k in wanted) and all(r["answered"] for r in mine)):
-            return self.recalled(tick, mine)
+            return self.recalled(tick)
         requests = [[*key, body] for key, (_, body) in self.held.items() if key[1] == tick - 1]
         return in_order(requests), mine
 
-    def recalled(self, tick, mine):
+    def recalled(self, tick):
+        """The same, from the copies of physics."""
         letters = dict(self.query("recall", {"tick": tick})["letters"])
         requests, answers = [], {}
         for sender, written in letters.get(tick - 1, {}).items():
             requests += [[sender, tick - 1, n, body] for n, (to, body) in enumerate(written["requests"]) if to == self.name]
             answers |= {(sender, n): body for to, at, n, body in written["answers"] if (to, at) == (self.name, tick - 2)}
-        return in_order(requests), [request | {"answer": answers.get((request["to"], request["number"]))} for request in mine]
+        mine = letters.get(tick - 2, {}).get(self.name, {"requests": []})["requests"]
+        asked = [{"to": to, "number": number, "body": body} for number, (to, body) in enumerate(mine)]
+        return in_order(requests), [request | {"answer": answers.get((request["to"], request["number"]))} for request in asked]
 
     # what is sent
 
@@ -544,7 +548,8 @@ class Carrier:
         s, c = math.sin(self.yaw), math.cos(self.yaw)
         at, side = c * dx + s * dy, c * dy - s * dx
         s, c = math.sin(turn), math.cos(turn)
-        rear = [(at + c * a - s * b, side + s * a + c * b) for a, b in self.points(struct.unpack("<60f", self.hitch["ranges"]), AROUND, 3.5, 0.0)]
+        seen = self.points(struct.unpack("<60f", self.hitch["ranges"]), AROUND, 3.5, 0.0)
+        rear = [(at + c * a - s * b, side + s * a + c * b) for a, b in seen]
         return own + [(a, b) for a, b in rear if abs(a) > LENGTH / 2 + 0.1 or abs(b) > WIDTH / 2 + 0.1]
 
     def is_blind(self, ahead, left):

@@ -22,6 +22,7 @@ ASKED = "lockstep: [to, sender, number] of each request of the tick before to th
 DEEDS = "couple, uncouple, flatten; physics decides whether each is done"
 HOLDER = "the session id in the sender's liveliness token; '' if the sender holds no agent"
 ONCE = "realtime; true: it drives for one step only, and only from the pose that it answers; false: until a newer velocity arrives"
+POSES = "x, y (m), yaw (rad) of each body, in the order of `agents` in the reply to `scenario`, little-endian float64"
 RANGES = "m, little-endian float32, 4 bytes per beam; +inf for a beam without a return (REP-117)"
 SEVEN = "x, y (m); z, w of the quaternion; linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
 
@@ -340,12 +341,7 @@ class Picture(Message):
     """The whole orchard after the step that ends at this tick, for observers. `nil` means unchanged. Every 5 s, and when a logger joins,
     all fields but `scans` are complete."""
 
-    poses: Annotated[
-        bytes,
-        Meta(
-            description="x, y (m), yaw (rad) of each body, in the order of `agents` in the reply to the scenario query, little-endian float64"
-        ),
-    ]
+    poses: Annotated[bytes, Meta(description=POSES)]
     scans: Annotated[list[bytes] | None, Meta(description="twice per second: the ranges of each body, m, little-endian float32")]
     doing: Annotated[dict[Name, str], Meta(description="name -> what it does; only if that has changed")]
     coupled: Annotated[list[Body] | None, Meta(description="for each body, the index of the body at the other end of its bar, or -1")]

@@ -3,40 +3,102 @@
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import foreign_carrier
+import msgpack
 import pytest
 from alone import SMALL
-from fleet import ROOT
 
+from orchard.agents.route import SIDES, OneWay
 from orchard.contract.agent import Heard, Mail, Reply
-from orchard.contract.mail import digest_of
-from orchard.contract.messages import Call, Offer, Where, pack
+from orchard.contract.mail import digest_of, in_hearing_order
+from orchard.contract.messages import Come, Confirm, No, Offer, Position, StateRequest, Where, pack
+from orchard.field.layout import lay_out, queue_place
+from orchard.field.scenario import Animals, Scenario
 
 HARVEST_SECONDS = 240.0  # of wall time, on a busy machine
 
 
-def harvest(fleet, scenario) -> dict:
-    """A harvest in which the foreign carrier is carrier_01: the last message."""
-    fleet.physics(scenario, "--duration", "3600")
-    client = fleet.client()
-    ends = client.hear("orchard/end")
-    fleet.host("--without", "carrier_01")
-    command = [sys.executable, str(ROOT / "tests" / "foreign_carrier.py"), fleet.endpoint, "carrier_01"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=HARVEST_SECONDS, cwd=ROOT)
+def harvest(fleet, scenario, name="carrier_01", seconds=HARVEST_SECONDS) -> dict:
+    """The last message of a harvest in which the foreign carrier holds an agent, and how many bins it took."""
+    fleet.physics(scenario, "--duration", "20000")
+    ends = fleet.client().hear("orchard/end")
+    fleet.host("--without", name)
+    command = [sys.executable, "-I", foreign_carrier.__file__, fleet.endpoint, name]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=seconds)
     assert done.returncode == 0, done.stdout + done.stderr
     fleet.end()
-    return ends.get(timeout=1.0) | {"taken": done.stdout}
+    return ends.get(timeout=1.0) | {"taken": int(re.fullmatch(r"(\d+) bins taken\n", done.stdout)[1])}
 
 
 def assert_all_delivered(end, rows) -> None:
     summary = end["summary"]
     assert (end["why"], end["finished"], summary["violations"], summary["jam"]) == ("harvested", True, [], [])
     assert (summary["rows_picked"], summary["bins_delivered"], summary["collisions"]) == (rows, rows, 0)
-    assert summary["messages_refused"] == {} and summary["broken_agents"] == []
+    assert (summary["messages_refused"], summary["broken_agents"]) == ({}, [])
 
 
 def test_a_carrier_written_from_keyspace_alone_brings_in_the_harvest(fleet):
     end = harvest(fleet, SMALL)
     assert_all_delivered(end, SMALL.rows)
-    assert end["taken"] == "3 bins taken\n"
+    assert end["taken"] == SMALL.rows
+
+
+OTHERS = {
+    "people and animals": (Scenario(rows=4, pickers=3, carriers=2), "carrier_01"),
+    "wide rows, noise": (Scenario(rows=3, carriers=1, row_width=8.0, laser={"noise": 0.01}, animals=Animals(dogs=0, cats=0)), "carrier_01"),
+    "a second line of the queue": (Scenario(rows=16, pickers=16, carriers=13, weeds=0), "carrier_13"),
+    "a dispatcher": (Scenario(rows=3, carriers=2, dispatch="examples.seams.farthest_first.FarthestFirst"), "carrier_02"),
+}
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("what", OTHERS)
+def test_it_does_so_in_other_orchards_too(fleet, what):
+    scenario, name = OTHERS[what]
+    end = harvest(fleet, scenario, name, 4 * HARVEST_SECONDS)
+    assert_all_delivered(end, scenario.rows)
+    assert end["taken"] > 0
+
+
+def test_it_reads_nothing_of_this_program():
+    imports = re.findall(r"^\s*(?:import|from) ([\w.]+)", Path(foreign_carrier.__file__).read_text(), re.M)
+    assert {name.partition(".")[0] for name in imports} - sys.stdlib_module_names == {"msgpack", "zenoh"}
+
+
+def test_its_digest_of_mail_is_ours():
+    heard = [
+        Heard("bin_02", 7, 1, Come(3, "west", "picker_01")),
+        Heard("bin_01", 7, 70_000, Come(300, "east", "p" * 40)),
+        Heard("dog_01", 7, 0, Confirm()),
+    ]
+    replies = [
+        Reply("dog_01", 0, Where(), Position(-3.0, 1e-9)),
+        Reply("bin_01", 1, StateRequest(), None),
+        Reply("cat_01", 2, Where(), No("é" * 300)),
+        Reply("cat_01", 3, Where(), Offer(0.1, -0.0, 2.0**40)),
+    ]
+    on_the_wire = msgpack.unpackb(pack([[*heard], [(reply.sender, reply.number, reply.body) for reply in replies]]))
+    requests = foreign_carrier.in_order(on_the_wire[0])
+    assert [request[0] for request in requests] == [request.sender for request in in_hearing_order(heard)]
+    assert foreign_carrier.digest_of(requests, on_the_wire[1]) == digest_of(Mail(in_hearing_order(heard), replies))
+    assert foreign_carrier.digest_of([], []) == digest_of(Mail())
+
+
+@pytest.mark.parametrize("number", [1, 13, 40])
+def test_its_field_is_ours(number):
+    """A figure that changes in the orchard, and so in keyspace.md, must change in the foreign carrier too."""
+    scenario = Scenario(rows=6, row_width=7.0, pickers=4, carriers=number)
+    layout, route = lay_out(scenario), OneWay(lay_out(scenario))
+    field = foreign_carrier.Field(scenario.model_dump(), f"carrier_{number:02d}")
+    assert (field.D, field.F, field.FULL, field.PICKER) == (route.D_ROAD, route.F_ROAD, route.FULL_BIN, route.WAITING)
+    assert (field.COUPLES, field.TURN_OFF) == (route.COUPLING, route.TURN_OFF)
+    assert (field.STOP, field.HOLD, field.CLEAR) == (route.STOP, route.HOLD, route.CLEAR)
+    assert (field.bottom_d, field.bottom_f, field.top_clear) == (route.outer_bottom, route.inner_bottom, route.top_clear)
+    assert (field.HEAD, field.line) == (queue_place(0).x, queue_place(number - 1).y)
+    for lane in layout.lanes:
+        assert field.lane(lane.number) == lane.y
+        for side in ("east", "west"):
+            distance = route.distance(30.0, 20.0, lane.number, SIDES[side])
+            assert field.distance(30.0, 20.0, lane.number, field.side(side)) == pytest.approx(distance)

@@ -113,7 +113,7 @@ whose place they share; carriers send ''.
 
 _JOB = f"""## The job of a carrier
 
-It waits in the queue with an empty bin. It accepts one full bin at a time.
+It waits in the queue with an empty bin. It accepts one full bin at a time. `tests/foreign_carrier.py` does all this with zenoh, msgpack and the standard library of Python.
 
 1. `call` from a full bin: answer `offer` if you have no job and are next in your line: your x is less than 0.1 m short of {layout.QUEUE_HEAD:g}, or you are moving forward and less than {layout.QUEUE_PITCH + 0.2:g} m short of it.
    `x` and `y` are your position; `distance` is in metres by road to the stop of step 4. Otherwise answer `no`. An offer binds neither side.

@@ -217,7 +217,7 @@ tries to connect only once; the orchard's own wait {connect} ms for a router. Wi
 It publishes, subscribes, queries and replies on the keys below. `{{prefix}}` is `orchard` unless the run was started with another prefix.
 
 - **Payloads** are msgpack: a map with text keys. `float` is float 64 (integers are accepted too). `bin` is msgpack's bin, not text.
-  Optional fields may be left out. Unknown fields are refused.
+  Optional fields may be left out. Unknown fields are refused. A client ignores fields that it does not know.
 - **Every message carries `run`**, the run's id, **and `tick`**, the number of the time step, from 0. A step is 0.1 s of simulated time.
   The messages Join, Command, Stop and RefusedThere carry only `run`.
 - **Frames** (REP-103, REP-105): in `map`, x points east, y north and z up, in metres. A yaw of 0 faces east; yaw grows counter-clockwise.
@@ -256,6 +256,8 @@ Before tick 0 there are no poses: physics waits until each agent that is left to
    In realtime (`mode` in the reply to the scenario query) physics does not wait, and late answers count too: see below.
    A session that holds many agents publishes one message for all of them on its `velocities`.
 6. If `lost` names your session, physics has waited for longer than its patience (15 s by default), and the robot stands. Join again.
+   Physics that was killed is started again from a snapshot, so it may go back by some ticks. Its token, `{{prefix}}/alive/physics/<run>`, goes and comes back: join again, and go on from the
+   memory in the reply. It is what `report.memory` held before that tick; an agent that sends none begins anew.
 7. At `end`, undeclare the token and close the session.
 
 **In realtime** physics keeps to the wall clock. The answers to a tick have until the next tick is due ({slack} s longer if the machine is delayed for a moment; later ticks make up for it).
@@ -278,8 +280,16 @@ In lockstep a lost query changes nothing. A copy of each letter goes to physics 
 (`asked` in `seen`): wait for these requests before you answer that tick. A host asks physics on `{{prefix}}/recall` for the mail of the tick, and uses that mail instead, in three cases:
 it has just joined (the tick of the join and the next); a second reply is missing; or a listed request has not come for {doubt:g} s. A client that sends no copies must not send the velocity of a tick before each of its gets
 has received its `received` or has ended. `asked` is in `seen` only: a client that hears requests subscribes to `seen`, not to `pose` and `scan`.
-So an agent's tick k is: take `seen`; wait until each request in `asked` has come and each get of tick k - 2 has ended; decide; publish the velocity, with copies; send the gets of this tick, one for each
-request, without wildcards, with a time-out of {get:g} s; answer the requests that were heard, and drop their queries. What comes twice (same sender, tick and number) is heard once.
+
+So tick k of a session with agents is:
+
+1. Take `seen`. If it repeats tick k - 1, send the last answer again. If it leaves a tick out, join again.
+2. Wait until each request in `asked` has come and each get of tick k - 2 has ended; otherwise recall.
+3. Decide from what is seen and heard. Publish the velocities of tick k, with copies of the letters.
+4. Send the requests of tick k: one get for each, without wildcards, with a time-out of {get:g} s.
+5. Answer the requests that were heard, and drop their queries.
+
+At any time: hold a request that is stamped with the last tick that you answered, or the next one, and refuse others by an error reply. What comes twice (same sender, tick and number) is heard once.
 
 **Heard mail** is, at tick k, the requests stamped k - 1 and the replies to one's own requests of k - 2. Requests are heard sorted by (`type` of the body, sender, tick, number), texts by their bytes; replies by number.
 In a recall, `letters` is [[tick, {{sender: {{requests, answers}}}}]]: of tick k - 1 each request [to, body] to you is heard, numbered by its place in the list from 0, and each answer [to, tick, number, body] with `to` =

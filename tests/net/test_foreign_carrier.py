@@ -67,6 +67,12 @@ def test_it_reads_nothing_of_this_program():
     assert {name.partition(".")[0] for name in imports} - sys.stdlib_module_names == {"msgpack", "zenoh"}
 
 
+def test_it_ignores_a_field_that_it_does_not_know():
+    carrier = foreign_carrier.Carrier({"scenario": SMALL.model_dump(), "agents": []}, "carrier_01")
+    carrier.x, carrier.y, carrier.twist = 35.4, 24.5, (0.0, 0.0, 0.0)
+    assert carrier.reply_to("bin_01", {"type": "call", "lane": 1, "side": "east", "more": [7]})["type"] == "offer"
+
+
 def test_its_digest_of_mail_is_ours():
     heard = [
         Heard("bin_02", 7, 1, Come(3, "west", "picker_01")),

@@ -4,16 +4,27 @@ from math import degrees
 
 from orchard.agents import bin as bin_agent
 from orchard.agents import sense, steps, traffic
-from orchard.agents.robot import PATIENCE, RECOVERY
-from orchard.agents.route import TOP, WEST_SIDE, OneWay
+from orchard.agents.robot import PATIENCE, RECOVERY, Step
+from orchard.agents.route import EAST_SIDE, TOP, WEST_SIDE, OneWay
 from orchard.field import layout
 from orchard.field.kinds import EIGHTH, KINDS, LASER_RANGE, PEOPLE, Kind
-from orchard.field.scenario import ONE_WAY, TIME_STEP
+from orchard.field.scenario import ONE_WAY, TIME_STEP, Scenario
 from orchard.report.metrics import JAM_SECONDS
 from orchard.sim import deeds
 from orchard.sim.kernels import move
 
-_ROUTE, _CARRIER, _PICKER, _BIN = OneWay, KINDS["carrier"], KINDS["picker"], KINDS["bin"]
+_CARRIER, _PICKER, _BIN = KINDS["carrier"], KINDS["picker"], KINDS["bin"]
+_ROUTE = OneWay(layout.lay_out(Scenario()))
+
+
+def _freed(plan: list[Step], place: str) -> float:
+    """Where a plan gives a place back, m: x or y."""
+    return next(gate.at for step in plan if isinstance(step, steps.DriveTo) for gate in step.frees if place in gate.places)
+
+
+_OFF_D = _freed(_ROUTE.loop_to_full_bin(1, EAST_SIDE), EAST_SIDE.place("D", 1))
+_OFF_EAST_CORNER = _freed(_ROUTE.go_to_bay(1, EAST_SIDE), "corner/south-east")
+_OFF_WEST_CORNER = _freed(_ROUTE.go_to_bay(1, EAST_SIDE), "corner/south-west") - _ROUTE.inner_bottom
 
 
 def bodies() -> str:
@@ -96,12 +107,12 @@ Along the bottom, D is {_ROUTE.D_BOTTOM:g} m and F is {_ROUTE.F_BOTTOM:g} m sout
 | place | wait for it at | give it back at |
 | --- | --- | --- |
 | of a lane that the carrier passes, or at which it stops, on D and F | {_ROUTE.HOLD:g} m before the lane | {_ROUTE.CLEAR:g} m past the lane |
-| D at the lane where it has delivered | held already | on the way to the full bin: x = 36.4 in the east, {WEST_SIDE.x(36.4):g} in the west |
+| D at the lane where it has delivered | held already | on the way to the full bin: x = {_OFF_D:g} in the east, {WEST_SIDE.x(_OFF_D):g} in the west |
 | F at that lane | where it has delivered, before it turns | {_ROUTE.CLEAR:g} m past the lane |
 | `corner/south-east`, on D | {_ROUTE.HOLD:g} m north of F's bottom road | after its turn to the west |
 | `corner/south-west`, on D | x = {_ROUTE.CORNER_HOLD_X:g} | after its turn to the north |
-| `corner/south-east`, on F | on F's bottom road, before it turns | x = 34.7 |
-| `corner/south-west`, on F | x = {WEST_SIDE.x(_ROUTE.F_ROAD):g}, before it turns | 1.4 m north of F's bottom road |
+| `corner/south-east`, on F | on F's bottom road, before it turns | x = {_OFF_EAST_CORNER:g} |
+| `corner/south-west`, on F | x = {WEST_SIDE.x(_ROUTE.F_ROAD):g}, before it turns | {_OFF_WEST_CORNER:g} m north of F's bottom road |
 | `{TOP}`, only if there are more than {layout.QUEUE_LINE_PLACES} carriers | x = {layout.QUEUE_HEAD:g} | {_ROUTE.TOP_CLEAR:g} m south of the southernmost line in which a carrier has started |
 
 **A claim** goes to `traffic`: `keep`, all places that the carrier still holds, and `want`, the places that it waits for ([] for none). It gets all that it wants or none. The answer `places` has all that

@@ -14,6 +14,7 @@ from orchard.agents.route import SIDES, OneWay
 from orchard.contract.agent import Heard, Mail, Reply
 from orchard.contract.mail import digest_of, in_hearing_order
 from orchard.contract.messages import Come, Confirm, No, Offer, Position, StateRequest, Where, pack
+from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
 from orchard.field.layout import lay_out, queue_place
 from orchard.field.scenario import Animals, Scenario
 
@@ -108,3 +109,10 @@ def test_its_field_is_ours(number):
         for side in ("east", "west"):
             distance = route.distance(30.0, 20.0, lane.number, SIDES[side])
             assert field.distance(30.0, 20.0, lane.number, field.side(side)) == pytest.approx(distance)
+
+
+def test_its_bodies_are_ours():
+    own, others = KINDS["carrier"], {name: KINDS[name] for name in PEOPLE + ANIMALS}
+    assert {name: (kind.length, kind.width, kind.speed) for name, kind in others.items()} == foreign_carrier.BYSTANDERS
+    sizes = (foreign_carrier.LENGTH, foreign_carrier.WIDTH, foreign_carrier.TOWS, foreign_carrier.BIN)
+    assert sizes == (own.length, own.width, own.tows, KINDS["bin"].length)

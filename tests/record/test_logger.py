@@ -161,4 +161,4 @@ def test_after_the_gaps_everything_is_as_if_there_had_been_none(battered, rows, 
     assert any(entity.startswith("/world/rows") for entity, _ in changed), "a row was picked meanwhile"
     for seconds in [until_ for _, until_ in summary["recording_gaps"]] + [TICKS / 10]:
         seen, meant = seen_at(rows, seconds), seen_at(whole, seconds)
-        assert {key for key in seen.keys() | meant.keys() if seen.get(key) != meant.get(key)} == set()
+        assert {key: (seen.get(key), meant.get(key)) for key in seen.keys() | meant.keys() if seen.get(key) != meant.get(key)} == {}

@@ -17,6 +17,7 @@ except ModuleNotFoundError as missing:
     print(f"The page needs the package {missing.name}: pip install 'orchard[app]'", file=sys.stderr)
     raise SystemExit(2) from None
 
+from orchard.app.own_address import only_own_address
 from orchard.app.page import Page
 from orchard.app.run_controls import ROOT
 from orchard.app.runner import Runner
@@ -30,7 +31,7 @@ def main(argv: list[str] | None = None) -> int:
     """Serve the page until Ctrl-C. Return the exit code: 2 if the address cannot be used."""
     parser = argparse.ArgumentParser(prog="python -m orchard.app", description="Set up an orchard in the browser, run it, and watch it.")
     parser.add_argument("--port", type=int, default=8080, help="port of the page")
-    parser.add_argument("--host", default="127.0.0.1", help="any client that reaches it can start runs; pictures stay on the loopback")
+    parser.add_argument("--host", default="127.0.0.1", help="any client that reaches it can start runs; 0.0.0.0: under this machine's name")
     parser.add_argument("--runs", type=Path, default=ROOT / "runs", metavar="DIRECTORY", help="directory of recordings and summaries")
     parser.add_argument("--quiet", action="store_true", help="do not open a browser")
     arguments = parser.parse_args(argv)
@@ -44,6 +45,7 @@ def main(argv: list[str] | None = None) -> int:
         begin = last[-1].draft.scenario if last else None
         last[:] = [Page(runner, begin or Scenario())]
 
+    only_own_address(app, host)
     app.on_shutdown(runner.close)
     print(f"The page is at http://{host}:{port}  (Ctrl-C stops the server)", flush=True)
     with contextlib.suppress(KeyboardInterrupt):

@@ -9,6 +9,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from orchard.agents.catalogue import check_plugins
+from orchard.app.own_classes import PLUGINS, own_classes
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario, with_changes
@@ -39,7 +40,6 @@ def hint(text: object) -> str:
 
 
 MOST_STEPS = 1e6  # steps of a slider; a value with more gets a text field only
-PLUGINS = ("agents", "agents_without_body", "dispatch", "rows_to_pickers", "route")  # named in a file, not entered on the page
 
 
 @dataclass(frozen=True)
@@ -128,9 +128,7 @@ class Draft:
     @property
     def classes(self) -> dict[str, str]:
         """The user's own classes and functions, by the key of the scenario or the agent that names them."""
-        default = Scenario()
-        named = {name: value for name in PLUGINS if (value := getattr(self._base, name)) != getattr(default, name)}
-        return {key: path for name, value in named.items() for key, path in (value if isinstance(value, dict) else {name: value}).items()}
+        return own_classes(self._base)
 
     def drop_classes(self) -> None:
         """Remove the user's own classes, so that the built-in ones are used again."""

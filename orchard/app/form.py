@@ -5,7 +5,8 @@ from typing import Any
 
 from nicegui import ui
 
-from orchard.app.draft import PLUGINS, Draft, Entry, entries, number_of, shown
+from orchard.app.draft import Draft, Entry, entries, number_of, shown
+from orchard.app.own_classes import PLUGINS
 
 Change = Callable[[str, Any], None]  # path, new value
 

@@ -7,6 +7,7 @@ from nicegui import events, run, ui
 
 from orchard.app.draft import Draft
 from orchard.app.form import Form
+from orchard.app.own_classes import from_elsewhere, may_run, own_classes
 from orchard.app.preview import FiguresView
 from orchard.app.run_controls import ROOT, RunControls
 from orchard.app.runner import Runner, RunReport
@@ -92,13 +93,22 @@ class Page:
         content = await event.file.read()
         self._upload.reset()
         try:
-            self._take(parse(content.decode("utf-8-sig"), event.file.name))
+            scenario = parse(content.decode("utf-8-sig"), event.file.name)
         except UnicodeDecodeError:
             complain("This file was not opened", [f"{event.file.name}: not UTF-8 text"])
         except ScenarioError as error:
             complain("This file was not opened", [str(problem) for problem in error.problems])
         else:
-            ui.notify(f"{event.file.name} opened", type="positive")
+            await self._offer(scenario, event.file.name)
+
+    async def _offer(self, scenario: Scenario, file: str) -> None:
+        """Take a scenario from a file. If it names own classes, the user is asked first: to check them already runs them."""
+        classes = own_classes(scenario)
+        if refused := from_elsewhere(classes, Path.cwd()):
+            complain("This file was not opened", [f"{file}: {words}" for words in refused])
+        elif not classes or await may_run(classes, file):
+            self._take(scenario)
+            ui.notify(f"{file} opened", type="positive")
 
     def _rejected(self) -> None:
         complain("This file was not opened", ["The file is too large for a scenario, or it is not a .yaml file."])

@@ -1,9 +1,11 @@
 """The page as a person fills it in: a real server, and headless Chromium."""
 
+import http.client
 import socket
 import subprocess
 
 import psutil
+import pytest
 from page import ROOT, page, skip_without_packages, wait_for
 
 from orchard.field.scenario import Scenario, load
@@ -33,6 +35,40 @@ def test_the_web_viewer_is_on_the_loopback_only():
     finally:
         viewer.terminate()
         viewer.wait(10)
+
+
+# -- who may ask it
+
+WEBSOCKET = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
+             "Sec-WebSocket-Key": "b3JjaGFyZCBvcmNoYXJkIQ=="}  # fmt: skip
+SOCKET = "/_nicegui_ws/socket.io/?EIO=4&transport="
+ASKED = {"the page": ("GET", "/", {}), "websocket": ("GET", SOCKET + "websocket", WEBSOCKET), "polling": ("GET", SOCKET + "polling", {}),
+         "upload": ("POST", "/_nicegui/client/1/upload/1", {})}  # fmt: skip
+
+
+def answer(address, what, **names):
+    """The status with which the page answers a request whose headers Host and Origin say this."""
+    order, path, headers = ASKED[what]
+    own = address.removeprefix("http://")
+    link = http.client.HTTPConnection(own, timeout=20)
+    link.request(order, path, headers={"Host": own} | headers | {name.capitalize(): value for name, value in names.items()})
+    status = link.getresponse().status
+    link.close()
+    return status
+
+
+@pytest.mark.parametrize("what", ASKED)
+def test_the_page_answers_its_own_address_only(server, what):
+    address = server[0]
+    port = address.rpartition(":")[2]
+    well, local = answer(address, what), f"localhost:{port}"
+    assert well == answer(address, what, origin=address) == answer(address, what, host=local, origin=f"http://{local}")
+    assert well in (101, 200) or what == "upload", "this upload is unknown, but not refused"
+    for host in ("attacker.example", f"attacker.example:{port}", f"127.0.0.1.attacker.example:{port}", ""):
+        assert answer(address, what, host=host) == 400, host
+        assert answer(address, what, host=host, origin=f"http://{host}") == 400, host
+    for origin in ("http://attacker.example", "null", "http://127.0.0.1:1", f"http://{local}"):
+        assert answer(address, what, origin=origin) == 403, origin
 
 
 # -- in the browser

@@ -61,8 +61,18 @@ def test_a_run_in_realtime_takes_numbers_only(small):
 
 def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloads, tmp_path):
     file = tmp_path / "own.yaml"
-    file.write_text("rows: 3\npickers: 3\nagents: {picker_01: tests.own_agents.Eastward}\n")
+    file.write_text("agents: {picker_01: subprocess.Popen}\n")
     small.one("input[type=file]").send_keys(str(file))
+    assert "subprocess.Popen is not in" in small.until(lambda: small.view("complaint").text, "a complaint")
+    small.click("[data-view=complaint] button")
+    file.write_text("rows: 3\npickers: 3\nagents: {picker_01: tests.own_agents.Eastward}\n")
+    for decision in ("refuse-classes", "trust-classes"):
+        assert not small.view("classes").is_displayed(), "not before the user trusts the file"
+        small.one("input[type=file]").send_keys(str(file))
+        question = small.until(lambda: small.view("question").text, "a question")
+        assert "own.yaml runs code" in question and "picker_01: tests.own_agents.Eastward" in question
+        small.press(decision)
+        small.until(lambda: not small.driver.find_elements("css selector", "[data-view=question]"), "the question is answered")
     small.until(lambda: small.view("classes").text == "picker_01: tests.own_agents.Eastward", "the class is shown")
     small.fill("weeds", 7)
     small.fill("duration", 30)

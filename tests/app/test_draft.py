@@ -1,8 +1,11 @@
 """The page's form and orders, without a browser: what is asked for, what is wrong and where, and what run.py is told."""
 
+from pathlib import Path
+
 import pytest
 
 from orchard.app.draft import Draft, entries, flat
+from orchard.app.own_classes import from_elsewhere, own_classes
 from orchard.app.run_controls import Files, RunSettings, command
 from orchard.app.runner import Runner
 from orchard.field.scenario import Scenario, with_changes
@@ -70,6 +73,18 @@ def test_a_class_for_a_robot_that_is_gone_is_told():
     draft.set("pickers", "2")
     assert draft.scenario is None
     assert "agents.picker_03: no such agent or kind" in draft.problems["agents"]
+
+
+def test_own_classes_are_of_the_directory_of_the_start_and_none_runs_when_it_is_looked_for(tmp_path, monkeypatch):
+    (tmp_path / "mine.py").write_text("raise SystemExit('it ran')")
+    (tmp_path / "yours").mkdir()
+    (tmp_path / "yours" / "there.py").touch()
+    monkeypatch.syspath_prepend(str(tmp_path))
+    inside = {"picker": "mine.Picker", "carrier": "yours.there.Carrier", "bin": "mine:Bin"}
+    outside = {"tractor": "subprocess.Popen", "dog": "sys.exit", "cat": "numpy.load", "worker": "no.A", "weed": "tests.own_agents.Rude"}
+    refused = from_elsewhere(own_classes(Scenario(agents=inside | outside)), tmp_path)
+    assert [words.partition(":")[0] for words in refused] == list(outside)
+    assert from_elsewhere({"weed": "tests.own_agents.Rude"}, Path.cwd()) == []
 
 
 @pytest.mark.parametrize(

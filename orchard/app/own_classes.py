@@ -1,0 +1,45 @@
+"""The user's own classes that a scenario file names: they are code, so the page takes them from one directory only, and asks first."""
+
+from importlib.util import find_spec
+from pathlib import Path
+
+from nicegui import ui
+
+from orchard.field.scenario import Scenario
+
+PLUGINS = ("agents", "agents_without_body", "dispatch", "rows_to_pickers", "route")  # named in a file, not entered on the page
+
+
+def own_classes(scenario: Scenario) -> dict[str, str]:
+    """Return the user's own classes and functions, by the key of the scenario or the agent that names them."""
+    default = Scenario()
+    named = {name: value for name in PLUGINS if (value := getattr(scenario, name)) != getattr(default, name)}
+    return {key: path for name, value in named.items() for key, path in (value if isinstance(value, dict) else {name: value}).items()}
+
+
+def from_elsewhere(classes: dict[str, str], folder: Path) -> list[str]:
+    """Say which of these classes are not from a module in this directory. No module is run."""
+    return [f"{key}: {path} is not in {folder}, where this page was started" for key, path in classes.items() if not _is_in(path, folder)]
+
+
+def _is_in(path: str, folder: Path) -> bool:
+    """Whether Python finds the first module of a dotted path in a directory. To look deeper would run that module."""
+    try:
+        spec = find_spec(path.replace(":", ".").partition(".")[0])
+    except ValueError:
+        return False
+    places = [] if spec is None else list(spec.submodule_search_locations or [spec.origin or ""])
+    return bool(places) and Path(places[0]).parent == folder
+
+
+async def may_run(classes: dict[str, str], file: str) -> bool:
+    """Ask whether the classes that a file names may run."""
+    with ui.dialog(value=True) as dialog, ui.card().classes("complaint").props("data-view=question"):
+        ui.label(f"{file} runs code on this computer").classes("group-title")
+        ui.label("It names these classes. They can do whatever you can: read, change and send your files. Do you trust them?")
+        for key, path in classes.items():
+            ui.label(f"{key}: {path}").classes("complaint-line")
+        with ui.row().classes("self-end"):
+            ui.button("Do not open", on_click=lambda: dialog.submit(False)).props("flat no-caps data-action=refuse-classes")
+            ui.button("Open and let them run", on_click=lambda: dialog.submit(True)).props("no-caps unelevated data-action=trust-classes")
+    return bool(await dialog)

@@ -21,7 +21,7 @@ from orchard.net.bus import Bus, Inbox, client, router
 from orchard.net.endpoints import LOOPBACK, SECURE_LOOPBACK, BusError
 from orchard.net.process import run_process, settle
 from orchard.security.identity import Identity, identity_in
-from orchard.server.harvest import RunOptions, write_end
+from orchard.server.harvest import RunOptions
 from orchard.server.loop import Physics
 from orchard.server.snapshots import last, sole
 from orchard.sim.snapshot import Snapshot, SnapshotError
@@ -62,8 +62,6 @@ def _simulate(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions
     where = "connected to" if options.connect else "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.harvest.run}", flush=True)
     end = physics.run(lambda: _get_ready(engine))
-    if options.result is not None:
-        write_end(end, options.result)
     print(f"{end.why}: tick {end.tick}, {end.summary['wall_seconds']} s, hash {end.hash}", flush=True)
     for violation in end.summary["violations"]:
         print(f"violated: {violation}", flush=True)

@@ -110,6 +110,9 @@ class StandIn:
     def declare_alive(self, token: str) -> None:
         self._net.alive(token, True)
 
+    def withdraw(self, token: str) -> None:
+        self._net.alive(token, False)
+
 
 class Run:
     """Physics and one host with all agents, each in its thread."""

@@ -22,6 +22,7 @@ from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest, Shares
 from orchard.launch.supervisor import ProcessSpec, Supervisor, Watchdog, free_port, open_viewer
 from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal, client
+from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError, check_free, check_security, reachable, with_port
 from orchard.net.lockstep import PATIENCE
 from orchard.net.refusals import Refusals, Refused, read_message
@@ -66,13 +67,15 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
         if options.without:
             progress.say(f"{', '.join(options.without)}: left to other processes, which connect to {endpoint}")
         summary, why = launched.follow(inbox)
+        end = read_end(Path(folder) / RESULT, run_id)
         if summary is not None:
             launched.watchdog.end()
             if why == "stopped":  # a host that was still connecting has not received the end
                 supervisor.terminate(*(name for name, _ in shares))
-        elif end := read_end(Path(folder) / RESULT, run_id):
-            summary, why = end.summary, end.why
+        elif end is not None:
             supervisor.terminate(*supervisor.running)  # the others have not received the end either; they close their files and sessions
+        if end is not None:  # what physics has written counts more than a message, which any client may send
+            summary, why = end.summary, end.why
         if request.recording is not None:  # the recording is read next, and Rerun takes half a second to load
             threading.Thread(target=import_module, args=("orchard.view.reader",), daemon=True).start()
         supervisor.terminate(WEB_VIEWER)
@@ -219,7 +222,7 @@ class _Launched:
                 return None
 
     def _listen(self, bus: Bus, keys: Keys) -> tuple[dict[str, Any] | None, str]:
-        deadline, refusals, begun = math.inf, Refusals(), False
+        deadline, refusals, begun, ending = math.inf, Refusals(), False, Ending()
         while time.monotonic() < deadline:
             item = bus.inbox.take(0.2)
             if isinstance(item, Signal):
@@ -230,15 +233,18 @@ class _Launched:
                     self.watchdog.hear(item.up)
                 elif item.key == keys.of("alive", PHYSICS, self.run_id):
                     self.watchdog.hear_of_physics(item.up)
+                    ending.track(item.up)
             elif isinstance(item, Sample):
                 try:
-                    if end := _hear(item, self.run_id, self.progress):
-                        return end.summary, end.why
-                    begun = True
+                    if said := _hear(item, self.run_id, self.progress):
+                        ending.hear(said)
+                    begun = begun or said is None
                 except Refused as refusal:
                     refusals.note(item.key, refusal)
             elif why := self._why_over(begun):
                 return None, why
+            if (end := ending.end) and self.supervisor.exit_code(PHYSICS) in (None, *ENDED):
+                return end.summary, end.why
             self.watchdog.look()
             self.supervisor.watch()
         return None, "stopped"

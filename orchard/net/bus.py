@@ -27,6 +27,7 @@ log = logging.getLogger("orchard.net.bus")
 CONNECT_SECONDS = 7.0  # how long a client tries to connect to its router
 LISTEN_SECONDS = 1.0  # how long a router tries to get its port
 LEASE_MS = 2000  # a neighbour that is silent for this long counts as gone
+MOST_SILENT = 10_000  # connections that have not said what they are; at the default of 100 no other client gets in for 10 s
 FULL_QUEUE_US = 300_000  # how long the router waits for a neighbour that receives nothing, before it closes the link
 GET_SECONDS = 10.0  # far above mailbox.DOUBT_SECONDS; zenoh keeps some 700 bytes of each get until then, answered or not
 TIMED_OUT = "Timeout"  # zenoh's error for a get without an answer in time
@@ -180,6 +181,7 @@ class Bus:
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._listeners: dict[str, zenoh.Publisher] = {}  # publishers that only check for subscribers
         self._kept: list[Any] = []  # declarations, which end when they are no longer referenced
+        self._tokens: dict[str, zenoh.LivelinessToken] = {}
 
     # -- publish and query
 
@@ -233,8 +235,13 @@ class Bus:
         self._kept.append(self._session.liveliness().declare_subscriber(tokens, self._into(_alive), history=True))
 
     def declare_alive(self, token: str) -> None:
-        """Declare a liveliness token, which lasts as long as the session. Call it after all subscriptions."""
-        self._kept.append(self._session.liveliness().declare_token(token))
+        """Declare a liveliness token, which lasts as long as the session, or until `withdraw`. Call it after all subscriptions."""
+        self._tokens[token] = self._session.liveliness().declare_token(token)
+
+    def withdraw(self, token: str) -> None:
+        """Remove a liveliness token."""
+        with _errors_ignored("the end of a token"):
+            self._tokens.pop(token).undeclare()  # type: ignore[no-untyped-call]
 
     def _into(self, item_of: Callable[[Any], Item], quietly: bool = False) -> "Callback[Any]":
         put = self.inbox.put_quietly if quietly else self.inbox.put
@@ -319,6 +326,7 @@ def _config(mode: str, endpoint: str, seconds: float, identity: Identity | None)
     if mode == "router":
         settings |= {"listen/endpoints": [endpoint], "listen/timeout_ms": int(LISTEN_SECONDS * 1000), "listen/exit_on_failure": True}
         settings["transport/link/tx/queue/congestion_control/block/wait_before_close"] = FULL_QUEUE_US
+        settings["transport/unicast/accept_pending"] = MOST_SILENT
     else:
         settings |= {"connect/endpoints": [endpoint], "connect/timeout_ms": int(seconds * 1000), "connect/exit_on_failure": True}
         settings["connect/retry"] = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}

@@ -13,6 +13,7 @@ from orchard.contract.messages import pack, unpack
 from orchard.field.kinds import kind_of
 from orchard.field.layout import Layout
 from orchard.net.bus import Alive, Bus, Final, Item, Query, Replied, Sample, Signal
+from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
 from orchard.net.mailbox import DOUBT_SECONDS, MAILBOXES, LatestObservations, SentRequest
 from orchard.net.refusals import M, Refusals, Refused, read_message
@@ -117,6 +118,7 @@ class Host:
         self.thinking = ""  # the agent that is ticked now; '' between ticks
         self._answer = b""  # the packed velocities of the last tick
         self._gone_until = math.inf  # monotonic clock, s: then the host gives physics up; inf while physics is alive
+        self._ending = Ending()
 
     # -- joining
 
@@ -265,6 +267,8 @@ class Host:
 
     def _track_physics(self, up: bool) -> None:
         """Physics, or the link to it, is gone (not `up`) or there again."""
+        self._ending.track(up)
+        self._leave_if_over()
         was_gone, self._gone_until = self._gone_until < math.inf, math.inf
         if not up:
             log.warning("physics is gone; waiting for it")
@@ -272,13 +276,18 @@ class Host:
         elif was_gone:
             raise _JoinAgain
 
+    def _leave_if_over(self) -> None:
+        if (end := self._ending.end) is not None:
+            raise HostEnded(0, end.why)
+
     def _take_sample(self, sample: Sample) -> None:
         match self.keys.parts(sample.key):
             case ["hosts", _, "seen"]:
                 if not self.sight.seen(sample.payload) and self.sight.tick == self.mailbox.last:
                     self._send()
             case ["end"]:
-                raise HostEnded(0, read_message(sample.payload, End, self.run_id).why)
+                self._ending.hear(read_message(sample.payload, End, self.run_id))
+                self._leave_if_over()
             case ["lost"]:
                 if read_message(sample.payload, Lost, self.run_id).holder == self.bus.id:
                     raise _JoinAgain

@@ -17,6 +17,7 @@ from orchard.contract.events import Event, Frame, merged
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import check
 from orchard.net.bus import Alive, Bus, Item, Sample, Signal
+from orchard.net.ending import Ending
 from orchard.net.host import GONE_SECONDS, HostEnded
 from orchard.net.refusals import Refusals, Refused, read_message
 from orchard.net.requests import fetch_run, publish_refusals
@@ -141,6 +142,7 @@ class Logger:
         self.refusals = Refusals()
         self._notes: list[Event] = []  # events that wait for the next frame
         self._gone_until = math.inf  # monotonic clock, s: from then on physics counts as ended; inf while it is alive
+        self._ending = Ending()
         self._tick: int | None = None  # of the newest frame that was passed on
 
     def listen(self, session: str) -> None:
@@ -177,12 +179,15 @@ class Logger:
             raise HostEnded(0, "asked to stop")
         if isinstance(item, Alive) and item.key == self.keys.of("alive", PHYSICS, self.run_id):
             self._gone_until = math.inf if item.up else time.monotonic() + GONE_SECONDS
+            self._ending.track(item.up)
         if isinstance(item, Sample):
             try:
                 self._hear(item)
             except Refused as refusal:
                 self.refusals.note(item.key, refusal)
                 publish_refusals(self.bus, self.keys, self.run_id, self.refusals)
+        if (end := self._ending.end) is not None:
+            raise HostEnded(0, end.why)
 
     def _hear(self, sample: Sample) -> None:
         match self.keys.parts(sample.key):
@@ -199,7 +204,7 @@ class Logger:
                 lost = read_message(sample.payload, Lost, self.run_id)
                 self._note(Event(lost.tick, "lost", name, "", "its agent does not answer; the body stands") for name in lost.names)
             case ["end"]:
-                raise HostEnded(0, read_message(sample.payload, End, self.run_id).why)
+                self._ending.hear(read_message(sample.payload, End, self.run_id))
             case _:
                 raise Refused("no such key")
 

@@ -109,6 +109,10 @@ class Inbound:
         self._bus.watch(self._keys.of("alive"))
         self._bus.declare_alive(self._keys.of("alive", PHYSICS, self._harvest.run))
 
+    def leave(self) -> None:
+        """Remove the liveliness token: only then do the others believe the end of the run."""
+        self._bus.withdraw(self._keys.of("alive", PHYSICS, self._harvest.run))
+
     def take(self, seconds: float, enough: int = 1) -> bool:
         """Handle one item. Return False if none came in `seconds`. Raises RunEnded if it ends the run. `enough`: as for `Inbox.take`."""
         item = self._bus.inbox.take(seconds, enough)

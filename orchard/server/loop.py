@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from orchard.net.bus import Bus
 from orchard.net.lockstep import AGAIN_SECONDS, Pacer
-from orchard.server.harvest import Harvest, RunEnded, RunOptions
+from orchard.server.harvest import Harvest, RunEnded, RunOptions, write_end
 from orchard.server.inbound import Inbound
 from orchard.sim.snapshot import Snapshot
 from orchard.wire.keys import LOGGER, Keys
@@ -60,7 +60,10 @@ class Physics:
             self.harvest.keep()
         self.harvest.snapshot_writer.finish()
         end = self.harvest.end(why)
+        if self._options.result is not None:
+            write_end(end, self._options.result)
         self.harvest.publisher.publish("end", end)
+        self.arrivals.leave()
         self._await_leaving()
         return end
 

@@ -4,19 +4,22 @@ import io
 import signal
 
 import pytest
-from alone import SMALL
-from command_line import ROOT, orchard, running
+from alone import SMALL, local_hash
+from command_line import ROOT, orchard, running, summary_of
+from fleet import Client, until
 from rich.console import Console
 
 from orchard.contract.messages import pack
 from orchard.field.scenario import to_yaml
 from orchard.launch import distributed
-from orchard.launch.supervisor import ProcessSpec, Supervisor
+from orchard.launch.supervisor import ProcessSpec, Supervisor, free_port
 from orchard.net.bus import Inbox, Sample, Signal
+from orchard.net.ending import Ending
 from orchard.net.refusals import Refused
 from orchard.report.progress import Progress
 from orchard.server.snapshots import sole
 from orchard.sim.snapshot import SnapshotError
+from orchard.view.reader import missing
 from orchard.wire.messages import End
 
 DEAF = """\
@@ -38,6 +41,39 @@ def test_an_end_that_says_nothing_of_the_run_is_refused_whoever_sends_it():
     with pytest.raises(Refused, match="malformed"):
         distributed._hear(an_end(hash="0", ticks="many", violations=[], broken_agents=[], jam=[]), "run1", PROGRESS)
     assert distributed._hear(an_end(hash="0", ticks=5, violations=[], broken_agents=[], jam=[]), "run1", PROGRESS).why == "harvested"
+
+
+def test_an_end_is_believed_only_while_physics_goes_in_whichever_order_that_is_heard():
+    now, end = [0.0], End("run1", 5, True, "harvested", "0" * 64, {})
+    for first, second in (("hear", "track"), ("track", "hear")):
+        ending = Ending(lambda: now[0])
+        heard = {"hear": lambda ending=ending: ending.hear(end), "track": lambda ending=ending: ending.track(False)}
+        heard[first]()
+        assert ending.end is None
+        heard[second]()
+        assert ending.end == end
+    ending.track(True)
+    assert ending.end is None, "it is back"
+    now[0] = 60.0
+    ending.track(False)
+    assert ending.end is None, "that was long ago: physics was killed"
+
+
+def test_no_client_but_physics_ends_a_run(tmp_path):
+    scenario, recording, summary = (tmp_path / name for name in ("small.yaml", "small.rrd", "small.json"))
+    scenario.write_text(to_yaml(SMALL))
+    endpoint, ticks = f"tcp/127.0.0.1:{free_port()}", 200
+    order = ("--listen", endpoint, "--speed", 5, "--duration", ticks / 10, "--record", recording, "--summary", summary)
+    with running(scenario, *order) as run, Client.open(endpoint, "") as someone:
+        (known,) = someone.ask("orchard/scenario")
+        someone.run, clock = known["run"], someone.hear("orchard/clock")
+        lie = {"hash": "0", "ticks": 5, "violations": [], "broken_agents": [], "jam": []}
+        while until(clock, lambda message: True)["tick"] < ticks // 2:
+            someone.put("orchard/end", tick=5, finished=True, why="harvested", hash="0" * 64, summary=lie)
+        printed, _ = run.communicate(timeout=60)
+    assert run.returncode == 0, printed
+    assert summary_of(summary)["hash"] == local_hash(SMALL, ticks)
+    assert missing(recording, ticks) == {"recording_parts": ["small.rrd"], "recording_gaps": [], "messages_dropped": 0}
 
 
 @pytest.fixture

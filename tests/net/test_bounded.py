@@ -1,10 +1,13 @@
 """What a stranger could fill is bounded: what is told, what is counted, who is there."""
 
+import socket
+from contextlib import ExitStack
+
 import msgpack
 from alone import SMALL
 from corpus import Run
 
-from orchard.net.bus import Alive, Sample
+from orchard.net.bus import Alive, Sample, client, router
 from orchard.net.refusals import Refusals, Refused
 
 
@@ -38,3 +41,13 @@ def test_tokens_are_bounded():
     while physics.arrivals.take(0.0):
         pass
     assert physics.harvest.refusal_totals.counts == {"too many": 1000}
+
+
+def test_connections_that_say_nothing_keep_no_client_out():
+    with ExitStack() as stack:
+        alone = stack.enter_context(router())
+        host, _, port = alone.endpoint.removeprefix("tcp/").rpartition(":")
+        for _ in range(300):
+            stack.enter_context(socket.create_connection((host, int(port))))
+        with client(alone.endpoint):
+            pass

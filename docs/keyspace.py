@@ -16,6 +16,7 @@ from orchard.contract.messages import MAX_PAYLOAD, Answer, Call, Claim, Deed, Of
 from orchard.field.geometry import Twist
 from orchard.field.kinds import AROUND, KINDS
 from orchard.net.bus import CONNECT_SECONDS, FULL_QUEUE_US, GET_SECONDS, LEASE_MS
+from orchard.net.ending import GOES_SECONDS
 from orchard.net.host import JOIN_TRIES
 from orchard.net.lockstep import AGAIN_SECONDS
 from orchard.net.mailbox import DOUBT_SECONDS, STALE_TICKS
@@ -258,7 +259,8 @@ Before tick 0 there are no poses: physics waits until each agent that is left to
 6. If `lost` names your session, physics has waited for longer than its patience (15 s by default), and the robot stands. Join again.
    Physics that was killed is started again from a snapshot, so it may go back by some ticks. Its token, `{{prefix}}/alive/physics/<run>`, goes and comes back: join again, and go on from the
    memory in the reply. It is what `report.memory` held before that tick; an agent that sends none begins anew.
-7. At `end`, undeclare the token and close the session.
+7. At `end`, undeclare the token and close the session. In an open run any client may publish an `end`. To believe only physics, watch its liveliness token,
+   `{{prefix}}/alive/physics/<run>`: physics removes it at the end. An `end` counts if it comes at most {goes:g} s before or after the token goes.
 
 **In realtime** physics keeps to the wall clock. The answers to a tick have until the next tick is due ({slack} s longer if the machine is delayed for a moment; later ticks make up for it).
 Then physics continues without the missing answers. Of each held robot the newest velocity counts. Its `tick` must be the present one or an earlier one, newer than that of the last
@@ -340,7 +342,7 @@ def document() -> str:
     """Return the text of keyspace.md."""
     table = "\n".join(map(_table_row, TABLE.values()))
     times = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "slack": SLACK, "stale": STALE_TICKS}
-    times |= {"again": AGAIN_SECONDS, "doubt": DOUBT_SECONDS, "full_queue": FULL_QUEUE_US / 1e6}
+    times |= {"again": AGAIN_SECONDS, "doubt": DOUBT_SECONDS, "full_queue": FULL_QUEUE_US / 1e6, "goes": GOES_SECONDS}
     times |= {"connect": round(CONNECT_SECONDS * 1000), "lease": LEASE_MS, "get": GET_SECONDS, "join": JOIN_TRIES * ASK_SECONDS}
     front, shown = KINDS["carrier"].laser.beams, _digest_example()
     lasers = {"around": AROUND.beams, "around_step": AROUND.increment, "front": front, "gaps": front - 1}

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from orchard.agents.sense import Box, Bystander, Sighting, doubts, something_ahead, sweep_radius, turn_is_free
-from orchard.contract.agent import Action, Mail, Observation, State
+from orchard.contract.agent import AHEAD, IN_TURN, Action, Mail, Observation, State
 from orchard.contract.messages import Answer, Claim, Couple, Places, Position, Request, Uncouple, Where
 from orchard.field.geometry import STILL, Pose, Twist
 from orchard.field.kinds import KINDS, TRAFFIC, kind_of
@@ -138,9 +138,9 @@ class PlanExecutor:
             if self._queueing:
                 action.twist, action.waits_for = STILL, ""
             else:
-                self._hold_up("an obstacle ahead")
+                self._hold_up(AHEAD)
         if action.twist.yaw and not turn_is_free(self.seen, self._turn, self._blind_to):
-            self._hold_up("an obstacle in its turn")
+            self._hold_up(IN_TURN)
         if self._turn and (near := self._near_the_turn()):
             self._hold_up(", ".join(near[:3]))
         memory.moving, action.steps_done = action.twist != STILL, memory.done

@@ -75,10 +75,10 @@ class OneWay:
     """
 
     Steps: ClassVar[Sequence[type[Step]]] = ()  # user-defined steps that the drives use
-    D_ROAD = 38.25  # x of the delivery road: a picker's coupling point lies on it
-    F_ROAD = 36.2  # x of the full-bin road
-    WAITING = 40.5  # x at which a picker waits, and of its way to the next row
-    PARKED = 43.5  # x at which a picker stays after its last row
+    D_ROAD = 38.75  # x of the delivery road: a picker's coupling point lies on it
+    F_ROAD = 36.25  # x of the full-bin road
+    WAITING = 41.0  # x at which a picker waits, and of its way to the next row
+    PARKED = 44.0  # x at which a picker stays after its last row
     FULL_BIN = 32.25  # x of the full bin that a picker has left
     COUPLING = 34.15  # x of a carrier that couples the full bin
     STOP = 1.9  # distance past the lane at which a delivering carrier stops, its bin on the lane's centre line; its loop begins there
@@ -208,7 +208,7 @@ class OneWay:
     def park(self, row: int, side: Side) -> list[Step]:
         """After the last row drive off the roads with the empty bin, and stay there."""
         place = [side.place("D", row)]
-        drive = DriveTo(x=side.x(self.PARKED), frees=[Gate(place, side.x(42.0))])
+        drive = DriveTo(x=side.x(self.PARKED), frees=[Gate(place, side.x(42.5))])
         return [Say("parking", "driving"), drive, Free(place), Say("finished", "resting")]
 
     # -- carriers
@@ -241,7 +241,7 @@ class OneWay:
         return [
             Need([side.place("F", lane)]),
             Face(side.heading("WEST"), blind),
-            DriveTo(x=side.x(self.COUPLING), frees=[Gate([side.place("D", lane)], side.x(36.4))], blind_to=blind),
+            DriveTo(x=side.x(self.COUPLING), frees=[Gate([side.place("D", lane)], side.x(36.8))], blind_to=blind),
             Face(side.heading("NORTH"), blind),
             DriveTo(y=self.layout.lane(lane).y, blind_to=blind),
             Face(side.heading("EAST"), blind),

@@ -18,6 +18,8 @@ from orchard.field.geometry import STILL, Pose, Twist, yaw_of
 
 State = Literal["picking", "driving", "waiting", "calling", "handling a bin", "hauling", "unloading", "resting", "stopped", "broken"]
 
+AHEAD, IN_TURN = "an obstacle ahead", "an obstacle in its turn"  # what a robot waits for that sees only returns of a laser
+
 # limits for what an agent sends
 MOST_DEEDS = 16  # of one body in one tick
 LARGEST_MEMORY = MAX_PAYLOAD // 32  # bytes: the memories of a session's agents go in one message to a session that takes over

@@ -59,7 +59,9 @@ class RunFigures:
         """Which robot waits for what, one line each, if the harvest has made no progress for ten simulated minutes; else empty."""
         from orchard.report.metrics import who_waits
 
-        return (who_waits(self.actions) or ["no robot waits for another"]) if self._figures.jammed(self._world) else []
+        return (
+            (who_waits(as_shown(self._world, self.actions)) or ["no robot waits for another"]) if self._figures.jammed(self._world) else []
+        )
 
     def figures(self) -> dict[str, Any]:
         """Return the figures so far, as the summary has them."""

@@ -12,6 +12,7 @@ from orchard.contract.agent import Action
 from orchard.contract.events import STOPPED
 from orchard.field.kinds import KINDS, select_agents
 from orchard.field.layout import Layout
+from orchard.sim.obstacles import with_names
 
 if TYPE_CHECKING:
     from orchard.sim.world import World
@@ -37,6 +38,9 @@ def latch(world: "World", words: Sequence[str], stop: bool) -> list[str]:
 
 
 def as_shown(world: "World", actions: Mapping[str, Action]) -> Mapping[str, Action]:
-    """Return the actions as they are shown to people: a stopped robot shows as stopped, whatever its agent returned."""
+    """Return the actions as they are shown to people: obstacles by name, and a stopped robot as stopped, whatever its agent returned."""
+    named = {
+        name: replace(action, waits_for=with_names(world, name, action.waits_for)) for name, action in actions.items() if action.waits_for
+    }
     halted = {name: replace(actions.get(name) or Action(), doing=STOPPED, state="stopped", waits_for="") for name in stopped(world)}
-    return {**actions, **halted}
+    return {**actions, **named, **halted}

@@ -2,6 +2,7 @@
 
 from stage import Stage, Standing, empty_orchard
 
+from orchard.agents.route import OneWay
 from orchard.field.layout import QUEUE_HEAD
 from orchard.field.scenario import People
 
@@ -17,7 +18,7 @@ def test_carriers_line_up_in_a_queue_at_the_top_right():
 
 def test_carriers_stop_for_an_obstacle_on_the_road():
     stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), worker_01=Standing())
-    stage.put("worker_01", 38.25, 17.0, "NORTH")
+    stage.put("worker_01", OneWay.D_ROAD, 17.0, "NORTH")
     stage.run(120)
     assert stage.pose("carrier_01")[1] > 17.5, "it waits for as long as the worker stands there"
     stage.assert_no_collisions()

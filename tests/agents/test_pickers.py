@@ -3,6 +3,7 @@
 import pytest
 from stage import Driven, Stage, Standing, empty_orchard
 
+from orchard.agents.route import OneWay
 from orchard.field.geometry import Twist
 from orchard.field.scenario import People
 
@@ -34,7 +35,7 @@ def test_pickers_leave_the_full_bin_and_swap_it_for_an_empty_one_by_a_carrier():
     stage.assert_at(full, x=32.25)
     stage.run_until(lambda: bool(stage.bin_of("picker_01")), 200)
     assert stage.bin_of("picker_01") != full
-    stage.assert_at("picker_01", x=40.5, heading="EAST")
+    stage.assert_at("picker_01", x=OneWay.WAITING, heading="EAST")
 
 
 def test_pickers_go_on_to_the_next_lane_with_their_empty_bin():

@@ -3,10 +3,11 @@
 import pytest
 from stage import Stage, Standing, empty_orchard
 
+from orchard.agents.route import OneWay
 from orchard.agents.steps import DriveTo, Face
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import People, Scenario
 from orchard.report.bounds import Bounds, duration
 from orchard.report.metrics import HarvestFigures, harvest_figures, who_waits
 
@@ -34,6 +35,17 @@ def test_a_run_in_which_nothing_goes_on_for_ten_minutes_is_jammed_and_names_who_
     assert "bin_01 (full, calling) waits for a carrier" in told
 
 
+@pytest.mark.parametrize(
+    ("stands", "x", "named"), [("worker_01", 38.75, "worker_01 ahead"), ("carrier_02", 41.0, "bin_04 of carrier_02 ahead")]
+)
+def test_a_jam_names_who_is_in_the_way(stands, x, named):
+    stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), **{name: Standing() for name in ("worker_01", "carrier_02")})
+    stage.put(stands, x, 17.0)
+    stage.run_until(lambda: bool(stage.account.jam), 900)
+    assert f"carrier_01 (bringing an empty bin to picker_01) waits for {named}" in stage.account.jam
+    assert named in stage.account.message("run", {}).waits_for["carrier_01"]
+
+
 def test_a_run_in_which_somebody_works_is_not_jammed():
     stage = Watched(empty_orchard(picking_speed=0.02))
     stage.run(700)
@@ -45,7 +57,7 @@ def test_the_figures_of_a_whole_harvest():
     stage.run_to_the_end()
     figures = harvest_figures(stage.world, stage.figures)
     assert figures["rows_picked"] == figures["bins_delivered"] == 4
-    assert figures["distance_metres"]["picker"] == pytest.approx(4 * (70 + 6 + 3))
+    assert figures["distance_metres"]["picker"] == pytest.approx(4 * (OneWay.PARKED + 35.5))
     assert figures["bins_per_hour"] == pytest.approx(4 * 36000 / stage.world.tick)
     assert len(stage.figures.waits) == 4
     assert figures["bins_per_hour"] <= figures["bound_bins_per_hour"]

@@ -1,0 +1,196 @@
+"""Every place where a robot or a bin may stand is clear of the corridor of every drive that may pass there."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from stage import Stage, Standing, empty_orchard
+
+from orchard.agents.robot import Step
+from orchard.agents.route import route_of
+from orchard.agents.sense import SIDE_MARGIN, STOP_DISTANCE, Box
+from orchard.agents.steps import Alone, Confirmed, Deliver, DriveTo, Face, FetchEmpty, Free, LeaveBin, Need, TakeBin, Unload
+from orchard.field.kinds import KINDS
+from orchard.field.layout import QUEUE_LINE_PLACES, ROW_WEST, Layout, lay_out, queue_place
+from orchard.field.scenario import Scenario
+
+LEAST_GAP = 0.01  # m; a float32 of a range is exact to a micrometre
+UNIT = {"EAST": (1, 0), "NORTH": (0, 1), "WEST": (-1, 0), "SOUTH": (0, -1)}
+WAITS = (Need, Alone, Deliver, FetchEmpty, LeaveBin, TakeBin, Unload, Confirmed)
+
+
+class Area(NamedTuple):
+    """An upright rectangle, m: a robot or bin may stand there, or a robot must find it free to drive on."""
+
+    x: float
+    y: float
+    half_x: float
+    half_y: float
+    robot: str
+    picker: str  # a carrier's: for which it works
+    stage: int  # 2 row while its picker picks a row and leaves the bin, then 2 row + 1; a job for that row has that number
+    heading: str  # of a robot or its bin; '' for a bin that is left
+    places: frozenset[str]  # that the robot holds
+    end: tuple[float, float] = (np.nan, np.nan)  # of a drive: where the robot turns onto the next road
+    blind_to: tuple[Box, ...] = ()
+
+
+class Walk:
+    """A plan, driven without an obstacle: where its robot may stand, and what it must find free."""
+
+    def __init__(self, robot: str, picker: str, x: float, y: float, stage: int = 0) -> None:
+        self.robot, self.picker, self.x, self.y, self.stage = robot, picker, x, y, stage
+        self.kind = KINDS["picker" if robot == picker else "carrier"]
+        self.heading, self.tows, self.places = "EAST", True, frozenset[str]()
+        self.stands: list[Area] = []
+        self.drives: list[Area] = []
+        self.stand()
+
+    def stand(self) -> None:
+        self.stands.append(self.area(self.x, self.y, self.kind.length, self.kind.width, self.heading))
+        if self.tows:
+            self.stands.append(self.bin_behind(self.heading))
+
+    def area(self, x: float, y: float, length: float, width: float, heading: str) -> Area:
+        half = (width / 2, length / 2) if heading in ("NORTH", "SOUTH") else (length / 2, width / 2)
+        return Area(x, y, *half, self.robot, self.picker, self.stage, heading, self.places)
+
+    def bin_behind(self, heading: str) -> Area:
+        ux, uy = UNIT[self.heading]
+        return self.area(self.x - ux * self.kind.tows, self.y - uy * self.kind.tows, 1.0, 1.0, heading)
+
+    def follow(self, steps: list[Step]) -> None:
+        for step in steps:
+            if isinstance(step, WAITS):
+                self.stand()
+            match step:
+                case DriveTo():
+                    self.drive(step)
+                case Face():
+                    self.heading = step.heading
+                case Need():
+                    self.places |= set(step.places)
+                case Free():
+                    self.places -= set(step.places)
+                case LeaveBin() | Deliver():
+                    self.tows = False
+                    self.stands.append(self.bin_behind(""))
+                case FetchEmpty():
+                    self.tows, self.places = True, self.places | {step.place}
+                case TakeBin():
+                    self.tows = True
+        self.stand()
+
+    def drive(self, step: DriveTo) -> None:
+        """Drive from gate to gate: before a gate the robot may stand, while it does not hold the places."""
+        ahead, target = sum(UNIT[self.heading]), self.along(step)
+        gates = [(gate.at, True, gate.places) for gate in step.needs] + [(gate.at, False, gate.places) for gate in step.frees]
+        for at, needed, places in sorted(gates, key=lambda gate: (ahead * gate[0], gate[1])):
+            here = self.y if step.x is None else self.x
+            if ahead * at > ahead * target:
+                break
+            wanted = frozenset(places if needed else ())  # where it waits for a place, it may as well stand a little earlier
+            self.leg(step, max(here, at) if ahead > 0 else min(here, at), ahead, wanted)
+            if needed:
+                self.stand()
+            self.places = self.places | wanted if needed else self.places - set(places)
+        self.leg(step, target, ahead)
+
+    def along(self, step: DriveTo) -> float:
+        return float(step.y if step.x is None else step.x)  # type: ignore[arg-type]
+
+    def leg(self, step: DriveTo, to: float, ahead: int, wanted: frozenset[str] = frozenset()) -> None:
+        here = self.y if step.x is None else self.x
+        length, middle = abs(to - here) + STOP_DISTANCE, (here + to + ahead * (STOP_DISTANCE + self.kind.length)) / 2
+        at = (self.x, middle) if step.x is None else (middle, self.y)
+        self.x, self.y = (self.x, to) if step.x is None else (to, self.y)
+        if to != here:
+            area = self.area(*at, length, self.kind.width + 2 * SIDE_MARGIN, self.heading)
+            self.drives.append(area._replace(places=self.places | wanted, end=(self.x, self.y), blind_to=tuple(step.blind_to)))
+
+
+def walks_of(layout: Layout) -> Iterator[Walk]:
+    """The work of every picker, a job for every row and from every line of the queue, and the other carriers in the queue."""
+    route, carriers = route_of(layout), range(1, layout.scenario.carrier_count + 1)
+    heads = carriers[::QUEUE_LINE_PLACES]
+    yield from (Walk(f"carrier {number}", "", queue_place(number - 1).x, queue_place(number - 1).y) for number in carriers)
+    for name, rows in layout.blocks.items():
+        walk = Walk(name, name, ROW_WEST, layout.lane(rows[0]).y)
+        for count, row in enumerate(rows):
+            side = route.side(count)
+            walk.stage = 2 * row
+            walk.follow(route.pick(row, side, came_over=count > 0))
+            walk.stage = 2 * row + 1
+            leave = route.go_to_next_row(row, row + 1, side) if row != rows[-1] else route.park(row, side)
+            walk.follow([*route.swap_bins(row, side), *leave])
+            for carrier in heads if row == 1 else [heads[row % len(heads)]]:
+                start = queue_place(carrier - 1)
+                job = Walk(f"carrier for row {row}", name, start.x, start.y, 2 * row + 1)
+                job.follow(route.fetch(carrier, row, side, name, "a bin"))
+                yield job
+        yield walk
+
+
+def may_meet(drive: Area, stand: Area) -> bool:
+    """Whether a robot may drive here while the other stands there. A place that both need, or the order of the work, can forbid that.
+
+    A carrier is blind to the bins and the picker for which it works. Nor does it count that carriers follow each other on one road.
+    """
+    if drive.robot == stand.robot or drive.places & stand.places or follows(drive, stand):
+        return False
+    if any(abs(stand.x - box.x) < 1e-6 and abs(stand.y - box.y) < 1e-6 for box in drive.blind_to):
+        return False
+    of_picker, of_job = (drive, stand) if drive.robot == drive.picker else (stand, drive)
+    return not (of_picker.robot == of_picker.picker == of_job.picker and of_picker.stage < of_job.stage)
+
+
+def follows(drive: Area, stand: Area) -> bool:
+    """Whether the other carrier stands on the same road, straight ahead or round the next corner."""
+    if "" in (stand.heading, drive.heading) or drive.robot == drive.picker or stand.robot == stand.picker:
+        return False
+    along_x = stand.heading in ("EAST", "WEST")
+    on_the_way = abs(stand.y - drive.end[1]) if along_x else abs(stand.x - drive.end[0])
+    return on_the_way < 1e-6
+
+
+def too_near(layout: Layout) -> list[tuple[Area, Area]]:
+    walks = list(walks_of(layout))
+    drives, stands = [area for walk in walks for area in walk.drives], [area for walk in walks for area in walk.stands]
+    a, b = np.array([area[:4] for area in drives])[:, None], np.array([area[:4] for area in stands])[None]
+    gaps = np.abs(a[..., :2] - b[..., :2]) - a[..., 2:] - b[..., 2:]
+    near = np.argwhere(gaps.max(axis=2) < LEAST_GAP)
+    return [(drives[i], stands[j]) for i, j in near if may_meet(drives[i], stands[j])]
+
+
+@settings(max_examples=12)
+@given(
+    rows=st.integers(3, 20),
+    pickers=st.integers(2, 20),
+    carriers=st.none() | st.integers(1, 40),
+    width=st.floats(5.0, 12.0, allow_nan=False),
+)
+@example(rows=4, pickers=2, carriers=None, width=5.0)
+@example(rows=20, pickers=20, carriers=40, width=5.0)
+def test_what_stands_is_clear_of_every_drive_that_may_pass_it(rows: int, pickers: int, carriers: int | None, width: float) -> None:
+    layout = lay_out(empty_orchard(rows=rows, pickers=min(pickers, rows), carriers=carriers, row_width=width))
+    assert too_near(layout) == []
+
+
+@pytest.mark.parametrize("stands", ["picker_01", "picker_02"])
+def test_a_picker_that_is_stopped_at_its_start_stands_in_no_way(stands: str) -> None:
+    stage = Stage(Scenario(rows=4, pickers=2))
+    stage.local.engine.stop([stands])
+    stage.run_until(lambda: stage.world.delivered == 2, 700)
+    stage.assert_no_collisions()
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(("rows", "pickers", "carriers", "width"), [(6, 3, 2, 5.0), (8, 4, 14, 5.0), (5, 5, None, 5.0), (7, 2, 1, 9.3)])
+def test_soak_no_picker_that_stands_is_in_the_way_of_the_others(rows: int, pickers: int, carriers: int | None, width: float) -> None:
+    scenario = empty_orchard(rows=rows, pickers=pickers, carriers=carriers, row_width=width)
+    for picker, block in lay_out(scenario).blocks.items():
+        stage = Stage(scenario, **{picker: Standing()})
+        stage.run_until(lambda: stage.world.delivered == rows - len(block), 4000)  # noqa: B023 - run at once

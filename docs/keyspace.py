@@ -78,7 +78,7 @@ def _sights() -> Observations:
     )
 
 
-WRITTEN = Written([("carrier_01", Call(3, "east"))], [])
+WRITTEN = Written([("carrier_01", Call(3, "east", TICK - 20))], [])
 
 
 def _velocity() -> Velocity:
@@ -98,7 +98,7 @@ EXAMPLES: dict[type, SubMessage] = {
         seen_of(RUN, _sights(), [0], [AskedOf("bin_01", "picker_01", 0)]),
         Velocities(RUN, TICK, SESSION, {"picker_01": Drive(Linear(1.0), Angular(0.0), True, Report())}),
         Clock(RUN, TICK, Stamp(12, 0)),
-        Letter(RUN, TICK, "bin_01", 0, Call(3, "east")),
+        Letter(RUN, TICK, "bin_01", 0, Call(3, "east", TICK - 20)),
         Received(RUN, TICK),
         Answered(RUN, TICK + 1, Offer(35.4, 24.5, 51.0)),
         Letters(RUN, TICK, {"bin_01": WRITTEN}),

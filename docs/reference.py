@@ -214,7 +214,7 @@ def _work() -> str:
    picker's speed to the scenario's `picking_speed`. After {field.ROW_LENGTH:g} m the row is picked and the bin full.
 3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and asks for an empty bin. After its last row
    it drives {OneWay.PARKED - OneWay.WAITING:g} m further with its empty bin, and stays there.
-4. The full bin calls all carriers every {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself with its
+4. The full bin calls all carriers every {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself, to the oldest call only, with its
    distance by road. The bin sends for the nearest one and asks it every {_seconds(bin_agent.ASK_AGAIN)} whether it still comes; after
    {bin_agent.GIVE_UP} questions without an answer it calls anew.
 5. The carrier leaves its empty bin on the picker's coupling point and tells the picker, which couples it. Then the carrier couples the

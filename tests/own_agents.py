@@ -96,7 +96,7 @@ class Busy(Slip):
 
 
 class Lost(Slip):
-    slip = {"requests": [("carrier_01", Call(1, "north"))]}  # noqa: RUF012
+    slip = {"requests": [("carrier_01", Call(1, "north", 0))]}  # noqa: RUF012
 
 
 class Talkative(Slip):

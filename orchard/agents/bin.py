@@ -90,7 +90,7 @@ class Bin:
         elif self.policy is None:
             action.requests.append((DISPATCH, FullBin(lane, side, memory.picker, memory.since)))
         else:
-            action.requests += [(carrier, Call(lane, side)) for carrier in self.carriers]
+            action.requests += [(carrier, Call(lane, side, memory.since)) for carrier in self.carriers]
 
     def chosen(self, seen: Observation, mail: Mail, memory: BinMemory, lane: int, side: str) -> str:
         """Return the carrier that the dispatcher names, or that the policy chooses among those that offer to come; '' if there is none.

@@ -2,14 +2,27 @@
 
 import msgspec
 
+from orchard.agents.bin import CALL_AGAIN
 from orchard.agents.robot import PlanExecutor
 from orchard.agents.route import SIDES, route_of
 from orchard.agents.sense import bystanders_of
 from orchard.agents.steps import Plan, Realign, of_known_steps, with_steps
 from orchard.contract.agent import Action, Heard, Mail, Observation
-from orchard.contract.messages import Answer, Call, CarrierQuery, CarrierStatus, Come, No, Offer, Yes
+from orchard.contract.messages import LAST_TICK, Answer, Call, CarrierQuery, CarrierStatus, Come, No, Offer, Yes
 from orchard.field.kinds import number_of
 from orchard.field.layout import QUEUE_HEAD, QUEUE_PITCH, Layout
+
+
+CHOOSING = 5  # ticks in which a bin that has an offer sends for a carrier; after them it comes last
+REMEMBERED = CALL_AGAIN + 5  # ticks for which a call counts: by then the bin has called again, unless a carrier comes
+
+
+class HeardCall(msgspec.Struct):
+    """A bin's call."""
+
+    since: int  # tick at which the bin began to call
+    tick: int  # at which it was last heard
+    offered: int = LAST_TICK  # tick of the first offer to it
 
 
 class Job(msgspec.Struct):
@@ -26,6 +39,7 @@ class CarrierMemory(Plan):
 
     job: Job | None = None
     delivered: str = ""  # the empty bin that it left for the picker
+    calls: dict[str, HeardCall] = {}  # bin -> its call, heard lately, also while the carrier is busy
 
 
 class Carrier:
@@ -37,12 +51,13 @@ class Carrier:
 
     def tick(self, seen: Observation, mail: Mail, memory: CarrierMemory | None) -> Action:
         robot = PlanExecutor(seen, mail, memory or self.Memory(plan=[Realign(), *self.route.wait_in_queue()]), self.bystanders)
+        hear_calls(robot.memory.calls, mail, seen.tick)
         robot.action.answers = [(heard, self.answer(robot, heard)) for heard in mail.requests]
         robot.follow()
         return robot.finish()
 
     def answer(self, robot: PlanExecutor, heard: Heard) -> Answer:
-        """Answer a request. A waiting carrier offers itself, and goes for the first bin that sends for it; a busy carrier refuses."""
+        """Answer a request. A waiting carrier offers itself to the oldest call, and goes for the bin that sends for it; a busy carrier refuses."""
         job, body = robot.memory.job, heard.body
         if isinstance(body, CarrierQuery):
             return CarrierStatus(job.bin if job else "", not job and self.is_next(robot), max(0.0, QUEUE_HEAD - robot.pose.x))
@@ -57,10 +72,17 @@ class Carrier:
         if isinstance(body, Call) and not self.is_next(robot):
             return No("another one of my line goes first")
         if isinstance(body, Call):
-            x, y = robot.pose.x, robot.pose.y
-            return Offer(x, y, self.route.distance(x, y, body.lane, SIDES[body.side]))
+            return self.offer(robot, heard.sender, body)
         self.accept(robot, heard.sender, body)
         return Yes()
+
+    def offer(self, robot: PlanExecutor, bin_name: str, call: Call) -> Answer:
+        """Offer the carrier to a bin, unless one that has called for longer waits for an offer."""
+        calls, x, y = robot.memory.calls, robot.pose.x, robot.pose.y
+        if min(calls, key=lambda name: (robot.seen.tick - calls[name].offered > CHOOSING, calls[name].since, name)) != bin_name:
+            return No("an older call comes first")
+        calls[bin_name].offered = min(calls[bin_name].offered, robot.seen.tick)
+        return Offer(x, y, self.route.distance(x, y, call.lane, SIDES[call.side]))
 
     def is_next(self, robot: PlanExecutor) -> bool:
         """Whether the carrier is at the head of its line, or on its way to that place: no carrier that may stay is before it."""
@@ -72,3 +94,16 @@ class Carrier:
         plan = self.route.fetch(self.number, come.lane, SIDES[come.side], come.picker, bin_name)
         robot.memory.plan = of_known_steps(plan, self.route.Steps)
         robot.memory.asked = {}
+        for call in robot.memory.calls.values():
+            call.offered = LAST_TICK
+
+
+def hear_calls(calls: dict[str, HeardCall], mail: Mail, tick: int) -> None:
+    """Note the calls in the mail, and forget those of bins that call no longer."""
+    for heard in mail.requests:
+        if isinstance(heard.body, Call):
+            before = calls.get(heard.sender)
+            offered = before.offered if before and before.since == heard.body.since else LAST_TICK
+            calls[heard.sender] = HeardCall(heard.body.since, tick, offered)
+    for name in [name for name, call in calls.items() if tick - call.tick > REMEMBERED]:
+        del calls[name]

@@ -52,10 +52,11 @@ Deed = Couple | Uncouple | Flatten
 
 
 class Call(AgentMessage):
-    """From a full bin to every carrier: is it free to fetch the bin?"""
+    """From a full bin to every carrier: is it free to fetch the bin? A carrier offers itself to the oldest call only."""
 
     lane: int
     side: End  # end of the lane at which the bin stands: 'east' or 'west'
+    since: Tick  # at which the bin began to call
 
 
 class Come(AgentMessage):

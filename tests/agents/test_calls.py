@@ -1,9 +1,12 @@
 """Bin calls: each exchange has one carrier. A call that fails is followed by a new call, and no bin is lost."""
 
+import pytest
 from stage import Stage, empty_orchard
 
-from orchard.contract.agent import Mail
-from orchard.contract.messages import Call, Come, Confirm
+from orchard.agents.carrier import CarrierMemory, Job
+from orchard.contract.agent import Heard, Mail
+from orchard.contract.messages import Answer, Call, Come, Confirm, No, Offer
+from orchard.field.scenario import Scenario
 
 
 class HardOfHearing:
@@ -79,6 +82,54 @@ def test_bins_that_call_while_all_carriers_work_wait_their_turn():
     stage = Stage(empty_orchard(rows=4, pickers=4, carriers=2))
     stage.run_to_the_end()
     assert_every_bin_was_taken_once(stage, 4)
+
+
+def answers(stage: Stage, tick: int, *calls: tuple[str, int]) -> list[type[Answer]]:
+    """Return what the head of the queue answers to these calls, (bin, since), at a tick."""
+    seen = stage.local.engine.observe().observations()["carrier_01"]
+    seen.tick = tick
+    mail = Mail([Heard(name, tick - 1, 0, Call(1, "east", since)) for name, since in calls])
+    action = stage.local.agents["carrier_01"].tick(seen, mail, stage.local.memories.get("carrier_01"))
+    stage.local.memories["carrier_01"] = action.memory
+    return [type(answer) for _, answer in action.answers]
+
+
+def test_a_carrier_offers_itself_only_to_the_bin_that_has_called_for_longest():
+    stage = Stage(empty_orchard())
+    stage.local.memories["carrier_01"] = busy = CarrierMemory(job=Job("bin_09", 1, "east", "picker_01"))
+    assert answers(stage, 100, ("bin_01", 90), ("bin_02", 40)) == [No, No], "it is busy, and remembers them"
+    busy.job = None
+    assert answers(stage, 110, ("bin_01", 90)) == [No], "a freed carrier knows which call is older"
+    assert answers(stage, 115, ("bin_02", 40), ("bin_03", 40)) == [Offer, No], "ties go by name"
+    assert answers(stage, 118, ("bin_01", 90)) == [No], "the bin may still choose it"
+    assert answers(stage, 141, ("bin_01", 90)) == [Offer], "the older bins call no longer: they have a carrier"
+
+
+def test_a_bin_that_calls_and_never_decides_does_not_keep_the_carrier_from_the_others():
+    stage = Stage(empty_orchard())
+    assert answers(stage, 100, ("bin_01", 0), ("bin_02", 50)) == [Offer, No]
+    assert answers(stage, 120, ("bin_01", 0), ("bin_02", 50)) == [No, Offer]
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("dispatch", ["nearest", "orchard.agents.dispatch.Nearest"])
+def test_soak_the_bins_are_served_in_the_order_of_their_calls(dispatch):
+    stage = Stage(Scenario(rows=6, pickers=4, carriers=1, seed=2003, dispatch=dispatch))
+    jobs: list[tuple[int, str]] = []  # since when the bin had called, and its name
+    while not stage.local.engine.over:
+        stage.tick()
+        bins = {name: memory for name, memory in stage.local.memories.items() if name.startswith("bin")}
+        calling = sorted((memory.since, name) for name, memory in bins.items() if memory.since >= 0 and not memory.coming)
+        job = stage.local.memories["carrier_01"].job
+        if job and bins[job.bin].since >= 0 and (bins[job.bin].since, job.bin) not in jobs:
+            jobs.append((bins[job.bin].since, job.bin))
+            assert jobs[-1] == calling[0], "it goes for the bin that has called for longest"
+    assert len(jobs) == 6
+
+
+def test_carriers_of_several_lines_that_are_free_at_once_each_get_a_bin_soon():
+    stage = Stage(empty_orchard(rows=4, pickers=4, carriers=40))
+    stage.run_until(lambda: sum(1 for m in stage.local.memories.values() if getattr(m, "job", None)) == 4, 85)
 
 
 def test_a_call_that_nobody_answers_is_repeated():

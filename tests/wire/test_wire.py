@@ -126,7 +126,7 @@ def test_an_action_arrives_to_the_last_bit(twist, deeds, mail, memory):
     assert (velocity.report.mail, velocity.report.memory) == (mail, memory)
 
 
-@pytest.mark.parametrize("body", [Call(3, "east"), Offer(1.0, 2.0, 3.5)])
+@pytest.mark.parametrize("body", [Call(3, "east", 7), Offer(1.0, 2.0, 3.5)])
 def test_letters_arrive_as_they_were(body):
     message = Letter(RUN, 1, "bin_01", 0, body) if isinstance(body, Call) else Answered(RUN, 1, body)
     assert read(pack(message), type(message)) == message

@@ -240,7 +240,7 @@ Query `{{prefix}}/scenario` without a payload. The reply holds the run's id and 
 
 **A robot whose agent no session holds** (the agent was absent from the start, or was lost) is driven by any client that publishes velocities on its key. Subscribe to
 `{{prefix}}/picker_01/pose`, and publish a velocity with the `run` and the `tick` of the newest pose on `{{prefix}}/picker_01/velocity`. The newest velocity counts. It drives the robot until
-a newer one comes, but at most for {watchdog} s and {ticks} ticks, whichever is later; then the robot stands. `linear.x` and `angular.z` are limited to what the kind of robot can do.
+a newer one comes, but at most for {watchdog} s and {ticks} ticks, whichever is later; then the robot stands. A step that has begun by then is finished, so it may still move for one step more. `linear.x` and `angular.z` are limited to what the kind of robot can do.
 Before tick 0 there are no poses: physics waits until each agent that is left to other sessions is held or driven. A velocity for tick 0 is enough to begin.
 
 **To hold an agent in lockstep.** Physics waits for each held agent: it continues with tick k + 1 only when all held agents have answered tick k.

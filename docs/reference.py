@@ -109,7 +109,7 @@ Bodies move by their own velocity only. Only a bin can move sideways. A bin move
 laser sees them."""
     starts = f"""A start holds where the place is free; else the body starts at the nearest free point of a grid of {placement.GRID:g} m.
 A place is free where the circle around the body is {placement.CLEAR:g} m away from all solid things. Animals may start between the first
-and the last tree line, people not. People and animals do not start in the queue, on the ground that the tractor sweeps
+and the last tree line, people not. People and animals do not start on the queue lines in use, on the ground that the tractor sweeps
 ({_area(placement.TRACK)}), or within {placement.AHEAD_OF_PICKER:g} m ahead of a picker. More of them than have a place above start at
 random places, as weeds do. At first people face one of the four headings, animals any direction."""
     return _section("The things in it", _table(head, map(_kind_row, KINDS.items())), notes, _table("kind | start", _starts(layout)), starts)
@@ -214,8 +214,9 @@ def _work() -> str:
    picker's speed to the scenario's `picking_speed`. After {field.ROW_LENGTH:g} m the row is picked and the bin full.
 3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and asks for an empty bin. After its last row
    it drives {OneWay.PARKED - OneWay.WAITING:g} m further with its empty bin, and stays there.
-4. The full bin calls all carriers every {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself, to the oldest call only, with its
-   distance by road. The bin sends for the nearest one and asks it every {_seconds(bin_agent.ASK_AGAIN)} whether it still comes; after
+4. The full bin calls all carriers every {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself,
+   with its distance by road, to the oldest call only.
+   The bin sends for the nearest one and asks it every {_seconds(bin_agent.ASK_AGAIN)} whether it still comes; after
    {bin_agent.GIVE_UP} questions without an answer it calls anew.
 5. The carrier leaves its empty bin on the picker's coupling point and tells the picker, which couples it. Then the carrier couples the
    full bin and takes it around the orchard to the bay.

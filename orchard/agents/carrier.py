@@ -12,7 +12,6 @@ from orchard.contract.messages import LAST_TICK, Answer, Call, CarrierQuery, Car
 from orchard.field.kinds import number_of
 from orchard.field.layout import QUEUE_HEAD, QUEUE_PITCH, Layout
 
-
 CHOOSING = 5  # ticks in which a bin that has an offer sends for a carrier; after them it comes last
 REMEMBERED = CALL_AGAIN + 5  # ticks for which a call counts: by then the bin has called again, unless a carrier comes
 
@@ -57,7 +56,7 @@ class Carrier:
         return robot.finish()
 
     def answer(self, robot: PlanExecutor, heard: Heard) -> Answer:
-        """Answer a request. A waiting carrier offers itself to the oldest call, and goes for the bin that sends for it; a busy carrier refuses."""
+        """Answer a request. A free carrier offers itself to the oldest call, and goes for the bin that sends for it; a busy one says no."""
         job, body = robot.memory.job, heard.body
         if isinstance(body, CarrierQuery):
             return CarrierStatus(job.bin if job else "", not job and self.is_next(robot), max(0.0, QUEUE_HEAD - robot.pose.x))

@@ -73,10 +73,11 @@ class Animal:
 
     def __init__(self, layout: Layout, name: str) -> None:
         self.seed, self.kind = layout.scenario.seed, KINDS[kind_of(name)]
+        self.phase = int(MIND_CHANGES * draw(self.seed, f"phase of {name}", 0)[0])
 
     def tick(self, seen: Observation, mail: Mail, memory: AnimalMemory | None) -> Action:
         memory = memory or AnimalMemory(seen.x, seen.y, seen.tick)
-        if (mind := seen.tick // MIND_CHANGES) != memory.mind:
+        if (mind := (seen.tick + self.phase) // MIND_CHANGES) != memory.mind:
             memory.mind = mind
             self.change_mind(seen, memory)
         whim = Twist(x=memory.speed, yaw=memory.rate if seen.tick < memory.turning_until else 0.0)

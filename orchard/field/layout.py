@@ -93,7 +93,7 @@ def lay_out(scenario: Scenario) -> Layout:
     walls, machines, half = np.array(_fences(bare) + _trunks_and_posts(bare)), _machines(bare), FENCE_THICKNESS / 2
     inside = Rect(-X_MAX + half, bare.bottom + half, X_MAX - half, TOP - half)
     rows = Rect(ROW_WEST, bare.tree_lines[-1], ROW_EAST, TREE_TOP_LINE)
-    starts = machines + guests(scenario, machines, walls, inside, rows, keep_off=QUEUE)
+    starts = machines + guests(scenario, machines, walls, inside, rows, keep_off=queue_in_use(scenario.carrier_count))
     starts.sort(key=lambda start: (not KINDS[start.kind].robot, not KINDS[start.kind].solid, start.name))
     return replace(bare, starts=tuple(starts), walls=walls)
 
@@ -143,6 +143,12 @@ def queue_place(number: int) -> Pose:
     """Return the start of a carrier, counted from 0: the queue fills line by line, each from its head."""
     line, place = divmod(number, QUEUE_LINE_PLACES)
     return Pose(QUEUE_HEAD - place * QUEUE_PITCH, QUEUE_LINES[line], EAST)
+
+
+def queue_in_use(carriers: int) -> Rect:
+    """Return the part of the queue with the lines of this many carriers."""
+    lines = [queue_place(number).y for number in range(carriers)]
+    return QUEUE._replace(south=min(lines) - 0.75, north=max(lines) + 0.75)
 
 
 def _machines(layout: Layout) -> list[Start]:

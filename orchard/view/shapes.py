@@ -25,11 +25,17 @@ class MeshPart(NamedTuple):
     yaw: float = 0.0  # degrees, to the left
 
 
-def mesh_of(parts: Iterable[MeshPart], own: Colour = (0, 0, 0), alpha: int | None = None) -> rr.Mesh3D:
-    """Return all parts as one mesh of flat faces, darker on the side away from the sun. `own`: the body's colour, `alpha`: 255 opaque."""
+def mesh_of(
+    parts: Iterable[MeshPart], own: Colour = (0, 0, 0), alpha: int | None = None, box: tuple[float, float, float] | None = None
+) -> rr.Mesh3D:
+    """Return all parts as one mesh of flat faces, darker on the side away from the sun.
+
+    `own`: the body's colour, `alpha`: 255 opaque. `box`: m along x, y, z, on the ground, which the mesh is stretched to fill.
+    """
     pieces = [(_placed(part), part.colour if isinstance(part.colour, tuple) else _darker(own, part.colour)) for part in parts]
     corners = np.concatenate([piece for piece, _ in pieces])
     colours = np.concatenate([np.tile(np.array(colour, float), (len(piece), 1)) for piece, colour in pieces])
+    corners = corners if box is None else _filling(corners, np.array(box))
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
     shade = 0.90 + 0.10 * np.clip(normals @ LIGHT, -0.8, 1.0)
@@ -40,6 +46,12 @@ def mesh_of(parts: Iterable[MeshPart], own: Colour = (0, 0, 0), alpha: int | Non
         vertex_colors=np.repeat(np.clip(colours * shade[:, None], 0, 255).astype(np.uint8), 3, axis=0),
         albedo_factor=None if alpha is None else (255, 255, 255, alpha),
     )
+
+
+def _filling(corners: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """Return corners, (f, 3, 3), stretched and moved to a box around the origin, on the ground."""
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    return np.asarray((corners - low) * (box / (high - low)) - box * (0.5, 0.5, 0.0))
 
 
 def _placed(part: MeshPart) -> np.ndarray:
@@ -232,12 +244,16 @@ BODIES = {  # the origin is on the ground below the body's centre
 }
 
 
+HATS = {"worker": 0.2}  # m above the height of the kind
+
+
 def body(kind: str) -> rr.Mesh3D:
-    """Return the mesh of a body of a kind."""
-    return mesh_of(BODIES[kind], KINDS[kind].colour)
+    """Return the mesh of a body of a kind. It fills the kind's length, width and height."""
+    size = KINDS[kind]
+    return mesh_of(BODIES[kind], size.colour, box=(size.length, size.width, size.height + HATS.get(kind, 0.0)))
 
 
-TRUNK = [MeshPart("stem", (0.5, 0.5, 1.0), (0, 0, 0.5), BARK), MeshPart("stem", (0.38, 0.38, 1.1), (0, 0, 1.4), BARK)]
+TRUNK = [MeshPart("stem", (0.5, 0.5, 1.0), (0, 0, 0.5), BARK), MeshPart("stem", (0.38, 0.38, 0.95), (0, 0, 1.325), BARK)]
 LINE_POST = [MeshPart("box", (0.5, 0.5, 0.3), (0, 0, 0.15), _darker(POST, 0.8)), MeshPart("box", (0.22, 0.22, 2.5), (0, 0, 1.55), POST)]
 # of a full bin
 FLAG = [MeshPart("stem", (0.05, 0.05, 1.0), (0, 0, 1.4), WHITE), MeshPart("box", (0.5, 0.03, 0.34), (-0.25, 0, 1.72), YELLOW)]

@@ -1,13 +1,15 @@
 """The behaviour of dogs and cats."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from guests import one_guest
 
 from orchard.agents.walker import Animal
 from orchard.contract.agent import Mail
-from orchard.field.scenario import Scenario
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Animals, Scenario
 from orchard.local import Local
 
 
@@ -29,7 +31,15 @@ def test_animals_keep_their_mind_for_three_seconds():
         stage.tick()
         minds.append(stage.local.memories["dog_01"].speed)
     changes = [i for i in range(1, 300) if minds[i] != minds[i - 1]]
-    assert changes == list(range(30, 300, 30))
+    assert [later - one for one, later in pairwise(changes)] == [30] * (len(changes) - 1)
+    assert len(changes) >= 9
+
+
+def test_animals_do_not_change_their_minds_in_the_same_tick():
+    layout = lay_out(Scenario(animals=Animals(dogs=10, cats=10)))
+    phases = {Animal(layout, name).phase for name in layout.names if name.startswith(("dog", "cat"))}
+    assert len(phases) > 8
+    assert phases <= set(range(30))
 
 
 def test_animals_change_their_mind_although_they_do_not_see_every_tick():
@@ -37,8 +47,8 @@ def test_animals_change_their_mind_although_they_do_not_see_every_tick():
     seen = one_guest("dog", 0.0, 20.0).local.engine.observe()["dog_01"]
     dog = Animal(Local(Scenario()).engine.layout, "dog_01")
     memory = dog.tick(seen, Mail(), None).memory
-    minds = []
-    for tick in (29, 31, 59, 61):
+    minds, start = [], 60 - dog.phase
+    for tick in (start - 1, start + 1, start + 29, start + 31):
         memory = dog.tick(replace(seen, tick=tick), Mail(), memory).memory
         minds.append(memory.speed)
     assert minds[0] != minds[1] == minds[2] != minds[3]

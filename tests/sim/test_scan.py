@@ -157,5 +157,16 @@ def test_noise_stays_within_the_range_and_off_beams_without_a_return():
     clean = noisy(noise=0.0)[0]
     for tick in range(20):
         scan = noisy(noise=0.02, tick=tick)[0]
-        assert np.array_equal(np.isinf(scan), np.isinf(clean))
+        assert np.isinf(scan[np.isinf(clean)]).all()
+        assert np.isfinite(scan[clean < LASER_RANGE - 0.2]).all()
         assert (scan[np.isfinite(scan)] <= LASER_RANGE).all() and (scan >= 0.0).all()
+
+
+def test_a_range_that_noise_pushes_beyond_ten_metres_is_no_return():
+    scans = [
+        scan_of(world_of(("picker", Pose(0, 0, 0)), walls=[(1.25 + 9.99 + 1.0, 0, 1.0, 30.0)], seed=seed, laser=LaserSettings(noise=0.02)))
+        for seed in range(20)
+    ]
+    ahead = np.array([scan[88:92] for scan in scans])
+    assert np.isinf(ahead).any() and np.isfinite(ahead).any()
+    assert not (ahead == LASER_RANGE).any()

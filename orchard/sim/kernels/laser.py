@@ -220,10 +220,10 @@ def _normal(key):
 
 @jit
 def add_noise(keys, tick, deviation, begin, ranges):
-    """Add Gaussian noise to every return; ranges stay in [0, 10] m. keys (n,) uint64: one for each body; deviation: m."""
+    """Add Gaussian noise to every return; a range beyond 10 m is no return. keys (n,) uint64: one for each body; deviation: m."""
     for i in range(len(keys)):
         at_tick = _scramble(keys[i] + np.uint64(tick))
         for k in range(begin[i], begin[i + 1]):
             if ranges[k] < np.inf:
                 noisy = ranges[k] + deviation * _normal(at_tick + np.uint64(k - begin[i]))
-                ranges[k] = min(max(noisy, 0.0), LASER_RANGE)
+                ranges[k] = max(noisy, 0.0) if noisy <= LASER_RANGE else np.inf

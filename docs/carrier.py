@@ -3,6 +3,7 @@
 from math import degrees
 
 from orchard.agents import bin as bin_agent
+from orchard.agents import carrier as carrier_agent
 from orchard.agents import sense, steps, traffic
 from orchard.agents.robot import PATIENCE, RECOVERY, Step
 from orchard.agents.route import EAST_SIDE, TOP, WEST_SIDE, OneWay
@@ -128,6 +129,8 @@ It waits in the queue with an empty bin. It accepts one full bin at a time. `tes
 
 1. `call` from a full bin: answer `offer` if you have no job and are next in your line: your x is less than 0.1 m short of {layout.QUEUE_HEAD:g}, or you are moving forward and less than {layout.QUEUE_PITCH + 0.2:g} m short of it.
    `x` and `y` are your position; `distance` is in metres by road to the stop of step 4. Otherwise answer `no`. An offer binds neither side.
+   Offer only to the oldest call, so that bins are served in order: the least `since` (ties by name) of the calls that you heard in the last {carrier_agent.REMEMBERED} ticks, also while you had a job. A bin that
+   has not sent `come` {carrier_agent.CHOOSING} ticks after your first offer to it comes after the others.
 2. `come` from a full bin: answer `yes`, and remember bin, `lane`, `side` and `picker`, if you have no job. Answer `yes` too if the bin is the one that you have already agreed to: it asks again and again.
    Otherwise answer `no`. Refuse a lane that is not 1 to `rows`.
 3. Ask the bin by `confirm`. At `yes` leave; at `no` you have no job.

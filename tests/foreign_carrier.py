@@ -237,7 +237,7 @@ class Side:
 
 
 class Field:
-    D, F, COUPLES, FULL, PICKER = 38.25, 36.2, 34.15, 32.25, 40.5
+    D, F, COUPLES, FULL, PICKER = 38.75, 36.25, 34.15, 32.25, 41.0
     STOP, HOLD, CLEAR = 1.9, 3.75, 5.7
     TOP_ROAD, BAY_STOP, TURN_OFF, HEAD = 24.5, -30.0, -18.6, 35.4
     LINES = (24.5, 21.5, 18.5, 27.5)
@@ -284,7 +284,7 @@ class Carrier:
     def __init__(self, info, name):
         self.name, self.field = name, Field(info["scenario"], name)
         self.people = [other for other in info["agents"] if other.rsplit("_", 1)[0] in BYSTANDERS]
-        self.job, self.jobs, self.steps = None, 0, 0
+        self.job, self.jobs, self.steps, self.calls = None, 0, 0, {}
         self.held, self.agreed, self.claimed = [], [], -5
         self.sighted, self.moved, self.bumped = {}, False, -10
         self.doing, self.state = "waiting in the queue", "waiting"
@@ -293,6 +293,7 @@ class Carrier:
     def decide(self, seen, heard, mine):
         self.observe(seen)
         self.hear(mine)
+        self.hear_calls(heard)
         answers = [[sender, tick, number, self.reply_to(sender, body)] for sender, tick, number, body in heard]
         next(self.working)
         self.claim()
@@ -338,13 +339,29 @@ class Carrier:
             return no("there is no such lane")
         if self.job:
             return no(f"busy with {self.job[0]}")
-        return self.offer(body) if body["type"] == "call" else self.accept(sender, body)
-
-    def offer(self, body):
+        if body["type"] == "come":
+            return self.accept(sender, body)
         if not self.is_next():
             return no("another one goes first")
+        if not self.offer(sender):
+            return no("an older call comes first")
         distance = self.field.distance(self.x, self.y, body["lane"], self.field.side(body["side"]))
         return {"type": "offer", "x": self.x, "y": self.y, "distance": distance}
+
+    def hear_calls(self, heard):
+        for sender, _, _, body in heard:
+            if body["type"] == "call":
+                since, _, offered = self.calls.get(sender, (None, 0, math.inf))
+                self.calls[sender] = body["since"], self.tick, offered if since == body["since"] else math.inf
+        self.calls = {name: call for name, call in self.calls.items() if self.tick - call[1] <= 25}
+
+    def offer(self, sender):
+        """Whether the call of a bin is the oldest; bins that let an offer pass come last."""
+        if min(self.calls, key=lambda name: (self.tick - self.calls[name][2] > 5, self.calls[name][0], name)) != sender:
+            return False
+        since, heard, offered = self.calls[sender]
+        self.calls[sender] = since, heard, min(offered, self.tick)
+        return True
 
     def accept(self, sender, body):
         self.job = sender, body["lane"], self.field.side(body["side"]), body["picker"]
@@ -411,7 +428,7 @@ class Carrier:
         blind = self.field.at_work(lane, side)
         yield from self.need(f"{side.name}/F/{lane}")
         yield from self.face(side.heading(WEST), blind)
-        yield from self.drive("x", side.x(self.field.COUPLES), frees=[(f"{side.name}/D/{lane}", side.x(36.4))], blind=blind)
+        yield from self.drive("x", side.x(self.field.COUPLES), frees=[(f"{side.name}/D/{lane}", side.x(36.8))], blind=blind)
         yield from self.face(side.heading(NORTH), blind)
         yield from self.drive("y", self.field.lane(lane), blind=blind)
         yield from self.face(side.heading(EAST), blind)

@@ -70,8 +70,10 @@ def test_it_reads_nothing_of_this_program():
 
 def test_it_ignores_a_field_that_it_does_not_know():
     carrier = foreign_carrier.Carrier({"scenario": SMALL.model_dump(), "agents": []}, "carrier_01")
-    carrier.x, carrier.y, carrier.twist = 35.4, 24.5, (0.0, 0.0, 0.0)
-    assert carrier.reply_to("bin_01", {"type": "call", "lane": 1, "side": "east", "more": [7]})["type"] == "offer"
+    carrier.tick, carrier.x, carrier.y, carrier.twist = 7, 35.4, 24.5, (0.0, 0.0, 0.0)
+    call = {"type": "call", "lane": 1, "side": "east", "since": 7, "more": [7]}
+    carrier.hear_calls([("bin_01", 7, 0, call)])
+    assert carrier.reply_to("bin_01", call)["type"] == "offer"
 
 
 def test_its_digest_of_mail_is_ours():

@@ -30,9 +30,9 @@ class Local:
     """An orchard and all its agents in one process. Call `tick()` until `engine.over`."""
 
     def __init__(self, scenario: Scenario, agents: dict[str, Agent] | None = None) -> None:
-        """`agents`: name -> agent. If it is None, all agents of the scenario are made."""
+        """`agents`: name -> agent; each is guarded. If it is None, all agents of the scenario are made."""
         self.engine = Engine.begin(scenario)
-        self.agents = agents if agents is not None else make_agents(self.engine.layout)
+        self.agents = self._guarded(agents) if agents is not None else make_agents(self.engine.layout)
         self.memories: dict[str, Any] = {}
         self.actions: dict[str, Action] = {}
         self.post = LocalMail()
@@ -62,11 +62,14 @@ class Local:
         """
         if name not in self.engine.layout.agents:
             raise ValueError(f"{name}: no such agent; there are {', '.join(self.engine.layout.agents)}")
-        self.agents[name] = Guarded(name, agent)
-        self.agents = dict(sorted(self.agents.items()))
+        self.agents = self._guarded(dict(sorted({**self.agents, name: agent}.items())))
         memory = self.memories.pop(name, None)
         with suppress(ValueError):
             self.memories[name] = unpack(pack(memory), self.agents[name].Memory)
+
+    def _guarded(self, agents: dict[str, Agent]) -> dict[str, Agent]:
+        names = self.engine.layout.agents
+        return {name: agent if isinstance(agent, Guarded) else Guarded(name, agent, names) for name, agent in agents.items()}
 
     def tick(self) -> list[Event]:
         """Advance the run by one tick, 0.1 s, and return the events of the step."""

@@ -27,10 +27,9 @@ class Counted(msgspec.Struct):
 
 
 class Caller:
-    """Asks two agents and an unknown name at every tick, answers two of three requests, and drives by all that it heard."""
+    """Asks two agents at every tick, answers two of three requests, and drives by all that it heard."""
 
     Memory = Counted
-    strangers = ("nobody",)  # unknown names that it asks too
 
     def __init__(self, name: str, names: list[str]) -> None:
         self.name, self.names = name, names
@@ -43,7 +42,7 @@ class Caller:
         state = BinState(True, float(memory.heard), self.name)
         answers = [(heard, state) for heard in mail.requests if self._draw(heard.sender, seen.tick) % 3]
         friends = [self.names[self._draw(f"to {i}", seen.tick) % len(self.names)] for i in range(2)]
-        requests = [(name, StateRequest()) for name in (*friends, *self.strangers)]
+        requests = [(name, StateRequest()) for name in friends]
         twist = Twist(0.01 * (memory.heard % 5), 0.0, 0.001 * (memory.replies % 7) - 0.001 * (memory.unanswered % 3))
         return Action(twist, requests=requests, answers=answers, memory=memory, doing="calling", steps_done=seen.tick)
 
@@ -51,23 +50,9 @@ class Caller:
         return int.from_bytes(hashlib.blake2b(f"{self.name} {what} {tick}".encode(), digest_size=4).digest())
 
 
-class Friend(Caller):
-    """Asks known names only. A request to an unknown name is never answered, so the host recalls the mail of every tick."""
-
-    strangers = ()
-
-
 def cast(layout: Layout, names: object = None) -> dict[str, Caller]:
-    return _of(Caller, layout)
-
-
-def friends(layout: Layout, names: object = None) -> dict[str, Caller]:
-    return _of(Friend, layout)
-
-
-def _of(class_: type[Caller], layout: Layout) -> dict[str, Caller]:
-    names = sorted((*layout.names, TRAFFIC))
-    return {name: class_(name, names) for name in names}
+    everybody = sorted((*layout.names, TRAFFIC))
+    return {name: Caller(name, everybody) for name in everybody}
 
 
 class Slow:

@@ -7,12 +7,15 @@ from corpus import mutants, rewritten
 
 from orchard.net.refusals import Refused, read_message
 from orchard.wire.keys import TABLE
+from orchard.wire.messages import VelocityParts
 
 RUN = "run1"
 
 
 def make_sense(what: str, payload: bytes) -> bool:
     """Whether it is a message of this run: those are not thrown."""
+    if what == "velocities" and not refusal_of(payload, VelocityParts, RUN):
+        return True  # each part counts by itself
     types = [type_ for type_ in (TABLE[what].message, *TABLE[what].replies) if type_ is not None]
     return any(not refusal_of(payload, type_, RUN) for type_ in types) or (what in ("state", "scenario") and not payload)
 

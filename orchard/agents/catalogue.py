@@ -82,10 +82,10 @@ def _check_route(layout: Layout) -> None:
 
 
 def _make_ours(layout: Layout, name: str) -> Agent:
-    """Make a built-in agent, guarded if the scenario names a user's policy or route."""
-    agent = AGENTS[kind_of(name)](layout, name)
-    is_ours = layout.scenario.dispatch in POLICIES and layout.scenario.route in ROUTES
-    return agent if is_ours else Guarded(name, agent)
+    """Make a built-in agent, guarded if the scenario names anything of a user's: it may send to this agent whatever it likes."""
+    agent, scenario = AGENTS[kind_of(name)](layout, name), layout.scenario
+    is_ours = scenario.dispatch in POLICIES and scenario.route in ROUTES and not scenario.agents and not scenario.agents_without_body
+    return agent if is_ours else Guarded(name, agent, layout.agents)
 
 
 def _make_own(path: str, layout: Layout, name: str) -> Agent:
@@ -95,7 +95,7 @@ def _make_own(path: str, layout: Layout, name: str) -> Agent:
         agent = load_plugin(key, path)(layout, name)
         if not callable(getattr(agent, "tick", None)):
             raise TypeError(f"it has no method tick(observation, mail, memory){place_of_class(type(agent))}")
-        return Guarded(name, agent)
+        return Guarded(name, agent, layout.agents)
     except MISTAKES as error:
         log.error("%s stands: %s", name, error if isinstance(error, ScenarioError) else unusable(key, path, error))
-        return Guarded(name, Broken())
+        return Guarded(name, Broken(), layout.agents)

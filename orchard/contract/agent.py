@@ -22,6 +22,10 @@ AHEAD, IN_TURN = "an obstacle ahead", "an obstacle in its turn"  # what a robot 
 
 # limits for what an agent sends
 MOST_DEEDS = 16  # of one body in one tick
+MOST_REQUESTS = 500  # of one agent in one tick; the largest orchard has some 300 agents
+MOST_TO_ONE = 8  # of these to one recipient, which must be able to answer all that it hears
+MOST_STEPS = 2**53 - 1
+MOST_LEVELS = 32  # of lists and maps within each other in the fields of a message of an agent's own type
 LARGEST_MEMORY = MAX_PAYLOAD // 32  # bytes: the memories of a session's agents go in one message to a session that takes over
 
 

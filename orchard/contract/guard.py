@@ -2,16 +2,20 @@
 
 import logging
 import traceback
-from typing import Any, get_args
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
+from itertools import chain
+from typing import Any, cast, get_args
 
 import msgspec
 
-from orchard.contract.agent import LARGEST_MEMORY, MOST_DEEDS, Action, Agent, Mail, Observation, State
-from orchard.contract.mail import written_by
-from orchard.contract.messages import FASTEST, AgentMessage, Answer, CustomMessage, Deed, Request, Written, pack, type_of, unpack
+from orchard.contract import agent as limits
+from orchard.contract.agent import Action, Agent, Heard, Mail, Observation, State
+from orchard.contract.messages import FASTEST, AgentMessage, Answer, CustomMessage, Deed, Given, Request, Written, pack, type_of, unpack
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, kind_of
-from orchard.field.plugins import MISTAKES
+from orchard.field.plugins import MISTAKES, reraise_ctrl_c
+from orchard.field.problems import printable
 
 log = logging.getLogger("orchard")
 
@@ -21,8 +25,9 @@ STATES = get_args(State)
 class Guarded:
     """Checks an agent's actions before they count, and converts messages of the agent's own types (see `CustomMessage`)."""
 
-    def __init__(self, name: str, agent: Agent) -> None:
-        self.name = name
+    def __init__(self, name: str, agent: Agent, names: Collection[str]) -> None:
+        """`names`: all agents of the orchard, to which it may send requests."""
+        self.name, self._names = name, names
         self.Memory = getattr(agent, "Memory", dict)
         self._sideways = kind_of(name) not in KINDS or KINDS[kind_of(name)].sideways
         self.packed: bytes | None = None  # its memory as msgpack
@@ -33,20 +38,59 @@ class Guarded:
     def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
         """Return the agent's action. If it raises, or the action is invalid, return the action of a broken agent, which stands."""
         try:
-            action = self._agent.tick(observation, self._typed(mail) if self._messages else mail, memory)
-            if self._messages:
-                action.requests = [(to, self._custom(body)) for to, body in action.requests]
-                action.answers = [(heard, self._custom(body)) for heard, body in action.answers]
-            _check(action)
-            if action.twist.y and not self._sideways:
-                raise ValueError(f"{action.twist}: a {kind_of(self.name)} does not move sideways")
-            self.packed = None if action.memory is None else _packed(action.memory, "its memory takes")
-        except MISTAKES:
+            return self._checked(self._agent.tick(observation, self._typed(mail) if self._messages else mail, memory))
+        except MISTAKES as error:
+            reraise_ctrl_c(error)
             if not self._failed:
-                log.error("%s raised an error at tick %d; it stands.\n%s", self.name, observation.tick, traceback.format_exc(limit=-3))
+                told = _told(traceback.format_exc(limit=-3))
+                log.error("%s raised an error at tick %d; it stands.\n%s", self.name, observation.tick, told)
             self._failed = True
             return Broken().tick(observation, mail, memory)
-        return action
+
+    def _checked(self, action: Any) -> Action:
+        """Return an action with the same content, of exact types, if physics accepts it. Raises TypeError or ValueError if not."""
+        if not isinstance(action, Action):
+            raise TypeError(f"tick returned {type(action).__name__}; it must return an Action")
+        twist, memory, steps = self._checked_twist(action.twist), action.memory, action.steps_done
+        if type(steps) is not int or not 0 <= steps <= limits.MOST_STEPS:
+            raise ValueError(f"steps_done {steps!r}: must be a whole number from 0 to {limits.MOST_STEPS}")
+        checked = Action(twist, memory=memory, state=_checked_state(action.state), steps_done=steps)
+        checked.doing, checked.waits_for = _for_people(action.doing, action.waits_for)
+        if action.deeds != [] or action.requests != [] or action.answers != []:
+            checked.deeds, checked.requests, checked.answers = self._checked_messages(action.deeds, action.requests, action.answers)
+        self.packed = None if memory is None else _packed(memory, "its memory takes")
+        return checked
+
+    def _checked_twist(self, twist: Any) -> Twist:
+        checked = Twist(*map(float, twist))
+        if not all(abs(number) <= FASTEST for number in checked):  # refuses NaN too
+            raise ValueError(f"{checked}: each number must be from {-FASTEST:g} to {FASTEST:g}")
+        if checked.y and not self._sideways:
+            raise ValueError(f"{checked}: a {kind_of(self.name)} does not move sideways")
+        return checked
+
+    def _checked_messages(
+        self, deeds: Any, requests: Any, answers: Any
+    ) -> tuple[list[Deed], list[tuple[str, Request]], list[tuple[Heard, Answer]]]:
+        """Return deeds, requests and answers as recipients decode them. Raises TypeError or ValueError if physics would refuse them."""
+        deeds, requests, answers = _listed("deeds", deeds), _listed("requests", requests), _listed("answers", answers)
+        _refuse_more("deeds", len(deeds), limits.MOST_DEEDS)
+        _refuse_more("requests", len(requests), limits.MOST_REQUESTS)
+        asked = [(to, _of_kind(self._custom(body), Request)) for to, body in requests]
+        given = [Given(heard.sender, heard.tick, heard.number, _of_kind(self._custom(body), Answer)) for heard, body in answers]
+        packed = _packed(([_of_kind(deed, Deed) for deed in deeds], Written(asked, given)), "its deeds and messages take")
+        sound: tuple[list[Deed], Written] = unpack(packed, tuple[list[Deed], Written])
+        self._refuse_addresses([to for to, _ in sound[1].requests])
+        _refuse_depth([*(body for _, body in sound[1].requests), *(body for *_, body in sound[1].answers)])
+        heard_and_given = zip((heard for heard, _ in answers), sound[1].answers, strict=True)
+        return sound[0], sound[1].requests, [(Heard(to, at, number, heard.body), body) for heard, (to, at, number, body) in heard_and_given]
+
+    def _refuse_addresses(self, recipients: Sequence[str]) -> None:
+        """Raise ValueError for a recipient that is no agent's name, or that gets too many requests."""
+        for to, count in Counter(recipients).items():
+            if to not in self._names:
+                raise ValueError(f"a request to {printable(to)!r}: no agent has that name")
+            _refuse_more(f"requests to {to}", count, limits.MOST_TO_ONE)
 
     def _typed(self, mail: Mail) -> Mail:
         """Convert custom messages to the agent's types. A message that does not fit its type is logged and left out."""
@@ -63,7 +107,7 @@ class Guarded:
         try:
             return msgspec.convert(body.fields, self._messages[body.name])
         except ValueError as error:
-            log.warning("%s: message %r from %s does not fit its type: %s", self.name, body.name, sender, error)
+            log.warning("%s: message %r from %s does not fit its type: %s", self.name, body.name, sender, printable(str(error)))
             return None
 
     def _custom(self, body: Any) -> Any:
@@ -85,8 +129,8 @@ def _own_messages(agent: Any) -> tuple[type[AgentMessage], ...]:
 def _packed(data: Any, what: str) -> bytes:
     """Encode a memory or messages. Raises ValueError if it is too large, TypeError if it is not plain data."""
     packed = pack(data)
-    if len(packed) > LARGEST_MEMORY:
-        raise ValueError(f"{what} {len(packed)} bytes; at most {LARGEST_MEMORY}")
+    if len(packed) > limits.LARGEST_MEMORY:
+        raise ValueError(f"{what} {len(packed)} bytes; at most {limits.LARGEST_MEMORY}")
     return packed
 
 
@@ -99,31 +143,49 @@ class Broken:
         return Action(memory=memory, doing="broken", state="broken")
 
 
-def _check(action: Any) -> None:
-    """Raise TypeError or ValueError if an action is invalid."""
-    if not isinstance(action, Action):
-        raise TypeError(f"tick returned {type(action).__name__}; it must return an Action")
-    x, y, yaw = map(float, action.twist)
-    action.twist = twist = Twist(x, y, yaw)
-    if not (abs(x) <= FASTEST and abs(y) <= FASTEST and abs(yaw) <= FASTEST):  # refuses NaN too
-        raise ValueError(f"{twist}: each number must be from {-FASTEST:g} to {FASTEST:g}")
-    if not (isinstance(action.doing, str) and isinstance(action.waits_for, str)):
-        raise TypeError(f"doing {action.doing!r}, waits_for {action.waits_for!r}: both must be text")
-    if action.state is not None and action.state not in STATES:
-        raise ValueError(f"state {action.state!r}: must be one of {', '.join(STATES)}")
-    if not (isinstance(action.steps_done, int) and action.steps_done >= 0):
-        raise ValueError(f"steps_done {action.steps_done!r}: must be a whole number from 0")
-    if (action.deeds, action.requests, action.answers) != ([], [], []):
-        _check_messages(action)
+def _checked_state(state: Any) -> State | None:
+    state = "".join([state]) if isinstance(state, str) else state
+    if state is not None and (not isinstance(state, str) or state not in STATES):
+        raise ValueError(f"state {state!r}: must be one of {', '.join(STATES)}")
+    return cast("State | None", state)
 
 
-def _check_messages(action: Action) -> None:
-    """Raise TypeError or ValueError for deeds and messages that physics would refuse with all others of the session."""
-    sent = [(deed, Deed) for deed in action.deeds] + [(body, Request) for _, body in action.requests]
-    for message, type_ in [*sent, *((body, Answer) for _, body in action.answers)]:
-        if not isinstance(message, type_):
-            raise TypeError(f"{message!r} is neither a message of orchard/contract/messages.py nor of a type in the agent's `Messages`")
-    if len(action.deeds) > MOST_DEEDS:
-        raise ValueError(f"{len(action.deeds)} deeds in one tick; at most {MOST_DEEDS}")
-    packed = _packed((action.deeds, written_by(action)), "its deeds and messages take")
-    unpack(packed, tuple[list[Deed], Written | None])
+def _for_people(doing: Any, waits_for: Any) -> tuple[str, str]:
+    if not (isinstance(doing, str) and isinstance(waits_for, str)):
+        raise TypeError(f"doing {doing!r}, waits_for {waits_for!r}: both must be text")
+    return printable("".join([doing])), printable("".join([waits_for]))  # of the exact type: a subclass may have other methods
+
+
+def _listed(what: str, messages: Any) -> Sequence[Any]:
+    if not isinstance(messages, list | tuple):
+        raise TypeError(f"{what} {type(messages).__name__}: must be a list")
+    return messages
+
+
+def _of_kind(message: Any, type_: Any) -> Any:
+    """Return a message of one of these types. Raises TypeError or ValueError for any other."""
+    if not isinstance(message, type_):
+        raise TypeError(f"{message!r} is neither a message of orchard/contract/messages.py nor of a type in the agent's `Messages`")
+    return message
+
+
+def _refuse_depth(messages: Sequence[Request | Answer]) -> None:
+    """Raise ValueError if the fields of a custom message are nested so deeply that some recipient could not read them."""
+    for message in messages:
+        if isinstance(message, CustomMessage) and not _is_shallow(message.fields, limits.MOST_LEVELS):
+            raise ValueError(f"{message.name}: lists and maps are nested more than {limits.MOST_LEVELS} levels deep")
+
+
+def _is_shallow(data: Any, levels: int) -> bool:
+    parts: Iterable[Any] = chain(data, data.values()) if isinstance(data, dict) else data if isinstance(data, list | tuple) else ()
+    return levels > 0 and all(_is_shallow(part, levels - 1) for part in parts)
+
+
+def _refuse_more(what: str, count: int, most: int) -> None:
+    if count > most:
+        raise ValueError(f"{count} {what} in one tick; at most {most}")
+
+
+def _told(words: str) -> str:
+    """A traceback for a log: without control characters, and indented, so that no line of it looks like one of the program's own."""
+    return "\n".join(f"  {printable(line, 500)}" for line in words.splitlines())

@@ -12,9 +12,12 @@ FASTEST = 100.0  # m/s and rad/s, of any velocity
 LAST_TICK = 2**36 - 1  # 217 years: its time in nanoseconds fits in 64 bits
 
 Tick = Annotated[int, Meta(ge=0, le=LAST_TICK, description="number of the time step, 0.1 s each, from 0")]
-Text = Annotated[str, Meta(max_length=200)]
+LONGEST_TEXT = 200  # characters of a text for people
+Text = Annotated[str, Meta(max_length=LONGEST_TEXT)]
+Word = Annotated[str, Meta(max_length=64)]  # a name of an agent or of a place on the roads
+RoadPlaces = Annotated[list[Word], Meta(max_length=16)]
 Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]  # refuses NaN and infinity too
-End = Annotated[str, Meta(pattern="^(east|west)$")]  # an end of a lane
+End = Annotated[str, Meta(pattern=r"^(east|west)\Z")]  # an end of a lane
 
 
 class AgentMessage(msgspec.Struct, frozen=True, tag_field="type", tag=str.lower):
@@ -35,7 +38,7 @@ def type_of(message: AgentMessage | type[AgentMessage]) -> str:
 class Couple(AgentMessage):
     """Couple the bin that stands at the coupling point."""
 
-    bin: str
+    bin: Word
 
 
 class Uncouple(AgentMessage):
@@ -64,7 +67,7 @@ class Come(AgentMessage):
 
     lane: int
     side: End
-    picker: str  # the picker that waits there for an empty bin
+    picker: Word  # the picker that waits there for an empty bin
 
 
 class Confirm(AgentMessage):
@@ -78,15 +81,15 @@ class EmptyBin(AgentMessage):
 class Here(AgentMessage):
     """From a carrier to the picker: the empty bin stands on the picker's coupling point."""
 
-    bin: str
+    bin: Word
 
 
 class Claim(AgentMessage):
     """From a robot to `traffic`: the places that it keeps and those that it wants; `beside`: a partner with which it may share places."""
 
-    keep: list[str]
-    want: list[str]
-    beside: str
+    keep: RoadPlaces
+    want: RoadPlaces
+    beside: Word
 
 
 class StateRequest(AgentMessage, tag="state"):
@@ -102,7 +105,7 @@ class FullBin(AgentMessage):
 
     lane: int
     side: End
-    picker: str  # the picker that waits there for an empty bin
+    picker: Word  # the picker that waits there for an empty bin
     since: Tick  # at which the bin began to call
 
 
@@ -117,7 +120,7 @@ class CustomMessage(AgentMessage, tag="custom"):
     guard checks it and converts it back. All other programs pass it on unread.
     """
 
-    name: Annotated[str, Meta(max_length=64)]  # `type` of the message
+    name: Word  # `type` of the message
     fields: dict[str, Any]
 
 
@@ -141,21 +144,21 @@ class Yes(AgentMessage):
 class No(AgentMessage):
     """Not agreed."""
 
-    reason: str
+    reason: Text
 
 
 class CarrierComing(AgentMessage, tag="carrier"):
     """From a bin to its picker, or from the dispatcher to a bin: the carrier that comes ('' while none is found)."""
 
-    carrier: str
+    carrier: Word
 
 
 class Places(AgentMessage):
     """From `traffic`: the places that the robot holds now, and the robots that are in the way of the rest."""
 
-    held: list[str]
-    blockers: list[str]
-    alone: list[str]  # those of `held` that no other robot shares
+    held: list[Word]
+    blockers: list[Word]
+    alone: list[Word]  # those of `held` that no other robot shares
 
 
 class BinState(AgentMessage):
@@ -163,13 +166,13 @@ class BinState(AgentMessage):
 
     full: bool
     fill: Metres  # of row in it
-    coupled_to: str  # name of the robot; '' when the bin stands by itself
+    coupled_to: Word  # name of the robot; '' when the bin stands by itself
 
 
 class CarrierStatus(AgentMessage):
     """From a carrier to the dispatcher: its state."""
 
-    job: str  # the full bin that it fetches; '' while it waits in the queue
+    job: Word  # the full bin that it fetches; '' while it waits in the queue
     is_next: bool  # whether it can leave now: it waits, and no carrier of its line stands before it
     metres: Metres  # by road to the queue's head
 
@@ -190,7 +193,7 @@ Answer = Offer | Yes | No | CarrierComing | Places | BinState | Position | Carri
 class Given(NamedTuple):
     """An answer to request `number` that the agent `to` sent at `tick`."""
 
-    to: str
+    to: Word
     tick: int
     number: int
     body: Answer
@@ -199,7 +202,7 @@ class Given(NamedTuple):
 class Written(msgspec.Struct):
     """The letters of one agent at one tick."""
 
-    requests: list[tuple[str, Request]]  # (recipient, request), numbered from 0
+    requests: list[tuple[Word, Request]]  # (recipient, request), numbered from 0
     answers: list[Given]
 
 

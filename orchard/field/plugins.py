@@ -1,14 +1,17 @@
 """Loads the users' classes and functions that a scenario names, or refuses them with the reason and its place."""
 
+import dis
 import importlib
 import inspect
+import signal
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from orchard.field.problems import Problem, ScenarioError
+from orchard.field.problems import Problem, ScenarioError, printable
 
-MISTAKES = (Exception, SystemExit)  # raised by a user's code; its sys.exit() must not end other agents or the run
+MISTAKES = BaseException  # raised by a user's code: whatever it is, it must not end other agents or the run (see `reraise_ctrl_c`)
+_RAISE = dis.opmap["RAISE_VARARGS"]
 _PACKAGE = __file__.removesuffix("field/plugins.py")
 
 
@@ -39,8 +42,27 @@ def make_plugin(
 
 def unusable(key: str, path: str, error: BaseException, wanted: str = "") -> ScenarioError:
     """Return the error for a plug-in that cannot be used: the scenario's key, the fault, its place in the user's files, what is allowed."""
-    words = f"cannot be used: {type(error).__name__}: {error}{place_of_error(error)}" + (f"; it must be {wanted}" if wanted else "")
+    reraise_ctrl_c(error)
+    fault = printable(f"{type(error).__name__}: {error}", 500)
+    words = f"cannot be used: {fault}{place_of_error(error)}" + (f"; it must be {wanted}" if wanted else "")
     return ScenarioError([Problem("scenario", words, key, path)])
+
+
+def reraise_ctrl_c(error: BaseException) -> None:
+    """Raise an error again if it is Ctrl-C of the person at the terminal, and not an error that a user's code raised by itself."""
+    if isinstance(error, KeyboardInterrupt) and _is_of_sigint(error):
+        raise error
+
+
+def _is_of_sigint(error: KeyboardInterrupt) -> bool:
+    """Whether the handler of SIGINT raised it. Python's own handler has no frame: it raises at any instruction but a `raise`."""
+    handler, codes, place = signal.getsignal(signal.SIGINT), [], error.__traceback__
+    while place is not None:
+        codes.append(place.tb_frame.f_code)
+        last, place = place, place.tb_next
+    if handler is signal.default_int_handler:
+        return not codes or codes[-1].co_code[last.tb_lasti] != _RAISE
+    return getattr(handler, "__code__", None) in codes
 
 
 def place_of_error(error: BaseException) -> str:

@@ -3,15 +3,17 @@
 import logging
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, NoReturn
 
 from orchard.contract.agent import Action, Agent, Mail, Observation
 from orchard.contract.guard import Guarded
 from orchard.contract.mail import LocalMail, digest_of
-from orchard.contract.messages import pack, unpack
+from orchard.contract.messages import MAX_PAYLOAD, pack, unpack
 from orchard.field.kinds import kind_of
 from orchard.field.layout import Layout
+from orchard.field.plugins import MISTAKES, reraise_ctrl_c
+from orchard.field.problems import printable
 from orchard.net.bus import Alive, Bus, Final, Item, Query, Replied, Sample, Signal
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
@@ -21,7 +23,7 @@ from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, PhysicsRequest, 
 from orchard.net.roster import NO_TOKEN, TAKEN
 from orchard.wire.codec import drive_of
 from orchard.wire.keys import PHYSICS, Keys
-from orchard.wire.messages import BinStatus, End, Join, Joined, Lost, Recall, Recalled, Velocities
+from orchard.wire.messages import BinStatus, Drive, End, Join, Joined, Lost, Recall, Recalled, Velocities
 
 log = logging.getLogger("orchard")
 RECALL_SECONDS = 5.0  # after which a recall is sent again: the link to physics may be cut
@@ -45,9 +47,10 @@ class _JoinAgain(Exception):
 class AgentRunner:
     """An agent and its memory."""
 
-    def __init__(self, name: str, agent: Agent) -> None:
+    def __init__(self, name: str, agent: Agent, names: Collection[str]) -> None:
+        """`names`: all agents of the orchard."""
         self.name = name
-        self._agent = agent if isinstance(agent, Guarded) else Guarded(name, agent)
+        self._agent = agent if isinstance(agent, Guarded) else Guarded(name, agent, names)
         self.memory: Any = None
         self._sent: bytes | None = None  # the packed memory that physics has
 
@@ -56,8 +59,9 @@ class AgentRunner:
         self.memory, self._sent = None, memory
         try:
             self.memory = None if memory is None else unpack(memory, self._agent.Memory)
-        except ValueError as error:
-            log.warning("%s starts without a memory; its last one is not of its class: %s", self.name, error)
+        except MISTAKES as error:
+            reraise_ctrl_c(error)
+            log.warning("%s starts without a memory; its last one is not of its class: %s", self.name, printable(str(error)))
 
     def act(self, seen: Observation, mail: Mail) -> Action:
         """Tick the agent and return its action; a broken agent stands."""
@@ -108,7 +112,7 @@ class Host:
     ) -> None:
         """`patience`: how long to wait for physics that is gone, s."""
         self.bus, self.keys, self.run_id, self._patience = bus, keys, run, patience
-        self.performers = {name: AgentRunner(name, agent) for name, agent in sorted(agents.items())}
+        self.performers = {name: AgentRunner(name, agent, layout.agents) for name, agent in sorted(agents.items())}
         self.bodies = [name for name in self.performers if name in layout.index]
         self.bins = [name for name in self.bodies if kind_of(name) == "bin"]
         self.sight = LatestObservations(run, self.performers, self.bodies)
@@ -116,7 +120,7 @@ class Host:
         self.states = StateBoard(bus, keys, run)
         self.refusals = Refusals()
         self.thinking = ""  # the agent that is ticked now; '' between ticks
-        self._answer = b""  # the packed velocities of the last tick
+        self._answer: list[bytes] = []  # the packed velocities of the last tick, in one message or several
         self._gone_until = math.inf  # monotonic clock, s: then the host gives physics up; inf while physics is alive
         self._ending = Ending()
 
@@ -186,7 +190,7 @@ class Host:
         self.thinking = ""
         digests = {name: digest_of(heard) for name, heard in mail.items()}
         drives = {name: drive_of(action, digests.get(name, b""), self.performers[name].news()) for name, action in actions.items()}
-        self._answer = pack(Velocities(self.run_id, tick, self.bus.id, drives))
+        self._answer = self._packed(tick, drives)
         self._send()
         self._send_rest(seen, actions)
 
@@ -219,8 +223,17 @@ class Host:
             raise _JoinAgain
         return LocalMail(dict(recalled.letters)).deliver(tick)
 
+    def _packed(self, tick: int, drives: dict[str, Drive]) -> list[bytes]:
+        """The velocities as one message or, if that would be too large, as several."""
+        packed, names = pack(Velocities(self.run_id, tick, self.bus.id, drives)), list(drives)
+        if len(packed) <= MAX_PAYLOAD or len(names) == 1:
+            return [packed]
+        halves = names[: len(names) // 2], names[len(names) // 2 :]
+        return [message for half in halves for message in self._packed(tick, {name: drives[name] for name in half})]
+
     def _send(self) -> None:
-        self.bus.publish(self.keys.of("velocities", session=self.bus.id), self._answer)
+        for message in self._answer:
+            self.bus.publish(self.keys.of("velocities", session=self.bus.id), message)
 
     # -- what arrives
 

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import TypeVar
 
+from orchard.field.problems import printable
 from orchard.wire.messages import Reason
 from orchard.wire.types import RunMessage, read
 
@@ -13,12 +14,6 @@ M = TypeVar("M", bound=RunMessage)
 log = logging.getLogger("orchard")
 MOST_LOGGED = 1000  # pairs of key and reason that are logged
 MOST_SESSIONS = 1000  # sessions whose refusals are added up
-
-
-def printable(words: str, most: int = 200) -> str:
-    """Return the text of an unknown client as a short line that is harmless in a terminal or a log."""
-    short = words if len(words) <= most else words[: most - 3] + "..."
-    return short if short.isprintable() else "".join(c if c.isprintable() else "?" for c in short)
 
 
 class Refused(Exception):
@@ -58,9 +53,14 @@ def read_message(payload: bytes, type_: type[M], run: str) -> M:
         message = read(payload, type_)
     except ValueError as error:
         raise Refused("malformed", str(error)) from error
+    refuse_other_run(message, run)
+    return message
+
+
+def refuse_other_run(message: RunMessage, run: str) -> None:
+    """Raise Refused unless a message is of this run."""
     if message.run != run:
         raise Refused("other run", f"{message.run!r} is not {run!r}")
-    return message
 
 
 def refuse_other_tick(tick: int, first: int, last: int) -> None:

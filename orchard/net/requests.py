@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from orchard.contract.messages import pack
+from orchard.field.problems import printable
 from orchard.net.bus import TIMED_OUT, Bus, Final, Item, Replied
 from orchard.net.endpoints import BusError
-from orchard.net.refusals import Refusals, Refused, printable
+from orchard.net.refusals import Refusals, Refused
 from orchard.wire.keys import Keys
 from orchard.wire.messages import RefusedThere, RunInfo
 from orchard.wire.types import read

@@ -1,9 +1,10 @@
 """Collects the velocities for each tick: those of sessions that hold agents, and those for robots that no session holds."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from orchard.contract.agent import Action, Observations
+from orchard.contract.agent import MOST_REQUESTS, Action, Observations
 from orchard.field.kinds import KINDS
 from orchard.net.lockstep import LockstepBarrier
 from orchard.net.realtime import RealtimeBarrier, UnheldCommands
@@ -11,10 +12,12 @@ from orchard.net.refusals import Refused
 from orchard.net.roster import RecoveryLog, Roster
 from orchard.server.publisher import Publisher
 from orchard.wire.codec import velocity_of
-from orchard.wire.messages import Velocities, Velocity
+from orchard.wire.messages import Angular, Linear, Report, Velocities, Velocity
 
 if TYPE_CHECKING:
     from orchard.sim.engine import Engine
+
+BROKEN = Report(doing="broken", state="broken")  # of an agent whose report is refused
 
 
 class Drivers:
@@ -95,6 +98,8 @@ class Drivers:
         layout = self._engine.layout
         if velocity.linear.y and name in layout.index and not KINDS[kind := layout.starts[layout.index[name]].kind].sideways:
             raise Refused("out of bounds", f"linear.y: a {kind} does not move sideways")
+        if velocity.report and velocity.report.letters and len(velocity.report.letters.requests) > MOST_REQUESTS:
+            raise Refused("out of bounds", f"{name}: {len(velocity.report.letters.requests)} requests; at most {MOST_REQUESTS}")
         if name in self.roster.holders:
             self.answers.take(name, velocity)
         elif name in layout.index:
@@ -102,9 +107,13 @@ class Drivers:
         else:
             raise Refused("no such robot", name)
 
-    def drive_all(self, velocities: Velocities) -> list[Refused]:
-        """Take the velocities of a session, each by itself. Return the refusals; the refused velocities are removed from the message."""
-        refusals, is_heard = [], self._publisher.are_robots_heard()
+    def drive_all(self, velocities: Velocities, malformed: Mapping[str, Refused]) -> list[Refused]:
+        """Take the velocities of a session, each by itself. Return the refusals; the refused velocities are removed from the message.
+
+        `malformed`: name -> the refusal of a velocity that is not in `velocities`. A robot whose velocity is malformed or out of bounds
+        stands in this tick, so that the others need not wait for it.
+        """
+        refusals, is_heard = list(malformed.values()), self._publisher.are_robots_heard()
         for name in tuple(velocities.velocities):
             try:
                 velocity = velocity_of(velocities, name)
@@ -114,4 +123,15 @@ class Drivers:
             except Refused as refusal:
                 refusals.append(refusal)
                 del velocities.velocities[name]
+                if refusal.reason == "out of bounds":
+                    self._stand(name, velocities)
+        for name in malformed:
+            self._stand(name, velocities)
         return refusals
+
+    def _stand(self, name: str, velocities: Velocities) -> None:
+        """Let a robot stand in this tick instead of its holder's velocity, which is refused."""
+        still = Velocity(velocities.run, velocities.tick, Linear(0.0), Angular(0.0), velocities.holder, report=BROKEN)
+        with suppress(Refused):  # it is not the velocity that this tick waits for
+            if name in self.roster.holders:
+                self.answers.take(name, still)

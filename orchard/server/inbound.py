@@ -11,11 +11,12 @@ import msgspec
 from orchard.contract.messages import pack
 from orchard.net.bus import Alive, Bus, Item, Query, Sample, Signal
 from orchard.net.endpoints import BusError
-from orchard.net.refusals import Refused, read_message, refuse_other_tick
+from orchard.net.refusals import Refused, read_message, refuse_other_run, refuse_other_tick
 from orchard.server.harvest import Harvest, RunEnded
 from orchard.server.snapshots import KEPT_SECONDS
 from orchard.sim.stops import stopped
 from orchard.wire import messages as wire
+from orchard.wire.codec import velocities_of
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 
 OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run that appears later is the newer one, and must end itself
@@ -152,12 +153,21 @@ class Inbound:
             case [name, "velocity"]:
                 self._harvest.drivers.drive(name, read_message(sample.payload, wire.Velocity, run))
             case ["hosts", session, "velocities"]:
-                velocities = read_message(sample.payload, wire.Velocities, run)
-                _refuse_other_session(velocities.holder, session)
-                for refusal in self._harvest.drivers.drive_all(velocities):
+                for refusal in self._drive_all(sample.payload, session):
                     self._harvest.refusal_totals.note(sample.key, refusal)
             case _:
                 raise Refused("no such key")
+
+    def _drive_all(self, payload: bytes, session: str) -> list[Refused]:
+        """Take the velocities of a session, each by itself. Return the refusals. Raises Refused if the whole message does not count."""
+        try:
+            velocities, faults = velocities_of(payload)
+        except ValueError as error:
+            raise Refused("malformed", str(error)) from error
+        refuse_other_run(velocities, self._harvest.run)
+        _refuse_other_session(velocities.holder, session)
+        refused = {name: Refused("malformed", f"{name}: {fault}") for name, fault in faults.items()}
+        return self._harvest.drivers.drive_all(velocities, refused)
 
     def _token(self, alive: Alive) -> None:
         name, holder = self._owner_of(alive)

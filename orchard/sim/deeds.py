@@ -6,6 +6,7 @@ from orchard.contract.events import Event
 from orchard.contract.messages import Couple, Deed, Flatten, Uncouple
 from orchard.field import repeatable
 from orchard.field.geometry import Pose, angle_between, to_frame
+from orchard.field.problems import printable
 from orchard.sim.kernels.boxes import place
 from orchard.sim.kernels.move import mover_near
 from orchard.sim.world import NONE, World
@@ -38,7 +39,7 @@ def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
             case Flatten():
                 return Event(world.tick, "weed flattened", name, _flatten(world, i))
     except DeedRefused as reason:
-        other = deed.bin if isinstance(deed, Couple) else ""
+        other = printable(deed.bin) if isinstance(deed, Couple) else ""
         return Event(world.tick, "deed refused", name, other, f"{type(deed).__name__.lower()}: {reason}")
     raise TypeError(f"not a deed: {deed!r}")
 

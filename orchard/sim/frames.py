@@ -8,6 +8,7 @@ import numpy as np
 from orchard.contract.agent import Action, State, state_of
 from orchard.contract.events import SCAN_TICKS, STOPPED, Event, Frame
 from orchard.contract.messages import Answer, Call, Come, EmptyBin, Here, Offer, Request, type_of
+from orchard.field.problems import printable
 from orchard.sim.stops import as_shown
 
 if TYPE_CHECKING:
@@ -69,8 +70,8 @@ def words_of(action: Action) -> str:
 
 
 def talk_of(tick: int, name: str, requests: Sequence[tuple[str, Request]], answers: Sequence[tuple[str, Answer]]) -> list[Event]:
-    """Return the messages that agent `name` sent at a tick as events. `requests` and `answers`: (recipient, message)."""
-    return [Event(tick, type_of(body), name, to, _said(body)) for to, body in [*requests, *answers]]
+    """Return the messages that agent `name` sent at a tick as events, printable. `requests` and `answers`: (recipient, message)."""
+    return [Event(tick, type_of(body), name, printable(to), printable(_said(body))) for to, body in [*requests, *answers]]
 
 
 def _said(body: Request | Answer) -> str:

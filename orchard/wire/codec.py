@@ -11,11 +11,14 @@ import numpy as np
 from orchard.contract.agent import STATE, Action, Hitch, Observation, Observations, observation_of
 from orchard.contract.events import SELDOM, Frame
 from orchard.contract.mail import written_by
+from orchard.contract.messages import unpack
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, LASER_RANGE, Laser, kind_of
 from orchard.field.layout import Layout
+from orchard.field.problems import printable
 from orchard.wire import messages as wire
 from orchard.wire.messages import FARTHEST, MOST_BODIES
+from orchard.wire.types import read
 
 _SEVEN = Struct(f"<{STATE}d")  # the state of a body
 RANGE = 4  # bytes of a float32
@@ -148,8 +151,8 @@ def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
 def drive_of(action: Action, mail: bytes, memory: bytes | None) -> wire.Drive:
     """Return the message for an action. `mail`: the digest of the mail that the agent heard. `memory`: None if physics has it already."""
     x, y, turn = action.twist
-    doing, waits_for = action.doing[:200], action.waits_for[:200]
-    report = wire.Report(action.deeds, doing, action.state, waits_for, action.steps_done, mail, memory, written_by(action))
+    doing, waits_for, letters = action.doing, action.waits_for, written_by(action)
+    report = wire.Report(action.deeds, doing, action.state, waits_for, action.steps_done, mail, memory, letters)
     return wire.Drive(wire.Linear(x, y), wire.Angular(turn), True, report)
 
 
@@ -160,7 +163,24 @@ def velocity_of(velocities: wire.Velocities, name: str) -> wire.Velocity:
 
 
 def action_of(velocity: wire.Velocity) -> Action:
-    """Return the action in a velocity, without its requests, answers and memory."""
+    """Return the action in a velocity, without its requests, answers and memory. Its texts are printable, whatever a client sent."""
     twist = Twist(velocity.linear.x, velocity.linear.y, velocity.angular.z)
     report = velocity.report or wire.Report()
-    return Action(twist, report.deeds, doing=report.doing, state=report.state, waits_for=report.waits_for, steps_done=report.steps_done)
+    doing, waits_for = printable(report.doing), printable(report.waits_for)
+    return Action(twist, report.deeds, doing=doing, state=report.state, waits_for=waits_for, steps_done=report.steps_done)
+
+
+def velocities_of(payload: bytes) -> tuple[wire.Velocities, dict[str, str]]:
+    """Return the well-formed velocities in a message, and name -> what is wrong with each other one. Raises ValueError as `read` does."""
+    try:
+        return read(payload, wire.Velocities), {}
+    except ValueError:
+        parts = read(payload, wire.VelocityParts)
+    faults: dict[str, str] = {}
+    whole = wire.Velocities(parts.run, parts.tick, parts.holder, {})
+    for name, part in parts.velocities.items():
+        try:
+            whole.velocities[name] = unpack(bytes(part), wire.Drive)
+        except ValueError as error:
+            faults[name] = str(error)
+    return whole, faults

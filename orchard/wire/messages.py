@@ -6,9 +6,9 @@ messages about the run and its sessions (join, stop, end); messages for observer
 
 from typing import Annotated, Any, Literal, NamedTuple
 
-from msgspec import Meta
+from msgspec import Meta, Raw
 
-from orchard.contract.agent import MOST_DEEDS, State
+from orchard.contract.agent import LARGEST_MEMORY, MOST_DEEDS, MOST_STEPS, State
 from orchard.contract.events import Event
 from orchard.contract.messages import FASTEST, Answer, Deed, Metres, Request, Text, Tick, Written
 from orchard.wire.types import Message, RunMessage, SubMessage
@@ -26,10 +26,10 @@ POSES = "x, y (m), yaw (rad) of each body, in the order of `agents` in the reply
 RANGES = "m, little-endian float32, 4 bytes per beam; +inf for a beam without a return (REP-117)"
 SEVEN = "x, y (m); z, w of the quaternion; linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
 
-Name = Annotated[str, Meta(max_length=64, pattern="^[a-z][a-z0-9_]*$")]
+Name = Annotated[str, Meta(max_length=64, pattern=r"^[a-z][a-z0-9_]*\Z")]
 KnownName = Annotated[str, Meta(max_length=64)]  # a name that is looked up; matching the pattern costs more time than reading the rest
-Session = Annotated[str, Meta(max_length=64, pattern="^[A-Za-z0-9_-]+$")]
-Holder = Annotated[str, Meta(max_length=64, pattern="^[A-Za-z0-9_-]*$", description=HOLDER)]
+Session = Annotated[str, Meta(max_length=64, pattern=r"^[A-Za-z0-9_-]+\Z")]
+Holder = Annotated[str, Meta(max_length=64, pattern=r"^[A-Za-z0-9_-]*\Z", description=HOLDER)]
 Speed = Annotated[float, Meta(ge=-FASTEST, le=FASTEST)]
 Zero = Annotated[float, Meta(ge=0.0, le=0.0, description="0")]
 Unit = Annotated[float, Meta(ge=-1.001, le=1.001)]
@@ -37,6 +37,7 @@ Ranges = Annotated[bytes, Meta(max_length=4096, description=RANGES)]
 Fill = Annotated[float, Meta(ge=0.0, le=1e3)]
 Body = Annotated[int, Meta(ge=-1, lt=MOST_BODIES)]
 Once = Annotated[bool, Meta(description=ONCE)]
+Memory = Annotated[bytes, Meta(max_length=LARGEST_MEMORY)]
 Deeds = Annotated[list[Deed], Meta(max_length=MOST_DEEDS, description=DEEDS)]
 States = Annotated[dict[Name, State], Meta(description="name -> its state; the same names as in `doing`")]
 
@@ -175,9 +176,9 @@ class Report(SubMessage):
     doing: Annotated[Text, Meta(description="a short present participle: 'picking row 3'")] = ""
     state: Annotated[State | None, Meta(description="the same for programs; nil: 'driving' while the robot moves, else 'resting'")] = None
     waits_for: Annotated[Text, Meta(description="what it waits for, if it cannot continue")] = ""
-    steps_done: Annotated[int, Meta(ge=0, lt=2**53, description="steps of its plan that it has finished")] = 0
+    steps_done: Annotated[int, Meta(ge=0, le=MOST_STEPS, description="steps of its plan that it has finished")] = 0
     mail: Annotated[bytes, Meta(max_length=64, description="digest of the mail that was delivered at this tick; empty without mail")] = b""
-    memory: Annotated[bytes | None, Meta(description="the agent's memory, for the session that runs it next; nil: unchanged")] = None
+    memory: Annotated[Memory | None, Meta(description="the agent's memory, for the session that runs it next; nil: unchanged")] = None
     letters: Annotated[Written | None, Meta(description="a copy of its requests and answers of this tick; nil: none")] = None
 
 
@@ -195,6 +196,13 @@ class Velocities(Message):
 
     holder: Holder
     velocities: Annotated[dict[KnownName, Drive], Meta(max_length=MOST_BODIES, description="name -> its velocity")]
+
+
+class VelocityParts(Message):
+    """`Velocities` of which some velocity is malformed: each velocity as bytes, so that the others count."""
+
+    holder: Holder
+    velocities: Annotated[dict[KnownName, Raw], Meta(max_length=MOST_BODIES)]
 
 
 class Velocity(Message):

@@ -3,14 +3,12 @@
 import signal
 from types import SimpleNamespace
 
-import callers
 import msgpack
 import pytest
-from alone import SMALL, TICKS, local_hash
+from alone import SMALL, TICKS, TOY
 from fleet import until
 
 from orchard.contract.messages import pack
-from orchard.field.layout import lay_out
 from orchard.launch.supervisor import free_port
 from orchard.local import Local
 from orchard.net.bus import Alive, Query
@@ -21,13 +19,6 @@ from orchard.wire.keys import Keys
 from orchard.wire.messages import Join
 
 PACE = ("--speed", "15", "--duration", str(TICKS / 10))  # slow enough that a fault meets the run where it shall
-FRIENDS = "callers:friends"  # of whose mail nothing is recalled unless somebody was away
-
-
-@pytest.fixture(scope="module")
-def undisturbed():
-    """The hash when nothing happens to them."""
-    return local_hash(SMALL, TICKS, callers.friends(lay_out(SMALL)))
 
 
 def wait_for_tick(fleet, tick):
@@ -49,30 +40,30 @@ IN_SOAK = [pytest.param(2, 2, marks=pytest.mark.soak), pytest.param(1, 17, marks
 @pytest.mark.parametrize(("killed", "tick"), [(1, 1), (2, 60), *IN_SOAK])
 def test_hosts_that_are_killed_at_any_tick_and_started_again_change_nothing(fleet, undisturbed, killed, tick):
     fleet.physics(SMALL, *PACE)
-    fleet.share(2, FRIENDS)
+    fleet.share(2, TOY)
     wait_for_tick(fleet, tick)
     for host in fleet.hosts[:killed]:
         end(host)
     fleet.hosts = fleet.hosts[killed:]
     for number in range(killed):
-        fleet.host("--share", f"{number}/2", agents=FRIENDS)
+        fleet.host("--share", f"{number}/2", agents=TOY)
     assert fleet.end() == undisturbed
 
 
 def test_a_host_that_is_killed_again_and_again_changes_nothing(fleet, undisturbed):
     fleet.physics(SMALL, *PACE)
-    fleet.share(2, FRIENDS)
+    fleet.share(2, TOY)
     for tick in (10, 25, 26, 50, 80):
         wait_for_tick(fleet, tick)
         end(fleet.hosts.pop(0))
-        fleet.hosts.insert(0, fleet.host("--share", "0/2", agents=FRIENDS))
+        fleet.hosts.insert(0, fleet.host("--share", "0/2", agents=TOY))
         fleet.hosts.pop()
     assert fleet.end() == undisturbed
 
 
 def test_a_host_that_sleeps_for_a_while_changes_nothing(fleet, undisturbed):
     fleet.physics(SMALL, *PACE, "--patience", "30")
-    fleet.share(2, FRIENDS)
+    fleet.share(2, TOY)
     clock = fleet.client().hear("orchard/clock")
     until(clock, lambda message: message["tick"] >= 20)
     fleet.hosts[0].signal(signal.SIGSTOP)
@@ -88,8 +79,8 @@ def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_
     fleet.physics(SMALL, "--speed", "5", "--patience", "3")
     someone = fleet.client()
     lost, velocities, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "picker_01/velocity", "clock"))
-    fleet.host("--without", "picker_01", agents=FRIENDS)
-    hung = fleet.host("--only", "picker_01", agents=FRIENDS)
+    fleet.host("--without", "picker_01", agents=TOY)
+    hung = fleet.host("--only", "picker_01", agents=TOY)
     until(velocities, lambda velocity: velocity["tick"] >= 20)
     hung.signal(signal.SIGSTOP)
     named = until(lost, lambda message: True)
@@ -129,7 +120,7 @@ def test_what_one_says_late_who_was_given_up_is_refused_until_it_joins_again(fle
 def test_physics_that_is_killed_goes_on_from_its_last_snapshot_to_the_same_hash(fleet, undisturbed, tmp_path, tick):
     keeping = ("--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "0.2")
     fleet.physics(SMALL, *PACE, *keeping)
-    fleet.share(2, FRIENDS)
+    fleet.share(2, TOY)
     wait_for_tick(fleet, tick)
     end(fleet.world)
     fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
@@ -139,12 +130,12 @@ def test_physics_that_is_killed_goes_on_from_its_last_snapshot_to_the_same_hash(
 def test_physics_and_a_host_that_are_killed_together_change_nothing(fleet, undisturbed, tmp_path):
     keeping = ("--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "0.2")
     fleet.physics(SMALL, *PACE, *keeping)
-    fleet.share(2, FRIENDS)
+    fleet.share(2, TOY)
     wait_for_tick(fleet, 30)
     end(fleet.hosts.pop())
     end(fleet.world)
     fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
-    fleet.host("--share", "1/2", agents=FRIENDS)
+    fleet.host("--share", "1/2", agents=TOY)
     assert fleet.end() == undisturbed
 
 
@@ -152,7 +143,7 @@ def test_a_torn_snapshot_is_named_and_the_one_before_it_is_used(fleet, undisturb
     folder = tmp_path / "snapshots"
     keeping = ("--snapshots", str(folder), "--snapshot-every", "0.1")
     fleet.physics(SMALL, *PACE, *keeping)
-    fleet.share(2, FRIENDS)
+    fleet.share(2, TOY)
     until(fleet.client().hear("orchard/clock"), lambda _: len(list(folder.glob("tick-*.snapshot"))) >= 2)
     end(fleet.world)
     torn = max(folder.glob("tick-*.snapshot"))
@@ -170,7 +161,7 @@ def test_a_router_that_is_killed_and_started_again_changes_nothing(fleet, undist
     router = fleet.start("processes.router", "--listen", endpoint)
     router.line()
     fleet.physics(SMALL, *PACE, "--connect", endpoint)
-    fleet.share(2, FRIENDS)
+    fleet.share(2, TOY)
     wait_for_tick(fleet, 30)
     end(router)
     again = fleet.start("processes.router", "--listen", endpoint)

@@ -1,0 +1,228 @@
+"""Whatever an own agent returns or raises, it breaks only this agent; and what its guard passes, physics accepts and a person can read."""
+
+import asyncio
+import dataclasses
+import math
+import re
+import signal
+from enum import StrEnum
+
+import pytest
+from alone import SMALL
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from orchard.contract.agent import Action, Heard, Mail, without_body
+from orchard.contract.guard import Guarded
+from orchard.contract.mail import digest_of, written_by
+from orchard.contract.messages import Call, Come, Couple, CustomMessage, Flatten, Here, No, Offer, Places, Uncouple, Where, Yes, pack
+from orchard.field.geometry import Twist
+from orchard.local import Local
+from orchard.net.refusals import read_message
+from orchard.wire.codec import action_of, drive_of, velocities_of, velocity_of
+from orchard.wire.messages import Answered, Letter, Letters, Velocities
+
+NAMES = ["carrier_01", "picker_01", "picker_02", "traffic"]
+RUN = "run1"
+
+
+class Doing:
+    """An agent that returns this, or raises it."""
+
+    Memory = dict
+
+    def __init__(self, action):
+        self.action = action
+
+    def tick(self, observation, mail, memory):
+        if isinstance(self.action, BaseException):
+            raise self.action
+        return self.action
+
+
+class Agreeable:
+    """Equal to everything and of any length."""
+
+    __eq__ = lambda self, other: True  # noqa: E731
+    __ne__ = lambda self, other: False  # noqa: E731
+    __hash__ = lambda self: 0  # noqa: E731
+    __len__ = lambda self: 0  # noqa: E731
+    __iter__ = lambda self: iter(())  # noqa: E731
+    __float__ = lambda self: 0.0  # noqa: E731
+
+
+class Sly(str):
+    """A text that pretends to be short and printable."""
+
+    __slots__ = ()
+    __len__ = lambda self: 3  # noqa: E731
+    __str__ = isprintable = lambda self: True
+
+
+class Word(StrEnum):
+    PICKING = "picking"
+
+
+def with_one(some, more):
+    return [*some, more]
+
+
+def nested(levels, make=lambda inner: [inner]):
+    data = make(0)
+    for _ in range(levels):
+        data = make(data)
+    return data
+
+
+# -- anything
+
+TEXTS = ["", "\ud800", "\x1b[2J", "a\nb", "x" * 70, "picker_01\n", Sly("\x07" * 900)]
+NUMBERS = [2**53, 2**60, 2**64, True, math.nan, 101, -0.0]
+MONSTERS = [b"x" * 40_000, {1, 2}, nested(40), nested(200), nested(60, lambda x: {"a": x}), {nested(60, lambda x: (x,)): 1}, object]
+texts = st.text(st.characters(codec=None), max_size=220) | st.sampled_from(TEXTS)
+numbers = st.integers() | st.integers(-3, 20) | st.floats() | st.booleans() | st.sampled_from(NUMBERS)
+leaves = st.none() | numbers | texts | st.binary(max_size=40) | st.builds(Agreeable) | st.sampled_from(list(Word)) | st.complex_numbers()
+anything = st.recursive(
+    leaves | st.sampled_from(MONSTERS),
+    lambda inner: st.lists(inner, max_size=3) | st.tuples(inner, inner) | st.dictionaries(texts | st.integers(), inner, max_size=3),
+    max_leaves=6,
+)
+names = st.sampled_from([*NAMES, "*", "worker_0$*", "picker_01/mail", "nobody_01", "", "**"]) | texts | anything
+deeds = st.sampled_from([Couple("bin_01"), Uncouple(), Flatten()]) | st.builds(Couple, st.text(max_size=64))
+requests = st.sampled_from([Call(1, "east"), Come(1, "west", "picker_01"), Where(), CustomMessage("a", {"b": [1.5, {}]})])
+answers = st.sampled_from([Yes(), No("no"), Offer(1.0, 2.0, 3.0), CustomMessage("a", {})]) | st.builds(No, st.text(max_size=200))
+letters = st.lists(st.tuples(st.sampled_from(NAMES), requests), max_size=6)
+heard = st.builds(Heard, st.sampled_from(NAMES), st.integers(0, 9), st.integers(0, 9), requests)
+replies = st.lists(st.tuples(heard, answers), max_size=4)
+odd = (
+    st.builds(Call, anything, names | st.sampled_from(["east", "east\n"]))
+    | st.builds(Come, st.integers(0, 5), st.just("east"), names)
+    | st.builds(Here, names)
+    | st.builds(Offer, numbers, numbers, numbers)
+    | st.builds(Places, st.lists(texts, max_size=3), st.lists(texts, max_size=3), anything)
+    | st.builds(CustomMessage, texts | st.just("a"), st.dictionaries(texts, anything, max_size=3) | anything)
+    | anything
+)
+speeds = st.floats(-100, 100)
+memories = st.dictionaries(st.text(), st.integers(0, 9))
+wild = st.sampled_from([0, 1, True, 101.0, -0.0, math.nan]) | anything
+sound = st.builds(
+    Action, st.builds(Twist, speeds, st.just(0.0), speeds), st.lists(deeds, max_size=3), letters, replies, memories,
+    texts, st.sampled_from([None, "picking", Word.PICKING]), texts, st.integers(0, 2**53 - 1),
+)  # fmt: skip
+slips = {
+    "twist": st.builds(Twist, speeds | wild, st.just(0.0) | wild, speeds | wild) | anything,
+    "deeds": st.lists(deeds | odd, max_size=18) | st.lists(deeds, max_size=20) | anything,
+    "requests": st.builds(lambda some, one: [*some, one], letters, st.tuples(names, requests | odd) | anything)
+    | letters.map(tuple)
+    | anything,
+    "answers": st.builds(with_one, replies, st.tuples(heard | anything, answers | odd) | anything) | anything,
+    "memory": anything,
+    "doing": anything,
+    "state": anything,
+    "waits_for": anything,
+    "steps_done": wild | st.sampled_from(NUMBERS),
+}
+slip = st.sampled_from(sorted(slips)).flatmap(lambda name: slips[name].map(lambda value: {name: value}))
+actions = st.builds(lambda action, change: dataclasses.replace(action, **change), sound, slip | st.just({})) | anything
+
+
+def of_the_guard(action, mail=None):
+    guard = Guarded("picker_01", Doing(action), NAMES)
+    return guard, guard.tick(without_body("picker_01", 7), mail or Mail(), {"a": 1})
+
+
+@given(actions)
+@settings(max_examples=600)
+def test_whatever_the_guard_passes_physics_accepts_and_hears_as_local_mode_does(wild):
+    guard, action = of_the_guard(wild)
+    drive = drive_of(action, digest_of(Mail()), guard.packed)
+    payload = pack(Velocities(RUN, 7, "host1", {"picker_01": drive}))
+    velocities, faults = velocities_of(payload)
+    assert not faults
+    velocity = velocity_of(velocities, "picker_01")
+    assert velocity.report.letters == written_by(action) or "nan" in repr(action)
+    same = dataclasses.replace(action, requests=[], answers=[], memory=None)
+    assert repr(action_of(velocity)) == repr(same)
+    assert action.doing.isprintable() and action.waits_for.isprintable()
+    read_message(pack(Letters(RUN, 7, {"picker_01": velocity.report.letters} if velocity.report.letters else {})), Letters, RUN)
+    for number, (to, body) in enumerate(action.requests):
+        assert to in NAMES
+        read_message(pack(Letter(RUN, 7, "picker_01", number, body)), Letter, RUN)
+    for to, body in action.answers:
+        hash((to.sender, to.tick, to.number))
+        read_message(pack(Answered(RUN, 7, body)), Answered, RUN)
+
+
+@pytest.mark.parametrize(
+    ("slip", "said"),
+    [
+        ({"requests": [("carrier_01", Where())] * 60_000}, "60000 requests in one tick; at most 500"),
+        ({"requests": [("traffic", Where())] * 9}, "9 requests to traffic in one tick; at most 8"),
+        (
+            {"requests": [("carrier_01", CustomMessage("a", {"b": "x" * 2_000_000}))]},
+            r"its deeds and messages take 2000\d+ bytes; at most 32768",
+        ),
+        ({"requests": [("carrier_01", CustomMessage("a", {"b": nested(40)}))]}, "a: lists and maps are nested more than 32 levels deep"),
+        ({"requests": [("carrier_01", Call(1, "east\n"))]}, "matching regex"),
+        ({"requests": [("*", Where())]}, r"a request to '\*': no agent has that name"),
+        ({"requests": [("worker_0$*", Where())]}, r"a request to 'worker_0\$\*': no agent has that name"),
+        ({"requests": [("carrier_01/mail", Where())]}, "a request to 'carrier_01/mail': no agent has that name"),
+        ({"requests": [("carrier_1", Where())]}, "a request to 'carrier_1': no agent has that name"),
+        ({"requests": None}, "requests NoneType: must be a list"),
+        ({"steps_done": True}, "steps_done True: must be a whole number from 0 to 9007199254740991"),
+        ({"steps_done": 2**60}, "steps_done 1152921504606846976: must be a whole number from 0 to 9007199254740991"),
+        ({"memory": "\ud800"}, "surrogates not allowed"),
+    ],
+)
+def test_what_is_too_much_is_told_with_the_agent_the_limit_and_the_figure(slip, said, caplog):
+    _, action = of_the_guard(Action(Twist(x=1.0), **slip))
+    assert (action.state, action.twist.x, action.memory) == ("broken", 0.0, {"a": 1})
+    assert len(caplog.text) < 3000, "not the whole of it"
+    (record,) = caplog.records
+    assert record.getMessage().startswith("picker_01 raised an error at tick 7; it stands.")
+    assert re.search(said, record.getMessage())
+
+
+class Unheard(BaseException):
+    def __str__(self):
+        raise KeyboardInterrupt
+
+
+ERRORS = [KeyboardInterrupt("mine"), SystemExit(3), asyncio.CancelledError(), GeneratorExit(), Unheard()]
+
+
+@pytest.mark.parametrize("error", [*ERRORS, BaseExceptionGroup("some", ERRORS)])
+def test_whatever_an_agent_raises_breaks_only_this_agent(error):
+    local = Local(SMALL)
+    local.play("picker_01", Doing(error))
+    local.tick()
+    assert local.actions["picker_01"].state == "broken"
+    assert local.actions["picker_02"].state != "broken"
+
+
+class Busy:
+    """At this moment the person at the terminal presses Ctrl-C."""
+
+    Memory = dict
+
+    def tick(self, observation, mail, memory):
+        signal.raise_signal(signal.SIGINT)
+        return Action()
+
+
+def test_a_real_ctrl_c_ends_the_program_whatever_agent_is_at_work():
+    with pytest.raises(KeyboardInterrupt):
+        Guarded("picker_01", Busy(), NAMES).tick(without_body("picker_01", 7), Mail(), None)
+
+
+def test_a_real_ctrl_c_with_a_handler_of_the_programs_own_ends_it_too():
+    def stop(number, frame):
+        raise KeyboardInterrupt
+
+    old = signal.signal(signal.SIGINT, stop)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            Guarded("picker_01", Busy(), NAMES).tick(without_body("picker_01", 7), Mail(), None)
+    finally:
+        signal.signal(signal.SIGINT, old)

@@ -2,9 +2,10 @@
 
 import math
 import os
+from asyncio import CancelledError
 
 from orchard.contract.agent import Action
-from orchard.contract.messages import Call, Here, Uncouple
+from orchard.contract.messages import Call, Couple, CustomMessage, Here, No, Uncouple, Where
 from orchard.field.geometry import Twist
 
 
@@ -144,3 +145,48 @@ class Speechless(Eastward):
     """Forgot the comma of a tuple."""
 
     Messages = Here
+
+
+class Mischief(Eastward):
+    """Drives on, and in every second tick makes a mistake, each time another one."""
+
+    def tick(self, observation, mail, memory):
+        if observation.tick % 2:
+            return super().tick(observation, mail, memory)
+        mistake = MISCHIEF[observation.tick // 2 % len(MISCHIEF)]
+        if isinstance(mistake, BaseException):
+            raise mistake
+        return Action(twist=Twist(x=0.25), **mistake)
+
+
+MISCHIEF = [
+    KeyboardInterrupt(),
+    CancelledError(),
+    GeneratorExit(),
+    {"steps_done": True},
+    {"steps_done": 2**60},
+    {"requests": [("carrier_01", Where())] * 60_000},
+    {"requests": [("carrier_01", CustomMessage("letter", {"text": "x" * 2_000_000}))]},
+    {"requests": [("*", Where())]},
+    {"requests": [("worker_0$*", Where())]},
+    {"requests": [("worker_01/mail", Where())]},
+    {"requests": [("nobody", Where())]},
+    {"doing": "\x1b[2J\ud800", "waits_for": "\x07"},
+    {"memory": "\ud800"},
+    {"answers": [(None, No(""))]},
+]
+
+
+ESCAPE = "Injected\x1b[2J\x1b]0;owned\x07\u202e\r\nphysics: all is well"
+
+
+class Injector(Eastward):
+    """Sends escape sequences in every text."""
+
+    def tick(self, observation, mail, memory):
+        if observation.tick == 5:
+            raise ValueError(ESCAPE)
+        requests = [("picker_02", Here(ESCAPE[:64]))] if observation.tick % 3 == 0 else []
+        answers = [(heard, No(ESCAPE)) for heard in mail.requests]
+        doing = f"{ESCAPE} {observation.tick}"
+        return Action(deeds=[Couple(ESCAPE[:64])], requests=requests, answers=answers, memory=memory, doing=doing, waits_for=ESCAPE)

@@ -92,3 +92,13 @@ def seconds_of(recording: Path) -> float:
         if "sim_time" in batch.schema.names and batch.num_rows:
             latest = max(latest, max(batch.column("sim_time").cast("int64").to_pylist()) / 1e9)
     return latest
+
+
+def texts_in(path: Path) -> list[str]:
+    """All texts of the event log and of the robots' states."""
+    found: list[str] = []
+    for chunk in chunks(path):
+        for row in chunk.to_record_batch().to_pylist():
+            for name, values in row.items():
+                found += [text for text in values or () if isinstance(text, str)] if name.startswith(("TextLog:", "State")) else []
+    return found

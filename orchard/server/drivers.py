@@ -97,7 +97,7 @@ class Drivers:
         """Take a velocity for a robot. Raises Refused if it does not count."""
         layout = self._engine.layout
         if velocity.linear.y and name in layout.index and not KINDS[kind := layout.starts[layout.index[name]].kind].sideways:
-            raise Refused("out of bounds", f"linear.y: a {kind} does not move sideways")
+            raise Refused("out of bounds", f"{name}: linear.y: a {kind} does not move sideways")
         if velocity.report and velocity.report.letters and len(velocity.report.letters.requests) > MOST_REQUESTS:
             raise Refused("out of bounds", f"{name}: {len(velocity.report.letters.requests)} requests; at most {MOST_REQUESTS}")
         if name in self.roster.holders:

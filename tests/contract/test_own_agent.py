@@ -1,5 +1,6 @@
 """Robots that others drive: the README's own agent, a client that knows only keyspace.md, and classes that a scenario names."""
 
+import os
 import re
 import subprocess
 import sys
@@ -7,14 +8,18 @@ import sys
 import own_agents
 import pytest
 from alone import SMALL, local_hash
+from command_line import orchard
 from fleet import ROOT, SECONDS
+from recordings import texts_in
 
 from orchard.agents.catalogue import make_agents
 from orchard.contract.agent import Action
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import Scenario, parse
+from orchard.field.scenario import Scenario, parse, to_yaml
 from orchard.local import Local
+from orchard.wire.codec import action_of, velocity_of
+from orchard.wire.messages import Angular, Drive, Linear, Report, Velocities
 from processes.agents import made
 
 README = (ROOT / "README.md").read_text()
@@ -142,6 +147,43 @@ def test_a_class_of_the_scenario_drives_alike_in_every_mode(fleet):
     fleet.physics(own, "--duration", "4")
     fleet.share(2)
     assert fleet.end() == local.engine.hash != local_hash(SMALL, 40)
+
+
+def test_no_mistake_of_one_agent_changes_what_the_others_do_in_any_mode(fleet):
+    own, ticks = scenario(picker_01="Mischief"), 2 * len(own_agents.MISCHIEF)
+    local = Local(own)
+    for _ in range(ticks):
+        local.tick()
+    assert local.engine.states.counts.ticks["picker_01"][-1] == len(own_agents.MISCHIEF) - 1, "all but the text are refused"
+    fleet.physics(own, "--duration", str(ticks / 10))
+    fleet.share(2)
+    code, out, err = fleet.world.end()
+    assert (code, local.engine.hash in out) == (1, True), out + err
+    hosts = [host.end(10.0) for host in fleet.hosts]
+    assert [code for code, _, _ in hosts] == [0, 0]
+    assert sum(err.count("raised an error") for _, _, err in hosts) == 1, "only picker_01, and logged once"
+
+
+def test_texts_of_agents_are_printable_wherever_a_person_reads_them(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", f"{ROOT}{os.pathsep}{ROOT / 'tests'}")
+    file, recording = tmp_path / "own.yaml", tmp_path / "run.rrd"
+    file.write_text(to_yaml(scenario(picker_01="Injector")))
+    done = orchard(file, "--hosts", 2, "--duration", 3, "--record", recording)
+    told = done.stdout + done.stderr
+    assert "Injected" in told
+    assert all(line.isprintable() for line in told.split("\n"))
+    assert not re.search("^physics: all is well", told, re.M)
+    said = texts_in(recording)
+    assert {True} == {any(words in text for text in said) for words in ("here is Injected", "Injected?[2J", "deed refused")}
+    assert [text for text in said if not text.replace("\n", "").isprintable()] == []
+
+
+def test_texts_of_a_foreign_client_are_printable_at_physics():
+    drive = Drive(Linear(0.0), Angular(0.0), report=Report(doing=own_agents.ESCAPE, waits_for=own_agents.ESCAPE))
+    action = action_of(velocity_of(Velocities("run1", 1, "me", {"picker_01": drive}), "picker_01"))
+    assert action.doing.startswith("Injected?[2J")
+    assert action.doing.isprintable()
+    assert action.waits_for.isprintable()
 
 
 def test_a_name_counts_more_than_a_kind():

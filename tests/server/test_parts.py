@@ -1,0 +1,55 @@
+"""The velocities of a host: each agent's part counts by itself, and they go in several messages if one would be too large."""
+
+import time
+
+import msgpack
+import pytest
+from alone import SMALL, local_hash
+from corpus import Run
+
+from orchard.net import host as hosts
+
+TICKS = 30
+
+
+def with_a_fault(payload: bytes, fault: dict) -> bytes:
+    """The velocities of a host of which the part of picker_01 has a fault."""
+    message = msgpack.unpackb(payload)
+    message["velocities"].get("picker_01", {}).update(fault)
+    return msgpack.packb(message)
+
+
+STEPS = {"report": {"steps_done": True}}
+FAULTS = [STEPS, {"linear": 5}, {"unknown": 1}, {"report": {"deeds": [{"type": "dig"}]}}, {"report": {"doing": b"bytes"}}]
+FAULTS += [{"linear": {"x": 0.0, "y": 1.0}}, {"report": {"letters": {"requests": [["traffic", {"type": "where"}]] * 501, "answers": []}}}]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_part_that_is_refused_stops_this_robot_and_delays_no_other(fault, monkeypatch, caplog):
+    run = Run(SMALL, "run1", TICKS)
+    send = run.host.bus.publish
+
+    def publish(key, payload, newest_wins=False):
+        send(key, with_a_fault(payload, fault) if key.endswith("/velocities") else payload, newest_wins)
+
+    monkeypatch.setattr(run.host.bus, "publish", publish)
+    began = time.monotonic()
+    end = run.to_the_end()
+    assert (end.tick, end.why) == (TICKS, "duration")
+    assert time.monotonic() - began < 14.0, "less than the patience of physics for one tick"
+    world, account = run.engine.world, run.engine.states.counts.ticks
+    assert run.physics.harvest.refusal_totals.counts.total() >= TICKS
+    assert "picker_01: " in caplog.text
+    assert world.distance[world.index["picker_01"]] == 0.0
+    assert world.distance[world.index["picker_02"]] > 1.0
+    assert account["picker_01"][-1] == TICKS, "broken"
+    assert account["picker_02"][-1] == 0
+
+
+def test_velocities_that_are_too_large_for_one_message_go_in_several(monkeypatch):
+    monkeypatch.setattr(hosts, "MAX_PAYLOAD", 1000)
+    run = Run(SMALL, "run1", TICKS)
+    assert run.to_the_end().hash == local_hash(SMALL, TICKS)
+    sizes = [len(payload) for key, payload in run.net.sent if key.endswith("/velocities")]
+    assert len(sizes) > 2 * TICKS
+    assert run.physics.harvest.refusal_totals.counts.total() == 0

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import inspect
 
 from docs import carrier
-from orchard.contract.agent import Heard, Mail, Observation, Observations, Reply
+from orchard.contract.agent import MOST_REQUESTS, Heard, Mail, Observation, Observations, Reply
 from orchard.contract.events import Event
 from orchard.contract.mail import digest_of
 from orchard.contract.messages import MAX_PAYLOAD, Answer, Call, Claim, Deed, Offer, Places, Request, Written, pack
@@ -255,7 +255,9 @@ Before tick 0 there are no poses: physics waits until each agent that is left to
    If each subscriber of your program has its own thread (in Python each callback has), `clock` may arrive before the `pose` of its tick: wait until the ticks agree.
    While the velocity is missing, physics sends pose, scan and clock again every {again} s: publish the same velocity again if you have already published it.
    In realtime (`mode` in the reply to the scenario query) physics does not wait, and late answers count too: see below.
-   A session that holds many agents publishes one message for all of them on its `velocities`.
+   A session that holds many agents publishes one message for all of them on its `velocities`, or several messages with a part of them each
+   if one would exceed {most} bytes. A velocity in it that is refused as malformed or out of bounds counts as a stop for this tick: its robot
+   stands, and the other velocities count.
 6. If `lost` names your session, physics has waited for longer than its patience (15 s by default), and the robot stands. Join again.
    Physics that was killed is started again from a snapshot, so it may go back by some ticks. Its token, `{{prefix}}/alive/physics/<run>`, goes and comes back: join again, and go on from the
    memory in the reply. It is what `report.memory` held before that tick; an agent that sends none begins anew.
@@ -323,7 +325,7 @@ key and reason. A refused query gets an error reply with the reason.
 | no such key | a key expression with wildcards, which does not name a single key |
 | not all | a `seen` without some bodies of the session |
 | too many | more than any run needs: {tokens} liveliness tokens, sessions that refused messages, events that wait at the logger |
-| out of bounds | `linear.y` other than 0 for a body that cannot move sideways, held or not; only a bin can |
+| out of bounds | `linear.y` other than 0 for a body that cannot move sideways, held or not; only a bin can. More than {requests} requests in the letters of one velocity |
 
 ## The robots
 
@@ -347,7 +349,9 @@ def document() -> str:
     front, shown = KINDS["carrier"].laser.beams, _digest_example()
     lasers = {"around": AROUND.beams, "around_step": AROUND.increment, "front": front, "gaps": front - 1}
     work = {"kinds": carrier.bodies(), "carrier": carrier.chapter(), "digest_of": shown[0], "digest": shown[1]}
-    head = HEAD.format(table=table, most=MAX_PAYLOAD, tokens=MOST_TOKENS, no_token=NO_TOKEN, **times, **lasers, **work)
+    head = HEAD.format(
+        table=table, most=MAX_PAYLOAD, requests=MOST_REQUESTS, tokens=MOST_TOKENS, no_token=NO_TOKEN, **times, **lasers, **work
+    )
     return "\n".join([head, *(_section(what, key) for what, key in TABLE.items()), *(_union(*item) for item in UNIONS.items())])
 
 

@@ -1,7 +1,5 @@
 """The velocities of a host: each agent's part counts by itself, and they go in several messages if one would be too large."""
 
-import time
-
 import msgpack
 import pytest
 from alone import SMALL, local_hash
@@ -9,7 +7,7 @@ from corpus import Run
 
 from orchard.net import host as hosts
 
-TICKS = 30
+TICKS, FEW = 30, 8
 
 
 def with_a_fault(payload: bytes, fault: dict) -> bytes:
@@ -26,23 +24,23 @@ FAULTS += [{"linear": {"x": 0.0, "y": 1.0}}, {"report": {"letters": {"requests":
 
 @pytest.mark.parametrize("fault", FAULTS, ids=str)
 def test_a_part_that_is_refused_stops_this_robot_and_delays_no_other(fault, monkeypatch, caplog):
-    run = Run(SMALL, "run1", TICKS)
+    run = Run(SMALL, "run1", FEW)
+    run.physics.harvest.drivers.answers._patience = 4.0
     send = run.host.bus.publish
 
     def publish(key, payload, newest_wins=False):
         send(key, with_a_fault(payload, fault) if key.endswith("/velocities") else payload, newest_wins)
 
     monkeypatch.setattr(run.host.bus, "publish", publish)
-    began = time.monotonic()
     end = run.to_the_end()
-    assert (end.tick, end.why) == (TICKS, "duration")
-    assert time.monotonic() - began < 14.0, "less than the patience of physics for one tick"
+    assert (end.tick, end.why) == (FEW, "duration")
+    assert not any(key.endswith("/lost") for key, _ in run.net.sent), "physics never waited for it in vain"
     world, account = run.engine.world, run.engine.states.counts.ticks
-    assert run.physics.harvest.refusal_totals.counts.total() >= TICKS
+    assert run.physics.harvest.refusal_totals.counts.total() >= FEW
     assert "picker_01: " in caplog.text
     assert world.distance[world.index["picker_01"]] == 0.0
-    assert world.distance[world.index["picker_02"]] > 1.0
-    assert account["picker_01"][-1] == TICKS, "broken"
+    assert world.distance[world.index["picker_02"]] > 0.1
+    assert account["picker_01"][-1] == FEW, "broken"
     assert account["picker_02"][-1] == 0
 
 

@@ -15,10 +15,10 @@ from contextlib import suppress
 from typing import Any
 
 from orchard.agents.catalogue import make_agents
-from orchard.contract.agent import Action, Agent, Mail, without_body
+from orchard.contract.agent import Action, Agent, Mail, with_own_arrays, without_body
 from orchard.contract.events import Event
-from orchard.contract.guard import Guarded
-from orchard.contract.mail import LocalMail, digest_of
+from orchard.contract.guard import Guarded, checked
+from orchard.contract.mail import LocalMail, copy_of, digest_of
 from orchard.contract.messages import pack, unpack
 from orchard.field.scenario import Scenario
 from orchard.sim.engine import Engine
@@ -29,19 +29,23 @@ from orchard.sim.snapshot import Snapshot
 class Local:
     """An orchard and all its agents in one process. Call `tick()` until `engine.over`."""
 
-    def __init__(self, scenario: Scenario, agents: dict[str, Agent] | None = None) -> None:
-        """`agents`: name -> agent; each is guarded. If it is None, all agents of the scenario are made."""
-        self.engine = Engine.begin(scenario)
-        self.agents = self._guarded(agents) if agents is not None else make_agents(self.engine.layout)
+    def __init__(self, scenario: Scenario, agents: dict[str, Agent] | None = None, check_agents: bool = False) -> None:
+        """`agents`: name -> agent; each is guarded. If it is None, all agents of the scenario are made.
+
+        `check_agents`: check that own agents are repeatable; what is not is logged, and the state of its action is `broken`.
+        """
+        self.engine, self._check_agents = Engine.begin(scenario), check_agents
+        made = make_agents(self.engine.layout) if agents is None else agents
+        self.agents = made if agents is None and not check_agents else self._guarded(made)
         self.memories: dict[str, Any] = {}
         self.actions: dict[str, Action] = {}
         self.post = LocalMail()
 
     @classmethod
-    def resume(cls, snapshot: Snapshot) -> "Local":
+    def resume(cls, snapshot: Snapshot, check_agents: bool = False) -> "Local":
         """Return the run of a snapshot, which continues at the snapshot's tick, as often as you resume it. Raises SnapshotError."""
         engine = Engine.resume(snapshot)
-        local = cls(engine.layout.scenario)
+        local = cls(engine.layout.scenario, check_agents=check_agents)
         local.engine, local.post = engine, LocalMail(dict(snapshot.letters))
         memories = {name: memory for name, memory in snapshot.memories.items() if memory is not None}
         with fitting(snapshot):
@@ -69,15 +73,20 @@ class Local:
 
     def _guarded(self, agents: dict[str, Agent]) -> dict[str, Agent]:
         names = self.engine.layout.agents
+        if self._check_agents:
+            return checked(agents, names)
         return {name: agent if isinstance(agent, Guarded) else Guarded(name, agent, names) for name, agent in agents.items()}
 
     def tick(self) -> list[Event]:
         """Advance the run by one tick, 0.1 s, and return the events of the step."""
         tick, seen, mail = self.engine.tick, self.engine.observe().observations(), self.post.deliver(self.engine.tick)
+        digests = {name: digest_of(heard) for name, heard in mail.items()}
         for name, agent in self.agents.items():
-            observation = seen.get(name) or without_body(name, tick)
-            self.actions[name] = agent.tick(observation, mail.get(name) or Mail(), self.memories.get(name))
+            observation, heard = seen.get(name) or without_body(name, tick), mail.get(name) or Mail()
+            if isinstance(agent, Guarded):
+                observation, heard = with_own_arrays(observation), copy_of(heard)
+            self.actions[name] = agent.tick(observation, heard, self.memories.get(name))
             self.memories[name] = self.actions[name].memory
         for name, action in self.actions.items():
             self.post.collect(name, tick, action)
-        return self.engine.advance(self.actions, {name: digest_of(heard) for name, heard in mail.items()})
+        return self.engine.advance(self.actions, digests)

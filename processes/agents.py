@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Collection
 
 from orchard.contract.agent import Agent
+from orchard.contract.guard import checked
 from orchard.field.kinds import select_agents
 from orchard.field.layout import Layout, lay_out
 from orchard.field.plugins import place_of_error
@@ -71,7 +72,7 @@ def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None) -> H
     allowed = run.agents if identity is None else set(run.agents) & set(identity.role.names)
     names = select_agents(sorted(allowed), options.only, options.without, options.share)
     agents = made(options.agents, layout, names)  # only these: a class that ends its process must not end other hosts
-    host = Host(bus, keys, run.run, run.mode, layout, agents, options.patience)
+    host = Host(bus, keys, run.run, run.mode, layout, checked(agents, layout.agents) if options.check_agents else agents, options.patience)
     host.listen()
     settle()
     monitor(host)
@@ -93,6 +94,7 @@ def _options(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--without", action="append", default=[], metavar="KIND|NAME", help="host all but these (repeatable)")
     parser.add_argument("--share", default="0/1", metavar="I/N", help="of these, host the I-th (from 0) and every N-th after it")
     parser.add_argument("--patience", type=_seconds, default=GONE_SECONDS, metavar="SECONDS", help="time that physics may be gone")
+    parser.add_argument("--check-agents", action="store_true", help="check that own agents are repeatable")
     parser.add_argument("--agents", default=FACTORY, metavar="MODULE:FUNCTION", help="factory: (layout, names) -> {name: agent}")
     return parser.parse_args(argv)
 

@@ -4,6 +4,8 @@ import math
 import os
 from asyncio import CancelledError
 
+import numpy as np
+
 from orchard.contract.agent import Action
 from orchard.contract.messages import Call, Couple, CustomMessage, Here, No, Uncouple, Where
 from orchard.field.geometry import Twist
@@ -190,3 +192,18 @@ class Injector(Eastward):
         answers = [(heard, No(ESCAPE)) for heard in mail.requests]
         doing = f"{ESCAPE} {observation.tick}"
         return Action(deeds=[Couple(ESCAPE[:64])], requests=requests, answers=answers, memory=memory, doing=doing, waits_for=ESCAPE)
+
+
+class Scribbler(Eastward):
+    """Writes into its scan."""
+
+    def tick(self, observation, mail, memory):
+        observation.scan[np.isinf(observation.scan)] = 30
+        return super().tick(observation, mail, memory)
+
+
+class Collector(Eastward):
+    """Keeps a set in its memory."""
+
+    def tick(self, observation, mail, memory):
+        return Action(twist=Twist(x=0.25), memory={"seen": {self.name}})

@@ -9,8 +9,10 @@ lists, maps). It is sent with the velocity, and the process that runs the agent 
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Literal, NamedTuple, Protocol
 
+import msgspec
 import numpy as np
 
 from orchard.contract.messages import MAX_PAYLOAD, Answer, Deed, Request
@@ -44,9 +46,11 @@ class Hitch(NamedTuple):
         return Pose(self.x, self.y, yaw_of(*self.orientation))
 
 
-@dataclass(slots=True)
-class Observation:
-    """The observation of one body at one tick, in the frame `map`. An agent without a body has x and y NaN and scan None."""
+class Observation(msgspec.Struct, frozen=True, dict=True):
+    """The observation of one body at one tick, in the frame `map`. An agent without a body has x and y NaN and scan None.
+
+    It is read-only, and so are its arrays. `msgspec.structs.replace` returns a changed copy, `scan.copy()` an array to change.
+    """
 
     name: str
     tick: int
@@ -58,13 +62,16 @@ class Observation:
     hitch: Hitch | None = None
     fill: float = 0.0  # of a bin: metres of row in it, 0 to 70
     full: bool = False  # of a bin
-    _pose: Pose | None = field(default=None, init=False, repr=False, compare=False)  # computed when it is first read
 
-    @property
+    @cached_property
     def pose(self) -> Pose:
-        if self._pose is None:
-            self._pose = Pose(self.x, self.y, yaw_of(*self.orientation))
-        return self._pose
+        return Pose(self.x, self.y, yaw_of(*self.orientation))
+
+
+def with_own_arrays(seen: Observation) -> Observation:
+    """Return an observation whose arrays are no other's: an agent that sets the `shape` of its scan changes it for itself only."""
+    hitch = seen.hitch and seen.hitch._replace(scan=None if seen.hitch.scan is None else seen.hitch.scan.view())
+    return msgspec.structs.replace(seen, scan=None if seen.scan is None else seen.scan.view(), hitch=hitch)
 
 
 def without_body(name: str, tick: int) -> Observation:

@@ -3,7 +3,7 @@
 import logging
 import traceback
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain
 from typing import Any, cast, get_args
 
@@ -11,7 +11,9 @@ import msgspec
 
 from orchard.contract import agent as limits
 from orchard.contract.agent import Action, Agent, Heard, Mail, Observation, State
+from orchard.contract.difference import difference, parts_of
 from orchard.contract.messages import FASTEST, AgentMessage, Answer, CustomMessage, Deed, Given, Request, Written, pack, type_of, unpack
+from orchard.contract.repeating import Checked
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, kind_of
 from orchard.field.plugins import MISTAKES, reraise_ctrl_c
@@ -20,6 +22,11 @@ from orchard.field.problems import printable
 log = logging.getLogger("orchard")
 
 STATES = get_args(State)
+
+
+def is_ours(agent: Any) -> bool:
+    """Whether an agent is built in."""
+    return type(agent).__module__.startswith("orchard.")
 
 
 class Guarded:
@@ -33,32 +40,63 @@ class Guarded:
         self.packed: bytes | None = None  # its memory as msgpack
         self._agent = agent
         self._messages = {type_of(message): message for message in _own_messages(agent)}
+        self._memory: Any = None  # the one in its last action
+        self._is_ours = is_ours(agent)
         self._failed = False
 
     def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
         """Return the agent's action. If it raises, or the action is invalid, return the action of a broken agent, which stands."""
         try:
-            return self._checked(self._agent.tick(observation, self._typed(mail) if self._messages else mail, memory))
+            self._take(memory)
+            action = self._checked(self._agent.tick(observation, self._typed(mail) if self._messages else mail, memory))
+            self._keep(action)
         except MISTAKES as error:
             reraise_ctrl_c(error)
+            _advise(error)
             if not self._failed:
                 told = _told(traceback.format_exc(limit=-3))
                 log.error("%s raised an error at tick %d; it stands.\n%s", self.name, observation.tick, told)
             self._failed = True
-            return Broken().tick(observation, mail, memory)
+            action = Broken().tick(observation, mail, None if self.packed is None else unpack(self.packed, self.Memory))
+        self._memory = action.memory
+        return action
+
+    def check(self) -> None:
+        """From now on, check whether the agent is repeatable, unless the agent and what it uses are built in."""
+        used = (self._agent, getattr(self._agent, "policy", None), getattr(self._agent, "route", None))
+        if not isinstance(self._agent, Checked) and not all(part is None or is_ours(part) for part in used):
+            self._agent = Checked(self.name, self._agent, self.Memory)
+
+    def _take(self, memory: Any) -> None:
+        """Pack a memory that comes from elsewhere: after an error the agent gets it again, without what it has changed in it."""
+        if memory is not self._memory:
+            self.packed = None if memory is None else pack(memory)
+
+    def _keep(self, action: Action) -> None:
+        """Pack the memory, and put in its place what its bytes give, as after a kill. Raises ValueError or TypeError if that is another.
+
+        A built-in agent's memory is compared by `==` when its bytes change. An own agent's is compared by `==` in every tick, and type by
+        type when its bytes change.
+        """
+        memory, before = action.memory, self.packed
+        packed = None if memory is None else _packed_memory(memory)
+        if packed is not None and not (self._is_ours and packed == before):
+            action.memory = _unpacked(packed, self.Memory)
+            if memory != action.memory or not (self._is_ours or packed == before):
+                _refuse_change(memory, action.memory)
+        self.packed = packed
 
     def _checked(self, action: Any) -> Action:
         """Return an action with the same content, of exact types, if physics accepts it. Raises TypeError or ValueError if not."""
         if not isinstance(action, Action):
             raise TypeError(f"tick returned {type(action).__name__}; it must return an Action")
-        twist, memory, steps = self._checked_twist(action.twist), action.memory, action.steps_done
+        twist, steps = self._checked_twist(action.twist), action.steps_done
         if type(steps) is not int or not 0 <= steps <= limits.MOST_STEPS:
             raise ValueError(f"steps_done {steps!r}: must be a whole number from 0 to {limits.MOST_STEPS}")
-        checked = Action(twist, memory=memory, state=_checked_state(action.state), steps_done=steps)
+        checked = Action(twist, memory=action.memory, state=_checked_state(action.state), steps_done=steps)
         checked.doing, checked.waits_for = _for_people(action.doing, action.waits_for)
         if action.deeds != [] or action.requests != [] or action.answers != []:
             checked.deeds, checked.requests, checked.answers = self._checked_messages(action.deeds, action.requests, action.answers)
-        self.packed = None if memory is None else _packed(memory, "its memory takes")
         return checked
 
     def _checked_twist(self, twist: Any) -> Twist:
@@ -134,6 +172,51 @@ def _packed(data: Any, what: str) -> bytes:
     return packed
 
 
+def _packed_memory(memory: Any) -> bytes:
+    """Encode a memory. Raises ValueError if it is too large, TypeError with the place in it if it is not plain data."""
+    try:
+        return _packed(memory, "its memory takes")
+    except NOT_PLAIN as error:
+        raise TypeError(f"{_place_of_fault(memory, 'memory')}: {error}. Use {SURVIVES}") from None
+
+
+def _place_of_fault(data: Any, where: str) -> str:
+    """The innermost place in data that cannot be encoded."""
+    for at, value in parts_of(data, where):
+        try:
+            pack(value)
+        except NOT_PLAIN:
+            return _place_of_fault(value, at)
+    return where
+
+
+def _unpacked(packed: bytes, type_: Any) -> Any:
+    """Decode a memory. Raises TypeError if it does not fit the agent's `Memory`."""
+    try:
+        return unpack(packed, type_)
+    except ValueError as error:
+        raise TypeError(f"its memory does not fit its `Memory`, {type_}: {error}") from None
+
+
+def _refuse_change(memory: Any, back: Any) -> None:
+    """Raise TypeError if a memory is not the same after the round trip of its bytes."""
+    if change := difference(memory, back, "memory"):
+        raise TypeError(f"its memory would be another after a kill: {change}. Use {SURVIVES}")
+
+
+NOT_PLAIN = (TypeError, OverflowError, UnicodeError)  # what `pack` raises
+SURVIVES = "numbers, texts, bytes, lists, dicts, or a msgspec.Struct that the agent's `Memory` names"
+READ_ONLY = "What an agent is given is read-only. To change ranges, take a copy: scan = observation.scan.copy()"
+
+
+def _advise(error: BaseException) -> None:
+    """Say what to do, if the agent tried to change what it was given."""
+    is_array = isinstance(error, ValueError) and ("read-only" in str(error) or "WRITEABLE" in str(error))
+    words = ("immutable type", "can't set attribute", "no setter", "cannot assign", "mappingproxy")
+    if is_array or (isinstance(error, AttributeError | TypeError) and any(word in str(error) for word in words)):
+        error.add_note(READ_ONLY)
+
+
 class Broken:
     """The replacement for an agent that could not be made: it stands."""
 
@@ -189,3 +272,11 @@ def _refuse_more(what: str, count: int, most: int) -> None:
 def _told(words: str) -> str:
     """A traceback for a log: without control characters, and indented, so that no line of it looks like one of the program's own."""
     return "\n".join(f"  {printable(line, 500)}" for line in words.splitlines())
+
+
+def checked(agents: Mapping[str, Agent], names: Collection[str]) -> dict[str, Agent]:
+    """Return these agents, guarded. Those that are not built in, or use a class that is not, are checked from now on: see `Checked`."""
+    guarded = {name: agent if isinstance(agent, Guarded) else Guarded(name, agent, names) for name, agent in agents.items()}
+    for guard in guarded.values():
+        guard.check()
+    return dict(guarded)

@@ -7,7 +7,7 @@ the reply in tick k + 2, with an answer or without. Physics does not interpret m
 import hashlib
 
 from orchard.contract.agent import Action, Heard, Mail, Reply
-from orchard.contract.messages import Given, Written, pack, type_of
+from orchard.contract.messages import Given, Written, pack, type_of, unpack
 
 
 def in_hearing_order(requests: list[Heard]) -> list[Heard]:
@@ -29,6 +29,11 @@ def written_by(action: Action) -> Written | None:
     if not action.requests and not action.answers:
         return None
     return Written(action.requests, [Given(heard.sender, heard.tick, heard.number, answer) for heard, answer in action.answers])
+
+
+def copy_of(mail: Mail) -> Mail:
+    """Return mail whose lists and messages are new: an agent that changes them changes neither the sender nor other agents."""
+    return Mail(*unpack(pack((mail.requests, mail.replies)), tuple[list[Heard], list[Reply]])) if mail.requests or mail.replies else mail
 
 
 class LocalMail:

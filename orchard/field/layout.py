@@ -1,7 +1,9 @@
 """The layout of an orchard, made from a scenario. Figures: docs/reference.md. Metres, in the frame `map`: x east, y north."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 
@@ -44,11 +46,11 @@ class Lane:
 
 @dataclass(frozen=True)
 class Layout:
-    """All properties of an orchard that do not change during the harvest."""
+    """All properties of an orchard that do not change during the harvest. All agents of a process and physics share it: it is read-only."""
 
     scenario: Scenario
     lanes: tuple[Lane, ...]
-    blocks: dict[str, tuple[int, ...]]  # picker -> the numbers of its rows, in the order in which it picks them
+    blocks: Mapping[str, tuple[int, ...]]  # picker -> the numbers of its rows, in the order in which it picks them
     starts: tuple[Start, ...]  # in the order in which bodies move: robots by name, people and animals by name, weeds
     walls: np.ndarray  # (n, 4), m: x, y, half length along x, half width along y of each fence, trunk and post; fences first
 
@@ -78,9 +80,12 @@ class Layout:
         return (*self.names, *self.scenario.bodiless_agents)
 
     @cached_property
-    def index(self) -> dict[str, int]:
+    def index(self) -> Mapping[str, int]:
         """Name -> index of the body in the world's arrays."""
-        return {name: i for i, name in enumerate(self.names)}
+        return MappingProxyType({name: i for i, name in enumerate(self.names)})
+
+    def __deepcopy__(self, memo: object) -> "Layout":
+        return self  # it is read-only
 
     def lane(self, number: int) -> Lane:
         return self.lanes[number - 1]
@@ -89,12 +94,13 @@ class Layout:
 def lay_out(scenario: Scenario) -> Layout:
     """Return the layout of a scenario. Solid bodies do not overlap, and the same scenario and seed give the same layout."""
     lanes = tuple(Lane(i + 1, TREE_TOP_LINE - (i + 0.5) * (scenario.row_width + TRUNK)) for i in range(scenario.rows))
-    bare = Layout(scenario, lanes, rows_to_pickers(scenario), starts=(), walls=np.empty((0, 4)))
+    bare = Layout(scenario, lanes, MappingProxyType(rows_to_pickers(scenario)), starts=(), walls=np.empty((0, 4)))
     walls, machines, half = np.array(_fences(bare) + _trunks_and_posts(bare)), _machines(bare), FENCE_THICKNESS / 2
     inside = Rect(-X_MAX + half, bare.bottom + half, X_MAX - half, TOP - half)
     rows = Rect(ROW_WEST, bare.tree_lines[-1], ROW_EAST, TREE_TOP_LINE)
     starts = machines + guests(scenario, machines, walls, inside, rows, keep_off=queue_in_use(scenario.carrier_count))
     starts.sort(key=lambda start: (not KINDS[start.kind].robot, not KINDS[start.kind].solid, start.name))
+    walls.setflags(write=False)
     return replace(bare, starts=tuple(starts), walls=walls)
 
 

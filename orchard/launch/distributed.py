@@ -119,7 +119,8 @@ def start_hosts(supervisor: Supervisor, endpoint: str, shares: Shares, credentia
     """Start the agent processes, one for each share."""
     for name, share in shares:
         only = [word for agent in share for word in ("--only", agent)]
-        order = ["--connect", endpoint, *credentials.option(name), *only]
+        checks = ["--check-agents"] if credentials.checks else []
+        order = ["--connect", endpoint, *credentials.option(name), *checks, *only]
         supervisor.start(ProcessSpec(name, "processes.agents", order, again=True, agents=share))
 
 

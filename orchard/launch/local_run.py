@@ -47,7 +47,8 @@ def run(
 
     `look`: called with each frame. `show`: called every half second with the figures, robot -> what it does, robot -> what it waits for.
     """
-    local = Local(request.scenario) if request.resumed is None else Local.resume(request.resumed)
+    checks = request.options.check_agents
+    local = Local(request.scenario, check_agents=checks) if request.resumed is None else Local.resume(request.resumed, checks)
     engine, account = local.engine, RunFigures(local.engine, request.resumed.figures if request.resumed else {})
     frames, snapshot_writer = FrameBuilder(engine.world), SnapshotWriter(request.snapshots, SNAPSHOT_SECONDS)
     pacer, duration = Pacer(request.options.pace), request.options.duration

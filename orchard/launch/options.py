@@ -72,7 +72,7 @@ Only = Annotated[list[str] | None, Option(metavar="KIND|NAME", help="Run only th
 Secure = Annotated[Path | None, Option(metavar="DIR", help="Admit only the roles of `run.py secure DIR`; with --only: DIR/<role>.")]
 
 CHANGES = ("rows", "pickers", "row_width", "carriers", "seed")  # options that change the scenario
-OF_ONLY = ("only", "connect", "without", "hosts", "secure", "progress")  # options of the agents of a run elsewhere
+OF_ONLY = ("only", "connect", "without", "hosts", "secure", "progress", "check_agents")  # options of the agents of a run elsewhere
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +99,7 @@ class HarvestOptions:
     without: Without = None
     only: Only = None
     patience: Patience = None
+    check_agents: Annotated[bool, Option("--check-agents", help="Check that own agents are repeatable: docs/extending.md.")] = False
     resume: Annotated[str | None, Option(metavar="DIR|last", help="Continue a run from its newest snapshot.")] = None
     secure: Secure = None
 

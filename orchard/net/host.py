@@ -186,9 +186,9 @@ class Host:
         if not self.mailbox.is_settled(tick, self.sight.asked):
             self._wait(lambda: self.mailbox.is_settled(tick, self.sight.asked), DOUBT_SECONDS)
         mail, seen = self._mail(tick), self.sight.observations()
+        digests = {name: digest_of(heard) for name, heard in mail.items()}  # before the agents can change their mail
         actions = {name: self._act(name, seen[name], mail.get(name) or Mail()) for name in self.performers}
         self.thinking = ""
-        digests = {name: digest_of(heard) for name, heard in mail.items()}
         drives = {name: drive_of(action, digests.get(name, b""), self.performers[name].news()) for name, action in actions.items()}
         self._answer = self._packed(tick, drives)
         self._send()

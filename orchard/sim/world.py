@@ -3,6 +3,7 @@
 Only physics changes it. It contains all state that a snapshot must hold; constants are in the layout.
 """
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -96,7 +97,7 @@ class World:
         return self.tick * TIME_STEP
 
     @property
-    def index(self) -> dict[str, int]:
+    def index(self) -> Mapping[str, int]:
         return self.layout.index
 
     @property

@@ -1,10 +1,10 @@
 """The behaviour of dogs and cats."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 from guests import one_guest
+from msgspec.structs import replace
 
 from orchard.agents.walker import Animal
 from orchard.contract.agent import Mail

@@ -89,7 +89,7 @@ anything = st.recursive(
 )
 names = st.sampled_from([*NAMES, "*", "worker_0$*", "picker_01/mail", "nobody_01", "", "**"]) | texts | anything
 deeds = st.sampled_from([Couple("bin_01"), Uncouple(), Flatten()]) | st.builds(Couple, st.text(max_size=64))
-requests = st.sampled_from([Call(1, "east"), Come(1, "west", "picker_01"), Where(), CustomMessage("a", {"b": [1.5, {}]})])
+requests = st.sampled_from([Call(1, "east", 0), Come(1, "west", "picker_01"), Where(), CustomMessage("a", {"b": [1.5, {}]})])
 answers = st.sampled_from([Yes(), No("no"), Offer(1.0, 2.0, 3.0), CustomMessage("a", {})]) | st.builds(No, st.text(max_size=200))
 letters = st.lists(st.tuples(st.sampled_from(NAMES), requests), max_size=6)
 heard = st.builds(Heard, st.sampled_from(NAMES), st.integers(0, 9), st.integers(0, 9), requests)
@@ -164,7 +164,7 @@ def test_whatever_the_guard_passes_physics_accepts_and_hears_as_local_mode_does(
             r"its deeds and messages take 2000\d+ bytes; at most 32768",
         ),
         ({"requests": [("carrier_01", CustomMessage("a", {"b": nested(40)}))]}, "a: lists and maps are nested more than 32 levels deep"),
-        ({"requests": [("carrier_01", Call(1, "east\n"))]}, "matching regex"),
+        ({"requests": [("carrier_01", Call(1, "east\n", 0))]}, "matching regex"),
         ({"requests": [("*", Where())]}, r"a request to '\*': no agent has that name"),
         ({"requests": [("worker_0$*", Where())]}, r"a request to 'worker_0\$\*': no agent has that name"),
         ({"requests": [("carrier_01/mail", Where())]}, "a request to 'carrier_01/mail': no agent has that name"),

@@ -1,0 +1,52 @@
+"""The first difference between two pieces of plain data, with its place in them."""
+
+from typing import Any
+
+import msgspec
+
+SHOWN = 80  # characters of a value
+
+
+def difference(before: Any, after: Any, where: str) -> str:
+    """Return the first difference between two values, as "memory['seen']: set {1}, then list [1]"; '' if they are the same, types too.
+
+    An int is the same as an equal float: a field of type float reads one from the bytes of the other. NaN is the same as NaN.
+    """
+    if _is_same(before, after):
+        return ""
+    parts, others = parts_of(before, where), parts_of(after, where)
+    if type(before) is type(after) and [at for at, _ in parts] == [at for at, _ in others]:
+        for (at, old), (_, new) in zip(parts, others, strict=True):
+            if words := difference(old, new, at):
+                return words
+    return f"{where}: {_shown(before, after)}, then {_shown(after, before)}"
+
+
+def _is_same(before: Any, after: Any) -> bool:
+    kind = type(before)
+    if kind is not type(after):
+        return kind is int and type(after) is float and bool(before == after)
+    if kind is dict:
+        return len(before) == len(after) and all(map(_is_same, before, after)) and all(map(_is_same, before.values(), after.values()))
+    if kind is list or kind is tuple:
+        return len(before) == len(after) and all(map(_is_same, before, after))
+    if isinstance(before, msgspec.Struct):
+        return all(_is_same(getattr(before, name), getattr(after, name)) for name in before.__struct_fields__)
+    return bool(before == after or before != before)
+
+
+def parts_of(data: Any, where: str) -> list[tuple[str, Any]]:
+    """Return the place and the value of each part of a dict, list, tuple or Struct; nothing for other data."""
+    if type(data) is dict:
+        return [(f"{where}[{key!r}]", value) for key, value in data.items()]
+    if type(data) in (list, tuple):
+        return [(f"{where}[{i}]", value) for i, value in enumerate(data)]
+    if isinstance(data, msgspec.Struct):
+        return [(f"{where}.{name}", getattr(data, name)) for name in data.__struct_fields__]
+    return []
+
+
+def _shown(value: Any, other: Any) -> str:
+    """A value, with its type if that is not the other's."""
+    text = repr(value) if type(value) is type(other) else f"{type(value).__name__} {value!r}"
+    return text if len(text) <= SHOWN else text[: SHOWN - 3] + "..."

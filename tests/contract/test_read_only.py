@@ -1,0 +1,132 @@
+"""What an agent is given is read-only in every mode: it changes neither the world nor another agent."""
+
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+import own_agents
+import pytest
+from alone import SMALL, local_hash
+
+from orchard.contract.agent import Action
+from orchard.contract.messages import Claim
+from orchard.field.layout import lay_out
+from orchard.local import Local
+from orchard.remote import connect
+from orchard.wire import codec
+
+ADVICE = "What an agent is given is read-only. To change ranges, take a copy: scan = observation.scan.copy()"
+
+
+def arrays_of(seen):
+    return [seen.scan] + ([seen.hitch.scan] if seen.hitch is not None and seen.hitch.scan is not None else [])
+
+
+def over_the_wire(run, observations):
+    everything = codec.seen_of("run", observations, range(len(observations.names)), [])
+    return codec.observations_of(everything)
+
+
+@pytest.mark.parametrize(
+    "observed", [lambda run: run.engine.observe().observations(), lambda run: over_the_wire(run, run.engine.observe())]
+)
+def test_no_observation_can_be_changed_in_place(observed):
+    for seen in observed(Local(SMALL)).values():
+        for scan in arrays_of(seen):
+            with pytest.raises(ValueError, match="read-only"):
+                scan[np.isinf(scan)] = 30
+            for array in (scan, scan.base):
+                with pytest.raises((ValueError, TypeError), match=r"WRITEABLE|setflags|read-only"):
+                    np.asarray(array).setflags(write=True)
+        for thing in filter(None, (seen, seen.pose, seen.twist, seen.hitch)):
+            with pytest.raises(AttributeError):
+                thing.x = 1.0
+        with pytest.raises(AttributeError):
+            seen.pose = None
+
+
+def test_the_layout_that_all_agents_share_cannot_be_changed():
+    layout = lay_out(SMALL)
+    with pytest.raises(ValueError, match="read-only"):
+        layout.walls[:] = 0.0
+    for table in (layout.blocks, layout.index):
+        with pytest.raises(TypeError, match="mappingproxy"):
+            table["picker_01"] = None
+
+
+@dataclass
+class Meddler(own_agents.Eastward):
+    """Changes what it is given in one way, and then does what `Eastward` does."""
+
+    what: str
+    Memory = dict
+    failed: list = field(default_factory=list)
+
+    def tick(self, observation, mail, memory):
+        if self.what == "shape":
+            observation.scan.shape = (-1, 2)
+            observation.hitch.scan.shape = (-1, 2)
+        elif self.what == "mail":
+            for heard in mail.requests:
+                getattr(heard.body, "keep", []).append("row 99")
+            mail.requests.clear()
+        else:
+            observation.scan[np.isinf(observation.scan)] = 30
+        return Action(memory=memory)
+
+
+def test_the_shape_that_an_agent_gives_its_scan_is_its_own():
+    local = Local(SMALL)
+    local.play("picker_01", Meddler("shape"))
+    for _ in range(3):
+        local.tick()
+    assert local.actions["picker_01"].state != "broken"
+    assert [scan.shape for scan in local.engine.scans] == [scan.shape for scan in Local(SMALL).engine.observe().scans]
+
+
+class Claimant:
+    """Asks traffic for a place at every tick."""
+
+    Memory = dict
+
+    def tick(self, observation, mail, memory):
+        return Action(requests=[("traffic", Claim(["row 1"], [], ""))])
+
+
+def test_an_agent_that_changes_its_mail_changes_no_letter_of_another_and_no_hash():
+    hashes = set()
+    for traffic in (own_agents.Eastward(None, "traffic"), Meddler("mail")):
+        local = Local(SMALL)
+        local.play("traffic", traffic)
+        local.play("picker_01", Claimant())
+        for _ in range(5):
+            local.tick()
+            assert local.actions["traffic"].state != "broken"
+            assert "row 99" not in str(local.post.written)
+        hashes.add(local.engine.hash)
+    assert len(hashes) == 1
+
+
+def test_the_idiom_that_writes_into_a_scan_is_told_what_to_do_in_local_mode(caplog):
+    local = Local(SMALL)
+    local.play("picker_01", Meddler("scan"))
+    local.tick()
+    assert local.actions["picker_01"].state == "broken"
+    (record,) = caplog.records
+    assert re.search(rf"picker_01 raised an error at tick 0.*\n(.|\n)*read-only\n  {re.escape(ADVICE)}", record.getMessage())
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "realtime"])
+def test_the_idiom_that_writes_into_a_scan_is_told_what_to_do_over_the_network(fleet, mode, caplog):
+    named = SMALL.model_copy(update={"agents": {"picker_01": "own_agents.Scribbler"}})
+    fleet.physics(named, "--duration", "1", "--mode", mode)
+    host = fleet.host("--without", "picker_02")
+    with connect(fleet.endpoint) as orchard:
+        orchard.play("picker_02", own_agents.Scribbler(None, "picker_02"))
+    code, out, _ = fleet.world.end()
+    assert code == 1, "agents are broken"
+    assert ADVICE in host.end()[2]
+    assert ADVICE in caplog.text
+    if mode == "lockstep":
+        both = SMALL.model_copy(update={"agents": {"picker": "own_agents.Scribbler"}})
+        assert f"hash {local_hash(both, 10)}" in out

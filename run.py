@@ -30,7 +30,7 @@ from orchard.launch import options
 from orchard.launch.options import HarvestOptions, named
 from orchard.launch.request import Credentials, RunRequest, shares
 from orchard.launch.runs import Runs, check_writable
-from orchard.launch.terminal import BAD_INPUT, FINISHED, console, exit_on_errors, print_error, print_line, report
+from orchard.launch.terminal import BAD_INPUT, FINISHED, console, errors, exit_on_errors, print_error, print_line, report
 from orchard.net.endpoints import BusError, check_free
 from orchard.report.progress import Progress
 from orchard.security.roles import EMERGENCY_OPERATOR
@@ -113,7 +113,7 @@ def _run_processes(request: RunRequest) -> tuple[dict[str, Any] | None, str]:
     """Run physics, agents and logger in separate processes."""
     from orchard.launch.distributed import run
 
-    with exit_on_errors(BusError, ValueError), Progress(console, request.options.progress == "json") as progress:
+    with exit_on_errors(BusError, OSError, ValueError), Progress(console, request.options.progress == "json") as progress:
         return run(request, progress)
 
 
@@ -208,7 +208,11 @@ def main() -> None:
 
         raise SystemExit(serve(arguments[1:]))
     is_named = arguments[:1] and arguments[0] in ("view", "harvest", "stop", "reset", "secure")
-    app(arguments if is_named else ["harvest", *arguments])
+    try:
+        app(arguments if is_named else ["harvest", *arguments])
+    finally:
+        console.end()
+        errors.end()
 
 
 if __name__ == "__main__":

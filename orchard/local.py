@@ -39,6 +39,7 @@ class Local:
         self.agents = made if agents is None and not check_agents else self._guarded(made)
         self.memories: dict[str, Any] = {}
         self.actions: dict[str, Action] = {}
+        self.thinking = ""  # the agent that was ticked last
         self.post = LocalMail()
 
     @classmethod
@@ -82,6 +83,7 @@ class Local:
         tick, seen, mail = self.engine.tick, self.engine.observe().observations(), self.post.deliver(self.engine.tick)
         digests = {name: digest_of(heard) for name, heard in mail.items()}
         for name, agent in self.agents.items():
+            self.thinking = name
             observation, heard = seen.get(name) or without_body(name, tick), mail.get(name) or Mail()
             if isinstance(agent, Guarded):
                 observation, heard = with_own_arrays(observation), copy_of(heard)

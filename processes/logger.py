@@ -6,6 +6,7 @@ Killing it does not disturb the run. If it is started again with the same file, 
 """
 
 import argparse
+import logging
 import sys
 from pathlib import Path
 
@@ -15,8 +16,11 @@ from orchard.net.endpoints import BusError
 from orchard.net.process import run_process
 from orchard.record.logger import record
 from orchard.security.identity import identity_in
+from orchard.view.files import check_recording
 from orchard.view.reader import optimize
 from orchard.wire.keys import PREFIX, Keys
+
+log = logging.getLogger("orchard")
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -24,13 +28,23 @@ def main(argv: list[str] | None = None) -> int:
     arguments = _arguments(argv)
 
     def run(inbox: Inbox) -> int:
+        if arguments.record is not None:
+            check_recording(arguments.record)
         with client(arguments.connect, inbox, identity=identity_in(arguments.secure, arguments.prefix)) as bus:
             code, file = record(bus, Keys(arguments.prefix), arguments.record, arguments.serve, arguments.session)
         if file is not None and code == 0:
-            optimize(file)
+            _pack(file)
         return code
 
     return run_process("logger", run, BusError, ScenarioError, ValueError, OSError, RuntimeError)
+
+
+def _pack(file: Path) -> None:
+    """Pack a recording. If that fails, it stays as it is, which is said."""
+    try:
+        optimize(file)
+    except OSError as error:
+        log.error("%s", error)
 
 
 def _arguments(argv: list[str] | None) -> argparse.Namespace:

@@ -2,7 +2,9 @@
 
 import math
 import os
+import signal
 from asyncio import CancelledError
+from contextlib import suppress
 
 import numpy as np
 
@@ -124,6 +126,29 @@ class Mortal(Eastward):
         if observation.tick >= 20:
             os._exit(7)
         return super().tick(observation, mail, memory)
+
+
+class Endless(Eastward):
+    """Never ends tick 3, in which Ctrl-C is pressed."""
+
+    def tick(self, observation, mail, memory):
+        if observation.tick == 3:
+            signal.raise_signal(signal.SIGINT)
+            while True:
+                self.think()
+        return super().tick(observation, mail, memory)
+
+    def think(self):
+        pass
+
+
+class Stubborn(Endless):
+    """Catches whatever is raised meanwhile."""
+
+    def think(self):
+        with suppress(BaseException):
+            while True:
+                pass
 
 
 def lost(layout, names):

@@ -49,20 +49,17 @@ def unusable(key: str, path: str, error: BaseException, wanted: str = "") -> Sce
 
 
 def reraise_ctrl_c(error: BaseException) -> None:
-    """Raise an error again if it is Ctrl-C of the person at the terminal, and not an error that a user's code raised by itself."""
-    if isinstance(error, KeyboardInterrupt) and _is_of_sigint(error):
-        raise error
-
-
-def _is_of_sigint(error: KeyboardInterrupt) -> bool:
-    """Whether the handler of SIGINT raised it. Python's own handler has no frame: it raises at any instruction but a `raise`."""
-    handler, codes, place = signal.getsignal(signal.SIGINT), [], error.__traceback__
+    """Raise an error again if a signal's handler raised it, as for Ctrl-C at the terminal, and not a user's code by itself."""
+    codes, place = [], error.__traceback__
     while place is not None:
         codes.append(place.tb_frame.f_code)
         last, place = place, place.tb_next
-    if handler is signal.default_int_handler:
-        return not codes or codes[-1].co_code[last.tb_lasti] != _RAISE
-    return getattr(handler, "__code__", None) in codes
+    handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGALRM)]
+    if any(getattr(handler, "__code__", None) in codes for handler in handlers):
+        raise error
+    is_raised = codes and codes[-1].co_code[last.tb_lasti] == _RAISE  # Python's own handler has no frame, and needs no `raise`
+    if isinstance(error, KeyboardInterrupt) and handlers[0] is signal.default_int_handler and not is_raised:
+        raise error
 
 
 def place_of_error(error: BaseException) -> str:

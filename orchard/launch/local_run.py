@@ -1,10 +1,12 @@
 """Local mode: a whole run in this process, with its recording, live viewers and snapshots."""
 
 import math
+import os
 import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from orchard.contract.events import Event, Frame
@@ -12,9 +14,10 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import TIME_STEP
 from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import open_viewer
-from orchard.launch.terminal import console, print_line
+from orchard.launch.terminal import FAILED, console, print_error, print_line
 from orchard.local import Local
 from orchard.net.lockstep import Pacer
+from orchard.net.process import place_in_agent
 from orchard.report.progress import Progress
 from orchard.server.figures import RunFigures
 from orchard.server.snapshots import SNAPSHOT_SECONDS, SnapshotWriter, sole
@@ -28,14 +31,48 @@ if TYPE_CHECKING:
 NAP_SECONDS = 0.2  # between two checks whether to stop, while the next tick is not due
 
 
+THINK_SECONDS = 2.0  # that an agent may still think after Ctrl-C
+
+
+class StillThinks(BaseException):
+    """Raised in an agent that still thinks after Ctrl-C; the text says which, and where. It is no Exception, which many agents catch."""
+
+
+class _Interruption:
+    """SIGINT and SIGTERM as a wish to stop. An agent that does not end its tick meanwhile gets StillThinks; then the process is ended."""
+
+    def __init__(self, local: Local) -> None:
+        self.is_asked = False
+        self._local, self._is_raised = local, False
+
+    def ask(self, number: int, frame: FrameType | None) -> None:
+        self.is_asked = True
+        signal.setitimer(signal.ITIMER_REAL, THINK_SECONDS, THINK_SECONDS)
+
+    def hurry(self, number: int, frame: FrameType | None) -> None:
+        """End the agent in which the process is; what the program itself does ends soon."""
+        if place := place_in_agent(frame):
+            thought = f"{self._local.thinking} still thinks about tick {self._local.engine.tick}{place}"
+            if self._is_raised:
+                print_error(f"{thought}; the run is ended by force, without a result")
+                os._exit(FAILED)
+            self._is_raised = True
+            raise StillThinks(thought)
+
+
 @contextmanager
-def interruptible() -> Iterator[Callable[[], bool]]:
-    """In this context SIGINT and SIGTERM do not end the process. Yield a function that returns whether one has arrived."""
-    asked: list[int] = []
-    old = {number: signal.signal(number, lambda number, frame: asked.append(number)) for number in (signal.SIGINT, signal.SIGTERM)}
+def interruptible(local: Local) -> Iterator[Callable[[], bool]]:
+    """In this context SIGINT and SIGTERM do not end the process. Yield a function that returns whether one has arrived.
+
+    An agent of `local` that still thinks THINK_SECONDS later gets StillThinks.
+    """
+    asked = _Interruption(local)
+    handlers = {signal.SIGINT: asked.ask, signal.SIGTERM: asked.ask, signal.SIGALRM: asked.hurry}
+    old = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
-        yield lambda: bool(asked)
+        yield lambda: asked.is_asked
     finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in old.items():
             signal.signal(number, handler)
 
@@ -54,27 +91,35 @@ def run(
     pacer, duration = Pacer(request.options.pace), request.options.duration
     ticks = math.inf if duration is None else round(duration / TIME_STEP)
     account.begin()
-    with sole(request.snapshots), interruptible() as is_stopped:
-        while not (why := _end(local, account, ticks, is_stopped())):
-            if snapshot_writer.is_due():
-                snapshot_writer.keep(_snapshot(local, account))
-            if left := pacer.wait():
-                time.sleep(min(left, NAP_SECONDS))
-                continue
-            pacer.begin()
-            events = local.tick()
-            account.update(events, local.actions)
-            if look is not None:
-                frame = frames.frame(engine.scans, local.actions, events)
-                frame.events = [*frame.events, *_talk(local)]
-                look(frame)
-            if account.is_due():
-                message = account.message("", {})
-                show(message.figures, message.doing, message.waits_for)
-    snapshot_writer.keep(_snapshot(local, account))
+    with sole(request.snapshots), interruptible(local) as is_stopped:
+        try:
+            while not (why := _end(local, account, ticks, is_stopped())):
+                if snapshot_writer.is_due():
+                    snapshot_writer.keep(_snapshot(local, account))
+                if left := pacer.wait():
+                    time.sleep(min(left, NAP_SECONDS))
+                    continue
+                pacer.begin()
+                events = local.tick()
+                account.update(events, local.actions)
+                if look is not None:
+                    look(_frame(frames, local, events))
+                if account.is_due():
+                    message = account.message("", {})
+                    show(message.figures, message.doing, message.waits_for)
+            snapshot_writer.keep(_snapshot(local, account))
+        except StillThinks as thought:  # some memories are of this tick already: no snapshot of it
+            print_error(f"{thought}; the run ends before this tick")
+            why = "stopped"
     snapshot_writer.finish()
     summary = {"hash": engine.hash, "mode": "local", "hosts": 1} | account.figures()
     return summary | {"messages_refused": {}, "finished": engine.over, "violations": engine.violations(), "jam": account.jam}, why
+
+
+def _frame(frames: FrameBuilder, local: Local, events: list[Event]) -> Frame:
+    frame = frames.frame(local.engine.scans, local.actions, events)
+    frame.events = [*frame.events, *_talk(local)]
+    return frame
 
 
 def _snapshot(local: Local, account: RunFigures) -> Snapshot:

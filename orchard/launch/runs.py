@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 
 from orchard.sim.snapshot import SnapshotError
-from orchard.view.files import is_further_part, remove_further_parts
+from orchard.view.files import check_recording, is_further_part, remove_further_parts
 
 LAST = "last"  # for --resume: the run with the newest snapshots
 
@@ -20,12 +20,16 @@ class Runs:
     folder: Path
 
     def recording(self, wanted: str | None) -> Path | None:
-        """Return the path of a new recording: `wanted`, or a file in the folder; None for "none". Raises OSError if it is not writable."""
+        """Return the path of a new recording: `wanted`, or a file in the folder; None for "none".
+
+        Raises OSError if it is not writable, ValueError if it would replace a file that is no recording.
+        """
         if wanted == "none":
             return None
         path = self.folder / f"{_now()}-{os.getpid()}.rrd" if wanted is None else Path(wanted)
         path.parent.mkdir(parents=True, exist_ok=True)
         check_writable(path)
+        check_recording(path)
         remove_further_parts(path)
         return path
 

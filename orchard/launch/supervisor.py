@@ -2,6 +2,7 @@
 
 import math
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -116,6 +117,7 @@ class Supervisor:
     def _count_death(self, running: _Running, code: int) -> None:
         """Set the time of the restart, or give the process up."""
         program, now = running.program, self.clock()
+        self._end_forks(running)
         running.deaths = running.deaths + 1 if now - running.begun < QUICK_SECONDS else 1
         if running.deaths < DEATHS:
             running.due = now + (BACK_OFF * 2 ** (running.deaths - 2) if running.deaths > 1 else 0.0)
@@ -154,6 +156,12 @@ class Supervisor:
         for running in self.running.values():
             running.popen.kill()
             running.popen.wait()
+            self._end_forks(running)
+
+    def _end_forks(self, running: _Running) -> None:
+        """Kill what is left of the process group of a process that has ended: what an agent has started must not outlive it."""
+        with suppress(ProcessLookupError):
+            os.killpg(running.popen.pid, signal.SIGKILL)
 
 
 def take_turns(pid: int) -> None:

@@ -18,7 +18,35 @@ from orchard.sim.snapshot import SnapshotError, newest
 
 FINISHED, FAILED, BAD_INPUT = 0, 1, 2  # exit codes
 
-console, errors = Console(emoji=False, highlight=False), Console(stderr=True, emoji=False, highlight=False)
+
+class Output(Console):
+    """Stdout or stderr. What cannot be written, as on a full disk, is lost, and the run goes on. The other of the two says so once."""
+
+    def __init__(self, stderr: bool) -> None:
+        super().__init__(stderr=stderr, emoji=False, highlight=False)
+        self.other: Output | None = None
+        self.has_lost = False
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        try:
+            super().print(*objects, **options)
+        except OSError as error:
+            self._buffer.clear()  # Rich would print it again with the next line
+            is_first, self.has_lost = not self.has_lost, True
+            if is_first and self.other is not None:
+                name = "stderr" if self.stderr else "stdout"
+                self.other.print(f"{name} cannot be written: {error.strerror}; the run goes on without it", markup=False, soft_wrap=True)
+
+    def end(self) -> None:
+        """Write what is left, or drop it. Python would end with exit code 120 because of it."""
+        try:
+            self.file.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.file.fileno())
+
+
+console, errors = Output(stderr=False), Output(stderr=True)
+console.other, errors.other = errors, console
 
 
 def print_line(words: str) -> None:
@@ -68,7 +96,7 @@ def _report_result(result: dict[str, Any] | None, why: str, recording: Path | No
         from orchard.view.reader import missing  # not at the top: Rerun takes half a second to load
 
         result |= missing(recording, result["ticks"])
-    console.print(as_table(result))
+    _print_table(result)
     troubles = [f"violated: {violation}" for violation in result["violations"]]
     troubles += [f"broken: {agent}" for agent in result["broken_agents"]]
     troubles += [] if why in ("harvested", "duration", "stopped") else [why, *result["jam"]]
@@ -79,7 +107,14 @@ def _report_result(result: dict[str, Any] | None, why: str, recording: Path | No
         troubles.insert(0, f"{summary}: not written: {error.strerror}")
     for trouble in troubles:
         print_error(trouble)
-    return FAILED if troubles else FINISHED
+    return FAILED if troubles or (console.has_lost and errors.has_lost) else FINISHED
+
+
+def _print_table(result: dict[str, Any]) -> None:
+    """Print the result on stdout; on stderr if stdout has lost something, because the disk of its file is full."""
+    console.print(as_table(result))
+    if console.has_lost:
+        errors.print(as_table(result))
 
 
 def _print_command(what: str, program: Path, word: str, path: Path) -> None:

@@ -8,6 +8,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
+from types import FrameType
 
 from orchard.contract import guard
 from orchard.net.bus import Inbox, Signal
@@ -61,7 +62,7 @@ def _watch(host: Host, thread: int, seconds: float) -> None:
         now = name, tick = host.thinking, host.sight.tick
         if name and now == before and name not in logged:
             logged.add(name)
-            log.error("%s still thinks about tick %d%s; %s", name, tick, _place(thread), _effect(host))
+            log.error("%s still thinks about tick %d%s; %s", name, tick, place_in_agent(sys._current_frames()[thread]), _effect(host))
         before = now
 
 
@@ -70,9 +71,9 @@ def _effect(host: Host) -> str:
     return f"until it answers, these agents of its process stand: {others}" if others else "its robot stands until it answers"
 
 
-def _place(thread: int) -> str:
-    """The file and line of the agent's own code, below its guard."""
-    frames = traceback.extract_stack(sys._current_frames()[thread])
+def place_in_agent(frame: FrameType | None) -> str:
+    """Return the file and line of an agent's own code, below its guard; '' if the frame is not in an agent."""
+    frames = traceback.extract_stack(frame)
     inside = [i for i, frame in enumerate(frames) if frame.filename == guard.__file__]
     here = frames[inside[-1] + 1 :] if inside else []
     return f", in {here[0].filename}, line {here[0].lineno}" if here else ""

@@ -86,12 +86,13 @@ class FrameQueue:
 class Writer(threading.Thread):
     """Begins or continues a recording, and writes frames into it in a thread of its own, as fast as it can.
 
-    `file`: the part of the recording that it writes. `error`: the exception that ended it, or None.
+    `file`: the part of the recording that it writes. `is_whole`: whether all is in it. `error`: the exception that ended it, or None.
     """
 
     def __init__(self, queue: FrameQueue, layout: Layout, run: str, file: Path | None, port: int | None) -> None:
         super().__init__(name="writer", daemon=True)
         self._queue, self._layout, self._run_id, self.file, self._port = queue, layout, run, file, port
+        self.is_whole = False
         self.error: Exception | None = None
 
     def run(self) -> None:
@@ -100,7 +101,7 @@ class Writer(threading.Thread):
             try:
                 write(self._queue, recording, last)
             finally:
-                recording.close()
+                self.is_whole = recording.close()
         except Exception as error:
             self.error = error
 
@@ -229,11 +230,11 @@ class Logger:
 
 
 def record(bus: Bus, keys: Keys, file: Path | None, port: int | None, session: str) -> tuple[int, Path | None]:
-    """Record a run into a file, and serve viewers on a port. Return the exit code, and the part of the recording that was written."""
+    """Record a run into a file, and serve viewers on a port. Return the exit code, and the part of the recording, if it is whole."""
     run = fetch_run(bus, keys)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     logger = Logger(bus, keys, run.run, layout, FrameQueue())
     logger.listen(session or bus.id)
     writer = Writer(logger.queue, layout, run.run, file, port)
     writer.start()
-    return logger.run(writer), writer.file
+    return logger.run(writer), writer.file if writer.is_whole else None

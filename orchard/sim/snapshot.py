@@ -5,7 +5,6 @@ then renamed, so that a kill leaves the old file or the new one, never a part of
 """
 
 import hashlib
-import os
 import re
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +13,7 @@ import msgspec
 from msgspec import Meta
 
 from orchard.contract.messages import Written, pack, unpack
+from orchard.sim.disk import write_whole
 
 VERSION = 2
 HEAD = b"orchard snapshot %d\n"
@@ -56,14 +56,9 @@ def store(name: str, content: bytes, folder: Path) -> Path:
     """Write a file that `as_file` returned into a folder, remove all but the newest KEPT, and return its path. Raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
-    beside = path.with_suffix(".new")
-    with beside.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    beside.replace(path)
-    for old in _newest_first(folder)[KEPT:]:
-        old.unlink()
+    write_whole(path, content)
+    for old in [*_newest_first(folder)[KEPT:], *folder.glob("*.new")]:  # the latter of a process that was killed while it wrote
+        old.unlink(missing_ok=True)
     return path
 
 

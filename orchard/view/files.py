@@ -7,6 +7,8 @@ from pathlib import Path
 
 import rerun_cli
 
+HEAD = b"RRF"  # with which each recording begins
+
 
 def part(path: Path, number: int) -> Path:
     """Return the path of a part. Parts are numbered from 1."""
@@ -21,6 +23,17 @@ def is_further_part(path: Path) -> bool:
 def parts_of(path: Path) -> list[Path]:
     """Return the existing parts in order, up to the first one that is missing."""
     return list(takewhile(Path.exists, (part(path, number) for number in count(1))))
+
+
+def check_recording(path: Path) -> None:
+    """Raise ValueError for a file that a recording must not replace: one of another name than NAME.rrd, or one with other contents."""
+    if path.suffix != ".rrd":
+        raise ValueError(f"{path}: a recording would replace this file; expected a name that ends in .rrd, as {path.with_suffix('.rrd')}")
+    if path.is_file():
+        with path.open("rb") as file:
+            head = file.read(len(HEAD))
+        if head not in (HEAD, b""):
+            raise ValueError(f"{path}: this file is no recording, and is not replaced; expected another name, or a recording")
 
 
 def remove_further_parts(path: Path) -> None:

@@ -4,6 +4,7 @@ All parts carry the run's id, so that Rerun shows them as one recording when the
 the writer was killed, the end of its file may be missing.
 """
 
+import logging
 import subprocess
 import warnings
 from collections.abc import Iterator, Mapping
@@ -22,6 +23,7 @@ MISSING = "recording/missing"  # entity that records what a part lacks
 UNREADABLE = (RuntimeError, ValueError, Warning)  # what Rerun's reader raises: the file is torn, has no recording, or has no end
 WORDS = "StateConfiguration:values"
 COLOURS = "StateConfiguration:colors"
+log = logging.getLogger("orchard")
 SINCE, LEFT_OUT = "since", "left_out"  # components of MISSING: last tick before a gap, logged where the gap ends; number of frames left out
 
 
@@ -56,10 +58,16 @@ def before(path: Path, run: str) -> Before:
 
 
 def read_part(path: Path) -> RecordingPart | None:
-    """Return the content of a file, or None if nothing can be read. A file that a kill has torn is repaired first."""
+    """Return the content of a file, or None if nothing can be read. A file that a kill has torn is repaired first.
+
+    If it cannot be repaired, as on a full disk, that is logged.
+    """
     with suppress(*UNREADABLE):
         return _read(path) if path.exists() else None
-    optimize(path)  # it is torn, or cut off where a message ended
+    try:
+        optimize(path)  # it is torn, or cut off where a message ended
+    except OSError as error:
+        log.warning("%s", error)
     with suppress(*UNREADABLE):
         return _read(path)
     return None
@@ -68,12 +76,23 @@ def read_part(path: Path) -> RecordingPart | None:
 def optimize(path: str | Path) -> None:
     """Pack a recording in place: it has half the size and opens faster. A recording that a kill has torn is repaired.
 
-    Raises subprocess.CalledProcessError if Rerun's program fails.
+    Raises OSError if that fails, as on a full disk; then the file stays as it is.
     """
     packed = Path(path).with_suffix(".packed.rrd")
     command = [viewer_program(), "rrd", "optimize", "--continue-on-error", str(path), "-o", str(packed)]
-    subprocess.run(command, check=True, capture_output=True, timeout=600)
-    packed.replace(path)
+    try:
+        subprocess.run(command, check=True, capture_output=True, timeout=600)
+        packed.replace(path)
+    except subprocess.SubprocessError as error:
+        raise OSError(f"{path}: neither packed nor repaired: {_last_line(error)}") from error
+    finally:
+        packed.unlink(missing_ok=True)
+
+
+def _last_line(error: subprocess.SubprocessError) -> str:
+    """What a program that has failed said last."""
+    lines = (getattr(error, "stderr", None) or b"").decode(errors="backslashreplace").split("\n")
+    return next((line.strip() for line in reversed(lines) if line.strip()), str(error))
 
 
 def missing(path: Path, ticks: int) -> dict[str, Any]:

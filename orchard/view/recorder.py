@@ -17,6 +17,7 @@ from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
 from orchard.view.blueprint import TIMELINE, blueprint
 from orchard.view.bodies import BodyView, RowView, indices
+from orchard.view.disk import RecordingFile
 from orchard.view.palette import log_legend
 from orchard.view.reader import LEFT_OUT, MISSING, SINCE
 from orchard.view.scenery import log_scenery
@@ -42,12 +43,13 @@ class Recorder:
     """Writes one run, or a further part of one. Call `tick` for each frame in order, then `close`."""
 
     def __init__(self, layout: Layout, run_name: str, path: str | Path | None = None, serve: bool = False, port: int = 9876) -> None:
-        """`serve`: open a server for viewers on the loopback."""
+        """`serve`: open a server for viewers on the loopback. Raises OSError if the file cannot be opened."""
         self.layout = layout
         self.rec = rr.RecordingStream("orchard", recording_id=run_name)
         self.rec.set_log_time_enabled(False)
         self.rec.set_log_tick_enabled(False)
-        self.uri = self._open(path, serve, port)
+        self._file = None if path is None else RecordingFile(Path(path))
+        self.uri = self._open(serve, port)
         self.rec.send_recording_name(run_name)
         self.rec.set_time(TIMELINE, duration=0.0)
         log_scenery(self.rec, layout)
@@ -68,12 +70,14 @@ class Recorder:
         self._second, self._sweep = -1, -1  # the last chunks that were sent: of poses, of scans
         self._left_out = 0  # frames that were left out since this was last recorded
 
-    def _open(self, path: str | Path | None, serve: bool, port: int) -> str:
+    def _open(self, serve: bool, port: int) -> str:
         """Set the sinks: the file, and the server for viewers. Return the server's address; '' without a server."""
         server = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port) if serve else None
-        sinks = [sink for sink in (rr.FileSink(str(path)) if path is not None else None, server) if sink is not None]
+        sinks = [sink for sink in (rr.FileSink(self._file.inlet) if self._file is not None else None, server) if sink is not None]
         if sinks:
             self.rec.set_sinks(*sinks, default_blueprint=blueprint(self.layout))
+        if self._file is not None:
+            self._file.seal()
         return server.uri if server is not None else ""
 
     def tick(self, frame: Frame) -> None:
@@ -106,11 +110,14 @@ class Recorder:
     def _log(self, tick: int, event: Event, level: str) -> None:
         self._events.append((tick, line_of(event), level))
 
-    def close(self) -> None:
-        """Write the rest, wait until it is written, and end the file. The server is closed too."""
+    def close(self) -> bool:
+        """Write the rest, wait until it is written, and end the file. Return whether all is in it. The server is closed too."""
         self._send(scans=True)
         self.rec.flush()
         self.rec.disconnect()
+        if self._file is not None:
+            self._file.join()
+        return self._file is not None and self._file.is_whole
 
     # -- what is sent in chunks
 

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from queue import SimpleQueue
 
+import psutil
 import pytest
 from fleet import until
 
@@ -47,6 +48,9 @@ class Watched(Supervisor):
         self.children.append(Child(list(arguments)))
         return self.children[-1]
 
+    def _end_forks(self, running):
+        """They have none."""
+
 
 @pytest.fixture
 def fleet(clock):
@@ -76,6 +80,22 @@ def test_what_a_child_says_that_is_no_text_is_passed_on_and_does_not_block_it(tm
         until(said, lambda line: line == "child: over", 20.0)
         fleet.wait(20.0)
         assert fleet.exit_code("child") == 0
+
+
+def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
+    """It is ended when the child has died, and at the end of the fleet."""
+    program = "import os, subprocess, sys\nchild = subprocess.Popen(['sleep', '600'])\nprint(child.pid, file=sys.stderr, flush=True)\n"
+    (tmp_path / "forking.py").write_text(program + "os._exit(7) if sys.argv[1:] else child.wait()\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    said = SimpleQueue()
+    with Supervisor(said.put) as fleet:
+        fleet.start(ProcessSpec("dies", "forking", ["now"], again=True, final=(7,)))
+        fleet.start(ProcessSpec("lives", "forking", []))
+        forks = [psutil.Process(int(said.get(timeout=20.0).split()[1])) for _ in range(2)]
+    _, alive = psutil.wait_procs(forks, 20.0)
+    for fork in alive:
+        fork.kill()
+    assert alive == []
 
 
 def test_who_ends_well_or_need_not_live_is_left_alone(fleet):

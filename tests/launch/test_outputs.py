@@ -4,6 +4,9 @@ import socket
 
 import pytest
 from command_line import orchard
+from fleet import Process
+
+from orchard.launch.runs import Runs
 
 SHORT = ("--rows", 3, "--mode", "local", "--duration", 1)
 
@@ -27,6 +30,30 @@ def test_a_run_that_is_refused_leaves_what_was_there(tmp_path):
     summary.write_text("of an earlier run")
     assert orchard(*SHORT, "--record", tmp_path, "--summary", summary).returncode == 2
     assert summary.read_text() == "of an earlier run"
+
+
+@pytest.mark.parametrize(("name", "told"), [("notes.txt", "ends in .rrd"), ("notes.rrd", "this file is no recording")])
+def test_a_recording_replaces_no_file_that_is_none(name, told, tmp_path):
+    notes = tmp_path / name
+    notes.write_text("a year's work")
+    with pytest.raises(ValueError, match=told):
+        Runs(tmp_path).recording(str(notes))
+    assert notes.read_text() == "a year's work"
+
+
+def test_a_recording_replaces_one_and_an_empty_file(recording, tmp_path):
+    old = tmp_path / "run.rrd"
+    for content in (recording.read_bytes(), b""):
+        old.write_bytes(content)
+        assert Runs(tmp_path).recording(str(old)) == old
+
+
+def test_a_logger_replaces_no_file_that_is_no_recording(tmp_path):
+    notes = tmp_path / "notes.txt"
+    notes.write_text("a year's work")
+    code, _, said = Process("processes.logger", "--connect", "tcp/127.0.0.1:9", "--record", str(notes)).end()
+    assert (code, notes.read_text()) == (2, "a year's work")
+    assert "ends in .rrd" in said
 
 
 def test_a_full_disk_loses_the_summary_but_not_what_is_printed():

@@ -1,15 +1,131 @@
-"""The folder of the compiled kernels."""
+"""The compiled kernels on the disk: torn or changed ones are never used, and a full disk is no reason not to start."""
 
+import logging
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+from alone import local_hash
+from fleet import ROOT
+
+from orchard.field.scenario import Scenario
 from orchard.sim.kernels import cache
+from orchard.sim.kernels.cache import KernelFiles
+
+CODE = bytes(range(256)) * 40
+TICKS = 20
+PROGRAM = f"from alone import local_hash; from orchard.field.scenario import Scenario; print(local_hash(Scenario(rows=3), {TICKS}))"
+LOADED = ("move.quaternions", "move.allowed", "move.overlaps")  # kernels that every start loads
 
 
-def test_kernels_are_there_once_numba_has_kept_some_of_these_sources(tmp_path, monkeypatch):
+def simulated(cache_folder) -> subprocess.CompletedProcess:
+    """A run of its own, with kernels in a folder."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache_folder), "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"}
+    return subprocess.run([sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, timeout=240)
+
+
+@pytest.fixture
+def kept(tmp_path):
+    """A copy of this machine's kernels."""
+    local_hash(Scenario(rows=3), 1)
+    folder = cache.kernels_folder()
+    shutil.copytree(folder, tmp_path / folder.name)
+    return tmp_path / folder.name
+
+
+def tear(path):
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def flip(path):
+    content = bytearray(path.read_bytes())
+    content[-len(content) // 3] ^= 1
+    path.write_bytes(content)
+
+
+def test_kernels_are_there_once_some_of_these_sources_are_kept(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert not cache.are_compiled()
-    (tmp_path / "kernels-of-other-sources").mkdir()
-    (tmp_path / "kernels-of-other-sources" / "scan.nbc").touch()
+    KernelFiles(tmp_path / "kernels-of-other-sources").keep("scan.nbc", CODE)
     assert not cache.are_compiled()
-    folder = cache.kernels_folder() / "orchard_0123"
-    folder.mkdir(parents=True)
-    (folder / "laser_kernel.cast_all-1.py311.1.nbc").touch()
+    KernelFiles(cache.kernels_folder()).keep("laser.cast_all-1.nbc", CODE)
     assert cache.are_compiled()
+
+
+def test_torn_and_changed_kernels_are_compiled_anew_in_the_same_run_and_said_in_one_line(kept):
+    for name, damage in zip(LOADED, (tear, flip, lambda path: path.write_bytes(b"")), strict=True):
+        (file,) = kept.glob(f"{name}-*.nbc")
+        damage(file)
+    done = simulated(kept.parent)
+    assert done.stdout.strip() == local_hash(Scenario(rows=3), TICKS), done.stderr
+    assert done.stderr.splitlines() == [
+        f"compiled kernels in {kept} are torn or changed; they are compiled anew, which takes up to ten seconds"
+    ]
+    files = KernelFiles(kept)
+    assert all(files.load(file.name) for file in kept.iterdir()), "they are mended for the next start"
+
+
+def test_any_flipped_bit_or_cut_is_found(tmp_path, caplog):
+    files = KernelFiles(tmp_path)
+    files.keep("a.nbc", CODE)
+    assert files.load("a.nbc") == CODE
+    whole = (tmp_path / "a.nbc").read_bytes()
+    for at in range(0, len(whole), 97):
+        changed = whole[:at] + bytes([whole[at] ^ 1 << at % 8]) + whole[at + 1 :]
+        for damaged in (changed, whole[:at], whole + whole[:at] if at else b""):
+            (tmp_path / "a.nbc").write_bytes(damaged)
+            assert files.load("a.nbc") is None
+    assert len(caplog.records) == 1
+
+
+def test_a_full_disk_keeps_no_kernel_and_says_so_in_one_line(tmp_path, caplog, monkeypatch):
+    def full(file):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    files = KernelFiles(tmp_path / "kernels")
+    for name in ("a.nbc", "b.nbc"):
+        files.keep(name, CODE)
+        assert files.load(name) is None
+    assert [record.getMessage() for record in caplog.records] == [
+        f"compiled kernels cannot be kept in {tmp_path}/kernels: No space left on device; the next start compiles them again"
+    ]
+    assert list((tmp_path / "kernels").iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_made_is_no_reason_not_to_start(tmp_path, caplog):
+    (tmp_path / "file").write_text("in its place")
+    files = KernelFiles(tmp_path / "file")
+    files.keep("a.nbc", CODE)
+    assert files.load("a.nbc") is None
+    assert [record.levelno for record in caplog.records] == [logging.WARNING] * 2
+
+
+def test_who_reads_while_another_process_writes_never_sees_a_part(tmp_path, caplog):
+    program = "import sys; from pathlib import Path; from orchard.sim.kernels.cache import KernelFiles\n"
+    program += "for i in range(100): KernelFiles(Path(sys.argv[1])).keep('a.nbc', bytes([i % 2]) * 200_000)"
+    files, codes = KernelFiles(tmp_path), (None, bytes(200_000), bytes([1]) * 200_000)
+    writers = [subprocess.Popen([sys.executable, "-c", program, str(tmp_path)], cwd=ROOT) for _ in range(2)]
+    while None in [writer.poll() for writer in writers]:
+        assert files.load("a.nbc") in codes
+    assert [writer.returncode for writer in writers] == [0, 0]
+    assert caplog.records == []
+    assert [path.name for path in tmp_path.iterdir()] == ["a.nbc"]
+
+
+@pytest.mark.soak
+def test_two_that_start_at_once_without_kernels_both_reach_the_hash(tmp_path):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"}
+    start = [sys.executable, "-c", PROGRAM]
+    both = [subprocess.Popen(start, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+    assert [process.communicate(timeout=240) for process in both] == [(local_hash(Scenario(rows=3), TICKS) + "\n", "")] * 2
+
+
+@pytest.mark.soak
+def test_all_kernels_torn_are_compiled_anew(kept):
+    for file in kept.iterdir():
+        tear(file)
+    assert simulated(kept.parent).stdout.strip() == local_hash(Scenario(rows=3), TICKS)
+    assert simulated(kept.parent).stderr == ""

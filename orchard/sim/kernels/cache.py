@@ -1,21 +1,24 @@
-"""The folder of the compiled kernels, and whether they exist. This module does not import numba, which takes long to load."""
+"""The folder of the compiled kernels, and its files. This module does not import numba, which takes long to load."""
 
 import hashlib
+import logging
 import os
 from pathlib import Path
 
+from orchard.sim.disk import write_whole
+
 COMPILING = "compiling for this machine; this is done once and takes some ten seconds"
+DIGEST = 32  # bytes of SHA-256, with which each file begins
 
 _HERE = Path(__file__).parent
 _FIELD = _HERE.parent.parent / "field"
 _SOURCES = [*sorted(_HERE.glob("*.py")), *(_FIELD / f"{module}.py" for module in ("kinds", "layout", "repeatable", "scenario"))]
 
+log = logging.getLogger("orchard")
+
 
 def kernels_folder() -> Path | None:
-    """Return a folder whose name contains a hash of the sources; None if kernels cannot be stored.
-
-    numba checks only a kernel's own file for changes, not the constants and functions that the kernel imports from other files.
-    """
+    """Return a folder whose name contains a hash of the sources; None if kernels cannot be stored."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if not chosen and not os.access(_HERE, os.W_OK):
         return None
@@ -27,3 +30,42 @@ def are_compiled() -> bool:
     """Whether compiled kernels exist for this machine; if not, the first tick waits until they are compiled."""
     folder = kernels_folder()
     return folder is not None and any(folder.rglob("*.nbc"))
+
+
+class KernelFiles:
+    """The compiled code of kernels in a folder, each in a file with its SHA-256. Code that is torn or changed is never used.
+
+    A file is written whole or not at all, so that processes which start together do not disturb each other.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """The folder need not exist yet."""
+        self._folder = folder
+        self._said: set[str] = set()
+
+    def load(self, name: str) -> bytes | None:
+        """Return the code of a kernel; None if it must be compiled. What is wrong with a file is logged, once for all files."""
+        try:
+            content = (self._folder / name).read_bytes()
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            self._say(f"compiled kernels in {self._folder} cannot be read: {error.strerror}; they are compiled anew")
+            return None
+        if hashlib.sha256(content[DIGEST:]).digest() != content[:DIGEST]:
+            self._say(f"compiled kernels in {self._folder} are torn or changed; they are compiled anew, which takes up to ten seconds")
+            return None
+        return content[DIGEST:]
+
+    def keep(self, name: str, code: bytes) -> None:
+        """Write the code of a kernel. If that fails, it is logged, once for all files, and the next start compiles it again."""
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            write_whole(self._folder / name, hashlib.sha256(code).digest() + code)
+        except OSError as error:
+            self._say(f"compiled kernels cannot be kept in {self._folder}: {error.strerror}; the next start compiles them again")
+
+    def _say(self, words: str) -> None:
+        if words not in self._said:
+            self._said.add(words)
+            log.warning("%s", words)

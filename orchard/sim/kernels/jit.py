@@ -1,21 +1,57 @@
 """The compiler settings of the kernels, and the functions of orchard/field/repeatable.py compiled: same formulas, same bits."""
 
-from collections.abc import Mapping
+import hashlib
+import pickle
+import sys
+from collections.abc import Callable, Mapping
 from functools import partial
 from inspect import signature
 from typing import Any, TypeVar
 
 import numba
 from numba import njit
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
 from numba.extending import register_jitable
 
 from orchard.field import repeatable
-from orchard.sim.kernels.cache import kernels_folder
+from orchard.sim.kernels.cache import KernelFiles, kernels_folder
 
-if (_folder := kernels_folder()) is not None:
-    numba.config.CACHE_DIR = str(_folder)
+_folder = kernels_folder()
+_files = None if _folder is None else KernelFiles(_folder)
 
-jit = partial(njit, cache=True, nogil=True, error_model="numpy")  # no fastmath, which would change the bits
+
+class _Cache(NullCache):
+    """Keeps a kernel's compiled code, for numba, in files with checksums. Numba's own cache loads whatever bytes are in its files.
+
+    The folder's name contains the sources, and a file's name all else on which the code depends.
+    """
+
+    def __init__(self, files: KernelFiles, function: Callable[..., Any]) -> None:
+        self._files, self._name = files, f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
+
+    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
+        target_context.refresh()
+        code = self._files.load(self._file(sig, target_context.codegen()))
+        return None if code is None else CompileResult._rebuild(target_context, *pickle.loads(code))
+
+    def save_overload(self, sig: Any, cres: CompileResult) -> None:
+        if not cres.library.has_dynamic_globals:  # pointers, which another process must not use
+            self._files.keep(self._file(sig, cres.codegen), dumps(cres._reduce()))
+
+    def _file(self, sig: Any, codegen: Any) -> str:
+        machine = repr((numba.__version__, sys.version_info, sig, codegen.magic_tuple()))
+        return f"{self._name}-{hashlib.sha256(machine.encode()).hexdigest()[:32]}.nbc"
+
+
+def jit(function: Callable[..., Any], **options: Any) -> Any:
+    """Return the function compiled. Its code is kept on the disk."""
+    kernel = njit(nogil=True, error_model="numpy", **options)(function)  # no fastmath, which would change the bits
+    if _files is not None:
+        kernel._cache = _Cache(_files, function)
+    return kernel
+
 
 inlined = partial(jit, forceinline=True)  # for functions called in inner loops: saves passing their arrays, seven words each
 

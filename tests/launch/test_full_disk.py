@@ -1,0 +1,74 @@
+"""A disk that is full loses what goes there, and says so, but neither the harvest nor its result."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from alone import local_hash
+from command_line import ROOT, SECONDS, summary_of
+
+from orchard.field.scenario import Scenario
+
+DURATION = 40.0  # simulated s; the recording of 10 of them is larger than the disk
+FULL = "No space left on device"
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A disk of 1 MB, from which run.py is started: its folder runs/ is there."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "none", disk], capture_output=True)
+    if mounted.returncode:
+        pytest.skip("this machine mounts no disk for a test")
+    try:
+        (disk / "run.py").symlink_to(ROOT / "run.py")
+        yield disk
+    finally:
+        subprocess.run(["umount", "--lazy", disk], check=True)
+
+
+def harvest(disk: Path, *arguments: object, **streams: object) -> subprocess.CompletedProcess:
+    scenario = ROOT / "config" / "orchard.yaml"
+    command = [sys.executable, disk / "run.py", scenario, "--rows", 3, "--duration", DURATION, *arguments]
+    environment = os.environ | {"COLUMNS": "200"}
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | streams
+    return subprocess.run(list(map(str, command)), cwd=disk, text=True, timeout=SECONDS, env=environment, **streams)
+
+
+@pytest.mark.parametrize("mode", ["local", "lockstep"])
+def test_a_full_disk_loses_recording_and_snapshots_in_a_line_each_but_not_the_result(small_disk, tmp_path, mode):
+    path = tmp_path / "summary.json"
+    done = harvest(small_disk, "--mode", mode, "--summary", path)
+    said = done.stdout + done.stderr
+    assert done.returncode == 0, said
+    assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), round(DURATION * 10))
+    assert summary_of(path)["hash"] in done.stdout
+    for told in ("the rest of the run is not recorded", "a snapshot could not be written"):
+        (line,) = [line for line in said.splitlines() if told in line]
+        assert FULL in line
+    assert "starting it again" not in said
+    assert "Traceback" not in said
+    left = [file.name for file in (small_disk / "runs").rglob("*") if file.suffix == ".new" or ".packed" in file.name]
+    assert left == []
+
+
+def test_a_log_that_fills_its_disk_ends_no_run_and_the_table_comes_on_stderr(small_disk, tmp_path):
+    path = tmp_path / "summary.json"
+    with open("/dev/full", "w") as full:
+        done = harvest(small_disk, "--mode", "local", "--record", "none", "--summary", path, stdout=full)
+    hash_ = local_hash(Scenario(rows=3), round(DURATION * 10))
+    assert done.returncode == 0, done.stderr
+    assert summary_of(path)["hash"] == hash_
+    assert done.stderr.count(f"stdout cannot be written: {FULL}") == 1
+    assert hash_ in done.stderr
+
+
+def test_where_nothing_can_be_printed_the_summary_is_still_written(small_disk, tmp_path):
+    path = tmp_path / "summary.json"
+    with open("/dev/full", "w") as full:
+        done = harvest(small_disk, "--record", "none", "--summary", path, stdout=full, stderr=full)
+    assert done.returncode == 1, "the table came nowhere"
+    assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), round(DURATION * 10))

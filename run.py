@@ -91,14 +91,23 @@ def _scenario(path: Path | None, changes: dict[str, Any]) -> Scenario:
 
 
 def _snapshot(chosen: HarvestOptions, where: str) -> Snapshot:
-    """The newest usable snapshot; unusable ones are reported. Raises SnapshotError, or ValueError for options that a snapshot defines."""
+    """The newest usable snapshot; unusable ones are reported. What is left of a run whose run.py was killed is ended first.
+
+    Raises SnapshotError, or ValueError for options that a snapshot defines.
+    """
+    from orchard.launch.left_over import end_left_over
+
     if given := named(name for name in chosen.given() if name in (*options.CHANGES, "scenario")):
         raise ValueError(f"--resume: leave out {given}: that is in the snapshot")
     refused: list[str] = []
+    end_left_over(RUNS.folder, print_error)
     with sole(RUNS.snapshots(where)):
         found = newest(RUNS.snapshots(where), refused)
     for why in refused:
         print_error(f"not used: {why}")
+    if found.lost:
+        lost = ", ".join(f"{name} (tick {tick})" for name, tick in sorted(found.lost.items()))
+        print_error(f"no host was there for {lost}: the robots stood, and the hash is not that of a run without this")
     return found
 
 
@@ -142,9 +151,12 @@ def reset(robots: options.Robots = None, connect: options.There = None, secure: 
 
 def _switch(robots: list[str], connect: str | None, secure: Path | None, stop: bool) -> int:
     """Stop or reset robots, and print the result. Return the exit code."""
-    from orchard.launch.emergency_stop import find_run, switch
+    from orchard.launch.emergency_stop import find_run, running_here, switch
+    from orchard.launch.left_over import end_left_over
     from orchard.security.identity import Keyring
 
+    if connect is None and end_left_over(RUNS.folder, print_error) and stop and not running_here(RUNS.folder):
+        return FINISHED
     with exit_on_errors(BusError, ValueError):
         identity = None if secure is None else Keyring.load(secure).of(EMERGENCY_OPERATOR)
         answer = switch(find_run(RUNS.folder, connect), robots, stop, identity, print_error)

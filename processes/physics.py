@@ -2,7 +2,7 @@
 
     python -m processes.physics config/orchard.yaml --listen tcp/127.0.0.1:7447
 
-It is the router for the other processes, unless `--connect` names another one. `run.py` passes all options in one file, with `--request`.
+It is the router for the other processes, unless `--connect` names another one. `run.py` passes all options in a line, with `--request -`.
 """
 
 import argparse
@@ -32,15 +32,21 @@ if TYPE_CHECKING:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run an orchard. Return the exit code: 0; 1 if it jammed, broke an invariant or had a broken agent; 2 for bad input."""
+    """Run an orchard. Return the exit code: 0; 1 if it jammed, broke an invariant or had a broken agent; 2 for bad input.
+
+    With --result it is 0 in place of 1: the file tells how the run went.
+    """
     arguments = _arguments(argv)
-    return run_process("physics", lambda inbox: _run(inbox, _options(arguments)), BusError, ScenarioError, SnapshotError, ValueError)
+    file = arguments.pop("scenario_file", None)
+    return run_process("physics", lambda inbox: _run(inbox, _options(arguments), file), BusError, ScenarioError, SnapshotError, ValueError)
 
 
-def _run(inbox: Inbox, options: RunOptions) -> int:
+def _run(inbox: Inbox, options: RunOptions, file: str | None) -> int:
     keys, snapshots = Keys(options.prefix), options.snapshot_folder
     with sole(snapshots):
-        before = last(snapshots) if options.resume and snapshots else None
+        before = last(snapshots, options.run) if options.resume and snapshots else None
+        if before is None and file is not None:  # a snapshot holds the scenario, and the file may be gone
+            options = msgspec.structs.replace(options, scenario=load(file).model_dump())
         with _session(options, inbox, identity_in(options.secure, options.prefix)) as bus:
             return _simulate(bus, keys, before, options)
 
@@ -65,7 +71,8 @@ def _simulate(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions
     print(f"{end.why}: tick {end.tick}, {end.summary['wall_seconds']} s, hash {end.hash}", flush=True)
     for violation in end.summary["violations"]:
         print(f"violated: {violation}", flush=True)
-    return 1 if end.why == "jammed" or end.summary["violations"] or end.summary["broken_agents"] else 0
+    is_bad = end.why == "jammed" or end.summary["violations"] or end.summary["broken_agents"]
+    return 1 if is_bad and options.result is None else 0
 
 
 def _get_ready(engine: "Engine") -> None:
@@ -82,8 +89,6 @@ def _options(arguments: dict[str, Any]) -> RunOptions:
     values = {} if request is None else json.loads(request)
     if not isinstance(values, dict):
         raise ValueError("--request: the file must hold a JSON object")
-    if (scenario := arguments.pop("scenario_file", None)) is not None:
-        values["scenario"] = load(scenario).model_dump()
     values |= arguments
     if values.get("speed") == "max":
         values["speed"] = None
@@ -103,7 +108,7 @@ def _arguments(argv: list[str] | None) -> dict[str, Any]:
         prog="python -m processes.physics", description="Simulate the world of an orchard.", argument_default=argparse.SUPPRESS
     )
     parser.add_argument("scenario_file", nargs="?", metavar="SCENARIO.yaml", help="default: the built-in scenario")
-    parser.add_argument("--request", type=_text, metavar="FILE.json", help="all options, as run.py writes them")
+    parser.add_argument("--request", type=_text, metavar="FILE.json", help="all options in JSON; -: the first line of stdin")
     place = parser.add_mutually_exclusive_group()
     place.add_argument("--listen", metavar="ENDPOINT", help="default: a free port of 127.0.0.1")
     place.add_argument("--connect", metavar="ENDPOINT", help="endpoint of another router")
@@ -125,7 +130,7 @@ def _arguments(argv: list[str] | None) -> dict[str, Any]:
 
 def _text(path: str) -> str:
     try:
-        return Path(path).read_text()
+        return sys.stdin.readline() if path == "-" else Path(path).read_text()
     except OSError as error:
         raise argparse.ArgumentTypeError(f"{path}: {error.strerror}") from error
 

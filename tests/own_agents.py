@@ -151,6 +151,15 @@ class Stubborn(Endless):
                 pass
 
 
+class Leaver(Eastward):
+    """Ends its process at tick 20, with the exit code of one that has ended well."""
+
+    def tick(self, observation, mail, memory):
+        if observation.tick >= 20:
+            os._exit(0)
+        return super().tick(observation, mail, memory)
+
+
 def lost(layout, names):
     """Raises an error instead of making agents."""
     raise LookupError("no map")

@@ -135,8 +135,8 @@ class Run:
         self.stop()
         self._listener.join(PATIENCE + 2.0)
         if self._web is not None:
-            self._web.terminate()
-            self._web.wait()
+            with self._web:
+                self._web.terminate()
 
 
 class Runner:

@@ -20,7 +20,7 @@ from orchard.field.scenario import Scenario
 from orchard.launch.emergency_stop import RunNote, noted
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest, Shares
-from orchard.launch.supervisor import ProcessSpec, Supervisor, Watchdog, free_port, open_viewer
+from orchard.launch.supervisor import BAD_ORDER, ProcessSpec, Supervisor, Watchdog, free_port, open_viewer
 from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal, client
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError, check_free, check_security, reachable, with_port
@@ -42,9 +42,7 @@ WEB_VIEWER = "web viewer"  # the name of its process, which never ends by itself
 BEGIN_SECONDS = 60.0  # that physics may take to listen after this program has started it, on a busy machine
 TRY_SECONDS = 0.7  # of one attempt to connect to it; between attempts dead processes are restarted, and Ctrl-C is handled
 LOOK_SECONDS = 5.0  # in which a router must answer at an endpoint that a user gave
-REQUEST, RESULT = "request.json", "end.msgpack"  # files: the options of physics, and its last message
-ENDED = (0, 1, 2)  # exit codes of physics when it ends by itself
-BAD_ORDER = 2  # exit code of a process that refuses its arguments: starting it again does not help
+RESULT = "end.msgpack"  # file: the last message of physics
 
 
 def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None, str]:
@@ -57,7 +55,7 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
     run_id = (request.resumed.run if request.resumed else "") or uuid.uuid4().hex[:16]
     inbox = Inbox()
     _put_signals(inbox)  # from here on Ctrl-C is an item: it must not come between a process's start and its entry in the supervisor
-    with TemporaryDirectory() as folder, Supervisor(progress.say) as supervisor, ExitStack() as stack:
+    with TemporaryDirectory() as folder, Supervisor(progress.say, run_id) as supervisor, ExitStack() as stack:
         launched = _Launched(request, credentials, reachable(endpoint), run_id, supervisor, progress)
         launched.leave_note(stack)
         if not are_compiled():
@@ -151,7 +149,7 @@ class _Launched:
             self.progress.say(f"{error}; to stop robots of this run: run.py stop --connect {self.endpoint}")
 
     def start(self, folder: Path, listen: str) -> subprocess.Popen[bytes] | None:
-        """Start physics, the logger and the viewers. Return the viewer's window, if any. `folder`: for the files REQUEST and RESULT."""
+        """Start physics, the logger and the viewers. Return the viewer's window, if any. `folder`: for the file RESULT."""
         request, given, identity = self.request, self.request.options, self.credentials.identity(PHYSICS)
         options = RunOptions(
             scenario=request.scenario.model_dump(),
@@ -168,9 +166,9 @@ class _Launched:
             result=str(folder / RESULT),
             resume=request.resumed is not None,
         )
-        (folder / REQUEST).write_bytes(msgspec.json.encode(options))
-        order = ["--request", str(folder / REQUEST)]
-        self.supervisor.start(ProcessSpec(PHYSICS, "processes.physics", order, again=True, afterwards=["--resume"], final=ENDED))
+        told = msgspec.json.encode(options).decode()  # not a file, which may be gone when physics is restarted
+        order, again = ["--request", "-"], ["--resume"]
+        self.supervisor.start(ProcessSpec(PHYSICS, "processes.physics", order, again=True, afterwards=again, told=told, may_refuse=False))
         self._start_logger()
         if given.web is not None:
             from orchard.view.web import page_url
@@ -244,7 +242,7 @@ class _Launched:
                     refusals.note(item.key, refusal)
             elif why := self._why_over(begun):
                 return None, why
-            if (end := ending.end) and self.supervisor.exit_code(PHYSICS) in (None, *ENDED):
+            if (end := ending.end) and (self.supervisor.exit_code(PHYSICS) is None or self.supervisor.is_over(PHYSICS)):
                 return end.summary, end.why
             self.watchdog.look()
             self.supervisor.watch()
@@ -252,9 +250,9 @@ class _Launched:
 
     def _why_over(self, begun: bool) -> str:
         """Why the run cannot go on without a message of its end; '' if it can. `begun`: whether all agents have been there."""
-        code, given_up = self.supervisor.exit_code(PHYSICS), self.supervisor.given_up
-        if code in ENDED:
-            return f"physics ended with code {code}"
+        given_up = self.supervisor.given_up
+        if self.supervisor.is_over(PHYSICS):
+            return f"physics ended with code {self.supervisor.exit_code(PHYSICS)}"
         if PHYSICS in given_up:
             return f"physics died repeatedly; to go on: python run.py --resume {self.request.snapshots}"
         if not begun and (missing := [agent for program in given_up.values() for agent in program.agents]):
@@ -291,11 +289,11 @@ def join_run(endpoint: str, only: list[str], without: list[str], credentials: Cr
     with Supervisor(progress.say) as supervisor:
         start_hosts(supervisor, endpoint, shares, credentials)
         progress.say(f"hosting {', '.join(names)} at {endpoint}")
-        while None in (codes := supervisor.exit_codes()):
+        while not all(map(supervisor.is_over, supervisor.running)):
             if isinstance(inbox.take(0.2), Signal):
                 supervisor.stop(STOP_SECONDS)
                 return 0
-            if BAD_ORDER in codes:
+            if BAD_ORDER in supervisor.exit_codes():
                 return BAD_ORDER
             supervisor.watch()
-        return max([1 for _ in supervisor.given_up] + [code or 0 for code in supervisor.exit_codes()])
+        return 1 if supervisor.given_up else 0

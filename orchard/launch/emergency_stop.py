@@ -1,7 +1,7 @@
 """`run.py stop` and `run.py reset`: find the run on this machine, and stop or reset its robots.
 
 Each run keeps a note of its endpoint in runs/ while it is active. The process that wrote a note holds a lock on it. The lock ends with
-the process, so a note without a lock is stale.
+the process, so a note without a lock is stale (`left_over.py`).
 """
 
 import fcntl
@@ -48,14 +48,15 @@ def noted(folder: Path, note: RunNote) -> Iterator[None]:
             path.unlink(missing_ok=True)
 
 
-def running_here(folder: Path) -> list[RunNote]:
-    """Return the active runs, sorted by id. Stale notes are removed."""
+def running_here(folder: Path, gone: list[Path] | None = None) -> list[RunNote]:
+    """Return the active runs, sorted by id. Stale notes, whose run.py is gone, are appended to `gone`."""
     notes = []
     for path in sorted(folder.glob("*.going")):
         with suppress(OSError, msgspec.DecodeError), path.open() as file:  # gone meanwhile, or malformed
             try:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-                path.unlink(missing_ok=True)
+                if gone is not None:
+                    gone.append(path)
             except BlockingIOError:  # the run holds the lock
                 notes.append(msgspec.json.decode(file.read(), type=RunNote))
     return notes

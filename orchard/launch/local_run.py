@@ -95,7 +95,7 @@ def run(
         try:
             while not (why := _end(local, account, ticks, is_stopped())):
                 if snapshot_writer.is_due():
-                    snapshot_writer.keep(_snapshot(local, account))
+                    snapshot_writer.keep(_snapshot(local, account, request.resumed))
                 if left := pacer.wait():
                     time.sleep(min(left, NAP_SECONDS))
                     continue
@@ -107,7 +107,7 @@ def run(
                 if account.is_due():
                     message = account.message("", {})
                     show(message.figures, message.doing, message.waits_for)
-            snapshot_writer.keep(_snapshot(local, account))
+            snapshot_writer.keep(_snapshot(local, account, request.resumed))
         except StillThinks as thought:  # some memories are of this tick already: no snapshot of it
             print_error(f"{thought}; the run ends before this tick")
             why = "stopped"
@@ -122,8 +122,9 @@ def _frame(frames: FrameBuilder, local: Local, events: list[Event]) -> Frame:
     return frame
 
 
-def _snapshot(local: Local, account: RunFigures) -> Snapshot:
+def _snapshot(local: Local, account: RunFigures, before: Snapshot | None) -> Snapshot:
     snapshot = local.snapshot()
+    snapshot.lost = before.lost if before else {}
     snapshot.figures |= account.as_data()
     return snapshot
 
@@ -158,8 +159,7 @@ def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
             from orchard.view.web import page_url, serve_web
 
             print_line(f"Live: {page_url(options.web)}")
-            browser = serve_web(options.web, request.uri)
-            stack.callback(browser.wait)
+            browser = stack.enter_context(serve_web(options.web, request.uri))
             stack.callback(browser.terminate)
         viewer = open_viewer(request.uri) if options.view else None
         with Progress(console, options.progress == "json") as progress:

@@ -12,12 +12,16 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import IO, cast
 
+from orchard.net import lifeline
 from orchard.view.files import window
 
 ROOT = Path(__file__).parents[2]
 QUICK_SECONDS = 10.0  # a process that lives shorter than this has died quickly
 DEATHS = 5  # quick deaths in a row, after which a process is given up
+BAD_ORDER = 2  # exit code of a process that refuses its arguments, or what it finds: its port may be taken, and be free again soon
+REFUSALS = 9  # quick deaths in a row, after which a process is given up that ends with this code: half a minute
 BACK_OFF = 0.25  # s before the second restart; twice as long before each further one
 QUICK_START = {  # turns off work of libraries at their import that is not needed here: a fifth of a start's processor time
     "OPENBLAS_NUM_THREADS": "1",  # threads for large matrices
@@ -37,8 +41,9 @@ class ProcessSpec:
     arguments: Sequence[str]
     again: bool = False  # restart it when it dies
     afterwards: Sequence[str] = ()  # further arguments of a restart
-    final: Sequence[int] = (0,)  # exit codes after which it is not restarted
     agents: Sequence[str] = ()  # the agents that it hosts
+    told: str = ""  # a line that it reads from its standard input
+    may_refuse: bool = True  # False: if it ends with BAD_ORDER at its first start, it is not restarted
 
 
 @dataclass
@@ -48,6 +53,13 @@ class _Running:
     begun: float  # s, on the supervisor's clock
     deaths: int = 0  # quick deaths in a row
     due: float = math.inf  # s, on the supervisor's clock: the time of its restart
+    is_asked: bool = False  # to end
+
+    def is_over(self) -> bool:
+        """Whether it has ended and is not restarted: an end that nobody asked for, and that is not the run's, is a death."""
+        code = self.popen.poll()
+        is_refusal = code == BAD_ORDER and not self.deaths and not self.program.may_refuse
+        return code is not None and (not self.program.again or self.is_asked or code == lifeline.OVER or is_refusal)
 
 
 @dataclass
@@ -55,6 +67,7 @@ class Supervisor:
     """The processes of a run. Use it in a `with` statement: at its end all processes are stopped. `say` prints a line."""
 
     say: Callable[[str], None]
+    run: str = ""  # the run's id
     running: dict[str, _Running] = field(default_factory=dict)
     clock: Callable[[], float] = time.monotonic
     given_up: dict[str, ProcessSpec] = field(default_factory=dict)  # name -> a process that died DEATHS times in a row
@@ -79,10 +92,13 @@ class Supervisor:
         environment = QUICK_START | QUICK_TICKS | os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
         command, null, pipe = [sys.executable, "-m", program.module, *arguments], subprocess.DEVNULL, subprocess.PIPE
         popen = subprocess.Popen(
-            command, cwd=ROOT, env=environment, stdin=null, stdout=null, stderr=pipe,
+            command, cwd=ROOT, env=environment | lifeline.environment(self.run), stdin=pipe, stdout=null, stderr=pipe,
             text=True, errors="backslashreplace", process_group=0,
         )  # fmt: skip
         take_turns(popen.pid)
+        if program.told:
+            with suppress(BrokenPipeError):  # it has died already
+                print(program.told, file=popen.stdin, flush=True)
         threading.Thread(target=self._pass_on, args=(program, popen), daemon=True).start()
         return popen
 
@@ -98,6 +114,10 @@ class Supervisor:
         """Return the exit code of a process; None while it runs, or if it was never started."""
         return self.running[name].popen.poll() if name in self.running else None
 
+    def is_over(self, name: str) -> bool:
+        """Return whether a process has ended, and is not restarted."""
+        return name in self.running and self.running[name].is_over()
+
     def exit_codes(self) -> list[int | None]:
         """Return the exit codes of all processes; None for one that runs."""
         return [running.popen.poll() for running in self.running.values()]
@@ -106,7 +126,7 @@ class Supervisor:
         """Restart processes that have died: at once, then after increasing waits. After DEATHS quick deaths a process is given up."""
         for name, running in list(self.running.items()):
             program, code = running.program, running.popen.poll()
-            if code is None or code in program.final or not program.again:
+            if code is None or running.is_over():
                 continue
             if running.due == math.inf:
                 self._count_death(running, code)
@@ -119,12 +139,12 @@ class Supervisor:
         program, now = running.program, self.clock()
         self._end_forks(running)
         running.deaths = running.deaths + 1 if now - running.begun < QUICK_SECONDS else 1
-        if running.deaths < DEATHS:
+        if running.deaths < (REFUSALS if code == BAD_ORDER else DEATHS):
             running.due = now + (BACK_OFF * 2 ** (running.deaths - 2) if running.deaths > 1 else 0.0)
             self.say(f"{program.name} ended with code {code}; starting it again")
         else:
             stands = f"; these stand: {', '.join(program.agents)}" if program.agents else ""
-            self.say(f"{program.name} ended with code {code}, {DEATHS} times in a row; giving up on it{stands}")
+            self.say(f"{program.name} ended with code {code}, {running.deaths} times in a row; giving up on it{stands}")
             self.given_up[program.name] = self.running.pop(program.name).program
 
     def pid(self, name: str) -> int | None:
@@ -132,10 +152,12 @@ class Supervisor:
         return self.running[name].popen.pid if name in self.running else None
 
     def terminate(self, *names: str) -> None:
-        """Ask processes to end, if they run."""
+        """Ask processes to end, if they run: let go of their lines."""
         for name in names:
             if name in self.running:
-                self.running[name].popen.terminate()
+                self.running[name].is_asked = True
+                with suppress(BrokenPipeError):  # it has died before it has read what it was told
+                    cast(IO[str], self.running[name].popen.stdin).close()
 
     def kill(self, name: str) -> None:
         """End a process by force, even if it is frozen."""

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from types import FrameType
 
 from orchard.contract import guard
+from orchard.net import lifeline
 from orchard.net.bus import Inbox, Signal
 from orchard.net.host import Host, HostEnded
 
@@ -21,14 +22,23 @@ YOUNG = 20_000  # objects that may be created before Python's cycle collector ru
 
 
 def run_process(name: str, body: Callable[[Inbox], int], *mistakes: type[Exception]) -> int:
-    """Run the body of a process and return its exit code. SIGINT and SIGTERM arrive in its inbox as items.
+    """Run the body of a process and return its exit code. Requests to end arrive in its inbox as items.
+
+    Such a request is SIGINT or SIGTERM; for a process of run.py, that run.py lets go of its line. The good exit code is then OVER.
 
     `mistakes`: errors that a user can correct; they are logged without a traceback, and the exit code is 2.
     """
     logging.basicConfig(level=logging.WARNING, format=f"{name}: %(message)s")
     inbox = Inbox()
+    if lifeline.is_held():
+        lifeline.hold_on(lambda: inbox.put(Signal(signal.SIGTERM)))
+        return _code_of(inbox, body, *mistakes) or lifeline.OVER
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
+    return _code_of(inbox, body, *mistakes)
+
+
+def _code_of(inbox: Inbox, body: Callable[[Inbox], int], *mistakes: type[Exception]) -> int:
     try:
         return body(inbox)
     except HostEnded as end:

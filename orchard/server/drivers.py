@@ -28,6 +28,7 @@ class Drivers:
     ) -> None:
         self._engine, self._publisher = engine, publisher
         self.roster, self.answers, self.ledger, self.unheld = roster, answers, ledger, UnheldCommands()
+        self.lost: dict[str, int] = {}  # agent -> the first tick for which lockstep has not waited for it
         self._seen: Observations | None = None
 
     # -- which session holds which agent
@@ -58,9 +59,15 @@ class Drivers:
         """Remove the holders of these agents, and publish that they are lost."""
         for name in names:
             self.answers.release(name)
+        self.miss(names)
         released = self.roster.release(names)
         self._publisher.publish_lost(self._engine.tick, released)
         self._publisher.retire(set(released).difference(self.roster.by_holder()))
+
+    def miss(self, names: Collection[str]) -> None:
+        """Record that the run goes on without these agents."""
+        if not self.answers.releases_at_once:
+            self.lost = dict.fromkeys(sorted(names), self._engine.tick) | self.lost
 
     def drives(self, name: str) -> bool:
         """Whether a session holds this agent, or another client drives its robot."""

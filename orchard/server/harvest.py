@@ -104,6 +104,7 @@ class Harvest:
         answers = RealtimeBarrier(roster, TIME_STEP / options.pace) if is_paced else LockstepBarrier(roster, options.patience)
         self.publisher = Publisher(bus, keys, self.run, engine.layout, answers.newest_wins)
         self.drivers = Drivers(engine, roster, answers, ledger, self.publisher)
+        self.drivers.lost |= before.lost if before else {}
         self.account = RunFigures(engine, before.figures if before else {})
         self._pending: tuple[int, list[Event], dict[str, Action]] | None = None  # a step that is not reported yet
 
@@ -150,7 +151,7 @@ class Harvest:
         engine, ledger = self.engine, self.drivers.ledger
         scenario, held = engine.layout.scenario.model_dump(), sorted(self.drivers.roster.holders)
         letters, figures = sorted(ledger.letters.items()), self.account.as_data()
-        return Snapshot(self.run, scenario, engine.as_data(), engine.digest, ledger.memories, letters, figures, held)
+        return Snapshot(self.run, scenario, engine.as_data(), engine.digest, ledger.memories, letters, figures, held, self.drivers.lost)
 
     def end(self, why: str) -> End:
         """Return the last message of the run. `why`: why it ended."""

@@ -81,6 +81,9 @@ class Physics:
                 end, fewest = time.monotonic() + patience, len(missing)
             elif not self.arrivals.take(min(left, WARN_SECONDS)):
                 log.warning("waiting for %d agents: %s", len(missing), ", ".join(missing))
+        if missing:
+            log.warning("no host has come back with %s: no longer waited for; the hash changes", ", ".join(missing))
+            self._drivers.miss(missing)
         deadline = time.monotonic() + LOGGER_SECONDS
         while self._options.recorded and not self._has_logger() and (left := deadline - time.monotonic()) > 0.0:
             self.arrivals.take(left)

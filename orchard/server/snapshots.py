@@ -37,7 +37,7 @@ def _opened(folder: Path) -> int | None:
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
     with suppress(OSError):
-        return os.open(folder, os.O_RDONLY)
+        return os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     return None
 
 
@@ -84,13 +84,18 @@ class SnapshotWriter:
             return False
 
 
-def last(folder: Path) -> Snapshot | None:
-    """Return the newest usable snapshot in a folder; None if the folder has none. Raises SnapshotError if none of them is usable."""
+def last(folder: Path, run: str = "") -> Snapshot | None:
+    """Return the newest usable snapshot of a run in a folder; None if there is none: then the run begins anew, from its first tick.
+
+    `run`: its id; '' for that of any run. Snapshots that are not usable are logged.
+    """
     refused: list[str] = []
-    if not folder.is_dir() or not any(folder.glob("tick-*.snapshot")):
-        return None
     try:
-        return newest(folder, refused)
-    finally:
-        for why in refused:
-            log.warning("not used: %s", why)
+        found = newest(folder, refused, run)
+    except SnapshotError:
+        found = None
+    for why in refused:
+        log.warning("not used: %s", why)
+    if refused and found is None:
+        log.warning("%s: no usable snapshot; the run begins anew, and no robot is stopped any more", folder)
+    return found

@@ -5,7 +5,9 @@ then renamed, so that a kill leaves the old file or the new one, never a part of
 """
 
 import hashlib
+import os
 import re
+import stat
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -36,6 +38,7 @@ class Snapshot(msgspec.Struct):
     letters: list[tuple[int, dict[str, Written]]]  # (tick, sender -> its letters) of the last two ticks
     figures: dict[str, Any]  # the run's figures so far
     held: list[str] = []  # the agents that a session held
+    lost: dict[str, int] = {}  # agent -> the first tick for which lockstep has not waited for it: from there on the hash is another
 
     @property
     def tick(self) -> int:
@@ -53,11 +56,12 @@ def as_file(snapshot: Snapshot) -> tuple[str, bytes]:
 
 
 def store(name: str, content: bytes, folder: Path) -> Path:
-    """Write a file that `as_file` returned into a folder, remove all but the newest KEPT, and return its path. Raises OSError."""
+    """Write a file that `as_file` returned into a folder, remove all but the KEPT last written, and return its path. Raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
     write_whole(path, content)
-    for old in [*_newest_first(folder)[KEPT:], *folder.glob("*.new")]:  # the latter of a process that was killed while it wrote
+    written = sorted(_newest_first(folder), key=lambda old: old.lstat().st_mtime_ns, reverse=True)  # the highest tick may be damaged
+    for old in [*written[KEPT:], *folder.glob("*.new")]:  # the latter of a process that was killed while it wrote
         old.unlink(missing_ok=True)
     return path
 
@@ -65,8 +69,8 @@ def store(name: str, content: bytes, folder: Path) -> Path:
 def read(path: Path) -> Snapshot:
     """Return the snapshot in a file. Raises SnapshotError, which names the file and the fault."""
     try:
-        with path.open("rb") as file:
-            data = file.read(LARGEST + 1)
+        with open(path, "rb", opener=_opened) as file:
+            data = file.read(LARGEST + 1) if stat.S_ISREG(os.fstat(file.fileno()).st_mode) else b""
     except OSError as error:
         raise SnapshotError(f"{path}: {error.strerror}") from error
     if len(data) > LARGEST:
@@ -87,11 +91,21 @@ def read(path: Path) -> Snapshot:
     return snapshot
 
 
-def newest(folder: Path, refused: list[str]) -> Snapshot:
-    """Return the newest readable snapshot in a folder; append the faults of newer ones to `refused`. Raises SnapshotError if none is."""
+def _opened(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NONBLOCK)  # of a pipe it would wait for a writer
+
+
+def newest(folder: Path, refused: list[str], run: str = "") -> Snapshot:
+    """Return the newest usable snapshot in a folder; append the faults of newer ones to `refused`. Raises SnapshotError if there is none.
+
+    `run`: the id of the run to which it must belong, if it names one; '' for any.
+    """
     for path in _newest_first(folder):
         try:
-            return read(path)
+            found = read(path)
+            if run and found.run not in ("", run):
+                raise SnapshotError(f"{path}: of another run, {found.run}; expected {run}")
+            return found
         except SnapshotError as error:
             refused.append(str(error))
     raise SnapshotError("; ".join([*refused, f"{folder}: no usable snapshot"]))

@@ -1,18 +1,23 @@
 """Rerun's viewer in a browser: a web server on the loopback that serves the viewer and tells it what to show.
 
-`python -m orchard.view.web rerun+http://127.0.0.1:9091/proxy --port 9090` runs this server until it is ended. `serve_web` starts the
-same server beside a running program. `rr.serve_web_viewer` is not used: it listens on all interfaces.
+`python -m orchard.view.web rerun+http://127.0.0.1:9091/proxy --port 9090` runs this server until its standard input ends: until the
+program that started it lets go, or is gone. `serve_web` starts it so. `rr.serve_web_viewer` is not used: it listens on all interfaces.
 """
 
 import argparse
 import os
+import signal
 import socket
 import subprocess
+import sys
+from pathlib import Path
+from typing import NoReturn
 from urllib.parse import urlencode
 
 from orchard.view.files import viewer_program
 
 LOOPBACK = "127.0.0.1"
+ROOT = Path(__file__).parents[2]
 QUIET = {"RUST_LOG": "error"}  # environment of the server
 
 
@@ -34,8 +39,8 @@ def command(port: int, *what: str) -> list[str]:
 
 def serve_web(port: int, *what: str) -> subprocess.Popen[bytes]:
     """Serve the viewer at `page_url(port)`. The caller ends the returned process with `terminate()`."""
-    line, null = command(port, *what), subprocess.DEVNULL
-    return subprocess.Popen(line, env=os.environ | QUIET, start_new_session=True, stdin=null, stdout=null, stderr=null)
+    line, null = [sys.executable, "-m", "orchard.view.web", *what, "--port", str(port)], subprocess.DEVNULL
+    return subprocess.Popen(line, cwd=ROOT, start_new_session=True, stdin=subprocess.PIPE, stdout=null, stderr=null)
 
 
 def free_pair() -> int:
@@ -52,13 +57,22 @@ def free_pair() -> int:
 
 
 def main() -> None:
-    """Replace this process by the server, so that a signal to the process reaches the server."""
+    """Replace this process by the server, so that a signal to the process reaches the server. A child ends it when standard input ends."""
     parser = argparse.ArgumentParser(prog="python -m orchard.view.web", description="Serve Rerun's viewer on the loopback.")
-    parser.add_argument("what", help="the address of live data, or a recording")
+    parser.add_argument("what", nargs="+", help="the address of live data, or the parts of a recording")
     parser.add_argument("--port", type=int, default=9090, help="port of the viewer; its data are expected on the next port")
     arguments = parser.parse_args()
-    line = command(arguments.port, arguments.what)
+    line, server = command(arguments.port, *arguments.what), os.getpid()
+    if os.fork() == 0:
+        _end_with_input(server)
     os.execve(line[0], line, os.environ | QUIET)
+
+
+def _end_with_input(server: int) -> NoReturn:
+    sys.stdin.buffer.read()
+    if os.getppid() == server:
+        os.kill(server, signal.SIGKILL)
+    os._exit(0)
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ def test_the_web_viewer_is_on_the_loopback_only():
         assert {(address.ip, address.port) for address in listening} == {("127.0.0.1", port)}
     finally:
         viewer.terminate()
-        viewer.wait(10)
+        viewer.communicate(timeout=10)
 
 
 # -- who may ask it

@@ -1,5 +1,6 @@
 """Who dies is started again: at once, then ever later, and not for ever. In virtual time, with processes that are only said to die."""
 
+import io
 import os
 import subprocess
 import sys
@@ -9,7 +10,8 @@ import psutil
 import pytest
 from fleet import until
 
-from orchard.launch.supervisor import DEATHS, QUICK_SECONDS, ProcessSpec, Supervisor, take_turns
+from orchard.launch.supervisor import BAD_ORDER, DEATHS, QUICK_SECONDS, REFUSALS, ProcessSpec, Supervisor, take_turns
+from orchard.net.lifeline import OVER
 
 
 class Clock:
@@ -23,7 +25,7 @@ class Child:
     """A process that runs until it is told to die."""
 
     def __init__(self, arguments):
-        self.arguments, self.returncode = arguments, None
+        self.arguments, self.returncode, self.stdin = arguments, None, io.StringIO()
 
     def poll(self):
         return self.returncode
@@ -98,17 +100,28 @@ def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
     assert alive == []
 
 
-def test_who_ends_well_or_need_not_live_is_left_alone(fleet):
+def test_whose_run_is_over_or_who_need_not_live_is_left_alone(fleet):
     fleet.start(ProcessSpec("viewer", "rerun", []))
-    fleet.children[0].die(code=0)
+    fleet.children[0].die(code=OVER)
     fleet.children[1].die()
     fleet.watch()
     assert len(fleet.children) == 2
 
 
-def waits(fleet, clock):
+def test_an_end_that_nobody_asked_for_is_a_death(fleet):
+    """As by an agent's os._exit(0)."""
+    fleet.children[0].die(code=0)
+    fleet.watch()
+    assert len(fleet.children) == 2
+    fleet.terminate("agents 1")
+    fleet.children[1].die(code=0)
+    fleet.watch()
+    assert len(fleet.children) == 2
+
+
+def waits(fleet, clock, code=-9):
     """For how long the fleet waits before it starts the last one again, which dies at once."""
-    fleet.children[-1].die()
+    fleet.children[-1].die(code)
     begun, count = clock.now, len(fleet.children)
     while True:
         fleet.watch()
@@ -123,6 +136,24 @@ def test_quick_deaths_are_followed_by_ever_longer_waits_and_by_giving_up_by_name
     assert "agents 1" in fleet.said[-1] and "giving up on it; these stand: picker_01" in fleet.said[-1]
     fleet.watch()
     assert len(fleet.children) == DEATHS
+
+
+def test_what_is_refused_may_pass_and_is_tried_for_half_a_minute(fleet, clock):
+    """As a port that is taken."""
+    assert sum(waits(fleet, clock, BAD_ORDER) for _ in range(REFUSALS - 1)) > 30.0
+    assert not fleet.given_up
+    waits(fleet, clock, BAD_ORDER)
+    assert list(fleet.given_up) == ["agents 1"]
+
+
+def test_whose_first_order_is_bad_is_not_started_again_but_it_is_later(fleet, clock):
+    fleet.start(ProcessSpec("physics", "processes.physics", [], again=True, may_refuse=False))
+    fleet.children[-1].die(BAD_ORDER)
+    fleet.watch()
+    assert fleet.is_over("physics")
+    fleet.start(ProcessSpec("physics", "processes.physics", [], again=True, may_refuse=False))
+    assert waits(fleet, clock) == 0.0
+    assert waits(fleet, clock, BAD_ORDER) == 0.25
 
 
 def test_deaths_that_are_far_apart_are_not_in_a_row(fleet, clock):

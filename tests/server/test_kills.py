@@ -3,6 +3,7 @@
 import json
 import re
 import signal
+import socket
 import subprocess
 import time
 from contextlib import suppress
@@ -10,7 +11,7 @@ from contextlib import suppress
 import psutil
 import pytest
 from alone import SMALL, local_hash
-from command_line import ROOT, orchard, running, starting, summary_of, wait_until_simulated
+from command_line import ROOT, line_with, orchard, running, starting, summary_of, wait_until_simulated
 from recordings import seconds_of
 
 from orchard.field.scenario import Scenario, to_yaml
@@ -53,6 +54,53 @@ def test_whatever_is_killed_the_same_run_goes_on(tmp_path, undisturbed, word):
         process_of(run, word).kill()
         printed = end(run)
     assert re.search(rf"{word}.* ended with code -9; starting it again", printed)
+    assert summary_of(path)["hash"] == undisturbed
+
+
+def test_a_signal_that_run_py_has_not_sent_is_a_death_too(tmp_path, undisturbed):
+    path = tmp_path / "summary.json"
+    with running(*PACE, "--speed", 5, "--record", tmp_path / "run.rrd", "--summary", path) as run:
+        wait_until_simulated(run, 2.0)
+        for word, number in (("agents", signal.SIGTERM), ("logger", signal.SIGINT), ("physics", signal.SIGTERM)):
+            process_of(run, word).send_signal(number)
+        printed = end(run)
+    for word in ("agents 1", "logger", "physics"):
+        assert re.search(rf"{word} ended with code 1(43|30); starting it again", printed), printed
+    assert summary_of(path)["hash"] == undisturbed
+
+
+def test_a_signal_to_all_stops_the_run(tmp_path):
+    """As when a machine is shut down."""
+    path = tmp_path / "summary.json"
+    with running(*PACE, "--speed", 5, "--record", "none", "--summary", path) as run:
+        wait_until_simulated(run, 2.0)
+        for process in [*psutil.Process(run.pid).children(), psutil.Process(run.pid)]:
+            process.terminate()
+        printed = end(run)
+    assert "again" not in printed
+    assert summary_of(path)["ticks"] >= 20
+
+
+@pytest.mark.soak
+def test_physics_whose_port_is_taken_is_tried_again_until_it_is_free(tmp_path, undisturbed):
+    port, path = free_port(), tmp_path / "summary.json"
+    arguments = ("--record", "none", "--listen", f"tcp/127.0.0.1:{port}", "--summary", path)
+    with running(*PACE, "--speed", 5, *arguments) as run, socket.socket() as other:
+        wait_until_simulated(run, 2.0)
+        physics = process_of(run, "physics")
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        physics.kill()
+        deadline = time.monotonic() + 10.0
+        while time.monotonic() < deadline:
+            with suppress(OSError):  # until it has let go
+                other.bind(("127.0.0.1", port))
+                break
+        other.listen()
+        for _ in range(5):
+            line_with("physics ended with code 2; starting it again", run)
+        other.close()
+        printed = end(run)
+    assert "giving up" not in printed
     assert summary_of(path)["hash"] == undisturbed
 
 
@@ -121,6 +169,13 @@ def test_a_run_that_can_never_begin_ends_and_names_whom_it_lacks(tmp_path, own_a
     assert re.search(r"agents \d ended with code 7, 5 times in a row; giving up on it; these stand: .*picker_01", done.stdout)
     assert re.search(r"the run cannot begin without .*picker_01", done.stderr)
     assert "picker_02" not in done.stderr
+
+
+@pytest.mark.soak
+def test_an_agent_that_ends_its_process_as_if_all_were_well_is_started_again(tmp_path, own_agents):
+    done = orchard(with_class(tmp_path, "Leaver"), "--hosts", 2, "--record", "none", "--duration", 4, "--patience", 3)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"agents \d ended with code 0; starting it again", done.stdout)
 
 
 @pytest.mark.soak

@@ -1,5 +1,6 @@
 """Kill it, freeze it, cut it off: lockstep waits, goes on, and has the hash of a run that nothing happened to."""
 
+import os
 import signal
 from types import SimpleNamespace
 
@@ -15,6 +16,7 @@ from orchard.net.bus import Alive, Query
 from orchard.server.harvest import RunOptions
 from orchard.server.loop import Physics
 from orchard.sim.engine import Engine
+from orchard.sim.snapshot import as_file, newest
 from orchard.wire.keys import Keys
 from orchard.wire.messages import Join
 
@@ -74,9 +76,9 @@ def test_a_host_that_sleeps_for_a_while_changes_nothing(fleet, undisturbed):
     assert fleet.end() == undisturbed
 
 
-def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_it_wakes(fleet):
+def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_it_wakes(fleet, tmp_path):
     """3 s: those who had letters for it learn within two that it does not answer, and are in time."""
-    fleet.physics(SMALL, "--speed", "5", "--patience", "3")
+    fleet.physics(SMALL, "--speed", "5", "--patience", "3", "--snapshots", str(tmp_path / "snapshots"))
     someone = fleet.client()
     lost, velocities, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "picker_01/velocity", "clock"))
     fleet.host("--without", "picker_01", agents=TOY)
@@ -91,6 +93,7 @@ def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_
     fleet.world.signal(signal.SIGTERM)
     fleet.end()
     assert "no answer" in fleet.world.complaints
+    assert newest(tmp_path / "snapshots", []).lost == {"picker_01": named["tick"]}, "and who resumes the run is told"
 
 
 def test_what_one_says_late_who_was_given_up_is_refused_until_it_joins_again(fleet):
@@ -151,6 +154,39 @@ def test_a_torn_snapshot_is_named_and_the_one_before_it_is_used(fleet, undisturb
     fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
     assert torn.name in fleet.world.error()
     assert fleet.end() == undisturbed
+
+
+def test_physics_whose_scenario_file_is_gone_goes_on_from_the_newest_snapshot_that_is_its_own(fleet, undisturbed, tmp_path):
+    folder = tmp_path / "snapshots"
+    keeping = ("--snapshots", str(folder), "--snapshot-every", "0.2")
+    fleet.physics(SMALL, *PACE, *keeping)
+    fleet.share(2, TOY)
+    wait_for_tick(fleet, 30)
+    end(fleet.world)
+    (tmp_path / "scenario.yaml").unlink()
+    os.mkfifo(folder / "tick-000000999.snapshot")
+    alien = Local(SMALL).snapshot()
+    alien.run = "another"
+    (folder / "tick-000000998.snapshot").write_bytes(as_file(alien)[1])
+    gone = str(tmp_path / "scenario.yaml")
+    fleet.world = fleet.start("processes.physics", gone, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
+    assert fleet.end() == undisturbed
+    assert "tick-000000999.snapshot: not a snapshot" in fleet.world.complaints
+    assert "tick-000000998.snapshot: of another run, another" in fleet.world.complaints
+
+
+def test_physics_that_has_only_a_torn_snapshot_begins_anew_and_says_so(fleet, undisturbed, tmp_path):
+    folder = tmp_path / "snapshots"
+    keeping = ("--snapshots", str(folder), "--snapshot-every", "0.2")
+    fleet.physics(SMALL, *PACE, *keeping)
+    fleet.share(2, TOY)
+    wait_for_tick(fleet, 30)
+    end(fleet.world)
+    for path in folder.glob("tick-*.snapshot"):
+        path.write_bytes(path.read_bytes()[:1000])
+    fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
+    assert fleet.end() == undisturbed
+    assert "the run begins anew" in fleet.world.complaints
 
 
 # -- the router
@@ -215,3 +251,4 @@ def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(m
     physics = Physics(bus, Keys(), Engine.resume(before), RunOptions(patience=15.0), before)
     physics.gather()
     assert (sorted(physics.harvest.drivers.roster.holders) == names) == is_there
+    assert (physics.harvest.drivers.lost == {}) == is_there

@@ -1,0 +1,122 @@
+"""run.py is killed: its processes end by themselves, soon, and the run goes on from where it was; what does not end is ended."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import psutil
+import pytest
+from alone import SMALL, local_at, local_hash
+from command_line import ROOT, line_with, orchard, summary_of, wait_until_simulated
+from fleet import SECONDS
+
+from orchard.field.scenario import to_yaml
+from orchard.launch import left_over
+from orchard.launch.left_over import end_left_over, processes_of
+from orchard.net.lifeline import STARTED_BY
+from orchard.sim.snapshot import as_file, newest, store
+
+DURATION = 30.0  # s, simulated
+
+
+def run_py(folder: Path, *arguments: object) -> subprocess.Popen:
+    """A run.py of its own, whose notes, snapshots and recordings are in a folder of its own."""
+    if not (folder / "run.py").exists():
+        (folder / "run.py").symlink_to(ROOT / "run.py")
+    command = [sys.executable, "-u", folder / "run.py", *arguments]
+    return subprocess.Popen(list(map(str, command)), cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+@contextmanager
+def begun(folder: Path, *arguments: object):
+    """A run that has begun, and its processes; nothing is left behind."""
+    path = folder / "scenario.yaml"
+    path.write_text(to_yaml(SMALL))
+    run, processes = run_py(folder, path, "--speed", 5, "--duration", DURATION, "--hosts", 2, *arguments), []
+    try:
+        line_with("real time", run)
+        processes = psutil.Process(run.pid).children(recursive=True)
+        wait_until_simulated(run, 3.0)
+        yield run, processes
+    finally:
+        for process in [*processes, run]:
+            with suppress(psutil.NoSuchProcess):
+                process.kill()
+        run.communicate(timeout=SECONDS)
+
+
+def ended(folder: Path, *arguments: object) -> tuple[int, str]:
+    """The exit code of a run.py, and what it printed."""
+    run = run_py(folder, *arguments)
+    printed, _ = run.communicate(timeout=120)
+    return run.returncode, printed
+
+
+@pytest.mark.parametrize(
+    "number", [signal.SIGKILL, pytest.param(signal.SIGHUP, marks=pytest.mark.soak), pytest.param(signal.SIGQUIT, marks=pytest.mark.soak)]
+)
+def test_when_run_py_dies_its_processes_end_and_the_run_goes_on_to_the_same_hash(tmp_path, number):
+    path = tmp_path / "summary.json"
+    with begun(tmp_path, "--record", tmp_path / "run.rrd") as (run, processes):
+        assert len(processes) == 4
+        run.send_signal(number)
+        run.wait(SECONDS)
+        killed = time.time()
+        code, printed = ended(
+            tmp_path, "--resume", "last", "--mode", "local", "--duration", DURATION, "--record", "none", "--summary", path
+        )
+        _, alive = psutil.wait_procs(processes, 0.0)
+        assert (code, alive) == (0, []), printed
+    assert summary_of(path)["hash"] == local_hash(SMALL, round(DURATION * 10))
+    (folder,) = (tmp_path / "runs").glob("*.snapshots")
+    assert min(file.stat().st_mtime for file in folder.iterdir()) > killed - 2.5, "the last one was written when they ended"
+    assert not list((tmp_path / "runs").glob("*.going"))
+
+
+@pytest.mark.soak
+def test_frozen_processes_end_too(tmp_path):
+    """Linux wakes them up, and hangs up on them."""
+    with begun(tmp_path, "--record", "none") as (run, processes):
+        for process in processes:
+            process.suspend()
+        run.kill()
+        run.wait(SECONDS)
+        assert psutil.wait_procs(processes, SECONDS)[1] == []
+    code, printed = ended(tmp_path, "stop")
+    assert code == 2
+    assert "no run of run.py is active here" in printed
+
+
+def test_what_does_not_end_by_itself_is_ended_by_force(tmp_path, monkeypatch):
+    monkeypatch.setattr(left_over, "ALONE_SECONDS", 0.2)
+    said = []
+    (tmp_path / "run7.going").write_text('{"run": "run7", "endpoint": "tcp/127.0.0.1:9"}')
+    others = [subprocess.Popen(["sleep", "60"], env=os.environ | {STARTED_BY: f"1 {run}"}) for run in ("run7", "run8")]
+    try:
+        deadline = time.monotonic() + SECONDS
+        while not all(map(processes_of, ("run7", "run8"))):
+            assert time.monotonic() < deadline
+        assert end_left_over(tmp_path, said.append)
+        assert others[0].wait(SECONDS) == -signal.SIGKILL
+        assert processes_of("run8") == [others[1].pid]
+        assert "run run7: its run.py is gone; ending the 1 processes" in said[0]
+        assert not end_left_over(tmp_path, said.append)
+    finally:
+        for other in others:
+            other.kill()
+            other.wait()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_for_which_a_host_was_gone_is_resumed_with_a_word(tmp_path):
+    before = local_at(12).snapshot()
+    before.lost = {"picker_01": 7}
+    store(*as_file(before), tmp_path)
+    done = orchard("--resume", tmp_path, "--mode", "local", "--duration", 1.3, "--record", "none")
+    assert done.returncode == 0
+    assert "no host was there for picker_01 (tick 7)" in done.stderr
+    assert newest(tmp_path, []).lost == before.lost, "it is not forgotten"

@@ -1,0 +1,45 @@
+"""Whoever started a process is gone: it ends, even if what runs in it does not heed that."""
+
+import os
+import subprocess
+import sys
+
+import psutil
+from fleet import ROOT, SECONDS
+
+CHILD = """\
+import os, signal, sys
+from pathlib import Path
+from orchard.net import lifeline
+lifeline.ALONE_SECONDS = 0.2
+lifeline.hold_on(lambda: None)
+assert sys.stdin.read() == "", "an agent that reads its input does not wait"
+Path("pid.new").write_text(str(os.getpid()))
+Path("pid.new").rename("pid")
+while True:
+    signal.pause()
+"""
+PARENT = """\
+import os, sys, time
+from pathlib import Path
+from orchard.launch import supervisor
+supervisor.ROOT = Path.cwd()
+supervisor.Supervisor(print).start(supervisor.ProcessSpec("child", "child", []))
+while not Path("pid").exists():
+    time.sleep(0.05)
+os._exit(0)
+"""
+
+
+def test_a_process_that_does_not_end_when_asked_ends_when_its_parent_is_gone(tmp_path):
+    (tmp_path / "child.py").write_text(CHILD)
+    there = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
+    subprocess.run([sys.executable, "-c", PARENT], cwd=tmp_path, env=there, timeout=SECONDS, check=True)
+    child = int((tmp_path / "pid").read_text())
+    if psutil.pid_exists(child):
+        process = psutil.Process(child)
+        try:
+            process.wait(SECONDS)
+        finally:
+            if process.is_running():
+                process.kill()

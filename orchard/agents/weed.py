@@ -14,7 +14,7 @@ SURE = 5.0  # standard deviations of the lasers' noise by which the silhouette m
 
 
 class WeedMemory(msgspec.Struct):
-    """What a weed saw at the last tick."""
+    """What a weed saw when something last moved: so what moves so slowly that noise hides each step is noticed after some."""
 
     silhouette: int = 0  # mm, sum over the beams of the distance from each return out to NEAR
 
@@ -29,7 +29,12 @@ class Weed:
         now, beams = silhouette(seen.scan)
         change = abs(now - memory.silhouette) if memory else 0
         moving = change > 1000 * SURE * self.noise * math.sqrt(beams)
-        return Action(deeds=[Flatten()] if moving else [], memory=WeedMemory(now), doing="growing", state="resting")
+        return Action(
+            deeds=[Flatten()] if moving else [],
+            memory=memory if memory and not moving else WeedMemory(now),
+            doing="growing",
+            state="resting",
+        )
 
 
 def silhouette(scan: np.ndarray) -> tuple[int, int]:

@@ -16,7 +16,7 @@ from orchard.contract.messages import FASTEST, AgentMessage, Answer, CustomMessa
 from orchard.contract.repeating import Checked
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, kind_of
-from orchard.field.plugins import MISTAKES, reraise_ctrl_c
+from orchard.field.plugins import MISTAKES, reraise_ctrl_c, text_of
 from orchard.field.problems import printable
 
 log = logging.getLogger("orchard")
@@ -211,9 +211,10 @@ READ_ONLY = "What an agent is given is read-only. To change ranges, take a copy:
 
 def _advise(error: BaseException) -> None:
     """Say what to do, if the agent tried to change what it was given."""
-    is_array = isinstance(error, ValueError) and ("read-only" in str(error) or "WRITEABLE" in str(error))
+    text = text_of(error)
+    is_array = isinstance(error, ValueError) and ("read-only" in text or "WRITEABLE" in text)
     words = ("immutable type", "can't set attribute", "no setter", "cannot assign", "mappingproxy")
-    if is_array or (isinstance(error, AttributeError | TypeError) and any(word in str(error) for word in words)):
+    if is_array or (isinstance(error, AttributeError | TypeError) and any(word in text for word in words)):
         error.add_note(READ_ONLY)
 
 

@@ -43,9 +43,18 @@ def make_plugin(
 def unusable(key: str, path: str, error: BaseException, wanted: str = "") -> ScenarioError:
     """Return the error for a plug-in that cannot be used: the scenario's key, the fault, its place in the user's files, what is allowed."""
     reraise_ctrl_c(error)
-    fault = printable(f"{type(error).__name__}: {error}", 500)
+    fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
     words = f"cannot be used: {fault}{place_of_error(error)}" + (f"; it must be {wanted}" if wanted else "")
     return ScenarioError([Problem("scenario", words, key, path)])
+
+
+def text_of(error: BaseException) -> str:
+    """Return the text of an error of a user's code, whose `__str__` may itself raise one."""
+    try:
+        return str(error)
+    except MISTAKES as second:
+        reraise_ctrl_c(second)
+        return "its text cannot be read"
 
 
 def reraise_ctrl_c(error: BaseException) -> None:

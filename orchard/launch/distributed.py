@@ -245,7 +245,8 @@ class _Launched:
             if (end := ending.end) and (self.supervisor.exit_code(PHYSICS) is None or self.supervisor.is_over(PHYSICS)):
                 return end.summary, end.why
             self.watchdog.look()
-            self.supervisor.watch()
+            if deadline == math.inf:  # what ends after a request to stop is not restarted
+                self.supervisor.watch()
         return None, "stopped"
 
     def _why_over(self, begun: bool) -> str:

@@ -46,8 +46,9 @@ class _Interruption:
         self._local, self._is_raised = local, False
 
     def ask(self, number: int, frame: FrameType | None) -> None:
-        self.is_asked = True
-        signal.setitimer(signal.ITIMER_REAL, THINK_SECONDS, THINK_SECONDS)
+        if not self.is_asked:
+            self.is_asked = True
+            signal.setitimer(signal.ITIMER_REAL, THINK_SECONDS, THINK_SECONDS)
 
     def hurry(self, number: int, frame: FrameType | None) -> None:
         """End the agent in which the process is; what the program itself does ends soon."""

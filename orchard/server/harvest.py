@@ -37,7 +37,7 @@ Positive = Annotated[float, Meta(gt=0.0, le=1e12)]  # neither NaN nor infinite
 
 
 def write_end(end: End, path: str) -> None:
-    """Write the end of a run to a file. A disk error is only logged, because the message has most likely arrived as well."""
+    """Write the end of a run to a file. A disk error is only logged: then the message that it publishes counts."""
     try:
         Path(path).write_bytes(pack(end))
     except OSError as error:
@@ -52,7 +52,7 @@ def read_end(path: Path, run: str) -> End | None:
 
 
 class RunOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How physics runs an orchard: the options of its command line, or of the request file that `run.py` writes."""
+    """How physics runs an orchard: the options of its command line, or of the request that `run.py` hands over."""
 
     scenario: dict[str, Any] = {}  # a value that is missing keeps its default
     listen: str | None = None  # endpoint; None: a free port of 127.0.0.1

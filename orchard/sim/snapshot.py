@@ -17,7 +17,7 @@ from msgspec import Meta
 from orchard.contract.messages import Written, pack, unpack
 from orchard.sim.disk import write_whole
 
-VERSION = 2
+VERSION = 3
 HEAD = b"orchard snapshot %d\n"
 LARGEST = 1 << 24  # bytes; the snapshot of the largest orchard has a hundredth of that
 KEPT = 2  # files: the newest two
@@ -61,7 +61,8 @@ def store(name: str, content: bytes, folder: Path) -> Path:
     path = folder / name
     write_whole(path, content)
     written = sorted(_newest_first(folder), key=lambda old: old.lstat().st_mtime_ns, reverse=True)  # the highest tick may be damaged
-    for old in [*written[KEPT:], *folder.glob("*.new")]:  # the latter of a process that was killed while it wrote
+    others = [old for old in written if old != path]  # a clock that was set back must not remove this one
+    for old in [*others[KEPT - 1 :], *folder.glob("*.new")]:  # the latter of a process that was killed while it wrote
         old.unlink(missing_ok=True)
     return path
 

@@ -8,11 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from orchard.contract.agent import Action
+from orchard.contract.agent import AHEAD, IN_TURN, Action
 from orchard.contract.events import STOPPED
 from orchard.field.kinds import KINDS, select_agents
 from orchard.field.layout import Layout
-from orchard.sim.obstacles import with_names
 
 if TYPE_CHECKING:
     from orchard.sim.world import World
@@ -39,8 +38,14 @@ def latch(world: "World", words: Sequence[str], stop: bool) -> list[str]:
 
 def as_shown(world: "World", actions: Mapping[str, Action]) -> Mapping[str, Action]:
     """Return the actions as they are shown to people: obstacles by name, and a stopped robot as stopped, whatever its agent returned."""
-    named = {
-        name: replace(action, waits_for=with_names(world, name, action.waits_for)) for name, action in actions.items() if action.waits_for
-    }
+    named = _with_obstacles_by_name(world, {name: action for name, action in actions.items() if action.waits_for in (AHEAD, IN_TURN)})
     halted = {name: replace(actions.get(name) or Action(), doing=STOPPED, state="stopped", waits_for="") for name in stopped(world)}
     return {**actions, **named, **halted}
+
+
+def _with_obstacles_by_name(world: "World", actions: Mapping[str, Action]) -> Mapping[str, Action]:
+    if not actions:
+        return actions
+    from orchard.sim.obstacles import with_names  # loads the compiler, which only physics needs
+
+    return {name: replace(action, waits_for=with_names(world, name, action.waits_for)) for name, action in actions.items()}

@@ -1,6 +1,7 @@
 """Bin calls: each exchange has one carrier. A call that fails is followed by a new call, and no bin is lost."""
 
 import pytest
+from msgspec.structs import replace
 from stage import Stage, empty_orchard
 
 from orchard.agents.carrier import CarrierMemory, Job
@@ -86,8 +87,7 @@ def test_bins_that_call_while_all_carriers_work_wait_their_turn():
 
 def answers(stage: Stage, tick: int, *calls: tuple[str, int]) -> list[type[Answer]]:
     """Return what the head of the queue answers to these calls, (bin, since), at a tick."""
-    seen = stage.local.engine.observe().observations()["carrier_01"]
-    seen.tick = tick
+    seen = replace(stage.local.engine.observe().observations()["carrier_01"], tick=tick)
     mail = Mail([Heard(name, tick - 1, 0, Call(1, "east", since)) for name, since in calls])
     action = stage.local.agents["carrier_01"].tick(seen, mail, stage.local.memories.get("carrier_01"))
     stage.local.memories["carrier_01"] = action.memory

@@ -91,7 +91,7 @@ def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     said = SimpleQueue()
     with Supervisor(said.put) as fleet:
-        fleet.start(ProcessSpec("dies", "forking", ["now"], again=True, final=(7,)))
+        fleet.start(ProcessSpec("dies", "forking", ["now"], again=True))
         fleet.start(ProcessSpec("lives", "forking", []))
         forks = [psutil.Process(int(said.get(timeout=20.0).split()[1])) for _ in range(2)]
     _, alive = psutil.wait_procs(forks, 20.0)

@@ -41,7 +41,7 @@ def harvest(disk: Path, *arguments: object, **streams: object) -> subprocess.Com
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_a_full_disk_loses_recording_and_snapshots_in_a_line_each_but_not_the_result(small_disk, tmp_path, mode):
     path = tmp_path / "summary.json"
-    done = harvest(small_disk, "--mode", mode, "--summary", path)
+    done = harvest(small_disk, "--mode", mode, "--summary", path, "--speed", 10)  # slow enough that the recording fills the disk first
     said = done.stdout + done.stderr
     assert done.returncode == 0, said
     assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), round(DURATION * 10))

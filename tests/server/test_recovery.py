@@ -144,7 +144,7 @@ def test_physics_and_a_host_that_are_killed_together_change_nothing(fleet, undis
 
 def test_a_torn_snapshot_is_named_and_the_one_before_it_is_used(fleet, undisturbed, tmp_path):
     folder = tmp_path / "snapshots"
-    keeping = ("--snapshots", str(folder), "--snapshot-every", "0.1")
+    keeping = ("--snapshots", str(folder), "--snapshot-every", "0.1", "--speed", "5")
     fleet.physics(SMALL, *PACE, *keeping)
     fleet.share(2, TOY)
     until(fleet.client().hear("orchard/clock"), lambda _: len(list(folder.glob("tick-*.snapshot"))) >= 2)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from orchard.contract.agent import Action, Hitch, Observation, Observations
 from orchard.contract.messages import FASTEST, MAX_PAYLOAD, Call, Couple, Offer, Uncouple, pack
@@ -57,9 +58,7 @@ def sights_of(observations):
 @given(st.lists(seen, min_size=1, max_size=4))
 @settings(max_examples=60)
 def test_what_is_seen_arrives_to_the_last_bit(several):
-    for number, observation in enumerate(several):
-        observation.name, observation.tick = f"picker_{number:02d}", 7
-        observation.full = observation.full and observation.fill > 0.0
+    several = [replace(o, name=f"picker_{n:02d}", tick=7, full=o.full and o.fill > 0.0) for n, o in enumerate(several)]
     sent = sights_of(several)
     bodies = list(range(len(several)))[::2]
     heard = codec.observations_of(read(pack(seen_of(RUN, sent, bodies, [])), Seen))

@@ -28,6 +28,7 @@ from orchard.wire.messages import BinStatus, Drive, End, Join, Joined, Lost, Rec
 log = logging.getLogger("orchard")
 RECALL_SECONDS = 5.0  # after which a recall is sent again: the link to physics may be cut
 GONE_SECONDS = 20.0  # how long a host waits for physics that is gone: physics or its router is started again
+WARN_SECONDS = 1.0  # after which a host says that physics is gone: at the end of a run physics goes just before its `end` arrives
 JOIN_TRIES = 50  # 5 s in all: the network may learn of a token later than of a join
 TAKEN_TRIES = 30  # 3 s in all: a predecessor that was cut off counts as alive for bus.LEASE_MS
 
@@ -121,6 +122,7 @@ class Host:
         self.refusals = Refusals()
         self.thinking = ""  # the agent that is ticked now; '' between ticks
         self._answer: list[bytes] = []  # the packed velocities of the last tick, in one message or several
+        self._warn_at = math.inf  # monotonic clock, s: then the host says that physics is gone
         self._gone_until = math.inf  # monotonic clock, s: then the host gives physics up; inf while physics is alive
         self._ending = Ending()
 
@@ -243,7 +245,7 @@ class Host:
             self._handle_next(0.0)
         deadline = time.monotonic() + seconds
         while not ready() and (left := deadline - time.monotonic()) > 0.0:
-            self._handle_next(min(left, self._gone_until - time.monotonic()))
+            self._handle_next(min(left, min(self._warn_at, self._gone_until) - time.monotonic()))
 
     def _handle_next(self, seconds: float) -> None:
         item = self.bus.inbox.take(seconds)
@@ -253,6 +255,9 @@ class Host:
             self._check_gone()
 
     def _check_gone(self) -> None:
+        if time.monotonic() >= self._warn_at:
+            self._warn_at = math.inf
+            log.warning("physics is gone; waiting for it")
         if time.monotonic() >= self._gone_until:
             raise HostEnded(1, f"physics is gone; waited for {self._patience:g} s")
 
@@ -282,10 +287,9 @@ class Host:
         """Physics, or the link to it, is gone (not `up`) or there again."""
         self._ending.track(up)
         self._leave_if_over()
-        was_gone, self._gone_until = self._gone_until < math.inf, math.inf
+        was_gone, self._gone_until, self._warn_at = self._gone_until < math.inf, math.inf, math.inf
         if not up:
-            log.warning("physics is gone; waiting for it")
-            self._gone_until = time.monotonic() + self._patience
+            self._warn_at, self._gone_until = time.monotonic() + WARN_SECONDS, time.monotonic() + self._patience
         elif was_gone:
             raise _JoinAgain
 

@@ -1,6 +1,7 @@
 """Injects the faults of a trial into a running harvest, and measures how long each recovery takes."""
 
 import heapq
+import signal
 import threading
 import time
 from collections.abc import Callable
@@ -13,7 +14,24 @@ import psutil
 from chaos.fuzzer import fuzz
 from chaos.harvest import Harvest
 from chaos.network import DELAY_SECONDS, Network
-from chaos.schedule import ALL, BYTES, CUT, DELAY, FREEZE, HOST, KILL, LINKS, LOGGER, PHYSICS, ROUTER, STALL, Fault, Trial
+from chaos.schedule import (
+    ALL,
+    BYTES,
+    CUT,
+    DELAY,
+    FREEZE,
+    HOST,
+    INTERRUPT,
+    KILL,
+    LINKS,
+    LOGGER,
+    PHYSICS,
+    ROUTER,
+    STALL,
+    TERMINATE,
+    Fault,
+    Trial,
+)
 from orchard.net.bus import Bus, Sample, client
 from orchard.net.endpoints import BusError
 from orchard.net.refusals import Refused, read_message
@@ -25,6 +43,7 @@ UNDER_WAY = 3  # ticks that may be under way when a fault begins; later ticks ar
 START_SECONDS = 90.0  # for a run to start; it also covers what the rest of the time limit does not count
 FAULT_SECONDS = 30.0  # by which one fault may delay a run
 LONGEST = 700.0  # simulated s; more than a whole harvest takes
+SIGNALS = {KILL: signal.SIGKILL, TERMINATE: signal.SIGTERM, INTERRUPT: signal.SIGINT}
 
 
 class Recovery(NamedTuple):
@@ -102,7 +121,7 @@ class FaultInjector:
             return self._network.kill_router()
         for process in (targets := self._targets(fault)):
             with suppress(psutil.NoSuchProcess):
-                process.kill()
+                process.send_signal(SIGNALS[fault.kind])
         return bool(targets)
 
     def _freeze(self, fault: Fault) -> bool:
@@ -150,6 +169,8 @@ class FaultInjector:
 
 INJECTIONS: dict[str, Callable[[FaultInjector, Fault], bool]] = {
     KILL: FaultInjector._kill,
+    TERMINATE: FaultInjector._kill,
+    INTERRUPT: FaultInjector._kill,
     FREEZE: FaultInjector._freeze,
     CUT: FaultInjector._cut,
     STALL: FaultInjector._stall,

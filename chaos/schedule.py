@@ -8,7 +8,9 @@ from orchard.field.scenario import TIME_STEP
 
 PHYSICS, HOST, LOGGER, ROUTER, ALL = "physics", "agents", "logger", "router", "all processes"
 LINK, LINKS = "a link", "all links"
-KILL, FREEZE, CUT, STALL, DELAY, BYTES = "kill", "freeze", "cut", "stall", "delay", "bad bytes"
+KILL, TERMINATE, INTERRUPT, FREEZE = "kill", "terminate", "interrupt", "freeze"
+CUT, STALL, DELAY, BYTES = "cut", "stall", "delay", "bad bytes"
+MORTAL = (KILL, TERMINATE, INTERRUPT, FREEZE)  # kinds that may end a process
 LASTS = {FREEZE: (0.2, 5.0), STALL: (0.2, 5.0), DELAY: (1.0, 4.0)}  # s of wall time: the least and the most
 ROUTER_AWAY = (0.2, 3.0)  # s, from the death of the router until it is started again
 MOST_DEATHS = 4  # of one process in a run; run.py gives up after five deaths in a row, and it may also kill a frozen process
@@ -18,15 +20,17 @@ SECONDS = (60, 120, 180, 300)  # simulated s, of a run that is not a whole harve
 SEEDS = 4  # scenario seeds; few, so that few local runs give all the hashes
 
 KILLS = ((KILL, PHYSICS), (KILL, HOST), (KILL, HOST), (KILL, LOGGER), (KILL, ALL))
-ANYWHERE = (*KILLS, (FREEZE, PHYSICS), (FREEZE, HOST), (FREEZE, LOGGER), (BYTES, ALL))
+SIGNALS = tuple((kind, target) for kind in (TERMINATE, INTERRUPT) for target in (PHYSICS, HOST, LOGGER))
+ANYWHERE = (*KILLS, *SIGNALS, (FREEZE, PHYSICS), (FREEZE, HOST), (FREEZE, LOGGER), (BYTES, ALL))
 AT_A_ROUTER = ((KILL, ROUTER), (CUT, LINK), (CUT, LINKS), (STALL, LINK), (STALL, LINKS), (DELAY, LINK))
+IN_TURN = tuple(dict.fromkeys(ANYWHERE + AT_A_ROUTER))  # one of them for each run, so that a soak of ten minutes has them all
 
 
 class Fault(NamedTuple):
     """A fault that is injected into a run."""
 
     tick: int  # at which it begins
-    kind: str  # KILL, FREEZE, CUT, STALL, DELAY or BYTES
+    kind: str  # KILL, TERMINATE, INTERRUPT, FREEZE, CUT, STALL, DELAY or BYTES
     target: str
     seconds: float  # duration in wall time; 0.0: none
     chance: int  # a random number: selects one of several hosts or links, or seeds the fuzzer
@@ -63,10 +67,13 @@ def trial(seed: int, number: int) -> Trial:
     seconds = None if number % 6 == 5 else random.choice(SECONDS)
     speed = _speed(random, mode, seconds)
     hosts = random.choice(("1", "2", "2", "3", "4", "each" if seconds in SECONDS[:2] else "2"))
-    is_recorded, is_routed = random.random() < 0.5, random.random() < 0.6
+    due = IN_TURN[number % len(IN_TURN)]
+    is_recorded, is_routed = due[1] == LOGGER or random.random() < 0.5, due in AT_A_ROUTER or random.random() < 0.6
     ticks = WHOLE_HARVEST if seconds is None else round(seconds / TIME_STEP)
     orchard = random.randint(1, SEEDS)
-    return Trial(seed, number, orchard, mode, speed, seconds, hosts, is_recorded, is_routed, _faults(random, ticks, is_recorded, is_routed))
+    possible = [(kind, target) for kind, target in ANYWHERE + AT_A_ROUTER * is_routed if target != LOGGER or is_recorded]
+    faults = _faults(random, ticks, due, possible)
+    return Trial(seed, number, orchard, mode, speed, seconds, hosts, is_recorded, is_routed, faults)
 
 
 def _speed(random: Random, mode: str, seconds: int | None) -> str:
@@ -76,12 +83,11 @@ def _speed(random: Random, mode: str, seconds: int | None) -> str:
     return "max" if seconds is None else random.choice(("15", "30", "max"))
 
 
-def _faults(random: Random, ticks: int, is_recorded: bool, is_routed: bool) -> tuple[Fault, ...]:
-    """At most 7 faults, in the order of their ticks; some begin at the same tick."""
-    possible = [(kind, target) for kind, target in ANYWHERE + AT_A_ROUTER * is_routed if target != LOGGER or is_recorded]
+def _faults(random: Random, ticks: int, due: tuple[str, str], possible: list[tuple[str, str]]) -> tuple[Fault, ...]:
+    """At most 7 faults, one of them `due`, in the order of their ticks; some begin at the same tick."""
     faults: list[Fault] = []
-    for _ in range(random.randint(3, 7)):
-        kind, target = random.choice(possible)
+    for i in range(random.randint(3, 7)):
+        kind, target = random.choice(possible) if i else due
         is_simultaneous = faults and random.random() < 0.2
         tick = faults[-1].tick if is_simultaneous else random.randint(round(FIRST * ticks), round(LAST * ticks))
         seconds = random.uniform(*ROUTER_AWAY) if target == ROUTER else random.uniform(*LASTS[kind]) if kind in LASTS else 0.0
@@ -93,5 +99,5 @@ def _faults(random: Random, ticks: int, is_recorded: bool, is_routed: bool) -> t
 
 def most_deaths(faults: Sequence[Fault]) -> int:
     """The most restarts that these faults may cause for one process."""
-    targets = [fault.target for fault in faults if fault.kind in (KILL, FREEZE)]
+    targets = [fault.target for fault in faults if fault.kind in MORTAL]
     return targets.count(ALL) + max(targets.count(target) for target in (PHYSICS, HOST, LOGGER))

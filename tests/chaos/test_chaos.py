@@ -16,7 +16,7 @@ from chaos.fuzzer import mutated
 from chaos.oracle import judge
 from chaos.relay import Relay
 from chaos.report import Results, markdown
-from chaos.schedule import ALL, BYTES, HOST, KILL, LINK, LINKS, LOGGER, MOST_DEATHS, ROUTER, Fault, most_deaths, trial
+from chaos.schedule import ALL, BYTES, HOST, INTERRUPT, KILL, LINK, LINKS, LOGGER, MOST_DEATHS, ROUTER, TERMINATE, Fault, most_deaths, trial
 from orchard.contract.messages import pack
 from orchard.launch.supervisor import DEATHS, free_port
 from orchard.net.refusals import Refused, read_message
@@ -46,6 +46,7 @@ def test_no_process_is_killed_as_often_as_makes_it_be_given_up():
     assert MOST_DEATHS < DEATHS
     assert max(most_deaths(this.faults) for this in TRIALS) == MOST_DEATHS
     assert most_deaths([Fault(9, KILL, target, 0.0, 0) for target in (HOST, HOST, ALL, LOGGER)]) == 3
+    assert most_deaths([Fault(9, kind, HOST, 0.0, 0) for kind in (KILL, TERMINATE, INTERRUPT)]) == 3
 
 
 def test_faults_hit_only_what_is_there():

@@ -103,8 +103,8 @@ def _lockstep(say: Say, ticks: int) -> Iterator[tuple[int, Mapping[str, psutil.P
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "long.yaml"
         file.write_text(to_yaml(LONG))
-        arguments = [str(file), "--hosts", "2", "--duration", str(ticks / 10), "--record", "none", "--listen", endpoint]
-        with Harvest(arguments, "endurance") as harvest:
+        arguments = ["--hosts", "2", "--duration", str(ticks / 10), "--record", "none", "--listen", endpoint]
+        with Harvest([str(file)], arguments, "endurance") as harvest:
             for tick in _ticks_at(endpoint, ticks):
                 say(tick, "lockstep, 2 hosts")
                 if tick >= WARM_UP:

@@ -27,6 +27,7 @@ from chaos.schedule import (
     LOGGER,
     PHYSICS,
     ROUTER,
+    RUN_PY,
     STALL,
     TERMINATE,
     Fault,
@@ -119,6 +120,8 @@ class FaultInjector:
         if fault.target == ROUTER:
             self._later(fault, self._network.start_router)
             return self._network.kill_router()
+        if fault.target == RUN_PY:
+            return self._harvest.kill_and_resume()
         for process in (targets := self._targets(fault)):
             with suppress(psutil.NoSuchProcess):
                 process.send_signal(SIGNALS[fault.kind])

@@ -1,4 +1,4 @@
-"""A run.py process that the soak starts and ends: its processes by role, its log and its summary."""
+"""A run.py process that the soak starts, kills and ends: its processes by role, its log and its summary."""
 
 import json
 import shutil
@@ -12,26 +12,42 @@ from typing import Any
 import psutil
 
 ROOT = Path(__file__).parents[1]
-FOLDER = ROOT / "runs" / "chaos"  # logs and recordings
+FOLDER = ROOT / "runs" / "chaos"  # logs, and the folders of runs
 STOP_SECONDS = 15.0  # within which a run must stop when it is asked to
 
 
 class Harvest:
-    """A run.py process. Use it with `with`, which leaves no process behind. Its output goes to `log`, which stays until `tidy`."""
+    """A run.py process. Use it with `with`, which leaves no process behind. Its output goes to `log`, which stays until `tidy`.
 
-    def __init__(self, arguments: Sequence[str], name: str) -> None:
-        """`arguments`: of run.py. `name`: of the log and of the other files."""
-        FOLDER.mkdir(parents=True, exist_ok=True)
-        self.log, self._summary, self._recording = (FOLDER / f"{name}.{ending}" for ending in ("log", "json", "rrd"))
-        self._arguments, self._name = arguments, name
+    It has a folder of its own, in which it keeps notes, snapshots and recordings: only its own run is the last one there.
+    """
+
+    def __init__(self, scenario: Sequence[str], arguments: Sequence[str], name: str) -> None:
+        """`scenario`: the arguments of run.py that a resumed run must not have. `arguments`: the others. `name`: of log and folder."""
+        self.log, self._summary, self._folder = FOLDER / f"{name}.log", FOLDER / f"{name}.json", FOLDER / name
+        self._scenario, self._arguments = scenario, arguments
 
     def __enter__(self) -> "Harvest":
         self.tidy()
-        record = [] if "--record" in self._arguments else ["--record", str(self._recording)]
-        command = [sys.executable, "-u", "run.py", *self._arguments, *record, "--summary", str(self._summary)]
-        with self.log.open("w") as file:
-            self._popen = subprocess.Popen(command, cwd=ROOT, stdout=file, stderr=subprocess.STDOUT, start_new_session=True)
+        self._folder.mkdir(parents=True)
+        (self._folder / "run.py").symlink_to(ROOT / "run.py")
+        self._start(self._scenario)
         return self
+
+    def _start(self, scenario: Sequence[str]) -> None:
+        """Start run.py. The log continues."""
+        command = [sys.executable, "-u", str(self._folder / "run.py"), *scenario, *self._arguments, "--summary", str(self._summary)]
+        with self.log.open("a") as file:
+            self._popen = subprocess.Popen(command, cwd=ROOT, stdout=file, stderr=subprocess.STDOUT, start_new_session=True)
+
+    def kill_and_resume(self) -> bool:
+        """Kill run.py and continue its run. Return whether that was possible: it must run, and have a snapshot."""
+        if self._popen.poll() is not None or not any(self._folder.glob("runs/*.snapshots/*.snapshot")):
+            return False
+        self._popen.kill()
+        self._popen.wait()
+        self._start(["--resume", "last"])
+        return True
 
     def __exit__(self, *_: object) -> None:
         children = self._children()
@@ -70,11 +86,9 @@ class Harvest:
 
     def tidy(self) -> None:
         """Remove all files of the run."""
-        for path in FOLDER.glob(f"{self._name}.*"):
-            path.unlink()
-        if hasattr(self, "_popen"):
-            for folder in (ROOT / "runs").glob(f"harvest-*-{self._popen.pid}.snapshots"):
-                shutil.rmtree(folder, ignore_errors=True)
+        for path in (self.log, self._summary):
+            path.unlink(missing_ok=True)
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     def _children(self) -> list[psutil.Process]:
         with suppress(psutil.NoSuchProcess):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from orchard.field.scenario import TIME_STEP
 
 PHYSICS, HOST, LOGGER, ROUTER, ALL = "physics", "agents", "logger", "router", "all processes"
+RUN_PY = "run.py"
 LINK, LINKS = "a link", "all links"
 KILL, TERMINATE, INTERRUPT, FREEZE = "kill", "terminate", "interrupt", "freeze"
 CUT, STALL, DELAY, BYTES = "cut", "stall", "delay", "bad bytes"
@@ -19,7 +20,7 @@ WHOLE_HARVEST = 5000  # ticks; a harvest of 3 rows takes at least 5,500
 SECONDS = (60, 120, 180, 300)  # simulated s, of a run that is not a whole harvest
 SEEDS = 4  # scenario seeds; few, so that few local runs give all the hashes
 
-KILLS = ((KILL, PHYSICS), (KILL, HOST), (KILL, HOST), (KILL, LOGGER), (KILL, ALL))
+KILLS = ((KILL, PHYSICS), (KILL, HOST), (KILL, HOST), (KILL, LOGGER), (KILL, ALL), (KILL, RUN_PY))
 SIGNALS = tuple((kind, target) for kind in (TERMINATE, INTERRUPT) for target in (PHYSICS, HOST, LOGGER))
 ANYWHERE = (*KILLS, *SIGNALS, (FREEZE, PHYSICS), (FREEZE, HOST), (FREEZE, LOGGER), (BYTES, ALL))
 AT_A_ROUTER = ((KILL, ROUTER), (CUT, LINK), (CUT, LINKS), (STALL, LINK), (STALL, LINKS), (DELAY, LINK))

@@ -38,7 +38,7 @@ def _expected(this: Trial, baseline: Baseline) -> Result | None:
 
 def _run(this: Trial, expected: Result | None, say: Say) -> Verdict:
     with Network(this.is_routed) as network:
-        harvest = Harvest([*_arguments(this), *network.arguments], f"seed-{this.seed}-run-{this.number}")
+        harvest = Harvest(_scenario(this), [*_arguments(this), *network.arguments], f"seed-{this.seed}-run-{this.number}")
         with harvest:
             execution = inject_faults(this, harvest, network)
     verdict = judge(this, execution, harvest.summary(), expected)
@@ -50,9 +50,12 @@ def _run(this: Trial, expected: Result | None, say: Say) -> Verdict:
     return verdict
 
 
+def _scenario(this: Trial) -> list[str]:
+    return [str(ROOT / "config" / "orchard.yaml"), "--rows", str(scenario(this.orchard).rows), "--seed", str(this.orchard)]
+
+
 def _arguments(this: Trial) -> list[str]:
-    """The trial's options of run.py."""
-    rows = scenario(this.orchard).rows
-    arguments = ["--rows", str(rows), "--seed", str(this.orchard), "--mode", this.mode, "--speed", this.speed, "--hosts", this.hosts]
+    """The trial's other options of run.py."""
+    arguments = ["--mode", this.mode, "--speed", this.speed, "--hosts", this.hosts]
     arguments += [] if this.seconds is None else ["--duration", str(this.seconds)]
     return arguments + ([] if this.is_recorded else ["--record", "none"])

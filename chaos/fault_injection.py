@@ -20,6 +20,7 @@ from chaos.schedule import (
     CUT,
     DELAY,
     FREEZE,
+    FULL,
     HOST,
     INTERRUPT,
     KILL,
@@ -158,6 +159,10 @@ class FaultInjector:
         self._fuzzers.append(fuzzer)
         return True
 
+    def _fill(self, fault: Fault) -> bool:
+        self._later(fault, self._harvest.disk.clear)
+        return self._harvest.disk.fill()
+
     def _targets(self, fault: Fault) -> list[psutil.Process]:
         """The processes that a fault hits: one of those of its role, or all; empty while none runs."""
         if fault.target == ALL:
@@ -179,6 +184,7 @@ INJECTIONS: dict[str, Callable[[FaultInjector, Fault], bool]] = {
     STALL: FaultInjector._stall,
     DELAY: FaultInjector._delay,
     BYTES: FaultInjector._fuzz,
+    FULL: FaultInjector._fill,
 }
 
 

@@ -11,6 +11,8 @@ from typing import Any
 
 import psutil
 
+from chaos.disk import Disk
+
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "runs" / "chaos"  # logs, and the folders of runs
 STOP_SECONDS = 15.0  # within which a run must stop when it is asked to
@@ -22,14 +24,20 @@ class Harvest:
     It has a folder of its own, in which it keeps notes, snapshots and recordings: only its own run is the last one there.
     """
 
-    def __init__(self, scenario: Sequence[str], arguments: Sequence[str], name: str) -> None:
-        """`scenario`: the arguments of run.py that a resumed run must not have. `arguments`: the others. `name`: of log and folder."""
+    def __init__(self, scenario: Sequence[str], arguments: Sequence[str], name: str, has_disk: bool = False) -> None:
+        """`scenario`: the arguments of run.py that a resumed run must not have. `arguments`: the others. `name`: of log and folder.
+
+        `has_disk`: whether its folder shall be a disk of its own.
+        """
         self.log, self._summary, self._folder = FOLDER / f"{name}.log", FOLDER / f"{name}.json", FOLDER / name
-        self._scenario, self._arguments = scenario, arguments
+        self._scenario, self._arguments, self._has_disk = scenario, arguments, has_disk
+        self.disk = Disk(self._folder)
 
     def __enter__(self) -> "Harvest":
         self.tidy()
         self._folder.mkdir(parents=True)
+        if self._has_disk:
+            self.disk.mount()
         (self._folder / "run.py").symlink_to(ROOT / "run.py")
         self._start(self._scenario)
         return self
@@ -61,6 +69,7 @@ class Harvest:
         if self._popen.poll() is None:
             self._popen.kill()
         self._popen.wait()
+        self.disk.unmount()
 
     @property
     def exit_code(self) -> int | None:

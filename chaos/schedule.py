@@ -7,12 +7,12 @@ from typing import NamedTuple
 from orchard.field.scenario import TIME_STEP
 
 PHYSICS, HOST, LOGGER, ROUTER, ALL = "physics", "agents", "logger", "router", "all processes"
-RUN_PY = "run.py"
+RUN_PY, NOTHING = "run.py", ""
 LINK, LINKS = "a link", "all links"
 KILL, TERMINATE, INTERRUPT, FREEZE = "kill", "terminate", "interrupt", "freeze"
-CUT, STALL, DELAY, BYTES = "cut", "stall", "delay", "bad bytes"
+CUT, STALL, DELAY, BYTES, FULL = "cut", "stall", "delay", "bad bytes", "disk full"
 MORTAL = (KILL, TERMINATE, INTERRUPT, FREEZE)  # kinds that may end a process
-LASTS = {FREEZE: (0.2, 5.0), STALL: (0.2, 5.0), DELAY: (1.0, 4.0)}  # s of wall time: the least and the most
+LASTS = {FREEZE: (0.2, 5.0), STALL: (0.2, 5.0), DELAY: (1.0, 4.0), FULL: (1.0, 8.0)}  # s of wall time: the least and the most
 ROUTER_AWAY = (0.2, 3.0)  # s, from the death of the router until it is started again
 MOST_DEATHS = 4  # of one process in a run; run.py gives up after five deaths in a row, and it may also kill a frozen process
 FIRST, LAST = 0.05, 0.85  # shares of a run; no fault lies before or after, so that each recovery is seen
@@ -22,7 +22,7 @@ SEEDS = 4  # scenario seeds; few, so that few local runs give all the hashes
 
 KILLS = ((KILL, PHYSICS), (KILL, HOST), (KILL, HOST), (KILL, LOGGER), (KILL, ALL), (KILL, RUN_PY))
 SIGNALS = tuple((kind, target) for kind in (TERMINATE, INTERRUPT) for target in (PHYSICS, HOST, LOGGER))
-ANYWHERE = (*KILLS, *SIGNALS, (FREEZE, PHYSICS), (FREEZE, HOST), (FREEZE, LOGGER), (BYTES, ALL))
+ANYWHERE = (*KILLS, *SIGNALS, (FREEZE, PHYSICS), (FREEZE, HOST), (FREEZE, LOGGER), (BYTES, NOTHING), (FULL, NOTHING))
 AT_A_ROUTER = ((KILL, ROUTER), (CUT, LINK), (CUT, LINKS), (STALL, LINK), (STALL, LINKS), (DELAY, LINK))
 IN_TURN = tuple(dict.fromkeys(ANYWHERE + AT_A_ROUTER))  # one of them for each run, so that a soak of ten minutes has them all
 
@@ -31,14 +31,14 @@ class Fault(NamedTuple):
     """A fault that is injected into a run."""
 
     tick: int  # at which it begins
-    kind: str  # KILL, TERMINATE, INTERRUPT, FREEZE, CUT, STALL, DELAY or BYTES
-    target: str
+    kind: str  # such as KILL
+    target: str  # such as PHYSICS; NOTHING: the kind says it all
     seconds: float  # duration in wall time; 0.0: none
     chance: int  # a random number: selects one of several hosts or links, or seeds the fuzzer
 
     @property
     def name(self) -> str:
-        return f"{self.kind} {self.target}" if self.kind != BYTES else self.kind
+        return f"{self.kind} {self.target}".strip()
 
 
 class Trial(NamedTuple):

@@ -8,7 +8,7 @@ from chaos.fault_injection import inject_faults
 from chaos.harvest import ROOT, Harvest
 from chaos.network import Network
 from chaos.oracle import Verdict, judge
-from chaos.schedule import Trial, trial
+from chaos.schedule import FULL, Trial, trial
 from orchard.field.scenario import TIME_STEP
 
 Say = Callable[[str], None]
@@ -38,8 +38,10 @@ def _expected(this: Trial, baseline: Baseline) -> Result | None:
 
 def _run(this: Trial, expected: Result | None, say: Say) -> Verdict:
     with Network(this.is_routed) as network:
-        harvest = Harvest(_scenario(this), [*_arguments(this), *network.arguments], f"seed-{this.seed}-run-{this.number}")
-        with harvest:
+        name, has_disk = f"seed-{this.seed}-run-{this.number}", any(fault.kind == FULL for fault in this.faults)
+        with Harvest(_scenario(this), [*_arguments(this), *network.arguments], name, has_disk) as harvest:
+            if has_disk and not harvest.disk.is_there:
+                say(f"{this}: without {FULL!r}, because this machine mounts no disk")
             execution = inject_faults(this, harvest, network)
     verdict = judge(this, execution, harvest.summary(), expected)
     say(f"{this}: {'; '.join(verdict.complaints) or 'good'}")

@@ -1,0 +1,39 @@
+"""A disk of its own for the files of one run, which can be full for a time."""
+
+import subprocess
+from contextlib import suppress
+from pathlib import Path
+
+SIZE = "256m"  # more than a whole harvest writes; it is in memory
+CHUNK = bytes(1 << 20)
+
+
+class Disk:
+    """A disk in memory, mounted on a folder. Without the right to mount, as for most users, there is none."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._filler = folder, folder / "filler"
+        self.is_there = False
+
+    def mount(self) -> None:
+        command = ["mount", "-t", "tmpfs", "-o", f"size={SIZE}", "none", str(self._folder)]
+        with suppress(FileNotFoundError):
+            self.is_there = subprocess.run(command, capture_output=True).returncode == 0
+
+    def unmount(self) -> None:
+        """Remove the disk, and all files on it. Without a disk nothing happens."""
+        if self.is_there:
+            subprocess.run(["umount", "--lazy", str(self._folder)], check=True)
+        self.is_there = False
+
+    def fill(self) -> bool:
+        """Fill the disk to the last byte. Return whether there is one."""
+        if self.is_there:
+            with suppress(OSError), self._filler.open("ab", buffering=0) as file:
+                while True:
+                    file.write(CHUNK)
+        return self.is_there
+
+    def clear(self) -> None:
+        """End what `fill` began."""
+        self._filler.unlink(missing_ok=True)

@@ -27,10 +27,12 @@ from chaos.schedule import (
     LINKS,
     LOGGER,
     PHYSICS,
+    PORT,
     ROUTER,
     RUN_PY,
     STALL,
     TERMINATE,
+    TORN,
     Fault,
     Trial,
 )
@@ -45,6 +47,7 @@ UNDER_WAY = 3  # ticks that may be under way when a fault begins; later ticks ar
 START_SECONDS = 90.0  # for a run to start; it also covers what the rest of the time limit does not count
 FAULT_SECONDS = 30.0  # by which one fault may delay a run
 LONGEST = 700.0  # simulated s; more than a whole harvest takes
+FREE_SECONDS = 2.0  # in which a killed process is gone, and its port free
 SIGNALS = {KILL: signal.SIGKILL, TERMINATE: signal.SIGTERM, INTERRUPT: signal.SIGINT}
 
 
@@ -163,6 +166,24 @@ class FaultInjector:
         self._later(fault, self._harvest.disk.clear)
         return self._harvest.disk.fill()
 
+    def _tear(self, fault: Fault) -> bool:
+        """Physics, started again, finds a kernel that is not what it was."""
+        return self._harvest.tear_kernel(fault.chance) and bool(self._kill_physics())
+
+    def _take_port(self, fault: Fault) -> bool:
+        """Physics, started again, finds its port taken for a time."""
+        killed = self._kill_physics()
+        psutil.wait_procs(killed, FREE_SECONDS)
+        if taken := self._network.take_port() if killed else None:
+            self._later(fault, taken.close)
+        return taken is not None
+
+    def _kill_physics(self) -> list[psutil.Process]:
+        for process in (running := self._harvest.processes(PHYSICS)):
+            with suppress(psutil.NoSuchProcess):
+                process.kill()
+        return running
+
     def _targets(self, fault: Fault) -> list[psutil.Process]:
         """The processes that a fault hits: one of those of its role, or all; empty while none runs."""
         if fault.target == ALL:
@@ -185,6 +206,8 @@ INJECTIONS: dict[str, Callable[[FaultInjector, Fault], bool]] = {
     DELAY: FaultInjector._delay,
     BYTES: FaultInjector._fuzz,
     FULL: FaultInjector._fill,
+    TORN: FaultInjector._tear,
+    PORT: FaultInjector._take_port,
 }
 
 

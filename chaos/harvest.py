@@ -1,6 +1,7 @@
 """A run.py process that the soak starts, kills and ends: its processes by role, its log and its summary."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from typing import Any
 import psutil
 
 from chaos.disk import Disk
+from orchard.sim.kernels.cache import kernels_folder
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "runs" / "chaos"  # logs, and the folders of runs
@@ -21,7 +23,7 @@ STOP_SECONDS = 15.0  # within which a run must stop when it is asked to
 class Harvest:
     """A run.py process. Use it with `with`, which leaves no process behind. Its output goes to `log`, which stays until `tidy`.
 
-    It has a folder of its own, in which it keeps notes, snapshots and recordings: only its own run is the last one there.
+    It has a folder of its own, in which it keeps notes, snapshots, recordings and compiled kernels: it disturbs no other run.
     """
 
     def __init__(self, scenario: Sequence[str], arguments: Sequence[str], name: str, has_disk: bool = False) -> None:
@@ -32,6 +34,7 @@ class Harvest:
         self.log, self._summary, self._folder = FOLDER / f"{name}.log", FOLDER / f"{name}.json", FOLDER / name
         self._scenario, self._arguments, self._has_disk = scenario, arguments, has_disk
         self.disk = Disk(self._folder)
+        self._kernels = self._folder / "kernels"
 
     def __enter__(self) -> "Harvest":
         self.tidy()
@@ -39,6 +42,8 @@ class Harvest:
         if self._has_disk:
             self.disk.mount()
         (self._folder / "run.py").symlink_to(ROOT / "run.py")
+        if (kept := kernels_folder()) and kept.is_dir():
+            shutil.copytree(kept, self._kernels / kept.name)
         self._start(self._scenario)
         return self
 
@@ -46,7 +51,10 @@ class Harvest:
         """Start run.py. The log continues."""
         command = [sys.executable, "-u", str(self._folder / "run.py"), *scenario, *self._arguments, "--summary", str(self._summary)]
         with self.log.open("a") as file:
-            self._popen = subprocess.Popen(command, cwd=ROOT, stdout=file, stderr=subprocess.STDOUT, start_new_session=True)
+            self._popen = subprocess.Popen(
+                command, cwd=ROOT, env=os.environ | {"NUMBA_CACHE_DIR": str(self._kernels)}, stdout=file, stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )  # fmt: skip
 
     def kill_and_resume(self) -> bool:
         """Kill run.py and continue its run. Return whether that was possible: it must run, and have a snapshot."""
@@ -56,6 +64,12 @@ class Harvest:
         self._popen.wait()
         self._start(["--resume", "last"])
         return True
+
+    def tear_kernel(self, chance: int) -> bool:
+        """Change a bit of a compiled kernel. `chance`: selects the kernel and the bit. Return whether there is one."""
+        if files := sorted(self._kernels.rglob("*.nbc")):
+            flip_bit(files[chance % len(files)], chance)
+        return bool(files)
 
     def __exit__(self, *_: object) -> None:
         children = self._children()
@@ -103,3 +117,13 @@ class Harvest:
         with suppress(psutil.NoSuchProcess):
             return list(psutil.Process(self._popen.pid).children(recursive=True))
         return []
+
+
+def flip_bit(path: Path, chance: int) -> None:
+    """Change one bit of a file, in its place."""
+    with path.open("r+b") as file:
+        at = chance % path.stat().st_size
+        file.seek(at)
+        (byte,) = file.read(1)
+        file.seek(at)
+        file.write(bytes([byte ^ 1 << chance % 8]))

@@ -47,6 +47,12 @@ class Network:
         self._supervisor.kill(ROUTER)
         return was_running
 
+    def take_port(self) -> socket.socket | None:
+        """Listen at the port of physics, which has just died. Return None if physics is there again already."""
+        with suppress(OSError):
+            return socket.create_server(("127.0.0.1", self._port))
+        return None
+
     def _wait_for_router(self) -> None:
         deadline = time.monotonic() + START_SECONDS
         while time.monotonic() < deadline:

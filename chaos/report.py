@@ -120,7 +120,8 @@ A recovery is the wall time from the beginning of a fault to the first tick that
 ticks received before it. A client of the bus measures it. Physics that resumes from a snapshot has caught up at that tick. The time
 includes the duration of a freeze, a stall or a delay. A fault does not count as recovered if its run ended earlier; the run itself is
 judged all the same. A few hundredths of a second mean that the fault held up no process, or that the measuring client itself was that
-late on a busy machine."""
+late on a busy machine. A process that gets a signal to terminate or to interrupt it goes on for a second, so it is seldom seen to recover
+later."""
 
 
 def _machine(results: Results) -> str:

@@ -10,9 +10,11 @@ PHYSICS, HOST, LOGGER, ROUTER, ALL = "physics", "agents", "logger", "router", "a
 RUN_PY, NOTHING = "run.py", ""
 LINK, LINKS = "a link", "all links"
 KILL, TERMINATE, INTERRUPT, FREEZE = "kill", "terminate", "interrupt", "freeze"
-CUT, STALL, DELAY, BYTES, FULL = "cut", "stall", "delay", "bad bytes", "disk full"
+CUT, STALL, DELAY, BYTES = "cut", "stall", "delay", "bad bytes"
+FULL, TORN, PORT = "disk full", "cache torn", "port taken"
 MORTAL = (KILL, TERMINATE, INTERRUPT, FREEZE)  # kinds that may end a process
-LASTS = {FREEZE: (0.2, 5.0), STALL: (0.2, 5.0), DELAY: (1.0, 4.0), FULL: (1.0, 8.0)}  # s of wall time: the least and the most
+DEATHS_OF_PHYSICS = {TORN: 1, PORT: 4}  # it dies, and then as often as its port is taken
+LASTS = {FREEZE: (0.2, 5.0), STALL: (0.2, 5.0), DELAY: (1.0, 4.0), FULL: (1.0, 8.0), PORT: (0.5, 3.0)}  # s of wall time: least and most
 ROUTER_AWAY = (0.2, 3.0)  # s, from the death of the router until it is started again
 MOST_DEATHS = 4  # of one process in a run; run.py gives up after five deaths in a row, and it may also kill a frozen process
 FIRST, LAST = 0.05, 0.85  # shares of a run; no fault lies before or after, so that each recovery is seen
@@ -22,9 +24,10 @@ SEEDS = 4  # scenario seeds; few, so that few local runs give all the hashes
 
 KILLS = ((KILL, PHYSICS), (KILL, HOST), (KILL, HOST), (KILL, LOGGER), (KILL, ALL), (KILL, RUN_PY))
 SIGNALS = tuple((kind, target) for kind in (TERMINATE, INTERRUPT) for target in (PHYSICS, HOST, LOGGER))
-ANYWHERE = (*KILLS, *SIGNALS, (FREEZE, PHYSICS), (FREEZE, HOST), (FREEZE, LOGGER), (BYTES, NOTHING), (FULL, NOTHING))
+ANYWHERE = (*KILLS, *SIGNALS, (FREEZE, PHYSICS), (FREEZE, HOST), (FREEZE, LOGGER), (BYTES, NOTHING), (FULL, NOTHING), (TORN, NOTHING))
 AT_A_ROUTER = ((KILL, ROUTER), (CUT, LINK), (CUT, LINKS), (STALL, LINK), (STALL, LINKS), (DELAY, LINK))
-IN_TURN = tuple(dict.fromkeys(ANYWHERE + AT_A_ROUTER))  # one of them for each run, so that a soak of ten minutes has them all
+AT_PHYSICS = ((PORT, NOTHING),)
+IN_TURN = tuple(dict.fromkeys(AT_PHYSICS + ANYWHERE + AT_A_ROUTER))  # one of them for each run, so that a soak of ten minutes has them all
 
 
 class Fault(NamedTuple):
@@ -68,11 +71,12 @@ def trial(seed: int, number: int) -> Trial:
     seconds = None if number % 6 == 5 else random.choice(SECONDS)
     speed = _speed(random, mode, seconds)
     hosts = random.choice(("1", "2", "2", "3", "4", "each" if seconds in SECONDS[:2] else "2"))
-    due = IN_TURN[number % len(IN_TURN)]
-    is_recorded, is_routed = due[1] == LOGGER or random.random() < 0.5, due in AT_A_ROUTER or random.random() < 0.6
+    due = IN_TURN[(number + number // len(IN_TURN)) % len(IN_TURN)]  # not always in the same mode
+    is_recorded = due[1] == LOGGER or random.random() < 0.5
+    is_routed = due in AT_A_ROUTER or (due not in AT_PHYSICS and random.random() < 0.6)
     ticks = WHOLE_HARVEST if seconds is None else round(seconds / TIME_STEP)
     orchard = random.randint(1, SEEDS)
-    possible = [(kind, target) for kind, target in ANYWHERE + AT_A_ROUTER * is_routed if target != LOGGER or is_recorded]
+    possible = [(kind, target) for kind, target in ANYWHERE + (AT_A_ROUTER if is_routed else AT_PHYSICS) if target != LOGGER or is_recorded]
     faults = _faults(random, ticks, due, possible)
     return Trial(seed, number, orchard, mode, speed, seconds, hosts, is_recorded, is_routed, faults)
 
@@ -101,4 +105,5 @@ def _faults(random: Random, ticks: int, due: tuple[str, str], possible: list[tup
 def most_deaths(faults: Sequence[Fault]) -> int:
     """The most restarts that these faults may cause for one process."""
     targets = [fault.target for fault in faults if fault.kind in MORTAL]
+    targets += [PHYSICS for fault in faults for _ in range(DEATHS_OF_PHYSICS.get(fault.kind, 0))]
     return targets.count(ALL) + max(targets.count(target) for target in (PHYSICS, HOST, LOGGER))

@@ -10,16 +10,39 @@ from typer.testing import CliRunner
 
 from chaos.__main__ import app
 from chaos.baseline import Baseline
+from chaos.disk import Disk
 from chaos.endurance import Endurance, MemorySample, MemorySeries
 from chaos.fault_injection import Execution, Recovery, time_limit
 from chaos.fuzzer import mutated
+from chaos.harvest import flip_bit
+from chaos.network import Network
 from chaos.oracle import judge
 from chaos.relay import Relay
 from chaos.report import Results, markdown
-from chaos.schedule import ALL, BYTES, HOST, INTERRUPT, KILL, LINK, LINKS, LOGGER, MOST_DEATHS, ROUTER, TERMINATE, Fault, most_deaths, trial
+from chaos.schedule import (
+    ALL,
+    BYTES,
+    HOST,
+    INTERRUPT,
+    KILL,
+    LINK,
+    LINKS,
+    LOGGER,
+    MOST_DEATHS,
+    NOTHING,
+    PORT,
+    ROUTER,
+    TERMINATE,
+    TORN,
+    Fault,
+    most_deaths,
+    trial,
+)
 from orchard.contract.messages import pack
 from orchard.launch.supervisor import DEATHS, free_port
+from orchard.net.endpoints import BusError, check_free
 from orchard.net.refusals import Refused, read_message
+from orchard.sim.kernels.cache import DIGEST, KernelFiles
 from orchard.wire.messages import Clock, Stamp
 
 RUN = "5f0c2a9e4b7d4c11"
@@ -47,6 +70,7 @@ def test_no_process_is_killed_as_often_as_makes_it_be_given_up():
     assert max(most_deaths(this.faults) for this in TRIALS) == MOST_DEATHS
     assert most_deaths([Fault(9, KILL, target, 0.0, 0) for target in (HOST, HOST, ALL, LOGGER)]) == 3
     assert most_deaths([Fault(9, kind, HOST, 0.0, 0) for kind in (KILL, TERMINATE, INTERRUPT)]) == 3
+    assert most_deaths([Fault(9, kind, NOTHING, 0.0, 0) for kind in (TORN, PORT)]) == 5
 
 
 def test_faults_hit_only_what_is_there():
@@ -54,6 +78,7 @@ def test_faults_hit_only_what_is_there():
         targets = {fault.target for fault in this.faults}
         assert this.is_recorded or LOGGER not in targets
         assert this.is_routed or not targets & {ROUTER, LINK, LINKS}
+        assert not this.is_routed or PORT not in {fault.kind for fault in this.faults}, "its port is the router's"
 
 
 def test_in_ten_minutes_there_is_everything():
@@ -126,6 +151,44 @@ def test_no_nonsense_is_of_the_run():
     for _ in range(2000):
         with pytest.raises(Refused):
             read_message(mutated(chance, said, RUN), Clock, RUN)
+
+
+# -- the disk and the port
+
+
+def test_a_full_disk_takes_nothing_until_it_is_cleared(tmp_path):
+    disk = Disk(tmp_path)
+    assert not disk.fill(), "the machine's own disk is never filled"
+    disk.mount()
+    if not disk.is_there:
+        pytest.skip("this machine mounts no disk for a test")
+    try:
+        assert disk.fill()
+        with pytest.raises(OSError, match="No space left"):
+            (tmp_path / "snapshot").write_bytes(b"x")
+        disk.clear()
+        (tmp_path / "snapshot").write_bytes(b"x")
+    finally:
+        disk.unmount()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("chance", [0, 1234567, 2**32 - 1])
+def test_a_flipped_bit_makes_a_kernel_unusable(tmp_path, chance):
+    files = KernelFiles(tmp_path)
+    files.keep("a.nbc", bytes(999))
+    flip_bit(tmp_path / "a.nbc", chance)
+    assert (tmp_path / "a.nbc").stat().st_size == DIGEST + 999
+    assert files.load("a.nbc") is None
+
+
+def test_a_port_that_is_taken_is_free_again_when_it_is_let_go():
+    with Network(False) as network:
+        with network.take_port():
+            assert network.take_port() is None
+            with pytest.raises(BusError):
+                check_free(network.endpoint)
+        check_free(network.endpoint)
 
 
 # -- what must come of a run

@@ -2,7 +2,8 @@
 
 from typing import NamedTuple
 
-from orchard.field.scenario import Scenario
+from chaos.mistakes import MISTAKEN, Mistaken
+from orchard.field.scenario import Scenario, to_yaml
 from orchard.local import Local
 from orchard.report.metrics import rows_picked
 
@@ -19,26 +20,27 @@ class Result(NamedTuple):
 
 
 class Baseline:
-    """Local runs in this process, one for each scenario seed. Each is continued only as far as a result needs it."""
+    """Local runs in this process, one for each scenario. Each is continued only as far as a result needs it."""
 
     def __init__(self) -> None:
-        self._runs: dict[int, Local] = {}
-        self._results: dict[tuple[int, int], Result] = {}
+        self._runs: dict[str, Local] = {}
+        self._results: dict[tuple[str, int], Result] = {}
 
-    def result(self, seed: int, ticks: int | None) -> Result:
-        """Return the result of the scenario with this seed after `ticks`; None: when the harvest is finished."""
-        local = self._runs.setdefault(seed, Local(scenario(seed)))
+    def result(self, scenario: Scenario, ticks: int | None) -> Result:
+        """Return the result of a scenario after `ticks`; None: when the harvest is finished."""
+        key = to_yaml(scenario)
+        local = self._runs.get(key) or self._runs.setdefault(key, Local(scenario))
         while not local.engine.over and (ticks is None or local.engine.tick < ticks):
             local.tick()
             if local.engine.tick % EVERY == 0 or local.engine.over:
-                self._keep(seed, local)
-        return self._results[seed, local.engine.tick if ticks is None else min(ticks, local.engine.tick)]
+                self._keep(key, local)
+        return self._results[key, local.engine.tick if ticks is None else min(ticks, local.engine.tick)]
 
-    def _keep(self, seed: int, local: Local) -> None:
+    def _keep(self, key: str, local: Local) -> None:
         engine = local.engine
-        self._results[seed, engine.tick] = Result(engine.tick, engine.hash, engine.world.delivered, rows_picked(engine.world))
+        self._results[key, engine.tick] = Result(engine.tick, engine.hash, engine.world.delivered, rows_picked(engine.world))
 
 
-def scenario(seed: int) -> Scenario:
-    """The soak's scenario: 3 rows, otherwise the defaults."""
-    return Scenario(rows=3, seed=seed)
+def scenario(seed: int, is_mistaken: bool = False) -> Scenario:
+    """The soak's scenario: 3 rows, otherwise the defaults. `is_mistaken`: with an agent that makes mistakes."""
+    return Scenario(rows=3, seed=seed, agents={MISTAKEN: f"{Mistaken.__module__}.{Mistaken.__name__}"} if is_mistaken else {})

@@ -13,18 +13,20 @@ class Disk:
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._filler = folder, folder / "filler"
-        self.is_there = False
+
+    @property
+    def is_there(self) -> bool:
+        return self._folder.is_mount()
 
     def mount(self) -> None:
         command = ["mount", "-t", "tmpfs", "-o", f"size={SIZE}", "none", str(self._folder)]
         with suppress(FileNotFoundError):
-            self.is_there = subprocess.run(command, capture_output=True).returncode == 0
+            subprocess.run(command, capture_output=True)
 
     def unmount(self) -> None:
         """Remove the disk, and all files on it. Without a disk nothing happens."""
         if self.is_there:
             subprocess.run(["umount", "--lazy", str(self._folder)], check=True)
-        self.is_there = False
 
     def fill(self) -> bool:
         """Fill the disk to the last byte. Return whether there is one."""

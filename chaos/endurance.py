@@ -1,17 +1,15 @@
 """Measures whether memory and file handles stay constant over 100,000 ticks: of physics and two hosts in lockstep, and of local mode."""
 
-import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from statistics import linear_regression
 from typing import NamedTuple
 
 import psutil
 
 from chaos.harvest import Harvest
-from orchard.field.scenario import Scenario, to_yaml
+from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import free_port
 from orchard.local import Local
 from orchard.net.bus import Alive, Sample, client
@@ -100,16 +98,13 @@ def series_of(moments: Iterator[tuple[int, Mapping[str, psutil.Process]]]) -> li
 
 def _lockstep(say: Say, ticks: int) -> Iterator[tuple[int, Mapping[str, psutil.Process]]]:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "long.yaml"
-        file.write_text(to_yaml(LONG))
-        arguments = ["--hosts", "2", "--duration", str(ticks / 10), "--record", "none", "--listen", endpoint]
-        with Harvest([str(file)], arguments, "endurance") as harvest:
-            for tick in _ticks_at(endpoint, ticks):
-                say(tick, "lockstep, 2 hosts")
-                if tick >= WARM_UP:
-                    (physics,), hosts = harvest.processes("physics"), harvest.processes("agents")
-                    yield tick, {"physics": physics} | {f"host {i + 1}": host for i, host in enumerate(hosts)}
+    arguments = ["--hosts", "2", "--duration", str(ticks / 10), "--record", "none", "--listen", endpoint]
+    with Harvest(LONG, arguments, "endurance") as harvest:
+        for tick in _ticks_at(endpoint, ticks):
+            say(tick, "lockstep, 2 hosts")
+            if tick >= WARM_UP:
+                (physics,), hosts = harvest.processes("physics"), harvest.processes("agents")
+                yield tick, {"physics": physics} | {f"host {i + 1}": host for i, host in enumerate(hosts)}
     harvest.tidy()
 
 

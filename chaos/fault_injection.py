@@ -26,6 +26,7 @@ from chaos.schedule import (
     KILL,
     LINKS,
     LOGGER,
+    MISTAKES,
     PHYSICS,
     PORT,
     ROUTER,
@@ -208,6 +209,7 @@ INJECTIONS: dict[str, Callable[[FaultInjector, Fault], bool]] = {
     FULL: FaultInjector._fill,
     TORN: FaultInjector._tear,
     PORT: FaultInjector._take_port,
+    MISTAKES: lambda injector, fault: True,  # the agent makes them from the beginning
 }
 
 

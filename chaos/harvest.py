@@ -13,6 +13,7 @@ from typing import Any
 import psutil
 
 from chaos.disk import Disk
+from orchard.field.scenario import Scenario, to_yaml
 from orchard.sim.kernels.cache import kernels_folder
 
 ROOT = Path(__file__).parents[1]
@@ -26,8 +27,8 @@ class Harvest:
     It has a folder of its own, in which it keeps notes, snapshots, recordings and compiled kernels: it disturbs no other run.
     """
 
-    def __init__(self, scenario: Sequence[str], arguments: Sequence[str], name: str, has_disk: bool = False) -> None:
-        """`scenario`: the arguments of run.py that a resumed run must not have. `arguments`: the others. `name`: of log and folder.
+    def __init__(self, scenario: Scenario, arguments: Sequence[str], name: str, has_disk: bool = False) -> None:
+        """`arguments`: of run.py, without the scenario. `name`: of log and folder.
 
         `has_disk`: whether its folder shall be a disk of its own.
         """
@@ -44,12 +45,13 @@ class Harvest:
         (self._folder / "run.py").symlink_to(ROOT / "run.py")
         if (kept := kernels_folder()) and kept.is_dir():
             shutil.copytree(kept, self._kernels / kept.name)
-        self._start(self._scenario)
+        (file := self._folder / "scenario.yaml").write_text(to_yaml(self._scenario))
+        self._start(str(file))
         return self
 
-    def _start(self, scenario: Sequence[str]) -> None:
+    def _start(self, *begin: str) -> None:
         """Start run.py. The log continues."""
-        command = [sys.executable, "-u", str(self._folder / "run.py"), *scenario, *self._arguments, "--summary", str(self._summary)]
+        command = [sys.executable, "-u", str(self._folder / "run.py"), *begin, *self._arguments, "--summary", str(self._summary)]
         with self.log.open("a") as file:
             self._popen = subprocess.Popen(
                 command, cwd=ROOT, env=os.environ | {"NUMBA_CACHE_DIR": str(self._kernels)}, stdout=file, stderr=subprocess.STDOUT,
@@ -62,7 +64,7 @@ class Harvest:
             return False
         self._popen.kill()
         self._popen.wait()
-        self._start(["--resume", "last"])
+        self._start("--resume", "last")
         return True
 
     def tear_kernel(self, chance: int) -> bool:
@@ -111,6 +113,7 @@ class Harvest:
         """Remove all files of the run."""
         for path in (self.log, self._summary):
             path.unlink(missing_ok=True)
+        self.disk.unmount()  # of a soak that was killed
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def _children(self) -> list[psutil.Process]:

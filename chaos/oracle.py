@@ -5,6 +5,7 @@ from typing import Any
 
 from chaos.baseline import Result, scenario
 from chaos.fault_injection import Execution, Recovery
+from chaos.mistakes import MISTAKEN
 from chaos.schedule import Trial
 from orchard.field.scenario import TIME_STEP
 
@@ -41,7 +42,10 @@ def judge(trial: Trial, execution: Execution, summary: dict[str, Any] | None, ba
         _check_realtime(verdict, summary)
     else:
         _check_lockstep(verdict, summary, baseline)
-    if execution.exit_code and not verdict.complaints:
+    broken = {agent.partition(",")[0] for agent in summary["broken_agents"]}
+    if broken != ({MISTAKEN} if trial.is_mistaken else set()):
+        return _unfinished(verdict, f"broken agents: {', '.join(sorted(broken)) or 'none'}")
+    if execution.exit_code != trial.is_mistaken and not verdict.complaints:  # run.py tells of broken agents with code 1
         return _unfinished(verdict, f"exit code {execution.exit_code}")
     return verdict
 

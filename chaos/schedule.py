@@ -11,7 +11,7 @@ RUN_PY, NOTHING = "run.py", ""
 LINK, LINKS = "a link", "all links"
 KILL, TERMINATE, INTERRUPT, FREEZE = "kill", "terminate", "interrupt", "freeze"
 CUT, STALL, DELAY, BYTES = "cut", "stall", "delay", "bad bytes"
-FULL, TORN, PORT = "disk full", "cache torn", "port taken"
+FULL, TORN, PORT, MISTAKES = "disk full", "cache torn", "port taken", "own agent's mistakes"
 MORTAL = (KILL, TERMINATE, INTERRUPT, FREEZE)  # kinds that may end a process
 DEATHS_OF_PHYSICS = {TORN: 1, PORT: 4}  # it dies, and then as often as its port is taken
 LASTS = {FREEZE: (0.2, 5.0), STALL: (0.2, 5.0), DELAY: (1.0, 4.0), FULL: (1.0, 8.0), PORT: (0.5, 3.0)}  # s of wall time: least and most
@@ -24,7 +24,17 @@ SEEDS = 4  # scenario seeds; few, so that few local runs give all the hashes
 
 KILLS = ((KILL, PHYSICS), (KILL, HOST), (KILL, HOST), (KILL, LOGGER), (KILL, ALL), (KILL, RUN_PY))
 SIGNALS = tuple((kind, target) for kind in (TERMINATE, INTERRUPT) for target in (PHYSICS, HOST, LOGGER))
-ANYWHERE = (*KILLS, *SIGNALS, (FREEZE, PHYSICS), (FREEZE, HOST), (FREEZE, LOGGER), (BYTES, NOTHING), (FULL, NOTHING), (TORN, NOTHING))
+ANYWHERE = (
+    *KILLS,
+    *SIGNALS,
+    (FREEZE, PHYSICS),
+    (FREEZE, HOST),
+    (FREEZE, LOGGER),
+    (BYTES, NOTHING),
+    (FULL, NOTHING),
+    (TORN, NOTHING),
+    (MISTAKES, NOTHING),
+)
 AT_A_ROUTER = ((KILL, ROUTER), (CUT, LINK), (CUT, LINKS), (STALL, LINK), (STALL, LINKS), (DELAY, LINK))
 AT_PHYSICS = ((PORT, NOTHING),)
 IN_TURN = tuple(dict.fromkeys(AT_PHYSICS + ANYWHERE + AT_A_ROUTER))  # one of them for each run, so that a soak of ten minutes has them all
@@ -57,6 +67,11 @@ class Trial(NamedTuple):
     is_recorded: bool
     is_routed: bool  # there is a router process of its own, and every link goes through a relay
     faults: tuple[Fault, ...]
+
+    @property
+    def is_mistaken(self) -> bool:
+        """Whether an agent makes mistakes, from the first tick to the last."""
+        return any(fault.kind == MISTAKES for fault in self.faults)
 
     def __str__(self) -> str:
         length = "whole harvest" if self.seconds is None else f"{self.seconds} s"

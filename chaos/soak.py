@@ -33,13 +33,13 @@ def _expected(this: Trial, baseline: Baseline) -> Result | None:
     """The result that the run must reach; None in realtime."""
     if this.mode == "realtime":
         return None
-    return baseline.result(this.orchard, None if this.seconds is None else round(this.seconds / TIME_STEP))
+    return baseline.result(scenario(this.orchard, this.is_mistaken), None if this.seconds is None else round(this.seconds / TIME_STEP))
 
 
 def _run(this: Trial, expected: Result | None, say: Say) -> Verdict:
     with Network(this.is_routed) as network:
         name, has_disk = f"seed-{this.seed}-run-{this.number}", any(fault.kind == FULL for fault in this.faults)
-        with Harvest(_scenario(this), [*_arguments(this), *network.arguments], name, has_disk) as harvest:
+        with Harvest(scenario(this.orchard, this.is_mistaken), [*_arguments(this), *network.arguments], name, has_disk) as harvest:
             if has_disk and not harvest.disk.is_there:
                 say(f"{this}: without {FULL!r}, because this machine mounts no disk")
             execution = inject_faults(this, harvest, network)
@@ -52,12 +52,8 @@ def _run(this: Trial, expected: Result | None, say: Say) -> Verdict:
     return verdict
 
 
-def _scenario(this: Trial) -> list[str]:
-    return [str(ROOT / "config" / "orchard.yaml"), "--rows", str(scenario(this.orchard).rows), "--seed", str(this.orchard)]
-
-
 def _arguments(this: Trial) -> list[str]:
-    """The trial's other options of run.py."""
+    """The trial's options of run.py, without the scenario."""
     arguments = ["--mode", this.mode, "--speed", this.speed, "--hosts", this.hosts]
     arguments += [] if this.seconds is None else ["--duration", str(this.seconds)]
     return arguments + ([] if this.is_recorded else ["--record", "none"])

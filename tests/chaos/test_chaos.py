@@ -9,12 +9,13 @@ import pytest
 from typer.testing import CliRunner
 
 from chaos.__main__ import app
-from chaos.baseline import Baseline
+from chaos.baseline import Baseline, scenario
 from chaos.disk import Disk
 from chaos.endurance import Endurance, MemorySample, MemorySeries
 from chaos.fault_injection import Execution, Recovery, time_limit
 from chaos.fuzzer import mutated
 from chaos.harvest import flip_bit
+from chaos.mistakes import EVERY, MISTAKES
 from chaos.network import Network
 from chaos.oracle import judge
 from chaos.relay import Relay
@@ -40,6 +41,7 @@ from chaos.schedule import (
 )
 from orchard.contract.messages import pack
 from orchard.launch.supervisor import DEATHS, free_port
+from orchard.local import Local
 from orchard.net.endpoints import BusError, check_free
 from orchard.net.refusals import Refused, read_message
 from orchard.sim.kernels.cache import DIGEST, KernelFiles
@@ -196,16 +198,17 @@ def test_a_port_that_is_taken_is_free_again_when_it_is_let_go():
 
 @pytest.fixture(scope="module")
 def wanted():
-    return Baseline().result(1, 600)
+    return Baseline().result(scenario(1), 600)
 
 
 def summary(wanted, **changes):
     good = {"ticks": 600, "hash": wanted.hash, "bins_delivered": wanted.bins, "rows_picked": wanted.rows}
-    return good | {"messages_refused": {"malformed": 3}, "violations": [], "finished": False} | changes
+    return good | {"messages_refused": {"malformed": 3}, "violations": [], "broken_agents": [], "finished": False} | changes
 
 
-LOCKSTEP = next(this for this in TRIALS if this.mode == "lockstep")
-REALTIME = next(this for this in TRIALS if this.mode == "realtime" and this.seconds is None)
+LOCKSTEP = next(this for this in TRIALS if this.mode == "lockstep" and not this.is_mistaken)
+REALTIME = next(this for this in TRIALS if this.mode == "realtime" and this.seconds is None and not this.is_mistaken)
+MISTAKEN = next(this for this in TRIALS if this.mode == "lockstep" and this.is_mistaken)
 
 
 def execution(exit_code=0):
@@ -235,6 +238,22 @@ def test_whatever_is_broken_is_counted_and_told(wanted, exit_code, changes, brok
     assert dict(results.promises())[broken] == 1
     assert found.complaints
     assert not results.is_good
+
+
+def test_an_agent_that_makes_mistakes_is_broken_and_no_other(wanted):
+    broken = summary(wanted, broken_agents=["cat_01, since tick 0"])
+    assert judge(MISTAKEN, execution(1), broken, wanted).complaints == []
+    assert judge(MISTAKEN, execution(0), summary(wanted), wanted).complaints == ["broken agents: none"]
+    assert judge(LOCKSTEP, execution(1), broken, wanted).complaints == ["broken agents: cat_01"]
+
+
+def test_each_mistake_is_refused_but_that_in_a_text():
+    local, states = Local(scenario(1, True)), []
+    for _ in range(EVERY * len(MISTAKES)):
+        local.tick()
+        states.append(local.actions["cat_01"].state)
+    assert states[::EVERY] == ["broken"] * (len(MISTAKES) - 1) + [states[-1]]
+    assert states.count("broken") == len(MISTAKES) - 1
 
 
 def test_a_whole_harvest_in_realtime_must_deliver_every_bin(wanted):

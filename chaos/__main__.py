@@ -8,6 +8,7 @@ The exit code is 1 if a promise is broken. A soak of ten minutes or more include
 """
 
 import itertools
+import logging
 import os
 import signal
 import sys
@@ -22,6 +23,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from chaos.endurance import TICKS, endure
 from chaos.harvest import ROOT
+from chaos.mistakes import MISTAKEN
 from chaos.report import Results, as_tables, markdown
 from chaos.soak import soak
 
@@ -87,4 +89,5 @@ def _finish(results: Results) -> None:
 
 if __name__ == "__main__":
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # an exception, so that each `with` ends its processes
+    logging.getLogger("orchard").addFilter(lambda record: not record.getMessage().startswith(f"{MISTAKEN} "))  # its mistakes are wanted
     app()

@@ -56,7 +56,7 @@ class _Running:
     is_asked: bool = False  # to end
 
     def is_over(self) -> bool:
-        """Whether it has ended and is not restarted: an end that nobody asked for, and that is not the run's, is a death."""
+        """Whether it has ended and is not restarted: an end without a request, before the end of the run, is a death."""
         code = self.popen.poll()
         is_refusal = code == BAD_ORDER and not self.deaths and not self.program.may_refuse
         return code is not None and (not self.program.again or self.is_asked or code == lifeline.OVER or is_refusal)

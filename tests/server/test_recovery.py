@@ -2,6 +2,7 @@
 
 import os
 import signal
+from pathlib import Path
 from types import SimpleNamespace
 
 import msgpack
@@ -156,13 +157,19 @@ def test_a_torn_snapshot_is_named_and_the_one_before_it_is_used(fleet, undisturb
     assert fleet.end() == undisturbed
 
 
-def test_physics_whose_scenario_file_is_gone_goes_on_from_the_newest_snapshot_that_is_its_own(fleet, undisturbed, tmp_path):
+def killed_with_snapshots(fleet, tmp_path) -> tuple[Path, tuple[str, ...]]:
+    """Kill physics at tick 30. Return the folder of its snapshots, and its arguments for them."""
     folder = tmp_path / "snapshots"
     keeping = ("--snapshots", str(folder), "--snapshot-every", "0.2")
     fleet.physics(SMALL, *PACE, *keeping)
     fleet.share(2, TOY)
     wait_for_tick(fleet, 30)
     end(fleet.world)
+    return folder, keeping
+
+
+def test_physics_whose_scenario_file_is_gone_goes_on_from_the_newest_snapshot_that_is_its_own(fleet, undisturbed, tmp_path):
+    folder, keeping = killed_with_snapshots(fleet, tmp_path)
     (tmp_path / "scenario.yaml").unlink()
     os.mkfifo(folder / "tick-000000999.snapshot")
     alien = Local(SMALL).snapshot()
@@ -176,12 +183,7 @@ def test_physics_whose_scenario_file_is_gone_goes_on_from_the_newest_snapshot_th
 
 
 def test_physics_that_has_only_a_torn_snapshot_begins_anew_and_says_so(fleet, undisturbed, tmp_path):
-    folder = tmp_path / "snapshots"
-    keeping = ("--snapshots", str(folder), "--snapshot-every", "0.2")
-    fleet.physics(SMALL, *PACE, *keeping)
-    fleet.share(2, TOY)
-    wait_for_tick(fleet, 30)
-    end(fleet.world)
+    folder, keeping = killed_with_snapshots(fleet, tmp_path)
     for path in folder.glob("tick-*.snapshot"):
         path.write_bytes(path.read_bytes()[:1000])
     fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)

@@ -1,49 +1,73 @@
-# Two commands do it all: `make run` and `make test`. Each first makes a virtual environment in .venv.
-PYTHON ?= python3.11
+# Two commands do it all: `make run` and `make test`. Each first makes a virtual environment in .venv, with what it needs.
+PYTHON ?= python3
 VENV := .venv
 SECONDS := 600
 RUN := $(VENV)/bin/python
+INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
 
-.PHONY: run app lint test soak chaos bench view docs pictures clean
+.PHONY: run app lint test pythons package soak chaos bench view docs site pictures clean
 .DEFAULT_GOAL := run
 
-$(VENV)/ready: pyproject.toml
+$(VENV)/installed: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is not Python 3.11 or newer, which the orchard\
+	 needs: $$($(PYTHON) --version 2>&1). To name another: make $(MAKECMDGOALS) PYTHON=python3.11" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet --editable '.[app,secure,dev]'
+	$(INSTALL) .
 	touch $@
 
-run: $(VENV)/ready  ## the default orchard, from start to summary
-	$(RUN) run.py
+$(VENV)/installed-app: $(VENV)/installed
+	$(INSTALL) '.[app]'
+	touch $@
 
-app: $(VENV)/ready  ## the page in the browser
-	$(RUN) -m orchard.app
+$(VENV)/installed-dev: $(VENV)/installed
+	$(INSTALL) '.[app,secure,dev]'
+	touch $@ $(VENV)/installed-app
 
-view: $(VENV)/ready  ## open the newest recording
-	$(RUN) run.py view
+$(VENV)/installed-docs: $(VENV)/installed
+	$(INSTALL) '.[docs]'
+	touch $@
 
-lint: $(VENV)/ready  ## style, types, and the order of the packages
+run: $(VENV)/installed  ## the default orchard, from start to summary
+	$(VENV)/bin/orchard
+
+app: $(VENV)/installed-app  ## the page in the browser
+	$(VENV)/bin/orchard app
+
+view: $(VENV)/installed  ## open the newest recording
+	$(VENV)/bin/orchard view
+
+lint: $(VENV)/installed-dev  ## style, types, and the order of the packages
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check --quiet .
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
 
-test: $(VENV)/ready  ## all tests but the long matrix
+test: $(VENV)/installed-dev  ## all tests but the long matrix
 	$(RUN) -m pytest --numprocesses 3 --dist loadfile
 
-soak: $(VENV)/ready  ## the long matrix of equal hashes
+pythons: $(VENV)/installed-dev  ## the core of the tests on every other Python from 3.11 on that is here
+	.ci/pythons
+
+package: $(VENV)/installed-dev  ## wheel and source archive: built, checked, installed and run outside the tree
+	.ci/package
+
+soak: $(VENV)/installed-dev  ## the long matrix of equal hashes
 	$(RUN) -m pytest -m soak
 
-chaos: $(VENV)/ready  ## ten minutes of kills, freezes, cuts and nonsense, and 100,000 ticks: docs/chaos.md; SECONDS=120 is the short one
+chaos: $(VENV)/installed-dev  ## ten minutes of kills, freezes, cuts and nonsense, and 100,000 ticks: docs/chaos.md; SECONDS=120 is the short one
 	$(RUN) -m chaos --seconds $(SECONDS)
 
-bench: $(VENV)/ready  ## how fast it is, beside what else one could use: docs/benchmarks.md
+bench: $(VENV)/installed-dev  ## how fast it is, beside what else one could use: docs/benchmarks.md
 	$(RUN) -m bench
 
-docs: $(VENV)/ready  ## all generated files: keyspace.md, the schema, the drawings
+docs: $(VENV)/installed-dev  ## all generated files
 	$(RUN) -m docs.generate
 
-pictures: $(VENV)/ready  ## docs/orchard.png, by the viewer itself; needs .ci/apt-packages.txt
+site: $(VENV)/installed-docs  ## the documents as a site, in .site/html; it runs the notebook
+	$(VENV)/bin/sphinx-build --quiet --fail-on-warning --keep-going --conf-dir docs . .site/html
+
+pictures: $(VENV)/installed-dev  ## docs/orchard.png and docs/exchange.webp, by the viewer itself; needs .ci/apt-packages.txt
 	$(RUN) docs/pictures.py
 
 clean:
-	rm -rf $(VENV) runs .pytest_cache .mypy_cache .hypothesis
+	rm -rf $(VENV) runs .site .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis build dist *.egg-info

@@ -32,10 +32,6 @@ class Flow:
     messages: int
     size: int  # bytes of each
 
-    def split(self, messages: int) -> "Flow":
-        """Return the same bytes in so many messages."""
-        return Flow(messages, round(self.messages * self.size / messages))
-
 
 @dataclass(frozen=True)
 class Traffic:
@@ -44,11 +40,6 @@ class Traffic:
     clients: int
     to_client: Flow  # to each client
     from_client: Flow  # from each client
-
-    def split(self, bodies: int) -> "Traffic":
-        """Return the same bytes with a separate message for the pose, the scan and the velocity of each body."""
-        each = max(1, round(bodies / self.clients))
-        return Traffic(self.clients, self.to_client.split(2 * each), self.from_client.split(each))
 
 
 def ticks_per_second(traffic: Traffic, seconds: float) -> float:

@@ -3,9 +3,12 @@
 import os
 import subprocess
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as made
+from functools import partial
 from statistics import median
+
+import numpy as np
 
 from bench import core, floor, peer_simulators, program
 from bench.field import field, growing
@@ -13,15 +16,16 @@ from bench.field import field, growing
 REALTIME_SECONDS = 60
 ROBOTS = (10, 30, 100, 300, 1000)
 SECONDS = 3.0  # of measurement for one figure
-FLOOR_SECONDS = 4.0
-ROUNDS = 3  # of lockstep; each has a run without and a run with a recording
-TICKS = {"default": 300, "20x20": 60}  # of each of the five measurements in local mode
+FLOOR_SECONDS = 2.0
+ROUNDS = 3  # of lockstep; each has a run with holds, one with holds ignored, and one with a recording
+TICKS = {"3x2": 600, "default": 1000, "20x20": 600}  # of each of the five measurements in local mode
+PROFILE_TICKS = 600  # of which the messages are recorded
 OPTIONS = {"default": [], "20x20": ["--rows", "20", "--pickers", "20"]}
 SMALL = ["--rows", "3", "--pickers", "2"]
 LOCKSTEP_RUNS = {  # name -> (scenario, hosts, ticks)
     "default, 2": ("default", "2", 4000),
-    "default, each": ("default", "each", 800),
-    "20x20, 2": ("20x20", "2", 800),
+    "default, each": ("default", "each", 2000),
+    "20x20, 2": ("20x20", "2", 2000),
 }
 
 Say = Callable[[str], None]
@@ -33,10 +37,17 @@ class Lockstep:
     """Rates of one lockstep run, ticks/s."""
 
     hosts: str
-    floor: float
-    split_floor: float  # of the floor with a separate message for the pose, the scan and the velocity of each body
+    asked: float  # processes that are asked at a tick, mean
+    messages: float  # s a tick that bare Zenoh takes for the messages that are really sent
+    chain: float  # s a tick of the longest chain of computing
     plain: float  # without a recording
+    ignored: float  # the same with holds ignored
     recorded: float
+
+    @property
+    def attainable(self) -> float:
+        """The rate at which messages and computing take turns without any loss."""
+        return 1.0 / (self.messages + self.chain)
 
 
 @dataclass
@@ -47,7 +58,7 @@ class Results:
     growing: dict[int, float] = made(default_factory=dict)  # robots -> us for a step of one robot
     peers: dict[str, dict[int, float]] = made(default_factory=dict)  # simulator -> robots -> rate
     missing: dict[str, str] = made(default_factory=dict)  # simulator -> why it could not be installed
-    local: dict[str, tuple[float, int]] = made(default_factory=dict)  # scenario -> ticks/s, agents
+    local: dict[str, program.LocalFigures] = made(default_factory=dict)  # scenario -> its figures
     lockstep: dict[str, Lockstep] = made(default_factory=dict)
     start: dict[str, program.RunProfile] = made(default_factory=dict)
     physics_megabytes: float = 0.0
@@ -67,20 +78,24 @@ class Results:
         ratios = [(name, n, least, self.core[n] / self.of(name, n)) for name, n, least in wanted]
         goals = [(f"core: rate / {name} at N = {n}", f">= {least}", f"{ratio:.0f}", ratio >= least) for name, n, least, ratio in ratios]
         growth = self.growing[1000] / self.growing[30]
+        goals += [_at_least(f"core, N = {n}, steps/s", least, self.core[n]) for n, least in ((10, 75_000), (30, 33_000))]
         return [*goals, ("core, time of one robot's step: N = 1000 / N = 30, growing field", "<= 2", f"{growth:.2f}", growth <= 2)]
 
     def _program_goals(self) -> list[Goal]:
-        wanted = (("default", 2000), ("20x20", 500))
-        goals = [_at_least(f"local mode, {name}, ticks/s", least, self.local[name][0]) for name, least in wanted]
-        (small, few), (large, many) = self.local["3x2"], self.local["20x20"]
-        growth = (few * small) / (many * large)
+        goals: list[Goal] = []
+        for name, most in (("default", 0.12), ("20x20", 0.15)):
+            figures = self.local[name]
+            goals.append((f"agents asked, {name}", f"<= {most}", f"{figures.asked:.3f}", figures.asked <= most))
+            goals.append(_times(f"local mode, {name}: rate with holds / holds ignored", 2.5, figures.rate / figures.ignored))
+        small, large = self.local["3x2"], self.local["20x20"]
+        growth = (small.agents * small.rate) / (large.agents * large.rate)
         goals.append(("local mode, time of one agent's tick: 20x20 / 3x2", "<= 2", f"{growth:.2f}", growth <= 2))
-        for name, run in self.lockstep.items():
-            share, recorded = run.plain / run.floor, run.recorded / run.plain
-            goals.append((f"lockstep, {name}: rate / floor", ">= 0.6", f"{share:.2f}", share >= 0.6))
-            goals.append((f"lockstep, {name}: rate with / without recording", ">= 0.7", f"{recorded:.2f}", recorded >= 0.7))
-        for name, least in (("default, 2", 1000), ("default, each", 200), ("20x20, 2", 300)):
-            goals.append(_at_least(f"lockstep, {name}, ticks/s", least, self.lockstep[name].plain))
+        for name, times, least in (("default, 2", 1.7, 1300), ("20x20, 2", 1.7, 600), ("default, each", 4.0, 450)):
+            run = self.lockstep[name]
+            goals.append(_times(f"lockstep, {name}: rate with holds / holds ignored", times, run.plain / run.ignored))
+            goals.append(_at_least(f"lockstep, {name}, ticks/s", least, run.plain))
+            goals.append(_times(f"lockstep, {name}: rate / attainable", 0.6, run.plain / run.attainable))
+            goals.append(_times(f"lockstep, {name}: rate with / without recording", 0.6, run.recorded / run.plain))
         best = max((self.of(name, 30), name) for name in peer_simulators.QUOTED)
         plain = self.lockstep["default, 2"].plain
         return [*goals, (f"lockstep, ticks/s, above all peers at N = 30 ({best[1]})", f"> {best[0]:.0f}", f"{plain:.0f}", plain > best[0])]
@@ -88,7 +103,7 @@ class Results:
     def _size_goals(self) -> list[Goal]:
         starts = [(name, most, self.start[name].first_tick) for name, most in (("default", 2.5), ("20x20", 6.0))]
         goals = [(f"start, {name}, s", f"< {most}", f"{seconds:.1f}", seconds < most) for name, most, seconds in starts]
-        megabytes = max(profile.megabytes["processes.agents"] for profile in self.start.values())
+        megabytes = max(profile.megabytes["orchard.processes.agents"] for profile in self.start.values())
         goals.append(("physics with 1000 robots, MB", "< 200", f"{self.physics_megabytes:.0f}", self.physics_megabytes < 200))
         goals.append(("an agent process, MB", "< 80", f"{megabytes:.0f}", megabytes < 80))
         real, missed = self.realtime, self.realtime.missed / self.realtime.answers
@@ -98,6 +113,10 @@ class Results:
 
 def _at_least(goal: str, least: float, value: float) -> Goal:
     return goal, f">= {least:,}", f"{value:,.0f}", value >= least
+
+
+def _times(goal: str, least: float, ratio: float) -> Goal:
+    return goal, f">= {least:g}", f"{ratio:.2f}", ratio >= least
 
 
 def _core(results: Results, say: Say) -> None:
@@ -125,7 +144,7 @@ def _peers(results: Results, say: Say) -> None:
 def _local(results: Results, say: Say) -> None:
     for name, options in {"3x2": SMALL, **OPTIONS}.items():
         say(f"local mode, {name}")
-        results.local[name] = program.local_ticks_per_second(options, TICKS.get(name, 300))
+        results.local[name] = program.local_figures(options, TICKS[name])
 
 
 def _start(results: Results, say: Say) -> None:
@@ -133,24 +152,31 @@ def _start(results: Results, say: Say) -> None:
     results.physics_megabytes = program.physics_megabytes(1000)
     for name, options in OPTIONS.items():
         say(f"start, {name}")
-        program.profile_run(options, "2", 1, 2)  # compiles the kernels, which are then cached
-        results.start[name] = program.profile_run(options, "2", 50, 2)
+        program.profile_run(options, "2", 1)  # compiles the kernels, which are then cached
+        results.start[name] = program.profile_run(options, "2", PROFILE_TICKS)
 
 
 def _lockstep(results: Results, say: Say) -> None:
     for name, (scenario, hosts, ticks) in LOCKSTEP_RUNS.items():
-        say(f"lockstep, {name}: the floor")
-        options = OPTIONS[scenario]
-        clients = results.local[scenario][1] if hosts == "each" else int(hosts)
-        traffic = results.start[scenario].traffic if hosts != "each" else program.profile_run(options, hosts, 50, clients).traffic
-        bare = floor.ticks_per_second(traffic, FLOOR_SECONDS)
-        split = floor.ticks_per_second(traffic.split(results.local[scenario][1]), FLOOR_SECONDS)
-        rounds = []
+        say(f"lockstep, {name}: what is attainable")
+        options, profile = OPTIONS[scenario], results.start[scenario]
+        if hosts == "each":
+            profile = program.profile_run(options, hosts, PROFILE_TICKS)
+        messages, chain = _message_seconds(profile), program.chain_seconds(options, hosts, ticks)
+        rounds, rate = [], partial(program.lockstep_ticks_per_second, options, hosts)
         for number in range(1, ROUNDS + 1):
-            say(f"lockstep, {name}, without and with recording, {number} of {ROUNDS}")
-            rounds.append([program.lockstep_ticks_per_second(options, hosts, ticks, record) for record in (False, True)])
-        plain, recorded = map(median, zip(*rounds, strict=True))
-        results.lockstep[name] = Lockstep(hosts, bare, split, plain, recorded)
+            say(f"lockstep, {name}: with holds, holds ignored, recording, {number} of {ROUNDS}")
+            rounds.append([rate(ticks), rate(ticks // 2, "--ignore-holds"), rate(ticks, record=True)])
+        asked = sum(number * share for number, share in profile.asked.items())
+        results.lockstep[name] = Lockstep(hosts, asked, messages, chain, *map(median, zip(*rounds, strict=True)))
+
+
+def _message_seconds(profile: program.RunProfile) -> float:
+    """Return the mean time of a tick that bare Zenoh takes for the messages of a run: with so many processes as are asked at a tick."""
+    numbers = sorted({number for number in profile.asked if number} | {1})
+    measured = [number for number in numbers if number in (1, 2, 4, 8, numbers[-1])]
+    seconds = [1.0 / floor.ticks_per_second(replace(profile.traffic, clients=number), FLOOR_SECONDS) for number in measured]
+    return sum(share * float(np.interp(number, [0, *measured], [0.0, *seconds])) for number, share in profile.asked.items())
 
 
 def _realtime(results: Results, say: Say) -> None:

@@ -7,18 +7,21 @@ import time
 from collections import Counter, defaultdict
 from contextlib import contextmanager
 from pathlib import Path
-from statistics import median
+from statistics import mean, median
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import psutil
 
 from bench.core import world_of
 from bench.field import field
 from bench.floor import Flow, Traffic
+from orchard.contract.agent import Action, Agent, Mail, Observation
 from orchard.field.scenario import Scenario
+from orchard.launch.request import shares
 from orchard.local import Local
 from orchard.net.bus import Bus, Inbox, Sample, client
+from orchard.sim.lookahead import IgnoredHolds, Lookahead
 from orchard.sim.scan import Scanner
 from orchard.wire.keys import Keys
 
@@ -36,11 +39,22 @@ def scenario(options: list[str]) -> Scenario:
 # -- local mode
 
 
-def local_ticks_per_second(options: list[str], ticks: int, repeats: int = 5) -> tuple[float, int]:
-    """Return the median rate of `repeats` measurements of `ticks` ticks each, from the beginning of a harvest, and its number of agents."""
-    local = Local(scenario(options))
-    local.tick()
-    return median(_rate(local, ticks) for _ in range(repeats)), len(local.agents)
+class LocalFigures(NamedTuple):
+    """Figures of local mode."""
+
+    agents: int
+    asked: float  # share of agents that are asked, of all agents and ticks
+    rate: float  # ticks/s
+    ignored: float  # ticks/s with holds ignored
+
+
+def local_figures(options: list[str], ticks: int, repeats: int = 5) -> LocalFigures:
+    """Measure `repeats` times `ticks` ticks from the beginning of a harvest, with holds and with holds ignored in turns. Return medians."""
+    on, ignored = (Local(scenario(options), holds=holds) for holds in (Lookahead, IgnoredHolds))
+    for local in (on, ignored):
+        local.tick()
+    rates = [(_rate(on, ticks), _rate(ignored, ticks)) for _ in range(repeats)]
+    return LocalFigures(len(on.agents), on.engine.asked_share, *map(median, zip(*rates, strict=True)))
 
 
 def _rate(local: Local, ticks: int) -> float:
@@ -50,15 +64,44 @@ def _rate(local: Local, ticks: int) -> float:
     return ticks / (time.perf_counter() - begun)
 
 
+class _Timed:
+    """An agent whose time is added up."""
+
+    holds = True
+
+    def __init__(self, agent: Agent, spent: list[float], process: int) -> None:
+        self.Memory, self._agent, self._spent, self._process = agent.Memory, agent, spent, process
+
+    def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
+        begun = time.perf_counter()
+        action = self._agent.tick(observation, mail, memory)
+        self._spent[self._process] += time.perf_counter() - begun
+        return action
+
+
+def chain_seconds(options: list[str], hosts: str, ticks: int) -> float:
+    """Return the mean time of the longest chain of computing in a tick, s: physics, and then the process whose agents take longest."""
+    local, total = Local(scenario(options)), 0.0
+    processes = shares(list(local.agents), 0 if hosts == "each" else int(hosts))
+    spent = [0.0] * len(processes)
+    local.agents = {name: _Timed(local.agents[name], spent, i) for i, (_, names) in enumerate(processes) for name in names}
+    for _ in range(ticks):
+        spent[:] = [0.0] * len(spent)
+        begun = time.perf_counter()
+        local.tick()
+        total += time.perf_counter() - begun - sum(spent) + max(spent)
+    return total / ticks
+
+
 # -- lockstep
 
 
-def lockstep_ticks_per_second(options: list[str], hosts: str, ticks: int, record: bool) -> float:
+def lockstep_ticks_per_second(options: list[str], hosts: str, ticks: int, *more: str, record: bool = False) -> float:
     """Return the rate that run.py reports for a run of `ticks` ticks, from the beginning of the first tick to the last."""
     with TemporaryDirectory() as folder:
         summary = Path(folder) / "summary.json"
         recording = str(Path(folder) / "run.rrd") if record else "none"
-        command = [*_run(options, hosts, ticks), "--record", recording, "--summary", str(summary)]
+        command = [*_run(options, hosts, ticks), "--record", recording, "--summary", str(summary), *more]
         subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
         return ticks / float(json.loads(summary.read_text())["wall_seconds"])
 
@@ -72,18 +115,19 @@ class RunProfile(NamedTuple):
 
     first_tick: float  # s from the start of run.py to the first clock message
     megabytes: dict[str, float]  # process module -> MB, resident, of the largest process
-    traffic: Traffic  # between physics and agents, per tick
+    traffic: Traffic  # between physics and the processes of agents that are asked
+    asked: dict[int, float]  # number of processes that are asked at a tick -> share of the ticks
 
 
-def profile_run(options: list[str], hosts: str, ticks: int, clients: int) -> RunProfile:
-    """Start run.py and record all messages for `ticks` ticks. `clients`: the number of agent processes."""
+def profile_run(options: list[str], hosts: str, ticks: int) -> RunProfile:
+    """Start run.py and record all messages for `ticks` ticks."""
     begun = time.perf_counter()
     popen = subprocess.Popen([*_run(options, hosts, 10 * ticks), "--record", "none"], cwd=ROOT, stdout=subprocess.DEVNULL)
     try:
         with _session(psutil.Process(popen.pid)) as bus:
             bus.subscribe(f"{Keys().prefix}/**")
             first, samples = _received(bus, ticks)
-            return RunProfile(first - begun, _memory(psutil.Process(popen.pid)), _traffic(samples, ticks, clients))
+            return RunProfile(first - begun, _memory(psutil.Process(popen.pid)), _traffic(samples), _asked(samples))
     finally:
         popen.terminate()
         popen.wait(timeout=START_SECONDS)
@@ -96,12 +140,12 @@ def _session(program: psutil.Process):
     while time.perf_counter() < deadline:
         for child in program.children(recursive=True):
             command = _command(child)
-            if "--listen" in command:
-                with client(command[command.index("--listen") + 1], Inbox()) as bus:
+            if "--connect" in command:  # a host; the router is in the physics process
+                with client(command[command.index("--connect") + 1], Inbox()) as bus:
                     yield bus
                 return
         time.sleep(0.02)
-    raise RuntimeError(f"run.py did not start a router within {START_SECONDS:g} s")
+    raise RuntimeError(f"run.py did not start a host within {START_SECONDS:g} s")
 
 
 def _command(process: psutil.Process) -> list[str]:
@@ -136,16 +180,23 @@ def _memory(program: psutil.Process) -> dict[str, float]:
     return dict(found)
 
 
-def _traffic(samples: list[Sample], ticks: int, clients: int) -> Traffic:
-    """The mean messages of a tick: observations to each client, velocities from each client."""
-    count, size = Counter(), Counter()
+def _traffic(samples: list[Sample]) -> Traffic:
+    """The mean messages between physics and one process that is asked: observations, and velocities."""
+    sizes = defaultdict(list)
+    for sample in samples:
+        sizes[sample.key.rsplit("/", 1)[1]].append(len(sample.payload))
+    return Traffic(1, *(Flow(1, round(mean(sizes[kind]))) for kind in ("seen", "velocities")))
+
+
+def _asked(samples: list[Sample]) -> dict[int, float]:
+    """How many processes are asked at a tick: number -> share of the ticks. Physics sends the observations of a tick before its clock."""
+    asked, ticks = 0, Counter()
     for sample in samples:
         kind = sample.key.rsplit("/", 1)[1]
-        count[kind] += 1
-        size[kind] += len(sample.payload)
-    mean = {kind: round(size[kind] / count[kind]) for kind in count}
-    back = round(count["velocities"] / ticks / clients)
-    return Traffic(clients, Flow(1, mean["seen"]), Flow(back, mean["velocities"]))
+        asked += kind == "seen"
+        if kind == "clock":
+            ticks[asked], asked = ticks[asked] + 1, 0
+    return {number: count / ticks.total() for number, count in sorted(ticks.items())}
 
 
 # -- real time
@@ -196,7 +247,7 @@ def physics_megabytes(robots: int) -> float:
 
 
 def _print_memory(robots: int) -> None:
-    import processes.physics  # noqa: F401
+    import orchard.processes.physics  # noqa: F401
     from bench.core import drive
 
     world = world_of(field(robots))

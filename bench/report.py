@@ -21,12 +21,14 @@ has a laser of 180 beams over half a turn with a range of 10 m. A step takes 0.1
 runs in one process and one thread and draws nothing (`bench/field.py`). All simulators get the same places and velocities. A step
 consists of a scan of each robot, exact to 1e-9 m, and the movement of each robot with its collisions.
 
-**Floor.** Bare Zenoh sends as many messages of the same sizes as were counted in a real run, between as many processes, and nothing else
-(`bench/floor.py`). It packs, checks and computes nothing, and its agents send no requests to each other. Its processes are set up as
-`run.py` sets up its own. The *split floor* sends the same bytes in a separate message for the pose, the scan and the velocity of each
-body: it is the limit of a program that does not send all bodies of a process in one message. A lockstep run is `run.py` with real
-agents, timed from the last join of an agent to the end. Its rates are the medians of three runs without and three runs with a
-recording, in turns.
+**Holds.** An agent whose action holds its velocity is not asked until its hold ends. With `--ignore-holds` all agents are asked at every
+tick; the run has the same hash.
+
+**Attainable** is a rate at which messages and computing take turns without any loss. *Messages*: bare Zenoh sends messages of the same
+sizes as a real run between as many processes as are asked at each tick, and nothing else (`bench/floor.py`). It packs, checks and computes
+nothing, and its agents send no requests to each other. Its processes are set up as `run.py` sets up its own. *Chain*: the longest chain
+of computing, in local mode: physics, and then the process whose agents take longest. A lockstep run is `run.py` with real agents, timed
+from the last join of an agent to the end. Its rates are the medians of three runs each, in turns.
 
 **Start** is the time from the start of `run.py` to the first tick on the bus. **Memory** is the resident memory that the operating
 system reports.
@@ -104,15 +106,36 @@ def _goals(results: Results) -> str:
 
 
 def _program(results: Results) -> str:
-    local = [[name, str(agents), rate(ticks), f"{1e6 / ticks / agents:.1f}"] for name, (ticks, agents) in results.local.items()]
+    local = [
+        [name, str(run.agents), f"{run.asked:.3f}", rate(run.rate), rate(run.ignored), f"{run.rate / run.ignored:.2f}"]
+        for name, run in results.local.items()
+    ]
     lockstep = [[name, *_rates(run)] for name, run in results.lockstep.items()]
     start = [
-        [name, f"{profile.first_tick:.1f}", f"{profile.megabytes['processes.physics']:.0f}", f"{profile.megabytes['processes.agents']:.0f}"]
+        [
+            name,
+            f"{profile.first_tick:.1f}",
+            f"{profile.megabytes['orchard.processes.physics']:.0f}",
+            f"{profile.megabytes['orchard.processes.agents']:.0f}",
+        ]
         for name, profile in results.start.items()
     ]
     heads = (
-        ["local mode", "agents", "ticks/s", "us per agent and tick"],
-        ["lockstep", "hosts", "floor, ticks/s", "split floor", "ticks/s", "/ floor", "/ split floor", "with recording", "/ without"],
+        ["local mode", "agents", "share of them asked", "ticks/s", "holds ignored", "with / ignored"],
+        [
+            "lockstep",
+            "hosts",
+            "asked in a tick",
+            "messages, us",
+            "chain, us",
+            "attainable, ticks/s",
+            "ticks/s",
+            "/ attainable",
+            "holds ignored",
+            "with / ignored",
+            "recording",
+            "/ without",
+        ],
         ["start, two agent processes", "first tick, s", "physics, MB", "an agent process, MB"],
     )
     tables = "\n\n".join(table(head, rows) for head, rows in zip(heads, (local, lockstep, start), strict=True))
@@ -120,9 +143,9 @@ def _program(results: Results) -> str:
 
 
 def _rates(run: Lockstep) -> list[str]:
-    shares = [f"{run.plain / floor:.2f}" for floor in (run.floor, run.split_floor)]
-    rates = [rate(value) for value in (run.floor, run.split_floor, run.plain)]
-    return [run.hosts, *rates, *shares, rate(run.recorded), f"{run.recorded / run.plain:.2f}"]
+    costs = [f"{run.asked:.2f}", f"{1e6 * run.messages:.0f}", f"{1e6 * run.chain:.0f}", rate(run.attainable)]
+    return [run.hosts, *costs, rate(run.plain), f"{run.plain / run.attainable:.2f}", rate(run.ignored), f"{run.plain / run.ignored:.2f}",
+            rate(run.recorded), f"{run.recorded / run.plain:.2f}"]  # fmt: skip
 
 
 def _realtime(results: Results) -> str:

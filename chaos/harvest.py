@@ -93,12 +93,12 @@ class Harvest:
         return self._popen.poll()
 
     def processes(self, role: str) -> list[psutil.Process]:
-        """Return the processes of `processes/{role}.py`. Their order stays the same when one is started again."""
+        """Return the processes of `orchard/processes/{role}.py`. Their order stays the same when one is started again."""
         found = []
         for process in self._children():
             with suppress(psutil.Error):
                 command = process.cmdline()
-                if f"processes.{role}" in command and process.status() != psutil.STATUS_ZOMBIE:
+                if f"orchard.processes.{role}" in command and process.status() != psutil.STATUS_ZOMBIE:
                     found.append((command, process))
         return [process for _, process in sorted(found, key=lambda pair: pair[0])]
 

@@ -39,7 +39,7 @@ class Network:
         self._stack.close()
 
     def start_router(self) -> None:
-        self._supervisor.start(ProcessSpec(ROUTER, "processes.router", ["--listen", self.endpoint]))
+        self._supervisor.start(ProcessSpec(ROUTER, "orchard.processes.router", ["--listen", self.endpoint]))
 
     def kill_router(self) -> bool:
         """Kill the router process. Return whether it was running."""

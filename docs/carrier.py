@@ -69,7 +69,7 @@ nil: 7 for every 10 `pickers`, rounded up), `dispatch` and `route`. What follows
 _TOWING = f"""## Motion, towing, obstacles
 
 - **A step** lasts {TIME_STEP:g} s. A velocity holds for the whole step and is reached at once; the body moves on an arc. A body whose step would end in something solid stands in this step:
-  its twist at the next tick is 0. Such a step of a robot counts as a collision. Nothing else stops a robot: it must look by itself.
+  its twist at the next tick is 0. The first of such steps in a row is a collision. Nothing else stops a robot: it must look by itself.
 - **A coupled bin** is driven by its own agent, and keeps its place behind its robot: bin's centre to robot's centre is what the robot tows (the table above). A robot changes its velocity
   by at most its maximum at once, so the bin can be 0.15 m off its place for a moment. A step that would leave the bin more than {move.BAR:g} m off its place is not done.
 - **To couple** (a deed in `report.deeds`): robot and bin both stand, neither is coupled, the bin's centre is within {deeds.COUPLING_REACH:g} m of the coupling point behind the robot, and the sides of both
@@ -80,7 +80,7 @@ _TOWING = f"""## Motion, towing, obstacles
 - **Ahead**: the orchard's own robots stand in each step in which something returns from the corridor ahead: {sense.STOP_DISTANCE:g} m deep from the front edge, and on each side {sense.SIDE_MARGIN:g} m wider than the robot.
 - **A turn on the spot** sweeps more than the front laser sees: a circle of {sense.sweep_radius(_CARRIER, False):.2f} m radius for a carrier, {sense.sweep_radius(_CARRIER, True):.2f} m with its bin. They stand while a return of their own laser or of their bin's
   is in what the rest of the turn sweeps, with a margin of {sense.TURN_MARGIN:g} m, and while a person or an animal ({", ".join(PEOPLE)}, dog, cat) is or may be within the circle. They ask these by `where`
-  before and during the turn: one at distance d (centre to centre) cannot be in the circle for (d - radius - half its diagonal - {sense.MARGIN:g} m) / its maximum speed. One that does not answer is
+  before and during the turn: one that was at distance d (centre to centre) in the tick of its answer cannot be in the circle for (d - radius - half its diagonal - {sense.MARGIN:g} m) / its maximum speed after it. One that does not answer is
   left to the lasers for {sense.SILENT_TICKS * TIME_STEP:g} s, and then asked again.
 - After a step that was not done they stand for {RECOVERY * TIME_STEP:g} s.
 - **Turns** are at most {EIGHTH:.6g} rad/s, drives at most {steps.CRUISE:g} m/s. In the last step a robot is slower, so that it ends at its target: nearer than {steps.EXACT:g} (m or rad) counts as there.
@@ -140,7 +140,7 @@ It waits in the queue with an empty bin. It accepts one full bin at a time. `tes
    before that.
    In steps 6 and 7, up to road F, headings are those of the east side; on the west side they are turned about.
 6. Wait for the lane's place on F. Turn to the west, drive to the x at which you couple, turn north, drive to the lane's centre line, turn east.
-   All are turns to the right. The full bin is now {_CARRIER.tows:g} m behind your centre. On these drives and those of step 7 up to the turn onto F, do not take for obstacles: the full bin and the empty bin
+   All are turns to the right. The full bin is now {_CARRIER.tows:g} m behind your centre. On these drives and turns, and in step 7 up to the end of the turn onto F, do not take for obstacles: the full bin and the empty bin
    on D (each {_BIN.length:g} m square) and the picker ({_PICKER.length:g} x {_PICKER.width:g} m), at the x of the table and on the centre line, each 0.1 m larger on every side.
 7. Couple the full bin. Drive to road F and turn south. From the east: drive to F's bottom road, wait for the corner, turn west, drive to the west's F, wait for the corner, turn north. Go north
    on the west's F past all lanes that are left to y = {layout.TOP_ROAD:g}, turn east, and stop at x = {layout.BAY_STOP:g}.

@@ -1,8 +1,8 @@
-"""Writes every file that is generated from the code: keyspace.md, the scenario's JSON schema, docs/reference.md, and drawings."""
+"""Writes every file that is generated from the code: keyspace.md, docs/reference.md, docs/scenario.md, the JSON schema, and drawings."""
 
 from pathlib import Path
 
-from docs import keyspace, reference
+from docs import keyspace, reference, scenario
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, schema_text
 from orchard.report.plan import exchange_plan, orchard_plan
@@ -15,8 +15,9 @@ def generated() -> dict[str, str]:
     layout = lay_out(Scenario())
     return {
         "keyspace.md": keyspace.document(),
-        "config/scenario.schema.json": schema_text(),
+        "orchard/config/scenario.schema.json": schema_text(),
         "docs/reference.md": reference.document(),
+        "docs/scenario.md": scenario.document(),
         "docs/plan.svg": orchard_plan(layout),
         "docs/exchange-east.svg": exchange_plan(layout),
     }

@@ -9,10 +9,11 @@ import numpy as np
 from msgspec import inspect
 
 from docs import carrier
-from orchard.contract.agent import MOST_REQUESTS, Heard, Mail, Observation, Observations, Reply
+from orchard.contract.agent import MOST_HOLD, MOST_REQUESTS, MOST_ZONES, Heard, Mail, Observation, Observations, Reply
 from orchard.contract.events import Event
 from orchard.contract.mail import digest_of
 from orchard.contract.messages import MAX_PAYLOAD, Answer, Call, Claim, Deed, Offer, Places, Request, Written, pack
+from orchard.contract.zone import ACROSS
 from orchard.field.geometry import Twist
 from orchard.field.kinds import AROUND, KINDS
 from orchard.net.bus import CONNECT_SECONDS, FULL_QUEUE_US, GET_SECONDS, LEASE_MS
@@ -74,7 +75,7 @@ def _seen(name: str, beams: int) -> Observation:
 def _sights() -> Observations:
     seen = _seen("bin_01", 60)
     return Observations(
-        TICK, ["bin_01"], np.array([[seen.x, seen.y, *seen.orientation, *seen.twist]]), [seen.scan], {}, {"bin_01": 12.5}, set()
+        TICK, {"bin_01": 0}, np.array([[seen.x, seen.y, *seen.orientation, *seen.twist]]), [seen.scan], {}, {"bin_01": 12.5}, set()
     )
 
 
@@ -95,7 +96,7 @@ EXAMPLES: dict[type, SubMessage] = {
         _velocity(),
         odometry_of(RUN, _seen("picker_01", 180)),
         scan_of(RUN, _seen("weed_01", 60), KINDS["weed"].laser, KINDS["bin"].laser),
-        seen_of(RUN, _sights(), [0], [AskedOf("bin_01", "picker_01", 0)]),
+        seen_of(RUN, _sights(), ["bin_01"], [AskedOf("bin_01", "picker_01", 0)]),
         Velocities(RUN, TICK, SESSION, {"picker_01": Drive(Linear(1.0), Angular(0.0), True, Report())}),
         Clock(RUN, TICK, Stamp(12, 0)),
         Letter(RUN, TICK, "bin_01", 0, Call(3, "east", TICK - 20)),
@@ -136,12 +137,22 @@ def _rows(struct: inspect.StructType, path: str = "") -> Iterator[tuple[str, str
         yield struct.tag_field, f"'{struct.tag}'", "which message this is"
     for field in struct.fields:
         type_, note = _bare(field.type)
-        maps = [part for part in _members(type_) if isinstance(part, inspect.StructType)]
+        entry, step = _entry(type_)
+        maps = [part for part in _members(entry) if isinstance(part, inspect.StructType)]
         where = f"{path}{field.encode_name}"
         if maps != [type_]:
             yield where, _type_name(type_) + ("" if field.required else ", optional"), note
         if len(maps) == 1:
-            yield from _rows(maps[0], where + ".")
+            yield from _rows(maps[0], where + step)
+
+
+def _entry(type_: inspect.Type) -> tuple[inspect.Type, str]:
+    """What a map from names or an array holds, or else the type itself; and how the path of a field in it goes on."""
+    if isinstance(type_, inspect.DictType):
+        return _bare(type_.value_type)[0], ".*."
+    if isinstance(type_, inspect.ListType | inspect.VarTupleType):
+        return _bare(type_.item_type)[0], ".*."
+    return type_, "."
 
 
 def _bare(type_: inspect.Type) -> tuple[inspect.Type, str]:
@@ -174,7 +185,7 @@ def _type_name(type_: inspect.Type) -> str:
     if isinstance(type_, inspect.UnionType):
         names = [_type_name(part) for part in type_.types]
         return f"{_union_name(names)} or nil" if "nil" in names else _union_name(names)
-    if isinstance(type_, inspect.ListType):
+    if isinstance(type_, inspect.ListType | inspect.VarTupleType):
         return f"array of {_type_name(type_.item_type)}"
     if isinstance(type_, inspect.NamedTupleType):
         return f"array {type_.cls.__name__}: {', '.join(_type_name(field.type) for field in type_.fields)}"
@@ -184,6 +195,8 @@ def _type_name(type_: inspect.Type) -> str:
         return " or ".join(f"'{value}'" for value in type_.values)
     if isinstance(type_, inspect.StructType):
         return f"map {type_.cls.__name__}"
+    if isinstance(type_, inspect.DictType) and not isinstance(type_.value_type, inspect.AnyType):
+        return f"map of {_type_name(type_.value_type)}"
     return _NAMES[type(type_)] + _bounds(type_)
 
 
@@ -196,13 +209,25 @@ def _union_name(names: list[str]) -> str:
 
 
 def _bounds(type_: Any) -> str:
-    low, high, most = getattr(type_, "ge", None), getattr(type_, "le", None), getattr(type_, "max_length", None)
+    low, high, most = getattr(type_, "ge", None), _highest(type_), getattr(type_, "max_length", None)
     if low is not None and high is not None:
-        return f", {low:g} to {high:g}" if low != high else f", {low:g}"
+        return f", {_figure(low)} to {_figure(high)}" if low != high else f", {_figure(low)}"
     if choice := re.fullmatch(r"\^\((\w+(?:\|\w+)*)\)\$", getattr(type_, "pattern", None) or ""):
         return ", " + " or ".join(f"'{word}'" for word in choice[1].split("|"))
     unit = "bytes" if isinstance(type_, inspect.BytesType) else "characters"
     return f", at most {most} {unit}" if most is not None else ""
+
+
+def _highest(type_: Any) -> float | None:
+    """The highest number of a type, if it has one."""
+    if isinstance(type_, inspect.IntType) and type_.lt is not None:
+        return type_.lt - 1
+    return getattr(type_, "le", None)
+
+
+def _figure(number: float) -> str:
+    """A number in full if it is an int."""
+    return str(number) if isinstance(number, int) else f"{number:g}"
 
 
 UNIONS: dict[str, Any] = {"deeds": Deed, "requests": Request, "answers": Answer}
@@ -217,7 +242,7 @@ A process opens a Zenoh session: Zenoh 1.x, mode `client`, the endpoint on which
 tries to connect only once; the orchard's own wait {connect} ms for a router. With `transport/link/tx/lease` at {lease} (ms), as theirs, a session that is cut off counts as gone after that time.
 It publishes, subscribes, queries and replies on the keys below. `{{prefix}}` is `orchard` unless the run was started with another prefix.
 
-- **Payloads** are msgpack: a map with text keys. `float` is float 64 (integers are accepted too). `bin` is msgpack's bin, not text.
+- **Payloads** are msgpack: a map with text keys. `float` is float 64 (integers are accepted too). `bin` is msgpack's bin, not text. In the tables of fields, `*` stands for each name of a map, or for each place of an array.
   Optional fields may be left out. Unknown fields are refused. A client ignores fields that it does not know.
 - **Every message carries `run`**, the run's id, **and `tick`**, the number of the time step, from 0. A step is 0.1 s of simulated time.
   The messages Join, Command, Stop and RefusedThere carry only `run`.
@@ -238,12 +263,12 @@ In a secured run ([docs/security.md](docs/security.md)) a session has only the r
 
 Query `{{prefix}}/scenario` without a payload. The reply holds the run's id and the names of all agents. It comes as soon as physics runs; repeat the query until it comes.
 
-**A robot whose agent no session holds** (the agent was absent from the start, or was lost) is driven by any client that publishes velocities on its key. Subscribe to
+**A robot whose agent no session holds** (the agent was absent from the start: `orchard --without picker_01`; or it was lost) is driven by any client that publishes velocities on its key. Subscribe to
 `{{prefix}}/picker_01/pose`, and publish a velocity with the `run` and the `tick` of the newest pose on `{{prefix}}/picker_01/velocity`. The newest velocity counts. It drives the robot until
 a newer one comes, but at most for {watchdog} s and {ticks} ticks, whichever is later; then the robot stands. A step that has begun by then is finished, so it may still move for one step more. `linear.x` and `angular.z` are limited to what the kind of robot can do.
 Before tick 0 there are no poses: physics waits until each agent that is left to other sessions is held or driven. A velocity for tick 0 is enough to begin.
 
-**To hold an agent in lockstep.** Physics waits for each held agent: it continues with tick k + 1 only when all held agents have answered tick k.
+**To hold an agent in lockstep.** Physics waits for each held agent: it continues with tick k + 1 only when all held agents that are asked at tick k have answered.
 
 1. Choose a session id of letters and digits that no other session uses.
 2. Subscribe to the robot's `pose` and `scan` and to `clock`, or to the `seen` of your session, which is cheaper for many robots. Subscribe to `lost` and `end`.
@@ -252,6 +277,7 @@ Before tick 0 there are no poses: physics waits until each agent that is left to
 4. Query `{{prefix}}/hosts/<session id>/join` with `run`, `holder` (again the session id) and `names`. The reply holds the present tick or, under `refused`, why you cannot hold the agents.
    An agent is never held by two sessions. Physics may learn of the token later than of the join: while the reason is "{no_token}", repeat the join for {join:g} s.
 5. For each tick physics sends one `pose` and one `scan` of the robot, and then `clock`. Publish exactly one velocity with this `tick` and with `holder`. The whole run waits for it.
+   An agent that holds its velocity leaves out the ticks at which it is not asked: see 'Holds' below.
    If each subscriber of your program has its own thread (in Python each callback has), `clock` may arrive before the `pose` of its tick: wait until the ticks agree.
    While the velocity is missing, physics sends pose, scan and clock again every {again} s: publish the same velocity again if you have already published it.
    In realtime (`mode` in the reply to the scenario query) physics does not wait, and late answers count too: see below.
@@ -264,17 +290,38 @@ Before tick 0 there are no poses: physics waits until each agent that is left to
 7. At `end`, undeclare the token and close the session. In an open run any client may publish an `end`. To believe only physics, watch its liveliness token,
    `{{prefix}}/alive/physics/<run>`: physics removes it at the end. An `end` counts if it comes at most {goes:g} s before or after the token goes.
 
+**Holds.** In lockstep an agent need not be asked at every tick. `report.hold` says until when: `until` is the tick at which it wants to be asked again at the latest ({hold} ticks ahead
+count at most). Until then physics applies its velocity again, and does no deed of it again. Without `hold`, or with nil, the agent is asked at the next tick. It is asked before `until`, at
+the first tick at which one of these is true:
+
+- it hears mail: a request, or the outcome of a request of its own;
+- `twist` in `pose` is not its velocity: physics refused or limited the last step, or the robot is stopped;
+- another body, or none, is at the other end of its bar, or the `twist` of that body differs from the one when the agent answered; or it is a bin and `full` has changed;
+- for a zone in `hold.watch`: whether a return lies in it differs from when the agent answered;
+- for a zone in `hold.still`: a return in it has come, gone or changed since the tick before;
+- a session joins with it.
+
+A zone is [x_min, x_max, y_min, y_max], metres in the frame of the laser, x ahead, y to the left; at most {zones} in each list. A beam is in a zone at the ranges from where it enters the zone up to where it leaves it;
+with cosine c and sine s of its angle it enters at the largest of 0, min(x_min / c, x_max / c) and min(y_min / s, y_max / s), and leaves at the smaller of the two maxima, as float64 (a c or s nearer to 0
+than {across:g} sets no limit if 0 lies between the zone's two values, and else the beam misses the zone). A return lies in the zone if enter <= range < leave.
+A session gets `seen` only at ticks at which it is asked: `due` names the agents that are, and the velocities of just these are its answer. So a client whose agents hold reads `seen`, not `pose` and `clock`.
+A hold is a promise: asked in spite of it, the agent gives the same velocity, neither deed nor letter, and the same words about itself. `orchard --check-holds` asks all, and names an agent that breaks it; `--ignore-holds` asks all. Both give the hash
+that the run has with holds, if all are right. In realtime all agents are asked at every tick.
+
 **In realtime** physics keeps to the wall clock. The answers to a tick have until the next tick is due ({slack} s longer if the machine is delayed for a moment; later ticks make up for it).
 Then physics continues without the missing answers. Of each held robot the newest velocity counts. Its `tick` must be the present one or an earlier one, newer than that of the last
-velocity that counted, and no older than {watchdog} s and {ticks} ticks, whichever is later. It drives the robot until a newer one comes or it is older than that; then the robot stands.
+velocity that counted, and no older than {watchdog} s and {ticks} ticks, whichever is later. It drives the robot until a newer one comes or it is older than that; then the robot stands, after
+one step more at most, as above.
 A velocity with `once` drives for one step only, and only if the robot has not moved since the pose of its `tick`. This is for agents that must end at an exact place; the orchard's own agents
 use it. Each deed is done once. Ticks may be left out: answer the newest tick whose `clock` has come. Mail is heard at the next tick of the recipient; the ticks of sender and recipient
-may be up to {stale} apart. A velocity does not wait for mail. If the token of a robot's holder is gone, the robot stands at once.
+may be up to {stale} apart: hold each request within that, hear it at your next tick, and hear each reply at the next tick after it has come. A second reply is stamped with
+the tick in which the request was heard. Do not wait for `asked`; nothing is recalled, and digests are not needed. A velocity does not wait for mail. If the token of a robot's holder is gone, the robot stands at once.
 
 **The scan** is raw bytes: `ranges` holds 4 bytes per beam, little-endian float32, metres; +inf for a beam without a return within `range_max`. Beam i points to
 `angle_min + i * angle_increment`, radians, counter-clockwise; 0 is straight ahead. In Python: `numpy.frombuffer(scan["ranges"], "<f4")`. There is no `range_min`: it is 0. A laser is in the middle of its body's width, and as far ahead
 of the body's centre as the table of bodies says. The {around} beams of bins and weeds begin straight ahead and go around, {around_step:.6g} rad apart; all others have {front} beams from -pi/2 (right) to pi/2 (left),
-pi/{gaps} rad apart. `seen` has only the ranges.
+pi/{gaps} rad apart. `seen` has only the ranges. Those of a robot's bin are in `rear` and in `hitches`. They are in the frame of the bin, whose yaw is that of `hitch`:
+it may differ from the robot's by quarter turns.
 
 **Requests.** A request is a get on `{{prefix}}/<name>/mail`, stamped with the tick in which it is sent, and numbered from 0 for each sender and tick. The first reply, `received`, comes at once.
 The request is heard at the next tick, and answered in that tick or never. The answer is the second reply, stamped with the tick of the request + 1; its body is nil if there is no answer.
@@ -282,18 +329,18 @@ The agent that asks acts on it at the tick of the request + 2.
 The recipient's host must reply `received` at once, hold the query, and reply once more in the tick in which the request is heard.
 In lockstep a lost query changes nothing. A copy of each letter goes to physics with the velocity (`report.letters`), and with the next tick physics lists the requests to your agents
 (`asked` in `seen`): wait for these requests before you answer that tick. A host asks physics on `{{prefix}}/recall` for the mail of the tick, and uses that mail instead, in three cases:
-it has just joined (the tick of the join and the next); a second reply is missing; or a listed request has not come for {doubt:g} s. A client that sends no copies must not send the velocity of a tick before each of its gets
+it has just joined (the tick of the join and the next); a second reply is missing; or a listed request has not come for {doubt:g} s. A request without a copy is not heard while its recipient holds. A client that sends no copies must not send the velocity of a tick before each of its gets
 has received its `received` or has ended. `asked` is in `seen` only: a client that hears requests subscribes to `seen`, not to `pose` and `scan`.
 
 So tick k of a session with agents is:
 
-1. Take `seen`. If it repeats tick k - 1, send the last answer again. If it leaves a tick out, join again.
+1. Take `seen`. If it repeats your last tick, send the last answer again. It leaves out the ticks at which all your agents hold.
 2. Wait until each request in `asked` has come and each get of tick k - 2 has ended; otherwise recall.
 3. Decide from what is seen and heard. Publish the velocities of tick k, with copies of the letters.
 4. Send the requests of tick k: one get for each, without wildcards, with a time-out of {get:g} s.
 5. Answer the requests that were heard, and drop their queries.
 
-At any time: hold a request that is stamped with the last tick that you answered, or the next one, and refuse others by an error reply. What comes twice (same sender, tick and number) is heard once.
+At any time: hold a request that is stamped with the last tick that you answered, the next one or, if your agents hold, one of the next {hold}, and refuse others by an error reply. What comes twice (same sender, tick and number) is heard once.
 
 **Heard mail** is, at tick k, the requests stamped k - 1 and the replies to one's own requests of k - 2. Requests are heard sorted by (`type` of the body, sender, tick, number), texts by their bytes; replies by number.
 In a recall, `letters` is [[tick, {{sender: {{requests, answers}}}}]]: of tick k - 1 each request [to, body] to you is heard, numbered by its place in the list from 0, and each answer [to, tick, number, body] with `to` =
@@ -343,7 +390,15 @@ A name is a kind and a number: `picker_01`. An agent without a body, such as `tr
 def document() -> str:
     """Return the text of keyspace.md."""
     table = "\n".join(map(_table_row, TABLE.values()))
-    times = {"watchdog": WATCHDOG, "ticks": WATCHDOG_TICKS, "slack": SLACK, "stale": STALE_TICKS}
+    times = {
+        "hold": MOST_HOLD,
+        "zones": MOST_ZONES,
+        "across": ACROSS,
+        "watchdog": WATCHDOG,
+        "ticks": WATCHDOG_TICKS,
+        "slack": SLACK,
+        "stale": STALE_TICKS,
+    }
     times |= {"again": AGAIN_SECONDS, "doubt": DOUBT_SECONDS, "full_queue": FULL_QUEUE_US / 1e6, "goes": GOES_SECONDS}
     times |= {"connect": round(CONNECT_SECONDS * 1000), "lease": LEASE_MS, "get": GET_SECONDS, "join": JOIN_TRIES * ASK_SECONDS}
     front, shown = KINDS["carrier"].laser.beams, _digest_example()

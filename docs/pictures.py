@@ -1,4 +1,4 @@
-"""Makes docs/orchard.png: Rerun's own viewer, without a window, looks at a run of local mode.
+"""Makes docs/orchard.png and docs/exchange.webp: Rerun's own viewer, without a window, looks at a run of local mode.
 
 Needs what .ci/apt-packages.txt names, as the tests that look at pictures do.
 """
@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 from PIL import Image
 from rerun.experimental import ViewerClient
 
@@ -20,32 +21,40 @@ from orchard.launch.local_run import run
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import free_port
+from orchard.view.blueprint import for_film
 from orchard.view.files import viewer_program
 from orchard.view.recorder import Recorder
 
 HERE = Path(__file__).parent
 SCENARIO = Scenario(rows=8, pickers=4, seed=1)
-SHOWN, RECORDED = 152.0, 380.0  # s: the moment of the picture, and how far the run went
-WIDTH, HEIGHT = 1600, 900
 MENU = 36  # pixels of the window's top, which are cut off
-TOAST = 8.0  # s of wall time after which the viewer's greeting is gone
+GREETING = 8.0  # s of wall time after which the viewer's greeting is gone
 PATIENCE = 60.0  # s of wall time
 
+SHOWN, RECORDED = 118.0, 380.0  # s: the moment of the picture, and how far its run went
+WINDOW = (1600, 900)  # pixels, without the menu
 
-def record(path: Path) -> None:
-    """Harvest for a while."""
+EXCHANGE = (86.0, 134.0)  # s: a carrier brings an empty bin, which the picker takes into its next row
+SPEED, RATE = 4.0, 8.0  # simulated s per s; frames per s
+HOLD = 1.5  # s for which the last frame stands
+SMALL_WINDOW = (720, 460)  # pixels
+QUALITY = 60  # of WebP, up to 100
+
+
+def record(path: Path, seconds: float) -> None:
+    """Harvest for a while. `seconds`: simulated."""
     recorder = Recorder(lay_out(SCENARIO), "8 rows, 4 pickers", path)
-    wish = RunRequest(HarvestOptions(mode="local", duration=RECORDED), SCENARIO, path, path.parent)
+    wish = RunRequest(HarvestOptions(mode="local", duration=seconds), SCENARIO, path, path.with_suffix(""))
     run(wish, recorder.tick, lambda *_: None)
     recorder.close()
 
 
 @contextmanager
-def looking_at(recording: Path) -> Iterator[ViewerClient]:
-    """A viewer without a window that has loaded a recording."""
-    port = free_port()
-    command = [viewer_program(), "--headless", "--window-size", f"{WIDTH}x{HEIGHT + MENU}", "--port", str(port), "--hide-welcome-screen"]
-    process = subprocess.Popen([*command, str(recording)], stderr=subprocess.DEVNULL)
+def looking_at(size: tuple[int, int], *files: Path) -> Iterator[ViewerClient]:
+    """A viewer without a window that has loaded a recording, and perhaps a blueprint. `size`: pixels, without the menu."""
+    port, (width, height) = free_port(), size
+    command = [viewer_program(), "--headless", "--window-size", f"{width}x{height + MENU}", "--port", str(port), "--hide-welcome-screen"]
+    process = subprocess.Popen([*command, *map(str, files)], stderr=subprocess.DEVNULL)
     try:
         client = _connected(port)
         deadline = time.monotonic() + PATIENCE
@@ -53,10 +62,18 @@ def looking_at(recording: Path) -> Iterator[ViewerClient]:
             if time.monotonic() > deadline:
                 raise TimeoutError(f"the viewer did not load the recording within {PATIENCE:.0f} s")
             client.take_screenshot(max_size=100)
+        _wait_for_the_greeting(client)
         yield client
     finally:
         process.terminate()
         process.wait()
+
+
+def _wait_for_the_greeting(client: ViewerClient) -> None:
+    """Wait until the viewer's greeting is gone. Time passes in the viewer only while it makes pictures."""
+    deadline = time.monotonic() + GREETING
+    while time.monotonic() < deadline:
+        client.take_screenshot(max_size=100)
 
 
 def _connected(port: int) -> ViewerClient:
@@ -72,19 +89,39 @@ def _connected(port: int) -> ViewerClient:
             time.sleep(0.2)
 
 
-def screenshot(recording: Path) -> Image.Image:
-    """The window without its menu; the first pictures after a change may still be the old one, and time passes only by pictures."""
-    with looking_at(recording) as client:
-        client.set_time("sim_time", duration=SHOWN, play_state="paused")
-        deadline = time.monotonic() + TOAST
-        while time.monotonic() < deadline:
-            client.take_screenshot(max_size=100)
-        png = client.take_screenshot()
-    return Image.open(io.BytesIO(png)).convert("RGB").crop((0, MENU, WIDTH, HEIGHT + MENU))
+def at(client: ViewerClient, seconds: float, view: str | None = None) -> Image.Image:
+    """The window, or one view, at a time. The first pictures after a change may still be the old one."""
+    client.set_time("sim_time", duration=seconds, play_state="paused")
+    shown = next((known.view_id for known in client.get_state().views if known.name == view), None)
+    for _ in range(3):
+        png = client.take_screenshot(shown)
+    return Image.open(io.BytesIO(png)).convert("RGB")
+
+
+def picture(recording: Path) -> Image.Image:
+    """The window without its menu."""
+    with looking_at(WINDOW, recording) as client:
+        return at(client, SHOWN).crop((0, MENU, WINDOW[0], WINDOW[1] + MENU))
+
+
+def film(recording: Path) -> list[Image.Image]:
+    """The frames of an exchange, in the view that follows the work."""
+    blueprint = recording.with_suffix(".rbl")
+    for_film(lay_out(SCENARIO)).save("orchard", blueprint)
+    with looking_at(SMALL_WINDOW, recording, blueprint) as client:
+        return [at(client, seconds, "At work") for seconds in np.arange(*EXCHANGE, SPEED / RATE)]
+
+
+def save_film(frames: list[Image.Image], path: Path) -> None:
+    """Write an animated WebP, which READMEs show as they show GIF, in all colours and a fraction of GIF's size."""
+    durations = [round(1000 / RATE)] * (len(frames) - 1) + [round(1000 * HOLD)]
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=QUALITY)
 
 
 if __name__ == "__main__":
     with TemporaryDirectory() as folder:
-        record(Path(folder) / "run.rrd")
-        picture = screenshot(Path(folder) / "run.rrd")
-    picture.save(HERE / "orchard.png", optimize=True)
+        long, short = Path(folder) / "picture.rrd", Path(folder) / "film.rrd"
+        record(long, RECORDED)
+        picture(long).save(HERE / "orchard.png", optimize=True)
+        record(short, EXCHANGE[1])
+        save_film(film(short), HERE / "exchange.webp")

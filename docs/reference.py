@@ -185,7 +185,7 @@ def _behaviours() -> str:
             the lasers"""),
         ("carrier at its work", """on its loop and on its way out it ignores returns from three boxes, widened by 0.1 m: the full bin, the
             empty bin on the picker's coupling point, and the waiting picker; it still stops for a person"""),
-        ("after a refused step", f"""a robot stands for {_seconds(robot.RECOVERY)}; a person or an animal backs off or turns for
+        ("after a collision", f"""a robot stands for {_seconds(robot.RECOVERY)}; a person or an animal backs off or turns for
             {_seconds(walker.RECOVERY)}"""),
         ("person", "walks straight on at its full speed, and turns only for what is in its path"),
         ("animal", f"""every {_seconds(walker.MIND_CHANGES)} a new speed, rate of turn and length of turn (up to 1 s), at random, up to what
@@ -261,7 +261,7 @@ to the robot's centre. [traffic.md](traffic.md) has the plan, its reasons, and w
 
 def _scenario() -> str:
     text = f"""There are at most as many pickers as rows, at most {MOST_GUESTS} people and at most {MOST_GUESTS} animals. There is a bin
-for each picker and one for each carrier. `config/scenario.schema.json` has all settings and limits, for editors."""
+for each picker and one for each carrier. `orchard/config/scenario.schema.json` has all settings and limits, for editors."""
     return _section("What a scenario sets", _table("setting | limits | default | what", _settings(Scenario)), text)
 
 

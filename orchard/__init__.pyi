@@ -13,6 +13,7 @@ __all__ = [
     "DriveTo",
     "Face",
     "Heard",
+    "Hold",
     "Layout",
     "Local",
     "Mail",
@@ -38,6 +39,7 @@ __all__ = [
     "Uncouple",
     "Wait",
     "Yes",
+    "Zone",
     "connect",
     "draw",
     "lay_out",
@@ -52,8 +54,9 @@ from .agents.picker import Picker, PickerMemory
 from .agents.robot import PlanExecutor, Step
 from .agents.route import OneWay, Side
 from .agents.steps import DriveTo, Face, MoveTo, Say, Wait, with_steps
-from .contract.agent import Action, Agent, Heard, Mail, Observation, Reply, State
+from .contract.agent import Action, Agent, Heard, Hold, Mail, Observation, Reply, State
 from .contract.messages import AgentMessage, Couple, No, Uncouple, Yes
+from .contract.zone import Zone
 from .field.geometry import Pose, Twist
 from .field.layout import Layout, lay_out
 from .field.problems import ScenarioError

@@ -15,13 +15,15 @@ from contextlib import suppress
 from typing import Any
 
 from orchard.agents.catalogue import make_agents
-from orchard.contract.agent import Action, Agent, Mail, with_own_arrays, without_body
+from orchard.contract.agent import Action, Agent, Mail, Observation, may_hold, with_own_arrays
 from orchard.contract.events import Event
 from orchard.contract.guard import Guarded, checked
 from orchard.contract.mail import LocalMail, copy_of, digest_of
 from orchard.contract.messages import pack, unpack
 from orchard.field.scenario import Scenario
+from orchard.report.plan import present_plan
 from orchard.sim.engine import Engine
+from orchard.sim.lookahead import Lookahead
 from orchard.sim.restore import fitting
 from orchard.sim.snapshot import Snapshot
 
@@ -29,23 +31,26 @@ from orchard.sim.snapshot import Snapshot
 class Local:
     """An orchard and all its agents in one process. Call `tick()` until `engine.over`."""
 
-    def __init__(self, scenario: Scenario, agents: dict[str, Agent] | None = None, check_agents: bool = False) -> None:
+    def __init__(
+        self, scenario: Scenario, agents: dict[str, Agent] | None = None, check_agents: bool = False, holds: type[Lookahead] = Lookahead
+    ) -> None:
         """`agents`: name -> agent; each is guarded. If it is None, all agents of the scenario are made.
 
         `check_agents`: check that own agents are repeatable; what is not is logged, and the state of its action is `broken`.
+        `holds`: which agents are asked at a tick, see `orchard.sim.lookahead`.
         """
-        self.engine, self._check_agents = Engine.begin(scenario), check_agents
+        self.engine, self._check_agents = Engine.begin(scenario, holds), check_agents
         made = make_agents(self.engine.layout) if agents is None else agents
         self.agents = made if agents is None and not check_agents else self._guarded(made)
         self.memories: dict[str, Any] = {}
-        self.actions: dict[str, Action] = {}
+        self.answers: dict[str, Action] = {}  # the actions of the agents that were asked at the last tick
         self.thinking = ""  # the agent that was ticked last
         self.post = LocalMail()
 
     @classmethod
-    def resume(cls, snapshot: Snapshot, check_agents: bool = False) -> "Local":
+    def resume(cls, snapshot: Snapshot, check_agents: bool = False, holds: type[Lookahead] = Lookahead) -> "Local":
         """Return the run of a snapshot, which continues at the snapshot's tick, as often as you resume it. Raises SnapshotError."""
-        engine = Engine.resume(snapshot)
+        engine = Engine.resume(snapshot, holds)
         local = cls(engine.layout.scenario, check_agents=check_agents)
         local.engine, local.post = engine, LocalMail(dict(snapshot.letters))
         memories = {name: memory for name, memory in snapshot.memories.items() if memory is not None}
@@ -68,6 +73,7 @@ class Local:
         if name not in self.engine.layout.agents:
             raise ValueError(f"{name}: no such agent; there are {', '.join(self.engine.layout.agents)}")
         self.agents = self._guarded(dict(sorted({**self.agents, name: agent}.items())))
+        self.engine.wake([name])
         memory = self.memories.pop(name, None)
         with suppress(ValueError):
             self.memories[name] = unpack(pack(memory), self.agents[name].Memory)
@@ -78,17 +84,32 @@ class Local:
             return checked(agents, names)
         return {name: agent if isinstance(agent, Guarded) else Guarded(name, agent, names) for name, agent in agents.items()}
 
+    def _repr_svg_(self) -> str:
+        """Return the plan of the orchard as it is now: Jupyter shows it for a run."""
+        return present_plan(self.engine.world)
+
     def tick(self) -> list[Event]:
         """Advance the run by one tick, 0.1 s, and return the events of the step."""
-        tick, seen, mail = self.engine.tick, self.engine.observe().observations(), self.post.deliver(self.engine.tick)
+        tick, seen, mail = self.engine.tick, self.engine.observe(), self.post.deliver(self.engine.tick)
+        asked = [name for name in self.engine.due(mail) if name in self.agents]
         digests = {name: digest_of(heard) for name, heard in mail.items()}
-        for name, agent in self.agents.items():
-            self.thinking = name
-            observation, heard = seen.get(name) or without_body(name, tick), mail.get(name) or Mail()
-            if isinstance(agent, Guarded):
-                observation, heard = with_own_arrays(observation), copy_of(heard)
-            self.actions[name] = agent.tick(observation, heard, self.memories.get(name))
-            self.memories[name] = self.actions[name].memory
-        for name, action in self.actions.items():
+        self.answers = {name: self._ask(name, observation, mail.get(name) or Mail()) for name, observation in seen.of(asked).items()}
+        for name, action in self.answers.items():
             self.post.collect(name, tick, action)
-        return self.engine.advance(self.actions, digests)
+        return self.engine.advance(self.answers, digests)
+
+    def _ask(self, name: str, observation: Observation, heard: Mail) -> Action:
+        """Let an agent act on what it observes and hears."""
+        self.thinking, agent = name, self.agents[name]
+        if isinstance(agent, Guarded):
+            observation, heard = with_own_arrays(observation), copy_of(heard)
+        action = agent.tick(observation, heard, self.memories.get(name))
+        if not may_hold(agent):
+            action.hold = None
+        self.memories[name] = action.memory
+        return action
+
+    @property
+    def actions(self) -> dict[str, Action]:
+        """The newest action of each agent that drives or holds."""
+        return self.engine.actions

@@ -1,6 +1,6 @@
 """Agents for tests of the transport: they call each other often, and drive by what they heard. Some are slow, some fail.
 
-Each function makes the agents for `python -m processes.agents --agents callers:...`.
+Each function makes the agents for `python -m orchard.processes.agents --agents callers:...`.
 """
 
 import hashlib

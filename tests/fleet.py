@@ -23,7 +23,7 @@ from orchard.field.scenario import Scenario, to_yaml
 from orchard.wire.keys import Keys
 
 ROOT = Path(__file__).parent.parent
-PHYSICS = ("processes.physics",)  # the program that owns the world, where a test has none of its own for it
+PHYSICS = ("orchard.processes.physics",)  # the program that owns the world, where a test has none of its own for it
 PATHS = [str(ROOT), str(ROOT / "tests")]
 SECONDS = 40.0  # that any one wait may take on a busy machine
 
@@ -109,7 +109,7 @@ class Fleet:
     ) -> Process:
         """`endpoint`: where it finds the others, if that is not where physics says."""
         where = ("--connect", endpoint or self.endpoint)
-        self.hosts.append(self.start("processes.agents", *where, "--agents", agents, *arguments, before=before))
+        self.hosts.append(self.start("orchard.processes.agents", *where, "--agents", agents, *arguments, before=before))
         return self.hosts[-1]
 
     def share(self, hosts: int, agents: str = "orchard.agents.catalogue:make_agents") -> None:
@@ -130,7 +130,7 @@ class Fleet:
 
     def router(self, endpoint: str, before: Sequence[str] = ()) -> Process:
         """A router of its own, which listens."""
-        router = self.start("processes.router", "--listen", endpoint, before=before)
+        router = self.start("orchard.processes.router", "--listen", endpoint, before=before)
         assert "listening" in router.line()
         return router
 

@@ -19,7 +19,11 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 
-DOORS = ("processes.physics", "processes.agents", "processes.router")  # each runs as a process; what they import is shared
+DOORS = (
+    "orchard.processes.physics",
+    "orchard.processes.agents",
+    "orchard.processes.router",
+)  # each runs as a process; what they import is shared
 
 
 class Forked:

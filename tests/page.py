@@ -24,8 +24,8 @@ ON_CI = os.environ.get("CI") == "true"  # where nothing is skipped
 
 def skip_without_packages() -> None:
     """Skip the file that calls this where the page cannot be."""
-    for package in () if ON_CI else ("nicegui", "selenium"):
-        pytest.importorskip(package, reason=f"{package} is missing: pip install 'orchard[app,dev]'")
+    for package in () if ON_CI else ("nicegui", "selenium", "axe_core_python"):
+        pytest.importorskip(package, reason=f"{package} is missing: pip install 'orchard-sim[app,dev]'")
 
 
 def page(*arguments: object) -> list[str]:

@@ -4,7 +4,7 @@ import os
 import sys
 import time
 
-from processes import physics
+from orchard.processes import physics
 
 if __name__ == "__main__":
     seconds, fsync = float(sys.argv.pop(1)), os.fsync

@@ -4,10 +4,10 @@ import sys
 import time
 
 from orchard.contract.events import Frame
+from orchard.processes import logger
 from orchard.record import logger as recording
 from orchard.record.logger import FrameQueue
 from orchard.view.recorder import Recorder
-from processes import logger
 
 SECONDS = 0.2  # a picture
 MOST = 20

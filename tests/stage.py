@@ -9,6 +9,7 @@ from orchard.field.scenario import Animals, People, Scenario
 from orchard.local import Local
 from orchard.report.metrics import collisions
 from orchard.server.figures import RunFigures
+from orchard.sim.lookahead import Lookahead
 from orchard.sim.world import NONE
 
 NOBODY_ABOUT = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0}
@@ -43,8 +44,8 @@ class Driven:
 class Stage:
     """An orchard that a test runs until a condition holds. Each wait is bounded in simulated time."""
 
-    def __init__(self, scenario: Scenario, **agents: Agent) -> None:
-        self.local = Local(scenario)
+    def __init__(self, scenario: Scenario, holds: type[Lookahead] = Lookahead, **agents: Agent) -> None:
+        self.local = Local(scenario, holds=holds)
         self.local.agents |= agents
         self.account = RunFigures(self.local.engine)
         self.events: list[Event] = []
@@ -70,11 +71,12 @@ class Stage:
     def give(self, name: str, steps: list, **memory) -> None:
         """Set a robot's plan."""
         agent = self.local.agents[name]
+        self.local.engine.wake([name])
         self.local.memories[name] = agent.Memory(plan=list(steps), **memory)
 
     def tick(self) -> None:
         events = self.local.tick()
-        self.account.update(events, self.local.actions)
+        self.account.update(events)
         self.events += events
 
     def run(self, seconds: float) -> None:

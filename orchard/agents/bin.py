@@ -3,8 +3,22 @@
 import msgspec
 
 from orchard.agents.dispatch import BinReport, CarrierReport, dispatch_of
-from orchard.contract.agent import Action, Heard, Hitch, Mail, Observation
-from orchard.contract.messages import Answer, BinState, Call, CarrierComing, Come, Confirm, EmptyBin, FullBin, No, Offer, StateRequest, Yes
+from orchard.contract.agent import Action, Heard, Hitch, Hold, Mail, Observation
+from orchard.contract.messages import (
+    LAST_TICK,
+    Answer,
+    BinState,
+    Call,
+    CarrierComing,
+    Come,
+    Confirm,
+    EmptyBin,
+    FullBin,
+    No,
+    Offer,
+    StateRequest,
+    Yes,
+)
 from orchard.field import repeatable
 from orchard.field.geometry import STILL, Pose, Twist, angle_between, from_frame, to_frame
 from orchard.field.kinds import DISPATCH, KINDS, kind_of
@@ -13,6 +27,8 @@ from orchard.field.scenario import TIME_STEP
 
 CALL_AGAIN = 20  # ticks from a call that found no carrier to the next call
 ASK_AGAIN = 50  # ticks between two questions to a carrier whether it still comes
+KEEPS = 1e-6  # m/s and rad/s by which a bin's velocity may differ from its robot's without a correction: 1e-7 m in a tick
+ALIGNED = 1e-9  # rad/s: a bin that would have to turn faster drifts off the way of its robot while it holds
 GIVE_UP = 6  # questions in a row without an answer, after which a carrier is given up
 
 
@@ -40,6 +56,7 @@ class Bin:
     def tick(self, seen: Observation, mail: Mail, memory: BinMemory | None) -> Action:
         memory = memory or BinMemory()
         action = Action(memory=memory, answers=[(heard, self.answer(seen, memory, heard)) for heard in mail.requests])
+        action.hold = Hold(LAST_TICK)
         if seen.hitch is not None:
             self.follow(seen, seen.hitch, memory, action)
         elif seen.full:
@@ -60,7 +77,10 @@ class Bin:
 
     def follow(self, seen: Observation, hitch: Hitch, memory: BinMemory, action: Action) -> None:
         """Move to the place behind the robot where the bin belongs after this tick, if the robot keeps its velocity."""
-        action.twist = twist_to(seen.pose, place_behind(hitch, seen.pose.yaw))
+        exact, straight = twist_to(seen.pose, place_behind(hitch, seen.pose.yaw)), along(hitch, seen.pose.yaw)
+        action.twist = straight if is_near(exact, straight, KEEPS) else exact
+        if hitch.twist.yaw or abs(exact.yaw) > ALIGNED or not is_near(exact, straight, KEEPS / 2):
+            action.hold = None
         action.doing = f"{'full' if seen.full else 'empty'}, on {hitch.name}"
         memory.since = -1
         if kind_of(hitch.name) == "picker":
@@ -72,18 +92,22 @@ class Bin:
 
     def call(self, seen: Observation, mail: Mail, memory: BinMemory, action: Action) -> None:
         """Call until a carrier is chosen, send for it, and ask it again and again whether it comes."""
-        action.doing = f"full, {memory.carrier} comes" if memory.coming else "full, calling"
-        action.state = "waiting" if memory.coming else "calling"
-        action.waits_for = memory.carrier or "a carrier"
         lane, side = self.where(seen.x, seen.y)
         memory.since = seen.tick if memory.since < 0 else memory.since
         self.hear(mail, memory, seen.tick)
         chosen = "" if memory.carrier else self.chosen(seen, mail, memory, lane, side)
         if chosen:
             memory.carrier, memory.silent = chosen, 0
-        elif seen.tick - memory.asked < (ASK_AGAIN if memory.coming else CALL_AGAIN):
-            return
-        memory.asked = seen.tick
+        if chosen or seen.tick - memory.asked >= (ASK_AGAIN if memory.coming else CALL_AGAIN):
+            memory.asked = seen.tick
+            self.ask(lane, side, memory, action)
+        action.doing = f"full, {memory.carrier} comes" if memory.coming else "full, calling"
+        action.state = "waiting" if memory.coming else "calling"
+        action.waits_for = memory.carrier or "a carrier"
+        action.hold = Hold(memory.asked + (ASK_AGAIN if memory.coming else CALL_AGAIN))
+
+    def ask(self, lane: int, side: str, memory: BinMemory, action: Action) -> None:
+        """Ask the carrier that was chosen whether it comes; without one the dispatcher, or all carriers."""
         if memory.carrier:
             action.requests.append((memory.carrier, Come(lane, side, memory.picker)))
             memory.silent += 1
@@ -123,13 +147,28 @@ class Bin:
         return lane.number, "east" if x > -1.5 else "west"
 
 
+def along(hitch: Hitch, yaw: float) -> Twist:
+    """Return the velocity of a bin that keeps its place behind a robot which does not turn, at the quarter turn nearest to its own yaw."""
+    x, y = from_frame(Pose(0.0, 0.0, -quarter_turn(hitch.pose.yaw, yaw)), hitch.twist.x, hitch.twist.y)
+    return Twist(x, y)
+
+
+def is_near(one: Twist, other: Twist, much: float) -> bool:
+    """Whether no component of two velocities differs by `much`, m/s or rad/s."""
+    return all(abs(a - b) < much for a, b in zip(one, other, strict=True))
+
+
+def quarter_turn(robot: float, yaw: float) -> float:
+    """Return how far a bin is turned from its robot: the quarter turn that is nearest to the difference of their yaws, rad."""
+    off = angle_between(robot, yaw)
+    return repeatable.QUARTER * int(off / repeatable.QUARTER + (0.5 if off >= 0 else -0.5))
+
+
 def place_behind(hitch: Hitch, yaw: float) -> Pose:
     """Return the bin's pose after the next tick: behind its robot, at the quarter turn that is nearest to the bin's own yaw."""
     robot = moved(hitch.pose, hitch.twist)
     x, y = from_frame(robot, -KINDS[kind_of(hitch.name)].tows, 0.0)
-    off = angle_between(robot.yaw, yaw)
-    quarter = repeatable.QUARTER * int(off / repeatable.QUARTER + (0.5 if off >= 0 else -0.5))
-    return Pose(x, y, repeatable.wrap(robot.yaw + quarter))
+    return Pose(x, y, repeatable.wrap(robot.yaw + quarter_turn(robot.yaw, yaw)))
 
 
 def moved(pose: Pose, twist: Twist) -> Pose:

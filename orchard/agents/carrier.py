@@ -99,10 +99,10 @@ class Carrier:
 
 def hear_calls(calls: dict[str, HeardCall], mail: Mail, tick: int) -> None:
     """Note the calls in the mail, and forget those of bins that call no longer."""
+    for name in [name for name, call in calls.items() if tick - call.tick > REMEMBERED]:
+        del calls[name]
     for heard in mail.requests:
         if isinstance(heard.body, Call):
             before = calls.get(heard.sender)
             offered = before.offered if before and before.since == heard.body.since else LAST_TICK
             calls[heard.sender] = HeardCall(heard.body.since, tick, offered)
-    for name in [name for name, call in calls.items() if tick - call.tick > REMEMBERED]:
-        del calls[name]

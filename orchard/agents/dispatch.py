@@ -11,8 +11,8 @@ from typing import Any, NamedTuple, Protocol
 import msgspec
 
 from orchard.agents.route import SIDES, route_of
-from orchard.contract.agent import Action, Heard, Mail, Observation
-from orchard.contract.messages import Answer, CarrierComing, CarrierQuery, CarrierStatus, End, FullBin, No, pack, unpack
+from orchard.contract.agent import Action, Heard, Hold, Mail, Observation
+from orchard.contract.messages import LAST_TICK, Answer, CarrierComing, CarrierQuery, CarrierStatus, End, FullBin, No, pack, unpack
 from orchard.field.layout import QUEUE_HEAD, TOP_ROAD, Layout
 from orchard.field.plugins import make_plugin
 from orchard.field.scenario import NEAREST
@@ -26,20 +26,20 @@ class BinReport(msgspec.Struct, frozen=True):
     """A full bin that waits for a carrier."""
 
     name: str
-    lane: int  # from 1, at the top
-    side: End  # at which end of the lane it stands: 'east' or 'west'
-    picker: str  # the picker that waits there for an empty bin
-    since: int  # tick at which it began to call
-    metres: float  # by road from the queue's head to its lane
+    lane: int  #: from 1, at the top
+    side: End  #: at which end of the lane it stands: 'east' or 'west'
+    picker: str  #: the picker that waits there for an empty bin
+    since: int  #: tick at which it began to call
+    metres: float  #: by road from the queue's head to its lane
 
 
 class CarrierReport(msgspec.Struct, frozen=True):
     """A carrier."""
 
     name: str
-    job: str  # the full bin that it fetches; '' while it waits in the queue
-    is_next: bool  # whether it can leave now: it waits, and no carrier of its line stands before it
-    metres: float  # by road from its place to the queue's head
+    job: str  #: the full bin that it fetches; '' while it waits in the queue
+    is_next: bool  #: whether it can leave now: it waits, and no carrier of its line stands before it
+    metres: float  #: by road from its place to the queue's head
 
 
 class Assignment(NamedTuple):
@@ -126,6 +126,9 @@ class Dispatcher:
         if waiting and seen.tick - memory.asked >= POLL_TICKS:
             action.requests, memory.asked = [(carrier, CarrierQuery()) for carrier in self.carriers], seen.tick
         action.doing, action.state = f"{len(waiting)} bins wait for a carrier", "waiting" if waiting else "resting"
+        forgets = [heard + FORGET_TICKS for heard in memory.heard.values()]
+        forgets += [booking.told + BOOKED_TICKS for booking in memory.bookings.values() if booking.told >= 0]
+        action.hold = Hold(min([LAST_TICK, *forgets, *([memory.asked + POLL_TICKS] if waiting else [])]))
         return action
 
     def answer(self, memory: DispatcherMemory, heard: Heard, tick: int) -> Answer:

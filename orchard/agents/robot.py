@@ -9,14 +9,14 @@ from typing import Any
 
 import msgspec
 
-from orchard.agents.sense import Box, Bystander, Sighting, doubts, something_ahead, sweep_radius, turn_is_free
-from orchard.contract.agent import AHEAD, IN_TURN, Action, Mail, Observation, State
+from orchard.agents.sense import Box, Bystander, Sighting, doubts, something_ahead, stop_zone, sweep_radius, turn_is_free
+from orchard.contract.agent import AHEAD, IN_TURN, MOST_HOLD, Action, Hold, Mail, Observation, State, may_hold
 from orchard.contract.messages import Answer, Claim, Couple, Places, Position, Request, Uncouple, Where
 from orchard.field.geometry import STILL, Pose, Twist
 from orchard.field.kinds import KINDS, TRAFFIC, kind_of
 
 PATIENCE = 5  # ticks after which a question is asked again if it was not answered as hoped
-RECOVERY = 10  # ticks for which a robot stands after a refused step
+RECOVERY = 10  # ticks for which a robot stands after a collision
 
 
 class RobotMemory(msgspec.Struct):
@@ -29,9 +29,10 @@ class RobotMemory(msgspec.Struct):
     held: list[str] = []  # places that traffic granted and the robot still keeps
     agreed: list[str] = []  # places that the robot holds by traffic's last answer
     alone: list[str] = []  # of those, places that it shared with no other robot
+    blockers: list[str] = []  # robots that hold the places it wants, by traffic's last answer
     claimed: int = -PATIENCE  # tick of the last claim to traffic
     moving: bool = False  # whether it wanted to move in the last tick
-    bumped: int = -RECOVERY  # tick at which it last found that physics had refused a step
+    bumped: int = -RECOVERY  # tick at which it last found that it had collided
     sighted: dict[str, Sighting] = {}  # person or animal -> its reported position
     asked: dict[str, int] = {}  # question -> tick at which the present step last asked it
 
@@ -44,10 +45,13 @@ class Gate(msgspec.Struct, frozen=True):
 
 
 class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
-    """One step of a plan, as data. The class name identifies it in a memory's bytes."""
+    """One step of a plan, as data. The class name identifies it in a memory's bytes.
+
+    `act` is called at every tick. An own step that calls `robot.hold` is called less often if its class says `holds = True`.
+    """
 
     def act(self, robot: "PlanExecutor") -> bool:
-        """Command `robot` for this tick. Return whether the step is done; it is called every tick until then."""
+        """Command `robot` for this tick. Return whether the step is done; it is called at every tick until then, or when its hold ends."""
         raise NotImplementedError
 
 
@@ -62,6 +66,8 @@ class PlanExecutor:
         self.wanting: list[str] = []
         self._blind_to: list[Box] = []
         self._beside, self._turn, self._queueing = "", 0.0, False
+        self._until = seen.tick + 1  # tick at which the present step must act again
+        self._timers: list[int] = []  # ticks at which something must be asked again
 
     def move(self, twist: Twist, blind_to: list[Box], queueing: bool = False) -> None:
         """Drive with this velocity in this tick, unless something is in the way. Returns from the boxes `blind_to` do not count.
@@ -73,6 +79,10 @@ class PlanExecutor:
     def turn(self, rate: float, left: float, blind_to: list[Box]) -> None:
         """Turn at this rate (rad/s) in this tick, unless something is in the part of the turn that is left (rad)."""
         self.action.twist, self._turn, self._blind_to = Twist(yaw=rate), left, blind_to
+
+    def hold(self, ticks: int = MOST_HOLD) -> None:
+        """Say that the present step would command the same for so many ticks, unless it hears something or something gets in the way."""
+        self._until = self.seen.tick + min(ticks, MOST_HOLD)
 
     def next(self, steps: Sequence[Step]) -> None:
         """Insert steps right after the present one."""
@@ -97,6 +107,7 @@ class PlanExecutor:
         if not answers and self.seen.tick - self.memory.asked.get(question, -every) >= every:
             self.action.requests.append((to, request))
             self.memory.asked[question] = self.seen.tick
+        self._timers.append(self.memory.asked.get(question, self.seen.tick) + every)
         return answers[0] if answers else None
 
     def holds(self, places: list[str]) -> bool:
@@ -106,6 +117,7 @@ class PlanExecutor:
     def want(self, places: list[str], beside: str = "") -> None:
         """Ask traffic for places, all of them or none. `beside`: a partner with which the robot may share them."""
         self.wanting, self._beside = places, beside
+        self.action.waits_for = ", ".join(self.memory.blockers)
 
     def free(self, places: list[str]) -> None:
         """Give places back."""
@@ -114,19 +126,28 @@ class PlanExecutor:
     def is_alone_in(self, place: str) -> bool:
         """Whether no other robot shares a place. While one does, ask traffic again."""
         if place not in self.memory.alone:
-            self.wanting = [place]
+            self.want([place])
         return place in self.memory.alone
 
     def follow(self) -> None:
         """Run the plan's steps until one of them needs time."""
         self._hear_traffic()
         self._hear_bystanders()
-        while self.memory.plan and self.memory.plan[0].act(self):
+        while self.memory.plan and self._act(self.memory.plan[0]):
             del self.memory.plan[0]
             self.memory.done += 1
             self.memory.since = self.seen.tick
             self.memory.asked = {}
             self.action.waits_for = ""
+            self._timers, self._until = [], self.seen.tick + 1
+        if not self.memory.plan:
+            self.hold()
+
+    def _act(self, step: Step) -> bool:
+        done = step.act(self)
+        if not may_hold(step):
+            self._until = self.seen.tick + 1
+        return done
 
     def finish(self) -> Action:
         """Return the action of this tick: what the steps command, without motion that would hit something."""
@@ -134,6 +155,7 @@ class PlanExecutor:
         action, memory = self.action, self.memory
         action.doing, action.state = memory.doing, memory.state
         self._recover()
+        action.hold = self._hold_of(action.twist)
         if action.twist.x > 0 and something_ahead(self.seen, self._blind_to):
             if self._queueing:
                 action.twist, action.waits_for = STILL, ""
@@ -146,17 +168,34 @@ class PlanExecutor:
         memory.moving, action.steps_done = action.twist != STILL, memory.done
         return action
 
+    def _hold_of(self, twist: Twist) -> Hold | None:
+        """Return how long the robot keeps this velocity. A robot that turns, or acts, is asked at every tick.
+
+        Where it drives, its hold ends when something comes into the way, or leaves it. A robot that is blind to boxes in its way must look
+        at every tick.
+        """
+        until = min(self._until, *self._timers) if self._timers else self._until
+        if until <= self.seen.tick + 1 or twist.yaw or self._turn or self.action.deeds:
+            return None
+        if twist == STILL:
+            return Hold(until)
+        zone = stop_zone(self.seen)
+        if self._blind_to and zone.is_occupied(self.seen):
+            return None
+        return Hold(until, watch=(zone,))
+
     def _hold_up(self, obstacle: str) -> None:
         """Stand in this tick because of an obstacle."""
         self.action.twist, self.action.waits_for, self.action.state = STILL, obstacle, "stopped"
 
     def _recover(self) -> None:
-        """Stand for a second after a step that physics refused: there was an obstacle that no laser saw."""
+        """Stand for a second after a collision: there was an obstacle that no laser saw, and physics refused the step."""
         memory, tick = self.memory, self.seen.tick
         if memory.moving and self.seen.twist == STILL:
             memory.bumped = tick
         if tick - memory.bumped < RECOVERY and self.action.twist != STILL:
-            self._hold_up("what it bumped into")
+            self._hold_up("what it collided with")
+            self._timers.append(memory.bumped + RECOVERY)
 
     def _hear_traffic(self) -> None:
         for reply in self.mail.replies:
@@ -164,8 +203,7 @@ class PlanExecutor:
                 granted = [p for p in reply.body.held if p in reply.request.want and p not in self.memory.held]
                 self.memory.held = self.memory.held + granted
                 self.memory.agreed, self.memory.alone = reply.body.held, reply.body.alone
-                if reply.body.blockers:
-                    self.action.waits_for = ", ".join(reply.body.blockers)
+                self.memory.blockers = reply.body.blockers
 
     def _hear_bystanders(self) -> None:
         """Note the positions of people and animals that were asked. Without an answer, note that too."""
@@ -188,3 +226,5 @@ class PlanExecutor:
         if (self.wanting and since >= PATIENCE) or (given_back and since >= 2):
             self.action.requests.append((TRAFFIC, Claim(keep=list(memory.held), want=list(self.wanting), beside=self._beside)))
             memory.claimed = self.seen.tick
+        if self.wanting or given_back:
+            self._timers.append(memory.claimed + (PATIENCE if self.wanting and not given_back else 2))

@@ -28,7 +28,7 @@ class Side:
     """
 
     name: str
-    sign: int  # +1 east, -1 west
+    sign: int  #: +1 east, -1 west
 
     def x(self, east: float) -> float:
         """The x, m, of a point that lies at x = `east` on the east side."""
@@ -75,20 +75,20 @@ class OneWay:
     """
 
     Steps: ClassVar[Sequence[type[Step]]] = ()  # user-defined steps that the drives use
-    D_ROAD = 38.75  # x of the delivery road: a picker's coupling point lies on it
-    F_ROAD = 36.25  # x of the full-bin road
-    WAITING = 41.0  # x at which a picker waits, and of its way to the next row
-    PARKED = 44.0  # x at which a picker stays after its last row
-    FULL_BIN = 32.25  # x of the full bin that a picker has left
-    COUPLING = 34.15  # x of a carrier that couples the full bin
-    STOP = 1.9  # distance past the lane at which a delivering carrier stops, its bin on the lane's centre line; its loop begins there
-    HOLD = 3.75  # distance before a lane at which a carrier waits while it may not enter the lane's place
-    CLEAR = 5.7  # distance past a lane at which a carrier's tail has left the place
-    PICKER_HOLD = 33.7  # x at which a picker waits to cross the roads; its front is at 34.95
+    D_ROAD = 38.75  #: x of the delivery road: a picker's coupling point lies on it
+    F_ROAD = 36.25  #: x of the full-bin road
+    WAITING = 41.0  #: x at which a picker waits, and of its way to the next row
+    PARKED = 44.0  #: x at which a picker stays after its last row
+    FULL_BIN = 32.25  #: x of the full bin that a picker has left
+    COUPLING = 34.15  #: x of a carrier that couples the full bin
+    STOP = 1.9  #: distance past the lane at which a delivering carrier stops, its bin on the lane's centre line; its loop begins there
+    HOLD = 3.75  #: distance before a lane at which a carrier waits while it may not enter the lane's place
+    CLEAR = 5.7  #: distance past a lane at which a carrier's tail has left the place
+    PICKER_HOLD = 33.7  #: x at which a picker waits to cross the roads; its front is at 34.95
     F_BOTTOM, D_BOTTOM = 3.5, 5.6  # distances of the roads along the bottom, south of the last tree line
-    CORNER_HOLD_X = -35.5  # x before which a carrier on the outer bottom road waits for the south-west corner
-    TURN_OFF = -18.6  # x on the top road at which a carrier turns to its queue line
-    TOP_CLEAR = 3.75  # distance south of the southernmost line in use at which a carrier has left the place `top`
+    CORNER_HOLD_X = -35.5  #: x before which a carrier on the outer bottom road waits for the south-west corner
+    TURN_OFF = -18.6  #: x on the top road at which a carrier turns to its queue line
+    TOP_CLEAR = 3.75  #: distance south of the southernmost line in use at which a carrier has left the place `top`
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout

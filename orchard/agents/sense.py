@@ -9,12 +9,13 @@ only after the time that this one needs to come near.
 
 import math
 from collections.abc import Mapping
-from functools import cache, lru_cache
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from orchard.contract.agent import Observation
+from orchard.contract.zone import Zone, beams, in_zone
 from orchard.field import repeatable
 from orchard.field.geometry import Pose, from_frame, to_frame
 from orchard.field.kinds import ANIMALS, AROUND, KINDS, PEOPLE, Kind, Laser, kind_of
@@ -38,29 +39,25 @@ class Box(NamedTuple):
 
 
 @cache
-def beams(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
-    """Return cosine and sine of each beam's angle to the front, (beams,) each."""
-    pairs = [repeatable.sin_cos(laser.first + i * laser.increment) for i in range(laser.beams)]
-    return np.array([c for _, c in pairs]), np.array([s for s, _ in pairs])
+def corridor(half_width: float, ahead: float) -> Zone:
+    """Return the zone from a body's front edge to `ahead` metres before it, `half_width` to either side."""
+    return Zone(0.0, ahead, -half_width, half_width)
 
 
-@lru_cache(maxsize=64)  # there are only a few, one for each width and each distance
-def corridor(half_width: float, ahead: float) -> np.ndarray:
-    """Return the range of each forward beam, (180,), m, below which it ends in a corridor from the front edge to `ahead` metres."""
-    cosines, sines = beams(KINDS["picker"].laser)
-    with np.errstate(divide="ignore"):
-        ranges: np.ndarray = np.minimum(ahead / np.maximum(cosines, 1e-12), half_width / np.abs(sines))
-    return ranges
+def stop_zone(seen: Observation) -> Zone:
+    """Return the corridor ahead of a robot in which it stops for obstacles."""
+    kind = KINDS[kind_of(seen.name)]
+    widest = kind.width / 2 if seen.hitch is None else max(kind.width / 2, _BIN_HALF)
+    return corridor(widest + SIDE_MARGIN, STOP_DISTANCE)
 
 
 def something_ahead(seen: Observation, blind_to: list[Box]) -> bool:
     """Whether anything but the boxes `blind_to` returns from the corridor ahead, nearer than the stopping distance."""
-    kind = KINDS[kind_of(seen.name)]
-    widest = kind.width / 2 if seen.hitch is None else max(kind.width / 2, _BIN_HALF)
-    inside = seen.scan < corridor(widest + SIDE_MARGIN, STOP_DISTANCE)
+    laser = KINDS[kind_of(seen.name)].laser
+    inside = in_zone(seen.scan, laser, stop_zone(seen))
     if not np.count_nonzero(inside):
         return False
-    return not blind_to or len(_not_on(_returns(seen.scan, kind.laser, inside), seen.pose, blind_to)) > 0
+    return not blind_to or len(_not_on(_returns(seen.scan, laser, inside), seen.pose, blind_to)) > 0
 
 
 def turn_is_free(seen: Observation, turn: float, blind_to: list[Box]) -> bool:
@@ -111,14 +108,14 @@ def _not_on(points: np.ndarray, pose: Pose, boxes: list[Box]) -> np.ndarray:
     return points[keep]
 
 
-def nearest_in_path(seen: Observation, reach: float) -> float:
-    """Return the distance ahead to the nearest return in a walker's path, m, up to a reach; infinity if the path is free."""
-    kind = KINDS[kind_of(seen.name)]
-    chosen = seen.scan < corridor(kind.width / 2 + SIDE_MARGIN, reach)
-    if not np.count_nonzero(seen.scan < reach) or not np.count_nonzero(chosen):
-        return math.inf
-    cosines, _ = beams(kind.laser)
-    return float((seen.scan[chosen] * cosines[chosen]).min())
+def path(seen: Observation, reach: float) -> Zone:
+    """Return the zone of a walker's path up to a reach, m."""
+    return corridor(KINDS[kind_of(seen.name)].width / 2 + SIDE_MARGIN, reach)
+
+
+def is_path_free(seen: Observation, reach: float) -> bool:
+    """Whether nothing returns from a walker's path up to a reach, m."""
+    return not path(seen, reach).is_occupied(seen)
 
 
 def free_directions(seen: Observation, reach: float, count: int = 13) -> list[float]:

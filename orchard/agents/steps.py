@@ -1,4 +1,4 @@
-"""The steps of which plans are made. A step is data with one method, `act`, which is called every tick until the step is done.
+"""The steps of which plans are made. A step is data with one method, `act`, which is called until the step is done.
 
 `act` sets the velocity of this tick, asks, or waits. A step itself remembers nothing. Its target is absolute, so a robot still ends at the
 right place after it was held up, or after its agent was started again.
@@ -13,13 +13,14 @@ import msgspec
 
 from orchard.agents.robot import Gate, PlanExecutor, RobotMemory, Step
 from orchard.agents.sense import Box
-from orchard.contract.agent import State
+from orchard.contract.agent import MOST_HOLD, State
 from orchard.contract.messages import BinState, CarrierComing, Confirm, EmptyBin, Here, No, StateRequest, Yes
 from orchard.field.geometry import HEADINGS, Twist, angle_between, nearest_heading
 from orchard.field.kinds import EIGHTH
 from orchard.field.scenario import TIME_STEP
 
 EXACT = 1e-9  # m or rad: nearer than this counts as there
+SLACK = 1e-6  # m, far more than rounding: a drive acts again rather a tick too early than too late
 CRUISE = 1.0  # m/s
 SELDOM = 50  # ticks between two questions if the answer changes nothing
 LOOK_AHEAD = 3.0  # m before a gate, from where the robot asks for its places
@@ -45,7 +46,7 @@ class DriveTo(Step, frozen=True):
     needs: list[Gate] = []
     frees: list[Gate] = []
     blind_to: list[Box] = []
-    queueing: bool = False  # to stand behind other robots is normal here, and is not reported
+    queueing: bool = False  #: to stand behind other robots is normal here, and is not reported
 
     def act(self, robot: PlanExecutor) -> bool:
         here, target = (robot.pose.x, self.x) if self.x is not None else (robot.pose.y, cast(float, self.y))
@@ -55,9 +56,20 @@ class DriveTo(Step, frozen=True):
                 robot.free(gate.places)
         left = ahead * (self._limit(robot, here, ahead, target) - here)
         if left <= EXACT:
+            robot.hold()
             return ahead * (target - here) <= EXACT
         robot.move(Twist(x=min(self.speed, left / TIME_STEP)), self.blind_to, self.queueing)
+        robot.hold(self._ticks(robot, here, ahead, left))
         return False
+
+    def _ticks(self, robot: PlanExecutor, here: float, ahead: float, left: float) -> int:
+        """The ticks until the drive may have to slow down, to give a place back or to ask for one; never too many."""
+        if self.speed <= 0.0:
+            return 1
+        frees = [ahead * (gate.at - here) for gate in self.frees if any(place in robot.memory.held for place in gate.places)]
+        needs = [ahead * (gate.at - here) - LOOK_AHEAD for gate in self.needs if not robot.holds(gate.places)]
+        rooms = [left - self.speed * TIME_STEP, *frees, *(room for room in needs if room >= 0.0)]
+        return int(max(0.0, min(rooms) - SLACK) / (self.speed * TIME_STEP)) + 1
 
     def _limit(self, robot: PlanExecutor, here: float, ahead: float, target: float) -> float:
         """The target, or the first gate before it with places that the robot does not hold."""
@@ -128,7 +140,9 @@ class Wait(Step, frozen=True):
     seconds: float
 
     def act(self, robot: PlanExecutor) -> bool:
-        return bool((robot.seen.tick - robot.memory.since) * TIME_STEP >= self.seconds - EXACT)
+        waited = (robot.seen.tick - robot.memory.since) * TIME_STEP
+        robot.hold(max(1, int(min(MOST_HOLD, (self.seconds - waited) / TIME_STEP))))
+        return bool(waited >= self.seconds - EXACT)
 
 
 class Need(Step, frozen=True):
@@ -140,6 +154,7 @@ class Need(Step, frozen=True):
         if robot.holds(self.places):
             return True
         robot.want(self.places)
+        robot.hold()
         return False
 
 
@@ -159,6 +174,7 @@ class Alone(Step, frozen=True):
     place: str
 
     def act(self, robot: PlanExecutor) -> bool:
+        robot.hold()
         return robot.is_alone_in(self.place)
 
 
@@ -172,6 +188,7 @@ class Deliver(Step, frozen=True):
             robot.memory.delivered = robot.seen.hitch.name
             robot.uncouple()
             return False
+        robot.hold()
         return isinstance(robot.ask(self.picker, Here(robot.memory.delivered)), Yes)
 
 
@@ -207,12 +224,14 @@ class FetchEmpty(Step, frozen=True):
         if not robot.memory.offered:
             answer = robot.ask(robot.memory.full_bin, EmptyBin(), every=SELDOM)
             robot.memory.carrier = answer.carrier if isinstance(answer, CarrierComing) else robot.memory.carrier
+            robot.hold()
             return False
         if robot.seen.hitch is None:
             robot.couple(robot.memory.offered)
             return False
         if not robot.holds([self.place]):
             robot.want([self.place], beside=robot.memory.carrier)
+            robot.hold()
             return False
         robot.memory.taken = robot.memory.offered
         return True
@@ -223,6 +242,7 @@ class Unload(Step, frozen=True):
 
     def act(self, robot: PlanExecutor) -> bool:
         answer = robot.ask(robot.seen.hitch.name, StateRequest()) if robot.seen.hitch else None
+        robot.hold()
         return isinstance(answer, BinState) and not answer.full
 
 
@@ -234,6 +254,7 @@ class Confirmed(Step, frozen=True):
 
     def act(self, robot: PlanExecutor) -> bool:
         answer = robot.ask(self.bin, Confirm())
+        robot.hold()
         if isinstance(answer, No):
             robot.memory.plan[1:] = self.otherwise
         return answer is not None

@@ -7,8 +7,8 @@ partners in an exchange of bins. Each claim of a robot is complete, so claims th
 
 import msgspec
 
-from orchard.contract.agent import Action, Heard, Mail, Observation
-from orchard.contract.messages import Answer, Claim, Places
+from orchard.contract.agent import Action, Heard, Hold, Mail, Observation
+from orchard.contract.messages import LAST_TICK, Answer, Claim, Places
 from orchard.field.layout import Layout
 
 FORGET = 30  # ticks after which a claim that is not repeated is dropped
@@ -45,7 +45,8 @@ class Traffic:
             ledger.wishes = {name: wish for name, wish in ledger.wishes.items() if seen.tick - wish.heard <= FORGET}
             grant(ledger)
         answers: list[tuple[Heard, Answer]] = [(heard, answer(ledger, heard.sender)) for heard, _ in claims]
-        return Action(answers=answers, memory=ledger, doing=f"{sum(map(len, ledger.holds.values()))} places held", state="resting")
+        doing = f"{sum(map(len, ledger.holds.values()))} places held"
+        return Action(answers=answers, memory=ledger, doing=doing, state="resting", hold=Hold(LAST_TICK))
 
 
 def note(ledger: ReservationTable, name: str, claim: Claim, tick: int) -> None:

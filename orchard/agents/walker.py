@@ -1,13 +1,15 @@
-"""People and animals. They turn away from obstacles, back off after a refused step, and never linger for long.
+"""People and animals. They turn away from obstacles, back off after a collision, and never linger for long.
 
 People, workers and visitors, walk straight on otherwise. Animals choose a new direction and speed at random every 3 s.
 """
 
+import math
+
 import msgspec
 
-from orchard.agents.sense import free_directions, freer_side, nearest_in_path
-from orchard.contract.agent import Action, Heard, Mail, Observation, State
-from orchard.contract.messages import Answer, No, Position, Where
+from orchard.agents.sense import free_directions, freer_side, is_path_free, path
+from orchard.contract.agent import MOST_HOLD, Action, Heard, Hold, Mail, Observation, State
+from orchard.contract.messages import LAST_TICK, Answer, No, Position, Where
 from orchard.field.geometry import STILL, Twist, angle_between
 from orchard.field.kinds import KINDS, Kind, kind_of
 from orchard.field.layout import Layout
@@ -18,7 +20,7 @@ STEER_WITHIN = 4.0  # m (docs/reference.md)
 TURN_WITHIN = 1.0  # m
 STEER = PI / 8  # rad/s while it walks on
 BACK, LEFT, RIGHT, ON = Twist(x=-0.5), Twist(yaw=PI / 4), Twist(yaw=-PI / 4), Twist(x=0.5)
-WAYS = (BACK, BACK, BACK, LEFT, RIGHT, ON)  # what a walker tries after a refused step
+WAYS = (BACK, BACK, BACK, LEFT, RIGHT, ON)  # what a walker tries after a collision
 RECOVERY = 12  # ticks for which it tries one of them
 LINGER = 6.0  # m: a walker that has got no farther from a place, and so may still be within a circle of 3 m, ...
 LINGER_TICKS = 200  # ... breaks out of it after 20 s
@@ -26,6 +28,7 @@ OUT_TICKS = 80  # ticks for which it walks in one direction to get out
 FREE = (3.0, 1.5)  # m that must be free in that direction; if no direction is, the second value
 
 MIND_CHANGES = 3 * TICKS_PER_SECOND  # ticks between two choices of an animal (manual)
+SLACK = 1e-6  # m, far more than rounding
 SLOW = 0.05  # m/s: a slower animal counts as standing
 
 
@@ -54,7 +57,8 @@ class Person:
     def tick(self, seen: Observation, mail: Mail, memory: WalkerMemory | None) -> Action:
         memory = memory or WalkerMemory(seen.x, seen.y, seen.tick)
         twist, evading = walk(seen, memory, self.seed, self.kind.speed, self.kind, Twist(x=self.kind.speed))
-        return Action(twist=twist, answers=tell_where(seen, mail), memory=memory, doing=evading or "walking", state="driving")
+        hold, doing = hold_of(seen, memory, twist, evading), evading or "walking"
+        return Action(twist=twist, answers=tell_where(seen, mail), memory=memory, doing=doing, state="driving", hold=hold)
 
 
 class AnimalMemory(WalkerMemory):
@@ -84,7 +88,9 @@ class Animal:
         twist, evading = walk(seen, memory, self.seed, min(memory.speed, 1.0), self.kind, whim)
         doing = evading or ("wandering" if memory.speed >= SLOW else "standing")
         state: State = "resting" if doing == "standing" else "driving"
-        return Action(twist=twist, answers=tell_where(seen, mail), memory=memory, doing=doing, state=state)
+        whims = [(mind + 1) * MIND_CHANGES - self.phase, *([memory.turning_until] if seen.tick < memory.turning_until else [])]
+        hold = hold_of(seen, memory, twist, evading, min(whims))
+        return Action(twist=twist, answers=tell_where(seen, mail), memory=memory, doing=doing, state=state, hold=hold)
 
     def change_mind(self, seen: Observation, memory: AnimalMemory) -> None:
         """Choose a turn to either side at up to 2 pi rad/s, for up to a second, and a speed of up to 3 m/s."""
@@ -111,7 +117,7 @@ def walk(seen: Observation, memory: WalkerMemory, seed: int, speed: float, kind:
 
 
 def bump(seen: Observation, memory: WalkerMemory, seed: int) -> Twist | None:
-    """Return the velocity with which a walker backs off, or turns aside, for a while after a refused step; else None."""
+    """Return the velocity with which a walker backs off, or turns aside, for a while after a collision; else None."""
     if memory.moving and seen.twist == STILL:
         memory.way = int(len(WAYS) * draw(seed, seen.name, seen.tick, 2)[1])
         memory.recovers_until, memory.out = seen.tick + RECOVERY, None
@@ -120,12 +126,11 @@ def bump(seen: Observation, memory: WalkerMemory, seed: int) -> Twist | None:
 
 def avoid(seen: Observation, memory: WalkerMemory, speed: float, most_turn: float) -> Twist | None:
     """Return the velocity that turns away from an obstacle; None if the way is free."""
-    ahead = nearest_in_path(seen, STEER_WITHIN)
-    if ahead < TURN_WITHIN or (memory.turning and ahead < 2 * TURN_WITHIN):
-        memory.turning = True
-        return Twist(yaw=min(PI / 2, most_turn))
-    memory.turning = False
-    return Twist(x=speed, yaw=STEER * freer_side(seen, STEER_WITHIN)) if ahead < STEER_WITHIN else None
+    if is_path_free(seen, STEER_WITHIN):
+        memory.turning = False
+        return None
+    memory.turning = not is_path_free(seen, 2 * TURN_WITHIN if memory.turning else TURN_WITHIN)
+    return Twist(yaw=min(PI / 2, most_turn)) if memory.turning else Twist(x=speed, yaw=STEER * freer_side(seen, STEER_WITHIN))
 
 
 def break_out(seen: Observation, memory: WalkerMemory, seed: int, speed: float, most_turn: float) -> Twist | None:
@@ -140,10 +145,27 @@ def break_out(seen: Observation, memory: WalkerMemory, seed: int, speed: float, 
     left = angle_between(seen.pose.yaw, memory.out)
     if abs(left) > 1e-9:
         return Twist(yaw=max(-most_turn, min(most_turn, left / TIME_STEP)))
-    if nearest_in_path(seen, TURN_WITHIN) < TURN_WITHIN / 2:
+    if not is_path_free(seen, TURN_WITHIN / 2):
         memory.out = None
         return Twist()
     return Twist(x=speed)
+
+
+def hold_of(seen: Observation, memory: WalkerMemory, twist: Twist, evading: str, until: int = LAST_TICK) -> Hold | None:
+    """Return how long a walker keeps its velocity: while it recovers, turns, or has a free path. `until`: when its whim ends."""
+    if seen.tick < memory.recovers_until:
+        return Hold(min(until, memory.recovers_until))
+    until = min(until, memory.since + LINGER_TICKS, seen.tick + ticks_within(seen, memory, twist))
+    if memory.turning:
+        return Hold(until, watch=(path(seen, 2 * TURN_WITHIN),))
+    return None if evading else Hold(until, watch=(path(seen, STEER_WITHIN),))
+
+
+def ticks_within(seen: Observation, memory: WalkerMemory, twist: Twist) -> int:
+    """Return the ticks for which a walker surely stays within LINGER of the place where it lingers."""
+    dx, dy = seen.x - memory.x, seen.y - memory.y
+    room = max(0.0, LINGER - math.sqrt(dx * dx + dy * dy) - SLACK)
+    return int(room / (twist.x * TIME_STEP)) if twist.x * TIME_STEP * MOST_HOLD > room else MOST_HOLD
 
 
 def way_out(seen: Observation, chance: float) -> float:

@@ -5,11 +5,13 @@ import math
 import msgspec
 import numpy as np
 
-from orchard.contract.agent import Action, Mail, Observation
-from orchard.contract.messages import Flatten
+from orchard.contract.agent import Action, Hold, Mail, Observation
+from orchard.contract.messages import LAST_TICK, Flatten
+from orchard.contract.zone import Zone
 from orchard.field.layout import Layout
 
 NEAR = 1.36  # m from its centre: 1 m from its farthest point, a corner at 0.354 m; physics decides what is near enough
+AROUND_IT = Zone(-NEAR, NEAR, -NEAR, NEAR)
 SURE = 5.0  # standard deviations of the lasers' noise by which the silhouette must change
 
 
@@ -29,11 +31,13 @@ class Weed:
         now, beams = silhouette(seen.scan)
         change = abs(now - memory.silhouette) if memory else 0
         moving = change > 1000 * SURE * self.noise * math.sqrt(beams)
+        hold = None if moving else Hold(LAST_TICK, still=(AROUND_IT,))
         return Action(
             deeds=[Flatten()] if moving else [],
             memory=memory if memory and not moving else WeedMemory(now),
             doing="growing",
             state="resting",
+            hold=hold,
         )
 
 

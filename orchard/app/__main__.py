@@ -10,18 +10,20 @@ import contextlib
 import socket
 import sys
 from pathlib import Path
+from secrets import token_hex
 
 try:
     from nicegui import app, ui
 except ModuleNotFoundError as missing:
-    print(f"The page needs the package {missing.name}: pip install 'orchard[app]'", file=sys.stderr)
+    print(f"The page needs the package {missing.name}: pip install 'orchard-sim[app]'", file=sys.stderr)
     raise SystemExit(2) from None
 
+from orchard.app.desks import Desks
+from orchard.app.link import draft_of
 from orchard.app.own_address import only_own_address
-from orchard.app.page import Page
-from orchard.app.run_controls import ROOT
+from orchard.app.page import Page, complain
 from orchard.app.runner import Runner
-from orchard.field.scenario import Scenario
+from orchard.folders import runs_folder
 
 ICON = "🥝"
 PATIENCE = 30.0  # s that a browser may be too busy to answer, for example while it loads the Rerun viewer
@@ -29,21 +31,26 @@ PATIENCE = 30.0  # s that a browser may be too busy to answer, for example while
 
 def main(argv: list[str] | None = None) -> int:
     """Serve the page until Ctrl-C. Return the exit code: 2 if the address cannot be used."""
-    parser = argparse.ArgumentParser(prog="python -m orchard.app", description="Set up an orchard in the browser, run it, and watch it.")
+    parser = argparse.ArgumentParser(prog="orchard app", description="Set up an orchard in the browser, run it, and watch it.")
     parser.add_argument("--port", type=int, default=8080, help="port of the page")
     parser.add_argument("--host", default="127.0.0.1", help="any client that reaches it can start runs; 0.0.0.0: under this machine's name")
-    parser.add_argument("--runs", type=Path, default=ROOT / "runs", metavar="DIRECTORY", help="directory of recordings and summaries")
+    parser.add_argument("--runs", type=Path, default=runs_folder(), metavar="DIRECTORY", help="directory of recordings and summaries")
     parser.add_argument("--quiet", action="store_true", help="do not open a browser")
     arguments = parser.parse_args(argv)
     host, port, runner = arguments.host, arguments.port, Runner(arguments.runs)
     if problem := _problem(host, port):
         print(problem, file=sys.stderr)
         return 2
-    last: list[Page] = []  # the newest page; the next page begins with its scenario
+    desks = Desks()
 
     def page() -> None:
-        begin = last[-1].draft.scenario if last else None
-        last[:] = [Page(runner, begin or Scenario())]
+        desk, query = desks.of(app.storage.browser["id"]), ui.context.client.request.query_params.multi_items()
+        desk.draft, unknown = draft_of(query) if query else (desk.draft, [])
+        if query:
+            ui.navigate.history.replace("/")  # or a reload would bring the link's scenario back
+        Page(runner, desk)
+        if unknown:
+            complain("Not all of the link was understood", unknown)
 
     only_own_address(app, host)
     app.on_shutdown(runner.close)
@@ -51,7 +58,7 @@ def main(argv: list[str] | None = None) -> int:
     with contextlib.suppress(KeyboardInterrupt):
         signal.signal(signal.SIGINT, signal.default_int_handler)
         ui.run(page, host=host, port=port, show=not arguments.quiet, reload=False, show_welcome_message=False, title="Kiwifruit orchard",
-               favicon=ICON, reconnect_timeout=PATIENCE)  # fmt: skip
+               language="en-US", favicon=ICON, reconnect_timeout=PATIENCE, storage_secret=token_hex())  # fmt: skip
     return 0
 
 

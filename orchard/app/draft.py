@@ -1,6 +1,7 @@
 """What a user has entered: the entries of a scenario, their values, and what is wrong with each."""
 
 import re
+from copy import copy
 from dataclasses import dataclass
 from functools import cache, reduce
 from math import floor, inf, log10
@@ -106,6 +107,25 @@ def flat(scenario: Scenario) -> dict[str, Any]:
     return {path: reduce(getattr, path.split("."), scenario) for path in entries()}
 
 
+IN_TITLE = ("rows", "pickers", "carriers", "seed")
+
+
+def words_of(value: Any) -> str:
+    """Return a value of a scenario as the page shows it."""
+    if value is None:
+        return "automatic"
+    return ("on" if value else "off") if isinstance(value, bool) else shown(value)
+
+
+def title_of(scenario: Scenario) -> str:
+    """Return a scenario in a line: its size and seed, and what else is not as in the default scenario."""
+    default, values = flat(Scenario()), flat(scenario)
+    size = f"{scenario.rows} rows, {scenario.pickers} pickers, {scenario.carrier_count} carriers, seed {scenario.seed}"
+    other = [path for path, value in values.items() if path not in IN_TITLE and value != default[path]]
+    more = [f"{entries()[path].label.lower()} {words_of(values[path])}" for path in other]
+    return ", ".join([size, *more, *(["own classes"] if own_classes(scenario) else [])])
+
+
 class Draft:
     """Entered values by path, valid or not.
 
@@ -114,6 +134,12 @@ class Draft:
 
     def __init__(self, scenario: Scenario) -> None:
         self.take(scenario)
+
+    def copy(self) -> "Draft":
+        """Return a draft of the same values, which changes on its own."""
+        other = copy(self)
+        other.values = dict(self.values)
+        return other
 
     def take(self, scenario: Scenario) -> None:
         """Replace all values by those of a scenario."""

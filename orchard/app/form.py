@@ -5,8 +5,10 @@ from typing import Any
 
 from nicegui import ui
 
-from orchard.app.draft import Draft, Entry, entries, number_of, shown
+from orchard.app.draft import Draft, Entry, entries, flat, number_of, shown, words_of
+from orchard.app.elements import heading
 from orchard.app.own_classes import PLUGINS
+from orchard.field.scenario import Scenario
 
 Change = Callable[[str, Any], None]  # path, new value
 
@@ -22,18 +24,20 @@ class Control:
         self._slider: ui.slider | None = None
         self._automatic: ui.checkbox | None = None
         with ui.element("div").classes("field") as self.box:
-            with ui.element("div").classes("field-head"):
+            with ui.element("div").classes("field-head") as head:
+                head.props["title"] = entry.words
                 ui.label(entry.label).classes("field-label")
                 ui.label(entry.limits).classes("field-limits")
-                ui.tooltip(entry.words).props("anchor='center right' self='center left' delay=400")
             with ui.element("div").classes("field-body"):
                 self._value: Any = self._switch() if entry.kind is bool else self._number()
                 self._value.props(f'data-field={entry.path} aria-label="{entry.label}"')
             if entry.optional:
                 self._automatic = ui.checkbox("automatic", on_change=self._entered).classes("field-more")
-                self._automatic.props(f"dense size=sm data-field={entry.path}-automatic")
+                self._automatic.props(f'dense size=sm data-field={entry.path}-automatic aria-label="{entry.label}: automatic"')
             self._problem = ui.label().classes("field-problem").props(f"data-problem={entry.path} role=alert")
+            self._mark = ui.label().classes("field-mark").props(f"data-mark={entry.path}")
         self.complain("")
+        self.mark("")
 
     def _switch(self) -> ui.switch:
         self.box.classes("inline")
@@ -64,6 +68,11 @@ class Control:
         self._problem.set_text(problem)
         self._problem.set_visibility(bool(problem))
         self.box.classes(add="wrong" if problem else "", remove="" if problem else "wrong")
+
+    def mark(self, running: str) -> None:
+        """Show the value of the harvest that runs, if it is another one; '' clears it."""
+        self._mark.set_text(f"the harvest that runs has {running}")
+        self._mark.set_visibility(bool(running))
 
     def _entered(self) -> None:
         value = bool(self._value.value) if self.entry.kind is bool else self._value.value or ""
@@ -109,10 +118,15 @@ class Form:
         for path, value in values.items():
             self._controls[path].show(value)
 
-    def follow(self, draft: Draft) -> None:
-        """Show the problem of each field, the numbers that the program has chosen, and the user's own classes."""
+    def follow(self, draft: Draft, running: Scenario | None) -> None:
+        """Show the problem of each field, the numbers that the program has chosen, and the user's own classes.
+
+        `running`: the scenario of the harvest that runs. The values in which it differs are marked.
+        """
+        other = {} if running is None else {path: value for path, value in flat(running).items() if value != draft.values[path]}
         for path, control in self._controls.items():
             control.complain(draft.problems.get(path, ""))
+            control.mark(words_of(other[path]) if path in other else "")
             if draft.scenario is not None:
                 control.show_chosen(draft.scenario.carrier_count)
         self._classes.set_visibility(bool(draft.classes))
@@ -125,5 +139,5 @@ class Form:
 def _group(title: str) -> ui.element:
     """A part of the form, to be filled."""
     with ui.element("section").classes("group") as group:
-        ui.label(title).classes("group-title")
+        heading(2, title).classes("group-title")
     return group

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from nicegui import ui
 
+from orchard.app.elements import heading
 from orchard.field.scenario import Scenario
 
 PLUGINS = ("agents", "agents_without_body", "dispatch", "rows_to_pickers", "route")  # named in a file, not entered on the page
@@ -34,8 +35,8 @@ def _is_in(path: str, folder: Path) -> bool:
 
 async def may_run(classes: dict[str, str], file: str) -> bool:
     """Ask whether the classes that a file names may run."""
-    with ui.dialog(value=True) as dialog, ui.card().classes("complaint").props("data-view=question"):
-        ui.label(f"{file} runs code on this computer").classes("group-title")
+    with ui.dialog(value=True).props('aria-label="Own classes"') as dialog, ui.card().classes("complaint").props("data-view=question"):
+        heading(2, f"{file} runs code on this computer").classes("group-title")
         ui.label("It names these classes. They can do whatever you can: read, change and send your files. Do you trust them?")
         for key, path in classes.items():
             ui.label(f"{key}: {path}").classes("complaint-line")

@@ -1,20 +1,23 @@
-"""The page: presets and files on top; the form on the left; the run, the stage and the derived figures on the right."""
+"""The page: presets, files and link on top; the form on the left; the run, the stage and the derived figures on the right."""
 
 from pathlib import Path
 from typing import Any
 
 from nicegui import events, run, ui
 
-from orchard.app.draft import Draft
+from orchard.app.desks import Desk
+from orchard.app.elements import heading
 from orchard.app.form import Form
+from orchard.app.link import query_of
 from orchard.app.own_classes import from_elsewhere, may_run, own_classes
 from orchard.app.preview import FiguresView
-from orchard.app.run_controls import ROOT, RunControls
-from orchard.app.runner import Runner, RunReport
+from orchard.app.run_controls import RunControls
+from orchard.app.runner import Run, Runner, RunReport
 from orchard.app.views import ProgressView, Stage
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import LARGEST_FILE, Scenario, load, parse, to_yaml
+from orchard.field.scenario import LARGEST_FILE, Scenario, parse, to_yaml
+from orchard.field.shipped import DEFAULT, shipped
 
 STYLE = Path(__file__).with_name("style.css")
 REDRAW_SECONDS = 0.1  # s between two checks for changed input
@@ -22,10 +25,10 @@ WATCH_SECONDS = 0.3  # s between two updates of the run
 
 
 class Page:
-    """The page in one browser. All pages share one runner."""
+    """A page in one browser. All pages share one runner; those of one browser begin with what was entered there last."""
 
-    def __init__(self, runner: Runner, scenario: Scenario) -> None:
-        self.runner, self.draft = runner, Draft(scenario)
+    def __init__(self, runner: Runner, desk: Desk) -> None:
+        self.runner, self.desk, self.draft = runner, desk, desk.draft.copy()
         self._changed = True
         self._seen: RunReport | None = None  # the report on the stage
         self._build()
@@ -37,23 +40,23 @@ class Page:
 
     def _build(self) -> None:
         ui.add_css(STYLE)
-        ui.colors(primary="#3f7d3a", positive="#3f7d3a", warning="#c77700", negative="#b3261e")
+        ui.colors(primary="#33692f", positive="#33692f", warning="#8f5600", negative="#b3261e")
+        self._dark = ui.dark_mode(self.desk.dark)
         with ui.header().classes("top"):
-            ui.label("Kiwifruit orchard").classes("top-title")
-            ui.element("div").classes("grow")
+            with ui.element("h1").classes("top-title grow"):
+                ui.label("Kiwifruit orchard")
             self._build_files()
-        with ui.element("main").classes("page"):
-            with ui.element("aside").classes("form"):
+        with ui.element("div").classes("page"):
+            self._build_run()
+            with ui.element("section").classes("form").props('aria-label="Settings of the orchard"'):
                 self.form = Form(self._set, self._drop_classes)
-            with ui.element("div").classes("right"):
-                self._build_run()
-                with ui.element("div").classes("middle"):
-                    self.stage = Stage()
-                    with ui.element("div").classes("figures"):
-                        self.figures = FiguresView()
+            with ui.element("div").classes("middle"):
+                self.stage = Stage(self.runner.folder, self._offer)
+                with ui.element("section").classes("figures").props('aria-label="Figures before the run"'):
+                    self.figures = FiguresView()
 
     def _build_files(self) -> None:
-        """Build the buttons for the presets, Open and Save."""
+        """Build the buttons for the presets, Open, Save, Link and dark mode."""
         for name, scenario in presets().items():
             ui.button(name.capitalize(), on_click=lambda scenario=scenario: self._take(scenario)).props(f"flat no-caps data-preset={name}")
         ui.element("div").classes("divider")
@@ -62,11 +65,14 @@ class Page:
         self._upload.props("accept=.yaml,.yml").classes("hidden")
         ui.button("Open", icon="folder_open", on_click=lambda: self._upload.run_method("pickFiles")).props("flat no-caps data-action=open")
         self._save = ui.button("Save", icon="download", on_click=self._download).props("flat no-caps data-action=save")
+        self._link = ui.button("Link", icon="link", on_click=self._show_link).props("flat no-caps data-action=link")
+        dark = ui.button(icon="contrast", on_click=self._turn_dark)
+        dark.props('flat data-action=dark aria-label="Dark or light" title="Dark or light"')
 
     def _build_run(self) -> None:
-        with ui.element("div").classes("run-card"):
-            with ui.element("div").classes("wishes"):
-                self.wishes = RunControls(self._mark, self.runner.run.settings if self.runner.run else None)
+        with ui.element("section").classes("run-card").props('aria-label="The run"'):
+            with ui.element("div").classes("wishes-and-run"):
+                self.wishes = RunControls(self._mark, self.desk.settings)
                 self.start_button = ui.button("Run", icon="play_arrow", on_click=self._start)
                 self.start_button.props("no-caps unelevated data-action=run")
                 self.stop_button = ui.button("Stop", icon="stop", on_click=self._stop)
@@ -102,7 +108,7 @@ class Page:
             await self._offer(scenario, event.file.name)
 
     async def _offer(self, scenario: Scenario, file: str) -> None:
-        """Take a scenario from a file. If it names own classes, the user is asked first: to check them already runs them."""
+        """Take a scenario from a file or a past run. If it names own classes, the user is asked first: to check them already runs them."""
         classes = own_classes(scenario)
         if refused := from_elsewhere(classes, Path.cwd()):
             complain("This file was not opened", [f"{file}: {words}" for words in refused])
@@ -116,6 +122,17 @@ class Page:
     def _download(self) -> None:
         if self.draft.scenario is not None:
             ui.download.content(to_yaml(self.draft.scenario), "orchard.yaml", "application/yaml")
+
+    async def _show_link(self) -> None:
+        """Show the link to this page with the scenario of the form, to be copied."""
+        if self.draft.scenario is not None:
+            here = await ui.run_javascript("location.origin + location.pathname")
+            show_link(f"{here}?{query_of(self.draft.scenario)}", bool(self.draft.classes))
+
+    async def _turn_dark(self) -> None:
+        """Turn to dark, or back to light. At first the page is as the browser prefers, which only the browser knows."""
+        self.desk.dark = not await ui.run_javascript("document.body.classList.contains('body--dark')")
+        self._dark.set_value(self.desk.dark)
 
     def _mark(self) -> None:
         self._changed = True
@@ -141,7 +158,8 @@ class Page:
         if not self._changed:
             return
         self._changed = False
-        self.form.follow(self.draft)
+        self.desk.draft, self.desk.settings = self.draft, self.wishes.settings
+        self.form.follow(self.draft, self.going.scenario if self.going else None)
         self._update_buttons()
         if (scenario := self.draft.scenario) is None:
             self.stage.plan.fade()
@@ -156,12 +174,19 @@ class Page:
         wrong = len(self.draft.problems) + len(self.wishes.settings.problems)
         self.trouble.set_text(f"{wrong} field{'s have' if wrong > 1 else ' has'} an invalid value")
         self.trouble.set_visibility(wrong > 0)
-        going = self.runner.run if self.runner.is_busy else None
+        going = self.going
+        self.wishes.lock(going is not None)
         self.start_button.set_visibility(going is None)
         self.start_button.set_enabled(not wrong)
         self.stop_button.set_visibility(going is not None)
         self.stop_button.set_enabled(going is not None and not going.asked_to_stop)
-        self._save.set_enabled(self.draft.scenario is not None)
+        for button in (self._save, self._link):
+            button.set_enabled(self.draft.scenario is not None)
+
+    @property
+    def going(self) -> Run | None:
+        """The run that has not ended."""
+        return self.runner.run if self.runner.is_busy else None
 
     def _watch(self) -> None:
         """Update the views of the run."""
@@ -171,6 +196,7 @@ class Page:
         now, before = self.runner.run.report(), self._seen
         if before is None or before.run is not now.run or now.is_over != before.is_over:
             self.stage.turn_to_run(now)
+            self._mark()  # the marks in the form
         elif before.is_over and self.stage.is_settled(now):
             return
         self._seen = now
@@ -179,15 +205,24 @@ class Page:
 
 
 def presets() -> dict[str, Scenario]:
-    """Return the presets by name: the default scenario, and each file in `config/` except orchard.yaml, which holds the default."""
-    ready = {path.stem: load(path) for path in sorted((ROOT / "config").glob("*.yaml")) if path.stem != "orchard"}
-    return {"default": Scenario()} | ready
+    """Return the presets by name: the scenarios that come with the package."""
+    return {"default" if name == DEFAULT else name: scenario for name, scenario in shipped().items()}
 
 
 def complain(title: str, lines: list[str]) -> None:
     """Open a dialog with a title and error lines. Nothing else changes."""
-    with ui.dialog(value=True) as dialog, ui.card().classes("complaint").props("data-view=complaint"):
-        ui.label(title).classes("group-title")
+    with ui.dialog(value=True).props(f'aria-label="{title}"') as dialog, ui.card().classes("complaint").props("data-view=complaint"):
+        heading(2, title).classes("group-title")
         for line in lines:
             ui.label(line).classes("complaint-line")
         ui.button("OK", on_click=dialog.close).props("no-caps unelevated").classes("self-end")
+
+
+def show_link(link: str, has_classes: bool) -> None:
+    """Open a dialog with a link to copy. `has_classes`: whether the scenario names own classes, which no link holds."""
+    with ui.dialog(value=True).props('aria-label="A link to this orchard"'), ui.card().classes("complaint"):
+        heading(2, "A link to this orchard")
+        ui.input(value=link).props('readonly outlined dense data-view=link aria-label="Link"').classes("w-full")
+        if has_classes:
+            ui.label("Your own classes are not in the link, because they are code. A file holds them: Save.").classes("complaint-line")
+        ui.button("Copy", on_click=lambda: ui.clipboard.write(link)).props("no-caps unelevated data-action=copy").classes("self-end")

@@ -1,28 +1,29 @@
 """What a scenario looks like before it is run: the plan to scale, and the figures that follow from it."""
 
-import math
-
 from nicegui import ui
 from nicegui.events import ValueChangeEventArguments
 
-from orchard.app.draft import entries
+from orchard.app.elements import heading
 from orchard.field.kinds import KINDS
 from orchard.field.layout import TOP, TREES_X, X_MAX, Layout
 from orchard.report.bounds import Bounds
 from orchard.report.plan import COLOURS, orchard_plan
+from orchard.report.schedule import WORTH, Schedule
+from orchard.report.sentence import clock
 
 
 def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
     """Return the derived figures of an orchard, formatted for the page: the name, the value with its unit, a note on its meaning."""
     scenario, lines = layout.scenario, len(layout.tree_lines)
     bins = sum(start.kind == "bin" for start in layout.starts)
-    enough, most = math.ceil(round(bounds.enough_carriers, 6)), entries()["carriers"].high
-    more = "more would not speed up the harvest" if enough <= most else f"more would not help; at most {most:g} can be set"
+    schedule = Schedule(layout)
+    more = f"for this harvest, without traffic: more shorten it by at most {WORTH:.0%}"
     return [
-        ("Bound", f"{bounds.bins_per_hour:.1f} bins/h", "upper bound of this orchard in a long harvest"),
-        ("Bottleneck", bounds.bottleneck, "the part with the lowest bound"),
+        ("Long-run rate", f"{bounds.bins_per_hour:.1f} bins/h", "what this policy allows in a long harvest"),
+        ("Bottleneck", bounds.bottleneck, "the part that allows least in a long harvest"),
+        ("Schedule", clock(schedule.seconds(scenario.carrier_count)), "this harvest without traffic"),
         ("Carriers", str(scenario.carrier_count), "as set" if scenario.carriers else "7 for every 10 pickers"),
-        ("Enough carriers", str(enough), more),
+        ("Enough carriers", str(schedule.enough_carriers), more),
         ("Bins", str(bins), f"one for each robot; the harvest fills {scenario.rows}"),
         ("Trees", str(lines * len(TREES_X)), f"{lines} lines of {len(TREES_X)}"),
         ("Harvest field", f"{2 * X_MAX:.0f} x {TOP - layout.bottom:.1f} m", "from fence to fence"),
@@ -58,7 +59,7 @@ class PlanView:
 
 
 class FiguresView:
-    """The derived figures, and the upper bound of each part of the harvest as bars."""
+    """The derived figures, and the long-run rate that each part of the harvest allows as bars."""
 
     def __init__(self) -> None:
         self._tiles = ui.element("div").classes("tiles")
@@ -76,7 +77,7 @@ class FiguresView:
                     ui.label(note).classes("tile-note")
         self._bars.clear()
         with self._bars:
-            ui.label("Upper bound of each part, bins/h").classes("bars-title")
+            heading(2, "What each part allows in a long harvest, bins/h").classes("bars-title")
             for name, rate in bounds.terms.items():
                 _bar(name, rate, bounds.terms)
 

@@ -11,7 +11,6 @@ from nicegui.events import GenericEventArguments
 
 from orchard.app.draft import hint, number_of, shown
 
-ROOT = Path(__file__).parent.parent.parent
 MODES = {
     "lockstep": "processes over Zenoh, as on separate machines",
     "local": "all in one process, without a network",
@@ -83,14 +82,19 @@ class Files:
     def summary(self) -> Path:
         return self.folder / f"{self.name}.json"
 
+    @property
+    def views(self) -> Path:
+        """The file with the views of the page's picture."""
+        return self.folder / f"{self.name}.rbl"
+
 
 def command(settings: RunSettings, files: Files, web_port: int) -> list[str]:
-    """Return the command line of `run.py`. It serves the live picture on `web_port` and its data on the next port."""
+    """Return the command line of a run. It serves the live picture on `web_port` and its data on the next port."""
     speed = "max" if settings.is_fastest else shown(float(settings.speed))
     duration = ["--duration", shown(float(settings.duration))] if settings.duration.strip() else []
     live = ["--web", str(web_port)] if settings.live else []
     where = ["--record", str(files.recording), "--summary", str(files.summary)]
-    program = [sys.executable, "-u", str(ROOT / "run.py"), str(files.scenario)]
+    program = [sys.executable, "-u", "-P", "-m", "orchard", str(files.scenario)]
     return [*program, "--mode", settings.mode, "--progress", "json", "--speed", speed, *duration, *live, *where]
 
 
@@ -102,13 +106,14 @@ class RunControls:
     """The controls above the stage."""
 
     def __init__(self, change: Callable[[], None], last: RunSettings | None) -> None:
-        """Start with the settings of the last run, if there is one. `change()` is called when a setting changes."""
+        """`change()` is called when a setting changes. `last`: the settings to start with."""
         self._change = change
         self._problems: dict[str, ui.label] = {}
-        self._build_mode()
-        self._build_speed()
-        self._build_duration()
-        self._live = ui.switch("Live picture", value=True).props("dense data-field=live")
+        with ui.element("div").classes("wishes") as self._box:
+            self._build_mode()
+            self._build_speed()
+            self._build_duration()
+            self._live = ui.switch("Live picture", value=True, on_change=change).props("dense data-field=live")
         if last is not None:
             self._mode.set_value(last.mode)
             self._fastest.set_value(last.is_fastest)
@@ -123,6 +128,10 @@ class RunControls:
         speed, duration, fastest = self._speed.value or "", self._duration.value or "", bool(self._fastest.value)
         return RunSettings(str(self._mode.value), speed, duration, fastest, bool(self._live.value))
 
+    def lock(self, is_locked: bool) -> None:
+        """Lock all controls, while they are those of a run, or unlock them."""
+        self._box.props(add="inert" if is_locked else "", remove="" if is_locked else "inert")
+
     # -- layout
 
     def _build_mode(self) -> None:
@@ -135,16 +144,16 @@ class RunControls:
             self._slider.on("update:model-value", self._slid, throttle=0.05)
             self._speed = ui.input(value=shown(AT_FIRST), suffix="x", on_change=self._entered).classes("number")
             self._speed.props("dense outlined inputmode=decimal autocomplete=off data-field=speed aria-label=Speed input-class=figure")
-            self._speed.tooltip(f"times real time, {_words(SPEEDS)}")
+            self._speed.props(f'title="times real time, {_words(SPEEDS)}"')
             self._fastest = ui.checkbox("fastest", on_change=self._update).props("dense data-field=fastest")
-            self._fastest.tooltip("as fast as this machine can")
+            self._fastest.props('title="as fast as this machine can"')
 
     def _build_duration(self) -> None:
         with self._setting("End after", "duration"):
             self._duration = ui.input(placeholder="all rows", suffix="s", on_change=self._update).classes("number wide")
             self._duration.props("dense outlined clearable inputmode=decimal autocomplete=off data-field=duration input-class=figure")
             self._duration.props('aria-label="End after"')
-            self._duration.tooltip(f"simulated seconds, {_words(DURATIONS)}; empty: the whole harvest")
+            self._duration.props(f'title="simulated seconds, {_words(DURATIONS)}; empty: the whole harvest"')
 
     def _setting(self, name: str, path: str) -> ui.element:
         """Return the container for the controls of a setting. Its problem or explanation is shown below."""

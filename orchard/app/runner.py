@@ -1,4 +1,4 @@
-"""Start `run.py`, read its output and stop it. All pages share one run at a time."""
+"""Start a run, read its output and stop it. All pages share one run at a time."""
 
 import contextlib
 import json
@@ -14,14 +14,19 @@ from typing import Any
 
 import msgspec
 
+from orchard.app.course import Course
 from orchard.app.run_controls import Files, RunSettings, command
+from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, to_yaml
+from orchard.folders import RUNS
 from orchard.report.progress import Headline, headline_of
+from orchard.view.blueprint import for_page
 from orchard.view.files import parts_of
-from orchard.view.web import free_pair, serve_web
+from orchard.view.web import free_pair, is_open, page_url, serve_web
 
 KEPT_LINES = 500
-PATIENCE = 6.0  # s that a run may take to end after a stop request; a healthy run takes less than 3
+AGAIN = 6.0  # s after which a run that has not begun is asked to stop once more: while it is imported, a library may swallow the signal
+PATIENCE = 60.0  # s that a run may take to end after a stop request, with its summary; a healthy run on an idle machine takes less than 3
 
 
 class RunState(StrEnum):
@@ -49,16 +54,19 @@ class RunReport:
 
 
 class Run:
-    """One run of `run.py`. `said`: the number of lines printed so far, and the last KEPT_LINES of them."""
+    """One run. `said`: the number of lines printed so far, and the last KEPT_LINES of them."""
 
     def __init__(self, scenario: Scenario, settings: RunSettings, files: Files) -> None:
-        self.settings, self.files, self.port = settings, files, free_pair()
+        self.scenario, self.settings, self.files = scenario, settings, files
+        self.port, self.views_port = free_pair(), free_pair()
         self.said: tuple[int, tuple[str, ...]] = (0, ())
         self.headline: Headline | None = None
         self.summary: dict[str, Any] | None = None
+        self._course: dict[str, list[float]] = {"seconds": [], "bins_delivered": []}  # what the lines of progress say
         self.asked_to_stop = self._is_hushed = False
-        self._web: subprocess.Popen[bytes] | None = None
         files.scenario.write_text(to_yaml(scenario))
+        for_page(lay_out(scenario)).save("orchard", files.views)
+        self._servers = [serve_web(self.views_port, str(files.views))]  # of the views, and later of the recording
         self._process = self._open()
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
@@ -69,7 +77,7 @@ class Run:
         The user's own classes are found from the directory in which the page was started. The process inherits a blocked SIGINT, which it
         unblocks: Python would lose a SIGINT while it loads `site`.
         """
-        null, pipe, wide = subprocess.DEVNULL, subprocess.PIPE, os.environ | {"COLUMNS": "200"}
+        null, pipe, wide = subprocess.DEVNULL, subprocess.PIPE, os.environ | {"COLUMNS": "200", RUNS: str(self.files.folder)}
         line = command(self.settings, self.files, self.port)
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
@@ -89,7 +97,7 @@ class Run:
             self.summary = json.loads(self.files.summary.read_text())
             self.headline = headline_of(self.summary)
         if self.files.recording.exists():
-            self._web = serve_web(self.port, *map(str, parts_of(self.files.recording)))
+            self._servers.append(serve_web(self.port, *map(str, parts_of(self.files.recording))))
 
     def _hear(self, line: str) -> None:
         """Keep a line. After a stop request, drop a traceback and all that follows: Python was interrupted while it started."""
@@ -99,7 +107,21 @@ class Run:
             with contextlib.suppress(msgspec.DecodeError, KeyError):  # any other line
                 self.headline = msgspec.json.decode(line, type=dict[str, Headline])["progress"]
                 words = str(self.headline)
+                self._course["seconds"].append(self.headline.sim_seconds)
+                self._course["bins_delivered"].append(self.headline.bins_delivered)
             self.said = (self.said[0] + 1, (*self.said[1], words)[-KEPT_LINES:])
+
+    @property
+    def picture(self) -> str:
+        """The address of the picture, live or recorded; '' while its servers do not answer."""
+        ports = self.port, self.port + 1, self.views_port + 1
+        return page_url(self.port, self.views_port) if all(map(is_open, ports)) else ""
+
+    @property
+    def course(self) -> Course:
+        """The course of the run as far as it is known."""
+        known = self._course if self.summary is None else self.summary["history"]
+        return Course({name: list(values) for name, values in known.items()}, self.scenario)
 
     @property
     def is_over(self) -> bool:
@@ -125,22 +147,27 @@ class Run:
         threading.Thread(target=self._insist, daemon=True).start()
 
     def _insist(self) -> None:
-        try:
-            self._process.wait(PATIENCE)
-        except subprocess.TimeoutExpired:
+        if not self._ends_within(AGAIN) and self.headline is None:
+            self._process.send_signal(signal.SIGINT)
+        if not self._ends_within(PATIENCE):
             self._process.kill()
 
+    def _ends_within(self, seconds: float) -> bool:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(seconds)
+        return self._process.returncode is not None
+
     def close(self) -> None:
-        """End the run and the viewer of its recording."""
+        """End the run and the servers of its picture."""
         self.stop()
         self._listener.join(PATIENCE + 2.0)
-        if self._web is not None:
-            with self._web:
-                self._web.terminate()
+        for server in self._servers:
+            with server:
+                server.terminate()
 
 
 class Runner:
-    """Holds the current run, or the last one."""
+    """Holds the current run, or the last one. `folder`: of the files of all runs."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

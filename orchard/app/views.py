@@ -1,17 +1,23 @@
 """The large part of the page: plan, picture, summary and messages, one at a time."""
 
-import socket
-from collections.abc import Callable
+import math
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 from nicegui import ui
 
+from orchard.app.charts import Charts
+from orchard.app.draft import title_of
+from orchard.app.elements import heading, table
 from orchard.app.preview import PlanView
 from orchard.app.runner import Run, RunReport, RunState
+from orchard.app.runs_view import RunsView
+from orchard.field.scenario import Scenario
+from orchard.report.sentence import clock, share_picked
 from orchard.report.summary import as_table
-from orchard.view.web import LOOPBACK, page_url
 
+VIEWS = ["Plan", "Picture", "Summary", "Messages", "Runs"]
 COLOURS = {"running": "primary", "stopping": "warning", "finished": "positive", "stopped": "warning", "failed": "negative"}  # of states
 
 
@@ -21,7 +27,12 @@ class ProgressView:
     def __init__(self) -> None:
         with ui.element("div").classes("progress") as self._box:
             self._badge = ui.badge().props("data-view=state")
-            self._bar = ui.linear_progress(value=0, show_value=False, size="10px").props("rounded instant-feedback").classes("grow")
+            self._title = ui.label().classes("run-title").props("data-view=run-title")
+            self._bar = (
+                ui.linear_progress(value=0, show_value=False, size="10px")
+                .props('rounded instant-feedback aria-label="Progress of the run"')
+                .classes("grow")
+            )
             self._words = ui.label().classes("figure-line").props("data-view=progress")
         self._box.set_visibility(False)
 
@@ -30,6 +41,7 @@ class ProgressView:
         colour = COLOURS[report.state]
         self._box.set_visibility(True)
         self._badge.set_text(report.state)
+        self._title.set_text(title_of(report.run.scenario))
         self._badge.props(f"color={colour}")
         known = report.headline
         done = 1.0 if report.state is RunState.finished else known.fraction if known else 0.0
@@ -42,16 +54,21 @@ class ProgressView:
 def _progress(report: RunReport) -> str:
     if (known := report.headline) is None:
         return "" if report.is_over else "starting"
-    minutes, seconds = divmod(round(known.sim_seconds), 60)
-    return (f"simulated {minutes}:{seconds:02d} min at {known.times_real_time:g} x real time, "
-            f"rows picked {known.rows_picked}/{known.rows}, bins delivered {known.bins_delivered}/{known.rows}")  # fmt: skip
+    left = math.inf if report.is_over else known.seconds_left()
+    parts = [
+        f"simulated {clock(known.sim_seconds)} at {known.times_real_time:g} x real time",
+        f"{share_picked(known.metres_picked, known.rows)} picked",
+        f"bins delivered {known.bins_delivered}/{known.rows}",
+        *([f"{clock(left)} left"] if left < math.inf else []),
+    ]
+    return ", ".join(parts)
 
 
 class MessagesView:
     """The lines that a run prints."""
 
     def __init__(self) -> None:
-        self._log = ui.log(max_lines=500).classes("messages").props("data-view=messages")
+        self._log = ui.log(max_lines=500).classes("messages").props("data-view=messages tabindex=0")
         self._run: Run | None = None
         self._shown = 0
 
@@ -74,29 +91,32 @@ class PictureView:
     def __init__(self) -> None:
         self._hint = ui.label().classes("hint")
         self._link = ui.link("Open in a new tab", "", new_tab=True).classes("corner")
-        self._frame = ui.element("iframe").classes("picture").props("data-view=picture allow=fullscreen")
+        self._frame = ui.element("iframe").classes("picture").props('data-view=picture allow=fullscreen title="Picture of the run"')
+        self._figures = Charts()
         self._shown: tuple[Run, bool] | None = None  # the run in the frame, and whether it was over
-        self._is_without_recording = False
+        self._bare: Run | None = None  # the run that is known to have no recording
         self.is_seen = False  # the viewer is large: it loads only when the user selects the picture
         self._show_hint("The live picture appears here when a harvest runs.")
 
     def is_settled(self, run: Run) -> bool:
         """Whether the frame shows the recording of a finished run, or no recording exists."""
-        return self._is_without_recording or self._shown == (run, True)
+        return self._bare is run or self._shown == (run, True)
 
     def show(self, report: RunReport) -> None:
         """Point the frame at a run once its servers answer. The frame then stays unchanged: a new address would reload the viewer."""
         run, now = report.run, (report.run, report.is_over)
+        if self.is_seen:
+            self._figures.show({"": run.course})
         if now == self._shown or not self.is_seen:
             return
-        ready = _is_open(run.port) and _is_open(run.port + 1)
+        ready = run.picture
         if ready:
-            url = page_url(run.port) + ("&recording=1" if report.is_over else "")
+            url = ready + ("&recording=1" if report.is_over else "")
             self._frame.props(f'src="{url}"')
             self._link.props(f'href="{url}"')
         self._shown = now if ready else None
         self._show_hint("" if ready else _without_picture(report))
-        self._is_without_recording = not ready and report.is_over and not run.files.recording.exists()
+        self._bare = run if not ready and report.is_over and not run.files.recording.exists() else None
 
     def _show_hint(self, words: str) -> None:
         self._hint.set_text(words)
@@ -111,17 +131,15 @@ def _without_picture(report: RunReport) -> str:
     return "The recording is being opened." if report.run.files.recording.exists() else "No recording was made."
 
 
-def _is_open(port: int) -> bool:
-    """Whether a server listens on a port of the loopback interface."""
-    with socket.socket() as probe:
-        probe.settimeout(0.2)
-        return probe.connect_ex((LOOPBACK, port)) == 0
-
-
 class SummaryView:
-    """The summary of a run as a table."""
+    """The summary of a run: the title, the charts, and a table of all figures."""
 
     def __init__(self) -> None:
+        with ui.element("div").props("data-view=result") as self._result:
+            self._title = heading(3)
+            self._words = ui.label().classes("path")
+            self._charts = Charts()
+        self._result.set_visibility(False)
         self._box = ui.element("div").classes("summary").props("data-view=summary")
         self._run: Run | None = None
         with self._box:
@@ -131,7 +149,11 @@ class SummaryView:
         """Show the summary once, when the run is over."""
         if not report.is_over or report.run is self._run:
             return
-        self._run = report.run
+        self._run = run = report.run
+        self._result.set_visibility(True)
+        self._title.set_text(title_of(run.scenario))
+        self._words.set_text(f"{run.settings.mode}, {report.state}, {run.files.name}")
+        self._charts.show({"": run.course})
         self._box.clear()
         with self._box:
             if report.summary is not None:
@@ -144,14 +166,8 @@ class SummaryView:
 
 
 def _table(summary: dict[str, Any], recording: Path) -> None:
-    with ui.element("table"):
-        names, values = (column.cells for column in as_table(summary).columns)
-        for name, value in zip(names, values, strict=True):
-            with ui.element("tr"):
-                with ui.element("th"):
-                    ui.label(str(name))
-                with ui.element("td"):
-                    ui.label(str(value))
+    names, values = (column.cells for column in as_table(summary).columns)
+    table([(str(name), str(value)) for name, value in zip(names, values, strict=True)])
     if recording.exists():
         ui.label(f"Recording: {recording}").classes("path")
 
@@ -162,20 +178,26 @@ View = TypeVar("View")
 class Stage:
     """The large part of the page. All views stay loaded; one is visible."""
 
-    def __init__(self) -> None:
-        with ui.element("div").classes("stage"):
-            self._choice = ui.toggle(["Plan", "Picture", "Summary", "Messages"], value="Plan").classes("stage-choice")
+    def __init__(self, folder: Path, take: Callable[[Scenario, str], Awaitable[None]]) -> None:
+        """`folder`: of the runs. `take`: sets the form to the scenario of a past run."""
+        with ui.element("section").classes("stage").props('aria-label="Plan, picture and results"'):
+            self._choice = ui.toggle(VIEWS, value="Plan", on_change=self._turned).classes("stage-choice")
             self._choice.props("dense no-caps unelevated data-field=stage")
             self.plan = self._panel("Plan", PlanView)
             self._picture = self._panel("Picture", PictureView)
             self._summary = self._panel("Summary", SummaryView)
             self._messages = self._panel("Messages", MessagesView)
+            self._past = self._panel("Runs", lambda: RunsView(folder, take))
 
     def _panel(self, name: str, build: Callable[[], View]) -> View:
         with ui.element("div").classes("panel") as panel:
             view = build()
         panel.bind_visibility_from(self._choice, "value", value=name)
         return view
+
+    def _turned(self) -> None:
+        if self._choice.value == "Runs":
+            self._past.refresh()
 
     def is_settled(self, report: RunReport) -> bool:
         """Whether the run is over and its views need no further update."""

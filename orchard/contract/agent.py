@@ -7,15 +7,18 @@ lists, maps). It is sent with the velocity, and the process that runs the agent 
 """
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, Protocol
+from itertools import pairwise
+from typing import Annotated, Any, Literal, NamedTuple, Protocol
 
 import msgspec
 import numpy as np
+from msgspec import Meta
 
-from orchard.contract.messages import MAX_PAYLOAD, Answer, Deed, Request
+from orchard.contract.messages import MAX_PAYLOAD, Answer, Deed, Request, Tick
+from orchard.contract.zone import Zone
 from orchard.field.geometry import STILL, Pose, Twist, yaw_of
 
 State = Literal["picking", "driving", "waiting", "calling", "handling a bin", "hauling", "unloading", "resting", "stopped", "broken"]
@@ -27,6 +30,8 @@ MOST_DEEDS = 16  # of one body in one tick
 MOST_REQUESTS = 500  # of one agent in one tick; the largest orchard has some 300 agents
 MOST_TO_ONE = 8  # of these to one recipient, which must be able to answer all that it hears
 MOST_STEPS = 2**53 - 1
+MOST_HOLD = 1000  # ticks after which an agent is asked again, whatever it holds
+MOST_ZONES = 4  # of each kind in a hold
 MOST_LEVELS = 32  # of lists and maps within each other in the fields of a message of an agent's own type
 LARGEST_MEMORY = MAX_PAYLOAD // 32  # bytes: the memories of a session's agents go in one message to a session that takes over
 
@@ -37,9 +42,9 @@ class Hitch(NamedTuple):
     name: str
     x: float
     y: float
-    orientation: tuple[float, float]  # quaternion z, w
-    twist: Twist  # its velocity in the last step
-    scan: np.ndarray | None  # the bin's ranges, m, (60,) float32; None for a bin, which does not receive its robot's
+    orientation: tuple[float, float]  #: quaternion z, w
+    twist: Twist  #: its velocity in the last step
+    scan: np.ndarray | None  #: the bin's ranges, m, (60,) float32; None for a bin, which does not receive its robot's
 
     @property
     def pose(self) -> Pose:
@@ -54,14 +59,14 @@ class Observation(msgspec.Struct, frozen=True, dict=True):
 
     name: str
     tick: int
-    x: float  # m, east
-    y: float  # m, north
-    orientation: tuple[float, float]  # quaternion z, w
-    twist: Twist  # its velocity in the last step, in its own frame
-    scan: np.ndarray  # ranges, m: (180,) or, of bins and weeds, (60,) float32; +inf without a return (REP-117)
+    x: float  #: m, east
+    y: float  #: m, north
+    orientation: tuple[float, float]  #: quaternion z, w
+    twist: Twist  #: its velocity in the last step, in its own frame
+    scan: np.ndarray  #: ranges, m: (180,) or, of bins and weeds, (60,) float32; +inf without a return (REP-117)
     hitch: Hitch | None = None
-    fill: float = 0.0  # of a bin: metres of row in it, 0 to 70
-    full: bool = False  # of a bin
+    fill: float = 0.0  #: of a bin: metres of row in it, 0 to 70
+    full: bool = False  #: of a bin
 
     @cached_property
     def pose(self) -> Pose:
@@ -83,15 +88,15 @@ class Heard(NamedTuple):
     """A request that arrived. It can be answered only in the tick in which it is heard."""
 
     sender: str
-    tick: int  # at which it was sent
-    number: int  # among the sender's requests of that tick
+    tick: int  #: at which it was sent
+    number: int  #: among the sender's requests of that tick
     body: Request
 
 
 class Reply(NamedTuple):
     """The result of a request of two ticks ago: the answer, or None if there was no answer."""
 
-    sender: str  # the agent that was asked
+    sender: str  #: the agent that was asked
     number: int
     request: Request
     body: Answer | None
@@ -105,19 +110,51 @@ class Mail:
     replies: list[Reply] = field(default_factory=list)
 
 
+Holds = Literal["on", "ignored", "checked"]  # what a run does with holds
+
+
+class Hold(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A promise: until then, asked again, the agent would give the same velocity, no deed, request or answer, and tell the same of itself.
+
+    So it is not asked, and its velocity is applied again. It is asked at the tick `until` at the latest, and at the first tick at which
+
+    - it hears mail: a request, or the reply to its own;
+    - its body did not move with its velocity in the last step: the step was refused, limited, or stopped;
+    - its body was coupled or uncoupled, or is a bin that got full or empty; or the body at the other end of the bar changed its velocity;
+    - whether a return lies in a zone of `watch` differs from when it answered;
+    - a return in a zone of `still` has come, gone or changed since the tick before;
+    - another process runs it.
+
+    In realtime, and in a run with `--ignore-holds`, it is asked at every tick.
+    """
+
+    until: Tick  # at most MOST_HOLD ticks ahead count
+    watch: Annotated[tuple[Zone, ...], Meta(max_length=MOST_ZONES)] = ()
+    still: Annotated[tuple[Zone, ...], Meta(max_length=MOST_ZONES)] = ()
+
+
 @dataclass(slots=True)
 class Action:
     """What an agent returns from a tick: velocity, deeds, messages, memory and status."""
 
     twist: Twist = STILL
     deeds: list[Deed] = field(default_factory=list)
-    requests: list[tuple[str, Request]] = field(default_factory=list)  # (recipient, request)
+    requests: list[tuple[str, Request]] = field(default_factory=list)  #: (recipient, request)
     answers: list[tuple[Heard, Answer]] = field(default_factory=list)
     memory: Any = None
-    doing: str = ""  # a short present participle, for people: "picking row 3"
-    state: State | None = None  # the same for programs; None: see `state_of`
-    waits_for: str = ""  # the agent or thing that holds it up
-    steps_done: int = 0  # steps of its plan, since the beginning
+    doing: str = ""  #: a short present participle, for people: "picking row 3"
+    state: State | None = None  #: the same for programs; None: see `state_of`
+    waits_for: str = ""  #: the agent or thing that holds it up
+    steps_done: int = 0  #: steps of its plan, since the beginning
+    hold: Hold | None = None  #: until when it need not be asked; None: it is asked at the next tick
+
+
+def may_hold(thing: Any) -> bool:
+    """Whether the holds of an agent or a step count: it is built in, or its own class says `holds = True`.
+
+    That is not inherited, because a class that adds to a built-in one may have to act earlier than that one.
+    """
+    return type(thing).__module__.startswith("orchard.") or vars(type(thing)).get("holds", False) is True
 
 
 def state_of(action: Action) -> State:
@@ -137,29 +174,49 @@ class Agent(Protocol):
 STATE = 7  # numbers in a body's state
 
 
+class Scans(Sequence[np.ndarray]):
+    """The scans of n bodies as views of one array, made when they are asked for."""
+
+    def __init__(self, ranges: np.ndarray, begin: Sequence[int]) -> None:
+        """`ranges`: m, float32, of all bodies one after another; `begin`: (n + 1,) where each body's begin, and the end."""
+        self.ranges, self._begin = ranges, begin
+
+    def __len__(self) -> int:
+        return len(self._begin) - 1
+
+    def __getitem__(self, body: Any) -> Any:
+        if isinstance(body, slice):
+            return [self[i] for i in range(*body.indices(len(self)))]
+        if not -len(self) <= body < len(self):
+            raise IndexError(f"scan {body} of {len(self)}")
+        body %= len(self)
+        return self.ranges[self._begin[body] : self._begin[body + 1]]
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        return (self.ranges[first:end] for first, end in pairwise(self._begin))
+
+
 @dataclass(slots=True)
 class Observations:
     """The observations of n bodies at one tick."""
 
     tick: int
-    names: Sequence[str]
+    names: Mapping[str, int]  # name -> its row in the arrays, in their order
     states: np.ndarray  # (n, 7) float64: x, y (m), the quaternion's z, w, and the last step's linear x, y (m/s), angular z (rad/s)
     scans: Sequence[np.ndarray]  # n scans, m: (180,) or, of bins and weeds, (60,) float32
     hitches: Mapping[str, Hitch]  # of coupled bodies, by name
     fills: Mapping[str, float]  # of bins that are not empty, by name: metres of row
     full: Collection[str]  # names of the full bins
 
-    def observations(self) -> dict[str, Observation]:
-        rows = zip(self.names, self.states.tolist(), self.scans, strict=True)
-        return {name: self._observation(name, state, scan) for name, state, scan in rows}
-
-    def _observation(self, name: str, state: Sequence[float], scan: np.ndarray) -> Observation:
-        return observation_of(name, self.tick, state, scan, self.hitches.get(name), self.fills.get(name, 0.0), name in self.full)
-
     def __getitem__(self, name: str) -> Observation:
-        """Return the observation of one body. Raises ValueError for an unknown name."""
-        body = self.names.index(name)
-        return self._observation(name, self.states[body].tolist(), self.scans[body])
+        """Return the observation of one body. Raises KeyError for an unknown name."""
+        body = self.names[name]
+        state, hitch, fill = self.states[body].tolist(), self.hitches.get(name), self.fills.get(name, 0.0)
+        return observation_of(name, self.tick, state, self.scans[body], hitch, fill, name in self.full)
+
+    def of(self, names: Iterable[str]) -> dict[str, Observation]:
+        """Return the observations of these agents, by name; an agent without a body observes the tick only."""
+        return {name: self[name] if name in self.names else without_body(name, self.tick) for name in names}
 
 
 def observation_of(

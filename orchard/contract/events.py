@@ -49,11 +49,7 @@ class Frame:
     figures: Mapping[str, float] = field(default_factory=dict)  # name -> value, shown under metrics/
     states: Mapping[str, State] = field(default_factory=dict)  # name -> state, for the names in `doing`
     left_out: int = 0  # earlier frames that were merged into this one
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether no field is left out. A viewer can begin with such a frame."""
-        return all(getattr(self, name) is not None for name in SELDOM)
+    is_whole: bool = False  # whether all but the scans is complete: a viewer can begin with it
 
 
 def merged(old: Frame, new: Frame) -> Frame:
@@ -61,4 +57,5 @@ def merged(old: Frame, new: Frame) -> Frame:
     kept = {name: getattr(old, name) for name in SELDOM if getattr(new, name) is None}
     doing, states = {**old.doing, **new.doing}, {**old.states, **new.states}
     figures, events = {**old.figures, **new.figures}, [*old.events, *new.events]
-    return replace(new, doing=doing, states=states, figures=figures, events=events, left_out=old.left_out + new.left_out + 1, **kept)
+    whole, left_out = old.is_whole or new.is_whole, old.left_out + new.left_out + 1
+    return replace(new, doing=doing, states=states, figures=figures, events=events, left_out=left_out, is_whole=whole, **kept)

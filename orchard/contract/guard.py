@@ -5,12 +5,13 @@ import traceback
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain
+from types import FrameType
 from typing import Any, cast, get_args
 
 import msgspec
 
 from orchard.contract import agent as limits
-from orchard.contract.agent import Action, Agent, Heard, Mail, Observation, State
+from orchard.contract.agent import Action, Agent, Heard, Hold, Mail, Observation, State, may_hold
 from orchard.contract.difference import difference, parts_of
 from orchard.contract.messages import FASTEST, AgentMessage, Answer, CustomMessage, Deed, Given, Request, Written, pack, type_of, unpack
 from orchard.contract.repeating import Checked
@@ -41,7 +42,7 @@ class Guarded:
         self._agent = agent
         self._messages = {type_of(message): message for message in _own_messages(agent)}
         self._memory: Any = None  # the one in its last action
-        self._is_ours = is_ours(agent)
+        self._is_ours, self._may_hold = is_ours(agent), may_hold(agent)
         self._failed = False
 
     def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
@@ -95,8 +96,18 @@ class Guarded:
             raise ValueError(f"steps_done {steps!r}: must be a whole number from 0 to {limits.MOST_STEPS}")
         checked = Action(twist, memory=action.memory, state=_checked_state(action.state), steps_done=steps)
         checked.doing, checked.waits_for = _for_people(action.doing, action.waits_for)
+        checked.hold = self._checked_hold(action.hold)
         if action.deeds != [] or action.requests != [] or action.answers != []:
             checked.deeds, checked.requests, checked.answers = self._checked_messages(action.deeds, action.requests, action.answers)
+        return checked
+
+    def _checked_hold(self, hold: Any) -> Hold | None:
+        """Return a hold of exact types; None if it does not count. Raises ValueError or TypeError for a wrong one."""
+        if hold is None or not self._may_hold:
+            return None
+        if not isinstance(hold, Hold):
+            raise TypeError(f"hold {hold!r}: must be a Hold or None")
+        checked: Hold = unpack(pack(hold), Hold)
         return checked
 
     def _checked_twist(self, twist: Any) -> Twist:
@@ -281,3 +292,11 @@ def checked(agents: Mapping[str, Agent], names: Collection[str]) -> dict[str, Ag
     for guard in guarded.values():
         guard.check()
     return dict(guarded)
+
+
+def place_in_agent(frame: FrameType | None) -> str:
+    """Return the file and line of an agent's own code, below its guard; '' if the frame is not in an agent."""
+    frames = traceback.extract_stack(frame)
+    inside = [i for i, frame in enumerate(frames) if frame.filename == __file__]
+    here = frames[inside[-1] + 1 :] if inside else []
+    return f", in {here[0].filename}, line {here[0].lineno}" if here else ""

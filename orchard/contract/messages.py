@@ -20,7 +20,7 @@ Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]  # refuses NaN and infinity too
 End = Annotated[str, Meta(pattern=r"^(east|west)\Z")]  # an end of a lane
 
 
-class AgentMessage(msgspec.Struct, frozen=True, tag_field="type", tag=str.lower):
+class AgentMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="type", tag=str.lower):
     """A message to another agent or to physics. Its `type` on the wire is the class name in small letters.
 
     For messages of your own, derive classes from it, and list them in your agent's `Messages`: see `CustomMessage`.
@@ -199,7 +199,7 @@ class Given(NamedTuple):
     body: Answer
 
 
-class Written(msgspec.Struct):
+class Written(msgspec.Struct, forbid_unknown_fields=True):
     """The letters of one agent at one tick."""
 
     requests: list[tuple[Word, Request]]  # (recipient, request), numbered from 0

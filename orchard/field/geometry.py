@@ -28,9 +28,9 @@ class Pose(NamedTuple):
 class Twist(NamedTuple):
     """A velocity in the body's own frame (`base_link` in REP-105): forward, to the left, counter-clockwise."""
 
-    x: float = 0.0  # m/s
-    y: float = 0.0  # m/s
-    yaw: float = 0.0  # rad/s
+    x: float = 0.0  #: m/s
+    y: float = 0.0  #: m/s
+    yaw: float = 0.0  #: rad/s
 
 
 STILL = Twist()

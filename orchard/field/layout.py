@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 
 import numpy as np
@@ -13,6 +13,7 @@ from orchard.field.placement import Start, guests
 from orchard.field.plugins import MISTAKES, load_plugin, unusable
 from orchard.field.scenario import MANUAL, Scenario
 
+KEPT_LAYOUTS = 8
 X_MAX = 50.0  # the fences' centre lines, west and east
 TOP = 34.0  # the top fence's centre line
 FENCE_THICKNESS = 1.0
@@ -41,18 +42,18 @@ class Lane:
     """A row that is picked, between two tree lines. Rows count from 1 at the top."""
 
     number: int
-    y: float  # its centre line
+    y: float  #: its centre line
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layout:
     """All properties of an orchard that do not change during the harvest. All agents of a process and physics share it: it is read-only."""
 
     scenario: Scenario
     lanes: tuple[Lane, ...]
-    blocks: Mapping[str, tuple[int, ...]]  # picker -> the numbers of its rows, in the order in which it picks them
-    starts: tuple[Start, ...]  # in the order in which bodies move: robots by name, people and animals by name, weeds
-    walls: np.ndarray  # (n, 4), m: x, y, half length along x, half width along y of each fence, trunk and post; fences first
+    blocks: Mapping[str, tuple[int, ...]]  #: picker -> the numbers of its rows, in the order in which it picks them
+    starts: tuple[Start, ...]  #: in the order in which bodies move: robots by name, people and animals by name, weeds
+    walls: np.ndarray  #: (n, 4), m: x, y, half length along x, half width along y of each fence, trunk and post; fences first
 
     @property
     def pitch(self) -> float:
@@ -92,7 +93,16 @@ class Layout:
 
 
 def lay_out(scenario: Scenario) -> Layout:
-    """Return the layout of a scenario. Solid bodies do not overlap, and the same scenario and seed give the same layout."""
+    """Return the layout of a scenario. Solid bodies do not overlap, and the same scenario and seed give the same layout.
+
+    The last layouts are kept, because their parts are read-only: a second run of a scenario begins at once.
+    """
+    return _laid_out(scenario.model_dump_json())
+
+
+@lru_cache(maxsize=KEPT_LAYOUTS)
+def _laid_out(text: str) -> Layout:
+    scenario = Scenario.model_validate_json(text)
     lanes = tuple(Lane(i + 1, TREE_TOP_LINE - (i + 0.5) * (scenario.row_width + TRUNK)) for i in range(scenario.rows))
     bare = Layout(scenario, lanes, MappingProxyType(rows_to_pickers(scenario)), starts=(), walls=np.empty((0, 4)))
     walls, machines, half = np.array(_fences(bare) + _trunks_and_posts(bare)), _machines(bare), FENCE_THICKNESS / 2

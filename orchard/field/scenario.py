@@ -148,7 +148,7 @@ def to_yaml(scenario: Scenario) -> str:
 
 
 def schema_text() -> str:
-    """Return the text of `config/scenario.schema.json`, for editors. It does not contain the rules that compare several fields."""
+    """Return the text of `orchard/config/scenario.schema.json`, for editors. It does not contain the rules that compare several fields."""
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
     return json.dumps(schema, indent=2) + "\n"
 
@@ -177,15 +177,13 @@ def _plain(values: Any, levels: int = 2) -> Any:
 
 
 def _errors(values: dict[str, Any]) -> list[dict[str, Any]]:
-    """Find all errors. Pydantic checks a rule about several fields only if each field is valid, so wrong values are set to their defaults,
-    and the rest is checked again, until every rule has been checked."""
+    """Find all errors. Pydantic checks a rule about several fields only if each field is valid, and ends at the first broken rule. So the
+    fields of all errors are set to their defaults, which break no rule, and all is checked again, until every rule has been checked."""
     found: list[dict[str, Any]] = []
     wrong: set[tuple[str, ...]] = set()
     while errors := _failures(values):
         found += [error for error in errors if wrong.isdisjoint(error["fields"])]
-        paths = {error["loc"] for error in errors}
-        if () in paths:
-            break
+        paths = {field for error in errors for field in error["fields"]}
         wrong, values = wrong | paths, _without(values, paths)
     return found
 

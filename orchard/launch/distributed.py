@@ -6,7 +6,7 @@ import subprocess
 import threading
 import time
 import uuid
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,18 +17,20 @@ import msgspec
 from orchard.field.kinds import select_agents
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
-from orchard.launch.emergency_stop import RunNote, noted
+from orchard.launch.advice import announced, how_to_join
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest, Shares
 from orchard.launch.supervisor import BAD_ORDER, ProcessSpec, Supervisor, Watchdog, free_port, open_viewer
+from orchard.launch.terminal import typed
 from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal, client
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError, check_free, check_security, reachable, with_port
+from orchard.net.lifeline import OVER
 from orchard.net.lockstep import PATIENCE
 from orchard.net.refusals import Refusals, Refused, read_message
 from orchard.net.requests import fetch_run
 from orchard.report.progress import Progress, headline_of
-from orchard.report.summary import Outcome
+from orchard.report.summary import Outcome, write_summary
 from orchard.server.harvest import RunOptions, read_end
 from orchard.sim.kernels.cache import COMPILING, are_compiled
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
@@ -42,6 +44,10 @@ WEB_VIEWER = "web viewer"  # the name of its process, which never ends by itself
 BEGIN_SECONDS = 60.0  # that physics may take to listen after this program has started it, on a busy machine
 TRY_SECONDS = 0.7  # of one attempt to connect to it; between attempts dead processes are restarted, and Ctrl-C is handled
 LOOK_SECONDS = 5.0  # in which a router must answer at an endpoint that a user gave
+HOW_PHYSICS_ENDED: dict[int | None, str] = {  # exit code -> in words, if it is not restarted and its last message is missing
+    BAD_ORDER: "physics could not start; its line above says why",
+    OVER: "the run is over, and its result is lost: physics has ended, and its last message has not arrived",
+}
 RESULT = "end.msgpack"  # file: the last message of physics
 
 
@@ -57,13 +63,13 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
     _put_signals(inbox)  # from here on Ctrl-C is an item: it must not come between a process's start and its entry in the supervisor
     with TemporaryDirectory() as folder, Supervisor(progress.say, run_id) as supervisor, ExitStack() as stack:
         launched = _Launched(request, credentials, reachable(endpoint), run_id, supervisor, progress)
-        launched.leave_note(stack)
+        stack.enter_context(announced(request, run_id, launched.endpoint, progress.say))
         if not are_compiled():
-            progress.say(COMPILING)
+            progress.get_ready(COMPILING)
         viewer = launched.start(Path(folder), endpoint)
         start_hosts(supervisor, launched.endpoint, shares, credentials)
-        if options.without:
-            progress.say(f"{', '.join(options.without)}: left to other processes, which connect to {endpoint}")
+        if join := how_to_join(options, endpoint):
+            progress.say(join)
         summary, why = launched.follow(inbox)
         end = read_end(Path(folder) / RESULT, run_id)
         if summary is not None:
@@ -74,6 +80,9 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
             supervisor.terminate(*supervisor.running)  # the others have not received the end either; they close their files and sessions
         if end is not None:  # what physics has written counts more than a message, which any client may send
             summary, why = end.summary, end.why
+        if summary is not None and options.summary is not None:
+            with suppress(OSError):  # what is known now; packing the recording may take long, or be ended by force. `report` writes it all
+                write_summary(options.summary, summary)
         if request.recording is not None:  # the recording is read next, and Rerun takes half a second to load
             threading.Thread(target=import_module, args=("orchard.view.reader",), daemon=True).start()
         supervisor.terminate(WEB_VIEWER)
@@ -119,7 +128,7 @@ def start_hosts(supervisor: Supervisor, endpoint: str, shares: Shares, credentia
         only = [word for agent in share for word in ("--only", agent)]
         checks = ["--check-agents"] if credentials.checks else []
         order = ["--connect", endpoint, *credentials.option(name), *checks, *only]
-        supervisor.start(ProcessSpec(name, "processes.agents", order, again=True, agents=share))
+        supervisor.start(ProcessSpec(name, "orchard.processes.agents", order, again=True, agents=share))
 
 
 def _put_signals(inbox: Inbox) -> None:
@@ -140,14 +149,6 @@ class _Launched:
 
     # -- its processes
 
-    def leave_note(self, stack: ExitStack) -> None:
-        """Leave a note, with which `run.py stop` finds the run. If it cannot be written, print the endpoint, which a user must give."""
-        try:
-            if self.request.notes is not None:
-                stack.enter_context(noted(self.request.notes, RunNote(self.run_id, self.endpoint)))
-        except OSError as error:
-            self.progress.say(f"{error}; to stop robots of this run: run.py stop --connect {self.endpoint}")
-
     def start(self, folder: Path, listen: str) -> subprocess.Popen[bytes] | None:
         """Start physics, the logger and the viewers. Return the viewer's window, if any. `folder`: for the file RESULT."""
         request, given, identity = self.request, self.request.options, self.credentials.identity(PHYSICS)
@@ -160,6 +161,7 @@ class _Launched:
             mode="realtime" if given.mode == "realtime" else "lockstep",
             speed=None if math.isinf(given.pace) else given.pace,
             duration=given.duration,
+            holds=given.holds,
             patience=given.patience or PATIENCE,
             recorded=request.recording is not None or given.is_live,
             snapshots=str(request.snapshots.resolve()),
@@ -168,7 +170,9 @@ class _Launched:
         )
         told = msgspec.json.encode(options).decode()  # not a file, which may be gone when physics is restarted
         order, again = ["--request", "-"], ["--resume"]
-        self.supervisor.start(ProcessSpec(PHYSICS, "processes.physics", order, again=True, afterwards=again, told=told, may_refuse=False))
+        self.supervisor.start(
+            ProcessSpec(PHYSICS, "orchard.processes.physics", order, again=True, afterwards=again, told=told, may_refuse=False)
+        )
         self._start_logger()
         if given.web is not None:
             from orchard.view.web import page_url
@@ -184,7 +188,7 @@ class _Launched:
         live = ["--serve", str(request.data_port)] if request.options.is_live else []
         if file or live:
             where = ["--connect", self.endpoint, *self.credentials.option(LOGGER), "--session", self.run_id]
-            self.supervisor.start(ProcessSpec(LOGGER, "processes.logger", [*where, *file, *live], again=True))
+            self.supervisor.start(ProcessSpec(LOGGER, "orchard.processes.logger", [*where, *file, *live], again=True))
 
     # -- its progress
 
@@ -198,8 +202,8 @@ class _Launched:
                     return None, "stopped"
                 for what in ("figures", "end"):
                     bus.subscribe(keys.of(what))
-                for who in (LOGGER, PHYSICS):
-                    bus.watch(keys.of("alive", who, self.run_id))
+                for process in (LOGGER, PHYSICS):
+                    bus.watch(keys.of("alive", process, self.run_id))
                 return self._listen(bus, keys)
         except BusError as error:
             return None, str(error)
@@ -253,9 +257,10 @@ class _Launched:
         """Why the run cannot go on without a message of its end; '' if it can. `begun`: whether all agents have been there."""
         given_up = self.supervisor.given_up
         if self.supervisor.is_over(PHYSICS):
-            return f"physics ended with code {self.supervisor.exit_code(PHYSICS)}"
+            code = self.supervisor.exit_code(PHYSICS)
+            return HOW_PHYSICS_ENDED.get(code, f"physics ended with code {code}")
         if PHYSICS in given_up:
-            return f"physics died repeatedly; to go on: python run.py --resume {self.request.snapshots}"
+            return f"physics died repeatedly; to go on: {typed('--resume', self.request.snapshots)}"
         if not begun and (missing := [agent for program in given_up.values() for agent in program.agents]):
             return f"the run cannot begin without {', '.join(missing)}: the processes that hosted them died repeatedly"
         return ""

@@ -1,4 +1,4 @@
-"""`run.py stop` and `run.py reset`: find the run on this machine, and stop or reset its robots.
+"""The emergency stop: find the runs on this machine, and stop or reset the robots of each.
 
 Each run keeps a note of its endpoint in runs/ while it is active. The process that wrote a note holds a lock on it. The lock ends with
 the process, so a note without a lock is stale (`left_over.py`).
@@ -29,6 +29,7 @@ class RunNote(msgspec.Struct):
 
     run: str  # its id
     endpoint: str
+    title: str = ""  # its scenario and the time of its start, for people
 
 
 @contextmanager
@@ -70,20 +71,24 @@ ANSWER_SECONDS = 20.0  # in which physics must answer; if it has died, run.py st
 QUIET_SECONDS = 3.0  # without an answer, after which the user gets a line; more than snapshots.KEPT_SECONDS
 
 
-def find_run(folder: Path, connect: str | None) -> RunNote:
-    """Return the run at `connect`, or the only active run on this machine. Raises BusError if there is none, or several."""
-    if connect is not None:
-        return RunNote("", connect)
-    runs = running_here(folder)
+def find_runs(folder: Path, connect: str | None) -> list[RunNote]:
+    """Return the run at `connect`, or all active runs on this machine. Raises BusError if there is none."""
+    runs = running_here(folder) if connect is None else [RunNote("", connect)]
     if not runs:
         raise BusError(
-            "no run of run.py is active here; for a run elsewhere: --connect ENDPOINT "
+            "no run is active here; for a run elsewhere: --connect ENDPOINT "
             "(a run in local mode has no network, and cannot be reached: Ctrl-C ends it)"
         )
-    if len(runs) > 1:
-        which = "\n".join(f"  --connect {note.endpoint}  (run {note.run})" for note in runs)
-        raise BusError(f"{len(runs)} runs are active here; choose one:\n{which}")
-    return runs[0]
+    return runs
+
+
+def find_run(folder: Path, connect: str | None) -> RunNote:
+    """Return the run at `connect`, or the only active run on this machine. Raises BusError if there is none, or several."""
+    run, *others = find_runs(folder, connect)
+    if others:
+        which = "\n".join(f"  --connect {note.endpoint}  ({note.title})" for note in (run, *others))
+        raise BusError(f"{len(others) + 1} runs are active here; choose one:\n{which}")
+    return run
 
 
 def switch(note: RunNote, names: list[str], stop: bool, identity: Identity | None, say: Callable[[str], None]) -> Stopped:
@@ -93,6 +98,8 @@ def switch(note: RunNote, names: list[str], stop: bool, identity: Identity | Non
     Raises BusError, with the reason, if physics does not answer or refuses.
     """
     keys = Keys()
+    if note.run and not note.endpoint.startswith("tls/"):  # a run found here that is open: a role is needed for the others only
+        identity = None
     with client(note.endpoint, seconds=LOOK_SECONDS, identity=identity) as bus:
         run = note.run or _ask(bus, keys.of("scenario"), b"", RunInfo, say).run
         return _ask(bus, keys.of("stop"), pack(Stop(run, stop, names)), Stopped, say)

@@ -30,7 +30,7 @@ def _end(run: str, say: Callable[[str], None]) -> bool:
     """End the processes of a run. Return whether there was any."""
     if not (left := processes_of(run)):
         return False
-    say(f"run {run}: its run.py is gone; ending the {len(left)} processes that it has left")
+    say(f"run {run}: its `orchard` is gone; ending the {len(left)} processes that it has left")
     deadline = time.monotonic() + ALONE_SECONDS
     while (left := processes_of(run)) and time.monotonic() < deadline:
         time.sleep(POLL_SECONDS)

@@ -10,19 +10,20 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from orchard.contract.events import Event, Frame
+from orchard.contract.guard import place_in_agent
 from orchard.field.layout import lay_out
 from orchard.field.scenario import TIME_STEP
 from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import open_viewer
-from orchard.launch.terminal import FAILED, console, print_error, print_line
+from orchard.launch.terminal import CTRL_C, FAILED, console, print_error, print_line
 from orchard.local import Local
 from orchard.net.lockstep import Pacer
-from orchard.net.process import place_in_agent
 from orchard.report.progress import Progress
 from orchard.server.figures import RunFigures
 from orchard.server.snapshots import SNAPSHOT_SECONDS, SnapshotWriter, sole
 from orchard.sim.frames import FrameBuilder, talk_of
 from orchard.sim.kernels.cache import COMPILING, are_compiled
+from orchard.sim.lookahead import HOLDS
 from orchard.sim.snapshot import Snapshot
 
 if TYPE_CHECKING:
@@ -85,15 +86,16 @@ def run(
 
     `look`: called with each frame. `show`: called every half second with the figures, robot -> what it does, robot -> what it waits for.
     """
-    checks = request.options.check_agents
-    local = Local(request.scenario, check_agents=checks) if request.resumed is None else Local.resume(request.resumed, checks)
+    checks, holds = request.options.check_agents, HOLDS[request.options.holds]
+    local = Local(request.scenario, None, checks, holds) if request.resumed is None else Local.resume(request.resumed, checks, holds)
     engine, account = local.engine, RunFigures(local.engine, request.resumed.figures if request.resumed else {})
     frames, snapshot_writer = FrameBuilder(engine.world), SnapshotWriter(request.snapshots, SNAPSHOT_SECONDS)
     pacer, duration = Pacer(request.options.pace), request.options.duration
     ticks = math.inf if duration is None else round(duration / TIME_STEP)
-    account.begin()
     with sole(request.snapshots), interruptible(local) as is_stopped:
         try:
+            engine.rehearse()  # it may compile: that is no time of the run
+            account.begin()
             while not (why := _end(local, account, ticks, is_stopped())):
                 if snapshot_writer.is_due():
                     snapshot_writer.keep(_snapshot(local, account, request.resumed))
@@ -102,7 +104,7 @@ def run(
                     continue
                 pacer.begin()
                 events = local.tick()
-                account.update(events, local.actions)
+                account.update(events)
                 if look is not None:
                     look(_frame(frames, local, events))
                 if account.is_due():
@@ -113,8 +115,14 @@ def run(
             print_error(f"{thought}; the run ends before this tick")
             why = "stopped"
     snapshot_writer.finish()
-    summary = {"hash": engine.hash, "mode": "local", "hosts": 1} | account.figures()
-    return summary | {"messages_refused": {}, "finished": engine.over, "violations": engine.violations(), "jam": account.jam}, why
+    summary = {"hash": engine.hash, "mode": "local", "hosts": 1} | account.summary()
+    return summary | {
+        "messages_refused": {},
+        "finished": engine.over,
+        "ended": why,
+        "violations": engine.violations(),
+        "jam": account.jam,
+    }, why
 
 
 def _frame(frames: FrameBuilder, local: Local, events: list[Event]) -> Frame:
@@ -143,7 +151,7 @@ def _end(local: Local, account: RunFigures, ticks: float, stopped: bool) -> str:
 
 def _talk(local: Local) -> list[Event]:
     said, tick = [], local.engine.tick - 1
-    for name, action in local.actions.items():
+    for name, action in local.answers.items():
         if action.requests or action.answers:
             said += talk_of(tick, name, action.requests, [(heard.sender, body) for heard, body in action.answers])
     return said
@@ -163,9 +171,11 @@ def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
             browser = stack.enter_context(serve_web(options.web, request.uri))
             stack.callback(browser.terminate)
         viewer = open_viewer(request.uri) if options.view else None
-        with Progress(console, options.progress == "json") as progress:
+        with Progress(console, options.progress == "json", options.duration) as progress:
+            if options.progress == "text":
+                progress.say(CTRL_C)
             if not are_compiled():
-                progress.say(COMPILING)
+                progress.get_ready(COMPILING)
             summary, why = run(request, None if recorder is None else recorder.tick, progress.show)
         if viewer is not None and why == "stopped":
             viewer.terminate()

@@ -1,22 +1,39 @@
-"""The options of run.py: their types and values, their help texts, and the combinations that are refused."""
+"""The options of `orchard`: their types and values, their help texts, and the combinations that are refused."""
 
 import inspect
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from typer import Argument, BadParameter, Option
 
+from orchard.contract.agent import Holds
 from orchard.contract.messages import LAST_TICK
 from orchard.field.scenario import TIME_STEP
+from orchard.field.shipped import DEFAULT
 
 LIVE_SPEED = 4.0  # simulated s per s, with --view or --web, if no speed is given
 LONGEST = LAST_TICK * TIME_STEP  # s, simulated: the time of the last tick that fits on the wire
 LEAST_PATIENCE = 3.0  # s; more than twice mailbox.DOUBT_SECONDS, else the agents that write to a silent agent would be given up with it
 Mode = Literal["local", "lockstep", "realtime"]
+
+# -- the other commands, and the groups of options in --help
+
+COMMANDS = {
+    "view": "open a recording",
+    "app": "serve the page on which you set up, run and watch an orchard",
+    "stop": "emergency stop: stop robots of the active runs",
+    "reset": "let stopped robots go on",
+    "secure": "make the certificates of a secured run",
+}
+HELP = "Harvest an orchard to the end.\n\n\b\nOther commands, each with its own --help:\n" + "\n".join(
+    f"  {name:8}{what}" for name, what in COMMANDS.items()
+)
+ORCHARD, RUN, OUTPUT, NETWORK = "The orchard", "The run", "What it shows and writes", "Several machines"
 
 # -- parsers; all of them raise BadParameter
 
@@ -52,24 +69,59 @@ def _patience(value: float | None) -> float | None:
     return value
 
 
+def _scenario(path: Path | None) -> Path | None:
+    """Refuse a recording, and a word that is no file but resembles a command."""
+    if path is not None and path.suffix == ".rrd":
+        raise BadParameter(f"{path}: a recording, not a scenario; did you mean the command view?")
+    near = get_close_matches(str(path).lower(), [*COMMANDS, "harvest"], n=1)
+    if path is not None and near and not path.exists():
+        raise BadParameter(f"{path}: no such file; did you mean the command {near[0]}?")
+    return path
+
+
 # -- options of several commands
 
-File = Annotated[Path | None, Argument(metavar="SCENARIO.yaml", show_default="config/orchard.yaml")]
-Rows = Annotated[int | None, Option(help="Rows, 3 to 20.")]
-Pickers = Annotated[int | None, Option(help="Pickers, 2 to rows.")]
-Hosts = Annotated[int | None, Option(parser=_hosts, metavar="N|each", help="Agent processes. Default: one per core, at most 4.")]
+File = Annotated[
+    Path | None,
+    Argument(
+        metavar="SCENARIO.yaml", help="A file, or the name of one in orchard/config/: realistic.", show_default=DEFAULT, callback=_scenario
+    ),
+]
+Rows = Annotated[int | None, Option(help="Rows, 3 to 20.", rich_help_panel=ORCHARD)]
+Pickers = Annotated[int | None, Option(help="Pickers, 2 to rows.", rich_help_panel=ORCHARD)]
+Hosts = Annotated[
+    int | None, Option(parser=_hosts, metavar="N|each", help="Agent processes. Default: one per core, at most 4.", rich_help_panel=RUN)
+]
 
 # -- a harvest
 
-Speed = Annotated[float | None, Option(parser=_speed, metavar="X|max", help="1: real time. Default: max; live: 4; realtime: 1.")]
-Patience = Annotated[float | None, Option(callback=_patience, help="Seconds that lockstep waits for a silent agent. Default: 15.")]
-Record = Annotated[str | None, Option(metavar="FILE.rrd|none", help="File of the recording. Default: a new one in runs/.")]
-Web = Annotated[int | None, Option(min=1024, max=65534, metavar="PORT", help="Watch live in a browser on this machine.")]
-Style = Annotated[Literal["text", "json"], Option(help="text: a table on a terminal, else lines; json: JSON lines.")]
-Listen = Annotated[str | None, Option(metavar="ENDPOINT", help="Address where other machines may join: tcp/0.0.0.0:7447.")]
-Without = Annotated[list[str] | None, Option(metavar="KIND|NAME", help="Wait for other processes to run these agents (repeatable).")]
-Only = Annotated[list[str] | None, Option(metavar="KIND|NAME", help="Run only these agents, of a run elsewhere (repeatable).")]
-Secure = Annotated[Path | None, Option(metavar="DIR", help="Admit only the roles of `run.py secure DIR`; with --only: DIR/<role>.")]
+Speed = Annotated[
+    float | None, Option(parser=_speed, metavar="X|max", help="1: real time. Default: max; live: 4; realtime: 1.", rich_help_panel=RUN)
+]
+Patience = Annotated[
+    float | None, Option(callback=_patience, help="Seconds that lockstep waits for a silent agent. Default: 15.", rich_help_panel=RUN)
+]
+Record = Annotated[str | None, Option(metavar="FILE.rrd|none", help="File of the recording. Default: a new one.", rich_help_panel=OUTPUT)]
+Web = Annotated[
+    int | None, Option(min=1024, max=65534, metavar="PORT", help="Watch live in a browser on this machine.", rich_help_panel=OUTPUT)
+]
+Style = Annotated[
+    Literal["text", "json"], Option(help="text: a table on a terminal, else lines; json: JSON lines.", rich_help_panel=OUTPUT)
+]
+Listen = Annotated[
+    str | None, Option(metavar="ENDPOINT", help="Address where other machines may join: tcp/0.0.0.0:7447.", rich_help_panel=NETWORK)
+]
+Without = Annotated[
+    list[str] | None,
+    Option(metavar="KIND|NAME", help="Wait for other processes to run these agents (repeatable).", rich_help_panel=NETWORK),
+]
+Only = Annotated[
+    list[str] | None, Option(metavar="KIND|NAME", help="Run only these agents, of a run elsewhere (repeatable).", rich_help_panel=NETWORK)
+]
+Secure = Annotated[
+    Path | None,
+    Option(metavar="DIR", help="Admit only the roles of `orchard secure DIR`; with --only: DIR/<role>.", rich_help_panel=NETWORK),
+]
 
 CHANGES = ("rows", "pickers", "row_width", "carriers", "seed")  # options that change the scenario
 OF_ONLY = ("only", "connect", "without", "hosts", "secure", "progress", "check_agents")  # options of the agents of a run elsewhere
@@ -82,26 +134,41 @@ class HarvestOptions:
     scenario: File = None
     rows: Rows = None
     pickers: Pickers = None
-    row_width: Annotated[float | None, Option(help="Width of a row, 5 to 12 m.")] = None
-    carriers: Annotated[int | None, Option(help="Carriers, 1 to 40. Default: 7 for every 10 pickers.")] = None
-    seed: Annotated[int | None, Option(help="The same seed gives the same run.")] = None
-    mode: Annotated[Mode, Option(help="lockstep or realtime: several processes; local: one.")] = "lockstep"
+    row_width: Annotated[float | None, Option(help="Width of a row, 5 to 12 m.", rich_help_panel=ORCHARD)] = None
+    carriers: Annotated[int | None, Option(help="Carriers, 1 to 40. Default: 7 for every 10 pickers.", rich_help_panel=ORCHARD)] = None
+    seed: Annotated[int | None, Option(help="The same seed gives the same run.", rich_help_panel=ORCHARD)] = None
+    mode: Annotated[Mode, Option(help="lockstep or realtime: several processes; local: one.", rich_help_panel=RUN)] = "lockstep"
     speed: Speed = None
     hosts: Hosts = None  # 0: one per agent
-    duration: Annotated[float | None, Option(callback=_seconds, help="Simulated seconds after which the run stops.")] = None
+    duration: Annotated[
+        float | None, Option(callback=_seconds, help="Simulated seconds after which the run stops.", rich_help_panel=RUN)
+    ] = None
     record: Record = None
-    view: Annotated[bool, Option("--view", help="Open the viewer and watch live.")] = False
+    view: Annotated[
+        bool, Option("--view", help="Open the viewer and watch live. Its window stays; Ctrl-C closes it.", rich_help_panel=OUTPUT)
+    ] = False
     web: Web = None
-    summary: Annotated[Path | None, Option(metavar="FILE.json", help="Write the summary to this file.")] = None
+    summary: Annotated[Path | None, Option(metavar="FILE.json", help="Write the summary to this file.", rich_help_panel=OUTPUT)] = None
     progress: Style = "text"
     listen: Listen = None
-    connect: Annotated[str | None, Option(metavar="ENDPOINT", help="Use another router: tcp/192.168.1.10:7447.")] = None
+    connect: Annotated[
+        str | None, Option(metavar="ENDPOINT", help="Use another router: tcp/192.168.1.10:7447.", rich_help_panel=NETWORK)
+    ] = None
     without: Without = None
     only: Only = None
     patience: Patience = None
-    check_agents: Annotated[bool, Option("--check-agents", help="Check that own agents are repeatable: docs/extending.md.")] = False
-    resume: Annotated[str | None, Option(metavar="DIR|last", help="Continue a run from its newest snapshot.")] = None
+    check_agents: Annotated[
+        bool, Option("--check-agents", help="Check that own agents are repeatable: docs/extending.md.", rich_help_panel=RUN)
+    ] = False
+    check_holds: Annotated[bool, Option("--check-holds", help="Check that no agent holds its velocity too long.", rich_help_panel=RUN)] = (
+        False
+    )
+    ignore_holds: Annotated[
+        bool, Option("--ignore-holds", help="Ask all agents at every tick: same result, slower.", rich_help_panel=RUN)
+    ] = False
+    resume: Annotated[str | None, Option(metavar="DIR|last", help="Continue a run from its newest snapshot.", rich_help_panel=RUN)] = None
     secure: Secure = None
+    verbose: Annotated[bool, Option("--verbose", help="Print all figures of the summary, not only the main ones.")] = False
 
     @property
     def is_live(self) -> bool:
@@ -114,6 +181,11 @@ class HarvestOptions:
         if self.speed is not None:
             return self.speed
         return 1.0 if self.mode == "realtime" else LIVE_SPEED if self.is_live else math.inf
+
+    @property
+    def holds(self) -> Holds:
+        """Which agents are asked at a tick."""
+        return "checked" if self.check_holds else "ignored" if self.ignore_holds else "on"
 
     @property
     def changes(self) -> dict[str, Any]:
@@ -132,6 +204,12 @@ class HarvestOptions:
             raise BadParameter("a run either listens or uses another router: give --listen or --connect", param_hint="--listen")
         if self.only and not self.connect:
             raise BadParameter("--connect ENDPOINT is needed: it names the run of these agents", param_hint="--only")
+        if (self.check_holds or self.ignore_holds) and self.mode == "realtime":
+            raise BadParameter(
+                "in realtime all agents are asked at every tick; leave out --check-holds and --ignore-holds", param_hint="--mode"
+            )
+        if self.check_holds and self.ignore_holds:
+            raise BadParameter("holds are either checked or ignored: give --check-holds or --ignore-holds", param_hint="--check-holds")
         if self.secure and self.mode == "local":
             raise BadParameter("local mode is one process, and has no network to secure", param_hint="--secure")
         if self.secure and self.hosts is not None:
@@ -141,6 +219,14 @@ class HarvestOptions:
         if self.mode == "realtime" and self.speed == math.inf:
             why = "max: in realtime the wall clock sets the pace; expected a number, 1 for real time"
             raise BadParameter(why, param_hint="--speed")
+
+    def notes(self) -> list[str]:
+        """Return what a user may not expect of these options: what is ignored, and what is chosen."""
+        ignored = named(name for name in ("hosts", "patience") if self.mode == "local" and getattr(self, name) is not None)
+        notes = [f"ignored: {ignored}; local mode is one process"] if ignored else []
+        if self.is_live and self.speed is None and self.mode != "realtime":
+            notes.append(f"live at {LIVE_SPEED:g} times real time; --speed X sets another speed, --speed max none")
+        return notes
 
 
 def named(parameters: Iterable[str]) -> str:
@@ -162,7 +248,7 @@ def with_options(command: Callable[[HarvestOptions], None]) -> Callable[..., Non
 # -- other commands
 
 Robots = Annotated[list[str] | None, Argument(metavar="[ROBOT|KIND]...", help="picker_01, carrier; default: all robots.")]
-There = Annotated[str | None, Option(metavar="ENDPOINT", help="A run elsewhere: tcp/192.168.1.10:7447. Default: the run here.")]
+There = Annotated[str | None, Option(metavar="ENDPOINT", help="A run elsewhere: tcp/192.168.1.10:7447. Default: here.")]
 EmergencyOperator = Annotated[
     Path | None, Option("--secure", metavar="DIR", help="For a secured run: the directory with the role emergency-operator.")
 ]
@@ -172,4 +258,5 @@ Role = Annotated[list[str] | None, Option(metavar="NAME=KIND|AGENT,...", help="O
 Address = Annotated[list[str] | None, Option(metavar="NAME|IP", help="Address at which other machines reach this one (repeatable).")]
 Days = Annotated[float, Option(min=1, max=3650, help="Days for which the certificates are valid.")]
 Anew = Annotated[bool, Option("--anew", help="Replace the files of an earlier call.")]
-Recording = Annotated[Path | None, Argument(metavar="FILE.rrd", show_default="the newest in runs/")]
+Browser = Annotated[int | None, Option("--web", min=1024, max=65534, metavar="PORT", help="Show it in a browser on this machine.")]
+Recording = Annotated[Path | None, Argument(metavar="FILE.rrd", show_default="the newest")]

@@ -30,6 +30,11 @@ class RunRequest:
         return free_port() if self.options.web is None else self.options.web + 1
 
     @property
+    def title(self) -> str:
+        """The scenario in some words, by which a user knows the run."""
+        return f"{self.scenario.rows} rows, {self.scenario.pickers} pickers, seed {self.scenario.seed}"
+
+    @property
     def uri(self) -> str:
         """The address of the live data, for a viewer."""
         return f"rerun+http://127.0.0.1:{self.data_port}/proxy"

@@ -1,4 +1,4 @@
-"""The folder runs/, for recordings and snapshots: names for new ones, and the newest of the existing ones."""
+"""The folder of runs, for recordings and snapshots: names for new ones, and the newest of the existing ones."""
 
 import itertools
 import os
@@ -27,8 +27,12 @@ class Runs:
         if wanted == "none":
             return None
         path = self.folder / f"{_now()}-{os.getpid()}.rrd" if wanted is None else Path(wanted)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        check_writable(path)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            check_writable(path)
+        except OSError as error:
+            why = str(error) if error.strerror is None else f"{path.parent}: cannot be made: {error.strerror}"
+            raise OSError(f"{why}; --record FILE.rrd records elsewhere, --record none not at all") from error
         check_recording(path)
         remove_further_parts(path)
         return path
@@ -55,7 +59,9 @@ def check_writable(path: Path) -> None:
     try:
         path.open("ab").close()
     except OSError as error:
-        raise OSError(f"{path}: cannot be written: {error.strerror}; expected a file in an existing directory") from error
+        raise OSError(
+            f"{path}: cannot be written: {error.strerror}; expected a file in a directory that exists and can be written"
+        ) from error
     if new:
         path.unlink()
 

@@ -1,7 +1,8 @@
-"""What run.py prints: the result of a run, commands to type next, and errors; and its exit codes."""
+"""What `orchard` prints: the result of a run, commands to type next, and errors; and its exit codes."""
 
-import json
+import math
 import os
+import shlex
 import shutil
 import sys
 from collections.abc import Iterator
@@ -9,14 +10,20 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import typer
 from rich.console import Console
 
+from orchard.field.scenario import TIME_STEP
 from orchard.launch.request import RunRequest
-from orchard.report.summary import as_table
+from orchard.report.sentence import sentence
+from orchard.report.summary import Outcome, as_table, main_figures, write_summary
 from orchard.sim.snapshot import SnapshotError, newest
+from orchard.view.files import remove_half_packed
 
 FINISHED, FAILED, BAD_INPUT = 0, 1, 2  # exit codes
+CTRL_C = "Ctrl-C ends the run"
+LATE_SECONDS, LATE_SHARE = 1.0, 0.1  # of wall time that a run may take longer than at its speed: s, and share; more is told
 
 
 class Output(Console):
@@ -65,44 +72,56 @@ def exit_on_errors(*mistakes: type[Exception]) -> Iterator[None]:
     try:
         yield
     except mistakes as error:
-        print_error(error)
+        print_error(in_words(error))
         raise typer.Exit(BAD_INPUT) from None
 
 
-def report(program: Path, request: RunRequest, result: dict[str, Any] | None, why: str) -> int:
+def in_words(error: Exception) -> str:
+    """Return what is wrong, without the number of an error of the operating system: "runs: Permission denied"."""
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
+
+
+def report(request: RunRequest, result: dict[str, Any] | None, why: str) -> int:
     """Print the result of a run, and the commands that resume it and open its recording; write its summary. Return the exit code.
 
-    `program`: run.py. `result`: the summary; None if there is none. `why`: why the run ended.
+    `result`: the summary; None if there is none. `why`: why the run ended.
     """
     recording, folder = request.recording, request.snapshots
-    code = _report_result(result, why, recording, request.options.summary)
+    code = _report_result(request, result, why)
     if why == "harvested":
         shutil.rmtree(folder, ignore_errors=True)
     elif folder.is_dir():
         with suppress(SnapshotError):  # none is usable
             newest(folder, [])
-            _print_command("To go on", program, "--resume", folder)
+            print_line(f"To go on: {typed('--resume', folder)}")
     if recording is not None and recording.exists():
-        _print_command("To watch it", program, "view", recording)
+        print_line(f"To watch it: {typed('view', recording)}")
     return code
 
 
-def _report_result(result: dict[str, Any] | None, why: str, recording: Path | None, summary: Path | None) -> int:
-    """Print the result, and write it to the file `summary`. Return the exit code."""
+def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str) -> int:
+    """Print the result, and write it to the file of --summary. Return the exit code."""
+    recording, summary = request.recording, request.options.summary
     if result is None:
         errors.print(why, markup=False)
         return FAILED
     if recording is not None:
         from orchard.view.reader import missing  # not at the top: Rerun takes half a second to load
 
+        remove_half_packed(recording)
         result |= missing(recording, result["ticks"])
-    _print_table(result)
+    outcome = msgspec.convert(result, Outcome)
+    _print_result(result, outcome, request.options.verbose)
+    if slow := speed_not_kept(request, outcome):
+        print_error(slow)
     troubles = [f"violated: {violation}" for violation in result["violations"]]
     troubles += [f"broken: {agent}" for agent in result["broken_agents"]]
     troubles += [] if why in ("harvested", "duration", "stopped") else [why, *result["jam"]]
     try:
         if summary is not None:
-            summary.write_text(json.dumps(result, indent=2) + "\n")
+            write_summary(summary, result)
     except OSError as error:
         troubles.insert(0, f"{summary}: not written: {error.strerror}")
     for trouble in troubles:
@@ -110,15 +129,40 @@ def _report_result(result: dict[str, Any] | None, why: str, recording: Path | No
     return FAILED if troubles or (console.has_lost and errors.has_lost) else FINISHED
 
 
-def _print_table(result: dict[str, Any]) -> None:
+def _print_result(result: dict[str, Any], outcome: Outcome, verbose: bool) -> None:
     """Print the result on stdout; on stderr if stdout has lost something, because the disk of its file is full."""
-    console.print(as_table(result))
-    if console.has_lost:
-        errors.print(as_table(result))
+    figures = {key: value for key, value in (result if verbose else main_figures(result)).items() if key != "hash"}
+    for output in (console, errors):
+        output.print(sentence(outcome), markup=False, soft_wrap=True)
+        output.print(as_table(figures))
+        output.print(f"hash {outcome.hash}", soft_wrap=True)
+        if not output.has_lost:
+            return
 
 
-def _print_command(what: str, program: Path, word: str, path: Path) -> None:
-    print_line(f"{what}: {_shown(Path(sys.executable))} {_shown(program)} {word} {_shown(path)}")
+def speed_not_kept(request: RunRequest, outcome: Outcome) -> str:
+    """What to say about the speed if the machine was too slow for it; '' if it was not. The speed of a resumed run is that since then."""
+    before, pace = request.resumed, request.options.pace
+    took = outcome.wall_seconds - (before.figures.get("wall_seconds", 0.0) if before else 0.0)
+    simulated = outcome.sim_seconds - (before.tick * TIME_STEP if before else 0.0)
+    if pace == math.inf or took - simulated / pace <= max(LATE_SECONDS, LATE_SHARE * took):
+        return ""
+    return f"the speed of {pace:g} times real time was not kept: the machine reached {simulated / took:.1f}"
+
+
+def program() -> str:
+    """Return the words with which a user starts this program again in the current directory."""
+    started, python = Path(sys.argv[0]), _shown(Path(sys.executable))
+    if started.name == "__main__.py":
+        return f"{python} -m orchard"
+    if started.suffix == ".py":
+        return f"{python} {_shown(started)}"
+    return started.name if shutil.which(started.name) == str(started) else _shown(started)
+
+
+def typed(*words: object) -> str:
+    """Return a command of this program as a user types it in the current directory; its paths are shortened."""
+    return f"{program()} {shlex.join(_shown(word) if isinstance(word, Path) else str(word) for word in words)}"
 
 
 def _shown(path: Path) -> str:

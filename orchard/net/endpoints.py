@@ -6,6 +6,7 @@ from contextlib import suppress
 
 LOOPBACK, SECURE_LOOPBACK = "tcp/127.0.0.1:0", "tls/127.0.0.1:0"
 NO_ENDPOINT = "not an endpoint; use one such as tcp/127.0.0.1:7447"
+OUTSIDE = {"0.0.0.0": "192.0.2.1", "[::]": "2001:db8::1"}  # address that means all -> an address that is on no machine (RFC 5737, 3849)
 IN_USE = "cannot listen there; the port is in use, or the address is not of this machine"
 
 
@@ -18,7 +19,7 @@ def check_security(endpoint: str, is_secured: bool) -> None:
     if is_secured and not endpoint.startswith("tls/"):
         raise BusError(f"{endpoint}: not secure; with --secure use an endpoint such as tls/127.0.0.1:7447")
     if not is_secured and endpoint.startswith("tls/"):
-        raise BusError(f"{endpoint}: tls needs certificates; --secure DIR names their directory, and `run.py secure DIR` creates them")
+        raise BusError(f"{endpoint}: tls needs certificates; --secure DIR names their directory, and `orchard secure DIR` creates them")
 
 
 def is_public(endpoint: str) -> bool:
@@ -53,6 +54,24 @@ def check_free(endpoint: str) -> None:
 def reachable(endpoint: str) -> str:
     """Return the endpoint for clients on this machine: an address that means all addresses becomes the loopback address."""
     return endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
+
+
+def from_elsewhere(endpoint: str) -> str:
+    """Return the endpoint for other machines: an address that means all addresses becomes this machine's address, or its name."""
+    for every, outside in OUTSIDE.items():
+        endpoint = endpoint.replace(f"/{every}:", f"/{_own_address(every, outside)}:")
+    return endpoint
+
+
+def _own_address(every: str, outside: str) -> str:
+    """Return the address from which this machine would send to one outside; its name if it has no way there. Nothing is sent."""
+    try:
+        with socket.socket(_family(every), socket.SOCK_DGRAM) as probe:
+            probe.connect((outside, 9))
+            own = str(probe.getsockname()[0])
+    except OSError:
+        return socket.gethostname()
+    return f"[{own}]" if ":" in own else own
 
 
 def with_port(endpoint: str) -> str:

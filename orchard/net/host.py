@@ -183,13 +183,11 @@ class Host:
         """Wait for the next tick, tick the agents and send their velocities."""
         self._wait(lambda: self.sight.tick > self.mailbox.last)
         tick = self.sight.tick
-        if not self.mailbox.follows(tick):
-            raise _JoinAgain
         if not self.mailbox.is_settled(tick, self.sight.asked):
             self._wait(lambda: self.mailbox.is_settled(tick, self.sight.asked), DOUBT_SECONDS)
         mail, seen = self._mail(tick), self.sight.observations()
         digests = {name: digest_of(heard) for name, heard in mail.items()}  # before the agents can change their mail
-        actions = {name: self._act(name, seen[name], mail.get(name) or Mail()) for name in self.performers}
+        actions = {name: self._act(name, observed, mail.get(name) or Mail()) for name, observed in seen.items()}
         self.thinking = ""
         drives = {name: drive_of(action, digests.get(name, b""), self.performers[name].news()) for name, action in actions.items()}
         self._answer = self._packed(tick, drives)
@@ -203,7 +201,8 @@ class Host:
                 self.bus.ask(self.keys.of("mail", asked.to), self.mailbox.letter(asked), asked)
         self.mailbox.close()
         for name in self.bins:
-            self.states.update(seen[name])
+            if name in seen:
+                self.states.update(seen[name])
         publish_refusals(self.bus, self.keys, self.run_id, self.refusals)
 
     def _act(self, name: str, seen: Observation, mail: Mail) -> Action:

@@ -5,7 +5,7 @@ Physics does not wait for an agent that no session holds: its robot stands, unle
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from orchard.contract.agent import Action
@@ -83,11 +83,11 @@ class LockstepBarrier(Barrier):
         self.deadline = math.inf  # on the clock: the time to wait for missing answers
         self._back: set[str] = set()  # agents that sessions have taken since the tick began
         self._actions: dict[str, Action] = {}  # the actions in these velocities
-        self._before: dict[str, Velocity] = {}  # the velocities of the last tick
+        self._last: dict[str, list[Velocity]] = {}  # the last two velocities of each agent
 
-    def open(self, tick: int, lag: float = 0.0) -> None:
-        """Open a tick and wait for each held agent. `lag`: seconds that the tick begins late."""
-        self.tick, self.missing, self.velocities, self._before = tick, set(self._roster.holders), {}, self.velocities
+    def open(self, tick: int, lag: float = 0.0, due: Iterable[str] | None = None) -> None:
+        """Open a tick and wait for the agents that are due, None: all that are held. `lag`: seconds that the tick begins late."""
+        self.tick, self.missing, self.velocities = tick, set(self._roster.holders if due is None else due), {}
         self._actions, self._back = {}, set()
         self.deadline = self._clock() + self._patience
 
@@ -113,12 +113,13 @@ class LockstepBarrier(Barrier):
         if velocity.tick != self.tick or name not in self.missing:
             self._refuse_unless_repeated(name, velocity)
             return
-        self.velocities[name], self._actions[name] = velocity, action_of(velocity)
+        self.velocities[name], self._last[name] = velocity, [*self._last.get(name, [])[-1:], velocity]
+        self._actions[name] = action_of(velocity)
         self.missing.discard(name)
 
     def _refuse_unless_repeated(self, name: str, velocity: Velocity) -> None:
         """Ignore a repetition, sent in case the first was lost; refuse any other velocity that is not awaited."""
-        if velocity in (self.velocities.get(name), self._before.get(name)):
+        if velocity in self._last.get(name, []):
             return
         refuse_other_tick(velocity.tick, self.tick, self.tick)
         raise Refused("answered already", f"tick {velocity.tick}")

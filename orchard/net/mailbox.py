@@ -7,7 +7,7 @@ that does not depend on the network. A host that may have missed mail recalls al
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
-from orchard.contract.agent import Action, Heard, Mail, Observation, Reply, without_body
+from orchard.contract.agent import MOST_HOLD, Action, Heard, Mail, Observation, Reply, without_body
 from orchard.contract.mail import in_hearing_order
 from orchard.contract.messages import Answer, Request, pack
 from orchard.net.bus import Query
@@ -16,6 +16,7 @@ from orchard.wire.codec import observations_of
 from orchard.wire.messages import Answered, AskedOf, Letter, Received, Seen
 
 DOUBT_SECONDS = 1.0  # after which a request without news counts as lost; physics has a copy
+MOST_HELD = 10_000  # requests that wait for their tick
 STALE_TICKS = 50  # realtime: the most ticks between two hosts whose agents exchange mail
 
 
@@ -24,13 +25,14 @@ class LatestObservations:
 
     def __init__(self, run: str, names: Iterable[str], bodies: Iterable[str]) -> None:
         self._run = run
-        self._names, self._bodies = tuple(names), frozenset(bodies)
+        self._names, self._bodies = frozenset(names), frozenset(bodies)
         self.forget()
 
     def forget(self) -> None:
         """Drop the observations. The next tick that arrives is the newest."""
         self.tick = -1  # -1: no tick has arrived
-        self.asked: list[AskedOf] = []  # the requests that these agents hear at this tick
+        self.due: list[str] = []  # the agents that are asked at this tick
+        self.asked: list[AskedOf] = []  # the requests that they hear
         self._seen: dict[str, Observation] = {}
 
     def seen(self, payload: bytes) -> bool:
@@ -40,18 +42,20 @@ class LatestObservations:
             raise Refused("past tick", f"{message.tick}; {self.tick} has begun")
         if message.tick == self.tick:
             return False
-        if not self._bodies.issubset(message.names):
+        if not self._names.issuperset(message.due):
+            raise Refused("not held", "an agent of another session")
+        if not self._bodies.intersection(message.due).issubset(message.names):
             raise Refused("not all", "bodies are missing")
         try:
             self._seen = observations_of(message)
         except ValueError as error:
             raise Refused("malformed", str(error)) from error
-        self.tick, self.asked = message.tick, message.asked
+        self.tick, self.due, self.asked = message.tick, message.due, message.asked
         return True
 
     def observations(self) -> dict[str, Observation]:
-        """Return name -> observation at the newest tick; agents without a body get only the tick."""
-        return {name: self._seen[name] if name in self._bodies else without_body(name, self.tick) for name in self._names}
+        """Return the observations of the agents that are asked, by name; an agent without a body gets only the tick."""
+        return {name: self._seen[name] if name in self._bodies else without_body(name, self.tick) for name in self.due}
 
 
 @dataclass(eq=False)
@@ -106,6 +110,9 @@ class Mailbox:
             question.refuse(str(refusal))
             raise
         key = (recipient, letter.sender, letter.tick, letter.number)
+        if key not in self._held and len(self._held) >= MOST_HELD:
+            question.refuse("too many requests wait")
+            raise Refused("too many", f"{MOST_HELD} requests wait")
         if key in self._held:  # a repeated request
             self._held[key].question.drop()
         self._held[key] = _ReceivedRequest(Heard(letter.sender, letter.tick, letter.number, letter.body), question)
@@ -130,18 +137,14 @@ class Mailbox:
             raise Refused("past tick", f"an answer of {message.tick} to a request of {asked.tick}")
 
     def _is_timely(self, tick: int) -> bool:
-        """Rule 7: whether a request is stamped with the last tick or the next."""
-        return tick in (self.last, self.last + 1)
+        """Rule 7: whether a request is stamped with the last tick of this host or a later one: its agents may hold meanwhile."""
+        return self.last <= tick <= self.last + MOST_HOLD
 
     def _answers_in_time(self, tick: int, asked: int) -> bool:
         """Rule 7: whether an answer has the right stamp."""
         return tick == asked + 1
 
     # one tick
-
-    def follows(self, tick: int) -> bool:
-        """Whether a tick can be the next one (rule 1)."""
-        return tick == self.last + 1
 
     def is_settled(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
         """Rule 2: all gets of two ticks ago are final and all requests of the last tick have come. A host that has just joined recalls."""
@@ -179,7 +182,9 @@ class Mailbox:
 
     def _take_settled(self, tick: int) -> list[SentRequest]:
         """Remove and return the requests whose outcome the agents learn at this tick."""
-        return self._asked.pop(tick - 2, [])
+        settled = self._asked.pop(tick - 2, [])
+        self._asked = {at: asked for at, asked in self._asked.items() if at > tick - 2}
+        return settled
 
     def write(self, name: str, action: Action) -> list[SentRequest]:
         """Take the answers of an agent, which `close` sends. Return its requests, which the caller must send."""
@@ -207,9 +212,6 @@ class Mailbox:
 
 class RealtimeMailbox(Mailbox):
     """The mail of one host's agents in realtime: no tick waits for mail, ticks may be left out, and each delivers what has come."""
-
-    def follows(self, tick: int) -> bool:
-        return tick > self.last
 
     def _is_timely(self, tick: int) -> bool:
         """Whether the sender is at most STALE_TICKS behind or ahead."""

@@ -6,11 +6,9 @@ import signal
 import sys
 import threading
 import time
-import traceback
 from collections.abc import Callable
-from types import FrameType
 
-from orchard.contract import guard
+from orchard.contract.guard import place_in_agent
 from orchard.net import lifeline
 from orchard.net.bus import Inbox, Signal
 from orchard.net.host import Host, HostEnded
@@ -79,11 +77,3 @@ def _watch(host: Host, thread: int, seconds: float) -> None:
 def _effect(host: Host) -> str:
     others = ", ".join(name for name in host.performers if name != host.thinking)
     return f"until it answers, these agents of its process stand: {others}" if others else "its robot stands until it answers"
-
-
-def place_in_agent(frame: FrameType | None) -> str:
-    """Return the file and line of an agent's own code, below its guard; '' if the frame is not in an agent."""
-    frames = traceback.extract_stack(frame)
-    inside = [i for i, frame in enumerate(frames) if frame.filename == guard.__file__]
-    here = frames[inside[-1] + 1 :] if inside else []
-    return f", in {here[0].filename}, line {here[0].lineno}" if here else ""

@@ -6,7 +6,7 @@ for. Then the step is done without those that are missing. `UnheldCommands` is u
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import msgspec
@@ -108,10 +108,10 @@ class RealtimeBarrier(Barrier):
 
     # -- what arrives
 
-    def open(self, tick: int, lag: float = 0.0) -> None:
-        """Open a tick. `lag`: seconds that it begins late."""
+    def open(self, tick: int, lag: float = 0.0, due: Iterable[str] | None = None) -> None:
+        """Open a tick and wait for the agents that are due, None: all that are held. `lag`: seconds that it begins late."""
         self._recent.begin(tick)
-        self.tick, self.missing, self._begun = tick, set(self._roster.holders), self._clock()
+        self.tick, self.missing, self._begun = tick, set(self._roster.holders if due is None else due), self._clock()
         self._patient = self._begun + max(self._step + SLACK - lag, self._step * SHARE)
         self._late += lag > self._step * LATE
 

@@ -3,10 +3,13 @@
 import logging
 from collections import Counter
 from collections.abc import Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
+
+import msgspec
 
 from orchard.field.problems import printable
-from orchard.wire.messages import Reason
+from orchard.sim.snapshot import SnapshotError
+from orchard.wire.messages import Counts, Reason, Session
 from orchard.wire.types import RunMessage, read
 
 M = TypeVar("M", bound=RunMessage)
@@ -71,12 +74,29 @@ def refuse_other_tick(tick: int, first: int, last: int) -> None:
         raise Refused("future tick", f"{tick}; it is {last} now")
 
 
+class KnownRefusals(msgspec.Struct, forbid_unknown_fields=True):
+    """The refusals of a run so far, for its snapshots."""
+
+    counts: Counts = {}  # of physics
+    there: dict[Session, Counts] = {}  # session -> its counts
+
+
 class RefusalTotals(Refusals):
     """The refusals of physics, and those that each session reports."""
 
-    def __init__(self) -> None:
+    def __init__(self, before: Any = None) -> None:
+        """`before`: what `as_data` returned, for a run that is resumed. Raises SnapshotError if it is malformed."""
         super().__init__()
-        self.there: dict[str, Mapping[Reason, int]] = {}  # session -> its counts so far
+        try:
+            known = msgspec.convert(before or {}, KnownRefusals)
+        except ValueError as error:
+            raise SnapshotError(f"the counts of refused messages in the snapshot are malformed: {error}") from error
+        self.counts.update(known.counts)
+        self.there: dict[str, Mapping[Reason, int]] = dict(known.there)  # session -> its counts so far
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the data that a resumed run needs."""
+        return {"counts": dict(self.counts), "there": {session: dict(counts) for session, counts in self.there.items()}}
 
     def hear(self, session: str, counts: Mapping[Reason, int]) -> None:
         """Replace the counts of a session. Raises Refused if there are too many sessions."""

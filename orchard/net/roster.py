@@ -82,6 +82,11 @@ class RecoveryLog:
         if written:
             self.letters[tick] = written
 
+    def hearing(self, tick: int) -> set[str]:
+        """Return the agents that hear mail at a tick: the requests of the last tick, and the replies to those of the tick before."""
+        asked = {to for letters in self.letters.get(tick - 1, {}).values() for to, _ in letters.requests}
+        return asked | {name for name, letters in self.letters.get(tick - 2, {}).items() if letters.requests}
+
     def asked(self, tick: int) -> list[AskedOf]:
         """Return the requests of a tick, without their bodies."""
         written = self.letters.get(tick, {}).items()

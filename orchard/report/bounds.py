@@ -1,67 +1,63 @@
-"""Bounds on a harvest in closed form, from geometry and speeds alone. docs/bounds.md derives them.
+"""The long-run rate of a harvest in closed form, from geometry and speeds alone. docs/bounds.md derives it.
 
-Times in seconds, rates in bins per second. A bound assumes that the drives of the traffic plan are driven without a stop.
+Times in seconds, rates in bins per second. The forms hold for the built-in policy, in which a bin calls when it is full: another policy may
+be faster. They assume that the drives of the traffic plan are driven without a stop.
 """
-
-import math
 
 from orchard.agents.robot import Step
 from orchard.agents.route import EAST_SIDE, OneWay, Side, route_of
 from orchard.agents.steps import DriveTo, Face
 from orchard.field.geometry import EAST, HEADINGS, Pose, angle_between
 from orchard.field.kinds import EIGHTH
-from orchard.field.layout import QUEUE, QUEUE_HEAD, ROW_EAST, ROW_LENGTH, ROW_WEST, TOP_ROAD, UNLOADING_SECONDS, Layout
+from orchard.field.layout import QUEUE_HEAD, ROW_EAST, ROW_LENGTH, ROW_WEST, TOP_ROAD, UNLOADING_SECONDS, Layout
 
 TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and the gap to the next one; at 1 m/s also the s in which the next one moves into the bay
 
 
 class Bounds:
-    """The terms of the closed forms for one orchard on its route, and the bounds that follow. A mean is over all rows."""
+    """The terms of the closed forms for one orchard on its route, and the long-run rate that follows. A mean is over all rows."""
 
     def __init__(self, layout: Layout) -> None:
-        route, scenario, head = route_of(layout), layout.scenario, Pose(QUEUE_HEAD, TOP_ROAD, EAST)
+        route, scenario = route_of(layout), layout.scenario
         exchanges = [(row, route.side(i)) for block in layout.blocks.values() for i, row in enumerate(block)]
         crossings = [_crossing(route, row, side) for row, side in exchanges if row < scenario.rows]
-        approaches = [duration(route.approach(row, side), head) for row, side in exchanges]
-        cycles = [duration(route.fetch(1, row, side, "", ""), head) + UNLOADING_SECONDS for row, side in exchanges]
-        self.rows, self.pickers, self.carriers = scenario.rows, scenario.pickers, scenario.carrier_count
+        approaches = [approach_seconds(route, row, side) for row, side in exchanges]
+        cycles = [cycle_seconds(route, row, side) for row, side in exchanges]
+        self.pickers, self.carriers = scenario.pickers, scenario.carrier_count
         self.row_seconds = ROW_LENGTH / scenario.picking_speed  # T, to pick one row
         self.crossing_seconds = sum(crossings) / len(crossings)  # t_x, from the end of a row to the head of the next, mean
         self.approach_seconds = sum(approaches) / len(approaches)  # A, from the queue's head until the picker has its empty bin, mean
         self.cycle_seconds = sum(cycles) / len(cycles)  # C, from the queue's head around the orchard and back, mean
         self.bay_seconds = UNLOADING_SECONDS + TRAIN  # t_bay, for which one carrier occupies the bay
-        self.least_approach_seconds, self.least_cycle_seconds = min(approaches), min(cycles)  # A and C of the rows where they are least
-        # from the queue's tail to its head; a harvest is over when the last carrier stands anywhere in the queue
-        self.queue_seconds = duration([DriveTo(x=QUEUE_HEAD)], Pose(QUEUE.west, TOP_ROAD, EAST))
 
     @property
     def terms(self) -> dict[str, float]:
-        """Bins per second that each part of the harvest allows."""
+        """Bins per second that each part of the harvest allows in the long run."""
         cycle = self.row_seconds + self.crossing_seconds + self.approach_seconds
         return {"pickers": self.pickers / cycle, "carriers": self.carriers / self.cycle_seconds, "unloading": 1.0 / self.bay_seconds}
 
     @property
     def bottleneck(self) -> str:
-        """The name of the part that allows least."""
+        """The name of the part that allows least in the long run."""
         return min(self.terms, key=lambda name: self.terms[name])
 
     @property
     def bins_per_hour(self) -> float:
-        """The upper bound of the long-run rate, bins per hour."""
+        """The long-run rate, bins per hour."""
         return 3600.0 * min(self.terms.values())
 
-    @property
-    def harvest_seconds(self) -> float:
-        """The lower bound of the time of a harvest, s. The last carrier need not drive up the queue, only into it."""
-        rounds, rows_each = math.ceil(self.rows / self.carriers), math.ceil(self.rows / self.pickers)
-        by_carriers = self.row_seconds + rounds * self.least_cycle_seconds
-        between = (rows_each - 1) * (self.crossing_seconds + self.least_approach_seconds)
-        return max(by_carriers, rows_each * self.row_seconds + between + self.least_cycle_seconds) - self.queue_seconds
 
-    @property
-    def enough_carriers(self) -> float:
-        """The number of carriers beyond which more do not help."""
-        return self.cycle_seconds * self.terms["pickers"]
+def approach_seconds(route: OneWay, row: int, side: Side) -> float:
+    """Return the time from a carrier's departure at the queue's head until a picker has its empty bin, s."""
+    return duration(route.approach(row, side), _HEAD)
+
+
+def cycle_seconds(route: OneWay, row: int, side: Side) -> float:
+    """Return the time of a carrier's whole job at a row, from the queue's head and back, s."""
+    return duration(route.fetch(1, row, side, "", ""), _HEAD) + UNLOADING_SECONDS
+
+
+_HEAD = Pose(QUEUE_HEAD, TOP_ROAD, EAST)
 
 
 def _crossing(route: OneWay, row: int, side: Side) -> float:

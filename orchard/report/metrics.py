@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,10 @@ import numpy as np
 from orchard.contract.agent import Action
 from orchard.contract.events import Event
 from orchard.field.kinds import ANIMALS, PEOPLE, kind_of
-from orchard.field.layout import QUEUE, ROW_LENGTH
+from orchard.field.layout import KEPT_LAYOUTS, QUEUE, ROW_LENGTH, Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.report.bounds import Bounds
+from orchard.report.schedule import Schedule
 from orchard.sim.world import World
 
 JAM_SECONDS = 600.0  # without a metre picked or a step of work finished
@@ -28,19 +30,23 @@ class HarvestFigures:
     busy_ticks: int = 0  # of all carriers, outside the queue
     weeds_flattened: int = 0
     broken: dict[str, int] = field(default_factory=dict)  # agent -> tick at which it first was broken
+    steps: dict[str, int] = field(default_factory=dict)  # picker or carrier -> steps of its plan that it has finished
     progress: float = 0.0  # metres picked and steps of work done
     progress_tick: int = 0  # tick at which it last grew, or a robot was stopped
 
-    def update(self, world: World, events: list[Event], actions: Mapping[str, Action]) -> None:
-        """Account for the tick that has just ended."""
+    def update(self, world: World, events: list[Event], answers: Mapping[str, Action | None]) -> None:
+        """Account for the tick that has just ended. `answers`: of the agents that were asked, None for one without an action."""
         for event in events:
             self._count(event)
-        for name, action in actions.items():
-            if action.state == "broken":
+        for name, action in answers.items():
+            if action is not None and action.state == "broken":
                 self.broken.setdefault(name, world.tick - 1)
-        self.busy_ticks += sum(not QUEUE.contains(x, y) for x, y, _ in world.pose[world.fixed.carriers].tolist())
-        steps = sum(action.steps_done for name, action in actions.items() if name.startswith(PLANNERS))
-        progress = steps + sum(world.row_picked.tolist())
+            if name.startswith(PLANNERS):
+                self.steps[name] = 0 if action is None else action.steps_done
+        x, y, _ = world.pose[world.fixed.carriers].T
+        in_queue = (x >= QUEUE.west) & (x <= QUEUE.east) & (y >= QUEUE.south) & (y <= QUEUE.north)
+        self.busy_ticks += len(x) - int(np.count_nonzero(in_queue))
+        progress = sum(self.steps.values()) + sum(world.row_picked.tolist())
         if progress != self.progress or np.count_nonzero(world.stopped):
             self.progress, self.progress_tick = progress, world.tick
 
@@ -67,18 +73,24 @@ def who_waits(actions: Mapping[str, Action]) -> list[str]:
 
 
 def collisions(world: World, kinds: tuple[str, ...] = WORKERS_OF_THE_HARVEST) -> int:
-    """Return the number of refused steps of these kinds of bodies."""
-    return sum(int(world.refused[i]) for name, i in world.layout.index.items() if kind_of(name) in kinds)
+    """Return the number of collisions that bodies of these kinds began: as many as there are events."""
+    return sum(int(world.collisions[i]) for name, i in world.layout.index.items() if kind_of(name) in kinds)
 
 
 def rows_picked(world: World) -> int:
     return int((world.row_picked >= ROW_LENGTH).sum())
 
 
+@lru_cache(maxsize=KEPT_LAYOUTS)
+def _ideals(layout: Layout) -> tuple[Bounds, float]:
+    """The long-run rates of a layout, and the length of its harvest without traffic, s."""
+    return Bounds(layout), Schedule(layout).seconds(layout.scenario.carrier_count)
+
+
 def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
     """Return the part of the summary that depends on the simulation only and is the same in every repetition."""
     hours = world.tick * TIME_STEP / 3600.0
-    scenario, bounds = world.layout.scenario, Bounds(world.layout)
+    scenario, (bounds, schedule) = world.layout.scenario, _ideals(world.layout)
     distance: dict[str, float] = {}
     for name, i in world.layout.index.items():
         distance[kind_of(name)] = distance.get(kind_of(name), 0.0) + float(world.distance[i])
@@ -89,13 +101,14 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "agents": len(world.layout.starts),
         "rows": scenario.rows,
         "rows_picked": rows_picked(world),
+        "metres_picked": float(sum(world.row_picked.tolist())),
         "bins_delivered": world.delivered,
         "bins_per_hour": world.delivered / hours if hours else 0.0,
-        "bound_bins_per_hour": bounds.bins_per_hour,
-        "bound_sim_seconds": bounds.harvest_seconds,
+        "long_run_bins_per_hour": bounds.bins_per_hour,
+        "schedule_sim_seconds": schedule,
         "bottleneck": bounds.bottleneck,
         "collisions": collisions(world),
-        "refused_moves": collisions(world, PEOPLE + ANIMALS),
+        "collisions_of_people_and_animals": collisions(world, PEOPLE + ANIMALS),
         "weeds_flattened": figures.weeds_flattened,
         "picker_waiting_seconds": sum(figures.waits) / len(figures.waits) if figures.waits else 0.0,
         "carrier_utilisation": figures.busy_ticks / (world.tick * scenario.carrier_count) if world.tick else 0.0,

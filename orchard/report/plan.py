@@ -1,13 +1,17 @@
 """Plans of an orchard as SVG, to scale: fences, trees, rows, roads, places, and all bodies at their starts."""
 
 import html
+import math
 
 from orchard.agents.route import EAST_SIDE, OneWay, Side, route_of
-from orchard.field.kinds import KINDS, kind_of
-from orchard.field.layout import BAY, DRIVEWAY, QUEUE, QUEUE_LINES, ROW_EAST, ROW_WEST, TOP, TREES_X, X_MAX, Layout
+from orchard.field.geometry import Pose, nearest_heading
+from orchard.field.kinds import KINDS, kind_of, number_of
+from orchard.field.layout import BAY, DRIVEWAY, QUEUE, QUEUE_LINES, ROW_EAST, ROW_LENGTH, ROW_WEST, TOP, TREES_X, X_MAX, Layout
+from orchard.report.sentence import clock
+from orchard.sim.world import World
 
 COLOURS = {"ground": "#dfe8cf", "driveway": "#cbb98f", "lane": "#c7b08a", "tree": "#7fae5d", "trunk": "#5b4128", "fence": "#6b6b6b",
-           "D": "#2f7fd1", "F": "#c0392b", "picker": "#b23bb2", "bay": "#e0a030"}  # fmt: skip
+           "picked": "#b08d57", "D": "#2f7fd1", "F": "#c0392b", "picker": "#b23bb2", "bay": "#e0a030"}  # fmt: skip
 OTHER_ROAD = "#777777"
 PIXELS = 12  # for a metre
 
@@ -28,11 +32,12 @@ class Drawing:
     def y(self, y: float) -> float:
         return round((self.north - y) * PIXELS, 2)
 
-    def box(self, x: float, y: float, half_x: float, half_y: float, style: str, title: str = "") -> None:
-        """Draw a rectangle about its centre, m."""
+    def box(self, x: float, y: float, half_x: float, half_y: float, style: str, title: str = "", yaw: float = 0.0) -> None:
+        """Draw a rectangle about its centre, m, turned by `yaw`, rad."""
         label = f"<title>{html.escape(title)}</title>" if title else ""
         size = f'width="{round(2 * half_x * PIXELS, 2)}" height="{round(2 * half_y * PIXELS, 2)}"'
-        self.elements.append(f'<rect x="{self.x(x - half_x)}" y="{self.y(y + half_y)}" {size} style="{style}">{label}</rect>')
+        turn = f' transform="rotate({-math.degrees(yaw):.1f} {self.x(x)} {self.y(y)})"' if yaw else ""
+        self.elements.append(f'<rect x="{self.x(x - half_x)}" y="{self.y(y + half_y)}" {size}{turn} style="{style}">{label}</rect>')
 
     def line(self, points: list[tuple[float, float]], style: str) -> None:
         path = " ".join(f"{self.x(x)},{self.y(y)}" for x, y in points)
@@ -45,6 +50,12 @@ class Drawing:
         at = f'x="{self.x(x)}" y="{self.y(y)}"'
         self.elements.append(f'<text {at} font-size="{0.9 * PIXELS}" font-family="sans-serif">{html.escape(words)}</text>')
 
+    def label(self, x: float, y: float, words: str, metres: float) -> None:
+        """Write words of this height, m, to the right of a point, with a white edge, so that they can be read on any ground."""
+        at = f'x="{self.x(x)}" y="{self.y(y)}" font-size="{round(metres * PIXELS, 2)}"'
+        style = f"font-family:sans-serif;font-weight:600;paint-order:stroke;stroke:white;stroke-width:{PIXELS / 3}"
+        self.elements.append(f'<text {at} style="{style}">{html.escape(words)}</text>')
+
     def svg(self) -> str:
         head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {self.width} {self.height}">'
         return "\n".join([head, *self.elements, "</svg>", ""])
@@ -54,10 +65,42 @@ def orchard_plan(layout: Layout) -> str:
     """Return the drawing of the whole orchard, with all bodies at their starts."""
     drawing = Drawing(layout, -X_MAX - 1, layout.bottom - 1, X_MAX + 1, TOP + 1)
     for start in layout.starts:
-        kind = KINDS[kind_of(start.name)]
-        colour = "rgb({},{},{})".format(*kind.colour)
-        drawing.box(start.pose.x, start.pose.y, kind.length / 2, kind.width / 2, f"fill:{colour};stroke:black;stroke-width:1", start.name)
+        drawing.box(start.pose.x, start.pose.y, *_half_sizes(start.kind), _paint(start.kind), start.name)
     return drawing.svg()
+
+
+def present_plan(world: World) -> str:
+    """Return the drawing of the whole orchard as it is now: what is picked of the rows, and each body where it is."""
+    layout = world.layout
+    drawing = Drawing(layout, -X_MAX - 1, layout.bottom - 1, X_MAX + 1, TOP + 5)
+    for lane, metres, end in zip(layout.lanes, world.row_picked.tolist(), world.row_from.tolist(), strict=True):
+        middle = (ROW_WEST + metres / 2) if end < 0 else (ROW_EAST - metres / 2)
+        drawing.box(middle, lane.y, metres / 2, 1.0, f"fill:{COLOURS['picked']};opacity:0.8", f"row {lane.number}: {metres:.1f} m picked")
+    for name, i in layout.index.items():
+        if world.alive[i]:
+            _present_body(drawing, name, Pose(*world.pose[i].tolist()), float(world.fill[i]))
+    picked = f"{world.row_picked.sum():.0f} of {ROW_LENGTH * len(layout.lanes):.0f} m picked"
+    told = f"{clock(world.seconds)}, {picked}, {world.delivered} bins delivered"
+    drawing.label(-X_MAX, TOP + 1.7, told, 2.4)
+    return drawing.svg()
+
+
+def _half_sizes(kind: str) -> tuple[float, float]:
+    return KINDS[kind].length / 2, KINDS[kind].width / 2
+
+
+def _paint(kind: str) -> str:
+    return "fill:rgb({},{},{});stroke:black;stroke-width:1".format(*KINDS[kind].colour)
+
+
+def _present_body(drawing: Drawing, name: str, pose: Pose, fill: float) -> None:
+    """Draw a body where it is. An empty bin is pale. A picker and a carrier have a label: P1, C2."""
+    kind = kind_of(name)
+    pale = f";fill-opacity:{0.15 + 0.85 * fill / ROW_LENGTH:.2f}" if kind == "bin" else ""
+    drawing.box(pose.x, pose.y, *_half_sizes(kind), _paint(kind) + pale, name, pose.yaw)
+    if kind in ("picker", "carrier"):
+        x, y = (-1.2, 1.3) if nearest_heading(pose.yaw) in ("EAST", "WEST") else (1.2, -0.6)  # beside it, not on its bin
+        drawing.label(pose.x + x, pose.y + y, f"{kind[0].upper()}{number_of(name)}", 1.8)
 
 
 def exchange_plan(layout: Layout) -> str:

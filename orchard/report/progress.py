@@ -1,11 +1,13 @@
 """Progress of a run in the terminal: a live table, or plain lines if the output is not a terminal."""
 
 import math
+import threading
 import time
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
+from msgspec import Meta
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
@@ -13,8 +15,11 @@ from rich.text import Text
 
 from orchard.contract.events import STOPPED
 from orchard.field.kinds import kind_of
+from orchard.field.layout import ROW_LENGTH
+from orchard.report.sentence import clock, share_picked
 
 LINE_SECONDS = 2.0  # s of wall time between two plain lines
+STILL_SECONDS = 10.0  # s of wall time between two plain lines while the run gets ready; a terminal shows each second
 SHOWN = ("picker", "carrier", "tractor", "bin")  # kinds in the table, in this order
 NARROWEST = 24  # characters, the minimum width of a column
 SILENT = "no agent"  # shown for a robot whose agent was lost
@@ -27,18 +32,34 @@ class Headline(msgspec.Struct):
     sim_seconds: float
     times_real_time: float
     rows_picked: int
-    rows: int
+    rows: Annotated[int, Meta(ge=1)]
+    metres_picked: float
     bins_delivered: int
+    schedule_sim_seconds: float
 
     @property
     def fraction(self) -> float:
-        """Progress from 0 to 1: half for rows picked, half for bins delivered."""
-        return (self.rows_picked + self.bins_delivered) / (2 * self.rows)
+        """Progress from 0 to 1: half for metres picked, half for bins delivered."""
+        return (self.metres_picked / ROW_LENGTH + self.bins_delivered) / (2 * self.rows)
+
+    def seconds_left(self, until: float | None = None) -> float:
+        """Return the estimated rest of the harvest, s of wall time: what is left of its schedule, at least the share that is not done.
+
+        `until`: simulated time at which the run ends, s.
+        """
+        rest = max(self.schedule_sim_seconds - self.sim_seconds, (1.0 - self.fraction) * self.schedule_sim_seconds)
+        rest = rest if until is None else min(rest, max(0.0, until - self.sim_seconds))
+        return rest / self.times_real_time if self.times_real_time else math.inf
 
     def __str__(self) -> str:
+        return self.line()
+
+    def line(self, until: float | None = None) -> str:
+        """Return the headline as a line of at most 80 characters. `until`: as in `seconds_left`."""
+        left = self.seconds_left(until)
         return (
-            f"{self.sim_seconds:7.1f} s  {self.times_real_time:6.1f} x real time  "
-            f"rows picked {self.rows_picked}/{self.rows}  bins delivered {self.bins_delivered}/{self.rows}"
+            f"{self.sim_seconds:7.1f} s  {self.times_real_time:6.1f} x real time  {share_picked(self.metres_picked, self.rows):>5} picked  "
+            f"{self.bins_delivered}/{self.rows} bins" + (f"  {clock(left)} left" if left < math.inf else "")
         )
 
 
@@ -50,12 +71,16 @@ def headline_of(figures: Mapping[str, Any]) -> Headline:
 class Progress:
     """Shows the progress of a run on a console: a live table on a terminal, else a line now and then. Use it as a context manager."""
 
-    def __init__(self, console: Console, as_json: bool = False) -> None:
-        """`as_json`: each line of progress is a JSON object, {"progress": {...}}, for programs."""
-        self.console, self._as_json = console, as_json
+    def __init__(self, console: Console, as_json: bool = False, until: float | None = None) -> None:
+        """`as_json`: each line of progress is a JSON object, {"progress": {...}}, for programs.
+
+        `until`: simulated time at which the run ends, s; None: when all is harvested.
+        """
+        self.console, self._as_json, self._until = console, as_json, until
         self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal and not as_json else None
         self._printed = 0.0  # s, monotonic time of the last plain line
         self._seen: dict[str, None] = {}  # names of all robots shown so far, in order
+        self._has_begun = threading.Event()  # the first figures have come
 
     def __enter__(self) -> "Progress":
         if self._live:
@@ -63,21 +88,39 @@ class Progress:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._has_begun.set()
         if self._live:
             self._live.stop()
+
+    def get_ready(self, words: str) -> None:
+        """Print what the run does before it begins, and from then on, until its first figures come, how long it has done so."""
+        self.say(words)
+        self.preparing = threading.Thread(target=self._show_that_it_goes_on, daemon=True)
+        self.preparing.start()
+
+    def _show_that_it_goes_on(self) -> None:
+        begun = time.monotonic()
+        while not self._has_begun.wait(1.0 if self._live else STILL_SECONDS):
+            words = f"getting ready: {clock(time.monotonic() - begun)} so far"
+            if self._live:
+                self._live.update(Text(words))
+            else:
+                self.say(words)
 
     def show(self, figures: Mapping[str, Any], doing: Mapping[str, str], waits_for: Mapping[str, str]) -> None:
         """Update the table, or print a line if the last one is LINE_SECONDS old.
 
         `doing`: robot -> what it does. `waits_for`: robot -> the agent or thing for which it waits.
         """
+        self._has_begun.set()
+        known = headline_of(figures)
         if self._live:
             self._seen |= dict.fromkeys(doing)
             table = robots(dict.fromkeys(self._seen, SILENT) | dict(doing), waits_for, self.console.width, self.console.height)
-            self._live.update(Group(Text(str(headline_of(figures)), style="bold"), table))
+            self._live.update(Group(Text(known.line(self._until), style="bold"), table))
         elif time.monotonic() - self._printed >= LINE_SECONDS:
-            self._printed, known = time.monotonic(), headline_of(figures)
-            self.say(msgspec.json.encode({"progress": known}).decode() if self._as_json else str(known))
+            self._printed = time.monotonic()
+            self.say(msgspec.json.encode({"progress": known}).decode() if self._as_json else known.line(self._until))
 
     def say(self, words: str) -> None:
         """Print a line that stays on the console."""
@@ -87,19 +130,23 @@ class Progress:
 def robots(doing: Mapping[str, str], waits_for: Mapping[str, str], width: int, height: int) -> Table:
     """Return a table of what each robot does, for a console of `width` x `height` characters.
 
-    It has as many columns as the robots need. Bins only follow other robots: if one column is too short for all, bins are left out.
+    It has as many columns as the robots need. Bins only follow other robots: if one column is too short for all, bins are left out. If the
+    console is too small even so, the last line says how many robots are left out.
     """
     names = [name for kind in SHOWN for name in sorted(doing) if kind_of(name) == kind]
     room = max(4, height - 3)
     if len(names) > room:
         names = [name for name in names if kind_of(name) != "bin"]
     columns = min(math.ceil(len(names) / room), max(1, width // NARROWEST)) or 1
-    lines = min(room, math.ceil(len(names) / columns))
+    is_full = len(names) > room * columns
+    lines = room - 1 if is_full else math.ceil(len(names) / columns)
     table = Table.grid(padding=(0, 1, 0, 0))
     for _ in range(columns):
         table.add_column(width=width // columns - 1, no_wrap=True, overflow="ellipsis")
     for line in range(lines):
         table.add_row(*(_line(name, doing, waits_for) for name in names[line::lines][:columns]))
+    if is_full:
+        table.add_row(Text(f"and {len(names) - lines * columns} more", "yellow"))
     return table
 
 

@@ -1,22 +1,39 @@
-"""The summary of a run as a table."""
+"""The summary of a run: the figures that it must have, the main ones among them, as a file, and as a table."""
 
-from typing import Any
+import json
+from pathlib import Path
+from typing import Annotated, Any
 
 import msgspec
+from msgspec import Meta
 from rich.table import Table
 
 UNITS = {
+    "metres_picked": "m",
     "sim_seconds": "s",
     "wall_seconds": "s",
     "bins_per_hour": "bins/h",
-    "bound_bins_per_hour": "bins/h, upper bound in a long harvest",
-    "bound_sim_seconds": "s, lower bound for this scenario",
-    "picker_waiting_seconds": "s, mean from a full bin to the next empty bin",
-    "carrier_utilisation": "(share of time outside the queue)",
+    "long_run_bins_per_hour": "bins/h, of this policy in a long harvest",
+    "schedule_sim_seconds": "s, this harvest without traffic",
+    "picker_waiting_seconds": "s, from a full bin to an empty one, mean",
+    "carrier_utilisation": "of the time, outside the queue",
+    "collisions": "(of robots)",
+    "bottleneck": "(in a long harvest)",
     "distance_metres": "m",
     "state_seconds": "s",
     "stopped_seconds": "s",
 }
+MAIN = ("rows_picked", "bins_delivered", "sim_seconds", "schedule_sim_seconds", "bins_per_hour", "long_run_bins_per_hour", "bottleneck",
+        "picker_waiting_seconds", "carrier_utilisation", "collisions")  # fmt: skip
+UNUSUAL = (
+    "stopped_seconds",
+    "ticks_late",
+    "velocities_missed",
+    "messages_refused",
+    "messages_dropped",
+    "recording_gaps",
+)  # shown if they are not zero
+NOT_IN_TABLE = ("scenario", "history")  # for programs; the page shows them in its own way
 
 
 class Outcome(msgspec.Struct):
@@ -24,18 +41,40 @@ class Outcome(msgspec.Struct):
 
     hash: str
     ticks: int
+    sim_seconds: float
+    wall_seconds: float
+    finished: bool
+    ended: str  # 'harvested', 'duration', 'stopped' or 'jammed'
+    rows: Annotated[int, Meta(ge=1)]
+    rows_picked: int
+    metres_picked: float
+    bins_delivered: int
+    bins_per_hour: float
+    long_run_bins_per_hour: Annotated[float, Meta(gt=0.0)]
+    bottleneck: str
     violations: list[str]
     broken_agents: list[str]
     jam: list[str]
 
 
+def main_figures(summary: dict[str, Any]) -> dict[str, Any]:
+    """Return the figures that matter most, and those that tell of something unusual."""
+    return {key: summary[key] for key in (*MAIN, *UNUSUAL) if key in summary and (summary[key] or key in MAIN)}
+
+
+def write_summary(path: Path, summary: dict[str, Any]) -> None:
+    """Write a summary to a file, as JSON. Raises OSError."""
+    path.write_text(json.dumps(summary, indent=2) + "\n")
+
+
 def as_table(summary: dict[str, Any]) -> Table:
     """Return a table of the figures, with their units, in the order of the summary: the violations come last."""
-    table = Table(title="The harvest", show_header=False, title_justify="left")
+    table = Table(show_header=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
     for key, value in summary.items():
-        table.add_row(key.replace("_", " "), _words(key, value))
+        if key not in NOT_IN_TABLE:
+            table.add_row(key.replace("_", " "), _words(key, value))
     return table
 
 
@@ -45,6 +84,8 @@ def _words(key: str, value: Any) -> str:
         return ", ".join(f"{name} {_words('', part)}" for name, part in value.items()) + unit if value else "none"
     if isinstance(value, list):
         return "\n".join(map(str, value)) or "none"
+    if key == "carrier_utilisation":
+        return f"{100.0 * value:.0f} %{unit}"
     if isinstance(value, float):
         return f"{value:,.2f}{unit}"
     return f"{value}{unit}"

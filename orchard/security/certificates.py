@@ -119,7 +119,7 @@ def check(folder: Path, name: str) -> None:
     for one in (certificate, authority):
         if not one.not_valid_before_utc <= datetime.now(UTC) <= one.not_valid_after_utc:
             span = f"from {one.not_valid_before_utc:%Y-%m-%d %H:%M} to {one.not_valid_after_utc:%Y-%m-%d %H:%M} UTC"
-            raise ValueError(f"{folder}: its certificate is valid {span}, not now; `run.py secure --anew` makes new ones")
+            raise ValueError(f"{folder}: its certificate is valid {span}, not now; `orchard secure --anew` makes new ones")
 
 
 def _read(path: Path, load: Callable[[bytes], T], fault: str) -> T:

@@ -20,7 +20,7 @@ ROLE, ACCESS = "role.json", "access.json"  # a role's files
 HOME = "authority"  # the authority's own directory
 LOCAL = ("127.0.0.1", "::1", "localhost")  # addresses by which each machine reaches itself
 SECONDS = 3.0  # time that the other side has for each step, when a process finds out why it cannot connect
-_NAME = re.compile(r"[a-z][a-z0-9_-]{0,31}")
+_NAME = re.compile(r"[a-z][a-z0-9_-]{0,63}")  # as long as an agent's name, and as a name in a certificate
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def certificates() -> ModuleType:
     try:
         return importlib.import_module("orchard.security.certificates")
     except ImportError as error:
-        raise ValueError(f"{error.name} is missing; certificates need it: pip install 'orchard[secure]'") from error
+        raise ValueError(f"{error.name} is missing; certificates need it: pip install 'orchard-sim[secure]'") from error
 
 
 def role_in(folder: Path) -> Role:
@@ -68,9 +68,11 @@ def role_in(folder: Path) -> Role:
         data = json.loads(path.read_text())
         return Role(data["name"], data["duty"], tuple(data["names"]))
     except FileNotFoundError:
-        raise ValueError(f"{folder}: not the directory of a role: no {ROLE} in it; `run.py secure DIR` makes them, as DIR/<role>") from None
+        raise ValueError(
+            f"{folder}: not the directory of a role: no {ROLE} in it; `orchard secure DIR` makes them, as DIR/<role>"
+        ) from None
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path}: not as `run.py secure` wrote it: {error}") from error
+        raise ValueError(f"{path}: not as `orchard secure` wrote it: {error}") from error
 
 
 @dataclass(frozen=True)
@@ -82,12 +84,12 @@ class Keyring:
 
     @classmethod
     def load(cls, folder: Path) -> "Keyring":
-        """Load the directory that `run.py secure` made, or that of one role. Raises ValueError if it is neither."""
+        """Load the directory that `orchard secure` made, or that of one role. Raises ValueError if it is neither."""
         if (folder / ROLE).is_file():
             return cls(folder, {role_in(folder).name: folder})
         roles = {path.parent.name: path.parent for path in sorted(folder.glob(f"*/{ROLE}"))}
         if not roles:
-            raise ValueError(f"{folder}: no roles there; `run.py secure {folder}` makes them")
+            raise ValueError(f"{folder}: no roles there; `orchard secure {folder}` makes them")
         return cls(folder, roles)
 
     def of(self, name: str) -> Identity:
@@ -108,7 +110,7 @@ class Keyring:
             if not wanted >= set(its):
                 raise ValueError(f"{name} is the role of {', '.join(its)}: one process hosts them all, here or on another machine")
         if left := sorted(wanted.difference(*hosts.values())):
-            raise ValueError(f"{self.folder}: no role for {', '.join(left)}; was it made for another scenario? See `run.py secure --help`")
+            raise ValueError(f"{self.folder}: no role for {', '.join(left)}; was it made for another scenario? See `orchard secure --help`")
         return hosts
 
 
@@ -181,8 +183,10 @@ def host_roles(names: Sequence[str], wishes: Iterable[str], shares: Shares) -> l
 def _check_names(roles: Sequence[Role]) -> None:
     """Raise ValueError unless each role has a unique name that is valid as a file's name, and each agent has one host."""
     for role in roles:
-        if not _NAME.fullmatch(role.name) or role.name == HOME:
-            raise ValueError(f"{role.name}: not a name for a role; use letters a to z, digits, _ and -, with a letter first")
+        if not _NAME.fullmatch(role.name):
+            raise ValueError(f"{role.name}: not a name for a role; use up to 64 letters a to z, digits, _ and -, with a letter first")
+        if role.name == HOME:
+            raise ValueError(f"{HOME}: not a name for a role; the directory of this name is for the authority's own key")
     _refuse_repeats([role.name for role in roles], "is the name of two roles")
     _refuse_repeats([name for role in roles for name in role.names], "is in two roles; an agent has one host")
 

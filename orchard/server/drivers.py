@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from orchard.contract.agent import MOST_REQUESTS, Action, Observations
@@ -29,6 +30,7 @@ class Drivers:
         self._engine, self._publisher = engine, publisher
         self.roster, self.answers, self.ledger, self.unheld = roster, answers, ledger, UnheldCommands()
         self.lost: dict[str, int] = {}  # agent -> the first tick for which lockstep has not waited for it
+        self.due: dict[str, list[str]] = {}  # session id -> its agents that are asked at this tick
         self._seen: Observations | None = None
 
     # -- which session holds which agent
@@ -49,20 +51,30 @@ class Drivers:
         return refused
 
     def expect(self, names: Sequence[str], holder: str) -> None:
-        """Wait for agents that have just joined, if a tick is under way, and send that tick to their session."""
+        """Ask agents that have just joined: in the tick that is under way, else in the next."""
         if names and self.answers.tick == self._engine.tick:
             for name in names:
                 self.answers.expect(name)
+            self.due.setdefault(holder, [])
+            self.due[holder] += [name for name in names if name not in self.due[holder]]
             self.show([holder])
+        self._engine.wake(names)
 
     def release(self, names: set[str]) -> None:
         """Remove the holders of these agents, and publish that they are lost."""
         for name in names:
             self.answers.release(name)
+        self._engine.wake(names)
         self.miss(names)
         released = self.roster.release(names)
         self._publisher.publish_lost(self._engine.tick, released)
         self._publisher.retire(set(released).difference(self.roster.by_holder()))
+
+    def give_up(self) -> None:
+        """Stop waiting for the missing answers. A session none of whose agents has answered this tick loses all of its agents."""
+        missing = self.answers.give_up()
+        silent = [holder for holder, names in self.due.items() if missing.issuperset(names)]
+        self.release(missing.union(*(self.roster.by_holder()[holder] for holder in silent)))
 
     def miss(self, names: Collection[str]) -> None:
         """Record that the run goes on without these agents."""
@@ -76,11 +88,15 @@ class Drivers:
     # -- a tick
 
     def begin(self, seen: Observations, lag: float) -> None:
-        """Publish a tick, and open the barrier for its answers. `lag`: seconds that the tick begins late."""
-        self._seen = seen
+        """Ask the agents that are due, and publish the tick. `lag`: seconds that the tick begins late."""
+        self._seen, self.due = seen, {}
         self.unheld.begin(seen.tick)
-        self.answers.open(seen.tick, lag)
-        self._publisher.publish_tick(seen, self.roster.by_holder(), self.ledger.asked(seen.tick - 1))
+        for name in self._engine.due(self.ledger.hearing(seen.tick)):
+            if (holder := self.roster.holders.get(name)) is not None:
+                self.due.setdefault(holder, []).append(name)
+        self.answers.open(seen.tick, lag, chain.from_iterable(self.due.values()))
+        self._publisher.show(seen, self.due, self.ledger.asked(seen.tick - 1) if self.due else [])
+        self._publisher.publish_tick(seen)
 
     def silent(self) -> set[str]:
         """Return the sessions with missing answers."""
@@ -90,8 +106,9 @@ class Drivers:
         """Send the tick that is under way to these sessions, again or because they have just joined."""
         assert self._seen is not None
         self._publisher.refresh_subscribers()
-        shown = {holder: self.roster.by_holder()[holder] for holder in sorted(holders)}
-        self._publisher.publish_tick(self._seen, shown, self.ledger.asked(self._seen.tick - 1))
+        shown = {holder: self.due[holder] for holder in sorted(holders)}
+        self._publisher.show(self._seen, shown, self.ledger.asked(self._seen.tick - 1))
+        self._publisher.publish_tick(self._seen)
 
     def actions(self, tick: int) -> dict[str, Action]:
         """Return the actions for the step from this tick to the next. Memories and letters are kept for sessions that join later."""

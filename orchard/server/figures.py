@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from orchard.contract.agent import Action, state_of
+from orchard.contract.agent import state_of
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.snapshot import SnapshotError
 from orchard.sim.stops import as_shown
@@ -26,21 +26,23 @@ class RunFigures:
 
     def __init__(self, engine: "Engine", before: Mapping[str, Any] | None = None) -> None:
         """`before`: what `as_data` returned, for a run that is resumed. Raises SnapshotError if it is malformed."""
+        from orchard.report.history import History
         from orchard.report.metrics import HarvestFigures
 
         self._engine, self._world = engine, engine.world
         before = before or {}
         try:
             self._figures = msgspec.convert(before.get("harvest", {}), HarvestFigures)
+            self._history = msgspec.convert(before.get("history", {}), History)
             self._wall_before = msgspec.convert(before.get("wall_seconds", 0.0), Seconds)
         except ValueError as error:
             raise SnapshotError(f"the figures in the snapshot are malformed: {error}") from error
-        self.actions: dict[str, Action] = {}
         self._begun = self._reported = time.monotonic()
 
     def as_data(self) -> dict[str, Any]:
         """Return the data that a resumed run needs."""
-        return {"harvest": msgspec.to_builtins(self._figures), "wall_seconds": self._wall()} | self._engine.figures_as_data()
+        counted = {"harvest": msgspec.to_builtins(self._figures), "history": msgspec.to_builtins(self._history)}
+        return counted | {"wall_seconds": self._wall()} | self._engine.figures_as_data()
 
     def _wall(self) -> float:
         return self._wall_before + time.monotonic() - self._begun
@@ -49,10 +51,10 @@ class RunFigures:
         """Start the wall clock: the first tick begins now."""
         self._begun = self._reported = time.monotonic()
 
-    def update(self, events: "list[Event]", actions: dict[str, Action]) -> None:
-        """Add the step that has just been done: its events and actions."""
-        self.actions = actions
-        self._figures.update(self._world, events, actions)
+    def update(self, events: "list[Event]") -> None:
+        """Add the step that has just been done, with its events."""
+        self._figures.update(self._world, events, self._engine.answers)
+        self._history.update(self._world, self._engine.states, self._figures.busy_ticks)
 
     @property
     def jam(self) -> list[str]:
@@ -60,7 +62,9 @@ class RunFigures:
         from orchard.report.metrics import who_waits
 
         return (
-            (who_waits(as_shown(self._world, self.actions)) or ["no robot waits for another"]) if self._figures.jammed(self._world) else []
+            (who_waits(as_shown(self._world, self._engine.actions)) or ["no robot waits for another"])
+            if self._figures.jammed(self._world)
+            else []
         )
 
     def figures(self) -> dict[str, Any]:
@@ -70,11 +74,19 @@ class RunFigures:
         wall = self._wall()
         times = self._world.tick * TIME_STEP / wall if wall else 0.0
         speed = {"wall_seconds": round(wall, 3), "times_real_time": round(times, 1)}
-        return harvest_figures(self._world, self._figures) | self._engine.states.figures() | speed
+        asked = {"asked_share": self._engine.asked_share}
+        return harvest_figures(self._world, self._figures) | self._engine.states.figures() | asked | speed
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures of the whole run, its scenario, and its course over time (see `History`)."""
+        from orchard.report.history import sample_of
+
+        now = sample_of(self._world, self._engine.states, self._figures.busy_ticks)
+        return self.figures() | {"scenario": self._world.layout.scenario.model_dump(), "history": self._history.until(now)}
 
     def message(self, run: str, refused: dict[str, int]) -> messages.Figures:
         """Return the figures so far, and what each robot does, as a message. `refused`: reason -> number of refused messages."""
-        actions = as_shown(self._world, self.actions)
+        actions = as_shown(self._world, self._engine.actions)
         doing = {name: action.doing or state_of(action) for name, action in actions.items() if action.doing or action.state}
         states = {name: state_of(actions[name]) for name in doing}
         waits = {name: action.waits_for for name, action in actions.items() if action.waits_for}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from orchard.contract.agent import Action
+from orchard.contract.agent import Holds
 from orchard.contract.events import Event
 from orchard.contract.messages import LAST_TICK, pack
 from orchard.field.scenario import TIME_STEP
@@ -70,6 +70,7 @@ class RunOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     snapshot_every: Positive = SNAPSHOT_SECONDS  # s of wall time
     result: str | None = None  # file for a copy of the last message, which may be lost on the network
     resume: bool = False  # continue from the newest snapshot in the folder
+    holds: Holds = "on"  # which agents are asked at a tick, see orchard.sim.lookahead; in realtime all are
 
     @property
     def pace(self) -> float:
@@ -96,7 +97,8 @@ class Harvest:
 
     def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: RunOptions, before: Snapshot | None = None) -> None:
         """`before`: the snapshot from which the engine was resumed."""
-        self.engine, self.refusal_totals, self.frame_builder = engine, RefusalTotals(), FrameBuilder(engine.world)
+        self.engine, self.frame_builder = engine, FrameBuilder(engine.world)
+        self.refusal_totals = RefusalTotals(before.figures.get("refused") if before else None)
         self.snapshot_writer = SnapshotWriter(options.snapshot_folder, options.snapshot_every)
         self.run = options.run or (before.run if before else uuid.uuid4().hex[:16])
         roster, ledger = Roster(engine.layout.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
@@ -106,7 +108,7 @@ class Harvest:
         self.drivers = Drivers(engine, roster, answers, ledger, self.publisher)
         self.drivers.lost |= before.lost if before else {}
         self.account = RunFigures(engine, before.figures if before else {})
-        self._pending: tuple[int, list[Event], dict[str, Action]] | None = None  # a step that is not reported yet
+        self._pending: tuple[int, list[Event]] | None = None  # a step that is not reported yet
 
     @property
     def has_begun(self) -> bool:
@@ -122,20 +124,20 @@ class Harvest:
         """Step with the velocities that have come. `report` reports the step later, while the agents think about the next one."""
         tick = self.engine.tick
         actions = self.drivers.actions(tick)
-        self._pending = tick, self.engine.step(actions, self.drivers.answers.digests()), actions
+        self._pending = tick, self.engine.step(actions, self.drivers.answers.digests())
 
     def report(self) -> None:
         """Count and publish the results of the last step, unless that is done."""
         if self._pending is None:
             return
-        (tick, events, actions), self._pending = self._pending, None
-        self.account.update(events, actions)
+        (tick, events), self._pending = self._pending, None
+        self.account.update(events)
         if events:
             self.publisher.publish("events", Events(self.run, tick, events))
         if (letters := self.drivers.ledger.letters.get(tick)) and self.publisher.is_heard("letters"):
             self.publisher.publish("letters", Letters(self.run, tick, letters))
         if self.publisher.is_heard("picture"):
-            frame = self.frame_builder.frame(self.engine.scans, actions, events)
+            frame = self.frame_builder.frame(self.engine.scans, self.engine.actions, events)
             self.publisher.publish("picture", picture_of(self.run, frame))
         if self.account.is_due():
             self._publish_figures()
@@ -150,14 +152,14 @@ class Harvest:
     def _snapshot(self) -> Snapshot:
         engine, ledger = self.engine, self.drivers.ledger
         scenario, held = engine.layout.scenario.model_dump(), sorted(self.drivers.roster.holders)
-        letters, figures = sorted(ledger.letters.items()), self.account.as_data()
+        letters, figures = sorted(ledger.letters.items()), self.account.as_data() | {"refused": self.refusal_totals.as_data()}
         return Snapshot(self.run, scenario, engine.as_data(), engine.digest, ledger.memories, letters, figures, held, self.drivers.lost)
 
     def end(self, why: str) -> End:
         """Return the last message of the run. `why`: why it ended."""
         engine, answers = self.engine, self.drivers.answers
         run = {"mode": answers.mode, "hosts": len(set(self.drivers.roster.holders.values()))}
-        figures = self.account.figures() | answers.figures()
+        figures = self.account.summary() | answers.figures()
         summary = {"hash": engine.hash} | run | figures | {"messages_refused": self.refusal_totals.total()}
-        summary |= {"finished": engine.over, "violations": engine.violations(), "jam": self.account.jam}
+        summary |= {"finished": engine.over, "ended": why, "violations": engine.violations(), "jam": self.account.jam}
         return End(self.run, engine.tick, engine.over, why, engine.hash, summary)

@@ -127,7 +127,7 @@ class Physics:
             self.arrivals.take(max(0.0, until - time.monotonic()), enough)
             now = time.monotonic()
             if now >= answers.deadline:
-                drivers.release(answers.give_up())
+                drivers.give_up()
             elif now >= again:
                 again = now + AGAIN_SECONDS
                 drivers.show(drivers.silent())

@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from orchard.contract.agent import Observations
 from orchard.contract.messages import pack
@@ -31,17 +31,19 @@ class Publisher:
 
     # -- a tick
 
-    def publish_tick(self, seen: Observations, holders: Mapping[str, Collection[str]], asked: Sequence[AskedOf]) -> None:
-        """Send each session what its agents observe, and the requests to them; then single poses and scans; then the clock.
+    def show(self, seen: Observations, due: Mapping[str, Sequence[str]], asked: Sequence[AskedOf]) -> None:
+        """Send each session what those of its agents observe that are asked, and the requests to them.
 
-        `holders`: session id -> the names that it holds. `asked`: the requests of the last tick.
+        `due`: session id -> the names of these agents. `asked`: the requests of the last tick.
         """
+        for holder, names in due.items():
+            heard = [of for of in asked if of.to in names]
+            self._put(self._keys.of("seen", session=holder), seen_of(self.run, seen, names, heard))
+
+    def publish_tick(self, seen: Observations) -> None:
+        """Publish the pose and the scan of each body, and then the clock, if a session subscribes to them."""
         if time.monotonic() >= self._recheck_at:
             self.refresh_subscribers()
-        for holder, names in holders.items():
-            bodies = [self._layout.index[name] for name in names if name in self._layout.index]
-            heard = [of for of in asked if of.to in names]
-            self._put(self._keys.of("seen", session=holder), seen_of(self.run, seen, bodies, heard))
         for what in ("pose", "scan") if self.are_robots_heard() else ():
             for body, name in enumerate(seen.names):
                 self._put_single(what, seen, body, name)

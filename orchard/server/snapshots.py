@@ -9,6 +9,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
+from orchard.net.refusals import RefusalTotals
+from orchard.server.figures import RunFigures
 from orchard.sim.snapshot import Snapshot, SnapshotError, as_file, newest, store
 
 SNAPSHOT_SECONDS = 2.0  # s of wall time between two snapshots
@@ -71,7 +73,9 @@ class SnapshotWriter:
             store(name, content, folder)
         except OSError as error:
             if not self._failed:
-                log.error("a snapshot could not be written: %s", error)
+                log.error(
+                    "a snapshot could not be written in %s: %s; without one the run cannot be resumed", folder, error.strerror or error
+                )
             self._failed = True
             return False
         return True
@@ -84,6 +88,14 @@ class SnapshotWriter:
             return False
 
 
+def examine(snapshot: Snapshot) -> None:
+    """Raise SnapshotError unless a run can go on from this snapshot: its checksum may be right, and its content impossible."""
+    from orchard.sim.engine import Engine  # not at the top: numba takes seconds to load
+
+    RunFigures(Engine.resume(snapshot), snapshot.figures)
+    RefusalTotals(snapshot.figures.get("refused"))
+
+
 def last(folder: Path, run: str = "") -> Snapshot | None:
     """Return the newest usable snapshot of a run in a folder; None if there is none: then the run begins anew, from its first tick.
 
@@ -91,7 +103,7 @@ def last(folder: Path, run: str = "") -> Snapshot | None:
     """
     refused: list[str] = []
     try:
-        found = newest(folder, refused, run)
+        found = newest(folder, refused, run, examine)
     except SnapshotError:
         found = None
     for why in refused:

@@ -1,22 +1,21 @@
 """The step that all modes share: observe, apply the actions, account. The modes differ only in the source of the actions."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
-from itertools import chain
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from orchard.contract.agent import Action, Observations
+from orchard.contract.agent import Action, Hold, Observations, Scans
 from orchard.contract.events import Event
 from orchard.contract.messages import Deed, Flatten
-from orchard.field.geometry import STILL
 from orchard.field.kinds import kind_of
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.sim import stops
 from orchard.sim.invariants import Invariants
+from orchard.sim.lookahead import Lookahead
 from orchard.sim.physics import harvest_is_over, step
 from orchard.sim.restore import fitting, world_as_data, world_from
 from orchard.sim.scan import Scanner, observe
@@ -24,22 +23,30 @@ from orchard.sim.snapshot import Snapshot
 from orchard.sim.state_times import StateTimes
 from orchard.sim.world import World
 
-Stepped = tuple[list[np.ndarray], Mapping[str, Action], dict[str, bytes], list[Event]]  # scans before, actions, mail digests, events
+Stepped = tuple[np.ndarray, dict[str, bytes], list[Event]]  # ranges before, mail digests, events
 
 
 class Engine:
-    """The simulation of one orchard. At each tick call `observe()`, and then `advance()` with the agents' actions.
+    """The simulation of one orchard. At each tick call `observe()`, then `due()`, then `advance()` with the actions of those that are due.
 
-    A body without an action stands still. Actions are applied in the layout's order, never in the order of arrival.
-    A caller with more urgent work can call `step()` instead of `advance()`, and `account()` later.
+    A body without an action stands still, unless its agent holds its velocity. Actions are applied in the layout's order, never in the
+    order of arrival. A caller with more urgent work can call `step()` instead of `advance()`, and `account()` later.
     """
 
-    def __init__(self, world: World, digest: bytes = bytes(32), before: Mapping[str, Any] | None = None) -> None:
-        """`digest`, `before`: of a resumed run, its hash so far and what `figures_as_data` returned."""
+    def __init__(
+        self, world: World, digest: bytes = bytes(32), before: Mapping[str, Any] | None = None, holds: type[Lookahead] = Lookahead
+    ) -> None:
+        """`digest`, `before`: of a resumed run, its hash so far and what `figures_as_data` returned.
+
+        `holds`: which agents are asked at a tick.
+        """
         self.world, self.layout = world, world.layout
-        self.scans: list[np.ndarray] = []  # ranges at the last observed tick, m, float32, one array for each body
         self._scanner = Scanner(world)
+        self.scans = Scans(np.zeros(0, dtype=np.float32), [0])  # at the last observed tick, m, float32, one array for each body
+        self.actions: dict[str, Action] = {}  # the newest action of each agent that drives or holds
+        self.answers: dict[str, Action | None] = {}  # of the agents that were asked at the last tick; None: it gave no action
         before = before or {}
+        self.lookahead = holds(world, self._scanner.begin, before.get("asked"))
         self._invariants = Invariants(world, before.get("invariants"))
         self._states = StateTimes(world, before.get("states"))
         self._digest = digest
@@ -47,27 +54,28 @@ class Engine:
         self._news = msgspec.convert(before.get("news", []), list[Event])  # events of stops and resets, which the next step returns
 
     @classmethod
-    def begin(cls, scenario: Scenario) -> "Engine":
+    def begin(cls, scenario: Scenario, holds: type[Lookahead] = Lookahead) -> "Engine":
         """Return an orchard at tick 0."""
-        return cls(World(lay_out(scenario)))
+        return cls(World(lay_out(scenario)), holds=holds)
 
     @classmethod
-    def resume(cls, snapshot: Snapshot) -> "Engine":
+    def resume(cls, snapshot: Snapshot, holds: type[Lookahead] = Lookahead) -> "Engine":
         """Return the orchard of a snapshot. Raises SnapshotError if the snapshot is inconsistent."""
         with fitting(snapshot):
-            return cls(world_from(snapshot), snapshot.digest, snapshot.figures)
+            return cls(world_from(snapshot), snapshot.digest, snapshot.figures, holds)
 
     def rehearse(self) -> None:
         """Do a step in a separate world with the same bodies, so that all kernels are compiled, or loaded, before the first tick."""
         rehearsal = Engine(World(self.layout))
         rehearsal.observe()
+        rehearsal.due(())
         weeds = [name for name in self.layout.names if kind_of(name) == "weed"]
-        rehearsal.advance({name: Action(deeds=[Flatten()]) for name in weeds[:1]}, {})
+        rehearsal.advance({name: Action(deeds=[Flatten()]) for name in weeds[:1]} | {self.layout.names[0]: Action(hold=Hold(1))}, {})
         rehearsal.violations()
 
     def figures_as_data(self) -> dict[str, Any]:
         """Return the state besides the world and the hash as plain data, for a snapshot's figures."""
-        figures = {"invariants": self.invariants.known, "states": self.states.counts, "news": self._news}
+        figures = {"invariants": self.invariants.known, "states": self.states.counts, "news": self._news, "asked": self.lookahead.asked}
         return {name: msgspec.to_builtins(figure) for name, figure in figures.items()}
 
     def as_data(self) -> dict[str, Any]:
@@ -111,6 +119,22 @@ class Engine:
         self.scans = self._scanner.scan(self.world)
         return observe(self.world, self.scans)
 
+    def due(self, mail: Collection[str]) -> list[str]:
+        """Return the agents that are asked at this tick, in the layout's order. Call it once a tick, after `observe()`.
+
+        `mail`: the agents that hear something at this tick.
+        """
+        return self.lookahead.due(self.world, self.scans.ranges, mail)
+
+    @property
+    def asked_share(self) -> float:
+        """Agents that were asked, of all agents and ticks so far."""
+        return self.lookahead.asked / (self.tick * len(self.layout.agents)) if self.tick else 0.0
+
+    def wake(self, names: Iterable[str]) -> None:
+        """End the holds of these agents: they are asked at the next tick, and without an action their bodies stand."""
+        self.lookahead.wake(names)
+
     def advance(self, actions: Mapping[str, Action], mail_digests: Mapping[str, bytes]) -> list[Event]:
         """Apply the actions of this tick, advance the world by 0.1 s, account for the step, and return its events.
 
@@ -123,10 +147,19 @@ class Engine:
     def step(self, actions: Mapping[str, Action], mail_digests: Mapping[str, bytes]) -> list[Event]:
         """Do what `advance` does, without accounting for the step."""
         self.account()
-        events, self._news = self._news + step(self.world, self._twists(actions), self._deeds(actions)), []
-        heard = {name: mail_digests[name] for name in self.layout.agents if mail_digests.get(name)}  # mail to unknown names is left out
-        self._stepped = self.scans, dict(actions), heard, events
+        self.answers = self.lookahead.hold(self.world, self.scans.ranges, actions)
+        self._remember(self.answers)
+        events, self._news = self._news + step(self.world, self.lookahead.wanted, self._deeds(actions)), []
+        heard = {name: mail_digests[name] for name in self.layout.agents if mail_digests.get(name)} if mail_digests else {}
+        self._stepped = self.scans.ranges, heard, events  # mail to unknown names is left out
         return events
+
+    def _remember(self, answers: Mapping[str, Action | None]) -> None:
+        for name, action in answers.items():
+            if action is None:
+                self.actions.pop(name, None)
+            else:
+                self.actions[name] = action
 
     def account(self) -> None:
         """Add the last step to the hash, the invariants and the times in states: its scans, its mail, and the new state of the world.
@@ -134,10 +167,10 @@ class Engine:
         A step is added only once. Every other method that needs or changes these figures calls this first.
         """
         if self._stepped is not None:
-            (scans, actions, heard, events), self._stepped = self._stepped, None
-            self._digest = next_digest(self._digest, self.world, scans, heard)
+            (ranges, heard, events), self._stepped = self._stepped, None
+            self._digest = next_digest(self._digest, self.world, ranges, heard)
             self._invariants.update(self.world, events)
-            self._states.update(self.world, actions)
+            self._states.update(self.world, self.answers)
 
     def violations(self) -> list[str]:
         """Return a sentence for each invariant that the run has broken. Call it at the end of a run."""
@@ -160,28 +193,23 @@ class Engine:
         self._news += [Event(self.tick, what, name) for name in changed]
         return changed
 
-    def _twists(self, actions: Mapping[str, Action]) -> np.ndarray:
-        twists = (actions[name].twist if name in actions else STILL for name in self.layout.names)
-        return np.fromiter(chain.from_iterable(twists), dtype=np.float64).reshape(-1, 3)
-
     def _deeds(self, actions: Mapping[str, Action]) -> list[tuple[int, Deed]]:
         """In body order."""
         doers = sorted(self.layout.index[name] for name, action in actions.items() if action.deeds and name in self.layout.index)
         return [(i, deed) for i in doers for deed in actions[self.layout.names[i]].deeds]
 
 
-_NOTHING = np.zeros(0, dtype=np.float32)
 _LITTLE = {kind: np.dtype(f"<{kind}") for kind in ("f8", "f4", "i8", "b1")}
 
 
-def next_digest(before: bytes, world: World, scans: Sequence[np.ndarray], mail_digests: Mapping[str, bytes]) -> bytes:
+def next_digest(before: bytes, world: World, ranges: np.ndarray, mail_digests: Mapping[str, bytes]) -> bytes:
     """Return SHA-256 over all state of a run, 32 bytes. Each tick's digest includes the one before.
 
-    `scans`: those that the agents received (float32); `mail_digests`: name -> digest of the mail that the agent heard.
+    `ranges`: the scans of all bodies, one after another (float32); `mail_digests`: name -> digest of the mail that the agent heard.
     """
     sha = hashlib.sha256(before)
     sha.update(b"%d %d %d\n" % (world.tick, world.delivered, len(mail_digests)))
-    for array in (world.pose, world.coupled, world.fill, world.row_picked, world.alive, np.concatenate([_NOTHING, *scans])):
+    for array in (world.pose, world.coupled, world.fill, world.row_picked, world.alive, ranges):
         sha.update(np.ascontiguousarray(array, dtype=_LITTLE[array.dtype.kind + str(array.itemsize)]).data)  # the same on every machine
     for name in sorted(mail_digests):
         sha.update(b"%d %d " % (len(name.encode()), len(mail_digests[name])) + name.encode() + mail_digests[name])

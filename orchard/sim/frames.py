@@ -29,6 +29,7 @@ class FrameBuilder:
         world = self._world
         if world.tick % WHOLE_TICKS == 0:
             self.forget()
+        is_whole = not self._shown  # not: all fields are there; after some ticks without a frame they may all have changed
         news = self._news_of(as_shown(world, actions))
         return Frame(
             tick=world.tick,
@@ -42,6 +43,7 @@ class FrameBuilder:
             row_picked=self._if_changed("row_picked", world.row_picked),
             delivered=world.delivered,
             events=events,
+            is_whole=is_whole,
         )
 
     def forget(self) -> None:

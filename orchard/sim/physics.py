@@ -25,8 +25,8 @@ FACING = 1e-6  # rad
 _ARGUMENTS = attrgetter(  # of the kernel `advance`: each parameter's place in the world
     *in_order(
         advance,
-        {name: name for name in ("twist", "pose", "coupled", "fill", "distance", "refused", "held", "blocked", "row_picked", "row_from")}
-        | {name: f"fixed.{name}" for name in Fixed._fields if name != "carriers"},
+        {name: name for name in ("twist", "pose", "coupled", "fill", "distance", "collisions", "held", "blocked", "row_picked", "row_from")}
+        | {name: f"fixed.{name}" for name in Fixed._fields if name not in ("carriers", "walls_in_sight")},
         skip=1,
     )
 )

@@ -73,7 +73,7 @@ def _faults(world: World) -> Iterator[str]:
         "bay_ticks": (world.bay_ticks, 0, LAST_TICK),
         "delivered": (world.delivered, 0, LAST_TICK),
         "distance": (world.distance, 0.0, FURTHEST),
-        "refused": (world.refused, 0, LAST_TICK),
+        "collisions": (world.collisions, 0, LAST_TICK),
         "held": (world.held, 0, LAST_TICK),
     }
     for name, (value, least, most) in spans.items():

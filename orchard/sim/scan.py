@@ -5,20 +5,22 @@ The ranges to oriented boxes are exact: see kernels/laser.py. Figures: docs/refe
 """
 
 import hashlib
+from collections.abc import Iterator, Mapping
+from functools import cache
 
 import numpy as np
 
-from orchard.contract.agent import Hitch, Observations
+from orchard.contract.agent import Hitch, Observations, Scans
 from orchard.field import repeatable
 from orchard.field.geometry import Twist
 from orchard.field.kinds import AROUND, KINDS, LASER_RANGE, Laser
 from orchard.field.layout import ROW_LENGTH
 from orchard.sim.kernels.boxes import RADIUS
-from orchard.sim.kernels.grid import frame_of, grid_of
+from orchard.sim.kernels.grid import frame_of
 from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.laser import STEPS, add_noise, cast_all
 from orchard.sim.kernels.move import quaternions
-from orchard.sim.world import World
+from orchard.sim.world import NONE, World
 
 _FORWARD = KINDS["picker"].laser
 
@@ -27,16 +29,16 @@ class Scanner:
     """All lasers of an orchard, one for each body."""
 
     def __init__(self, world: World) -> None:
-        layout, walls, bodies = world.layout, world.fixed.walls, world.fixed.shapes.copy()
+        layout, fixed, bodies = world.layout, world.fixed, world.fixed.shapes.copy()
         lasers = [KINDS[start.kind].laser for start in layout.starts]
         begin = np.cumsum([0] + [laser.beams for laser in lasers], dtype=np.int64)
         (front_beams, front_table), (round_beams, round_table) = _fan(_FORWARD), _fan(AROUND)
         constant = {
             "bodies": bodies,
-            "solid": world.fixed.solid,
-            "walls": walls,
-            **{f"wall_{name}": array for name, array in grid_of(walls, LASER_RANGE)._asdict().items()},
-            "body_frame": frame_of(walls, LASER_RANGE + float(bodies[:, RADIUS].max(initial=0.0))),
+            "solid": fixed.solid,
+            "walls": fixed.walls,
+            **{f"wall_{name}": array for name, array in fixed.walls_in_sight._asdict().items()},
+            "body_frame": frame_of(fixed.walls, LASER_RANGE + float(bodies[:, RADIUS].max(initial=0.0))),
             "ahead": np.array([laser.ahead for laser in lasers], dtype=np.float64),
             "around": np.array([laser is AROUND for laser in lasers], dtype=np.bool_),
             "begin": begin,
@@ -46,28 +48,27 @@ class Scanner:
             "round_table": round_table,
         }
         self._constant = in_order(cast_all, constant, skip=3)
-        self._begin, self._beams = begin, int(begin[-1])
-        self._slices = [slice(*pair) for pair in zip(begin[:-1].tolist(), begin[1:].tolist(), strict=True)]
+        self.begin, self._beams, self._begin = begin, int(begin[-1]), begin.tolist()
         self._noise = layout.scenario.laser.noise
         self._keys = np.array([_noise_key(layout.scenario.seed, name) for name in layout.names], dtype=np.uint64)
 
-    def scan(self, world: World) -> list[np.ndarray]:
+    def scan(self, world: World) -> Scans:
         """Return the ranges of each body now, in body order: (180,) or (60,) float32, m, +inf without a return.
 
         The arrays are new at each call. They are read-only views of bytes, as those that come over the network.
         """
-        ranges = np.frombuffer(self.ranges(world).astype("<f4").tobytes(), "<f4")
-        return [ranges[part] for part in self._slices]
+        return Scans(np.frombuffer(self.ranges(world).astype("<f4").tobytes(), "<f4"), self._begin)
 
     def ranges(self, world: World) -> np.ndarray:
         """Return the ranges of all bodies in one array, (all beams,) float64, m, before `scan` rounds them."""
         ranges = np.empty(self._beams)
         cast_all(world.pose, world.alive, ranges, *self._constant)
         if self._noise > 0.0:
-            add_noise(self._keys, world.tick, self._noise, self._begin, ranges)
+            add_noise(self._keys, world.tick, self._noise, self.begin, ranges)
         return ranges
 
 
+@cache
 def _fan(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
     """The beams' cosines and sines, (2, beams), and the fractional beam index at each step of the diamond, (4 STEPS + 2,)."""
     beams = np.array([repeatable.sin_cos(laser.first + k * laser.increment)[::-1] for k in range(laser.beams)]).T.copy()
@@ -81,18 +82,32 @@ def _noise_key(seed: int, name: str) -> int:
     return int.from_bytes(digest, "little")
 
 
-def observe(world: World, scans: list[np.ndarray]) -> Observations:
+def observe(world: World, scans: Scans) -> Observations:
     """Return the observations of all bodies now, in body order; scans: as `Scanner.scan` returns them."""
     names = world.layout.names
     states = np.concatenate((world.pose[:, :2], quaternions(world.pose), world.twist), axis=1)
-    coupled = np.flatnonzero(world.coupled >= 0).tolist()
-    robots = world.fixed.tows > 0.0
-    hitches = {names[i]: _hitch(world, states, scans, int(world.coupled[i]), bool(robots[i])) for i in coupled}
     fills = {names[i]: float(world.fill[i]) for i in np.flatnonzero(world.fill).tolist()}
-    return Observations(world.tick, names, states, scans, hitches, fills, {name for name, fill in fills.items() if fill >= ROW_LENGTH})
+    full = {name for name, fill in fills.items() if fill >= ROW_LENGTH}
+    return Observations(world.tick, world.layout.index, states, scans, _Hitches(world, states, scans), fills, full)
 
 
-def _hitch(world: World, states: np.ndarray, scans: list[np.ndarray], other: int, tows: bool) -> Hitch:
-    """The body at the other end of the bar, with its scan if it is towed."""
-    x, y, z, w, vx, vy, turn = states[other].tolist()
-    return Hitch(world.layout.names[other], x, y, (z, w), Twist(vx, vy, turn), scans[other] if tows else None)
+class _Hitches(Mapping[str, Hitch]):
+    """Coupled body -> the body at the other end of the bar, with its scan if it is towed; each is made when it is asked for."""
+
+    def __init__(self, world: World, states: np.ndarray, scans: Scans) -> None:
+        self._layout, self._tows, self._coupled = world.layout, world.fixed.tows, world.coupled.copy()
+        self._states, self._scans = states, scans
+
+    def __getitem__(self, name: str) -> Hitch:
+        i = self._layout.index[name]
+        other = int(self._coupled[i])
+        if other == NONE:
+            raise KeyError(name)
+        x, y, z, w, vx, vy, turn = self._states[other].tolist()
+        return Hitch(self._layout.names[other], x, y, (z, w), Twist(vx, vy, turn), self._scans[other] if self._tows[i] > 0.0 else None)
+
+    def __iter__(self) -> Iterator[str]:
+        return (self._layout.names[i] for i in np.flatnonzero(self._coupled != NONE).tolist())
+
+    def __len__(self) -> int:
+        return int(np.count_nonzero(self._coupled != NONE))

@@ -8,6 +8,7 @@ import hashlib
 import os
 import re
 import stat
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,7 +18,7 @@ from msgspec import Meta
 from orchard.contract.messages import Written, pack, unpack
 from orchard.sim.disk import write_whole
 
-VERSION = 3
+VERSION = 4
 HEAD = b"orchard snapshot %d\n"
 LARGEST = 1 << 24  # bytes; the snapshot of the largest orchard has a hundredth of that
 KEPT = 2  # files: the newest two
@@ -96,20 +97,29 @@ def _opened(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK)  # of a pipe it would wait for a writer
 
 
-def newest(folder: Path, refused: list[str], run: str = "") -> Snapshot:
+def newest(folder: Path, refused: list[str], run: str = "", examine: Callable[[Snapshot], object] = lambda snapshot: snapshot) -> Snapshot:
     """Return the newest usable snapshot in a folder; append the faults of newer ones to `refused`. Raises SnapshotError if there is none.
 
-    `run`: the id of the run to which it must belong, if it names one; '' for any.
+    `run`: the id of the run to which it must belong, if it names one; '' for any. `examine`: raises SnapshotError for impossible content.
     """
     for path in _newest_first(folder):
         try:
             found = read(path)
             if run and found.run not in ("", run):
                 raise SnapshotError(f"{path}: of another run, {found.run}; expected {run}")
+            _examined(path, found, examine)
             return found
         except SnapshotError as error:
             refused.append(str(error))
     raise SnapshotError("; ".join([*refused, f"{folder}: no usable snapshot"]))
+
+
+def _examined(path: Path, snapshot: Snapshot, examine: Callable[[Snapshot], object]) -> None:
+    """Examine a snapshot; an error names its file."""
+    try:
+        examine(snapshot)
+    except SnapshotError as error:
+        raise SnapshotError(f"{path}: {error}") from error
 
 
 def _newest_first(folder: Path) -> list[Path]:

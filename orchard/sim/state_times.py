@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any, get_args
 
 import msgspec
+import numpy as np
 
 from orchard.contract.agent import Action, State, state_of
 from orchard.field.kinds import kind_of
@@ -31,34 +32,45 @@ class StateTimes:
         robots = [name for name in world.layout.names if kind_of(name) in ROBOTS]
         new = StateCounts(world.tick, {name: [0] * len(STATES) for name in robots})
         known = new if data is None else msgspec.convert(data, StateCounts)
-        self.counts = StateCounts(known.since, {name: known.ticks[name] for name in robots}, known.stopped)
-        if any(len(ticks) != len(STATES) for ticks in self.counts.ticks.values()):
+        self._known = StateCounts(known.since, {name: known.ticks[name] for name in robots}, known.stopped)
+        if any(len(ticks) != len(STATES) for ticks in self._known.ticks.values()):
             raise ValueError(f"states: each robot must have {len(STATES)} numbers")
+        self._row = {name: row for row, name in enumerate(robots)}
+        self._body = np.array([world.layout.index[name] for name in robots], dtype=np.int64)
+        self._ticks = np.array(list(self._known.ticks.values()), dtype=np.int64).reshape(-1, len(STATES))
+        self._stopped = np.array([self._known.stopped.get(name, 0) for name in robots], dtype=np.int64)
+        self._now = np.full(len(robots), _NUMBER["resting"])  # the number of each robot's state
+        self._rows = np.arange(len(robots))
 
-    def update(self, world: World, actions: Mapping[str, Action]) -> None:
-        """Count the tick that has just ended. A robot without an action rests."""
-        counts, stopped = self.counts, world.stopped.tolist()
-        for name, ticks in counts.ticks.items():
-            if stopped[world.layout.index[name]]:
-                ticks[_NUMBER["stopped"]] += 1
-                counts.stopped[name] = counts.stopped.get(name, 0) + 1
-            else:
-                ticks[_NUMBER[state_of(actions[name]) if name in actions else "resting"]] += 1
+    @property
+    def counts(self) -> StateCounts:
+        """The ticks so far, as plain data."""
+        stopped = {name: ticks for name, ticks in zip(self._row, self._stopped.tolist(), strict=True) if ticks}
+        return StateCounts(self._known.since, dict(zip(self._row, self._ticks.tolist(), strict=True)), stopped)
+
+    def update(self, world: World, answers: Mapping[str, Action | None]) -> None:
+        """Count the tick that has just ended. `answers`: of the agents that were asked. A robot without an action rests."""
+        for name, action in answers.items():
+            if (row := self._row.get(name)) is not None:
+                self._now[row] = _NUMBER["resting" if action is None else state_of(action)]
+        stopped = world.stopped[self._body]
+        self._ticks[self._rows, np.where(stopped, _NUMBER["stopped"], self._now)] += 1
+        self._stopped += stopped
 
     def faults(self, world: World) -> list[str]:
         """Return a sentence for each robot if its states do not add up to the run."""
-        run = world.tick - self.counts.since
+        run = world.tick - self._known.since
         sums = [(name, sum(ticks)) for name, ticks in self.counts.ticks.items()]
         return [f"tick {world.tick}: {name}'s states add up to {ticks} ticks, the run to {run}" for name, ticks in sums if ticks != run]
 
     def figures(self) -> dict[str, Any]:
         """Return figures for the summary, s: the time of each kind in each state, all robots together, and of each robot under a stop."""
-        kinds: dict[str, dict[str, float]] = {}
+        kinds, counts = dict[str, dict[str, float]](), self.counts
         for kind in ROBOTS:
-            of_kind = [ticks for name, ticks in self.counts.ticks.items() if kind_of(name) == kind]
+            of_kind = [ticks for name, ticks in counts.ticks.items() if kind_of(name) == kind]
             spent = {state: _seconds(sum(ticks[number] for ticks in of_kind)) for state, number in _NUMBER.items()}
             kinds |= {kind: {state: seconds for state, seconds in spent.items() if seconds}} if of_kind else {}
-        return {"state_seconds": kinds, "stopped_seconds": {name: _seconds(ticks) for name, ticks in self.counts.stopped.items()}}
+        return {"state_seconds": kinds, "stopped_seconds": {name: _seconds(ticks) for name, ticks in counts.stopped.items()}}
 
 
 def _seconds(ticks: int) -> float:

@@ -4,15 +4,16 @@ Only physics changes it. It contains all state that a snapshot must hold; consta
 """
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from orchard.field.kinds import KINDS
-from orchard.field.layout import Layout
+from orchard.field.kinds import KINDS, LASER_RANGE
+from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.kernels.boxes import RADIUS, boxes_of
-from orchard.sim.kernels.grid import frame_of, grid_of
+from orchard.sim.kernels.grid import Grid, frame_of, grid_of
 from orchard.sim.kernels.move import NONE
 
 CELL = 10.0  # m: the smallest cell; smaller cells cost more time than they save
@@ -37,9 +38,11 @@ class Fixed(NamedTuple):
     wall_frame: np.ndarray  # the Grid of the walls that a body in each cell could touch
     wall_begin: np.ndarray
     wall_members: np.ndarray
+    walls_in_sight: Grid  # the Grid of the walls that a laser in each cell could reach
     body_frame: np.ndarray  # of a Grid of bodies: two that could touch within a step are in the same cell or in neighbouring cells
 
 
+@lru_cache(maxsize=KEPT_LAYOUTS)
 def fixed_of(layout: Layout) -> Fixed:
     """Return the constants of a layout."""
     kinds = [KINDS[start.kind] for start in layout.starts]
@@ -60,6 +63,7 @@ def fixed_of(layout: Layout) -> Fixed:
         np.array([lane.y for lane in layout.lanes]),
         walls,
         *grid_of(walls, radius),
+        grid_of(walls, LASER_RANGE),
         frame_of(walls, max(CELL, 2.0 * (radius + step))),
     )
 
@@ -82,9 +86,9 @@ class World:
         self.bay_ticks = np.zeros(n, dtype=np.int64)  # of bins, ticks at rest in the bay since it last moved
         self.delivered = 0  # bins unloaded
         self.distance = np.zeros(n)  # metres driven
-        self.refused = np.zeros(n, dtype=np.int64)  # steps refused because of an obstacle
+        self.collisions = np.zeros(n, dtype=np.int64)  # that this body began; a collision lasts while its steps meet an obstacle
         self.held = np.zeros(n, dtype=np.int64)  # steps refused because of the coupled bin
-        self.blocked = np.zeros(n, dtype=bool)  # the last step met an obstacle
+        self.blocked = np.zeros(n, dtype=bool)  # in a collision: the last step met an obstacle, and was refused
         self.stopped = np.zeros(n, dtype=bool)  # latched by an emergency stop; see stops.py
         for robot in layout.starts:
             if robot.bin:

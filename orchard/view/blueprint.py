@@ -4,17 +4,19 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from orchard.field.layout import ROW_WEST, TOP, Layout
-from orchard.view import palette
+from orchard.view import legend, palette
+from orchard.view.focus import FOCUS
 from orchard.view.scenery import PLAN_CAMERA, plan_size
 
 TIMELINE = "sim_time"
-PIN_RADIUS, PIN_RADIUS_PLAN = 0.6, -5.0  # radius of a pin: m in the 3-D views; on the plan a negative number, in screen points
+PIN_FAR, PIN_NEAR, PIN_ON_THE_PLAN = 0.6, 0.4, -5.0  # radius of a pin, m; a negative number is in screen points
 HEADROOM = 1.6  # upper end of a plot's axis, as a multiple of the highest possible value: the legend lies above the curves
 FEW = 8  # robots: up to this number, all histories fit without scrolling
 TITLE, AXIS = 0.7, 0.6  # heights of a history's title and time axis, as fractions of a robot's line
 
 IN_SPACE = ["world/**", "canopy/**", "scans/**", "pins/**", "talk/**"]
-WITHOUT_ROOF = ["world/**", "scans/**", "pins/**", "talk/**", "canopy/wires", "canopy/fruit/**"]
+BELOW_CROWNS = ["world/**", "scans/**", "pins/**", "talk/**", "focus", "canopy/wires", "canopy/crowns", "canopy/shade"]
+BESIDE = (-12.5, -4.0, 7.0)  # m from the focus to its camera, which looks along the rows: in a row no tree hides a robot
 PICKERS, OTHERS = ["world/pickers/**"], ["world/carriers/**", "world/tractors/**"]
 ON_THE_PLAN = ["world/**", "plan/**", "pins/**", "talk/**", "scans/**"]
 
@@ -30,14 +32,33 @@ def blueprint(layout: Layout) -> rrb.Blueprint:
         left = rrb.Vertical(spaces, histories, row_shares=[10, 10])
         pictures: rrb.Container = rrb.Horizontal(left, plan, column_shares=[12, 10])
     else:
-        pictures = rrb.Vertical(spaces, rrb.Horizontal(plan, histories, column_shares=[1, 1]), row_shares=[12, 10])
+        pictures = rrb.Vertical(spaces, rrb.Horizontal(plan, histories, column_shares=[1, 1]), row_shares=[11, 10])
     plots = _plot("Bins", "metrics/bins", layout.scenario.rows), _plot("Robots", "metrics/robots", max(pickers, carriers))
     figures = rrb.Vertical(*plots, _events(), row_shares=[3, 3, 4])
+    views = rrb.Horizontal(rrb.Vertical(pictures, _legend(), row_shares=[15, 1]), figures, column_shares=[11, 4])
+    return _of(views, rrb.PanelState.Collapsed)
+
+
+def for_page(layout: Layout) -> rrb.Blueprint:
+    """Return a small blueprint, for a page that draws the figures itself: the 3-D views and the plan, side by side if the plan is high."""
+    both, hidden = (_spaces(layout), _plan()), rrb.PanelState.Hidden
+    views = rrb.Horizontal(*both, column_shares=[12, 10]) if _is_high(layout) else rrb.Vertical(*both, row_shares=[12, 10])
+    return _of(views, hidden, rrb.TopPanel(state=hidden))
+
+
+def for_film(layout: Layout) -> rrb.Blueprint:
+    """Return a blueprint with the first view alone."""
+    return _of(rrb.Vertical(_at_work(layout)), rrb.PanelState.Hidden)
+
+
+def _of(views: rrb.Container, panels: rrb.PanelState, *more: rrb.TopPanel) -> rrb.Blueprint:
+    """Return the blueprint of these views. `panels`: the state of the panels that its user seldom needs."""
     return rrb.Blueprint(
-        rrb.Horizontal(rrb.Vertical(pictures, _legend(), row_shares=[22, 1]), figures, column_shares=[11, 4]),
+        views,
         rrb.TimePanel(state=rrb.PanelState.Collapsed, timeline=TIMELINE, playback_speed=4.0),
-        rrb.BlueprintPanel(state=rrb.PanelState.Collapsed),
-        rrb.SelectionPanel(state=rrb.PanelState.Collapsed),
+        rrb.BlueprintPanel(state=panels),
+        rrb.SelectionPanel(state=panels),
+        *more,
         auto_views=False,
         auto_layout=False,
     )
@@ -63,25 +84,28 @@ def _history(name: str, contents: list[str], titlebar: bool = True) -> rrb.State
 def _legend() -> rrb.Spatial2DView:
     return rrb.Spatial2DView(
         name="Colours",
-        origin=palette.LEGEND,
+        origin=legend.LEGEND,
         titlebar=False,
         background=(13, 16, 17),
-        visual_bounds=rrb.VisualBounds2D(x_range=(0.0, palette.ENDS[-1]), y_range=(0.0, palette.LINE)),
+        visual_bounds=rrb.VisualBounds2D(x_range=(0.0, legend.WIDTH), y_range=(0.0, legend.HEIGHT)),
     )
 
 
 def _spaces(layout: Layout) -> rrb.Tabs:
-    """Return three views: from outside the orchard, from below its roof, and following the first picker without the roof."""
-    first = next(start for start in layout.starts if start.kind == "picker").name
-    y = layout.lane(layout.blocks[first][0]).y
+    """Return three views: where the work is, from outside the orchard, and from below its roof."""
+    y = layout.lane(1).y
     inside = _eye((ROW_WEST - 5.5, y - 1.2, 2.2), (ROW_WEST + 14.0, y + 0.4, 1.0))
-    following = _eye((ROW_WEST - 14.0, y - 12.0, 9.0), (ROW_WEST, y, 0.0), follow=f"world/pickers/{first}")
     return rrb.Tabs(
+        _at_work(layout),
         _space("Orchard", IN_SPACE, _outside(layout)),
         _space("Under the pergola", IN_SPACE, inside),
-        _space(f"With {first}", WITHOUT_ROOF, following),
-        active_tab="Orchard",
     )
+
+
+def _at_work(layout: Layout) -> rrb.Spatial3DView:
+    """Return the view whose camera goes along with the focus."""
+    x, y = BESIDE[0] + ROW_WEST, BESIDE[1] + layout.lane(1).y
+    return _space("At work", BELOW_CROWNS, _eye((x, y, BESIDE[2]), (ROW_WEST, layout.lane(1).y, 1.0), follow=FOCUS), PIN_NEAR)
 
 
 def _outside(layout: Layout) -> rrb.EyeControls3D:
@@ -96,7 +120,7 @@ def _eye(position: tuple[float, float, float], target: tuple[float, float, float
     return rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=(0, 0, 1), tracking_entity=follow)
 
 
-def _space(name: str, contents: list[str], eye: rrb.EyeControls3D) -> rrb.Spatial3DView:
+def _space(name: str, contents: list[str], eye: rrb.EyeControls3D, pin: float = PIN_FAR) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         name=name,
         origin="/",
@@ -104,7 +128,7 @@ def _space(name: str, contents: list[str], eye: rrb.EyeControls3D) -> rrb.Spatia
         background=rrb.Background(kind="SolidColor", color=palette.SKY),
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=eye,
-        defaults=[rr.Points3D.from_fields(radii=[PIN_RADIUS], show_labels=False)],
+        defaults=[rr.Points3D.from_fields(radii=[pin], show_labels=False)],
     )
 
 
@@ -114,7 +138,7 @@ def _plan() -> rrb.Spatial2DView:
         origin=PLAN_CAMERA,
         contents=ON_THE_PLAN,
         background=palette.MEADOW,
-        defaults=[rr.Points3D.from_fields(radii=[PIN_RADIUS_PLAN], show_labels=False)],
+        defaults=[rr.Points3D.from_fields(radii=[PIN_ON_THE_PLAN], show_labels=False)],
     )
 
 

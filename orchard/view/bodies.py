@@ -16,15 +16,12 @@ from orchard.view.shapes import FLAG, MeshPart, body, mesh_of
 
 BRANCHES = dict.fromkeys(PEOPLE, "people") | dict.fromkeys(ANIMALS, "animals")  # kinds that share a branch of world/
 PINNED = ("picker", "carrier", "tractor")
+HIT_RADIUS = -1.8  # of a laser hit; a negative number is in screen points
 PIN_Z = 4.4  # m: well above the pergola
-SHORT = {"picker": "P", "carrier": "C", "tractor": "T"}
-SCAN_COLOURS = {"picker": (255, 0, 200), "carrier": (0, 150, 255), "tractor": (255, 40, 30)}
-OTHER_SCANS = (250, 250, 120)
 
 BIN_FLOOR, BIN_RIM = 0.2, 0.94  # z of the fruit in an empty and in a full bin, m
 FILL_STEPS = 14
 WHOLE, UNSEEN = (1.0, 1.0, 1.0), (0.01, 0.01, 0.01)  # scales of a mesh that is shown, and of one that is hidden
-NAME_ASIDE = 3.0  # m to the left, for every other carrier's name on the plan: names in a queue do not cover each other
 FRUIT = [
     MeshPart("cab", (0.88, 0.88, 1.0), (0, 0, -0.5), palette.KIWI),
     MeshPart("ball", (0.3, 0.3, 0.24), ((-0.27, 0.27), (-0.27, 0.27), 0), palette.KIWI),
@@ -63,8 +60,8 @@ class BodyView:
         if start.kind == "bin":
             self.rec.log(f"{path}/fruit", frame, mesh_of(FRUIT), static=True)
             self.rec.log(f"{path}/full", frame, mesh_of(FLAG), static=True)
-        colour = SCAN_COLOURS.get(start.kind, OTHER_SCANS)
-        self.rec.log(f"scans/{start.name}", frame, rr.Points3D.from_fields(colors=[colour], radii=[0.1]), static=True)
+        colour = palette.SCANS.get(start.kind, palette.OTHER_SCANS)
+        self.rec.log(f"scans/{start.name}", frame, rr.Points3D.from_fields(colors=[colour], radii=[HIT_RADIUS]), static=True)
 
     def _pin(self, robot: Start) -> None:
         """Log a ball on a stalk above the canopy. Its colour shows the robot's state."""
@@ -73,14 +70,6 @@ class BodyView:
         stalk = rr.LineStrips3D([[(0.0, 0.0, KINDS[robot.kind].height), (0.0, 0.0, top)]], colors=[palette.WIRE], radii=[0.04])
         self.rec.log(path, rr.CoordinateFrame(robot.name), ball, stalk, static=True)
         self.rec.log(path, rr.Points3D.from_fields(colors=[palette.STATES["resting"]]))
-        self._name(robot, top)
-
-    def _name(self, robot: Start, z: float) -> None:
-        """Log the short name on the plan, such as P03."""
-        number = robot.name[-2:]
-        place = (0.0, NAME_ASIDE * (int(number) % 2 if robot.kind == "carrier" else 0), z)
-        word = rr.Points3D([place], labels=[SHORT[robot.kind] + number], show_labels=True, radii=[0.01], colors=[palette.ROAD_EDGE])
-        self.rec.log(f"plan/names/{robot.name}", rr.CoordinateFrame(robot.name), word, static=True)
 
     def doing(self, name: str, text: str, state: State) -> None:
         """Log what a body does now: its state in the timeline, and the colour of its pin. Weeds and unknown names are ignored."""

@@ -2,10 +2,10 @@
 
 import os
 import re
+import sys
+from importlib.util import find_spec
 from itertools import count, takewhile
 from pathlib import Path
-
-import rerun_cli
 
 HEAD = b"RRF"  # with which each recording begins
 
@@ -23,6 +23,17 @@ def is_further_part(path: Path) -> bool:
 def parts_of(path: Path) -> list[Path]:
     """Return the existing parts in order, up to the first one that is missing."""
     return list(takewhile(Path.exists, (part(path, number) for number in count(1))))
+
+
+def packing(path: Path) -> Path:
+    """Return the path of the packed copy of a part while it is written. Its name is that of no recording: a kill may leave half of it."""
+    return path.with_suffix(f"{path.suffix}.packing")
+
+
+def remove_half_packed(path: Path) -> None:
+    """Delete what processes that were killed while they packed the parts of a recording have left."""
+    for whole in parts_of(path):
+        packing(whole).unlink(missing_ok=True)
 
 
 def check_recording(path: Path) -> None:
@@ -43,7 +54,6 @@ def remove_further_parts(path: Path) -> None:
 
 
 CHOSEN = "RERUN_CLI_PATH"  # Rerun's own variable; it names another program
-PACKAGED = Path(rerun_cli.__file__).with_name("rerun")  # found even if the virtual environment is not activated
 
 
 def viewer_program() -> str:
@@ -51,13 +61,29 @@ def viewer_program() -> str:
 
     `python -m rerun` is not used: it starts the program as a child, which keeps running when its parent is ended.
     """
-    path = Path(os.environ.get(CHOSEN) or PACKAGED)
+    path = Path(os.environ.get(CHOSEN) or _packaged())
     if not path.is_file():
         which = f"{CHOSEN}={path}" if os.environ.get(CHOSEN) else str(path)
         raise FileNotFoundError(f"{which}: no such program; expected Rerun's viewer, which the package rerun-sdk installs")
     return str(path)
 
 
+def _packaged() -> Path:
+    """The program of the package rerun-sdk, found even if the virtual environment is not activated; nothing is imported."""
+    found = find_spec("rerun_cli")
+    return Path("rerun" if found is None or found.origin is None else found.origin).with_name("rerun")
+
+
+SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")  # variables that name a screen on Linux
+IN_A_BROWSER = "to watch in a browser on this machine, give --web 9090, or another port"
+
+
 def window(*what: str) -> list[str]:
-    """Return the command line of a viewer window, which accepts data from this machine only. Raises FileNotFoundError."""
-    return [viewer_program(), "--bind", "127.0.0.1", *what]
+    """Return the command line of a viewer window, which accepts data from this machine only.
+
+    Raises FileNotFoundError if there is no viewer, OSError if there is no screen.
+    """
+    program = viewer_program()
+    if sys.platform == "linux" and not any(map(os.environ.get, SCREENS)):
+        raise OSError(f"no screen for the viewer's window: neither DISPLAY nor WAYLAND_DISPLAY is set; {IN_A_BROWSER}")
+    return [program, "--bind", "127.0.0.1", *what]

@@ -1,9 +1,6 @@
-"""Colours (sRGB) of states, arcs and the field, and the legend that explains them."""
+"""Colours (sRGB) of states, arcs, laser hits and the field."""
 
-from itertools import accumulate
 from typing import NamedTuple
-
-import rerun as rr
 
 from orchard.contract.agent import State
 
@@ -28,12 +25,12 @@ class Line(NamedTuple):
 
     colour: Colour
     seconds: float  # for which it is shown
-    radius: float  # m
+    radius: float  # screen points
     rank: int  # if there are too many arcs, those of lower rank are left out
 
 
-_ASKED, _OFFERED = Line((255, 90, 170), 1.5, 0.05, 1), Line((255, 200, 60), 1.5, 0.05, 0)
-_SENT, _TOLD = Line((60, 220, 120), 5.0, 0.14, 3), Line((60, 200, 255), 4.0, 0.1, 2)
+_ASKED, _OFFERED = Line((255, 90, 170), 1.5, 1.0, 1), Line((255, 200, 60), 1.5, 1.0, 0)
+_SENT, _TOLD = Line((60, 220, 120), 5.0, 2.5, 3), Line((60, 200, 255), 4.0, 2.0, 2)
 TALK: dict[str, Line] = {
     "call": _ASKED,
     "emptybin": _ASKED,
@@ -42,7 +39,7 @@ TALK: dict[str, Line] = {
     "yes": _SENT,
     "carrier": _TOLD,
     "here": _TOLD,
-    "no": Line((170, 170, 170), 1.0, 0.05, 0),
+    "no": Line((170, 170, 170), 1.0, 1.0, 0),
 }
 QUIET = frozenset({"claim", "places", "state", "binstate", "confirm", "where", "position", "no", "deedrefused"})  # logged as DEBUG
 
@@ -51,6 +48,9 @@ def plain(what: str) -> str:
     """Return the key of an event's word in these tables: lower case, without spaces and underscores."""
     return what.lower().replace(" ", "").replace("_", "")
 
+
+SCANS: dict[str, Colour] = {"picker": (255, 0, 200), "carrier": (0, 150, 255), "tractor": (255, 40, 30)}  # of the laser hits of a kind
+OTHER_SCANS: Colour = (250, 250, 120)
 
 GRASS, MOWN, SOIL, BARE = (92, 134, 62), (102, 146, 70), (158, 130, 96), (116, 96, 70)
 MEADOW = (98, 136, 70)
@@ -62,25 +62,6 @@ LEAVES: tuple[Colour, ...] = ((78, 142, 56), (92, 158, 62), (66, 128, 50), (108,
 VINE: tuple[Colour, ...] = ((124, 186, 76), (108, 172, 66), (138, 198, 88))
 KIWI, KIWI_FLESH = (124, 90, 46), (148, 178, 60)
 BAR = (236, 236, 240)
+YELLOW, PAINT = (255, 214, 0), (250, 250, 245)
 SHADE = (24, 40, 16)
 SKY = (206, 224, 238)
-
-
-# -- the legend: a strip of words, each in the colour that it explains
-
-LEGEND = "legend"
-LETTER, GAP, LINE = 6.4, 16.0, 36.0  # screen points, approximate: width of a letter, gap between two words, height of the strip
-ARCS = {"asked": "call", "answered": "offer", "sent": "come", "told": "here"}  # words of the legend -> events
-
-
-TALKED = [(word, TALK[said].colour) for word, said in ARCS.items()]
-ENTRIES: list[tuple[str, Colour]] = [("A pin:", WIRE), *STATES.items(), ("An arc:", WIRE), *TALKED]
-ENDS = list(accumulate(LETTER * len(word) + GAP for word, _ in ENTRIES))  # x of the right end of each word and half a gap, screen points
-
-
-def log_legend(rec: rr.RecordingStream) -> None:
-    """Log the legend once. It is the same in every recording."""
-    words, colours = zip(*ENTRIES, strict=True)
-    middles = [(end - (LETTER * len(word) + GAP) / 2, 0.38 * LINE) for word, end in zip(words, ENDS, strict=True)]
-    radii = [0.01 if word.endswith(":") else -5.0 for word in words]
-    rec.log(LEGEND, rr.Points2D(middles, labels=words, colors=colours, radii=radii, show_labels=True), static=True)

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from rerun.chunk import Chunk, RrdReader
 
 from orchard.field.scenario import TIME_STEP
-from orchard.view.files import part, parts_of, viewer_program
+from orchard.view.files import packing, part, parts_of, viewer_program
 from orchard.view.palette import Colour
 
 POSES = "/tf"  # entity with a value at the last tick of a part
@@ -78,7 +78,7 @@ def optimize(path: str | Path) -> None:
 
     Raises OSError if that fails, as on a full disk; then the file stays as it is.
     """
-    packed = Path(path).with_suffix(".packed.rrd")
+    packed = packing(Path(path))
     command = [viewer_program(), "rrd", "optimize", "--continue-on-error", str(path), "-o", str(packed)]
     try:
         subprocess.run(command, check=True, capture_output=True, timeout=600)

@@ -4,6 +4,7 @@ Moving things are sent in chunks of a second. What changes rarely is sent when i
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,9 @@ from orchard.view import palette
 from orchard.view.blueprint import TIMELINE, blueprint
 from orchard.view.bodies import BodyView, RowView, indices
 from orchard.view.disk import RecordingFile
-from orchard.view.palette import log_legend
+from orchard.view.focus import FOCUS, Focus, log_focus
+from orchard.view.legend import log_legend
+from orchard.view.names import NameView
 from orchard.view.reader import LEFT_OUT, MISSING, SINCE
 from orchard.view.scenery import log_scenery
 from orchard.view.talk import Talk, gathered, level_of, line_of
@@ -34,7 +37,7 @@ SCANNED = ("picker", "carrier", "tractor", "worker", "visitor", "dog", "cat")
 SERIES: dict[str, tuple[str, palette.Colour, float]] = {
     "metrics/bins/delivered": ("delivered", (76, 175, 80), 2.5),
     "metrics/bins/full": ("full, not yet unloaded", (235, 120, 40), 4.5),
-    "metrics/bins/rows_picked": ("rows picked", (140, 110, 60), 1.5),
+    "metrics/bins/rows_picked": ("rows picked", (255, 240, 190), 1.5),
     "metrics/robots/pickers_waiting": ("pickers waiting", (255, 160, 20), 2.0),
     "metrics/robots/carriers_busy": ("carriers busy", (45, 140, 240), 2.0),
 }
@@ -55,16 +58,19 @@ class Recorder:
         self.rec.set_time(TIMELINE, duration=0.0)
         log_scenery(self.rec, layout)
         log_legend(self.rec)
+        log_focus(self.rec)
         for series, (name, colour, width) in SERIES.items():
             style = rr.SeriesLines(names=[name], colors=[colour], widths=[width], interpolation_mode="StepAfter")
             self.rec.log(series, style, static=True)
         self.bodies, self.rows, self.talk = BodyView(self.rec, layout), RowView(self.rec, layout), Talk(self.rec, layout)
+        self.names, self.focus = NameView(self.rec, layout), Focus(layout)
+        self._frames = [*layout.names, FOCUS]
         self._scan_chunk = CHUNK_TICKS if serve else SCAN_CHUNK_TICKS
         self._scanned = indices(layout, SCANNED)
         self._poses: list[tuple[int, np.ndarray]] = []
         self._scans: list[tuple[int, Sequence[np.ndarray | None]]] = []
         self._events: list[tuple[int, str, str]] = []  # tick, line, level
-        self._last = np.full((len(layout.names), 3), np.nan)  # the poses that were last sent
+        self._last = np.full((len(self._frames), 3), np.nan)  # the poses that were last sent
         self._newest = 0  # tick
         self._doing: dict[str, tuple[str, State]] = {}
         self._gauges: dict[str, float] = {}
@@ -82,12 +88,22 @@ class Recorder:
         return server.uri if server is not None else ""
 
     def tick(self, frame: Frame) -> None:
-        """Record one frame. Frames come in order; ticks may be left out."""
+        """Record one frame. Frames come in order; ticks may be left out. If the first one is of tick 1, the start is recorded too."""
+        if frame.tick == 1 and self._second < 0:
+            self._record(self._start_of(frame))
+        self._record(frame)
+
+    def _start_of(self, first: Frame) -> Frame:
+        """Return the frame of tick 0. The agents already do then what the first frame says."""
+        starts = np.array([start.pose for start in self.layout.starts])
+        return replace(first, tick=0, poses=starts, scans=None, delivered=0, events=(), left_out=0)
+
+    def _record(self, frame: Frame) -> None:
         self.rec.set_time(TIMELINE, duration=frame.tick * TIME_STEP)
         is_due = frame.tick // CHUNK_TICKS > self._second
         self._newest = frame.tick
         self._left_out += frame.left_out
-        self._poses.append((frame.tick, np.array(frame.poses, dtype=np.float64)))
+        self._poses.append((frame.tick, np.vstack([frame.poses, self.focus.follow(frame)])))
         if frame.scans is not None and frame.tick % SCAN_TICKS == 0:
             self._scans.append((frame.tick, frame.scans))
         self._changes(frame)
@@ -146,7 +162,7 @@ class Recorder:
             changed = (np.array(poses) != np.array([self._last, *poses[:-1]])).any(axis=2)
             changed[-1, 0] = True  # the newest tick always gets a row: it shows how far the recording reaches
             when, which = changed.nonzero()
-            columns = _transforms(np.array(poses)[when, which], [self.layout.names[i] for i in which])
+            columns = _transforms(np.array(poses)[when, which], [self._frames[i] for i in which])
             self.rec.send_columns("/tf", indexes=[_times(np.array(ticks)[when])], columns=columns)
             self._last = poses[-1]
             self._poses.clear()
@@ -185,6 +201,7 @@ class Recorder:
             if self._doing.get(name) != (text, state):
                 self._doing[name] = text, state
                 self.bodies.doing(name, text, state)
+        self.names.show(frame.tick, frame.poses)
         news = [event for event in frame.events if self.talk.is_news(frame.tick, event)]
         lines = gathered(news)
         for event in lines:

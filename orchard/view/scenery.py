@@ -68,6 +68,7 @@ def _ground(layout: Layout) -> list[MeshPart]:
         _slab(*drive, DRIVEWAY_Z, palette.ROAD_EDGE),
         _slab(drive.west + 0.4, drive.south + 0.4, drive.east - 0.4, drive.north - 0.4, DRIVEWAY_Z + 0.06, palette.GRAVEL),
         *_bay(),
+        *_queue(layout),
     ]
 
 
@@ -93,9 +94,17 @@ def _lawn(layout: Layout) -> list[MeshPart]:
 def _bay() -> list[MeshPart]:
     """Return the white marking of the unloading bay."""
     west, south, east, north = field.BAY
-    z, white = DRIVEWAY_Z + 0.12, (250, 250, 245)
-    sides = [_slab(west, y, east, y + 0.15, z, white) for y in (south, north - 0.15)]
-    return sides + [_slab(x, south, x + 0.15, north, z, white) for x in (west, east - 0.15)]
+    z = DRIVEWAY_Z + 0.12
+    sides = [_slab(west, y, east, y + 0.15, z, palette.PAINT) for y in (south, north - 0.15)]
+    return sides + [_slab(x, south, x + 0.15, north, z, palette.PAINT) for x in (west, east - 0.15)]
+
+
+def _queue(layout: Layout) -> list[MeshPart]:
+    """Return the white lines in which the carriers of this orchard wait, one line on each side of them."""
+    places = [field.queue_place(number) for number in range(layout.scenario.carrier_count)]
+    lines = {y: min(place.x for place in places if place.y == y) - 3.5 for _, y, _ in places}
+    beside = [(west, y + side) for y, west in lines.items() for side in (-1.1, 1.1)]
+    return [_slab(west, y - 0.075, field.QUEUE_HEAD + 1.4, y + 0.075, ROW_Z, palette.PAINT) for west, y in beside]
 
 
 def _fences(layout: Layout) -> list[MeshPart]:
@@ -126,13 +135,11 @@ def _wires(layout: Layout) -> list[np.ndarray]:
 
 
 def _plan_canopy(rec: rr.RecordingStream, layout: Layout, lanes: list[float]) -> None:
-    """Log the plan's canopy, flat and transparent, and the row numbers beside it."""
+    """Log the plan's canopy, flat and transparent."""
     patches = MeshPart("box", (1.7, layout.scenario.row_width - 0.5, 0.02), (field.TREES_X, lanes, 3.2), palette.VINE[0])
     crowns = MeshPart("drum", (5.5, 1.4, 0.02), (field.TREES_X, layout.tree_lines, 3.4), palette.LEAVES[0])
     rec.log("plan/pergola", mesh_of([patches], alpha=70), static=True)
     rec.log("plan/crowns", mesh_of([crowns], alpha=130), static=True)
-    numbers, labels = [(field.ROW_WEST - 2.5, y, 4.0) for y in lanes], [f"{lane.number}" for lane in layout.lanes]
-    rec.log("plan/rows", rr.Points3D(numbers, labels=labels, radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True), static=True)
 
 
 def _camera(rec: rr.RecordingStream, layout: Layout) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from orchard.field.kinds import KINDS
-from orchard.view.palette import BARK, LEAVES, POST, VINE, Colour
+from orchard.view.palette import BARK, LEAVES, POST, VINE, YELLOW, Colour
 
 LIGHT = np.array([0.35, -0.5, 0.79])  # direction of the sun, for the shading of the faces
 Coordinate = float | Sequence[float] | np.ndarray  # of the middle of a form, m; several numbers: a copy of the form at each
@@ -137,7 +137,7 @@ FORMS = {
 }
 
 TYRE, STEEL, GLASS, LENS = (38, 38, 42), (188, 192, 200), (150, 200, 225), (20, 20, 24)
-SKIN, TROUSERS, YELLOW, STRAW = (224, 172, 130), (52, 66, 104), (255, 214, 0), (238, 226, 190)
+SKIN, TROUSERS, STRAW = (224, 172, 130), (52, 66, 104), (238, 226, 190)
 WHITE = (245, 245, 245)
 
 

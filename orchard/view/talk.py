@@ -104,7 +104,7 @@ class Talk:
         if seen or self._there:
             arcs = [_arc(poses[line.start], poses[line.end]) for line in seen]
             looks = [line.look for line in seen]
-            self.rec.log("talk", rr.LineStrips3D(arcs, colors=[look.colour for look in looks], radii=[look.radius for look in looks]))
+            self.rec.log("talk", rr.LineStrips3D(arcs, colors=[look.colour for look in looks], radii=[-look.radius for look in looks]))
             self._there = bool(seen)
 
     def _drawn(self, tick: int, event: Event) -> Drawn | None:

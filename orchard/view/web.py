@@ -26,10 +26,10 @@ def data_uri(port: int) -> str:
     return f"rerun+http://{LOOPBACK}:{port + 1}/proxy"
 
 
-def page_url(port: int) -> str:
-    """Return the address to open in a browser, or in a frame of a page."""
-    options = {"url": data_uri(port), "hide_welcome_screen": "1", "persist": "0", "theme": "dark"}
-    return f"http://{LOOPBACK}:{port}/?{urlencode(options)}"
+def page_url(port: int, *others: int) -> str:
+    """Return the address to open in a browser, or in a frame of a page. `others`: ports of servers whose data is shown, too."""
+    options = {"url": [data_uri(each) for each in (port, *others)], "hide_welcome_screen": "1", "persist": "0", "theme": "dark"}
+    return f"http://{LOOPBACK}:{port}/?{urlencode(options, doseq=True)}"
 
 
 def command(port: int, *what: str) -> list[str]:
@@ -54,6 +54,13 @@ def free_pair() -> int:
             except (OSError, OverflowError):
                 continue
             return port
+
+
+def is_open(port: int) -> bool:
+    """Return whether a server listens on a port of the loopback."""
+    with socket.socket() as probe:
+        probe.settimeout(0.2)
+        return probe.connect_ex((LOOPBACK, port)) == 0
 
 
 def main() -> None:

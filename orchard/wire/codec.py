@@ -49,15 +49,16 @@ def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> wir
     return wire.LaserScan(run, seen.tick, *_sweep(laser, seen.scan), rear)
 
 
-def seen_of(run: str, seen: Observations, bodies: Sequence[int], asked: list[wire.AskedOf]) -> wire.Seen:
-    """Return the message for the session that holds these bodies, given by index. `asked`: the requests that its agents hear now."""
-    names = [seen.names[body] for body in bodies]
+def seen_of(run: str, seen: Observations, due: Sequence[str], asked: list[wire.AskedOf]) -> wire.Seen:
+    """Return the message for the session that holds these agents, which are asked now. `asked`: the requests that they hear now."""
+    names = [name for name in due if name in seen.names]
+    bodies = [seen.names[name] for name in names]
     states = b"".join([seen.states[body].tobytes() for body in bodies])
     ranges = b"".join([seen.scans[body].tobytes() for body in bodies])
-    hitches = {name: _other_seen(seen.hitches[name]) for name in names if name in seen.hitches}
+    hitches = {name: _other_seen(hitch) for name in names if (hitch := seen.hitches.get(name))}
     fills = {name: seen.fills[name] for name in names if name in seen.fills}
     full = [name for name in fills if name in seen.full]
-    return wire.Seen(run, seen.tick, names, states, ranges, hitches, fills, full, asked)
+    return wire.Seen(run, seen.tick, list(due), names, states, ranges, hitches, fills, full, asked)
 
 
 def _other_seen(hitch: Hitch) -> wire.OtherSeen:
@@ -129,7 +130,8 @@ def picture_of(run: str, frame: Frame) -> wire.Picture:
     scans = None if frame.scans is None else [np.asarray(scan, dtype="<f4").tobytes() for scan in frame.scans]
     lists = {name: None if (array := getattr(frame, name)) is None else array.tolist() for name in SELDOM}
     poses = np.asarray(frame.poses, dtype="<f8").tobytes()
-    return wire.Picture(run, frame.tick, poses, scans, dict(frame.doing), **lists, delivered=frame.delivered, states=dict(frame.states))
+    doing, states, whole = dict(frame.doing), dict(frame.states), frame.is_whole
+    return wire.Picture(run, frame.tick, poses, scans, doing, **lists, delivered=frame.delivered, states=states, whole=whole)
 
 
 def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
@@ -145,14 +147,15 @@ def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
     scans = None
     if picture.scans is not None:
         scans = _sweeps_of(layout.names, [_fitting(sweep, [name]) for name, sweep in zip(layout.names, picture.scans, strict=True)])
-    return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered, states=picture.states)
+    delivered, states, is_whole = picture.delivered, picture.states, picture.whole
+    return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=delivered, states=states, is_whole=is_whole)
 
 
 def drive_of(action: Action, mail: bytes, memory: bytes | None) -> wire.Drive:
     """Return the message for an action. `mail`: the digest of the mail that the agent heard. `memory`: None if physics has it already."""
     x, y, turn = action.twist
     doing, waits_for, letters = action.doing, action.waits_for, written_by(action)
-    report = wire.Report(action.deeds, doing, action.state, waits_for, action.steps_done, mail, memory, letters)
+    report = wire.Report(action.deeds, doing, action.state, waits_for, action.steps_done, mail, memory, letters, action.hold)
     return wire.Drive(wire.Linear(x, y), wire.Angular(turn), True, report)
 
 
@@ -163,11 +166,13 @@ def velocity_of(velocities: wire.Velocities, name: str) -> wire.Velocity:
 
 
 def action_of(velocity: wire.Velocity) -> Action:
-    """Return the action in a velocity, without its requests, answers and memory. Its texts are printable, whatever a client sent."""
+    """Return the action in a velocity, without its answers and memory. Its texts are printable, whatever a client sent."""
     twist = Twist(velocity.linear.x, velocity.linear.y, velocity.angular.z)
     report = velocity.report or wire.Report()
     doing, waits_for = printable(report.doing), printable(report.waits_for)
-    return Action(twist, report.deeds, doing=doing, state=report.state, waits_for=waits_for, steps_done=report.steps_done)
+    action = Action(twist, report.deeds, doing=doing, state=report.state, waits_for=waits_for, steps_done=report.steps_done)
+    action.hold, action.requests = report.hold, report.letters.requests if report.letters else []
+    return action
 
 
 def velocities_of(payload: bytes) -> tuple[wire.Velocities, dict[str, str]]:

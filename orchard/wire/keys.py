@@ -31,6 +31,7 @@ class Key(NamedTuple):
 
 
 _EVERY_TICK = "once per tick, 10 per simulated second"
+_ASKED = "once per tick at which one of the session's agents is asked"
 IF_HEARD = ", while a session subscribes"
 
 # fmt: off
@@ -39,7 +40,7 @@ TABLE: dict[str, Key] = {
                     _EVERY_TICK, NEVER_LOST,
                     "The velocity of the robot in the step from this tick to the next. While a session subscribes, physics also "
                     "publishes here the velocities that it received in `velocities`."),
-    "velocities": Key("{prefix}/hosts/{session}/velocities", wire.Velocities, "a session that holds agents", _EVERY_TICK, NEVER_LOST,
+    "velocities": Key("{prefix}/hosts/{session}/velocities", wire.Velocities, "a session that holds agents", _ASKED, NEVER_LOST,
                       "The velocities of all agents of a session in one message: the answer to `seen`."),
     "pose": Key("{prefix}/{robot}/pose", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                 "The pose of the robot at this tick, its velocity in the last step, and the body that is coupled to it."),
@@ -47,8 +48,8 @@ TABLE: dict[str, Key] = {
                 "The ranges that the laser of the robot measures at this tick, and those of the laser of its bin."),
     "clock": Key("{prefix}/clock", wire.Clock, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                  "Simulated time. Physics sends it after all poses and scans of its tick."),
-    "seen": Key("{prefix}/hosts/{session}/seen", wire.Seen, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
-                "For a session that holds agents: all their poses and scans of this tick, so that the session need not subscribe to "
+    "seen": Key("{prefix}/hosts/{session}/seen", wire.Seen, "physics", _ASKED + IF_HEARD, NEWEST,
+                "For a session that holds agents: the poses and scans of those that are asked, so that it need not subscribe to "
                 "each. While an answer is missing physics sends it again, and the session must answer again."),
     "mail": Key("{prefix}/{robot}/mail", wire.Letter, "any agent", "when it sends a request", QUERY,
                 "A request to the agent of the robot. The host of that agent replies.", (wire.Received, wire.Answered)),
@@ -58,7 +59,8 @@ TABLE: dict[str, Key] = {
                   "A query for the mail of this tick. Physics replies with a copy of all requests and answers of the two ticks before "
                   "it.", (wire.Recalled,)),
     "state": Key("{prefix}/{bin}/state", wire.BinStatus, "the host of the bin's agent", "when `full` or `coupled_to` changes", NEVER_LOST,
-                 "Whether the bin is full, and which robot it is coupled to. The key can also be queried, with an empty payload.",
+                 "Whether the bin is full, and which robot it is coupled to. The key can also be queried, with an empty payload: the reply "
+                 "is as of its `tick`, the last one at which the bin was asked.",
                  (wire.BinStatus,)),
     "events": Key("{prefix}/events", wire.Events, "physics", "in ticks with events", NEVER_LOST,
                   "The events of the step from this tick to the next. `what` is one of: " + ", ".join(get_args(What)) + "."),

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from msgspec import Meta, Raw
 
-from orchard.contract.agent import LARGEST_MEMORY, MOST_DEEDS, MOST_STEPS, State
+from orchard.contract.agent import LARGEST_MEMORY, MOST_DEEDS, MOST_STEPS, Hold, State
 from orchard.contract.events import Event
 from orchard.contract.messages import FASTEST, Answer, Deed, Metres, Request, Text, Tick, Written
 from orchard.wire.types import Message, RunMessage, SubMessage
@@ -20,6 +20,7 @@ MOST_BODIES = 10_000
 ALL_RANGES = "m, little-endian float32: for each body as many as its laser has beams; +inf for a beam without a return"
 ASKED = "lockstep: [to, sender, number] of each request of the tick before to these agents, heard now"
 DEEDS = "couple, uncouple, flatten; physics decides whether each is done"
+DUE = "the agents that are asked at this tick: those of this session that do not hold, see 'Holds'"
 HOLDER = "the session id in the sender's liveliness token; '' if the sender holds no agent"
 ONCE = "realtime; true: it drives for one step only, and only from the pose that it answers; false: until a newer velocity arrives"
 POSES = "x, y (m), yaw (rad) of each body, in the order of `agents` in the reply to `scenario`, little-endian float64"
@@ -158,9 +159,10 @@ class OtherSeen(SubMessage):
 
 
 class Seen(Message):
-    """What the agents of one session observe at this tick: the content of `pose` and `scan` as arrays, cheaper than a message for each."""
+    """What the agents of one session that are asked at this tick observe: the content of `pose` and `scan` as arrays."""
 
-    names: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description="the bodies, in the order of the arrays")]
+    due: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description=DUE)]
+    names: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description="their bodies, in the order of the arrays")]
     states: Annotated[bytes, Meta(description=f"seven little-endian float64 per body: {SEVEN}")]
     ranges: Annotated[bytes, Meta(description=ALL_RANGES)]
     hitches: Annotated[dict[KnownName, OtherSeen], Meta(description="name -> the body at the other end of its bar; only coupled bodies")]
@@ -180,6 +182,7 @@ class Report(SubMessage):
     mail: Annotated[bytes, Meta(max_length=64, description="digest of the mail that was delivered at this tick; empty without mail")] = b""
     memory: Annotated[Memory | None, Meta(description="the agent's memory, for the session that runs it next; nil: unchanged")] = None
     letters: Annotated[Written | None, Meta(description="a copy of its requests and answers of this tick; nil: none")] = None
+    hold: Annotated[Hold | None, Meta(description="until when it need not be asked, see 'Holds'; nil: it is asked at the next tick")] = None
 
 
 class Drive(SubMessage):
@@ -192,7 +195,7 @@ class Drive(SubMessage):
 
 
 class Velocities(Message):
-    """The velocities of all agents of one session: its answer to `Seen` of the same tick."""
+    """The velocities of the agents of one session that are asked: its answer to `Seen` of the same tick."""
 
     holder: Holder
     velocities: Annotated[dict[KnownName, Drive], Meta(max_length=MOST_BODIES, description="name -> its velocity")]
@@ -316,10 +319,13 @@ Reason = Literal[
 ]  # fmt: skip
 
 
+Counts = dict[Reason, Annotated[int, Meta(ge=0, lt=2**53)]]  # reason -> number of refused messages
+
+
 class RefusedThere(RunMessage):
     """The numbers of messages that one host, or the logger, has refused."""
 
-    counts: Annotated[dict[Reason, Annotated[int, Meta(ge=0, lt=2**53)]], Meta(description="reason -> how many since the session began")]
+    counts: Annotated[Counts, Meta(description="reason -> how many since the session began")]
 
 
 class End(Message):
@@ -346,8 +352,8 @@ class BinStatus(Message):
 
 
 class Picture(Message):
-    """The whole orchard after the step that ends at this tick, for observers. `nil` means unchanged. Every 5 s, and when a logger joins,
-    all fields but `scans` are complete."""
+    """The whole orchard after the step that ends at this tick, for observers. `nil` means unchanged. It is `whole` every 5 s, and when a
+    logger joins."""
 
     poses: Annotated[bytes, Meta(description=POSES)]
     scans: Annotated[list[bytes] | None, Meta(description="twice per second: the ranges of each body, m, little-endian float32")]
@@ -358,6 +364,7 @@ class Picture(Message):
     row_picked: Annotated[list[Fill] | None, Meta(description="for each row, the metres that are picked, 0 to 70")]
     delivered: Annotated[int, Meta(ge=0, description="bins unloaded so far")]
     states: States = {}
+    whole: Annotated[bool, Meta(description="whether all fields but `scans` are complete; else they hold changes")] = False
 
 
 class Figures(Message):

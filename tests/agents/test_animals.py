@@ -59,4 +59,4 @@ def test_animals_turn_away_from_obstacles(kind):
     stage = one_guest(kind, 47.0, 31.0)  # in a corner between two fences
     stage.run(120)
     assert stage.world.distance[stage.world.index[f"{kind}_01"]] > 30
-    assert stage.world.refused[stage.world.index[f"{kind}_01"]] < 20
+    assert stage.world.collisions[stage.world.index[f"{kind}_01"]] == 0

@@ -87,7 +87,7 @@ def test_bins_that_call_while_all_carriers_work_wait_their_turn():
 
 def answers(stage: Stage, tick: int, *calls: tuple[str, int]) -> list[type[Answer]]:
     """Return what the head of the queue answers to these calls, (bin, since), at a tick."""
-    seen = replace(stage.local.engine.observe().observations()["carrier_01"], tick=tick)
+    seen = replace(stage.local.engine.observe()["carrier_01"], tick=tick)
     mail = Mail([Heard(name, tick - 1, 0, Call(1, "east", since)) for name, since in calls])
     action = stage.local.agents["carrier_01"].tick(seen, mail, stage.local.memories.get("carrier_01"))
     stage.local.memories["carrier_01"] = action.memory
@@ -109,6 +109,17 @@ def test_a_bin_that_calls_and_never_decides_does_not_keep_the_carrier_from_the_o
     stage = Stage(empty_orchard())
     assert answers(stage, 100, ("bin_01", 0), ("bin_02", 50)) == [Offer, No]
     assert answers(stage, 120, ("bin_01", 0), ("bin_02", 50)) == [No, Offer]
+
+
+def test_a_bin_that_calls_again_says_since_when_it_has_called():
+    stage = stage_with(lambda name, agent: HardOfHearing(agent, Call, until=2000), pickers=2, carriers=1)
+    calls = set()
+    while stage.world.tick < 1000:
+        stage.tick()
+        calls |= {
+            (name, body.since) for name, action in stage.local.actions.items() for _, body in action.requests if isinstance(body, Call)
+        }
+    assert len(calls) == 2, "each of two bins has called for 25 s, again and again"
 
 
 @pytest.mark.soak

@@ -16,4 +16,4 @@ def test_people_turn_away_from_an_obstacle_and_walk_on_in_the_new_direction(kind
     stage = one_guest(kind, 42.0, 8.0)  # towards the east fence
     stage.run(60)
     assert stage.world.distance[stage.world.index[f"{kind}_01"]] > 40
-    assert stage.world.refused.sum() == 0
+    assert stage.world.collisions.sum() == 0

@@ -194,3 +194,11 @@ def test_soak_no_picker_that_stands_is_in_the_way_of_the_others(rows: int, picke
     for picker, block in lay_out(scenario).blocks.items():
         stage = Stage(scenario, **{picker: Standing()})
         stage.run_until(lambda: stage.world.delivered == rows - len(block), 4000)  # noqa: B023 - run at once
+
+
+@pytest.mark.soak
+def test_soak_half_of_the_pickers_of_the_largest_orchard_stand_in_no_way_of_the_others() -> None:
+    pickers = [f"picker_{number:02d}" for number in range(1, 21)]
+    stage = Stage(empty_orchard(rows=20, pickers=20), **{picker: Standing() for picker in pickers[::2]})
+    stage.run_until(lambda: stage.world.delivered == 10, 4000)
+    stage.assert_no_collisions()

@@ -1,4 +1,4 @@
-"""The abilities of every robot: sense, turn, move, realign, tow a bin, and stand after a refused step."""
+"""The abilities of every robot: sense, turn, move, realign, tow a bin, and stand after a collision."""
 
 import pytest
 from guests import meadow, one_guest
@@ -142,6 +142,6 @@ def test_a_robot_stands_for_a_second_after_a_step_that_physics_refused():
     stage.give("carrier_01", [Again([DriveTo(x=5.0)])], moving=True)
     stage.tick()
     assert stage.pose("carrier_01")[0] == 0.0
-    assert stage.local.actions["carrier_01"].waits_for == "what it bumped into"
+    assert stage.local.actions["carrier_01"].waits_for == "what it collided with"
     stage.run(1.0)
     assert stage.pose("carrier_01")[0] > 0.0

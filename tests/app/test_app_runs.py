@@ -23,6 +23,11 @@ def small(browser):
     return browser
 
 
+def is_locked(page):
+    """Whether mode, speed and duration cannot be changed."""
+    return bool(page.driver.find_elements("css selector", ".wishes[inert]"))
+
+
 def test_a_small_orchard_is_run_to_its_end(small, server):
     small.switch("fastest", True)
     small.press("run")
@@ -51,7 +56,7 @@ def test_a_run_in_realtime_takes_numbers_only(small):
     small.press("run")
     small.tell_state("running")
     small.until(
-        lambda: "rows picked" in small.view("progress").text and small.view("state").text == "running", "progress of a run of processes"
+        lambda: "% picked" in small.view("progress").text and small.view("state").text == "running", "progress of a run of processes"
     )
     small.tell_state("finished", RUN_SECONDS)
     summary = small.until(lambda: small.view("summary").text, "the summary")
@@ -110,6 +115,13 @@ def test_a_run_that_is_stopped_at_once_is_no_mistake(small):
     for view in ("Summary", "Messages"):
         small.turn_to(view)
         assert "Traceback" not in small.until(lambda view=view: small.view(view.lower()), view).text
+    small.turn_to("Picture")
+    small.until(lambda: "No recording was made." in small.one(".stage").text, "there is no picture")
+    small.fill("duration", 5)
+    small.press("run")
+    small.tell_state("finished", RUN_SECONDS)
+    small.turn_to("Picture")
+    assert small.until(lambda: small.view("picture").get_attribute("src"), "the next run has one")
 
 
 @pytest.mark.soak
@@ -135,6 +147,12 @@ def test_a_run_is_still_there_after_a_reload_and_can_be_stopped(small):
     small.tell_state("running")
     assert small.field("rows").get_attribute("value") == "3"
     assert not small.one("[data-action=run]").is_displayed()
+    small.fill("rows", 4)
+    small.until(lambda: small.one("[data-mark=rows]").text == "the harvest that runs has 3", "the field is marked")
+    assert is_locked(small), "mode and speed are those of the run"
     small.press("stop")
-    small.tell_state("stopped")
+    small.tell_state("stopped", RUN_SECONDS)
     assert re.search(r"finished\s+False", small.until(lambda: small.view("summary").text, "the summary"))
+    assert small.view("result").text.startswith("3 rows, 2 pickers, 2 carriers, seed 1"), "whatever the form says now"
+    small.until(lambda: not small.one("[data-mark=rows]").is_displayed(), "nothing runs")
+    assert not is_locked(small)

@@ -17,7 +17,7 @@ NAMES = ("picker_01", "bin_02", "traffic", "nobody")
 def running(fleet, tmp_path):
     """A run with two hosts and a logger, of which no tick has passed yet; a client, and what it hears of the end."""
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
-    logger = fleet.start("processes.logger", "--connect", fleet.endpoint, "--record", str(tmp_path / "run.rrd"))
+    logger = fleet.start("orchard.processes.logger", "--connect", fleet.endpoint, "--record", str(tmp_path / "run.rrd"))
     assert logger.line().startswith("recording")
     someone = fleet.client()
     ends, clock = someone.hear("orchard/end"), someone.hear("orchard/clock")

@@ -1,4 +1,4 @@
-"""Robots that others drive: the README's own agent, a client that knows only keyspace.md, and classes that a scenario names."""
+"""Robots that others drive: the own agent of docs/how-to.md, a client that knows only keyspace.md, and classes that a scenario names."""
 
 import os
 import re
@@ -9,6 +9,7 @@ import own_agents
 import pytest
 from alone import SMALL, local_hash
 from command_line import orchard
+from documents import block
 from fleet import ROOT, SECONDS
 from recordings import texts_in
 
@@ -18,16 +19,9 @@ from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, parse, to_yaml
 from orchard.local import Local
+from orchard.processes.agents import made
 from orchard.wire.codec import action_of, velocity_of
 from orchard.wire.messages import Angular, Drive, Linear, Report, Velocities
-from processes.agents import made
-
-README = (ROOT / "README.md").read_text()
-
-
-def readme(tag):
-    """A block of the README, with the endpoint in it."""
-    return re.search(rf"```python {tag}\n(.*?)```", README, re.S).group(1)
 
 
 def foreign(fleet, *command):
@@ -42,19 +36,19 @@ def with_picker_01(agent_class):
     return local_hash(SMALL, 40, make_agents(layout) | {"picker_01": agent_class(layout, "picker_01")})
 
 
-def test_the_readmes_agent_drives_a_picker(fleet):
+def test_the_documents_agent_drives_a_picker(fleet):
     fleet.physics(SMALL, "--duration", "4")
     fleet.host("--without", "picker_01")
-    code = readme("own agent")
+    code = block("docs/how-to.md", "own agent")
     assert len(code.splitlines()) <= 18
     foreign(fleet, "-c", code.replace("tcp/127.0.0.1:7447", fleet.endpoint))
     assert fleet.end() != local_hash(SMALL, 40)
 
 
-def test_the_readmes_bare_client_drives_a_picker(fleet):
+def test_the_documents_bare_client_drives_a_picker(fleet):
     fleet.physics(SMALL, "--duration", "4")
     fleet.host("--without", "picker_01")
-    code = readme("bare zenoh")
+    code = block("docs/how-to.md", "bare zenoh")
     assert "orchard." not in code.replace("orchard/", "")
     assert len(code.splitlines()) <= 24
     foreign(fleet, "-c", code.replace("tcp/127.0.0.1:7447", fleet.endpoint))
@@ -79,7 +73,7 @@ def test_who_only_drives_begins_with_a_velocity_for_tick_0(fleet):
 def test_a_name_that_is_taken_is_refused_to_an_own_agent_as_well(fleet):
     fleet.physics(SMALL, "--speed", "10", "--duration", "60")
     fleet.host()
-    code = readme("own agent").replace("tcp/127.0.0.1:7447", fleet.endpoint)
+    code = block("docs/how-to.md", "own agent").replace("tcp/127.0.0.1:7447", fleet.endpoint)
     clock = fleet.client().hear("orchard/clock")
     clock.get(timeout=SECONDS)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=SECONDS, cwd=ROOT)

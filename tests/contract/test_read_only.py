@@ -23,13 +23,14 @@ def arrays_of(seen):
 
 
 def over_the_wire(run, observations):
-    everything = codec.seen_of("run", observations, range(len(observations.names)), [])
-    return codec.observations_of(everything)
+    return codec.observations_of(codec.seen_of("run", observations, list(observations.names), []))
 
 
-@pytest.mark.parametrize(
-    "observed", [lambda run: run.engine.observe().observations(), lambda run: over_the_wire(run, run.engine.observe())]
-)
+def of_all(observations):
+    return observations.of(observations.names)
+
+
+@pytest.mark.parametrize("observed", [lambda run: of_all(run.engine.observe()), lambda run: over_the_wire(run, run.engine.observe())])
 def test_no_observation_can_be_changed_in_place(observed):
     for seen in observed(Local(SMALL)).values():
         for scan in arrays_of(seen):

@@ -6,58 +6,99 @@ import shlex
 import subprocess
 import sys
 import tomllib
-from pathlib import Path
 
 import pytest
+from documents import DOCUMENTS, ROOT, as_here, block, blocks_in
 
+import orchard
+from chaos.report import ENDURANCE_HEAD, HEAD, RECOVERY
 from docs.generate import generated
+from orchard.field.scenario import Scenario, parse
+from orchard.launch.local_run import run as harvest_locally
+from orchard.launch.options import HarvestOptions
+from orchard.launch.request import RunRequest
 
-ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
-CODE = re.findall(r"```python\n(.*?)```", README, re.S)
-EXTENDING = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "extending.md").read_text(), re.S)
-EXAMPLES = {block: ast.get_docstring(ast.parse(block)) for block in EXTENDING}  # block -> its docstring; None: it is not a file
-COMMANDS = [line for block in re.findall(r"```sh\n(.*?)```", README, re.S) for line in block.splitlines()]
+BLOCKS = [block for document in DOCUMENTS if "tutorial" not in document for block in blocks_in(document)]  # test_tutorial.py has that one
+EXAMPLES = {block.text: ast.get_docstring(ast.parse(block.text)) for block in blocks_in("docs/extending.md") if block.language == "python"}
+FILES = {text: words for text, words in EXAMPLES.items() if words}  # of examples/seams; the others are programs
+PROGRAMS = [block.text for block in BLOCKS if (block.language, block.name) == ("python", "") and block.text not in FILES]
+COMMANDS = [line for block in BLOCKS if (block.language, block.name) == ("sh", "") for line in block.text.splitlines()]
+INSTALLING = ("clone", "activate", "package")  # blocks that .ci/run does with the clone and the wheel that it has
+KEYS_OF_SOME_RUNS = (
+    *("recording_parts", "recording_gaps", "messages_dropped"),  # with a recording
+    *("ticks_late", "velocities_missed", "answer_milliseconds"),  # in realtime
+)
 SECONDS = 240
 
 
-@pytest.mark.parametrize("code", CODE, ids=range(len(CODE)))
-def test_the_code_in_the_readme_runs(code):
+@pytest.mark.parametrize("code", PROGRAMS, ids=range(len(PROGRAMS)))
+def test_the_programs_in_the_documents_run(code):
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=SECONDS)
     assert done.returncode == 0, done.stderr
     assert done.stdout
 
 
-@pytest.mark.parametrize("code", [block for block, words in EXAMPLES.items() if words is None])
-def test_the_code_in_extending_md_runs(code):
-    test_the_code_in_the_readme_runs(code)
-
-
 def test_the_examples_in_extending_md_are_the_files():
     shown = {}
-    for block, words in EXAMPLES.items():
-        if words is not None:
-            (module,) = set(re.findall(r"examples\.seams\.(\w+)\.", words))
-            shown[f"{module}.py"] = block
+    for text, words in FILES.items():
+        (module,) = set(re.findall(r"examples\.seams\.(\w+)\.", words))
+        shown[f"{module}.py"] = text
     assert shown == {path.name: path.read_text() for path in (ROOT / "examples" / "seams").glob("*.py")}
     assert all(len(text.splitlines()) <= 30 for text in shown.values())
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_the_commands_in_the_readme_run(command, tmp_path):
-    """`make` only says what it would do: it would test itself. The others run for real, in this environment."""
-    words = shlex.split(command)
+def test_the_commands_in_the_documents_run(command, tmp_path):
+    """`make` and `python` only say what they would do: they would take long. The others run for real, in this environment."""
+    words = shlex.split(command, comments=True)
+    cwd = ROOT
     if words[0] == "make":
         words.insert(1, "--dry-run")
+    elif words[0] == "python":
+        words = [sys.executable, *words[1:], "--help"]
     else:
-        assert words[:2] == [".venv/bin/python", "run.py"]
-        words = [sys.executable, str(ROOT / "run.py"), *words[2:]]
-        words = [str(ROOT / word) if word.startswith("config/") else word for word in words]
+        words, cwd = as_here(command), tmp_path
         words += [] if "--record" in words else ["--record", "run.rrd"]
         words += [] if "--duration" in words else ["--duration", "60"]  # as they stand they only take longer
-    cwd = ROOT if words[0] == "make" else tmp_path
     done = subprocess.run(words, cwd=cwd, capture_output=True, text=True, timeout=SECONDS)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_each_block_with_a_name_has_a_test_that_names_it():
+    tests = "".join(path.read_text() for path in (ROOT / "tests").rglob("test_*.py"))
+    named = [block.name for block in BLOCKS if block.name and block.name not in INSTALLING]
+    assert [name for name in named if f'"{name}"' not in tests] == []
+
+
+def test_the_scenario_in_the_documents_is_one():
+    assert parse(block("docs/scenario.md", "scenario")).rows == 8
+
+
+def test_the_reference_of_the_library_has_all_names():
+    shown = re.findall(r"^\.\. auto\w+:: orchard\.(\w+)", (ROOT / "docs" / "api.md").read_text(), re.M)
+    assert sorted(name for name in shown if name in dir(orchard)) == sorted(orchard.__all__)
+
+
+def test_the_summarys_document_has_all_its_keys(tmp_path):
+    """Those of a local run, and six that only a recording or realtime adds."""
+    request = RunRequest(HarvestOptions(mode="local", duration=0.5), Scenario(rows=3), None, tmp_path)
+    summary, _ = harvest_locally(request, None, lambda *_: None)
+    table = [line.split(" | ")[0] for line in (ROOT / "docs" / "summary.md").read_text().splitlines() if line.startswith("| `")]
+    assert sorted(key for line in table for key in re.findall(r"`(\w+)`", line)) == sorted([*summary, *KEYS_OF_SOME_RUNS])
+
+
+def test_the_readmes_speeds_are_those_of_the_benchmarks():
+    (said,) = re.findall(r"its core makes ([\d,]+) steps a second, where IR-SIM makes ([\d.]+) and Stage, as quoted, ([\d.]+)", README)
+    rows = [line.strip("|* ").replace("*", "").split(" | ") for line in (ROOT / "docs" / "benchmarks.md").read_text().splitlines()]
+    rates = {row[0]: row[2].strip() for row in rows if len(row) == 6}  # with 30 robots
+    assert said == (rates["our core"], rates["ir-sim 2.12.0"], rates["Stage 4.3 at 0.1 m, quoted"])
+
+
+def test_the_results_of_the_soak_have_the_words_of_the_program_that_writes_them():
+    text = (ROOT / "docs" / "chaos.md").read_text()
+    assert RECOVERY in text
+    assert all(f"| {' | '.join(head)} |" in text for head in (HEAD, ENDURANCE_HEAD))
 
 
 def test_the_files_that_the_readme_names_exist():
@@ -72,9 +113,7 @@ def test_the_generated_files_are_what_the_code_says():
 
 def test_the_map_of_the_code_names_every_package():
     text = (ROOT / "CONTRIBUTING.md").read_text()
-    packages = {
-        path.parent.relative_to(ROOT).as_posix() for folder in ("orchard", "processes") for path in ROOT.glob(f"{folder}/**/__init__.py")
-    }
+    packages = {path.parent.relative_to(ROOT).as_posix() for path in ROOT.glob("orchard/**/__init__.py")}
     assert [package for package in packages - {"orchard"} if f"`{package}/`" not in text] == []
 
 

@@ -8,8 +8,9 @@ import yaml
 
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP, People, Scenario, check, load, parse, schema_text, with_changes
+from orchard.field.shipped import load_or_shipped
 
-CONFIG = Path(__file__).parents[2] / "config"
+CONFIG = Path(__file__).parents[2] / "orchard" / "config"
 
 
 # -- what is shipped
@@ -39,6 +40,16 @@ def test_the_committed_schema_is_the_models() -> None:
 def test_every_scenario_file_names_the_schema(file: Path) -> None:
     assert file.read_text().startswith("# yaml-language-server: $schema=scenario.schema.json\n")
     load(file)
+
+
+def test_a_shipped_scenario_has_a_name_but_a_file_of_the_user_comes_first(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert load_or_shipped(None) == Scenario()
+    assert load_or_shipped(Path("realistic")) == load(CONFIG / "realistic.yaml")
+    Path("realistic").write_text("rows: 7")
+    assert load_or_shipped(Path("realistic")) == Scenario(rows=7)
+    with pytest.raises(ScenarioError, match="realistc: no such file"):
+        load_or_shipped(Path("realistc"))
 
 
 def fields(section: dict, schema: dict) -> dict[str, dict]:

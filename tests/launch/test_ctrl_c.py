@@ -76,7 +76,7 @@ def test_ctrl_c_ends_the_viewer_that_the_run_has_opened(mode, tmp_path):
     viewer.chmod(0o755)
     pids.touch()
     line = [sys.executable, "-u", "run.py", "--mode", mode, "--view", *SHORT]
-    there = os.environ | {"RERUN_CLI_PATH": str(viewer), "VIEWER_PID": str(pids)}
+    there = os.environ | {"RERUN_CLI_PATH": str(viewer), "VIEWER_PID": str(pids), "DISPLAY": ":0"}
     run = subprocess.Popen(line, cwd=ROOT, env=there, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
     try:
         assert run.stdout is not None

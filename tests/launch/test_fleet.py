@@ -9,9 +9,16 @@ from queue import SimpleQueue
 import psutil
 import pytest
 from fleet import until
+from rich.console import Console
 
+from orchard.field.scenario import Scenario
+from orchard.launch.distributed import _Launched
+from orchard.launch.options import HarvestOptions
+from orchard.launch.request import Credentials, RunRequest
 from orchard.launch.supervisor import BAD_ORDER, DEATHS, QUICK_SECONDS, REFUSALS, ProcessSpec, Supervisor, take_turns
 from orchard.net.lifeline import OVER
+from orchard.report.progress import Progress
+from orchard.wire.keys import PHYSICS
 
 
 class Clock:
@@ -58,7 +65,7 @@ class Watched(Supervisor):
 def fleet(clock):
     fleet = Watched(clock)
     fleet.start(
-        ProcessSpec("agents 1", "processes.agents", ["--only", "picker"], again=True, afterwards=["--resume"], agents=["picker_01"])
+        ProcessSpec("agents 1", "orchard.processes.agents", ["--only", "picker"], again=True, afterwards=["--resume"], agents=["picker_01"])
     )
     return fleet
 
@@ -98,6 +105,18 @@ def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
     for fork in alive:
         fork.kill()
     assert alive == []
+
+
+@pytest.mark.parametrize(("code", "words"), [(OVER, "its result is lost"), (BAD_ORDER, "could not start"), (-9, "ended with code -9")])
+def test_why_physics_is_gone_is_told_in_words(fleet, tmp_path, code, words):
+    """A killed one only while it is asked to end: else it is started again."""
+    request = RunRequest(HarvestOptions(), Scenario(), None, tmp_path)
+    launched = _Launched(request, Credentials.of(request.options), "tcp/127.0.0.1:9", "run1", fleet, Progress(Console(file=io.StringIO())))
+    fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, may_refuse=False))
+    fleet.children[-1].die(code)
+    fleet.terminate(PHYSICS)
+    assert words in launched._why_over(True)
+    assert "100" not in launched._why_over(True)
 
 
 def test_whose_run_is_over_or_who_need_not_live_is_left_alone(fleet):
@@ -147,11 +166,11 @@ def test_what_is_refused_may_pass_and_is_tried_for_half_a_minute(fleet, clock):
 
 
 def test_whose_first_order_is_bad_is_not_started_again_but_it_is_later(fleet, clock):
-    fleet.start(ProcessSpec("physics", "processes.physics", [], again=True, may_refuse=False))
+    fleet.start(ProcessSpec("physics", "orchard.processes.physics", [], again=True, may_refuse=False))
     fleet.children[-1].die(BAD_ORDER)
     fleet.watch()
     assert fleet.is_over("physics")
-    fleet.start(ProcessSpec("physics", "processes.physics", [], again=True, may_refuse=False))
+    fleet.start(ProcessSpec("physics", "orchard.processes.physics", [], again=True, may_refuse=False))
     assert waits(fleet, clock) == 0.0
     assert waits(fleet, clock, BAD_ORDER) == 0.25
 

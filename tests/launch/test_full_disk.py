@@ -31,7 +31,7 @@ def small_disk(tmp_path):
 
 
 def harvest(disk: Path, *arguments: object, **streams: object) -> subprocess.CompletedProcess:
-    scenario = ROOT / "config" / "orchard.yaml"
+    scenario = ROOT / "orchard" / "config" / "orchard.yaml"
     command = [sys.executable, disk / "run.py", scenario, "--rows", 3, "--duration", DURATION, *arguments]
     environment = os.environ | {"COLUMNS": "200"}
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | streams
@@ -72,3 +72,13 @@ def test_where_nothing_can_be_printed_the_summary_is_still_written(small_disk, t
         done = harvest(small_disk, "--record", "none", "--summary", path, stdout=full, stderr=full)
     assert done.returncode == 1, "the table came nowhere"
     assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), round(DURATION * 10))
+
+
+def test_what_is_left_to_print_at_the_end_does_not_change_the_exit_code():
+    """Python itself would end with code 120."""
+    program = "from orchard.launch.terminal import console; print('a line'); console.end()"
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    with open("/dev/full", "w") as full:
+        command, streams = [sys.executable, "-c", program], {"stdout": full, "stderr": subprocess.PIPE}
+        done = subprocess.run(command, cwd=ROOT, **streams, text=True, timeout=SECONDS, env=buffered)
+    assert (done.returncode, done.stderr) == (0, "")

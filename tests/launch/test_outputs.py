@@ -1,13 +1,23 @@
 """Where a run's recording, summary and page go: what cannot be is told before the harvest, not after it."""
 
+import errno
+import os
+import signal
 import socket
+import sys
+import time
+from pathlib import Path
 
 import pytest
-from command_line import orchard
+import typer
+from command_line import SECONDS, orchard, starting, summary_of
 from fleet import Process
 
+from orchard.launch.options import COMMANDS, NETWORK, ORCHARD, OUTPUT, RUN
 from orchard.launch.runs import Runs
+from orchard.launch.terminal import exit_on_errors
 
+GROUPS = (ORCHARD, RUN, OUTPUT, NETWORK)
 SHORT = ("--rows", 3, "--mode", "local", "--duration", 1)
 
 
@@ -17,6 +27,34 @@ def test_a_directory_in_place_of_a_file_is_told_before_the_harvest(option, tmp_p
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith(f"{tmp_path}: cannot be written: Is a directory")
     assert tmp_path.is_dir()
+
+
+@pytest.mark.parametrize(
+    ("name", "fault", "told"),
+    [
+        (
+            "run.rrd",
+            errno.EACCES,
+            "run.rrd: cannot be written: Permission denied; expected a file in a directory that exists and can be written",
+        ),
+        ("new/run.rrd", errno.EROFS, "new: cannot be made: Read-only file system"),
+    ],
+)
+def test_a_folder_that_can_only_be_read_is_told_in_words_with_the_way_out(name, fault, told, tmp_path, monkeypatch, capsys):
+    def refuse(path, *_, **__):
+        raise OSError(fault, os.strerror(fault), str(path))
+
+    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr(Path, "mkdir", lambda path, **options: path.is_dir() or refuse(path))
+    with pytest.raises(typer.Exit), exit_on_errors(OSError):
+        Runs(tmp_path).recording(str(tmp_path / name))
+    assert capsys.readouterr().err == f"{tmp_path}/{told}; --record FILE.rrd records elsewhere, --record none not at all\n"
+
+
+def test_an_error_of_the_system_is_told_without_its_number(tmp_path, capsys):
+    with pytest.raises(typer.Exit), exit_on_errors(OSError):
+        (tmp_path / "nowhere" / "roles").mkdir()
+    assert capsys.readouterr().err == f"{tmp_path}/nowhere/roles: No such file or directory\n"
 
 
 def test_a_summary_in_no_directory_is_told_before_the_harvest(tmp_path):
@@ -51,7 +89,7 @@ def test_a_recording_replaces_one_and_an_empty_file(recording, tmp_path):
 def test_a_logger_replaces_no_file_that_is_no_recording(tmp_path):
     notes = tmp_path / "notes.txt"
     notes.write_text("a year's work")
-    code, _, said = Process("processes.logger", "--connect", "tcp/127.0.0.1:9", "--record", str(notes)).end()
+    code, _, said = Process("orchard.processes.logger", "--connect", "tcp/127.0.0.1:9", "--record", str(notes)).end()
     assert (code, notes.read_text()) == (2, "a year's work")
     assert "ends in .rrd" in said
 
@@ -59,8 +97,25 @@ def test_a_logger_replaces_no_file_that_is_no_recording(tmp_path):
 def test_a_full_disk_loses_the_summary_but_not_what_is_printed():
     done = orchard(*SHORT, "--record", "none", "--summary", "/dev/full")
     assert done.returncode == 1
-    assert "The harvest" in done.stdout
+    assert "Ended by --duration after 0:01 min" in done.stdout
     assert done.stderr == "/dev/full: not written: No space left on device\n"
+
+
+def test_the_summary_is_there_before_the_recording_is_packed_and_a_stop_leaves_no_half_of_it(tmp_path, monkeypatch):
+    packer, summary, runs = tmp_path / "packer", tmp_path / "summary.json", tmp_path / "runs"
+    packer.write_text(f"#!/bin/sh\nfor last; do :; done\necho half > $last\nexec {sys.executable} -c 'import time; time.sleep(600)'\n")
+    packer.chmod(0o755)
+    monkeypatch.setenv("RERUN_CLI_PATH", str(packer))
+    with starting("--rows", 3, "--duration", 5, "--hosts", 1, "--record", runs / "run.rrd", "--summary", summary) as run:
+        deadline = time.monotonic() + SECONDS
+        while not (summary.exists() and list(runs.glob("*.packing"))):
+            assert run.poll() is None and time.monotonic() < deadline
+            time.sleep(0.05)
+        assert summary_of(summary)["sim_seconds"] == 5.0
+        run.send_signal(signal.SIGINT)
+        run.wait(SECONDS)
+    assert [path.name for path in runs.iterdir()] == ["run.rrd"]
+    assert summary_of(summary)["recording_parts"] == ["run.rrd"]
 
 
 @pytest.mark.parametrize("offset", [0, 1], ids=["page", "data"])
@@ -74,5 +129,7 @@ def test_a_page_at_a_port_in_use_is_told_before_the_harvest(offset):
     assert f"tcp/127.0.0.1:{port}: cannot listen there; the port is in use" in done.stderr
 
 
-def test_the_help_names_the_other_commands():
-    assert "view, app, stop, reset, secure" in orchard("--help").stdout
+def test_the_help_names_the_other_commands_before_the_options_in_their_groups():
+    shown = orchard("--help").stdout
+    places = [shown.index(words) for words in (*(f"  {name:8}{what}" for name, what in COMMANDS.items()), "Options", *GROUPS, "Exit code")]
+    assert places == sorted(places)

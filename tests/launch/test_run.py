@@ -31,7 +31,12 @@ def few(tmp_path_factory):
 def processes_of(run: subprocess.Popen) -> dict[str, psutil.Process]:
     """The processes that a run has started, by the last word of their modules; of several the last."""
     children = psutil.Process(run.pid).children(recursive=True)
-    return {word.removeprefix("processes."): child for child in children for word in child.cmdline() if word.startswith("processes.")}
+    return {
+        word.removeprefix("orchard.processes."): child
+        for child in children
+        for word in child.cmdline()
+        if word.startswith("orchard.processes.")
+    }
 
 
 # -- whole harvests
@@ -66,13 +71,14 @@ def test_the_summary_tells_how_good_the_harvest_was(lockstep):
     assert summary["finished"] is True
     assert summary["rows_picked"] == summary["bins_delivered"] == summary["rows"] == 3
     assert summary["ticks"] == pytest.approx(10 * summary["sim_seconds"])
-    assert 0 < summary["bins_per_hour"] <= summary["bound_bins_per_hour"]
-    assert 0 < summary["bound_sim_seconds"] <= summary["sim_seconds"]
+    assert 0 < summary["bins_per_hour"] <= summary["long_run_bins_per_hour"]
+    assert 0 < summary["schedule_sim_seconds"] <= summary["sim_seconds"]
     assert summary["bottleneck"] in ("pickers", "carriers", "unloading")
     assert 0 < summary["carrier_utilisation"] < 1
     assert 20 < summary["picker_waiting_seconds"] < 300
     assert summary["distance_metres"]["picker"] > 3 * 70
-    assert {"hash", "mode", "seed", "wall_seconds", "agents", "hosts", "collisions", "refused_moves", "weeds_flattened"} <= summary.keys()
+    assert {"hash", "mode", "seed", "wall_seconds", "agents", "hosts", "weeds_flattened"} <= summary.keys()
+    assert {"collisions", "collisions_of_people_and_animals"} <= summary.keys()
     assert "bins delivered" in printed
     assert summary["hash"] in printed
 
@@ -169,6 +175,8 @@ def test_a_run_without_its_logger_goes_on(tmp_path):
         (["--rows", "3", "--pickers", "4"], "pickers"),
         (["--row-width", "4.9", "--carriers", "0"], "carriers = 0"),
         (["nothing.yaml"], "nothing.yaml: no such file"),
+        (["veiw", "runs/harvest.rrd"], "veiw: no such file; did you mean the command view?"),
+        (["runs/harvest.rrd"], "a recording, not a scenario; did you mean the command view?"),
         (["--speed", "0"], "--speed"),
         (["--hosts", "0"], "--hosts"),
         (["--duration", "-1"], "--duration"),

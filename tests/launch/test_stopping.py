@@ -12,26 +12,25 @@ from queue import SimpleQueue
 import msgpack
 import psutil
 import pytest
+import typer
 from command_line import line_with, summary_of
+from documents import block, commands
 from fleet import ROOT, Client, assert_goes_on, assert_stands, until
 
 from orchard.contract.messages import pack
 from orchard.launch import emergency_stop
-from orchard.launch.emergency_stop import RunNote, find_run, noted, running_here, switch
+from orchard.launch.emergency_stop import RunNote, find_run, find_runs, noted, running_here, switch
+from orchard.launch.stopping import stop_or_reset
 from orchard.net.bus import router
 from orchard.net.endpoints import BusError
 from orchard.wire.messages import RunInfo, Stopped
-
-README = [
-    line.split()[2:] for line in re.search(r"```sh emergency stop\n(.*?)```", (ROOT / "README.md").read_text(), re.S).group(1).splitlines()
-]
 
 
 @contextmanager
 def running(folder: Path, *arguments: object):
     """A run.py of its own, which leaves its notes in a folder of its own; nothing is left behind."""
     (folder / "run.py").symlink_to(ROOT / "run.py")
-    command = [sys.executable, "-u", folder / "run.py", ROOT / "config" / "orchard.yaml", "--rows", 3, "--record", "none", *arguments]
+    command = [sys.executable, "-u", folder / "run.py", "--rows", 3, "--record", "none", *arguments]
     process = subprocess.Popen(list(map(str, command)), cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         line_with("real time", process)
@@ -67,7 +66,7 @@ def test_the_command_line_stops_a_robot_of_the_run_that_goes_on_here(tmp_path, m
         assert re.fullmatch(r"stopped: bin_02, .*tractor_01\nstopped before: bin_01, picker_01\n", done.stdout), done.stdout
         assert run_py(tmp_path, "reset", "picker_01").stdout.startswith("reset: bin_01, picker_01\nstill stopped: bin_02, ")
         assert_goes_on(poses)
-        for words in README:
+        for _, _, *words in commands(block("docs/how-to.md", "emergency stop")):
             assert run_py(tmp_path, *words).returncode == 0, words
         assert_goes_on(poses)
         someone.ask("orchard/command", msgpack.packb({"run": going.run, "command": "stop"}))
@@ -84,7 +83,7 @@ def test_a_stop_without_a_run_is_told_so(tmp_path):
     (tmp_path / "run.py").symlink_to(ROOT / "run.py")
     done = run_py(tmp_path, "stop")
     assert done.returncode == 2
-    assert "no run of run.py is active here" in done.stderr
+    assert "no run is active here" in done.stderr
     done = run_py(tmp_path, "stop", "--connect", "tcp/127.0.0.1:9")
     assert done.returncode == 2
     assert "no router answers there" in done.stderr
@@ -127,10 +126,42 @@ def test_whom_physics_never_answers_is_told_that_nobody_knows(monkeypatch):
         switch(RunNote("a", physics.endpoint), [], True, None, print)
 
 
-def test_several_runs_are_named_but_none_that_was_killed(tmp_path):
+@contextmanager
+def two_runs(folder: Path):
+    """Two runs on this machine, noted in a folder: their routers, which answer for physics."""
+    with router() as one, router() as other, ExitStack() as stack:
+        for physics, name in ((one, "a"), (other, "b")):
+            physics.answer("orchard/stop")
+            stack.enter_context(noted(folder, RunNote(name, physics.endpoint, f"run {name}")))
+        yield one, other
+
+
+def test_a_stop_stops_all_runs_here_whatever_becomes_of_one_of_them(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(emergency_stop, "LOOK_SECONDS", 0.5)
+    gone = noted(tmp_path, RunNote("c", "tcp/127.0.0.1:9", "run c"))
+    with two_runs(tmp_path) as runs, gone, ThreadPoolExecutor() as pool:
+        asked = pool.submit(stop_or_reset, tmp_path, [], None, None, True)
+        questions = [physics.inbox.take(20.0) for physics in runs]  # the second one is asked before the first one has answered
+        for question, name in zip(questions, "ab", strict=True):
+            question.reply(pack(Stopped(name, 0, [f"picker_{name}"], [f"picker_{name}"], True)))
+            question.drop()
+        assert asked.result(20.0) == 2
+    out, err = capsys.readouterr()
+    assert sorted(out.splitlines()) == ["run a: stopped: picker_a", "run b: stopped: picker_b"]
+    assert err.startswith("run c: tcp/127.0.0.1:9: ")
+
+
+def test_robots_of_several_runs_are_not_reset_together(tmp_path, capsys):
+    with two_runs(tmp_path) as runs, pytest.raises(typer.Exit) as ended:
+        stop_or_reset(tmp_path, [], None, None, False)
+    assert ended.value.exit_code == 2
+    lines = [f"  --connect {physics.endpoint}  (run {name})" for physics, name in zip(runs, "ab", strict=True)]
+    assert capsys.readouterr().err.splitlines() == ["2 runs are active here; choose one:", *lines]
+
+
+def test_a_run_that_was_killed_is_none_of_the_active_ones(tmp_path):
     with noted(tmp_path, RunNote("b", "tcp/127.0.0.1:2")):
-        assert find_run(tmp_path, None) == RunNote("b", "tcp/127.0.0.1:2")
-        with noted(tmp_path, RunNote("a", "tcp/127.0.0.1:1")), pytest.raises(BusError, match=r"2 runs are active here(.|\n)*:1 (.|\n)*:2 "):
-            find_run(tmp_path, None)
         (tmp_path / "killed.going").write_text('{"run": "killed", "endpoint": "tcp/127.0.0.1:3"}')
-        assert find_run(tmp_path, None).run == "b"
+        assert find_run(tmp_path, None) == RunNote("b", "tcp/127.0.0.1:2")
+        with noted(tmp_path, RunNote("a", "tcp/127.0.0.1:1")):
+            assert [note.run for note in find_runs(tmp_path, None)] == ["a", "b"]

@@ -3,10 +3,12 @@
 import io
 import signal
 
+import msgspec
 import pytest
 from alone import SMALL, local_hash
 from command_line import ROOT, orchard, running, summary_of
 from fleet import Client, until
+from outcomes import harvested
 from rich.console import Console
 
 from orchard.contract.messages import pack
@@ -29,6 +31,7 @@ print("deaf", file=sys.stderr, flush=True)
 time.sleep(600)
 """
 PROGRESS = Progress(Console(file=io.StringIO()))
+SUMMARY = msgspec.to_builtins(harvested())
 
 
 def an_end(**summary):
@@ -39,8 +42,8 @@ def test_an_end_that_says_nothing_of_the_run_is_refused_whoever_sends_it():
     with pytest.raises(Refused, match="malformed"):
         distributed._hear(an_end(), "run1", PROGRESS)
     with pytest.raises(Refused, match="malformed"):
-        distributed._hear(an_end(hash="0", ticks="many", violations=[], broken_agents=[], jam=[]), "run1", PROGRESS)
-    assert distributed._hear(an_end(hash="0", ticks=5, violations=[], broken_agents=[], jam=[]), "run1", PROGRESS).why == "harvested"
+        distributed._hear(an_end(**SUMMARY | {"ticks": "many"}), "run1", PROGRESS)
+    assert distributed._hear(an_end(**SUMMARY), "run1", PROGRESS).why == "harvested"
 
 
 def test_an_end_is_believed_only_while_physics_goes_in_whichever_order_that_is_heard():

@@ -273,7 +273,7 @@ def test_an_endpoint_that_is_none_is_named():
 
 def test_a_port_in_use_is_named(fleet):
     with router() as taken:
-        process = fleet.start("processes.physics", "--listen", taken.endpoint)
+        process = fleet.start("orchard.processes.physics", "--listen", taken.endpoint)
         code, _, err = process.end()
     assert code == 2
     assert f"{taken.endpoint}: cannot listen there; the port is in use" in err
@@ -303,7 +303,7 @@ def test_who_asks_does_something_meanwhile_although_nobody_answers():
 
 
 def test_agents_load_neither_the_compiler_nor_the_viewer():
-    code = "import sys, processes.agents, orchard.agents, processes.physics; print({'numba', 'rerun'} & set(sys.modules))"
+    code = "import sys, orchard.processes.agents, orchard.agents, orchard.processes.physics; print({'numba', 'rerun'} & set(sys.modules))"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=30).stdout == "set()\n"
 
 
@@ -312,7 +312,7 @@ def test_a_second_run_with_the_same_prefix_must_go_and_the_first_goes_on(fleet, 
     fleet.router(endpoint)
     fleet.physics(SMALL, "--duration", str(TICKS / 10), "--connect", endpoint)
     assert "waiting for 9 agents" in fleet.world.error()
-    code, _, said = fleet.start("processes.physics", "--connect", endpoint).end()
+    code, _, said = fleet.start("orchard.processes.physics", "--connect", endpoint).end()
     assert code == 2
     assert f"run {fleet.run} is active there, with prefix orchard; choose another router or prefix" in said
     fleet.share(2, TOY)

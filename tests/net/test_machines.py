@@ -1,4 +1,4 @@
-"""Several machines: the hash is that of local mode, whoever runs where; and the README's commands for it, as they stand."""
+"""Several machines: the hash is that of local mode, whoever runs where; and the commands that a document has for it, as they stand."""
 
 import os
 import re
@@ -11,6 +11,7 @@ from contextlib import ExitStack
 import pytest
 from alone import SMALL, local_hash
 from command_line import line_with, orchard, summary_of
+from documents import block, commands
 from fleet import ROOT, SECONDS, Process
 from machines import machines, needs_machines, within
 
@@ -44,10 +45,12 @@ def hash_of(physics: Process) -> str:
 @needs_machines
 def test_lockstep_over_two_machines_is_local_mode(start, tmp_path):
     with machines("a") as (host, guest):
-        physics = start(host, "processes.physics", f"{tmp_path}/scenario.yaml", "--listen", f"tcp/0.0.0.0:{PORT}", "--duration", "20")
+        physics = start(
+            host, "orchard.processes.physics", f"{tmp_path}/scenario.yaml", "--listen", f"tcp/0.0.0.0:{PORT}", "--duration", "20"
+        )
         assert physics.line().startswith("listening on")
-        here = start(host, "processes.agents", "--connect", f"tcp/127.0.0.1:{PORT}", "--without", "picker")
-        there = start(guest, "processes.agents", "--connect", f"tcp/192.168.1.10:{PORT}", "--only", "picker")
+        here = start(host, "orchard.processes.agents", "--connect", f"tcp/127.0.0.1:{PORT}", "--without", "picker")
+        there = start(guest, "orchard.processes.agents", "--connect", f"tcp/192.168.1.10:{PORT}", "--only", "picker")
         assert hash_of(physics) == local_hash(SMALL, TICKS)
         assert here.end(10.0)[0] == there.end(10.0)[0] == 0
 
@@ -55,13 +58,15 @@ def test_lockstep_over_two_machines_is_local_mode(start, tmp_path):
 @needs_machines
 def test_lockstep_over_three_machines_with_a_router_of_its_own_is_local_mode(start, tmp_path):
     with machines("a", "b") as (middle, one, other):
-        routing = start(middle, "processes.router", "--listen", f"tcp/0.0.0.0:{PORT}")
+        routing = start(middle, "orchard.processes.router", "--listen", f"tcp/0.0.0.0:{PORT}")
         assert routing.line() == f"listening on tcp/0.0.0.0:{PORT}\n"
-        physics = start(one, "processes.physics", f"{tmp_path}/scenario.yaml", "--connect", f"tcp/192.168.1.10:{PORT}", "--duration", "20")
+        physics = start(
+            one, "orchard.processes.physics", f"{tmp_path}/scenario.yaml", "--connect", f"tcp/192.168.1.10:{PORT}", "--duration", "20"
+        )
         assert physics.line().startswith("connected to")
         hosts = [
-            start(one, "processes.agents", "--connect", f"tcp/192.168.1.10:{PORT}", "--only", "bin", "--only", "traffic"),
-            start(other, "processes.agents", "--connect", f"tcp/192.168.2.10:{PORT}", "--without", "bin", "--without", "traffic"),
+            start(one, "orchard.processes.agents", "--connect", f"tcp/192.168.1.10:{PORT}", "--only", "bin", "--only", "traffic"),
+            start(other, "orchard.processes.agents", "--connect", f"tcp/192.168.2.10:{PORT}", "--without", "bin", "--without", "traffic"),
         ]
         assert hash_of(physics) == local_hash(SMALL, TICKS)
         assert [host.end(10.0)[0] for host in hosts] == [0, 0]
@@ -70,11 +75,8 @@ def test_lockstep_over_three_machines_with_a_router_of_its_own_is_local_mode(sta
 
 
 @needs_machines
-def test_the_readmes_two_commands_run_the_carriers_on_another_machine(tmp_path):
-    block = re.search(r"```sh two machines\n(.*?)```", (ROOT / "README.md").read_text(), re.S).group(1)
-    commands = [shlex.split(line) for line in block.splitlines() if not line.startswith("#")]
-    assert all(words[:2] == [".venv/bin/python", "run.py"] for words in commands)
-    first, second = ([sys.executable, str(ROOT / "run.py"), *words[2:]] for words in commands)
+def test_the_two_commands_of_the_document_run_the_carriers_on_another_machine(tmp_path):
+    first, second = commands(block("docs/how-to.md", "two machines"))
     first += ["--rows", "3", "--duration", "60", "--record", "none", "--summary", str(tmp_path / "summary.json")]
     with machines("a") as (host, guest):
         one = subprocess.Popen([*within(host), *first], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -102,10 +104,10 @@ def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
     left = ["--without", "carrier", "--without", "picker_01"]
     run = running("--rows", "3", *left, "--duration", "5", "--record", "none", "--summary", str(path))
     try:
-        endpoint = re.search(r"which connect to (\S+)", line_with("which connect to", run)).group(1)
+        typed = shlex.split(line_with("left to other processes: ", run).partition("processes: ")[2])
         said = line_with("waiting for", run)
         assert "carrier_01, carrier_02" in said
-        guest = orchard("--connect", endpoint, "--only", "carrier", "--only", "picker_01", seconds=60)
+        guest = subprocess.run(typed, cwd=ROOT, capture_output=True, text=True, timeout=60)
         assert guest.returncode == 0, guest.stdout + guest.stderr
         assert "hosting carrier_01, carrier_02, picker_01" in guest.stdout
         out, _ = run.communicate(timeout=SECONDS)
@@ -141,7 +143,7 @@ def test_a_second_run_at_one_router_is_refused(tmp_path):
     (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
     with router() as middle, ExitStack() as stack:
         for _ in range(2):
-            physics = Process("processes.physics", f"{tmp_path}/scenario.yaml", "--connect", middle.endpoint)
+            physics = Process("orchard.processes.physics", f"{tmp_path}/scenario.yaml", "--connect", middle.endpoint)
             stack.callback(physics.kill)
             assert physics.line().startswith("connected to")
         code, _, err = physics.end()

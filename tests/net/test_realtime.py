@@ -4,6 +4,7 @@ import re
 import signal
 import time
 
+import msgspec
 import pytest
 from alone import SMALL, local_at
 from command_line import orchard, running, summary_of
@@ -15,7 +16,7 @@ from orchard.contract.messages import Couple, StateRequest, Written, Yes, pack
 from orchard.field.geometry import Twist
 from orchard.field.scenario import to_yaml
 from orchard.net.mailbox import STALE_TICKS, LatestObservations, RealtimeMailbox
-from orchard.net.realtime import SLACK, Delays, RealtimeBarrier
+from orchard.net.realtime import SLACK, Delays, RealtimeBarrier, UnheldCommands
 from orchard.net.refusals import Refused
 from orchard.server.figures import RunFigures
 from orchard.sim.physics import is_full
@@ -55,6 +56,28 @@ def test_a_velocity_drives_on_until_its_half_second_is_over():
     one.open(0)
     one.take("picker_01", velocity(0))
     assert driven(one, clock, 8) == [1.0] * 5 + [0.0] * 3
+
+
+@pytest.mark.parametrize(
+    ("first", "later", "steps"),
+    [(0.01, 0.06, 4), (0.01, 0.02, 5), (0.09, 0.06, 5), (0.09, 0.02, 6)],
+    ids=["misses its own step", "misses it, and is in time for another", "half a second", "one step more"],
+)
+def test_a_robot_that_no_session_holds_moves_for_half_a_second_and_at_most_one_step_more(first, later, steps):
+    """The velocity for tick 0 comes 0.05 s after the pose. `first` and `later`: s from a pose to its step; the answers of others decide."""
+    clock = Clock()
+    unheld, moved = UnheldCommands(clock), 0
+    moments = [(0.05, "comes"), (first, "step"), *((0.1 * tick + later, "step") for tick in range(1, 10))]
+    begun, tick = clock.now, 0
+    for moment, what in sorted(moments):
+        clock.now = begun + moment
+        if what == "comes":
+            unheld.take("picker_01", velocity(0, holder=""))
+        else:
+            moved += "picker_01" in unheld.actions(tick)
+            tick += 1
+            unheld.begin(tick)
+    assert moved == steps
 
 
 def test_the_newest_velocity_counts_although_it_is_late():
@@ -189,6 +212,8 @@ def test_the_newest_tick_is_what_is_seen_and_a_repetition_is_no_news():
 def test_what_is_seen_without_a_body_that_is_held_is_refused():
     sight = LatestObservations(RUN, ["picker_01"], ["picker_01"])
     with pytest.raises(Refused, match="bodies are missing"):
+        sight.seen(pack(msgspec.structs.replace(nothing_at(3), due=["picker_01"])))
+    with pytest.raises(Refused, match="another session"):
         sight.seen(pack(nothing_at(3)))
     assert sight.tick == -1
 
@@ -203,7 +228,7 @@ def test_delays_are_told_by_the_share_that_is_below():
 
 
 def nothing_at(tick):
-    return Seen(RUN, tick, [], b"", b"", {}, {}, [])
+    return Seen(RUN, tick, ["traffic"], [], b"", b"", {}, {}, [])
 
 
 # -- real processes

@@ -1,24 +1,35 @@
 """The logger in a real run: killed it goes on in a further part of the recording, slow it holds nobody up."""
 
+import copy
 import re
 import signal
 import subprocess
 import time
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import psutil
 import pytest
 from alone import local_hash
 from command_line import orchard, running, summary_of
+from corpus import KEYS, Net, StandIn
 from fleet import Process, until
 from recordings import lines_of, rows_of, seen_at
 from rerun.chunk import RrdReader
 from slow_logger import MOST, SECONDS
 
+from orchard.contract.events import SELDOM
+from orchard.contract.messages import pack
 from orchard.field.scenario import Scenario
+from orchard.local import Local
+from orchard.net.bus import Sample, Signal
+from orchard.record.logger import FrameQueue, Logger
+from orchard.sim.frames import FrameBuilder
 from orchard.view.files import parts_of
 from orchard.view.reader import missing, read_part
+from orchard.wire.codec import picture_of
 
 
 def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
@@ -34,6 +45,32 @@ def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
     assert None not in (whole["coupled"], whole["fill"], whole["row_picked"])
     assert {"picker_01", "carrier_01"} <= whole["doing"].keys()
     token.undeclare()
+
+
+def test_a_logger_begins_with_a_whole_picture_and_not_with_one_in_which_everything_rare_has_changed():
+    """After ticks without a subscriber a picture holds all changes: each rare field, and only the bodies that do something new."""
+    local = Local(Scenario(rows=3))
+    local.tick()
+    world, bus, queue = copy.deepcopy(local.engine.world), StandIn(Net(), "logger"), FrameQueue()
+    builder = FrameBuilder(world)
+
+    def shown(tick):
+        world.tick = tick
+        frame = builder.frame(local.engine.scans, local.actions, [])
+        bus.inbox.put(Sample(KEYS.of("picture"), pack(picture_of("run1", frame))))
+        return frame
+
+    builder.frame(local.engine.scans, local.actions, [])
+    for name in SELDOM:
+        setattr(world, name, np.zeros_like(getattr(world, name)) if getattr(world, name).any() else getattr(world, name) + 1)
+    changed = shown(101)
+    builder.forget()
+    shown(102)
+    bus.inbox.put(Signal(15))
+    Logger(bus, KEYS, "run1", local.engine.layout, queue).run(SimpleNamespace(error=None, join=lambda: None))
+    assert all(getattr(changed, name) is not None for name in SELDOM)
+    assert changed.doing == {}
+    assert queue.take().frame.tick == 102
 
 
 def test_a_slow_recorder_holds_physics_up_no_more_than_none(fleet, tmp_path):
@@ -74,7 +111,7 @@ def loggers_of(run: subprocess.Popen) -> list[psutil.Process]:
     found = []
     for child in psutil.Process(run.pid).children(recursive=True):
         with suppress(psutil.Error):  # one that has just ended
-            found += [child] if "processes.logger" in child.cmdline() else []
+            found += [child] if "orchard.processes.logger" in child.cmdline() else []
     return found
 
 

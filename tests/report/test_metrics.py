@@ -1,4 +1,4 @@
-"""The figures of a run, the closed forms beside them, and how a jam is told."""
+"""The figures of a run, the ideals beside them, and how a jam is told."""
 
 import pytest
 from stage import Stage, Standing, empty_orchard
@@ -7,9 +7,10 @@ from orchard.agents.route import OneWay
 from orchard.agents.steps import DriveTo, Face
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
-from orchard.field.scenario import People, Scenario
+from orchard.field.scenario import People, Scenario, load
 from orchard.report.bounds import Bounds, duration
 from orchard.report.metrics import HarvestFigures, harvest_figures, who_waits
+from orchard.report.schedule import Schedule
 
 
 class Watched(Stage):
@@ -60,7 +61,7 @@ def test_the_figures_of_a_whole_harvest():
     assert figures["distance_metres"]["picker"] == pytest.approx(4 * (OneWay.PARKED + 35.5))
     assert figures["bins_per_hour"] == pytest.approx(4 * 36000 / stage.world.tick)
     assert len(stage.figures.waits) == 4
-    assert figures["bins_per_hour"] <= figures["bound_bins_per_hour"]
+    assert figures["bins_per_hour"] <= figures["long_run_bins_per_hour"]
     assert 0.5 < figures["carrier_utilisation"] <= 1.0
 
 
@@ -93,8 +94,23 @@ def test_a_carrier_that_nothing_holds_up_takes_as_long_as_the_closed_form_says()
     assert bounds.cycle_seconds - 20 < took < bounds.cycle_seconds + 20
 
 
-@pytest.mark.parametrize(("pickers", "carriers"), [(2, 1), (4, 4), (2, 6)])
-def test_no_harvest_is_over_sooner_than_the_bound(pickers, carriers):
+@pytest.mark.parametrize(("pickers", "carriers", "traffic"), [(2, 1, 0.02), (4, 4, 0.25), (2, 6, 0.05)])
+def test_a_harvest_takes_as_long_as_its_schedule_and_its_traffic(pickers, carriers, traffic):
     stage = Stage(empty_orchard(rows=4, pickers=pickers, carriers=carriers))
-    bound = Bounds(stage.world.layout).harvest_seconds
-    assert bound <= stage.run_to_the_end() < 1.6 * bound
+    scheduled = Schedule(stage.world.layout).seconds(carriers)
+    assert scheduled <= stage.run_to_the_end() <= (1 + traffic) * scheduled
+
+
+@pytest.mark.parametrize(
+    ("scenario", "enough"),
+    [
+        (load("orchard/config/realistic.yaml"), 5),
+        (Scenario(rows=20, pickers=20), 20),
+        (Scenario(rows=20, pickers=2, picking_speed=0.02), 2),
+    ],
+)
+def test_one_carrier_less_than_enough_takes_longer_and_more_than_enough_take_as_long(scenario, enough):
+    schedule = Schedule(lay_out(scenario))
+    assert schedule.enough_carriers == enough
+    assert schedule.seconds(enough - 1) > 1.01 * schedule.seconds(scenario.rows)
+    assert schedule.seconds(enough) <= 1.0102 * schedule.seconds(scenario.rows)

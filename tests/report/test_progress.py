@@ -2,13 +2,17 @@
 
 import io
 import json
+import threading
 
 import pytest
 from rich.console import Console
 
 from orchard.report.progress import Headline, Progress, headline_of, robots
 
-FIGURES = {"sim_seconds": 61.5, "times_real_time": 30.2, "rows_picked": 2, "rows": 20, "bins_delivered": 1}
+FIGURES = {
+    "sim_seconds": 61.5, "times_real_time": 30.0, "rows_picked": 2, "rows": 20, "metres_picked": 525.0, "bins_delivered": 1,
+    "schedule_sim_seconds": 1411.5,
+}  # fmt: skip
 
 
 def fleet(pickers: int, carriers: int) -> dict[str, str]:
@@ -40,6 +44,14 @@ def test_every_robot_is_in_the_table_and_the_table_fits(pickers, carriers, width
         assert f"C{i + 1:02d} waiting in" in together
 
 
+@pytest.mark.parametrize(("width", "height", "shown"), [(24, 24, 20), (48, 24, 40), (20, 5, 3)])
+def test_a_console_that_is_too_small_says_how_many_robots_it_leaves_out(width, height, shown):
+    *lines, last = printed(fleet(20, 39), {}, width, height)
+    assert sum(line.count("picking") + line.count("waiting") for line in lines) == shown
+    assert last.strip() == f"and {20 + 39 + 1 - shown} more"
+    assert len(lines) + 1 <= max(4, height - 3)
+
+
 def test_the_table_tells_for_whom_a_robot_waits():
     (line,) = printed({"picker_01": "waiting for an empty bin"}, {"picker_01": "bin_01"}, 80, 24)
     assert line.strip() == "P01 waiting for an empty bin (bin_01)"
@@ -55,8 +67,35 @@ def test_a_robot_that_is_stopped_or_lost_its_agent_stands_out():
     assert "P02 \x1b[0m\x1b[31mstopped" in shown
 
 
-def test_the_headline_is_one_line_of_eighty_columns():
-    assert len(str(headline_of(FIGURES))) <= 80
+def test_the_headline_tells_the_share_of_metres_and_the_time_left_in_eighty_columns():
+    assert headline_of(FIGURES).line() == "   61.5 s    30.0 x real time   37 % picked  1/20 bins  0:45 min left"
+    assert len(headline_of({**FIGURES, "sim_seconds": 9999.9, "times_real_time": 0.01, "metres_picked": 1400.0}).line()) <= 80
+
+
+@pytest.mark.parametrize(
+    ("changes", "until", "left"),
+    [
+        ({}, None, 45.0),  # the schedule's rest, 1350 s
+        ({}, 361.5, 10.0),  # the run's duration is over sooner
+        ({"sim_seconds": 1300.0}, None, pytest.approx(1411.5 * (1 - (525 / 70 + 1) / 40) / 30)),  # behind its schedule: the share not done
+        ({"sim_seconds": 2000.0, "metres_picked": 1400.0, "bins_delivered": 20}, None, 0.0),
+    ],
+)
+def test_the_time_left_is_that_of_the_schedule_or_of_the_share_that_is_not_done(changes, until, left):
+    assert headline_of(FIGURES | changes).seconds_left(until) == left
+
+
+def test_a_run_that_gets_ready_shows_that_it_goes_on_until_its_first_figures(monkeypatch):
+    monkeypatch.setattr("orchard.report.progress.STILL_SECONDS", 0.001)
+    lines, told = io.StringIO(), threading.Event()
+    with Progress(Console(file=lines)) as progress:
+        monkeypatch.setattr(progress, "say", lambda words: (lines.write(words + "\n"), told.set() if "so far" in words else None))
+        progress.get_ready("compiling")
+        assert told.wait(30.0)
+        progress.show(FIGURES, {}, {})
+        progress.preparing.join(30.0)
+    assert lines.getvalue().startswith("compiling\ngetting ready: 0:00 min so far\n")
+    assert not progress.preparing.is_alive()
 
 
 def test_where_the_output_is_no_terminal_there_are_plain_lines_now_and_then():
@@ -75,4 +114,4 @@ def test_a_program_reads_progress_as_json():
         progress.show(FIGURES, {}, {})
     (line,) = out.getvalue().splitlines()
     assert json.loads(line) == {"progress": {name: FIGURES[name] for name in Headline.__struct_fields__}}
-    assert headline_of({**FIGURES, "rows_picked": 4, "bins_delivered": 2, "rows": 6}).fraction == 0.5
+    assert headline_of({**FIGURES, "metres_picked": 280.0, "bins_delivered": 2, "rows": 6}).fraction == 0.5

@@ -1,4 +1,4 @@
-"""The directory of roles: who may read it, what `run.py secure` does not make, and what a user may get wrong."""
+"""The directory of roles: who may read it, what `orchard secure` does not make, and what a user may get wrong."""
 
 import shutil
 from datetime import UTC, datetime, timedelta
@@ -8,11 +8,13 @@ import pytest
 from alone import SMALL
 from typer.testing import CliRunner
 
-import run
 from orchard.field.scenario import to_yaml
+from orchard.launch.commands import app
 from orchard.security.certificates import Authority
 from orchard.security.identity import Keyring
 from orchard.security.roles import AUTHORITY
+
+LONGEST = "w" * 64  # the longest name of an agent
 
 # -- the directory
 
@@ -25,8 +27,8 @@ def test_keys_are_for_the_owners_eyes_only(folder):
 
 
 def secured(*arguments: object):
-    """`run.py secure` in this process: what it printed, and its exit code."""
-    return CliRunner().invoke(run.app, ["secure", *map(str, arguments)], catch_exceptions=False)
+    """`orchard secure` in this process: what it printed, and its exit code."""
+    return CliRunner().invoke(app, ["secure", *map(str, arguments)], catch_exceptions=False)
 
 
 def test_an_authority_is_not_overwritten_unasked(tmp_path):
@@ -42,9 +44,18 @@ def test_an_authority_is_not_overwritten_unasked(tmp_path):
     assert not (path / "agents_2").exists()
 
 
+def test_each_agent_gets_a_role_however_long_its_name_is(tmp_path):
+    (tmp_path / "own.yaml").write_text(f"agents_without_body: {{{LONGEST}: my_package.Weather}}")
+    done = secured(tmp_path / "roles", tmp_path / "own.yaml", "--hosts", "each")
+    assert done.exit_code == 0, done.stderr
+    assert Keyring.load(tmp_path / "roles").of(LONGEST).role.names == (LONGEST,)
+
+
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
+        (["--role", f"{LONGEST}x=carrier"], f"{LONGEST}x: not a name for a role; use up to 64 letters"),
+        (["--role", "authority=carrier"], "authority: not a name for a role; the directory of this name"),
         (["--role", "shed"], "shed: expected NAME=KIND|AGENT"),
         (["--role", "Shed!=carrier"], "Shed!: not a name for a role"),
         (["--role", "physics=carrier"], "physics is the name of two roles"),
@@ -89,7 +100,7 @@ def test_what_cannot_be_run_is_named(arguments, named, folder, tmp_path):
     (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
     words = [str(word).format(folder=folder) for word in arguments]
     guest = [] if "--only" in words else [tmp_path / "scenario.yaml", "--record", "none"]
-    done = CliRunner().invoke(run.app, ["harvest", *map(str, guest), *words], catch_exceptions=False, env={"COLUMNS": "200"})
+    done = CliRunner().invoke(app, ["harvest", *map(str, guest), *words], catch_exceptions=False, env={"COLUMNS": "200"})
     assert done.exit_code == 2, done.output
     assert named in " ".join(done.stderr.split())
 
@@ -123,7 +134,7 @@ def spoil(what: str, own: Path, stranger: Path) -> None:
         ("another role", "the certificate of ben, not of amy"),
         ("expired", "UTC, not now"),
         ("nonsense", "certificate.pem: not a certificate"),
-        ("no role", "role.json: not as `run.py secure` wrote it"),
+        ("no role", "role.json: not as `orchard secure` wrote it"),
     ],
 )
 def test_a_directory_of_no_use_is_named(what, named, folder, stranger, tmp_path):

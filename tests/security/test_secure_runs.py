@@ -1,18 +1,16 @@
 """Whole secured runs: in one command and in many, over several machines, with kills; and what is said of a run that is not secured."""
 
-import re
-import shlex
 import shutil
 import signal
 import subprocess
-import sys
 from contextlib import ExitStack
 
 import pytest
 from alone import SMALL, local_hash
 from command_line import line_with, orchard, summary_of
+from documents import block, commands
 from farm import KEYS, Somebody
-from fleet import ROOT, SECONDS, Process
+from fleet import SECONDS, Process
 from fleet import Fleet as Processes
 from machines import machines, needs_machines, within
 
@@ -45,7 +43,7 @@ def test_a_machine_needs_no_more_than_its_roles_directory(its, folder, tmp_path)
     with ExitStack() as stack:
 
         def start(role: str, module: str, *arguments: str) -> Process:
-            process = Process(f"processes.{module}", *arguments, "--secure", copies[role])
+            process = Process(f"orchard.processes.{module}", *arguments, "--secure", copies[role])
             stack.callback(process.kill)
             return process
 
@@ -68,7 +66,7 @@ def test_who_is_killed_comes_back_as_the_same_role(killed, folder, tmp_path):
         fleet = Processes(tmp_path, stack)
         pace = ["--secure", str(folder / "physics"), "--speed", "15", "--duration", "20", "--snapshots", str(tmp_path / "snapshots")]
         place = ["--listen", f"tls/127.0.0.1:{free_port()}"]
-        routing = ["processes.router", *place, "--secure", str(folder / "router")]
+        routing = ["orchard.processes.router", *place, "--secure", str(folder / "router")]
         if killed == "router":
             middle = fleet.start(*routing)
             assert middle.line().startswith("listening on")
@@ -100,28 +98,30 @@ def test_a_secured_run_over_two_machines_is_local_mode(folder, tmp_path):
     with machines("s") as (host, guest), ExitStack() as stack:
         here, there = "tls/127.0.0.1:7447", "tls/192.168.1.10:7447"
         listen = ["--listen", "tls/0.0.0.0:7447", "--secure", str(folder / "physics")]
-        physics = Process("processes.physics", f"{tmp_path}/scenario.yaml", *listen, "--duration", "20", before=within(host))
+        physics = Process("orchard.processes.physics", f"{tmp_path}/scenario.yaml", *listen, "--duration", "20", before=within(host))
         stack.callback(physics.kill)
         assert physics.line().startswith("listening on")
         for role in ("amy", "ben", "agents_1", "agents_2"):
-            stack.callback(Process("processes.agents", "--connect", here, "--secure", str(folder / role), before=within(host)).kill)
-        stack.callback(Process("processes.agents", "--connect", there, "--secure", own, before=within(guest)).kill)
+            stack.callback(Process("orchard.processes.agents", "--connect", here, "--secure", str(folder / role), before=within(host)).kill)
+        stack.callback(Process("orchard.processes.agents", "--connect", there, "--secure", own, before=within(guest)).kill)
         code, out, err = physics.end()
         assert code == 0, out + err
         assert out.split()[-1] == local_hash(SMALL, 200)
 
 
 @needs_machines
-def test_the_commands_of_the_document_run_the_carriers_on_another_machine(tmp_path):
-    block = re.search(r"```sh secured, two machines\n(.*?)```", (ROOT / "docs" / "security.md").read_text(), re.S).group(1)
-    commands = [shlex.split(line) for line in block.splitlines() if not line.startswith("#")]
-    assert all(words[:2] == [".venv/bin/python", "run.py"] for words in commands)
-    make_roles, first, second = ([sys.executable, str(ROOT / "run.py"), *words[2:]] for words in commands)
-    first += ["--rows", "3", "--duration", "30", "--record", "none", "--summary", str(tmp_path / "summary.json")]
+def test_the_commands_of_the_document_run_one_after_the_other_the_last_ones_on_two_machines(tmp_path):
+    alone = commands(block("docs/security.md", "secured"))
+    make_roles, first, second = commands(block("docs/security.md", "secured, two machines"))
+    for command in (*alone, make_roles, first):  # what `second` runs follows from the run
+        command += ["--rows", "3"]
+    alone[-1] += ["--duration", "5", "--record", "none"]
+    first += ["--duration", "30", "--record", "none", "--summary", str(tmp_path / "summary.json")]
     here, there = tmp_path / "here", tmp_path / "there"
     for folder in (here, there):
         folder.mkdir()
-    subprocess.run([*make_roles, "--rows", "3"], cwd=here, check=True, timeout=SECONDS)
+    for command in (*alone, make_roles):
+        subprocess.run(command, cwd=here, check=True, timeout=SECONDS)
     shutil.copytree(here / "roles" / "shed", there / "shed")
     with machines("d") as (host, guest):
         one = subprocess.Popen([*within(host), *first], cwd=here, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -147,7 +147,7 @@ def test_a_public_address_without_security_is_warned_of_once(tmp_path):
 
 @pytest.mark.parametrize(("address", "is_open"), [("0.0.0.0", True), ("127.0.0.1", False)])
 def test_a_router_warns_of_a_public_address_only(address, is_open):
-    routing = Process("processes.router", "--listen", f"tcp/{address}:0")
+    routing = Process("orchard.processes.router", "--listen", f"tcp/{address}:0")
     try:
         assert routing.line().startswith("listening on")
         routing.signal(signal.SIGTERM)

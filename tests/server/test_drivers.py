@@ -3,6 +3,8 @@
 from alone import SMALL
 from corpus import KEYS, Run
 
+from orchard.contract.agent import Action, Hold
+
 
 def coming(drivers, session, names):
     """A session comes, and holds agents."""
@@ -37,3 +39,20 @@ def test_nothing_is_kept_of_a_session_that_is_not_waited_for():
     assert retired == []
     drivers.release({names[1]})
     assert retired == [KEYS.of("seen", session="first")]
+
+
+def test_a_session_that_is_silent_for_too_long_loses_also_its_agents_that_hold():
+    run = Run(SMALL, "run1", 10)
+    drivers = run.physics.harvest.drivers
+    silent, other = ["worker_01", "traffic"], ["picker_01"]
+    coming(drivers, "first", silent), coming(drivers, "second", other)
+    engine = run.physics.harvest.engine
+    engine.observe(), engine.due(())
+    engine.advance({name: Action(hold=Hold(500)) for name in (*silent, *other)}, {})
+    engine.wake(["worker_01", *other])
+    drivers.begin(engine.observe(), 0.0)
+    assert drivers.answers.missing == {"worker_01", "picker_01"}
+    drivers.answers.missing.discard("picker_01")  # it has answered
+    drivers.give_up()
+    assert sorted(drivers.roster.holders) == ["picker_01"]
+    assert sorted(drivers.lost) == ["traffic", "worker_01"]

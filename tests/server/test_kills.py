@@ -27,7 +27,7 @@ def undisturbed():
 
 
 def process_of(run: subprocess.Popen, word: str) -> psutil.Process:
-    return next(child for child in psutil.Process(run.pid).children(recursive=True) if f"processes.{word}" in child.cmdline())
+    return next(child for child in psutil.Process(run.pid).children(recursive=True) if f"orchard.processes.{word}" in child.cmdline())
 
 
 def first_process(run: subprocess.Popen, word: str) -> psutil.Process:

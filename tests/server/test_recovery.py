@@ -8,14 +8,17 @@ from types import SimpleNamespace
 import msgpack
 import pytest
 from alone import SMALL, TICKS, TOY
+from corpus import Net, StandIn
 from fleet import until
 
 from orchard.contract.messages import pack
 from orchard.launch.supervisor import free_port
 from orchard.local import Local
 from orchard.net.bus import Alive, Query
+from orchard.net.refusals import Refused
 from orchard.server.harvest import RunOptions
 from orchard.server.loop import Physics
+from orchard.server.snapshots import last
 from orchard.sim.engine import Engine
 from orchard.sim.snapshot import as_file, newest
 from orchard.wire.keys import Keys
@@ -176,7 +179,9 @@ def test_physics_whose_scenario_file_is_gone_goes_on_from_the_newest_snapshot_th
     alien.run = "another"
     (folder / "tick-000000998.snapshot").write_bytes(as_file(alien)[1])
     gone = str(tmp_path / "scenario.yaml")
-    fleet.world = fleet.start("processes.physics", gone, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
+    fleet.world = fleet.start(
+        "orchard.processes.physics", gone, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint
+    )
     assert fleet.end() == undisturbed
     assert "tick-000000999.snapshot: not a snapshot" in fleet.world.complaints
     assert "tick-000000998.snapshot: of another run, another" in fleet.world.complaints
@@ -196,13 +201,13 @@ def test_physics_that_has_only_a_torn_snapshot_begins_anew_and_says_so(fleet, un
 
 def test_a_router_that_is_killed_and_started_again_changes_nothing(fleet, undisturbed):
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    router = fleet.start("processes.router", "--listen", endpoint)
+    router = fleet.start("orchard.processes.router", "--listen", endpoint)
     router.line()
     fleet.physics(SMALL, *PACE, "--connect", endpoint)
     fleet.share(2, TOY)
     wait_for_tick(fleet, 30)
     end(router)
-    again = fleet.start("processes.router", "--listen", endpoint)
+    again = fleet.start("orchard.processes.router", "--listen", endpoint)
     assert "listening" in again.line()
     assert fleet.end() == undisturbed
 
@@ -254,3 +259,21 @@ def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(m
     physics.gather()
     assert (sorted(physics.harvest.drivers.roster.holders) == names) == is_there
     assert (physics.harvest.drivers.lost == {}) == is_there
+
+
+# -- what was refused
+
+
+def test_what_was_refused_before_physics_was_killed_is_in_its_figures_afterwards(tmp_path):
+    options = RunOptions(run="run7", snapshots=str(tmp_path))
+    before = Physics(StandIn(Net(), "physics1"), Keys(), Engine.begin(SMALL), options).harvest
+    before.refusal_totals.note("a key", Refused("malformed"))
+    before.refusal_totals.hear("host1", {"malformed": 2, "not all": 1})
+    before.keep()
+    before.snapshot_writer.finish()
+    snapshot = last(tmp_path)
+    totals = Physics(StandIn(Net(), "physics2"), Keys(), Engine.resume(snapshot), options, snapshot).harvest.refusal_totals
+    assert totals.total() == {"malformed": 3, "not all": 1}
+    totals.note("a key", Refused("past tick"))
+    totals.hear("host1", {"malformed": 3, "not all": 1})
+    assert totals.total() == {"malformed": 4, "not all": 1, "past tick": 1}, "a session that is still there counts once"

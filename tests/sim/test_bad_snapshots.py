@@ -18,6 +18,7 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.local import Local
 from orchard.server.figures import RunFigures
+from orchard.server.snapshots import examine, last
 from orchard.sim.restore import world_from
 from orchard.sim.snapshot import HEAD, LARGEST, VERSION, SnapshotError, read
 
@@ -41,9 +42,8 @@ def filed(path, tree):
 def resumed(path, tree) -> Local:
     """Return the run that a snapshot gives. Raises SnapshotError."""
     found = read(filed(path, tree))
-    local = Local.resume(found)
-    RunFigures(local.engine, found.figures)
-    return local
+    examine(found)
+    return Local.resume(found)
 
 
 def array(tree, name, kind, place, value):
@@ -74,7 +74,7 @@ FALSE = {
     "from nowhere": lambda t: array(t, "row_from", "<i8", 0, 5),
     "unloaded backwards": lambda t: array(t, "bay_ticks", "<i8", 0, -5),
     "driven backwards": lambda t: array(t, "distance", "<f8", 0, -1.0),
-    "refused backwards": lambda t: array(t, "refused", "<i8", 0, -1),
+    "collisions backwards": lambda t: array(t, "collisions", "<i8", 0, -1),
     "held back backwards": lambda t: array(t, "held", "<i8", 0, -1),
     "delivered backwards": lambda t: t | {"world": t["world"] | {"delivered": -1}},
     "half a delivery": lambda t: t | {"world": t["world"] | {"delivered": 0.5}},
@@ -98,6 +98,7 @@ FALSE = {
     "no states": lambda t: t | {"figures": {"states": {}}},
     "no invariants": lambda t: t | {"figures": {"invariants": 3}},
     "wall of text": lambda t: t | {"figures": t["figures"] | {"wall_seconds": []}},
+    "wall of refusals": lambda t: t | {"figures": t["figures"] | {"refused": {"counts": {"malformed": -1}}}},
     "harvest": lambda t: t | {"figures": t["figures"] | {"harvest": 1}},
     "deep": lambda t: b"\x91" * 100_000,
     "nothing": lambda t: b"",
@@ -110,6 +111,26 @@ def test_a_snapshot_that_lies_is_refused(tmp_path, snapshot, lie):
     with pytest.raises(SnapshotError) as refused:
         resumed(tmp_path / "lie.snapshot", FALSE[lie](snapshot))
     assert len(str(refused.value)) < 3000
+
+
+@pytest.mark.parametrize(
+    ("lie", "why"),
+    [("far away", "pose's y: must be from"), ("wall of text", "figures in the snapshot are malformed"), ("no pose", "is missing"),
+     ("no invariants", "inconsistent"), 
+     ("wall of refusals", "refused messages in the snapshot are malformed"),
+     ("nobody held", "there is no such agent"), ("other scenario", "inconsistent")],
+)  # fmt: skip
+def test_physics_refuses_the_newest_snapshot_if_it_lies_with_a_right_checksum_and_takes_the_one_before(
+    tmp_path, snapshot, lie, why, caplog
+):
+    filed(tmp_path / "tick-000000012.snapshot", snapshot)
+    newer = filed(tmp_path / "tick-000000015.snapshot", FALSE[lie](snapshot))
+    found = last(tmp_path)
+    assert found is not None
+    assert found.tick == 12
+    (said,) = [record.getMessage() for record in caplog.records]
+    assert said.startswith(f"not used: {newer}: ")
+    assert why in said
 
 
 @pytest.mark.parametrize("lie", ["nobody remembers", "nobody held"])

@@ -277,13 +277,13 @@ orchard.sim.engine.step = step
 def sabotaged(program: str, *arguments: str, folder: Path) -> subprocess.CompletedProcess:
     """Run a program with a physics that picks a row in which no picker drives."""
     command = [sys.executable, "-c", SABOTAGE + program, *arguments]
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200"}
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200", "ORCHARD_RUNS": str(folder / "runs")}
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120)
 
 
 def test_a_violation_in_local_mode_is_exit_code_1_and_in_the_summary(tmp_path):
     arguments = ["--mode", "local", "--rows", "3", "--duration", "2", "--record", "none", "--summary", "summary.json"]
-    done = sabotaged("import run; run.main()", *arguments, folder=tmp_path)
+    done = sabotaged("from orchard.__main__ import main; main()", *arguments, folder=tmp_path)
     assert done.returncode == 1, done.stderr
     assert "violated: tick 1: " in done.stderr
     assert "m are picked, but" in (tmp_path / "summary.json").read_text()
@@ -292,7 +292,7 @@ def test_a_violation_in_local_mode_is_exit_code_1_and_in_the_summary(tmp_path):
 def test_a_violation_in_physics_is_exit_code_1(tmp_path):
     everybody = [word for kind in ("picker", "carrier", "bin", "tractor", "worker", "visitor", "dog", "cat", "weed", "traffic")
                  for word in ("--absent", kind)]  # fmt: skip
-    program = "from processes.physics import main; sys.exit(main(sys.argv[1:]))"
+    program = "from orchard.processes.physics import main; sys.exit(main(sys.argv[1:]))"
     done = sabotaged(program, "--duration", "2", *everybody, folder=tmp_path)
     assert done.returncode == 1, done.stderr
     assert "violated: tick 1: " in done.stdout

@@ -228,7 +228,7 @@ def test_a_stop_that_was_taken_outlives_physics_killed_at_once(fleet, tmp_path):
     until(someone.hear("orchard/figures"), lambda figures: figures["tick"] > 0)
     told = ask(someone, True, "picker_01")
     assert told["kept"]
-    fleet.world.signal(signal.SIGKILL)
+    fleet.world.kill()
     fleet.physics(SMALL, *keep, "--resume")
     someone = fleet.client()
     answer = ask(someone, False, "picker")
@@ -250,7 +250,7 @@ def test_on_a_slow_disk_a_stop_is_answered_while_it_is_written_and_what_is_kept_
     answers = [ask(someone, True, "picker_01") for _ in range(6)]
     assert [answer["kept"] for answer in answers][-1], "the same stop again, until the disk has it"
     assert all(answer["changed"] == [] and answer["stopped"] == told["stopped"] for answer in answers)
-    fleet.world.signal(signal.SIGKILL)
+    fleet.world.kill()
     fleet.physics(SMALL, *keep, "--resume")
     assert ask(fleet.client(), False)["changed"] == told["stopped"]
     end(fleet)

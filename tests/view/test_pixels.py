@@ -66,11 +66,11 @@ def picture(client: ViewerClient, seconds: float, view: str) -> np.ndarray:
 @pytest.mark.skipif(bool(why_no_renderer()), reason=why_no_renderer() or "-")
 class TestInTheViewer:
     def test_no_view_complains(self, viewer: ViewerClient) -> None:
-        picture(viewer, 40.0, "Orchard")
+        picture(viewer, 40.0, "At work")
         assert [(view.name, report.summary) for view in viewer.get_state().views for report in view.reports] == []
 
     def test_the_picture_is_not_blank_and_moves(self, viewer: ViewerClient) -> None:
-        early, late = picture(viewer, 5.0, "Orchard"), picture(viewer, 60.0, "Orchard")
+        early, late = picture(viewer, 5.0, "At work"), picture(viewer, 60.0, "At work")
         assert early.std() > 20
         assert np.abs(early - late).max(axis=2).mean() > 0.3
 
@@ -88,7 +88,7 @@ class TestInTheViewer:
             recorder.tick(frame)
         recorder.close()
         with looking_at(tmp_path / "large.rrd") as viewer:
-            assert picture(viewer, 1.0, "Orchard").std() > 20 and picture(viewer, 1.0, "Plan").std() > 20
+            assert picture(viewer, 1.0, "At work").std() > 20 and picture(viewer, 1.0, "Plan").std() > 20
             assert [(view.name, report.summary) for view in viewer.get_state().views for report in view.reports] == []
 
 

@@ -18,11 +18,12 @@ from orchard.contract.events import Event, Frame
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout
 from orchard.launch.supervisor import free_port
-from orchard.view.palette import STATES
+from orchard.view.focus import FOCUS
+from orchard.view.palette import PAINT, SCANS, STATES, YELLOW
 from orchard.view.reader import optimize
 from orchard.view.recorder import Recorder, hits
 
-LAYERS = {"world", "canopy", "scans", "pins", "plan", "metrics", "events", "talk", "legend", "tf"}
+LAYERS = {"world", "canopy", "scans", "pins", "plan", "metrics", "events", "talk", "legend", "focus", "tf"}
 
 
 def same_pose(seen: tuple[float, float, float], meant: np.ndarray) -> bool:
@@ -33,8 +34,19 @@ def same_pose(seen: tuple[float, float, float], meant: np.ndarray) -> bool:
 @pytest.mark.parametrize("seconds", [0.0, 12.3, 71.0, ACTED_SECONDS])
 def test_every_body_is_drawn_where_the_frame_says(layout: Layout, acted: list[Frame], recording: Path, seconds: float) -> None:
     seen, meant = poses_at(recording, seconds), acted[round(seconds * 10)].poses
-    assert set(seen) == set(layout.names)
+    assert set(seen) == {*layout.names, FOCUS}
     assert [name for i, name in enumerate(layout.names) if not same_pose(seen[name], meant[i])] == []
+
+
+def test_the_recording_shows_the_start_before_the_first_step(layout: Layout, acted: list[Frame], tmp_path: Path) -> None:
+    path = tmp_path / "start.rrd"
+    recorder = Recorder(layout, "start", path)
+    recorder.tick(acted[1])
+    recorder.close()
+    seen = poses_at(path, 0.0)
+    assert [start.name for start in layout.starts if not same_pose(seen[start.name], np.array(start.pose))] == []
+    assert Rows(path, "/world/pickers/picker_01").values("StateChange:state") == [(0.0, ["picking row 1"])]
+    assert [t for t, _ in Rows(path, "/world/rows/row_01").values("Mesh3D:vertex_colors")] == [0.0]
 
 
 def test_layers_are_separate_and_time_is_physics_time(recording: Path) -> None:
@@ -127,11 +139,12 @@ def test_the_conversation_is_logged_and_drawn(recording: Path) -> None:
     assert drawn[-1][1] == 0  # and gone again
 
 
-def test_the_legend_names_every_state_and_its_colour(recording: Path) -> None:
+def test_the_legend_names_every_state_each_laser_flags_and_the_queue(recording: Path) -> None:
     look = Rows(recording, "/legend").static
     shown = dict(zip(look["Points2D:labels"], look["Points2D:colors"], strict=True))
-    for state, (r, g, b) in STATES.items():
-        assert shown[state] == r << 24 | g << 16 | b << 8 | 255
+    for word, (r, g, b) in {**STATES, **SCANS, "full bin": YELLOW, "bay, queue": PAINT}.items():
+        assert shown[word] == r << 24 | g << 16 | b << 8 | 255
+    assert len(Rows(recording, "/legend/flags").static["LineStrips2D:strips"]) == 1
 
 
 def test_what_is_said_again_is_no_news(layout: Layout, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from orchard.launch.supervisor import open_viewer
 from orchard.view.files import viewer_program
 from orchard.view.reader import optimize
-from orchard.view.web import command
+from orchard.view.web import command, free_pair
 
 ROOT = Path(__file__).parents[2]
 SECONDS = 30.0  # that anything here may take on a busy machine
@@ -26,11 +26,12 @@ if "-o" in words:
 
 @pytest.fixture
 def stand_in(tmp_path, monkeypatch) -> Path:
-    """A program that only writes down what it is told."""
+    """A program that only writes down what it is told, and a screen."""
     program = tmp_path / "viewer"
     program.write_text(STAND_IN)
     program.chmod(0o755)
     monkeypatch.setenv("RERUN_CLI_PATH", str(program))
+    monkeypatch.setenv("DISPLAY", ":0")
     return program
 
 
@@ -83,3 +84,27 @@ def test_a_variable_that_names_no_program_is_told_at_once(monkeypatch, tmp_path,
     assert f"RERUN_CLI_PATH={tmp_path}/nothing: no such program" in done.stderr
     assert "Traceback" not in done.stderr
     assert done.stdout == ""
+
+
+@pytest.mark.parametrize("words", [("view",), ("--mode", "local", "--duration", 1, "--view", "--record")], ids=["view", "a run"])
+def test_without_a_screen_it_says_so_at_once_and_offers_a_browser(stand_in, monkeypatch, tmp_path, words):
+    monkeypatch.delenv("DISPLAY")
+    recording = tmp_path / "run.rrd"
+    recording.touch()
+    done = run_py(*words, recording)
+    assert done.returncode == 2
+    assert "no screen" in done.stderr and "--web 9090" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not stand_in.with_name("words.json").exists(), "nothing was opened"
+
+
+def test_a_recording_is_served_to_browsers_with_all_its_parts(stand_in, monkeypatch, tmp_path):
+    monkeypatch.delenv("DISPLAY")
+    parts = [tmp_path / "run.rrd", tmp_path / "run.part2.rrd"]
+    for part in parts:
+        part.touch()
+    port = free_pair()
+    done = run_py("view", parts[0], "--web", port)
+    assert done.returncode == 0, done.stderr
+    assert f"http://127.0.0.1:{port}/" in done.stdout
+    assert told(stand_in) == command(port, *map(str, parts))[1:]

@@ -170,21 +170,9 @@ def test_pictures_that_are_not_of_this_orchard_are_refused(other, logger):
         logger._handle(Sample("orchard/picture", msgpack.packb(good | change)))
     assert logger.refusals.counts == {"malformed": len(changes)}
     assert not len(logger.queue)
-    logger._handle(
-        Sample(
-            "orchard/picture",
-            msgpack.packb(
-                good
-                | {name: [0] * 9 for name in ("fill", "coupled")}
-                | {
-                    "alive": [True] * (len(good["poses"]) // 24),
-                    "row_picked": [0.0] * 3,
-                    "fill": [0.0] * (len(good["poses"]) // 24),
-                    "coupled": [-1] * (len(good["poses"]) // 24),
-                }
-            ),
-        )
-    )
+    bodies = len(good["poses"]) // 24
+    whole = {"alive": [True] * bodies, "row_picked": [0.0] * 3, "fill": [0.0] * bodies, "coupled": [-1] * bodies, "whole": True}
+    logger._handle(Sample("orchard/picture", msgpack.packb(good | whole)))
     assert len(logger.queue) == 1, "the good one is taken"
 
 

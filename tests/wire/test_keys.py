@@ -5,10 +5,11 @@ from pathlib import Path
 
 import msgpack
 import pytest
+from msgspec import inspect
 
 from docs.keyspace import EXAMPLES, document
 from orchard.wire.keys import TABLE, Keys
-from orchard.wire.types import read
+from orchard.wire.types import SubMessage, read
 
 KEYSPACE = Path(__file__).parents[2] / "keyspace.md"
 
@@ -30,6 +31,38 @@ def test_the_hex_examples_are_these_messages():
     for map_, type_, block in zip(maps, shown, blocks, strict=True):
         assert set(map_) >= {"run"}
         assert read(bytes.fromhex(block.replace("\n", "")), type_) == EXAMPLES[type_]
+
+
+def maps_in(type_):
+    """The maps of a message, at any depth."""
+    found, waiting = {}, [type_]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, inspect.StructType) and part.cls not in found:
+            found[part.cls] = part
+            waiting += [field.type for field in part.fields]
+        elif isinstance(part, inspect.NamedTupleType):
+            waiting += [field.type for field in part.fields]
+        elif isinstance(part, inspect.UnionType):
+            waiting += part.types
+        elif isinstance(part, inspect.TupleType):
+            waiting += part.item_types
+        else:
+            waiting += [getattr(part, name) for name in ("type", "item_type", "value_type") if hasattr(part, name)]
+    return found.values()
+
+
+@pytest.mark.parametrize("type_", EXAMPLES, ids=lambda type_: type_.__name__)
+def test_every_map_in_a_message_refuses_unknown_fields_as_keyspace_says(type_):
+    assert [part.cls for part in maps_in(inspect.type_info(type_)) if not part.forbid_unknown_fields] == []
+
+
+@pytest.mark.parametrize("type_", EXAMPLES, ids=lambda type_: type_.__name__)
+def test_the_table_of_a_message_has_the_fields_of_every_map_in_it(type_):
+    table = KEYSPACE.read_text().split(f"**{type_.__name__}**")[1].split("For example")[0]
+    parts = [part for part in maps_in(inspect.type_info(type_)) if issubclass(part.cls, SubMessage)]
+    fields = [(part.cls.__name__, field.encode_name) for part in parts for field in part.fields]
+    assert [f"{name}.{field}" for name, field in fields if not re.search(rf"[`.]{field}[`.]", table)] == []
 
 
 def test_keys_are_made_and_taken_apart():

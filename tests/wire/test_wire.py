@@ -51,7 +51,7 @@ def sights_of(observations):
     hitches = {seen.name: seen.hitch for seen in observations if seen.hitch}
     fills = {seen.name: seen.fill for seen in observations if seen.fill}
     full = {seen.name for seen in observations if seen.fill and seen.full}
-    names = [seen.name for seen in observations]
+    names = {seen.name: row for row, seen in enumerate(observations)}
     return Observations(7, names, states, [seen.scan for seen in observations], hitches, fills, full)
 
 
@@ -60,11 +60,11 @@ def sights_of(observations):
 def test_what_is_seen_arrives_to_the_last_bit(several):
     several = [replace(o, name=f"picker_{n:02d}", tick=7, full=o.full and o.fill > 0.0) for n, o in enumerate(several)]
     sent = sights_of(several)
-    bodies = list(range(len(several)))[::2]
-    heard = codec.observations_of(read(pack(seen_of(RUN, sent, bodies, [])), Seen))
-    assert list(heard) == [sent.names[body] for body in bodies]
-    for body in bodies:
-        assert_same(heard[sent.names[body]], several[body])
+    asked = several[::2]
+    heard = codec.observations_of(read(pack(seen_of(RUN, sent, [one.name for one in asked], [])), Seen))
+    assert list(heard) == [one.name for one in asked]
+    for one in asked:
+        assert_same(heard[one.name], one)
 
 
 def assert_same(heard, observation):
@@ -79,7 +79,7 @@ def assert_same(heard, observation):
 
 def seen_message():
     observation = Observation("picker_01", 7, 1.0, 2.0, (0.0, 1.0), Twist(), np.zeros(180, dtype=np.float32))
-    return seen_of(RUN, sights_of([observation]), [0], [])
+    return seen_of(RUN, sights_of([observation]), [observation.name], [])
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,15 @@
 import hashlib
 import logging
 import os
+import shutil
+import time
+from contextlib import suppress
 from pathlib import Path
 
 from orchard.sim.disk import write_whole
 
-COMPILING = "compiling for this machine; this is done once and takes some ten seconds"
+COMPILING = "compiling for this machine; this is done once and takes up to a minute"
+UNUSED_SECONDS = 24 * 3600.0  # after which the kernels of other sources are removed; a program that runs now may still load them
 DIGEST = 32  # bytes of SHA-256, with which each file begins
 
 _HERE = Path(__file__).parent
@@ -32,6 +36,14 @@ def are_compiled() -> bool:
     return folder is not None and any(folder.rglob("*.nbc"))
 
 
+def _remove_unused(own: Path) -> None:
+    """Remove the folders beside a program's own one that no program has used for UNUSED_SECONDS. Another process may do so too."""
+    for folder in own.parent.glob("kernels-*"):
+        with suppress(FileNotFoundError):
+            if folder != own and time.time() - folder.stat().st_mtime > UNUSED_SECONDS:
+                shutil.rmtree(folder, ignore_errors=True)
+
+
 class KernelFiles:
     """The compiled code of kernels in a folder, each in a file with its SHA-256. Code that is torn or changed is never used.
 
@@ -42,6 +54,8 @@ class KernelFiles:
         """The folder need not exist yet."""
         self._folder = folder
         self._said: set[str] = set()
+        with suppress(OSError):  # it does not exist yet, or is another user's
+            os.utime(folder)  # it is in use
 
     def load(self, name: str) -> bytes | None:
         """Return the code of a kernel; None if it must be compiled. What is wrong with a file is logged, once for all files."""
@@ -53,15 +67,19 @@ class KernelFiles:
             self._say(f"compiled kernels in {self._folder} cannot be read: {error.strerror}; they are compiled anew")
             return None
         if hashlib.sha256(content[DIGEST:]).digest() != content[:DIGEST]:
-            self._say(f"compiled kernels in {self._folder} are torn or changed; they are compiled anew, which takes up to ten seconds")
+            self._say(f"compiled kernels in {self._folder} are torn or changed; they are compiled anew, which takes up to a minute")
             return None
         return content[DIGEST:]
 
     def keep(self, name: str, code: bytes) -> None:
-        """Write the code of a kernel. If that fails, it is logged, once for all files, and the next start compiles it again."""
+        """Write the code of a kernel, and remove kernels of other sources that are not used any more.
+
+        If it cannot be written, that is logged, once for all files, and the next start compiles it again.
+        """
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             write_whole(self._folder / name, hashlib.sha256(code).digest() + code)
+            _remove_unused(self._folder)
         except OSError as error:
             self._say(f"compiled kernels cannot be kept in {self._folder}: {error.strerror}; the next start compiles them again")
 

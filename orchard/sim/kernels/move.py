@@ -65,7 +65,7 @@ def arc(x, y, yaw, forward, left, turn, seconds):
 @jit
 def advance(
     wanted, twist, pose, coupled, fill, pickers, speed, turn, sideways, shapes, tows, solid, walls, wall_frame, wall_begin, wall_members,
-    body_frame, row_y, row_picked, row_from, picking_speed, distance, refused, held, blocked,
+    body_frame, row_y, row_picked, row_from, picking_speed, distance, collisions, held, blocked,
 ):  # fmt: skip
     """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick.
 
@@ -74,12 +74,12 @@ def advance(
     rows = Rows(row_y, row_picked, row_from)
     limit(wanted, top_speeds(speed, pickers, pose, coupled, fill, rows, picking_speed), coupled, turn, sideways, twist)
     before, walls_near = pose.copy(), Grid(wall_frame, wall_begin, wall_members)
-    begun = move_all(twist, pose, coupled, shapes, tows, solid, walls, walls_near, body_frame, distance, refused, held, blocked)
+    begun = move_all(twist, pose, coupled, shapes, tows, solid, walls, walls_near, body_frame, distance, collisions, held, blocked)
     return begun, pick(pickers, before, pose, coupled, rows, fill)
 
 
 @jit
-def move_all(twist, pose, coupled, shapes, tows, solid, walls, wall_grid, body_frame, distance, refused, held, blocked):
+def move_all(twist, pose, coupled, shapes, tows, solid, walls, wall_grid, body_frame, distance, collisions, held, blocked):
     """Move each body with its twist for one time step, one after another, if nothing solid is in the way.
 
     shapes (n, 7) and walls (w, 7): boxes; wall_grid: the Grid of the walls; body_frame: the frame of a grid for the bodies.
@@ -91,16 +91,17 @@ def move_all(twist, pose, coupled, shapes, tows, solid, walls, wall_grid, body_f
     body_grid = sort_into_cells(boxes, solid, body_frame)
     begun, count, moved = np.empty((n, 2), np.int64), 0, np.empty(boxes.shape[1])
     for i in range(n):
-        obstacle = _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused, held, moved)
+        obstacle = _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, held, moved)
         if obstacle != NONE and not blocked[i]:
             begun[count, 0], begun[count, 1] = i, obstacle
             count += 1
+            collisions[i] += 1
         blocked[i] = obstacle != NONE
     return begun[:count]
 
 
 @inlined
-def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused, held, moved):
+def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, held, moved):
     """Move one body, if it can; return its obstacle, or NONE. `moved`, (7,): scratch space for its box at the new pose."""
     forward, left, turn = twist[i]
     if forward == 0.0 and left == 0.0 and turn == 0.0:
@@ -113,7 +114,6 @@ def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid,
         return NONE
     obstacle = _in_the_way(moved, i, boxes, body_grid, walls, wall_grid)
     if obstacle != NONE:
-        refused[i] += 1
         twist[i, :] = 0.0
         return obstacle
     boxes[i] = moved

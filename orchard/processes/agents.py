@@ -1,6 +1,6 @@
 """The host process: hosts any number of agents over one session.
 
-    python -m processes.agents --connect tcp/127.0.0.1:7447 --only picker --only bin_03
+    python -m orchard.processes.agents --connect tcp/127.0.0.1:7447 --only picker --only bin_03
 
 The scenario comes from physics. Without --only and --without it hosts all agents; --share 0/3 hosts every third agent.
 """
@@ -86,7 +86,7 @@ def _seconds(text: str) -> float:
 
 
 def _options(argv: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m processes.agents", description="Host agents of an orchard.")
+    parser = argparse.ArgumentParser(prog="python -m orchard.processes.agents", description="Host agents of an orchard.")
     parser.add_argument("--connect", required=True, metavar="ENDPOINT", help="endpoint of physics or a router, such as tcp/127.0.0.1:7447")
     parser.add_argument("--secure", metavar="DIR", help="directory of the role; only its agents can be hosted")
     parser.add_argument("--prefix", default=PREFIX, help="first part of every key")

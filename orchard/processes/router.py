@@ -1,6 +1,6 @@
 """The router process: a separate router, to which physics and all other processes connect as clients. For several machines.
 
-    python -m processes.router --listen tcp/0.0.0.0:7447
+    python -m orchard.processes.router --listen tcp/0.0.0.0:7447
 
 It serves any number of runs, one after another or with different prefixes, until it is stopped.
 """
@@ -17,7 +17,9 @@ from orchard.wire.keys import PREFIX
 
 def main(argv: list[str] | None = None) -> int:
     """Route messages until a signal asks to stop. Return the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m processes.router", description="Route messages between the processes of an orchard.")
+    parser = argparse.ArgumentParser(
+        prog="python -m orchard.processes.router", description="Route messages between the processes of an orchard."
+    )
     parser.add_argument("--listen", metavar="ENDPOINT", help="default: tcp/127.0.0.1:7447; with --secure tls/127.0.0.1:7447")
     parser.add_argument("--secure", metavar="DIR", help="directory of the router's role")
     arguments = parser.parse_args(argv)

@@ -1,6 +1,6 @@
 """The physics process: it owns the world and the clock of a run.
 
-    python -m processes.physics config/orchard.yaml --listen tcp/127.0.0.1:7447
+    python -m orchard.processes.physics --listen tcp/127.0.0.1:7447
 
 It is the router for the other processes, unless `--connect` names another one. `run.py` passes all options in a line, with `--request -`.
 """
@@ -60,8 +60,10 @@ def _session(options: RunOptions, inbox: Inbox, identity: Identity | None) -> Ab
 
 def _simulate(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions) -> int:
     from orchard.sim.engine import Engine  # not at the top: numba takes seconds to load, and meanwhile other processes can connect
+    from orchard.sim.lookahead import HOLDS, IgnoredHolds
 
-    engine = Engine.begin(check(options.scenario, "the scenario")) if before is None else Engine.resume(before)
+    holds = IgnoredHolds if options.mode == "realtime" else HOLDS[options.holds]  # in realtime no robot drives on without a word
+    engine = Engine.begin(check(options.scenario, "the scenario"), holds) if before is None else Engine.resume(before, holds)
     absent = select_agents(engine.layout.agents, options.absent, []) if options.absent else []
     physics = Physics(bus, keys, engine, msgspec.structs.replace(options, absent=absent), before)
     physics.listen()
@@ -105,7 +107,7 @@ def _options(arguments: dict[str, Any]) -> RunOptions:
 def _arguments(argv: list[str] | None) -> dict[str, Any]:
     """The options that are given on the command line; `RunOptions` checks them."""
     parser = argparse.ArgumentParser(
-        prog="python -m processes.physics", description="Simulate the world of an orchard.", argument_default=argparse.SUPPRESS
+        prog="python -m orchard.processes.physics", description="Simulate the world of an orchard.", argument_default=argparse.SUPPRESS
     )
     parser.add_argument("scenario_file", nargs="?", metavar="SCENARIO.yaml", help="default: the built-in scenario")
     parser.add_argument("--request", type=_text, metavar="FILE.json", help="all options in JSON; -: the first line of stdin")
@@ -123,6 +125,7 @@ def _arguments(argv: list[str] | None) -> dict[str, Any]:
     parser.add_argument("--recorded", action="store_true", help="wait for a logger before the first tick, at most 10 s")
     parser.add_argument("--snapshots", metavar="DIR", help="folder for snapshots of the run")
     parser.add_argument("--snapshot-every", metavar="SECONDS", help="wall time between two snapshots; default: 2")
+    parser.add_argument("--holds", choices=["on", "ignored", "checked"], help="ask agents that hold, and check them; default: on")
     parser.add_argument("--result", metavar="FILE", help="file for the end of the run, for the program that started this one")
     parser.add_argument("--resume", action="store_true", help="continue from the newest snapshot in the folder, if there is one")
     return vars(parser.parse_args(argv))

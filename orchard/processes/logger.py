@@ -1,6 +1,6 @@
 """The logger process: records a run with Rerun, into a file, to live viewers, or both.
 
-    python -m processes.logger --connect tcp/127.0.0.1:7447 --record runs/harvest.rrd
+    python -m orchard.processes.logger --connect tcp/127.0.0.1:7447 --record runs/harvest.rrd
 
 Killing it does not disturb the run. If it is started again with the same file, it continues in a further part of the recording.
 """
@@ -48,7 +48,7 @@ def _pack(file: Path) -> None:
 
 
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m processes.logger", description="Record a run for Rerun.")
+    parser = argparse.ArgumentParser(prog="python -m orchard.processes.logger", description="Record a run for Rerun.")
     parser.add_argument("--connect", required=True, metavar="ENDPOINT", help="where physics or a router listens, like tcp/127.0.0.1:7447")
     parser.add_argument("--secure", metavar="DIR", help="directory of the logger's role")
     parser.add_argument("--prefix", default=PREFIX, help="first part of every key")

@@ -1,0 +1,39 @@
+"""The site: Sphinx reads the documents as they lie in the repository, so that their links work there too. `make site` builds it."""
+
+from importlib import metadata
+
+from pygments.lexers.special import TextLexer
+from sphinx.application import Sphinx
+
+project = "Orchard"
+author = "the Orchard contributors"
+release = metadata.version("orchard-sim")
+root_doc = "docs/index"
+include_patterns = ["docs/*.md", "docs/*.ipynb", "keyspace.md", "CHANGELOG.md", "CONTRIBUTING.md"]
+exclude_patterns = [".*", "runs", "build", "orchard", "tests", "**/__pycache__"]
+
+extensions = ["myst_nb", "sphinx.ext.autodoc"]
+myst_enable_extensions = ["attrs_inline"]
+myst_heading_anchors = 4
+
+# the notebook is run by each build, and an error in it is one of the build
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 240  # s
+nb_execution_show_tb = True
+
+# the reference of the library, from docstrings and types
+autodoc_member_order = "bysource"
+autoclass_content = "both"
+autodoc_default_options = {"undoc-members": True}
+default_role = "code"
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 100
+
+html_theme = "furo"
+html_title = "Orchard"
+html_extra_path = ["front"]
+
+
+def setup(app: Sphinx) -> None:
+    app.add_lexer("hex", TextLexer)  # the examples of bytes in keyspace.md

@@ -1,0 +1,58 @@
+"""docs/scenario.md: each value of a scenario with its default and its limits, from the model that checks it."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from orchard.field.scenario import Scenario
+
+HEAD = """\
+# The scenario
+
+Written by docs/scenario.py from the model that checks scenarios (`make docs`); do not edit.
+
+A scenario is a YAML file. Each value that it leaves out keeps its default. `orchard FILE.yaml` harvests it; the options `--rows`,
+`--pickers`, `--carriers` and `--seed` change the value of the same name. `orchard realistic` names a scenario that comes with the program:
+pickers as slow as people. All faults of a file are reported at once, each with its line. Editors check a file that begins with
+`# yaml-language-server: $schema=PATH`, where PATH leads to [the schema](../{schema}).
+
+```yaml scenario
+rows: 8
+pickers: 4
+people: {{workers: 2, visitors: 0}}
+```
+
+{table}
+
+Three values depend on others: there is at most one picker for each row; there are at most 50 people, and at most 50 animals; and an agent
+without a body has a name that no other agent has. [Extending the Orchard](extending.md) describes the values that name classes.
+"""
+SCHEMA = "orchard/config/scenario.schema.json"
+
+
+def document() -> str:
+    """Return the text of docs/scenario.md."""
+    lines = ["| value | default | limits | meaning |", "| --- | --- | --- | --- |", *_lines(Scenario.model_json_schema())]
+    return HEAD.format(schema=SCHEMA, table="\n".join(lines))
+
+
+def _lines(schema: dict[str, Any], section: str = "", whole: dict[str, Any] | None = None) -> Iterator[str]:
+    """A line for each value; those of a section have dotted names."""
+    whole = whole or schema
+    for name, value in schema["properties"].items():
+        if "$ref" in value:
+            yield from _lines(whole["$defs"][value["$ref"].rsplit("/", 1)[1]], f"{name}.", whole)
+        else:
+            yield f"| `{section}{name}` | {_default(value)} | {_limits(value)} | {value['description']} |"
+
+
+def _default(value: dict[str, Any]) -> str:
+    shown = {None: "null", True: "true", False: "false"}
+    default = value["default"]
+    return f"`{shown[default] if isinstance(default, bool | None) else default}`"
+
+
+def _limits(value: dict[str, Any]) -> str:
+    kinds = [kind for kind in value.get("anyOf", [value]) if kind["type"] != "null"]
+    low, high = kinds[0].get("minimum"), kinds[0].get("maximum")
+    words = {"boolean": "true or false", "string": "a text", "object": "a map"}
+    return words.get(kinds[0]["type"], f"{low} to {high}")

@@ -1,0 +1,16 @@
+"""The command `orchard`, also `python -m orchard`: `orchard.launch.commands`, and what Ctrl-C does until that is imported."""
+
+import signal
+
+
+def main() -> None:
+    """Run the command line."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C during the imports ends the process silently: nothing runs yet
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # a program that starts this one may block the signal until here
+    from orchard.launch import commands
+
+    commands.main()
+
+
+if __name__ == "__main__":
+    main()

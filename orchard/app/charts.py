@@ -1,0 +1,82 @@
+"""The figures of runs over simulated time, as charts, one line for each run."""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from nicegui import ui
+
+from orchard.app.course import Course, Points
+
+COLOURS = ["#5a9e54", "#d9822b", "#4a90d9", "#b062c4", "#c9a227", "#d1495b"]  # of the runs, on light and on dark
+INK = "#7d8778"  # of axes and names, on light and on dark
+FIGURES: dict[str, tuple[Callable[[Course], Points], str | bool]] = {
+    "Bins delivered": (Course.bins, "end"),
+    "Pickers that wait, %": (Course.waiting, False),
+    "Carriers at work, %": (Course.busy, False),
+}  # title -> the values of a run, and the steps of its line
+
+
+class Charts:
+    """A chart for each of FIGURES."""
+
+    def __init__(self) -> None:
+        self._shown: Mapping[str, Course] = {}
+        self._legend = ui.element("div").classes("legend")
+        with ui.element("div").classes("charts"):
+            self._charts = {title: _chart(title) for title in FIGURES}
+
+    def show(self, courses: Mapping[str, Course]) -> None:
+        """Draw these runs, by name. A figure that is known of none of them has no chart."""
+        if courses == self._shown:
+            return
+        self._shown = dict(courses)
+        self._name(courses)
+        for title, (values, step) in FIGURES.items():
+            box, chart = self._charts[title]
+            lines = {name: points for name, course in courses.items() if (points := values(course))}
+            box.set_visibility(bool(lines))
+            chart.options["series"] = [_line(name, points, step, n) for n, (name, points) in enumerate(lines.items())]
+            chart.update()
+
+    def _name(self, names: Iterable[str]) -> None:
+        """Show the names of the runs, each with its colour. A run that has no name is alone."""
+        self._legend.clear()
+        with self._legend:
+            for number, name in enumerate(filter(None, names)):
+                with ui.element("div").classes("legend-entry"):
+                    ui.element("div").classes("legend-mark").style(f"background:{colour(number)}")
+                    ui.label(name)
+
+
+def colour(number: int) -> str:
+    """Return the colour of a run's line, by its number."""
+    return COLOURS[number % len(COLOURS)]
+
+
+def _chart(title: str) -> tuple[ui.element, ui.echart]:
+    """A chart without lines, in its box."""
+    with ui.element("figure").classes("chart") as box:
+        with ui.element("figcaption"):
+            ui.label(title)
+        chart = ui.echart(_options()).props(f'role=img aria-label="{title}, over simulated minutes"').classes("chart-area")
+    box.set_visibility(False)
+    return box, chart
+
+
+def _options() -> dict[str, Any]:
+    ink = {"color": INK}
+    axis = {"type": "value", "axisLabel": ink, "splitLine": {"lineStyle": ink | {"opacity": 0.25}}}
+    along = {"name": "min", "nameLocation": "middle", "nameGap": 22, "nameTextStyle": ink, "splitLine": {"show": False}}
+    return {
+        "animation": False,
+        "grid": {"left": 38, "right": 14, "top": 14, "bottom": 38},
+        "tooltip": {"trigger": "axis", "confine": True},
+        "xAxis": axis | along,
+        "yAxis": axis | {"min": 0, "minInterval": 1},
+        "series": [],
+    }
+
+
+def _line(name: str, points: Points, step: str | bool, number: int) -> dict[str, Any]:
+    look = {"type": "line", "showSymbol": False, "lineStyle": {"width": 2}, "color": colour(number)}
+    return look | {"name": name, "step": step, "data": [[0.0, 0.0], *points]}

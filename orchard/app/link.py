@@ -1,0 +1,33 @@
+"""A link that holds a scenario: each value that differs from the default, as a query such as `rows=7&people.workers=2`."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from typing import Any
+from urllib.parse import urlencode
+
+from orchard.app.draft import Draft, entries, flat, shown
+from orchard.field.scenario import Scenario
+
+ON_OFF = {"true": True, "false": False}
+
+
+def query_of(scenario: Scenario) -> str:
+    """Return the query for a scenario; '' for the default. It does not hold the user's own classes, which are code."""
+    default = flat(Scenario())
+    return urlencode({path: _words(value) for path, value in flat(scenario).items() if value != default[path]})
+
+
+def _words(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else shown(value)
+
+
+def draft_of(query: Iterable[tuple[str, str]]) -> tuple[Draft, list[str]]:
+    """Return the draft that a link holds, and a message for each name that is no setting. The draft tells which values are wrong."""
+    draft, unknown = Draft(Scenario()), []
+    for path, text in query:
+        if path in entries():
+            draft.set(path, ON_OFF.get(text, text) if entries()[path].kind is bool else text)
+        else:
+            close = get_close_matches(path, entries(), 1)
+            unknown.append(f"{path}: no such setting" + (f"; did you mean {close[0]}?" if close else ""))
+    return draft, unknown

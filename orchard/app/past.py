@@ -1,0 +1,86 @@
+"""The runs that have ended: what the page reads in the summaries in the folder of runs."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from orchard.app.course import Course
+from orchard.app.draft import entries, flat, words_of
+from orchard.app.own_classes import own_classes
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario, check
+from orchard.report.history import NAMES
+
+MOST = 200  # runs in the list
+
+
+class Record(msgspec.Struct):
+    """What the page reads in a summary."""
+
+    mode: str
+    finished: bool
+    rows: int
+    sim_seconds: float
+    bins_delivered: int
+    bins_per_hour: float
+    picker_waiting_seconds: float
+    carrier_utilisation: float
+    scenario: dict[str, Any]
+    history: dict[str, list[float]]
+
+    def __post_init__(self) -> None:
+        if not self.history.keys() >= set(NAMES) or len({len(values) for values in self.history.values()}) != 1:
+            raise ValueError("history: each sample needs all its values")
+
+
+@dataclass(frozen=True)
+class PastRun:
+    """A run that has ended."""
+
+    name: str
+    ended: datetime
+    record: Record
+    scenario: Scenario
+
+    @property
+    def course(self) -> Course:
+        return Course(self.record.history, self.scenario)
+
+    @property
+    def figures(self) -> dict[str, str]:
+        """The figures with their units, by name, as in the list of runs."""
+        known = self.record
+        minutes, seconds = divmod(round(known.sim_seconds), 60)  # not hours: the list sorts by the first number
+        return {
+            "Bins": f"{known.bins_delivered} of {known.rows}",
+            "Simulated": f"{minutes}:{seconds:02d} min",
+            "Bins per hour": f"{known.bins_per_hour:.1f}",
+            "Mean wait": f"{known.picker_waiting_seconds:.0f} s",
+            "Carriers at work": f"{100 * known.carrier_utilisation:.0f} %",
+        }
+
+
+def past_runs(folder: Path) -> list[PastRun]:
+    """Return the newest MOST runs with a summary in a folder, newest first. A file that is no summary of this version is left out."""
+    known = [past for path in folder.glob("*.json") if (past := _past_run(path)) is not None]
+    return sorted(known, key=lambda past: (past.ended, past.name), reverse=True)[:MOST]
+
+
+def _past_run(path: Path) -> PastRun | None:
+    with suppress(OSError, msgspec.DecodeError, ScenarioError):
+        record = msgspec.json.decode(path.read_bytes(), type=Record)
+        return PastRun(path.stem, datetime.fromtimestamp(path.stat().st_mtime), record, check(record.scenario, path.name))
+    return None
+
+
+def differences(scenarios: Sequence[Scenario]) -> dict[str, list[str]]:
+    """Return the settings that are not the same in all scenarios: label -> a value for each scenario."""
+    values = [flat(scenario) | own_classes(scenario) for scenario in scenarios]
+    paths = dict.fromkeys(path for one in values for path in one)
+    found = {path: [words_of(one[path]) if path in entries() else one.get(path, "built-in") for one in values] for path in paths}
+    return {entries()[path].label if path in entries() else path: words for path, words in found.items() if len(set(words)) > 1}

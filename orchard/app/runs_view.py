@@ -1,0 +1,87 @@
+"""The runs that have ended: a list with their settings and figures, and those that are chosen side by side."""
+
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+from nicegui import ui
+from nicegui.events import TableSelectionEventArguments
+
+from orchard.app.charts import Charts
+from orchard.app.draft import title_of
+from orchard.app.elements import heading, table
+from orchard.app.past import PastRun, differences, past_runs
+from orchard.field.scenario import Scenario
+
+TEXTS = ("Ended", "Scenario", "Mode")
+COLUMNS = (*TEXTS, "Bins", "Simulated", "Bins per hour", "Mean wait", "Carriers at work")
+BY_NUMBER = "(a, b) => parseFloat(a.replace(':', '.')) - parseFloat(b.replace(':', '.'))"  # 10:24 min comes after 9:50 min
+CHECKBOX = "<q-checkbox v-model=\"props.selected\" dense :aria-label=\"'Compare ' + props.row.Ended + ', ' + props.row.Scenario\" />"
+PAGE = 8  # runs on a page of the list
+
+
+class RunsView:
+    """The list, and below it the comparison of the runs that are chosen."""
+
+    def __init__(self, folder: Path, take: Callable[[Scenario, str], Awaitable[None]]) -> None:
+        """`folder`: of the runs. `take`: sets the form to the scenario of a run; it is given the run's name, too."""
+        self._folder, self._take = folder, take
+        self._past: dict[str, PastRun] = {}
+        columns = [_column(name) for name in COLUMNS]
+        self._hint = ui.label("Runs that have ended are listed here. Choose two or more to compare them.").classes("hint")
+        self._list = ui.table(rows=[], columns=columns, row_key="name", selection="multiple", pagination=PAGE, on_select=self._choose)
+        self._list.classes("runs").props("flat dense wrap-cells :rows-per-page-options=[0] data-view=runs")
+        self._list.add_slot("header-selection", "Compare")
+        self._list.add_slot("body-selection", CHECKBOX)
+        with ui.element("div").props("data-view=comparison") as self._comparison:
+            self._charts = Charts()
+            self._sides = ui.element("div").classes("summary sides")
+            self._use = ui.button("Set the form to this scenario", on_click=self._use_chosen).props("flat no-caps data-action=use-scenario")
+        self._compare([])
+
+    def refresh(self) -> None:
+        """Read the folder again. The choice stays."""
+        self._past = {past.name: past for past in past_runs(self._folder)}
+        self._list.rows = [_row(past) for past in self._past.values()]
+        self._hint.set_visibility(not self._past or not self._list.selected)
+        self._list.set_visibility(bool(self._past))
+
+    def _choose(self, event: TableSelectionEventArguments) -> None:
+        self._compare([self._past[row["name"]] for row in self._list.selected if row["name"] in self._past])
+
+    def _compare(self, chosen: list[PastRun]) -> None:
+        self._comparison.set_visibility(bool(chosen))
+        self._hint.set_visibility(not chosen)
+        self._use.set_visibility(len(chosen) == 1)
+        self._charts.show({_name(past): past.course for past in chosen})
+        self._sides.clear()
+        with self._sides:
+            if chosen:
+                heading(3, title_of(chosen[0].scenario) if len(chosen) == 1 else "Side by side")
+                table(_lines(chosen), ["", *map(_name, chosen)])
+
+    async def _use_chosen(self) -> None:
+        past = self._past[self._list.selected[0]["name"]]
+        await self._take(past.scenario, _name(past))
+
+
+def _name(past: PastRun) -> str:
+    return f"{past.ended:%d %b %H:%M:%S}"
+
+
+def _column(name: str) -> dict[str, Any]:
+    column = {"name": name, "label": name, "field": name, "align": "left", "sortable": True}
+    return column if name in TEXTS else column | {":sort": BY_NUMBER}
+
+
+def _row(past: PastRun) -> dict[str, Any]:
+    known = {"name": past.name, "Ended": f"{past.ended:%Y-%m-%d %H:%M:%S}", "Scenario": title_of(past.scenario), "Mode": past.record.mode}
+    return known | past.figures
+
+
+def _lines(chosen: list[PastRun]) -> list[list[str]]:
+    """The settings in which the runs differ, then their figures: a name, and a cell for each run."""
+    settings = differences([past.scenario for past in chosen])
+    modes = [past.record.mode for past in chosen]
+    figures = {name: [past.figures[name] for past in chosen] for name in chosen[0].figures}
+    return [[name, *cells] for name, cells in (settings | ({"Mode": modes} if len(set(modes)) > 1 else {}) | figures).items()]

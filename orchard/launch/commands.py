@@ -1,0 +1,211 @@
+"""Harvest an orchard: start its processes, supervise them, show the progress and report the result.
+
+orchard [SCENARIO.yaml] [--rows 5 --pickers 2 ...]
+orchard view [FILE.rrd] [--web 9090]
+orchard app [--port 8080]
+orchard stop [ROBOT ...]
+orchard reset [ROBOT ...]
+orchard secure DIR [SCENARIO.yaml]
+"""
+
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from orchard.agents.catalogue import check_plugins
+from orchard.field.layout import lay_out
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario, check, with_changes
+from orchard.field.shipped import load_or_shipped
+from orchard.folders import runs_folder
+from orchard.launch import options
+from orchard.launch.options import HarvestOptions, named
+from orchard.launch.request import Credentials, RunRequest, shares
+from orchard.launch.runs import Runs, check_writable
+from orchard.launch.terminal import BAD_INPUT, console, errors, exit_on_errors, print_error, print_line, report
+from orchard.launch.watch import check_ports, open_window, serve
+from orchard.net.endpoints import BusError
+from orchard.report.progress import Progress
+from orchard.server.snapshots import examine, sole
+from orchard.sim.snapshot import Snapshot, SnapshotError, newest
+from orchard.view.files import parts_of, viewer_program, window
+
+EPILOG = """Recordings and snapshots are kept in runs/ beside run.py, those of the command `orchard` in the user's own data directory.
+ORCHARD_RUNS=DIR names another folder.
+
+Exit code: 0 if the harvest was finished or stopped, or reached its --duration; 1 if it failed; 2 for bad input."""
+
+app = typer.Typer(add_completion=False, no_args_is_help=False, pretty_exceptions_enable=False)
+
+
+@app.callback()
+def interruptible() -> None:
+    """From here on Ctrl-C raises KeyboardInterrupt in the command, which may have something to stop. Typer sets the exit code."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+# -- a harvest
+
+
+@app.command(help=options.HELP, epilog=EPILOG)
+@options.with_options
+def harvest(chosen: HarvestOptions) -> None:
+    """Harvest an orchard to the end."""
+    chosen.check()
+    for note in chosen.notes():
+        print_error(note)
+    if chosen.only and chosen.connect:
+        raise typer.Exit(_join_run(chosen, chosen.connect, chosen.only))
+    with exit_on_errors(ScenarioError, SnapshotError, BusError, OSError, ValueError):
+        request = _request(chosen)
+    result, why = _run_local(request) if chosen.mode == "local" else _run_processes(request)
+    raise typer.Exit(report(request, result, why))
+
+
+def _request(chosen: HarvestOptions) -> RunRequest:
+    """Check what a harvest reads and where it writes. Raises ScenarioError, SnapshotError, BusError, OSError or ValueError."""
+    runs = Runs(runs_folder())
+    before = None if chosen.resume is None else _snapshot(chosen, chosen.resume, runs)
+    scenario = check(before.scenario, "the snapshot's scenario") if before else _scenario(chosen.scenario, chosen.changes)
+    check_plugins(lay_out(scenario))
+    request = RunRequest(chosen, scenario, runs.recording(chosen.record), runs.snapshots(chosen.resume), before, runs.folder)
+    if chosen.summary is not None:
+        check_writable(chosen.summary)
+    if chosen.web is not None:
+        check_ports(chosen.web)
+    if request.recording is not None or chosen.is_live:
+        window() if chosen.view else viewer_program()
+    return request
+
+
+def _scenario(path: Path | None, changes: dict[str, Any]) -> Scenario:
+    """The scenario of a file, or one that comes with the package, with the changes of the command line."""
+    return with_changes(load_or_shipped(path), **{k: v for k, v in changes.items() if v is not None})
+
+
+def _snapshot(chosen: HarvestOptions, where: str, runs: Runs) -> Snapshot:
+    """The newest usable snapshot; unusable ones are reported. What is left of a run whose run.py was killed is ended first.
+
+    Raises SnapshotError, or ValueError for options that a snapshot defines.
+    """
+    from orchard.launch.left_over import end_left_over
+
+    if given := named(name for name in chosen.given() if name in (*options.CHANGES, "scenario")):
+        raise ValueError(f"--resume: leave out {given}: that is in the snapshot")
+    refused: list[str] = []
+    end_left_over(runs.folder, print_error)
+    with sole(runs.snapshots(where)):
+        found = newest(runs.snapshots(where), refused, examine=examine)
+    for why in refused:
+        print_error(f"not used: {why}")
+    if found.lost:
+        lost = ", ".join(f"{name} (tick {tick})" for name, tick in sorted(found.lost.items()))
+        print_error(f"no host was there for {lost}: the robots stood, and the hash is not that of a run without this")
+    return found
+
+
+def _run_local(request: RunRequest) -> tuple[dict[str, Any], str]:
+    """Run everything in this process."""
+    from orchard.launch.local_run import run_watched
+
+    with exit_on_errors(SnapshotError):  # of an agent's memory, which only the agent can check
+        return run_watched(request)
+
+
+def _run_processes(request: RunRequest) -> tuple[dict[str, Any] | None, str]:
+    """Run physics, agents and logger in separate processes."""
+    from orchard.launch.distributed import run
+
+    as_json, until = request.options.progress == "json", request.options.duration
+    with exit_on_errors(BusError, OSError, ValueError), Progress(console, as_json, until) as progress:
+        return run(request, progress)
+
+
+def _join_run(chosen: HarvestOptions, endpoint: str, only: list[str]) -> int:
+    """Host these agents of a run elsewhere. Return the exit code."""
+    from orchard.launch.distributed import join_run
+
+    with exit_on_errors(BusError, ValueError), Progress(console) as progress:
+        return join_run(endpoint, only, chosen.without or [], Credentials.of(chosen), progress)
+
+
+# -- the emergency stop
+
+
+@app.command()
+def stop(robots: options.Robots = None, connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
+    """Stop robots, each with its bin, of all active runs on this machine. They stand until they are reset."""
+    from orchard.launch.stopping import stop_or_reset
+
+    raise typer.Exit(stop_or_reset(runs_folder(), robots or [], connect, secure, stop=True))
+
+
+@app.command()
+def reset(robots: options.Robots = None, connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
+    """Let stopped robots of a run go on."""
+    from orchard.launch.stopping import stop_or_reset
+
+    raise typer.Exit(stop_or_reset(runs_folder(), robots or [], connect, secure, stop=False))
+
+
+# -- security
+
+
+@app.command()
+def secure(
+    folder: options.Certificates,
+    scenario: options.File = None,
+    rows: options.Rows = None,
+    pickers: options.Pickers = None,
+    carriers: options.Carriers = None,
+    hosts: options.Hosts = None,
+    role: options.Role = None,
+    address: options.Address = None,
+    days: options.Days = 365,
+    anew: options.Anew = False,
+) -> None:
+    """Make certificates and access rules, so that each process of a run can do only what its role allows."""
+    from orchard.launch.distributed import agent_names
+    from orchard.security.identity import host_roles, make
+
+    with exit_on_errors(ScenarioError, OSError, ValueError):
+        chosen = _scenario(scenario, {"rows": rows, "pickers": pickers, "carriers": carriers})
+        roles = make(folder, host_roles(agent_names(chosen), role or (), lambda rest: shares(rest, hosts)), address or (), days, anew)
+    for made_role in roles:
+        print_line(f"{folder / made_role.name}: {', '.join(made_role.names) or made_role.duty}")
+
+
+# -- recordings and the page
+
+
+@app.command()
+def view(recording: options.Recording = None, web: options.Browser = None) -> None:
+    """Open a recording, with all its parts, in the Rerun viewer."""
+    runs = Runs(runs_folder())
+    path = recording or runs.newest_recording()
+    if path is None or not path.is_file():
+        print_error(f"{path or runs.folder}: no recording there; a run without --record none makes one")
+        raise typer.Exit(BAD_INPUT)
+    with exit_on_errors(BusError, OSError):
+        code = open_window(parts_of(path)) if web is None else serve(parts_of(path), web)
+    raise typer.Exit(code)
+
+
+def main() -> None:
+    """Run a command of the command line; `harvest` is the default."""
+    arguments = sys.argv[1:]
+    sys.path.append(os.getcwd())  # for the user's own classes
+    if arguments[:1] == ["app"]:
+        from orchard.app.__main__ import main as serve  # its packages are an extra
+
+        raise SystemExit(serve(arguments[1:]))
+    is_named = arguments[:1] and arguments[0] in ("view", "harvest", "stop", "reset", "secure")
+    try:
+        app(arguments if is_named else ["harvest", *arguments])
+    finally:
+        console.end()
+        errors.end()

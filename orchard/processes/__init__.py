@@ -1,0 +1,1 @@
+"""The processes of a run: physics, agents, logger, router. Each file is a command line, for `python -m orchard.processes.NAME`."""

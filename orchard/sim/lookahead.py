@@ -1,0 +1,165 @@
+"""Lookahead: which agents are asked at a tick. An action may hold its velocity for some ticks; until then its agent is not asked.
+
+An agent is asked when its hold ends (see `orchard.contract.agent.Hold`): from the world, the scans and the mail alone, so it is the same in
+local mode, in lockstep and whichever process runs the agent. Holds save work and change no result: an agent that is asked in spite of its
+hold gives the velocity that it holds. So it does no harm to ask more agents than are due.
+"""
+
+import logging
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import fields, replace
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from orchard.contract.agent import MOST_HOLD, MOST_ZONES, Action, Hold, Holds
+from orchard.contract.difference import difference
+from orchard.contract.messages import Tick
+from orchard.contract.zone import Zone, spans
+from orchard.field.geometry import STILL
+from orchard.field.kinds import KINDS, Laser
+from orchard.sim.kernels.holds import begin_holds, end_holds
+from orchard.sim.world import NONE, World
+
+log = logging.getLogger("orchard")
+
+MOST_SPANS = 1024  # different zones that are kept
+_BEAMS = max(kind.laser.beams for kind in KINDS.values())
+
+
+class Lookahead:
+    """The holds of one run."""
+
+    def __init__(self, world: World, begin: np.ndarray, asked: Any = None) -> None:
+        """`begin`: (n + 1,) the index of each body's first range among those of all bodies. `asked`: `asked` of a run that is resumed."""
+        self.asked = 0 if asked is None else msgspec.convert(asked, Tick)  # agents asked, added up over all ticks
+        n, layout = len(world.layout.names), world.layout
+        self._agents, self._index, self._begin = layout.agents, layout.index, begin
+        self._lasers: list[Laser] = [KINDS[start.kind].laser for start in layout.starts]
+        self.wanted = np.zeros((n, 3))  # the velocity of each body's last action
+        self._until = np.zeros(n, dtype=np.int64)  # tick at which it is asked again; 0: it does not hold
+        self._bodiless = {name: 0 for name in layout.agents if name not in layout.index}  # the same for agents without a body
+        self._partner, self._partner_twist = np.full(n, NONE, dtype=np.int64), np.zeros((n, 3))
+        self._was_full, self._was_occupied = np.zeros(n, dtype=bool), np.zeros((n, MOST_ZONES), dtype=bool)
+        self._watched, self._still = (np.full((n, MOST_ZONES), NONE, dtype=np.int64) for _ in range(2))
+        self._spans, self._numbers = np.zeros((MOST_SPANS, 2, _BEAMS)), dict[tuple[Laser, Zone], int]()
+        self._before = np.frombuffer(bytes(4 * int(begin[-1])), "<f4")  # the ranges of the tick before; read-only, as all ranges
+        self._due: list[str] = list(self._agents)  # the agents that are asked at this tick
+
+    def due(self, world: World, ranges: np.ndarray, mail: Collection[str]) -> list[str]:
+        """End the holds that are over, and return the agents that are asked at this tick, in the layout's order.
+
+        `ranges`: of all bodies; `mail`: the agents that hear something at this tick.
+        """
+        end_holds(
+            ranges, self._before, world.tick, self._until, self.wanted, world.twist, world.coupled, self._partner, self._partner_twist,
+            world.fill, self._was_full, self._watched, self._was_occupied, self._still, self._spans, self._begin,
+        )  # fmt: skip
+        self._before = ranges
+        self.wake(mail)
+        names, bodies = self._agents, np.flatnonzero(self._until == 0).tolist()
+        self._due = [names[i] for i in bodies] + [name for name, until in self._bodiless.items() if until <= world.tick]
+        self.asked += len(self._due)
+        return self._due
+
+    def wake(self, names: Iterable[str]) -> None:
+        """End the holds of these agents. Without a further action their bodies stand."""
+        for name in names:
+            if name in self._index:
+                self._until[self._index[name]] = 0
+            elif name in self._bodiless:
+                self._bodiless[name] = 0
+
+    def hold(self, world: World, ranges: np.ndarray, actions: Mapping[str, Action]) -> dict[str, Action | None]:
+        """Take the actions of this tick: `wanted` becomes their velocities, 0 for a body without an action that does not hold.
+
+        Return the answers of the agents that were asked: name -> its action, or None if it gave none.
+        """
+        self.wanted[self._until == 0] = STILL
+        holding: list[int] = []
+        for name, action in actions.items():
+            if (i := self._index.get(name)) is None:
+                self._hold_bodiless(world.tick, name, action)
+                continue
+            self.wanted[i] = action.twist
+            self._until[i] = 0
+            if action.hold is not None:
+                self._begin_hold(i, world.tick, action.hold)
+                holding.append(i)
+        if holding:
+            begin_holds(
+                ranges, np.array(holding), world.twist, world.coupled, self._partner, self._partner_twist, world.fill, self._was_full,
+                self._watched, self._was_occupied, self._spans, self._begin,
+            )  # fmt: skip
+        return dict.fromkeys(self._due) | dict(actions)
+
+    def _hold_bodiless(self, tick: int, name: str, action: Action) -> None:
+        if name in self._bodiless:
+            self._bodiless[name] = 0 if action.hold is None else min(action.hold.until, tick + MOST_HOLD)
+
+    def _begin_hold(self, i: int, tick: int, hold: Hold) -> None:
+        self._until[i] = min(hold.until, tick + MOST_HOLD)
+        for numbers, zones in ((self._watched, hold.watch), (self._still, hold.still)):
+            numbers[i] = NONE
+            for z, zone in enumerate(zones):
+                numbers[i, z] = self._number(self._lasers[i], zone)
+
+    def _number(self, laser: Laser, zone: Zone) -> int:
+        """The index of a zone's spans. If there are too many zones, all holds end."""
+        number = self._numbers.get((laser, zone))
+        if number is None:
+            if len(self._numbers) == MOST_SPANS:
+                self._numbers.clear()
+                self._until[:] = 0
+            number = self._numbers[laser, zone] = len(self._numbers)
+            self._spans[number, :, : laser.beams] = spans(laser, zone)
+        return number
+
+
+class IgnoredHolds(Lookahead):
+    """Asks all agents at every tick, and so shows that holds change no result."""
+
+    def due(self, world: World, ranges: np.ndarray, mail: Collection[str]) -> list[str]:
+        self._until[:], self._bodiless = 0, dict.fromkeys(self._bodiless, 0)
+        self._due = list(self._agents)
+        self.asked += len(self._due)
+        return self._due
+
+
+class CheckedHolds(Lookahead):
+    """Asks all agents at every tick, and logs how the answer of an agent that holds differs from its last one. The hold counts."""
+
+    def __init__(self, world: World, begin: np.ndarray, asked: Any = None) -> None:
+        super().__init__(world, begin, asked)
+        self._last: dict[str, Action] = {}
+        self._told: set[str] = set()
+
+    def due(self, world: World, ranges: np.ndarray, mail: Collection[str]) -> list[str]:
+        super().due(world, ranges, mail)
+        return list(self._agents)
+
+    def wake(self, names: Iterable[str]) -> None:
+        names = list(names)
+        super().wake(names)
+        self._due = [*self._due, *(name for name in names if name not in self._due)]
+
+    def hold(self, world: World, ranges: np.ndarray, actions: Mapping[str, Action]) -> dict[str, Action | None]:
+        due = set(self._due)
+        for name, action in actions.items():
+            if name not in due and name in self._last and (wrong := _broken_promise(self._last[name], action)) and name not in self._told:
+                self._told.add(name)
+                log.error("%s holds wrongly, tick %d: %s", name, world.tick, wrong)
+        asked = {name: action for name, action in actions.items() if name in due}
+        self._last |= asked
+        return super().hold(world, ranges, asked)
+
+
+HOLDS: dict[Holds, type[Lookahead]] = {"on": Lookahead, "ignored": IgnoredHolds, "checked": CheckedHolds}
+
+
+def _broken_promise(held: Action, action: Action) -> str:
+    """How an action differs from the one that is held; '' if it does not."""
+    again = replace(held, deeds=[], requests=[], answers=[], memory=action.memory, hold=action.hold)
+    names = [field.name for field in fields(Action)]
+    return "; ".join(filter(None, (difference(getattr(again, name), getattr(action, name), f"its {name}") for name in names)))

@@ -1,0 +1,90 @@
+"""The legend of a recording: two lines of words below the views, each beside a mark in the colour that it explains."""
+
+from typing import NamedTuple
+
+import rerun as rr
+
+from orchard.view import palette
+from orchard.view.palette import Colour
+
+LEGEND = "legend"
+LETTER, GAP, MARK, LINE = 7.0, 30.0, 9.0, 26.0  # screen points, approximate: of a letter; from word to word; of a mark; of a line
+RISE = 12.0  # screen points: Rerun writes a label this far below its point
+HEADING: Colour = (200, 200, 205)
+
+
+Form = list[tuple[float, float]]  # the corners of a mark, in units of its width
+FORMS: dict[str, Form] = {"line": [(0.0, 0.0), (1.2, 0.0)], "flag": [(0.2, 0.8), (0.2, -0.7), (1.2, -0.3), (0.2, 0.1)]}
+
+
+class LegendEntry(NamedTuple):
+    """A word and its mark. A heading has none."""
+
+    word: str
+    colour: Colour = HEADING
+    mark: str = ""  # "dot", "line" or "flag"
+
+
+ARCS = {"asked": "call", "answered": "offer", "sent": "come", "told": "here"}  # words of the legend -> events
+SCANS = {**palette.SCANS, "others": palette.OTHER_SCANS}
+LINES: tuple[tuple[LegendEntry, ...], ...] = (
+    (LegendEntry("Pin:"), *(LegendEntry(state, colour, "dot") for state, colour in palette.STATES.items())),
+    (
+        LegendEntry("Arc, a message:"),
+        *(LegendEntry(word, palette.TALK[said].colour, "line") for word, said in ARCS.items()),
+        LegendEntry("Laser hits:"),
+        *(LegendEntry(kind, colour, "dot") for kind, colour in SCANS.items()),
+        LegendEntry("full bin", palette.YELLOW, "flag"),
+        LegendEntry("bay, queue", palette.PAINT, "line"),
+    ),
+)
+
+
+class Placed(NamedTuple):
+    """An entry and where it stands, screen points from the legend's top left."""
+
+    entry: LegendEntry
+    x: float  # of the left end
+    y: float  # of the middle
+
+    @property
+    def middle(self) -> float:
+        """The x of the middle of the word, which is to the right of its mark."""
+        return self.x + (2 * MARK if self.entry.mark else 0.0) + self.width / 2
+
+    @property
+    def width(self) -> float:
+        return LETTER * len(self.entry.word)
+
+
+def _placed() -> list[Placed]:
+    found = []
+    for number, line in enumerate(LINES):
+        x = GAP / 2
+        for entry in line:
+            found.append(Placed(entry, x, (number + 0.5) * LINE))
+            x = found[-1].middle + found[-1].width / 2 + GAP
+    return found
+
+
+PLACED = _placed()
+HEIGHT, WIDTH = LINE * len(LINES), max(place.middle + place.width / 2 for place in PLACED) + GAP / 2  # screen points
+
+
+def log_legend(rec: rr.RecordingStream) -> None:
+    """Log the legend once. It is the same in every recording."""
+    words, colours = [place.entry.word for place in PLACED], [place.entry.colour for place in PLACED]
+    labels = [(place.middle, place.y - RISE) for place in PLACED]
+    rec.log(LEGEND, rr.Points2D(labels, labels=words, colors=colours, radii=[0.01], show_labels=True), static=True)
+    dots = [place for place in PLACED if place.entry.mark == "dot"]
+    middles, hues = [(place.x + MARK / 2, place.y) for place in dots], [place.entry.colour for place in dots]
+    rec.log(f"{LEGEND}/dots", rr.Points2D(middles, colors=hues, radii=[-MARK / 2]), static=True)
+    for mark, form in FORMS.items():
+        _log_marks(rec, mark, form)
+
+
+def _log_marks(rec: rr.RecordingStream, mark: str, form: Form) -> None:
+    marked = [place for place in PLACED if place.entry.mark == mark]
+    strips = [[(place.x + MARK * x, place.y + MARK * y) for x, y in form] for place in marked]
+    colours = [place.entry.colour for place in marked]
+    rec.log(f"{LEGEND}/{mark}s", rr.LineStrips2D(strips, colors=colours, radii=[-1.5]), static=True)

@@ -1,0 +1,87 @@
+"""The names on the plan: of rows west of the fence, of robots beside their pins, each where it covers no other name."""
+
+from itertools import product
+
+import numpy as np
+import rerun as rr
+
+from orchard.field.layout import X_MAX, Layout
+from orchard.view import palette
+from orchard.view.scenery import MARGIN, plan_size
+
+SHORT = {"picker": "P", "carrier": "C", "tractor": "T"}
+RENEWED_TICKS = 5  # interval at which the names follow the robots
+NAME_Z, ROW_Z = 4.4, 4.0  # m
+HIGH_PLAN, WIDE_PLAN = (730.0, 470.0), (330.0, 560.0)  # height and width of the plan in a usual window, screen points
+LETTER, PADDING, HEIGHT = 6.5, 10.0, 22.0  # screen points: of a letter, and of a name's frame
+DROP = 3.0 + HEIGHT / 2  # screen points from a point down to the middle of its name, where Rerun writes it
+PIN = 6.0  # screen points: radius of a pin
+COVERS_NAME, COVERS_PIN, MOVES, RANK = 10.0, 3.0, 0.5, 0.1  # what speaks against a place. The first of PLACES has rank 0
+
+# Places of a name's middle, in halves of its size and its pin's: below its pin, above, on its right, on its left, in the corners, further
+PLACES = np.array([(0, -1), (0, 1), (1, 0), (-1, 0), *product((1, -1), (-1, 1)), (0, -2.5), (0, 2.5), (2.2, 0), (-2.2, 0)], float)
+
+
+def points_to_metres(layout: Layout) -> float:
+    """Return the metres on the plan that are one screen point wide, in a usual window."""
+    high, wide = plan_size(layout)
+    rows, columns = HIGH_PLAN if high >= wide else WIDE_PLAN
+    return max(high / rows, wide / columns)
+
+
+class NameView:
+    """The names of rows and robots. `show` logs where the robots' names are."""
+
+    def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
+        self.rec, self.scale = rec, points_to_metres(layout)
+        robots = [start for kind in SHORT for start in layout.starts if start.kind == kind]
+        self._index = np.array([layout.index[start.name] for start in robots])
+        self._labels = [SHORT[start.kind] + start.name[-2:] for start in robots]
+        self._halves = np.array([self._half(label) for label in self._labels])
+        self._places = np.zeros(len(robots), int)  # the place of each name, an index of PLACES
+        self._shown = np.full((len(robots), 2), np.nan)  # the pins that were last named
+        self._rows = self._log_rows(layout)
+        look = rr.Points3D.from_fields(radii=[0.01], colors=[palette.ROAD_EDGE], labels=self._labels, show_labels=True)
+        self.rec.log("plan/names", look, static=True)
+
+    def _half(self, label: str) -> tuple[float, float]:
+        """Half the width and the height of a name, m."""
+        return (LETTER * len(label) + PADDING) / 2 * self.scale, HEIGHT / 2 * self.scale
+
+    def _log_rows(self, layout: Layout) -> np.ndarray:
+        """Log the numbers of the rows. Return what they cover, (r, 4) m: middle and half size."""
+        x, labels = -X_MAX - MARGIN / 2, [f"{lane.number}" for lane in layout.lanes]
+        points = [(x, lane.y + DROP * self.scale, ROW_Z) for lane in layout.lanes]
+        numbers = rr.Points3D(points, labels=labels, radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True)
+        self.rec.log("plan/rows", numbers, static=True)
+        return np.array([(x, lane.y, *self._half(label)) for lane, label in zip(layout.lanes, labels, strict=True)])
+
+    def show(self, tick: int, poses: np.ndarray) -> None:
+        """Log the names every half second if a robot has moved. `poses`: (n, 3)."""
+        pins = poses[self._index, :2]
+        if tick % RENEWED_TICKS == 0 and (pins != self._shown).any():
+            self._shown = pins
+            middles = self._placed(pins)
+            points = np.column_stack([middles[:, 0], middles[:, 1] + DROP * self.scale, np.full(len(pins), NAME_Z)])
+            self.rec.log("plan/names", rr.Points3D.from_fields(positions=points))
+
+    def _placed(self, pins: np.ndarray) -> np.ndarray:
+        """Return the middles of the names, (k, 2) m: each at the place against which the least speaks, after the names before it."""
+        taken = np.concatenate([self._rows, np.zeros((len(pins), 4))])
+        spots = pins[:, None] + PLACES * (self._halves + (PIN + 2.0) * self.scale)[:, None]
+        ranks, covered = np.arange(len(PLACES)), _covered(spots, self._halves, self._boxes(pins))
+        for n, half in enumerate(self._halves):
+            names = _covered(spots[n : n + 1], half[None], taken[: len(self._rows) + n])[0]
+            against = RANK * ranks + MOVES * (ranks != self._places[n]) + COVERS_NAME * names + COVERS_PIN * covered[n]
+            self._places[n] = best = int(np.argmin(against))
+            taken[len(self._rows) + n] = *spots[n, best], *half
+        return taken[len(self._rows) :, :2]
+
+    def _boxes(self, pins: np.ndarray) -> np.ndarray:
+        return np.column_stack([pins, np.full_like(pins, PIN * self.scale)])
+
+
+def _covered(spots: np.ndarray, halves: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """Return how many boxes, (b, 4), each name covers at each of its possible middles, (k, p, 2). `halves`: (k, 2) its half size."""
+    apart = np.abs(spots[:, :, None] - boxes[:, :2]) - boxes[:, 2:] - halves[:, None, None]
+    return np.asarray((apart < 0.0).all(axis=3).sum(axis=2))

@@ -1,0 +1,174 @@
+"""The page as a workbench, in headless Chromium: past runs, links, several browsers, a phone, and readers of the screen."""
+
+import json
+import re
+from contextlib import contextmanager
+
+import pytest
+from page import skip_without_packages
+
+from orchard.field.scenario import Scenario
+from orchard.local import Local
+from orchard.server.figures import RunFigures
+
+skip_without_packages()
+
+PHONE = (390, 844)  # pixels
+
+
+def ended(folder, name, sim_seconds, mode="local", **changes):
+    """Leave the summary of a run in the folder of runs: of its first 30 s, but with another time."""
+    local = Local(Scenario(**changes))
+    account = RunFigures(local.engine)
+    while local.engine.tick < 300:
+        account.update(local.tick())
+    (folder / f"{name}.json").write_text(json.dumps(account.summary() | {"mode": mode, "finished": False, "sim_seconds": sim_seconds}))
+
+
+@pytest.fixture(scope="module")
+def three_runs(server):
+    """Runs that have ended; the second differs from the first in two settings. The third's mode looks like a page's code."""
+    ended(server[1], "first", 624.0, rows=3, seed=1)
+    ended(server[1], "second", 590.0, rows=4, seed=2)
+    ended(server[1], "third", 30.0, mode="<b id=bold>local</b>", rows=3, seed=3)
+    yield
+    for name in ("first", "second", "third"):
+        (server[1] / f"{name}.json").unlink()
+
+
+@pytest.fixture
+def listed(browser, three_runs):
+    browser.turn_to("Runs")
+    browser.until(lambda: "3 rows, 2 pickers, 2 carriers, seed 3" in browser.view("runs").text, "the runs are listed")
+    return browser
+
+
+def choose(browser, title):
+    browser.click(f"[data-view=runs] [aria-label$='{title}']")
+
+
+def compare_two(browser):
+    choose(browser, "3 rows, 2 pickers, 2 carriers, seed 1")
+    choose(browser, "4 rows, 2 pickers, 2 carriers, seed 2")
+    browser.until(lambda: "Side by side" in browser.view("comparison").text, "both are shown")
+
+
+def cells(browser, name):
+    """A line of the comparison, without its name."""
+    lines = (line.find_elements("css selector", "th, td") for line in browser.view("comparison").find_elements("tag name", "tr"))
+    return next([cell.text for cell in line[1:]] for line in lines if line[0].text == name)
+
+
+def test_past_runs_are_listed_and_compared_side_by_side(listed):
+    compare_two(listed)
+    assert [cells(listed, "Rows"), cells(listed, "Seed"), cells(listed, "Bins")] == [["3", "4"], ["1", "2"], ["0 of 3", "0 of 4"]]
+    charts = listed.view("comparison").find_elements("css selector", "figure canvas")
+    assert len(charts) == 3 and all(chart.is_displayed() for chart in charts)
+    choose(listed, "3 rows, 2 pickers, 2 carriers, seed 1")
+    listed.press("use-scenario")
+    listed.until(lambda: listed.field("rows").get_attribute("value") == "4", "the form has the scenario of the run that is left")
+    next(cell for cell in listed.view("runs").find_elements("tag name", "th") if "Simulated" in cell.text).click()
+    listed.until(lambda: re.findall("[0-9]+:[0-9]+ min", listed.view("runs").text) == ["0:30 min", "9:50 min", "10:24 min"], "sorted")
+
+
+def test_what_others_have_written_is_shown_as_text(listed):
+    assert "<b id=bold>local</b>" in listed.view("runs").text
+    assert not listed.driver.find_elements("css selector", "#bold")
+
+
+def test_a_link_holds_the_scenario(browser, server):
+    browser.fill("rows", 8)
+    browser.until(lambda: browser.tree_lines() == 9, "a plan of 8 rows")
+    browser.press("link")
+    link = browser.until(lambda: browser.view("link").get_attribute("value"), "the link")
+    assert link == f"{server[0]}/?rows=8"
+    browser.driver.get(f"{server[0]}/?rows=9&seed=-3&pikers=2")
+    assert "did you mean pickers" in browser.until(lambda: browser.view("complaint").text, "a complaint")
+    browser.until(lambda: browser.problem("seed"), "what is wrong is told at its field")
+    browser.driver.get(link)
+    browser.until(lambda: browser.tree_lines() == 9, "a plan of 8 rows")
+    assert not browser.problem("seed")
+    browser.fill("rows", 7)
+    browser.until(lambda: browser.tree_lines() == 8, "a plan of 7 rows")
+    assert browser.driver.current_url == f"{server[0]}/", "a reload keeps what was entered since"
+    browser.driver.refresh()
+    browser.until(lambda: browser.field("rows").get_attribute("value") == "7", "as it was left")
+
+
+def test_every_browser_has_its_own_draft(browser, server):
+    browser.fill("rows", 9)
+    browser.until(lambda: browser.tree_lines() == 10, "a plan of 9 rows")
+    own = browser.driver.get_cookies()
+    browser.driver.delete_all_cookies()  # another browser
+    browser.driver.get(server[0])
+    browser.until(lambda: browser.tree_lines() == 6, "the default plan")
+    browser.driver.delete_all_cookies()
+    for cookie in own:
+        browser.driver.add_cookie(cookie)
+    browser.driver.get(server[0])
+    browser.until(lambda: browser.tree_lines() == 10, "the plan of this browser")
+
+
+@contextmanager
+def as_phone(browser):
+    """Within this the browser is a phone."""
+    size = dict(zip(("width", "height"), PHONE, strict=True))
+    browser.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size | {"deviceScaleFactor": 1, "mobile": True})
+    try:
+        yield
+    finally:
+        browser.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_on_a_phone_run_is_on_the_first_screen_and_nothing_is_too_wide(listed):
+    with as_phone(listed):
+        compare_two(listed)
+        run = listed.one("[data-action=run]").rect
+        assert run["y"] > 0 and run["y"] + run["height"] < PHONE[1]
+        assert listed.driver.execute_script("return document.documentElement.scrollWidth") <= PHONE[0]
+
+
+def violations(browser):
+    """What axe finds, once the page does not move any more. The picture's viewer is Rerun's own."""
+    from axe_core_python.selenium import Axe
+
+    browser.until(lambda: not browser.driver.execute_script("return document.getAnimations().length"), "the page is at rest")
+    found = Axe().run(browser.driver, options={"iframes": 0})["violations"]
+    return [f"{rule['id']}: {node['html']}" for rule in found for node in rule["nodes"]]
+
+
+def test_axe_finds_no_violation(listed):
+    assert [element.tag_name for element in listed.driver.find_elements("css selector", "h1, main")] == ["h1", "main"]
+    assert listed.one("html").get_attribute("lang") == "en-US"
+    compare_two(listed)
+    for _ in ("light", "dark"):
+        assert violations(listed) == []
+        was_dark = is_dark(listed)
+        listed.press("dark")
+        listed.until(lambda was_dark=was_dark: is_dark(listed) != was_dark, "the other colours")
+    for view in ("Messages", "Summary", "Plan"):
+        listed.turn_to(view)
+        assert violations(listed) == []
+    listed.fill("rows", 99)
+    listed.until(lambda: listed.problem("rows"), "a problem")
+    assert violations(listed) == []
+    with as_phone(listed):
+        assert violations(listed) == []
+    listed.fill("rows", 5)
+    listed.press("link")
+    listed.until(lambda: listed.view("link").is_displayed(), "the link")
+    assert violations(listed) == []
+
+
+def is_dark(browser):
+    return "body--dark" in browser.one("body").get_attribute("class").split()
+
+
+def test_dark_stays_after_a_reload(browser):
+    was_dark = is_dark(browser)
+    browser.press("dark")
+    browser.until(lambda: is_dark(browser) != was_dark, "the other colours")
+    browser.driver.refresh()
+    browser.until(lambda: is_dark(browser) != was_dark, "still")
+    browser.press("dark")
+    browser.until(lambda: is_dark(browser) == was_dark, "as before")

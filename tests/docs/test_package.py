@@ -1,0 +1,40 @@
+"""What pyproject.toml says of the package: ranges and exact versions agree, and all files of the package are in it."""
+
+import re
+import tomllib
+from fnmatch import fnmatch
+from pathlib import Path
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).parents[2]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PROJECT = PYPROJECT["project"]
+PINNED = dict(re.findall(r"^([\w.-]+)==(\S+)$", (ROOT / "constraints.txt").read_text(), re.M))
+
+
+def test_the_exact_version_of_each_dependency_is_in_its_range():
+    pinned = {canonicalize_name(name): version for name, version in PINNED.items()}
+    lines = [*PROJECT["dependencies"], *(line for extra in PROJECT["optional-dependencies"].values() for line in extra)]
+    for wanted in map(Requirement, lines):
+        assert wanted.specifier.contains(pinned[canonicalize_name(wanted.name)]), wanted
+        assert wanted.specifier, f"{wanted}: no range"
+
+
+def test_the_constraints_are_names_and_versions_only():
+    lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
+    assert len(lines) == len(PINNED)
+
+
+def test_every_file_of_the_package_that_is_no_code_is_installed():
+    data = PYPROJECT["tool"]["setuptools"]["package-data"]
+    patterns = [f"{package.replace('.', '/')}/{pattern}" for package, names in data.items() for pattern in names]
+    files = (
+        path.relative_to(ROOT).as_posix() for path in (ROOT / "orchard").rglob("*") if path.is_file() and "__pycache__" not in path.parts
+    )
+    assert [file for file in files if not file.endswith(".py") and not any(fnmatch(file, pattern) for pattern in patterns)] == []
+
+
+def test_the_citation_names_the_version():
+    assert f"version: {PROJECT['version']}\n" in (ROOT / "CITATION.cff").read_text()

@@ -1,0 +1,45 @@
+"""The code blocks of the documents, for tests that run them."""
+
+import re
+import shlex
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parent.parent
+DOCUMENTS = ("README.md", *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").glob("*.md")))
+
+
+class Block(NamedTuple):
+    """A block of code: the language and the name after the three backticks, and the text."""
+
+    language: str
+    name: str
+    text: str
+
+
+def blocks(text: str) -> list[Block]:
+    """All blocks of a Markdown text."""
+    return [Block(*found) for found in re.findall(r"^```(\w+) ?(.*)\n((?:.*\n)*?)```$", text, re.M)]
+
+
+def blocks_in(document: str) -> list[Block]:
+    return blocks((ROOT / document).read_text())
+
+
+def block(document: str, name: str) -> str:
+    """The text of the one block of this name."""
+    (text,) = (block.text for block in blocks_in(document) if block.name == name)
+    return text
+
+
+def commands(text: str) -> list[list[str]]:
+    """The commands of a block, for this clone and this environment."""
+    return [as_here(line) for line in text.splitlines() if not line.startswith("#")]
+
+
+def as_here(line: str) -> list[str]:
+    """A command of a document, for this clone and this environment: `orchard` is run.py."""
+    program, *words = shlex.split(line)
+    assert program == "orchard", f"another spelling: {line}"
+    return [sys.executable, str(ROOT / "run.py"), *words]

@@ -1,0 +1,79 @@
+"""The command `orchard` and its doors: what a run in local mode loads, where runs are kept, how the program is called again."""
+
+import importlib
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from command_line import SECONDS
+
+from orchard.folders import runs_folder
+from orchard.launch import terminal
+from orchard.security.identity import certificates
+
+LOADS = """\
+import sys
+from orchard.__main__ import main
+sys.argv = ["orchard", "--mode", "local", "--rows", "3", "--duration", "1", "--record", "none"]
+try:
+    main()
+finally:
+    print("loaded:", *sorted({module.partition(".")[0] for module in sys.modules}))
+"""
+
+
+def test_a_run_in_local_mode_loads_neither_zenoh_nor_rerun_and_keeps_its_snapshots_where_it_is_told(tmp_path):
+    there = os.environ | {"ORCHARD_RUNS": str(tmp_path / "runs"), "COLUMNS": "200"}
+    done = subprocess.run([sys.executable, "-c", LOADS], cwd=tmp_path, env=there, capture_output=True, text=True, timeout=SECONDS)
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stdout.splitlines()[-1].split())
+    assert "numba" in loaded
+    assert not loaded & {"zenoh", "rerun", "rerun_bindings", "rerun_cli", "nicegui", "cryptography"}
+    (snapshots,) = (tmp_path / "runs").iterdir()
+    assert snapshots.suffix == ".snapshots"
+
+
+def test_runs_are_kept_in_the_users_own_directory_unless_the_user_names_another(tmp_path, monkeypatch):
+    monkeypatch.delenv("ORCHARD_RUNS", raising=False)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    assert runs_folder().is_relative_to(tmp_path if sys.platform == "linux" else Path.home())
+    monkeypatch.setenv("ORCHARD_RUNS", "own")
+    assert runs_folder() == Path.cwd() / "own"
+
+
+@pytest.mark.parametrize(
+    ("started", "typed"),
+    [
+        ("{folder}/run.py", "venv/python run.py"),
+        ("{folder}/orchard/__main__.py", "venv/python -m orchard"),
+        ("{folder}/venv/orchard", "venv/orchard"),
+        ("/found/orchard", "orchard"),
+    ],
+)
+def test_the_program_tells_how_it_is_called_again(started, typed, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "venv" / "python"))
+    monkeypatch.setattr(shutil, "which", {"orchard": "/found/orchard"}.get)
+    monkeypatch.setattr(sys, "argv", [started.format(folder=tmp_path)])
+    assert terminal.program() == typed
+
+
+# -- without the extras
+
+
+def test_the_page_tells_how_to_get_what_it_needs(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "nicegui", None)
+    monkeypatch.delitem(sys.modules, "orchard.app.__main__", raising=False)
+    with pytest.raises(SystemExit, match="2"):
+        importlib.import_module("orchard.app.__main__")
+    assert "The page needs the package nicegui: pip install 'orchard-sim[app]'" in capsys.readouterr().err
+
+
+def test_certificates_tell_how_to_get_what_they_need(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cryptography", None)
+    monkeypatch.delitem(sys.modules, "orchard.security.certificates", raising=False)
+    with pytest.raises(ValueError, match=r"cryptography is missing; certificates need it: pip install 'orchard-sim\[secure\]'"):
+        certificates()

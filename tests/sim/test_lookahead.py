@@ -1,0 +1,317 @@
+"""Lookahead: an agent that holds its velocity is asked when its hold ends, not earlier; and holds change no result."""
+
+import logging
+
+import numpy as np
+import pytest
+from alone import SMALL, local_hash
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from stage import Stage, empty_orchard
+
+from orchard.agents.carrier import HeardCall, hear_calls
+from orchard.agents.picker import Picker
+from orchard.agents.steps import DriveTo, Face
+from orchard.agents.walker import Person, WalkerMemory, ticks_within
+from orchard.contract.agent import MOST_HOLD, Action, Heard, Hold, Mail, Observation
+from orchard.contract.messages import LAST_TICK, Call, No, StateRequest, Uncouple
+from orchard.contract.zone import Zone
+from orchard.field.geometry import STILL, Twist
+from orchard.field.scenario import Animals, LaserSettings, People, Scenario
+from orchard.local import Local
+from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
+
+FOREVER = 10**9
+AHEAD = Zone(0.0, 2.0, -0.5, 0.5)
+
+
+class Holder:
+    """Gives one velocity and one hold whenever it is asked, notes when, and acts at given ticks."""
+
+    Memory = dict
+    holds = True
+
+    def __init__(self, twist=STILL, until=FOREVER, acts=None, **zones):
+        self.twist, self.until, self.zones, self.acts, self.asked = twist, until, zones, acts or {}, []
+
+    def tick(self, seen, mail, memory):
+        self.asked.append(seen.tick)
+        answers = [(heard, No("no")) for heard in mail.requests]
+        hold = Hold(min(seen.tick + self.until, 10**10), **self.zones)
+        return Action(self.twist, memory=memory, answers=answers, hold=hold, **self.acts.get(seen.tick, {}))
+
+
+def stage_of(scenario=None, **agents):
+    """An orchard in which all agents but these stand without a word."""
+    stage = Stage(scenario or empty_orchard())
+    stage.local.agents = {name: Holder() for name in stage.local.agents} | agents
+    return stage
+
+
+def asked_in(ticks, agent, scenario=None, name="picker_01", **others):
+    stage = stage_of(scenario, **{name: agent}, **others)
+    for _ in range(ticks):
+        stage.tick()
+    return agent.asked
+
+
+# -- holds change no result
+
+
+def same_run(scenario, ticks):
+    """Assert that holds change neither the hash nor a figure of a run, and return the share of agents that were asked."""
+    runs = {holds: Stage(scenario, holds=holds) for holds in (Lookahead, IgnoredHolds)}
+    for run in runs.values():
+        for _ in range(ticks):
+            run.tick()
+    on, ignored = runs[Lookahead], runs[IgnoredHolds]
+    assert on.local.engine.hash == ignored.local.engine.hash
+    assert on.local.engine.states.figures() == ignored.local.engine.states.figures()
+    assert ignored.local.engine.asked_share == 1.0
+    return on.local.engine.asked_share
+
+
+scenarios = st.builds(
+    Scenario,
+    rows=st.integers(3, 7),
+    pickers=st.integers(2, 3),
+    carriers=st.integers(1, 12),
+    seed=st.integers(0, 2**31),
+    people=st.builds(People, workers=st.integers(0, 5), visitors=st.integers(0, 3)),
+    animals=st.builds(Animals, dogs=st.integers(0, 3), cats=st.integers(0, 3)),
+    weeds=st.integers(0, 20),
+    laser=st.builds(LaserSettings, noise=st.sampled_from([0.0, 0.01])),
+    picking_speed=st.floats(0.2, 1.0),
+)
+
+
+@given(scenarios, st.integers(50, 400))
+@settings(max_examples=12)
+def test_holds_change_no_result(scenario, ticks):
+    same_run(scenario, ticks)
+
+
+@pytest.mark.parametrize("dispatch", ["nearest", "examples.seams.farthest_first:FarthestFirst"])
+def test_holds_change_no_result_of_a_whole_harvest_and_few_are_asked(dispatch):
+    scenario = Scenario(rows=3, picking_speed=1.0, dispatch=dispatch)
+    assert same_run(scenario, 2600) <= 0.15
+
+
+@given(scenarios, st.data())
+@settings(max_examples=6)
+def test_a_run_that_is_stopped_reset_and_handed_over_is_the_same_with_holds(scenario, data):
+    at = sorted(data.draw(st.lists(st.integers(1, 200), min_size=4, max_size=4)))
+    robot = data.draw(st.sampled_from(["picker", "carrier"]))
+    hashes = set()
+    for holds in (Lookahead, IgnoredHolds, CheckedHolds):
+        local = Local(scenario, holds=holds)
+        for _ in range(220):
+            if local.engine.tick == at[0]:
+                local.engine.stop([robot])
+            if local.engine.tick == at[1]:
+                local.engine.wake(local.agents)  # as if other processes had taken all agents over
+            if local.engine.tick == at[2]:
+                local.engine.reset([robot])
+            if local.engine.tick == at[3]:
+                local = Local.resume(local.snapshot(), holds=holds)
+            local.tick()
+        hashes.add(local.engine.hash)
+    assert len(hashes) == 1
+
+
+def test_a_call_that_is_no_longer_repeated_is_forgotten_however_long_the_carrier_held():
+    calls = {"bin_01": HeardCall(since=10, tick=20, offered=15)}
+    hear_calls(calls, Mail([Heard("bin_01", 200, 0, Call(1, "east", 10))]), 201)
+    assert calls["bin_01"].offered == LAST_TICK
+
+
+def test_a_walker_that_turns_at_the_edge_of_the_place_where_it_lingers_holds_for_no_time():
+    seen = Observation("dog_01", 60, 6.0 - 1e-9, 0.0, (0.0, 1.0), STILL, np.full(180, np.inf, dtype=np.float32))
+    assert ticks_within(seen, WalkerMemory(0.0, 0.0, 0), Twist(yaw=1.0)) == MOST_HOLD
+    assert ticks_within(seen, WalkerMemory(0.0, 0.0, 0), Twist(1.0)) == 0
+
+
+# -- when a hold ends
+
+
+class Silent(Holder):
+    def tick(self, seen, mail, memory):
+        super().tick(seen, mail, memory)
+        return Action(memory=memory)
+
+
+def test_an_agent_that_says_nothing_of_holds_is_asked_at_every_tick():
+    assert asked_in(4, Silent()) == [0, 1, 2, 3]
+
+
+def test_a_hold_ends_at_its_tick_and_its_velocity_is_applied_until_then():
+    stage = stage_of(visitor_01=(visitor := Holder(Twist(0.5), until=3)), scenario=empty_orchard(people=People(workers=0, visitors=1)))
+    x, y, _ = stage.pose("visitor_01")
+    for _ in range(7):
+        stage.tick()
+    assert visitor.asked == [0, 3, 6]
+    moved = stage.pose("visitor_01")
+    assert (moved[0] - x) ** 2 + (moved[1] - y) ** 2 == pytest.approx((0.5 * 0.7) ** 2)
+
+
+def test_nobody_holds_for_longer_than_100_s():
+    assert asked_in(MOST_HOLD + 2, Holder()) == [0, MOST_HOLD]
+
+
+def test_mail_ends_a_hold_a_request_and_the_reply_to_an_own_one():
+    asker = Holder(acts={0: {"requests": [("bin_02", StateRequest())]}})
+    bin_ = Holder()
+    asked_in(5, asker, bin_02=bin_)
+    assert bin_.asked == [0, 1]  # the request
+    assert asker.asked == [0, 2]  # the reply
+
+
+def test_a_refused_step_ends_a_hold():
+    stage = stage_of(picker_01=(picker := Holder(Twist(1.0))), bin_01=Holder())  # its bin stays, and soon holds it back
+    for _ in range(6):
+        stage.tick()
+    refused = int(stage.world.held[stage.world.index["picker_01"]])
+    assert refused > 0
+    assert picker.asked[:2] == [0, 6 - refused + 1]
+
+
+def test_a_stop_ends_the_hold_of_what_moves():
+    scenario = empty_orchard(tractor=True)
+    stage = stage_of(scenario, tractor_01=(tractor := Holder(Twist(0.5))))
+    stage.tick(), stage.tick()
+    stage.local.engine.stop(["tractor_01"])
+    stage.tick(), stage.tick()
+    assert tractor.asked == [0, 3]  # the step from tick 2 was not done
+    stage.local.engine.reset(["tractor_01"])
+    stage.tick(), stage.tick(), stage.tick()
+    assert tractor.asked == [0, 3, 4]
+
+
+def test_a_change_at_the_bar_ends_the_holds_of_both():
+    picker = Holder(acts={0: {"deeds": [Uncouple()]}})
+    bin_ = Holder()
+    asked_in(4, picker, bin_01=bin_)
+    assert picker.asked == bin_.asked == [0, 1]
+
+
+def test_another_velocity_at_the_other_end_of_the_bar_ends_a_hold():
+    stage = Stage(empty_orchard())
+    stage.local.agents["bin_01"] = bin_ = Holder()
+    stage.give("picker_01", [DriveTo(x=-30.0, speed=0.1)])
+    stage.tick(), stage.tick(), stage.tick()
+    assert bin_.asked == [0, 1]  # the picker drives since tick 0
+
+
+def test_a_zone_that_becomes_occupied_or_free_ends_a_hold():
+    scenario = empty_orchard(people=People(workers=1, visitors=1))
+    walker, watcher = Holder(Twist(0.5)), Holder(watch=(AHEAD,))
+    stage = stage_of(scenario, worker_01=watcher, visitor_01=walker)
+    stage.put("worker_01", 0.0, -30.0), stage.put("visitor_01", 1.0, -33.0, "NORTH")
+    for _ in range(130):
+        stage.tick()
+    entered, left = watcher.asked[1:]
+    assert 30 < entered < left < 100
+    assert left - entered == pytest.approx((1.0 + 0.55) / 0.05, abs=6)  # the zone's width, and the visitor's length
+
+
+def test_a_still_zone_ends_a_hold_at_each_change_in_it():
+    scenario = empty_orchard(people=People(workers=1, visitors=1))
+    walker, watcher = Holder(Twist(0.5), until=FOREVER), Holder(still=(AHEAD,))
+    stage = stage_of(scenario, worker_01=watcher, visitor_01=walker)
+    stage.put("worker_01", 0.0, -30.0), stage.put("visitor_01", 1.0, -33.0, "NORTH")
+    for _ in range(130):
+        stage.tick()
+    assert len(watcher.asked) > 20
+    assert watcher.asked[1:] == list(range(watcher.asked[1], watcher.asked[-1] + 1))
+
+
+def test_who_takes_over_is_asked_at_once():
+    local = Local(SMALL)
+    first, second = Holder(), Holder()
+    local.play("worker_01", first)
+    local.tick(), local.tick()
+    local.play("worker_01", second)
+    local.tick(), local.tick()
+    assert (first.asked, second.asked) == ([0], [2])
+
+
+# -- whose holds count
+
+
+class SlowPicker(Picker):
+    """A picker that does something more at each tick."""
+
+    def tick(self, seen, mail, memory):
+        action = super().tick(seen, mail, memory)
+        action.twist = STILL if seen.tick % 7 else action.twist
+        return action
+
+
+class HoldingVisitor(Person):
+    holds = True
+
+
+def test_a_class_derived_from_a_built_in_one_is_asked_at_every_tick_unless_it_says_that_it_holds():
+    def asked(class_, name):
+        local = Local(SMALL)
+        local.play(name, class_(local.engine.layout, name))
+        asked = 0
+        for _ in range(50):
+            local.tick()
+            asked += name in local.answers
+        return asked
+
+    assert asked(SlowPicker, "picker_01") == 50
+    assert asked(HoldingVisitor, "worker_01") < 25
+
+
+@pytest.mark.parametrize("hold", [5, Hold(-1), Hold(5, watch=(AHEAD,) * 9), Hold(5, watch=(Zone(float("nan"), 1.0, 0.0, 1.0),))])
+def test_a_hold_that_is_none_breaks_the_agent(hold, caplog):
+    class Wrong:
+        Memory, holds = dict, True
+
+        def tick(self, seen, mail, memory):
+            return Action(memory=memory, hold=hold)
+
+    local = Local(SMALL)
+    local.play("worker_01", Wrong())
+    local.tick()
+    assert local.actions["worker_01"].state == "broken"
+    assert "worker_01 raised an error at tick 0" in caplog.text
+
+
+# -- wrong holds
+
+
+class Impatient:
+    """Says that it holds for a minute, and would turn at tick 9."""
+
+    Memory, holds = dict, True
+
+    def tick(self, seen, mail, memory):
+        return Action(Twist(0.0, 0.0, 0.5) if seen.tick >= 9 else STILL, memory=memory, hold=Hold(600))
+
+
+def test_a_wrong_hold_is_named_with_its_agent_tick_and_difference(caplog):
+    local = Local(SMALL, holds=CheckedHolds)
+    local.play("worker_01", Impatient())
+    with caplog.at_level(logging.ERROR):
+        for _ in range(12):
+            local.tick()
+    assert caplog.text.count("holds wrongly") == 1
+    assert "worker_01 holds wrongly, tick 9: its twist" in caplog.text
+
+
+def test_ours_hold_rightly(caplog):
+    checked = Local(Scenario(rows=3, picking_speed=1.0, laser=LaserSettings(noise=0.005)), holds=CheckedHolds)
+    for _ in range(1300):
+        checked.tick()
+    assert "holds wrongly" not in caplog.text
+    assert checked.engine.hash == local_hash(checked.engine.layout.scenario, 1300)
+
+
+def test_a_robot_that_turns_is_asked_at_every_tick():
+    stage = Stage(empty_orchard())
+    stage.give("carrier_01", [Face("NORTH")])
+    stage.tick()
+    assert stage.local.actions["carrier_01"].hold is None

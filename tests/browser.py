@@ -108,8 +108,9 @@ class Browser:
 
     @fresh
     def fill(self, path: str, value: object) -> None:
+        """Replace the text of a field; '' leaves it empty."""
         self.field(path).send_keys(Keys.CONTROL, "a")
-        self.field(path).send_keys(str(value))
+        self.field(path).send_keys(str(value) or Keys.DELETE)
 
     @fresh
     def problem(self, path: str) -> str:

@@ -14,11 +14,16 @@ skip_without_packages()
 
 @pytest.fixture
 def small(browser):
-    """The page with a small orchard, in one process, eight times as fast as life, and nobody watches."""
+    """The page with a small orchard, in one process, eight times as fast as life, to its end, and nobody watches.
+
+    The page keeps what the test before has set.
+    """
     browser.fill("rows", 3)
     browser.until(lambda: browser.tree_lines() == 4, "a plan of 3 rows")
     browser.choose("mode", "local")
     browser.switch("fastest", False)
+    browser.fill("speed", 8)
+    browser.fill("duration", "")
     browser.switch("live", False)
     return browser
 
@@ -96,7 +101,6 @@ def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloa
 
 def test_a_run_is_seen_live(small):
     small.driver.set_window_size(700, 500)  # few pixels: there is no graphics card to draw them
-    small.fill("duration", 3000)  # whatever it was before: the run shall not end by itself
     small.switch("live", True)
     small.press("run")
     small.until(lambda: small.view("picture").is_displayed(), "the live picture", RUN_SECONDS)

@@ -53,6 +53,15 @@ class Sideways(Wrong):
     wrong = Twist(0.0, 1.0)
 
 
+class Hostile(Eastward):
+    """Raises an error whose text would be an element of a page, and a command to a terminal."""
+
+    words = "<img src=x onerror=\"document.title='mine'\">"
+
+    def tick(self, observation, mail, memory):
+        raise RuntimeError(f"\x1b[31m{self.words}")
+
+
 class Silent(Eastward):
     def tick(self, observation, mail, memory):
         return None

@@ -5,6 +5,7 @@ import urllib.request
 
 import pytest
 from alone import local_hash
+from own_agents import Hostile
 from page import RUN_SECONDS, skip_without_packages
 
 from orchard.field.scenario import Scenario, load
@@ -97,6 +98,24 @@ def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloa
     assert local_hash(wanted, 300) in summary, "Eastward drove"
     small.press("drop-classes")
     small.until(lambda: not small.view("classes").is_displayed(), "ours drive again")
+
+
+def test_an_agents_hostile_words_are_only_words(small, tmp_path):
+    file = tmp_path / "hostile.yaml"
+    file.write_text("rows: 3\npickers: 3\nagents: {picker_01: tests.own_agents.Hostile}\n")
+    small.one("input[type=file]").send_keys(str(file))
+    small.press("trust-classes")
+    small.until(lambda: small.view("classes").is_displayed(), "the class is taken")
+    small.fill("duration", 5)
+    small.switch("fastest", True)
+    small.press("run")
+    small.until(lambda: not small.driver.find_elements("css selector", ".wishes[inert]"), "the run is over", RUN_SECONDS)
+    small.turn_to("Messages")
+    text = small.until(lambda: Hostile.words in (text := small.view("messages").text) and text, "the error is shown as it is")
+    assert "\x1b" not in text
+    assert not small.view("messages").find_elements("css selector", "img")
+    assert small.driver.title != "mine"
+    small.press("drop-classes")
 
 
 def test_a_run_is_seen_live(small):

@@ -20,10 +20,9 @@ from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Animals, People, Scenario, check
 from orchard.local import Local
 from orchard.report.metrics import HarvestFigures, harvest_figures
-from orchard.report.schedule import Schedule
+from orchard.report.schedule import WORTH, Schedule
 
 CARRIERS = (1, 2, 3, 4, 6, 8, 10, 14, 20)  # tried; never more than there are bins, one for each row
-WORTH = 0.02  # of the time of the fastest harvest: carriers that save less are not worth it
 NO_OBSTACLES = {
     "people": People(workers=0, visitors=0),
     "animals": Animals(dogs=0, cats=0),
@@ -72,7 +71,7 @@ def conclusions(scenarios: list[Scenario], results: list[dict]) -> list[str]:
 
 def _worth(by_carriers: dict[int, float]) -> str:
     best, most = min(by_carriers.values()), max(by_carriers)
-    enough = min(carriers for carriers, seconds in by_carriers.items() if seconds <= best * (1.0 + WORTH))
+    enough = min(carriers for carriers, seconds in by_carriers.items() if seconds * (1.0 - WORTH) <= best)
     more = f"fewer take over {100 * WORTH:g} % longer" if enough == most else f"more, up to {most}, save at most {100 * WORTH:g} %"
     return f"{enough} carriers harvest in {by_carriers[enough]:.0f} s; {more}."
 

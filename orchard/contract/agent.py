@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Any, Literal, NamedTuple, Protocol
+from typing import Annotated, Any, Literal, NamedTuple, Protocol, get_args
 
 import msgspec
 import numpy as np
@@ -22,6 +22,8 @@ from orchard.contract.zone import Zone
 from orchard.field.geometry import STILL, Pose, Twist, yaw_of
 
 State = Literal["picking", "driving", "waiting", "calling", "handling a bin", "hauling", "unloading", "resting", "stopped", "broken"]
+STATES: tuple[State, ...] = get_args(State)
+WAITING_STATES: tuple[State, ...] = ("waiting", "calling")  # of a picker or a bin that waits for a carrier
 
 AHEAD, IN_TURN = "an obstacle ahead", "an obstacle in its turn"  # what a robot waits for that sees only returns of a laser
 

@@ -6,12 +6,12 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain
 from types import FrameType
-from typing import Any, cast, get_args
+from typing import Any
 
 import msgspec
 
 from orchard.contract import agent as limits
-from orchard.contract.agent import Action, Agent, Heard, Hold, Mail, Observation, State, may_hold
+from orchard.contract.agent import STATES, Action, Agent, Heard, Hold, Mail, Observation, State, may_hold
 from orchard.contract.difference import difference, parts_of
 from orchard.contract.messages import FASTEST, AgentMessage, Answer, CustomMessage, Deed, Given, Request, Written, pack, type_of, unpack
 from orchard.contract.repeating import Checked
@@ -21,8 +21,6 @@ from orchard.field.plugins import MISTAKES, reraise_ctrl_c, text_of
 from orchard.field.problems import printable
 
 log = logging.getLogger("orchard")
-
-STATES = get_args(State)
 
 
 def is_ours(agent: Any) -> bool:
@@ -242,7 +240,7 @@ def _checked_state(state: Any) -> State | None:
     state = "".join([state]) if isinstance(state, str) else state
     if state is not None and (not isinstance(state, str) or state not in STATES):
         raise ValueError(f"state {state!r}: must be one of {', '.join(STATES)}")
-    return cast("State | None", state)
+    return state
 
 
 def _for_people(doing: Any, waits_for: Any) -> tuple[str, str]:

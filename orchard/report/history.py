@@ -3,14 +3,15 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from orchard.contract.agent import STATES, WAITING_STATES
 from orchard.field.kinds import kind_of
 from orchard.field.scenario import TIME_STEP
-from orchard.sim.state_times import STATES, StateTimes
+from orchard.sim.state_times import StateTimes
 from orchard.sim.world import World
 
 FIRST_STEP = 100  # ticks between two samples at first: 10 s
 MOST = 400  # samples; then every second one is dropped, and the step doubles
-WAITING = [STATES.index(state) for state in ("waiting", "calling")]
+WAITING = [STATES.index(state) for state in WAITING_STATES]
 
 # s since the start; bins; s of all pickers together; s of all carriers together, outside the queue
 NAMES = ("seconds", "bins_delivered", "pickers_waited_seconds", "carriers_busy_seconds")

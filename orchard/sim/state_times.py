@@ -1,17 +1,16 @@
 """The time that each robot spends in each state. A robot has one state in each tick, so its states add up to the run."""
 
 from collections.abc import Mapping
-from typing import Any, get_args
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from orchard.contract.agent import Action, State, state_of
+from orchard.contract.agent import STATES, Action, state_of
 from orchard.field.kinds import kind_of
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.world import World
 
-STATES: tuple[State, ...] = get_args(State)
 ROBOTS = ("picker", "carrier", "tractor", "bin")  # the kinds for which states are counted
 _NUMBER = {state: number for number, state in enumerate(STATES)}
 

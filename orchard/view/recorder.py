@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from orchard.contract.agent import State
+from orchard.contract.agent import WAITING_STATES, State
 from orchard.contract.events import SCAN_TICKS, Event, Frame
 from orchard.field.kinds import KINDS, LASER_RANGE, Laser, kind_of
 from orchard.field.layout import ROW_LENGTH, Layout
@@ -225,7 +225,7 @@ class Recorder:
 
     def _robots(self) -> dict[str, float]:
         states = [(kind_of(name), state) for name, (_, state) in self._doing.items()]
-        waiting = sum(kind == "picker" and state in ("waiting", "calling") for kind, state in states)
+        waiting = sum(kind == "picker" and state in WAITING_STATES for kind, state in states)
         busy = sum(kind == "carrier" and state not in ("waiting", "resting", "broken") for kind, state in states)
         return {"metrics/robots/pickers_waiting": float(waiting), "metrics/robots/carriers_busy": float(busy)}
 

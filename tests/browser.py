@@ -9,7 +9,7 @@ from typing import Any
 
 import psutil
 from selenium import webdriver
-from selenium.common.exceptions import ElementNotInteractableException, StaleElementReferenceException
+from selenium.common.exceptions import ElementClickInterceptedException, ElementNotInteractableException, StaleElementReferenceException
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -72,13 +72,16 @@ class Browser:
         self.until(lambda: self._clicked(css), f"{css} can be clicked")
 
     def _clicked(self, css: str) -> bool:
+        return self._pressed(self.one(css))
+
+    @staticmethod
+    def _pressed(element: WebElement) -> bool:
         """Whether it could be clicked: not while the page is laying itself out."""
-        element = self.one(css)
         if not element.is_displayed() or not element.is_enabled():
             return False
         try:
             element.click()
-        except ElementNotInteractableException:
+        except (ElementNotInteractableException, ElementClickInterceptedException):
             return False
         return True
 
@@ -90,8 +93,11 @@ class Browser:
 
     @fresh
     def choose(self, path: str, words: str) -> None:
-        """One of several buttons."""
-        next(button for button in self.driver.find_elements(By.CSS_SELECTOR, f"[data-field={path}] button") if button.text == words).click()
+        """One of several buttons, as soon as one can."""
+        self.until(lambda: self._pressed(self._button(path, words)), f"{words} can be chosen")
+
+    def _button(self, path: str, words: str) -> WebElement:
+        return next(button for button in self.driver.find_elements(By.CSS_SELECTOR, f"[data-field={path}] button") if button.text == words)
 
     def turn_to(self, view: str) -> None:
         """Choose what is on the stage."""

@@ -20,7 +20,7 @@ $(VENV)/installed-app: $(VENV)/installed
 	touch $@
 
 $(VENV)/installed-dev: $(VENV)/installed
-	$(INSTALL) '.[app,secure,dev]'
+	$(INSTALL) '.[app,secure,study,dev]'
 	touch $@ $(VENV)/installed-app
 
 $(VENV)/installed-docs: $(VENV)/installed

@@ -42,5 +42,6 @@ class Baseline:
 
 
 def scenario(seed: int, is_mistaken: bool = False) -> Scenario:
-    """The soak's scenario: 3 rows, otherwise the defaults. `is_mistaken`: with an agent that makes mistakes."""
-    return Scenario(rows=3, seed=seed, agents={MISTAKEN: f"{Mistaken.__module__}.{Mistaken.__name__}"} if is_mistaken else {})
+    """The soak's scenario: 3 rows; carriers leave early in every second one. `is_mistaken`: with an agent that makes mistakes."""
+    own = {MISTAKEN: f"{Mistaken.__module__}.{Mistaken.__name__}"} if is_mistaken else {}
+    return Scenario(rows=3, seed=seed, agents=own, dispatch=("predictive", "nearest")[seed % 2])

@@ -4,18 +4,20 @@ from math import degrees
 
 from orchard.agents import bin as bin_agent
 from orchard.agents import carrier as carrier_agent
-from orchard.agents import sense, steps, traffic
-from orchard.agents.robot import PATIENCE, RECOVERY, Step
-from orchard.agents.route import EAST_SIDE, TOP, WEST_SIDE, OneWay
+from orchard.agents import forecast, sense, steps, traffic
+from orchard.agents.robot import LOOK_AGAIN, PATIENCE, RECOVERY, Step
+from orchard.agents.route import TOP, OneWay
 from orchard.field import layout
 from orchard.field.kinds import EIGHTH, KINDS, LASER_RANGE, PEOPLE, Kind
-from orchard.field.scenario import ONE_WAY, TIME_STEP, Scenario
+from orchard.field.queue import BAY_STOP, ONE_WAY, PITCH, TOP_ROAD, USUAL_ROW
+from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.report.metrics import JAM_SECONDS
 from orchard.sim import deeds
 from orchard.sim.kernels import move
 
 _CARRIER, _PICKER, _BIN = KINDS["carrier"], KINDS["picker"], KINDS["bin"]
 _ROUTE = OneWay(layout.lay_out(Scenario()))
+_EAST, _WEST, _QUEUE = _ROUTE.east, _ROUTE.west, _ROUTE.queue
 
 
 def _freed(plan: list[Step], place: str) -> float:
@@ -23,9 +25,9 @@ def _freed(plan: list[Step], place: str) -> float:
     return next(gate.at for step in plan if isinstance(step, steps.DriveTo) for gate in step.frees if place in gate.places)
 
 
-_OFF_D = _freed(_ROUTE.loop_to_full_bin(1, EAST_SIDE), EAST_SIDE.place("D", 1))
-_OFF_EAST_CORNER = _freed(_ROUTE.go_to_bay(1, EAST_SIDE), "corner/south-east")
-_OFF_WEST_CORNER = _freed(_ROUTE.go_to_bay(1, EAST_SIDE), "corner/south-west") - _ROUTE.inner_bottom
+_OFF_D = _freed(_ROUTE.loop_to_full_bin(1, _EAST), _EAST.place("D", 1))
+_OFF_EAST_CORNER = _freed(_ROUTE.go_to_bay(1, _EAST), "corner/south-east")
+_OFF_WEST_CORNER = _freed(_ROUTE.go_to_bay(1, _EAST), "corner/south-west") - _ROUTE.inner_bottom
 
 
 def bodies() -> str:
@@ -41,7 +43,7 @@ def _body(name: str, kind: Kind) -> str:
 
 def _x(east: float) -> str:
     """A figure of the east side, for both sides."""
-    return f"{east:g} | {WEST_SIDE.x(east):g}"
+    return f"{east:g} | {_WEST.x(east):g}"
 
 
 def chapter() -> str:
@@ -52,7 +54,9 @@ def chapter() -> str:
 _FIELD = f"""## The field
 
 The reply to the scenario query has in `scenario`: `rows` and `row_width` (m), `carriers` (their number;
-nil: 7 for every 10 `pickers`, rounded up), `dispatch` and `route`. What follows holds for the route `{ONE_WAY}`.
+nil: 7 for every 10 `pickers`, rounded up), `row_length`, `bay`, `dispatch` and `route`. What follows holds for the route `{ONE_WAY}`, rows of
+{USUAL_ROW:g} m and `bay` 0. With longer or shorter rows, the x of everything in the east, and of the heads of the queue, changes by `row_length` - {USUAL_ROW:g}; with another `bay`,
+the x of the bay and of the stop in it by `bay`. Then a line of the queue may have fewer places, and the turn to it lies at another x.
 
 - **Lanes.** A lane is a row, between two lines of trees. Lanes count from 1 at the north. The centre line of lane n is y = {layout.TREE_TOP_LINE:g} - (n - 0.5) * pitch, where pitch =
   `row_width` + {layout.TRUNK:g}. The last line of trees is y = {layout.TREE_TOP_LINE:g} - `rows` * pitch. Trunks and posts are {layout.TRUNK:g} m square.
@@ -60,10 +64,10 @@ nil: 7 for every 10 `pickers`, rounded up), `dispatch` and `route`. What follows
   x = -1.5: each x of the east side becomes -3 - x, and all headings turn about. Carriers drive south on the east side and north on the west side. "Past the lane" and "before the
   lane" are metres along that direction, from the lane's centre line to the carrier's centre. So `p` metres past lane n is y = lane - p in the east, lane + p in the west.
 - **The bay** is x = {layout.BAY.west:g} to {layout.BAY.east:g}, y = {layout.BAY.south:g} to {layout.BAY.north:g}. A full bin on a carrier is empty after {layout.UNLOADING_SECONDS:g} s in which its centre is in the bay and both are at rest.
-  The bay works on one bin at a time. A carrier that unloads stops at x = {layout.BAY_STOP:g}, y = {layout.TOP_ROAD:g}, facing east.
-- **The queue** has lines at y = {", ".join(f"{y:g}" for y in layout.QUEUE_LINES)}. Carriers 1 to {layout.QUEUE_LINE_PLACES} belong to the first line, the next {layout.QUEUE_LINE_PLACES} to the second, and so on. They wait facing east,
-  the first of a line at x = {layout.QUEUE_HEAD:g}, the others behind it, {layout.QUEUE_PITCH:g} m apart at the start. The harvest is over when all rows are picked, no bin is full, each carrier stands in the queue
-  (x = {layout.QUEUE.west:g} to {layout.QUEUE.east:g}, y = {layout.QUEUE.south:g} to {layout.QUEUE.north:g}) with a bin, facing east to within 1e-6 rad, and the pickers stand.
+  The bay works on one bin at a time. A carrier that unloads stops at x = {BAY_STOP:g}, y = {TOP_ROAD:g}, facing east.
+- **The queue** has lines at y = {", ".join(f"{y:g}" for y in _QUEUE.lines)}. Carriers 1 to {_QUEUE.places} belong to the first line, the next {_QUEUE.places} to the second, and so on. They wait facing east,
+  the first of a line at x = {_QUEUE.head:g}, the others behind it, {PITCH:g} m apart at the start. The harvest is over when all rows are picked, no bin is full, each carrier stands in the queue
+  (x = {_QUEUE.area.west:g} to {_QUEUE.area.east:g}, y = {_QUEUE.area.south:g} to {_QUEUE.area.north:g}) with a bin, facing east to within 1e-6 rad, and the pickers stand.
 """  # noqa: E501
 
 _TOWING = f"""## Motion, towing, obstacles
@@ -99,7 +103,7 @@ Road D takes carriers from the queue to the lanes, road F from the lanes to the 
 | road D, and the coupling point of the waiting picker | {_x(_ROUTE.D_ROAD)} |
 | picker that waits for an empty bin | {_x(_ROUTE.WAITING)} |
 
-Along the bottom, D is {_ROUTE.D_BOTTOM:g} m and F is {_ROUTE.F_BOTTOM:g} m south of the last line of trees. Along the top, both sides meet in the road y = {layout.TOP_ROAD:g}, which leads east through the bay to the queue.
+Along the bottom, D is {_ROUTE.D_BOTTOM:g} m and F is {_ROUTE.F_BOTTOM:g} m south of the last line of trees. Along the top, both sides meet in the road y = {TOP_ROAD:g}, which leads east through the bay to the queue.
 
 **Names of places**: `<side>/<road>/<lane>`, such as `east/D/3`, for each lane on each road; `corner/south-east` and `corner/south-west`, of both roads; and `{TOP}`, where the queue's lines meet D.
 
@@ -108,13 +112,13 @@ Along the bottom, D is {_ROUTE.D_BOTTOM:g} m and F is {_ROUTE.F_BOTTOM:g} m sout
 | place | wait for it at | give it back at |
 | --- | --- | --- |
 | of a lane that the carrier passes, or at which it stops, on D and F | {_ROUTE.HOLD:g} m before the lane | {_ROUTE.CLEAR:g} m past the lane |
-| D at the lane where it has delivered | held already | on the way to the full bin: x = {_OFF_D:g} in the east, {WEST_SIDE.x(_OFF_D):g} in the west |
+| D at the lane where it has delivered | held already | on the way to the full bin: x = {_OFF_D:g} in the east, {_WEST.x(_OFF_D):g} in the west |
 | F at that lane | where it has delivered, before it turns | {_ROUTE.CLEAR:g} m past the lane |
 | `corner/south-east`, on D | {_ROUTE.HOLD:g} m north of F's bottom road | after its turn to the west |
 | `corner/south-west`, on D | x = {_ROUTE.CORNER_HOLD_X:g} | after its turn to the north |
 | `corner/south-east`, on F | on F's bottom road, before it turns | x = {_OFF_EAST_CORNER:g} |
-| `corner/south-west`, on F | x = {WEST_SIDE.x(_ROUTE.F_ROAD):g}, before it turns | {_OFF_WEST_CORNER:g} m north of F's bottom road |
-| `{TOP}`, only if there are more than {layout.QUEUE_LINE_PLACES} carriers | x = {layout.QUEUE_HEAD:g} | {_ROUTE.TOP_CLEAR:g} m south of the southernmost line in which a carrier has started |
+| `corner/south-west`, on F | x = {_WEST.x(_ROUTE.F_ROAD):g}, before it turns | {_OFF_WEST_CORNER:g} m north of F's bottom road |
+| `{TOP}`, only if there are more than {_QUEUE.places} carriers | x = {_QUEUE.head:g} | {_ROUTE.TOP_CLEAR:g} m south of the southernmost line in which a carrier has started |
 
 **A claim** goes to `traffic`: `keep`, all places that the carrier still holds, and `want`, the places that it waits for ([] for none). It gets all that it wants or none. The answer `places` has all that
 it holds now in `held`; `blockers` are the robots in the way, `alone` the places that it shares with no robot. A place is held when an answer has named it. `traffic` forgets no place until a
@@ -127,15 +131,16 @@ _JOB = f"""## The job of a carrier
 
 It waits in the queue with an empty bin. It accepts one full bin at a time. `tests/foreign_carrier.py` does all this with zenoh, msgpack and the standard library of Python.
 
-1. `call` from a full bin: answer `offer` if you have no job and are next in your line: your x is less than 0.1 m short of {layout.QUEUE_HEAD:g}, or you are moving forward and less than {layout.QUEUE_PITCH + 0.2:g} m short of it.
+1. `call` from a full bin: answer `offer` if you have no job and are next in your line: your x is less than 0.1 m short of {_QUEUE.head:g}, or you are moving forward and less than {PITCH + 0.2:g} m short of it.
    `x` and `y` are your position; `distance` is in metres by road to the stop of step 4. Otherwise answer `no`. An offer binds neither side.
    Offer only to the oldest call, so that bins are served in order: the least `since` (ties by name) of the calls that you heard in the last {carrier_agent.REMEMBERED} ticks, also while you had a job. A bin that
    has not sent `come` {carrier_agent.CHOOSING} ticks after your first offer to it comes after the others.
-2. `come` from a full bin: answer `yes`, and remember bin, `lane`, `side` and `picker`, if you have no job. Answer `yes` too if the bin is the one that you have already agreed to: it asks again and again.
+2. `come` from a full bin, or from one that soon will be: answer `yes`, and remember bin, `lane`, `side` and `picker`, if you have no job. Answer `yes` too if the bin is the one that you have already agreed to: it asks again and again.
    Otherwise answer `no`. Refuse a lane that is not 1 to `rows`.
 3. Ask the bin by `confirm`. At `yes` leave; at `no` you have no job.
 4. Drive east to road D, turn south, and drive to {_ROUTE.STOP:g} m past the lane, holding places as above. To a lane in the west: on D past all lanes of the east to D's bottom road, turn west, on it to the west
-   side's D, turn north, and past the lanes from the last one up. Your bin stands now on the lane's centre line, on the coupling point of the picker.
+   side's D, turn north, and past the lanes from the last one up. Ask for D's place at the lane itself only after the full bin is left there: the bin says so by `state` (`full`, and `coupled_to` is '').
+   Ask it {steps.LOOK_AHEAD:g} m before the hold. With an early dispatch policy a carrier may come while the picker still picks. If it took the place, the picker could not come out. Your bin stands now on the lane's centre line, on the coupling point of the picker.
 5. Uncouple. Say `here` to the picker, with the name of the bin that you left, until it answers `yes`: then it has coupled the bin and shares your place on D, which you must hold until then. It answers `no`
    before that.
    In steps 6 and 7, up to road F, headings are those of the east side; on the west side they are turned about.
@@ -143,9 +148,9 @@ It waits in the queue with an empty bin. It accepts one full bin at a time. `tes
    All are turns to the right. The full bin is now {_CARRIER.tows:g} m behind your centre. On these drives and turns, and in step 7 up to the end of the turn onto F, do not take for obstacles: the full bin and the empty bin
    on D (each {_BIN.length:g} m square) and the picker ({_PICKER.length:g} x {_PICKER.width:g} m), at the x of the table and on the centre line, each 0.1 m larger on every side.
 7. Couple the full bin. Drive to road F and turn south. From the east: drive to F's bottom road, wait for the corner, turn west, drive to the west's F, wait for the corner, turn north. Go north
-   on the west's F past all lanes that are left to y = {layout.TOP_ROAD:g}, turn east, and stop at x = {layout.BAY_STOP:g}.
+   on the west's F past all lanes that are left to y = {TOP_ROAD:g}, turn east, and stop at x = {BAY_STOP:g}.
 8. Ask the bin by `state` until `full` is false.
-9. Drive on to x = {_ROUTE.TURN_OFF:g}. If your line is another one than y = {layout.TOP_ROAD:g}, turn, drive to its y and turn east. Now you have no job. Drive to x = {layout.QUEUE_HEAD:g}; stand behind what is ahead.
+9. Drive on to x = {_QUEUE.turn_off:g}. If your line is another one than y = {TOP_ROAD:g}, turn, drive to its y and turn east. Now you have no job. Drive to x = {_QUEUE.head:g}; stand behind what is ahead.
 
 `distance`, from (x, y) to a lane in the east: (D - x) + y - stop, where D is the east's road D and stop the y of step 4. To a lane in the west, along the bottom at y = b:
 (D - x) + (y - b) + (D - west's D) + (stop - b).
@@ -164,9 +169,11 @@ _LETTERS = f"""## When each letter is sent
 | `confirm` | carrier to its full bin | when it has agreed to come, before it leaves the queue | after {PATIENCE} ticks until it is answered | `yes`; `no`: another carrier comes |
 | `emptybin` | picker to its full bin | when it waits for an empty bin | after {steps.SELDOM} ticks | `carrier` |
 | `here` | carrier to the picker | when its bin is uncoupled | after {PATIENCE} ticks until `yes` | `yes`; `no`: not coupled yet, or the place is not shared yet |
+| `state` | carrier to its full bin | {steps.LOOK_AHEAD:g} m before it must hold for D's place at the lane | after {LOOK_AGAIN} ticks until the bin is full and not coupled | `binstate` |
 | `state` | carrier to its bin in the bay; any agent to any bin | when it stands in the bay | after {PATIENCE} ticks until `full` is false | `binstate` |
 | `claim` | picker or carrier to `traffic` | see above | see above | `places` |
 | `where` | robot to a person or an animal | before it turns | while it turns | `position` |
+| `fetch` | bin to `dispatch`, in place of `call`, if `dispatch` in the scenario is not `nearest` | when the bin stands full and uncoupled. To an early policy (`predictive`, `predictive-farthest`): already while its picker drives along the row, from {forecast.EARLIER:g} s before a carrier would have to leave for the farthest lane | after {bin_agent.CALL_AGAIN} ticks, while it has no carrier | `carrier`: the one that comes, '' while none is chosen |
 | `carrierquery` | `dispatch` to all carriers, if `dispatch` in the scenario is not `nearest` | while a bin waits | | `carrierstatus`: `job` ('' or the full bin), `is_next` as in step 1, `metres` to the queue's head |
 
 Answer every other request with `no`. A request can only be sent by an agent of the run, to an agent; a client that is no agent queries the key `state` of a bin instead of the request `state`.

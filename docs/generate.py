@@ -4,6 +4,7 @@ from pathlib import Path
 
 from docs import keyspace, reference, scenario
 from orchard.field.layout import lay_out
+from orchard.field.queue import TWO_WAY
 from orchard.field.scenario import Scenario, schema_text
 from orchard.report.plan import exchange_plan, orchard_plan
 
@@ -12,7 +13,7 @@ ROOT = Path(__file__).parent.parent
 
 def generated() -> dict[str, str]:
     """Each file's path in the repository, and its text."""
-    layout = lay_out(Scenario())
+    layout, two_way = lay_out(Scenario()), lay_out(Scenario(route=TWO_WAY, carriers=10))
     return {
         "keyspace.md": keyspace.document(),
         "orchard/config/scenario.schema.json": schema_text(),
@@ -20,6 +21,8 @@ def generated() -> dict[str, str]:
         "docs/scenario.md": scenario.document(),
         "docs/plan.svg": orchard_plan(layout),
         "docs/exchange-east.svg": exchange_plan(layout),
+        "docs/plan-two-way.svg": orchard_plan(two_way),
+        "docs/exchange-east-two-way.svg": exchange_plan(two_way),
     }
 
 

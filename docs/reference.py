@@ -8,12 +8,14 @@ from pydantic import BaseModel
 
 from orchard.agents import bin as bin_agent
 from orchard.agents import robot, sense, steps, tractor, walker, weed
-from orchard.agents.route import WEST_SIDE, OneWay
+from orchard.agents.route import OneWay
+from orchard.agents.two_way import TwoWay
 from orchard.field import layout as field
 from orchard.field import placement
 from orchard.field.geometry import Rect
 from orchard.field.kinds import AROUND, EIGHTH, KINDS, LASER_RANGE, Kind, Laser
 from orchard.field.layout import Layout, lay_out
+from orchard.field.queue import BAY_STOP, PITCH, TOP_ROAD, TWO_WAY, USUAL_ROW, queue_of
 from orchard.field.repeatable import PI, QUARTER
 from orchard.field.scenario import MOST_GUESTS, TIME_STEP, Scenario
 from orchard.sim import deeds
@@ -71,35 +73,39 @@ counter-clockwise (REP-103, REP-105)."""
 def document() -> str:
     """Return the whole of docs/reference.md."""
     layout = lay_out(Scenario())
-    sections = _field(layout), _things(layout), _towing(), _laser(), _behaviours(), _work(), _places(OneWay(layout)), _scenario()
+    route, other = OneWay(layout), TwoWay(lay_out(Scenario(route=TWO_WAY, carriers=10)))
+    sections = _field(layout), _things(layout), _towing(), _laser(), _behaviours(), _work(), _places(route), _two_way(other), _scenario()
     return "\n\n".join([HEAD, *sections, CORRECTED]) + "\n"
 
 
 def _field(layout: Layout) -> str:
     half, last = field.FENCE_THICKNESS / 2, layout.tree_lines[-1]
-    inner_x, inner_top, inner_bottom = field.X_MAX - half, field.TOP - half, layout.bottom + half
+    inner_x, inner_top, inner_bottom = field.X_EAST - half, field.TOP - half, layout.bottom + half
     rows = [
         ("fences", f"on all four sides, {field.FENCE_THICKNESS:g} m thick, {field.FENCE_HEIGHT:g} m high"),
-        ("centre lines of the fences", f"x = {-field.X_MAX:g} and {field.X_MAX:g}; top fence y = {field.TOP:g}"),
+        ("centre lines of the fences", f"x = {field.X_WEST:g} and {field.X_EAST:g}; top fence y = {field.TOP:g}"),
         ("bottom fence", f"{last - layout.bottom:g} m south of the last tree line; y = {layout.bottom:g} in the default scenario"),
         ("tree lines", f"""one more than rows; the first at y = {field.TREE_TOP_LINE:g}, each next one row_width + {field.TRUNK:g} m
             further south"""),
-        ("trees in a line", _every(field.TREES_X)),
-        ("posts in a line", f"{_every(field.POSTS_X)}: halfway between trees"),
+        ("trees in a line", _every(layout.trees_x)),
+        ("posts in a line", f"{_every(layout.posts_x)}: halfway between trees"),
         ("trunks and posts", f"{field.TRUNK:g} x {field.TRUNK:g} m; trunks 1.8 m high, posts 2.8 m"),
         ("crowns", "5.5 x 1.0 m, from 1.8 m up; in pictures only"),
         ("pergola", """over the lanes, at every tree's x: patches 1.7 m long, row_width - 0.5 m wide and 0.5 m thick, at z = 2.3;
             in pictures only"""),
         ("row, or lane", "between two tree lines, with its centre line halfway; rows count from 1 at the top"),
-        ("picked part of a row", f"x = {field.ROW_WEST:g} to {field.ROW_EAST:g}, or back: {field.ROW_LENGTH:g} m, which fill one bin"),
-        ("from the fences' faces to the rows", f"{field.ROW_WEST + inner_x:g} m in the west, {inner_x - field.ROW_EAST:g} m in the east"),
+        ("picked part of a row", f"x = {field.ROW_WEST:g} to {layout.row_east:g}, or back: {layout.row_length:g} m, which fill one bin"),
+        ("from the fences' faces to the rows", f"{field.ROW_WEST + inner_x:g} m in the west, {inner_x - layout.row_east:g} m in the east"),
         ("from the fences' faces to the tree lines", f"""{inner_top - field.TREE_TOP_LINE:g} m in the north,
             {last - inner_bottom:g} m in the south"""),
         ("driveway", f"{_area(field.DRIVEWAY)}; no obstacle. Its west and north edges lie under the fences"),
         ("bay", f"{_area(field.BAY)}: the south edge of the driveway"),
-        ("queue", _area(field.QUEUE)),
+        ("queue", _area(layout.queue.area)),
     ]  # fmt: skip
-    return _section("The field", _table("what | figure", rows), "Fruit is not modelled. The code is `orchard/field/layout.py`.")
+    text = f"""Fruit is not modelled. The code is `orchard/field/layout.py`. The table is for rows of {USUAL_ROW:g} m with the bay at its
+usual place. `row_length` moves the rows' east ends, and everything east of them; a line of trees then has as many trees as fit up to
+{field.LAST_TREE:g} m before the row's end. `bay` moves the bay east along the top road."""
+    return _section("The field", _table("what | figure", rows), text)
 
 
 def _things(layout: Layout) -> str:
@@ -122,8 +128,14 @@ def _kind_row(item: tuple[str, Kind]) -> Sequence[str]:
 
 
 def _starts(layout: Layout) -> Iterator[Sequence[str]]:
-    first, tractors = field.queue_place(0), [start.pose for start in layout.starts if start.kind == "tractor"]
-    yield "picker", f"x = {field.ROW_WEST:g} on the centre line of its first row, facing east, a bin behind it"
+    first, tractors = layout.queue.place(0), [start.pose for start in layout.starts if start.kind == "tractor"]
+    yield (
+        "picker",
+        (
+            f"x = {field.ROW_WEST:g} on the centre line of its first row, facing east, a bin behind it; "
+            f"by a rule for rows also x = {field.EAST_START:g}, facing west"
+        ),
+    )
     yield "carrier", f"in the queue, the first at {_points([first])}, facing east, an empty bin behind it"
     yield "tractor", f"{_points(tractors)}, facing east"
     for kind, given in placement.GIVEN.items():
@@ -207,11 +219,12 @@ def _work() -> str:
     way_out = OneWay.WAITING - OneWay.FULL_BIN - KINDS["picker"].tows
     text = f"""These are the built-in rules; a scenario may name others.
 
-1. Each picker takes rows // pickers neighbouring rows, the last one the remainder as well. It picks its first row eastward, the next
-   westward, and so on.
+1. Each picker takes neighbouring rows; no picker takes two rows more than another. It picks its first row eastward, the next westward, and
+   so on.
 2. The bin fills with the metres that its picker drives in the unpicked part of a row, within {move.LANE_REACH:g} m of the lane's centre
    line. Picking begins at an end of the row and goes on where it ended, give or take {move.PICK_REACH:g} m. There physics limits the
-   picker's speed to the scenario's `picking_speed`. After {field.ROW_LENGTH:g} m the row is picked and the bin full.
+   picker's speed to the row's pace: the scenario's `picking_speed`, or what `picking.spread` draws. After `row_length` the row is
+   picked and the bin full.
 3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and asks for an empty bin. After its last row
    it drives {OneWay.PARKED - OneWay.WAITING:g} m further with its empty bin, and stays there.
 4. The full bin calls all carriers every {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself,
@@ -246,17 +259,52 @@ def _places(route: OneWay) -> str:
         ("carrier's tail has left a lane's place", f"{route.CLEAR:g} m past the lane"),
         ("roads along the bottom", f"F {route.F_BOTTOM:g} m and D {route.D_BOTTOM:g} m south of the last tree line"),
         ("wait for the south-west corner, on D", f"x = {route.CORNER_HOLD_X:g}"),
-        ("top road", f"y = {field.TOP_ROAD:g}, through the bay to the queue; a carrier that unloads stops at x = {field.BAY_STOP:g}"),
-        ("turn to a queue line", f"x = {route.TURN_OFF:g} on the top road"),
-        ("queue lines, in the order in which they fill", f"y = {', '.join(f'{y:g}' for y in field.QUEUE_LINES)}"),
-        ("places of a line", f"{field.QUEUE_LINE_PLACES}, every {field.QUEUE_PITCH:g} m westward from x = {field.QUEUE_HEAD:g}"),
+        ("top road", f"y = {TOP_ROAD:g}, through the bay to the queue; a carrier that unloads stops at x = {BAY_STOP:g}"),
+        ("turn to a queue line", f"x = {route.queue.turn_off:g} on the top road"),
+        ("queue lines, in the order in which they fill", f"y = {', '.join(f'{y:g}' for y in route.queue.lines)}"),
+        ("places of a line", f"{route.queue.places}, every {PITCH:g} m westward from x = {route.queue.head:g}"),
         ("carrier has left the place `top`", f"{route.TOP_CLEAR:g} m south of the southernmost line in use"),
     ]
     text = """The west side is the east side turned by half a turn about x = -1.5: x becomes -3 - x, and south becomes north. Carriers drive
 south on the east side and north on the west side; distances before and past a lane are along that direction, from the lane's centre line
 to the robot's centre. [traffic.md](traffic.md) has the plan, its reasons, and why robots cannot block each other for ever."""
-    columns = [(name, f"{x:g}", f"{WEST_SIDE.x(x):g}", note) for name, x, note in xs]
-    return _section("Places and roads", text, _table("place at a lane | x, east | x, west | note", columns), _table("what | figure", along))
+    columns = [(name, f"{x:g}", f"{route.west.x(x):g}", note) for name, x, note in xs]
+    lanes = _table("place at a lane | x, east | x, west | note", columns)
+    return _section("Places and roads: `one-way`", text, lanes, _table("what | figure", along))
+
+
+def _two_way(route: TwoWay) -> str:
+    rows = [
+        ("top road of full bins", f"y = {route.F_TOP:g}"),
+        ("top road of deliveries to the west", f"y = {route.D_TOP:g}"),
+        ("connector", f"{route.TO_CONNECTOR:g} m east of the queue's heads"),
+        ("carrier waits before a line's place", f"""at the connector: at the head, or {route.LINE_HOLD:g} m north of the line; at the
+            delivery road: at x = {route.ENTRY_HOLD:g}, or {route.LINE_HOLD:g} m north of the line"""),
+        ("carrier has left a line's place", f"""{route.TOP_CLEAR:g} m south of the line; at the connector, straight on,
+            {route.EXIT_CLEAR:g} m east of it"""),
+        ("delivery waits for a lane's place", f"{route.HOLD:g} m north of the lane; of the first lane at y = {route.CORNER_HOLD:g}"),
+        ("delivery's tail has left a lane's place", f"{route.CLEAR:g} m south of the lane"),
+        ("full bin waits for a lane's place", f"{route.F_HOLD:g} m south of the lane"),
+        ("full bin has left a lane's place", f"{route.F_CLEAR:g} m north of the lane"),
+        ("north-east corner", f"""a delivery waits at y = {route.CORNER_HOLD:g} and has left it at y = {route.CORNER_CLEAR:g};
+            a full bin waits where it turns, and has left it at x = {route.BIN_CLEAR:g}"""),
+        ("merge in the north-west", f"""from the top road a full bin waits at x = {route.WEST_HOLD:g}, from the south
+            at y = {route.MERGE_HOLD:g}; it has left it at y = {route.MERGE_CLEAR:g}"""),
+        ("crossing in the north-west", f"""a full bin waits at y = {route.CROSSING_HOLD:g}, and has left it at y = {route.CROSSING_CLEAR:g};
+            a delivery waits at x = {route.WEST_HOLD:g}, and has left it when it faces south"""),
+        ("queue with 10 carriers", _queue(10)),
+        ("queue with 40 carriers", _queue(40)),
+    ]  # fmt: skip
+    text = """The lanes, and the places at a lane, are those of `one-way`; the west side is the east side mirrored. The code is
+`orchard/agents/two_way.py` and `orchard/field/queue.py`."""
+    return _section("Places and roads: `two-way`", text, _table("what | figure", rows))
+
+
+def _queue(carriers: int) -> str:
+    queue = queue_of(TWO_WAY, USUAL_ROW, 0.0, carriers)
+    assert queue is not None
+    lines = ", ".join(f"{y:g}" for y in queue.lines)
+    return f"lines at y = {lines}, each with {queue.places} places westward from x = {queue.head:g}"
 
 
 def _scenario() -> str:

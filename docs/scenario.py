@@ -11,9 +11,10 @@ HEAD = """\
 Written by docs/scenario.py from the model that checks scenarios (`make docs`); do not edit.
 
 A scenario is a YAML file. Each value that it leaves out keeps its default. `orchard FILE.yaml` harvests it; the options `--rows`,
-`--pickers`, `--carriers` and `--seed` change the value of the same name. `orchard realistic` names a scenario that comes with the program:
-pickers as slow as people. All faults of a file are reported at once, each with its line. Editors check a file that begins with
-`# yaml-language-server: $schema=PATH`, where PATH leads to [the schema](../{schema}).
+`--pickers`, `--row-width`, `--carriers`, `--seed`, `--dispatch`, `--rows-to-pickers` and `--route` change the value of the same name.
+`orchard realistic` names a scenario that comes with the program: pickers as slow as people. So do `hand_picking`, people as a grower's
+diary tells it, and `kiwi_robot`, robots with four arms. The files name their sources. All faults of a file are reported at once, each
+with its line. Editors check a file that begins with `# yaml-language-server: $schema=PATH`, where PATH leads to [the schema](../{schema}).
 
 ```yaml scenario
 rows: 8
@@ -23,8 +24,10 @@ people: {{workers: 2, visitors: 0}}
 
 {table}
 
-Three values depend on others: there is at most one picker for each row; there are at most 50 people, and at most 50 animals; and an agent
-without a body has a name that no other agent has. [Extending the Orchard](extending.md) describes the values that name classes.
+Some values depend on others: the queue must have room for all carriers, which depends on `row_length`, `bay` and `route`; there is at
+most one picker for each row; there are at most 50 people, and at most 50 animals; picking times spread only as far as no picker has to be
+faster than 1 m/s ([how to](how-to.md#let-picking-vary)); and an agent without a body has a name that no other agent has.
+[Extending the Orchard](extending.md) describes the values that name classes.
 """
 SCHEMA = "orchard/config/scenario.schema.json"
 
@@ -40,7 +43,7 @@ def _lines(schema: dict[str, Any], section: str = "", whole: dict[str, Any] | No
     whole = whole or schema
     for name, value in schema["properties"].items():
         if "$ref" in value:
-            yield from _lines(whole["$defs"][value["$ref"].rsplit("/", 1)[1]], f"{name}.", whole)
+            yield from _lines(whole["$defs"][value["$ref"].rsplit("/", 1)[1]], f"{section}{name}.", whole)
         else:
             yield f"| `{section}{name}` | {_default(value)} | {_limits(value)} | {value['description']} |"
 

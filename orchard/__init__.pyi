@@ -4,6 +4,7 @@ __all__ = [
     "AgentMessage",
     "Assignment",
     "BinReport",
+    "Block",
     "BusError",
     "Carrier",
     "CarrierMemory",
@@ -36,6 +37,7 @@ __all__ = [
     "State",
     "Step",
     "Twist",
+    "TwoWay",
     "Uncouple",
     "Wait",
     "Yes",
@@ -54,6 +56,7 @@ from .agents.picker import Picker, PickerMemory
 from .agents.robot import PlanExecutor, Step
 from .agents.route import OneWay, Side
 from .agents.steps import DriveTo, Face, MoveTo, Say, Wait, with_steps
+from .agents.two_way import TwoWay
 from .contract.agent import Action, Agent, Heard, Hold, Mail, Observation, Reply, State
 from .contract.messages import AgentMessage, Couple, No, Uncouple, Yes
 from .contract.zone import Zone
@@ -61,6 +64,7 @@ from .field.geometry import Pose, Twist
 from .field.layout import Layout, lay_out
 from .field.problems import ScenarioError
 from .field.repeatable import draw
+from .field.rows import Block
 from .field.scenario import Scenario, load, with_changes
 from .local import Local
 from .net.endpoints import BusError

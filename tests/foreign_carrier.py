@@ -365,6 +365,7 @@ class Carrier:
 
     def accept(self, sender, body):
         self.job = sender, body["lane"], self.field.side(body["side"]), body["picker"]
+        self.is_left, self.looked = False, -20
         return {"type": "yes"}
 
     def is_next(self):
@@ -469,7 +470,7 @@ class Carrier:
             self.free(*(place for place, at in frees if ahead * (here - at) > -EXACT))
             missing = [(p, at) for p, at in needs if p not in self.held and -EXACT <= ahead * (at - here) <= ahead * (target - here)]
             limit = missing[0][1] if missing else target
-            if missing and ahead * (limit - here) < 3.0:
+            if missing and ahead * (limit - here) < 3.0 and self.may_ask_for(missing[0][0]):
                 self.want(missing[0][0])
             left = ahead * (limit - here)
             if left > EXACT:
@@ -478,6 +479,19 @@ class Carrier:
                 break
             yield
         self.steps += 1
+
+    def may_ask_for(self, place):
+        """Whether the picker can come out without this place: it has left its full bin. Until then the bin is asked."""
+        full, lane, side, _ = self.job
+        if place != f"{side.name}/D/{lane}" or self.is_left:
+            return True
+        told = [r["answer"] for r in self.answered if (r["to"], r["body"]["type"]) == (full, "state")]
+        self.is_left = any(answer["type"] == "binstate" and answer["full"] and not answer["coupled_to"] for answer in told)
+        if not self.is_left and self.tick - self.looked >= 20:
+            self.looked = self.tick
+            self.requests.append([full, {"type": "state"}])
+        self.waits_for = full
+        return self.is_left
 
     def face(self, heading, blind=()):
         while abs(left := wrapped(heading - self.yaw)) > EXACT:

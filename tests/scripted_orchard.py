@@ -9,7 +9,7 @@ from orchard.contract.agent import State
 from orchard.contract.events import Event, Frame
 from orchard.field.geometry import Pose
 from orchard.field.kinds import KINDS, name_of
-from orchard.field.layout import QUEUE_HEAD, ROW_LENGTH, Layout, Start, lay_out
+from orchard.field.layout import Layout, Start, lay_out
 from orchard.field.scenario import Scenario
 
 GUESTS = {
@@ -77,12 +77,12 @@ class Stage:
     def _way(self, start: Start) -> np.ndarray:
         """The corners of a robot's way."""
         if start.kind == "picker":
-            ends = [[(-35.5, self.layout.lane(n).y), (40.5, self.layout.lane(n).y)] for n in self.layout.blocks[start.name]]
+            ends = [[(-35.5, self.layout.lane(n).y), (40.5, self.layout.lane(n).y)] for n in self.layout.blocks[start.name].rows]
             turned = [(x if i % 2 == 0 else -3 - x, y) for i, row in enumerate(ends) for x, y in row]
             return np.array(turned)
         south = self.layout.tree_lines[-1] - 6
         return np.array([start.pose[:2], (38.25, start.pose.y), (38.25, south), (-41.25, south), (-41.25, 24.5), (-30, 24.5),
-                         (QUEUE_HEAD - 30, 24.5), (QUEUE_HEAD - 30, start.pose.y), start.pose[:2]])  # fmt: skip
+                         (self.layout.queue.head - 30, 24.5), (self.layout.queue.head - 30, start.pose.y), start.pose[:2]])  # fmt: skip
 
     def _drive(self, i: int, way: np.ndarray, metres: float) -> None:
         legs = np.hypot(*np.diff(way, axis=0).T)
@@ -94,7 +94,7 @@ class Stage:
         self.poses[i] = x, y, np.arctan2(dy, dx)
 
     def _picker(self, i: int, start: Start, now: float) -> None:
-        rows, name, bin_ = self.layout.blocks[start.name], start.name, self.layout.index[start.bin]
+        rows, name, bin_ = self.layout.blocks[start.name].rows, start.name, self.layout.index[start.bin]
         turn = 76.0 + WAIT + 7.0
         block, into = divmod(now + 13.0 * (i % 3) * 0, turn)
         if int(block) >= len(rows):
@@ -102,7 +102,7 @@ class Stage:
             return
         row = rows[int(block)]
         self._drive(i, self.ways[name], block * (76.0 + self.layout.pitch) + min(into, 76.0) + max(0.0, into - 76.0 - WAIT))
-        self.row_picked[row - 1] = min(into, ROW_LENGTH)
+        self.row_picked[row - 1] = min(into, self.layout.row_length)
         self.fill[bin_] = self.row_picked[row - 1] if into < 76.0 + WAIT else 0.0
         self.doing[name] = (
             (f"picking row {row}", "picking") if into < 70
@@ -126,7 +126,7 @@ class Stage:
             else ("driving to row 2", "driving") if x > 0
             else ("taking a full bin", "hauling")
         )  # fmt: skip
-        self.fill[self.layout.index[start.bin]] = ROW_LENGTH if y < 10 or x < -31 else 0.0
+        self.fill[self.layout.index[start.bin]] = self.layout.row_length if y < 10 or x < -31 else 0.0
         if bay and x > -28.1:
             self.delivered += 1
             self.events.append(Event(0, "delivered", start.name, "", "a bin"))

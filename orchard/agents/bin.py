@@ -1,8 +1,12 @@
-"""The bin: holds the fruit of one row, follows its robot, and calls a carrier when it stands full in the mouth of a lane."""
+"""The bin: holds the fruit of one row, follows its robot, and calls a carrier when it stands full in the mouth of a lane.
+
+If the scenario's dispatch policy is `early`, the bin calls before that, while its picker still fills it.
+"""
 
 import msgspec
 
-from orchard.agents.dispatch import BinReport, CarrierReport, dispatch_of
+from orchard.agents.dispatch import BinReport, CarrierReport, dispatch_of, is_early
+from orchard.agents.forecast import LEAST_PACE, Forecast
 from orchard.contract.agent import Action, Heard, Hitch, Hold, Mail, Observation
 from orchard.contract.messages import (
     LAST_TICK,
@@ -13,7 +17,7 @@ from orchard.contract.messages import (
     Come,
     Confirm,
     EmptyBin,
-    FullBin,
+    Fetch,
     No,
     Offer,
     StateRequest,
@@ -33,7 +37,7 @@ GIVE_UP = 6  # questions in a row without an answer, after which a carrier is gi
 
 
 class BinMemory(msgspec.Struct):
-    """A full bin's call for a carrier."""
+    """A bin's call for a carrier."""
 
     carrier: str = ""  # the carrier that it sent for
     coming: bool = False  # whether that carrier has agreed
@@ -43,6 +47,7 @@ class BinMemory(msgspec.Struct):
     picker: str = ""  # the picker that left it
     since: int = -1  # tick at which the call began; -1: no call is open
     done: int = 0  # calls that ended in an exchange
+    pace: float = 0.0  # m/s at which the picker picks the present row
 
 
 class Bin:
@@ -51,7 +56,9 @@ class Bin:
     def __init__(self, layout: Layout, name: str) -> None:
         self.layout = layout
         self.carriers = [start.name for start in layout.starts if start.kind == "carrier"]
-        self.policy = None if DISPATCH in layout.scenario.bodiless_agents else dispatch_of(layout)  # None: the dispatcher decides
+        policy = dispatch_of(layout)
+        self.policy = None if DISPATCH in layout.scenario.bodiless_agents else policy  # None: the dispatcher decides
+        self.forecast = Forecast(layout) if self.policy is None and is_early(policy) else None  # None: it calls when it is full
 
     def tick(self, seen: Observation, mail: Mail, memory: BinMemory | None) -> Action:
         memory = memory or BinMemory()
@@ -59,8 +66,13 @@ class Bin:
         action.hold = Hold(LAST_TICK)
         if seen.hitch is not None:
             self.follow(seen, seen.hitch, memory, action)
+            if self.forecast is not None and kind_of(seen.hitch.name) == "picker":
+                self.foresee(self.forecast, seen, seen.hitch, mail, memory, action)
         elif seen.full:
-            self.call(seen, mail, memory, action)
+            self.call(seen, mail, memory, action, *self.where(seen.x, seen.y))
+            action.doing = f"full, {memory.carrier} comes" if memory.coming else "full, calling"
+            action.state = "waiting" if memory.coming else "calling"
+            action.waits_for = memory.carrier or "a carrier"
         else:
             action.doing, action.state = "standing empty", "resting"
         action.steps_done = memory.done
@@ -82,17 +94,32 @@ class Bin:
         if hitch.twist.yaw or abs(exact.yaw) > ALIGNED or not is_near(exact, straight, KEEPS / 2):
             action.hold = None
         action.doing = f"{'full' if seen.full else 'empty'}, on {hitch.name}"
-        memory.since = -1
         if kind_of(hitch.name) == "picker":
+            memory.since = memory.since if self.forecast else -1
             memory.picker, action.state = hitch.name, "waiting" if seen.full else "picking"
             return
         action.state = "hauling" if seen.full else "driving"
+        memory.since = -1
         if memory.carrier:
             memory.carrier, memory.coming, memory.shunned, memory.done = "", False, [], memory.done + 1
 
-    def call(self, seen: Observation, mail: Mail, memory: BinMemory, action: Action) -> None:
+    def foresee(self, forecast: Forecast, seen: Observation, picker: Hitch, mail: Mail, memory: BinMemory, action: Action) -> None:
+        """Call while the picker still fills the bin, from the time at which a carrier for the farthest lane would have to leave."""
+        if not seen.fill:
+            memory.pace = self.layout.scenario.picking_speed
+        elif picker.twist.x >= LEAST_PACE:
+            memory.pace = picker.twist.x
+        ripening = forecast.of(seen, picker, memory.pace)
+        is_time = ripening is not None and ripening.seconds < forecast.horizon
+        if ripening is not None and (is_time or memory.carrier):
+            self.call(seen, mail, memory, action, ripening.lane, ripening.side, ripening.seconds)
+        elif ripening is not None:
+            action.hold = action.hold and Hold(seen.tick + forecast.ticks(ripening))
+
+    def call(
+        self, seen: Observation, mail: Mail, memory: BinMemory, action: Action, lane: int, side: str, seconds_to_full: float = 0.0
+    ) -> None:
         """Call until a carrier is chosen, send for it, and ask it again and again whether it comes."""
-        lane, side = self.where(seen.x, seen.y)
         memory.since = seen.tick if memory.since < 0 else memory.since
         self.hear(mail, memory, seen.tick)
         chosen = "" if memory.carrier else self.chosen(seen, mail, memory, lane, side)
@@ -100,19 +127,16 @@ class Bin:
             memory.carrier, memory.silent = chosen, 0
         if chosen or seen.tick - memory.asked >= (ASK_AGAIN if memory.coming else CALL_AGAIN):
             memory.asked = seen.tick
-            self.ask(lane, side, memory, action)
-        action.doing = f"full, {memory.carrier} comes" if memory.coming else "full, calling"
-        action.state = "waiting" if memory.coming else "calling"
-        action.waits_for = memory.carrier or "a carrier"
-        action.hold = Hold(memory.asked + (ASK_AGAIN if memory.coming else CALL_AGAIN))
+            self.ask(lane, side, seconds_to_full, memory, action)
+        action.hold = action.hold and Hold(memory.asked + (ASK_AGAIN if memory.coming else CALL_AGAIN))
 
-    def ask(self, lane: int, side: str, memory: BinMemory, action: Action) -> None:
+    def ask(self, lane: int, side: str, seconds_to_full: float, memory: BinMemory, action: Action) -> None:
         """Ask the carrier that was chosen whether it comes; without one the dispatcher, or all carriers."""
         if memory.carrier:
             action.requests.append((memory.carrier, Come(lane, side, memory.picker)))
             memory.silent += 1
         elif self.policy is None:
-            action.requests.append((DISPATCH, FullBin(lane, side, memory.picker, memory.since)))
+            action.requests.append((DISPATCH, Fetch(lane, side, memory.picker, memory.since, seconds_to_full)))
         else:
             action.requests += [(carrier, Call(lane, side, memory.since)) for carrier in self.carriers]
 
@@ -144,7 +168,7 @@ class Bin:
     def where(self, x: float, y: float) -> tuple[int, str]:
         """Return the lane, and the end of it, in the mouth of which the bin stands."""
         lane = min(self.layout.lanes, key=lambda lane: abs(lane.y - y))
-        return lane.number, "east" if x > -1.5 else "west"
+        return lane.number, "east" if x > self.layout.middle else "west"
 
 
 def along(hitch: Hitch, yaw: float) -> Twist:

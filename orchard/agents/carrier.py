@@ -4,13 +4,14 @@ import msgspec
 
 from orchard.agents.bin import CALL_AGAIN
 from orchard.agents.robot import PlanExecutor
-from orchard.agents.route import SIDES, route_of
+from orchard.agents.routes import route_of
 from orchard.agents.sense import bystanders_of
 from orchard.agents.steps import Plan, Realign, of_known_steps, with_steps
 from orchard.contract.agent import Action, Heard, Mail, Observation
 from orchard.contract.messages import LAST_TICK, Answer, Call, CarrierQuery, CarrierStatus, Come, No, Offer, Yes
 from orchard.field.kinds import number_of
-from orchard.field.layout import QUEUE_HEAD, QUEUE_PITCH, Layout
+from orchard.field.layout import Layout
+from orchard.field.queue import PITCH
 
 CHOOSING = 5  # ticks in which a bin that has an offer sends for a carrier; after them it comes last
 REMEMBERED = CALL_AGAIN + 5  # ticks for which a call counts: by then the bin has called again, unless a carrier comes
@@ -59,7 +60,7 @@ class Carrier:
         """Answer a request. A free carrier offers itself to the oldest call, and goes for the bin that sends for it; a busy one says no."""
         job, body = robot.memory.job, heard.body
         if isinstance(body, CarrierQuery):
-            return CarrierStatus(job.bin if job else "", not job and self.is_next(robot), max(0.0, QUEUE_HEAD - robot.pose.x))
+            return CarrierStatus(job.bin if job else "", not job and self.is_next(robot), max(0.0, self.layout.queue.head - robot.pose.x))
         if isinstance(body, Come) and job and job.bin == heard.sender:
             return Yes()
         if not isinstance(body, Call | Come):
@@ -81,18 +82,18 @@ class Carrier:
         if min(calls, key=lambda name: (robot.seen.tick - calls[name].offered > CHOOSING, calls[name].since, name)) != bin_name:
             return No("an older call comes first")
         calls[bin_name].offered = min(calls[bin_name].offered, robot.seen.tick)
-        return Offer(x, y, self.route.distance(x, y, call.lane, SIDES[call.side]))
+        return Offer(x, y, self.route.distance(x, y, call.lane, self.route.sides[call.side]))
 
     def is_next(self, robot: PlanExecutor) -> bool:
         """Whether the carrier is at the head of its line, or on its way to that place: no carrier that may stay is before it."""
-        behind = QUEUE_HEAD - robot.pose.x
-        return behind < 0.1 or (behind < QUEUE_PITCH + 0.2 and robot.seen.twist.x > 0.0)
+        behind = self.layout.queue.head - robot.pose.x
+        return behind < 0.1 or (behind < PITCH + 0.2 and robot.seen.twist.x > 0.0)
 
     def accept(self, robot: PlanExecutor, bin_name: str, come: Come) -> None:
         robot.memory.job = Job(bin_name, come.lane, come.side, come.picker)
-        plan = self.route.fetch(self.number, come.lane, SIDES[come.side], come.picker, bin_name)
+        plan = self.route.fetch(self.number, come.lane, self.route.sides[come.side], come.picker, bin_name)
         robot.memory.plan = of_known_steps(plan, self.route.Steps)
-        robot.memory.asked = {}
+        robot.memory.asked, robot.memory.left = {}, ""
         for call in robot.memory.calls.values():
             call.offered = LAST_TICK
 

@@ -5,9 +5,10 @@ from collections.abc import Callable, Collection
 
 from orchard.agents.bin import Bin
 from orchard.agents.carrier import Carrier
-from orchard.agents.dispatch import POLICIES, Dispatcher, dispatch_of
+from orchard.agents.dispatch import POLICIES, dispatch_of
+from orchard.agents.dispatcher import Dispatcher
 from orchard.agents.picker import Picker
-from orchard.agents.route import EAST_SIDE, ROUTES, route_of
+from orchard.agents.routes import ROUTES, route_of
 from orchard.agents.steps import Plan, of_known_steps, with_steps
 from orchard.agents.tractor import Tractor
 from orchard.agents.traffic import Traffic
@@ -17,9 +18,10 @@ from orchard.contract.agent import Agent
 from orchard.contract.guard import Broken, Guarded
 from orchard.contract.messages import pack, unpack
 from orchard.field.kinds import DISPATCH, TRAFFIC, kind_of, select_agents
-from orchard.field.layout import QUEUE_HEAD, TOP_ROAD, Layout
+from orchard.field.layout import Layout
 from orchard.field.plugins import MISTAKES, load_plugin, place_of_class, unusable
 from orchard.field.problems import ScenarioError
+from orchard.field.queue import TOP_ROAD
 
 log = logging.getLogger("orchard")
 
@@ -71,12 +73,13 @@ def _check_route(layout: Layout) -> None:
         return
     try:
         unpack(pack(with_steps(Plan, route.Steps)()), with_steps(Plan, route.Steps))
-        for rows in layout.blocks.values():
-            of_known_steps(route.harvest(rows), route.Steps)
-            for count, row in enumerate(rows):
-                of_known_steps(route.fetch(1, row, route.side(count), "picker_01", "bin_01"), route.Steps)
-                of_known_steps(route.crossing(row, row + 1, route.side(count)) if row < layout.scenario.rows else [], route.Steps)
-        route.roads(), route.holds(), route.distance(QUEUE_HEAD, TOP_ROAD, 1, EAST_SIDE)
+        for block in layout.blocks.values():
+            of_known_steps(route.harvest(block), route.Steps)
+            for count, row in enumerate(block.rows):
+                side = route.side(count, block.start)
+                of_known_steps(route.fetch(1, row, side, "picker_01", "bin_01"), route.Steps)
+                of_known_steps(route.crossing(row, row + 1, side) if row < layout.scenario.rows else [], route.Steps)
+        route.roads(), route.holds(), route.distance(layout.queue.head, TOP_ROAD, 1, route.east)
     except MISTAKES as error:
         raise unusable("route", path, error) from error
 

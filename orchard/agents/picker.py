@@ -1,7 +1,7 @@
 """The picker: drives its rows, fills its bin, leaves the full bin, and fetches an empty bin for the next row."""
 
 from orchard.agents.robot import PlanExecutor
-from orchard.agents.route import route_of
+from orchard.agents.routes import route_of
 from orchard.agents.sense import bystanders_of
 from orchard.agents.steps import Plan, Realign, of_known_steps, with_steps
 from orchard.contract.agent import Action, Heard, Mail, Observation
@@ -16,18 +16,20 @@ class PickerMemory(Plan):
     carrier: str = ""  # the carrier that brings, or brought, an empty bin
     offered: str = ""  # the empty bin that was brought
     taken: str = ""  # the empty bin that it took, with the place where it stood
+    failures: int = 0  # so far
+    picked: float = 0.0  # s for which it picked since the last one
 
 
 class Picker:
     """Picks its rows one after another."""
 
     def __init__(self, layout: Layout, name: str) -> None:
-        self.rows, self.route, self.bystanders = layout.blocks[name], route_of(layout), bystanders_of(layout)
+        self.block, self.route, self.bystanders = layout.blocks[name], route_of(layout), bystanders_of(layout)
         self.Memory = with_steps(PickerMemory, self.route.Steps)
 
     def tick(self, seen: Observation, mail: Mail, memory: PickerMemory | None) -> Action:
         if memory is None:
-            memory = self.Memory(plan=[Realign(), *of_known_steps(self.route.harvest(self.rows), self.route.Steps)])
+            memory = self.Memory(plan=[Realign(), *of_known_steps(self.route.harvest(self.block), self.route.Steps)])
         robot = PlanExecutor(seen, mail, memory, self.bystanders)
         robot.action.answers = [(heard, self.answer(robot, heard)) for heard in mail.requests]
         robot.follow()

@@ -11,11 +11,12 @@ import msgspec
 
 from orchard.agents.sense import Box, Bystander, Sighting, doubts, something_ahead, stop_zone, sweep_radius, turn_is_free
 from orchard.contract.agent import AHEAD, IN_TURN, MOST_HOLD, Action, Hold, Mail, Observation, State, may_hold
-from orchard.contract.messages import Answer, Claim, Couple, Places, Position, Request, Uncouple, Where
+from orchard.contract.messages import Answer, BinState, Claim, Couple, Places, Position, Request, StateRequest, Uncouple, Where
 from orchard.field.geometry import STILL, Pose, Twist
 from orchard.field.kinds import KINDS, TRAFFIC, kind_of
 
 PATIENCE = 5  # ticks after which a question is asked again if it was not answered as hoped
+LOOK_AGAIN = 20  # ticks between two questions to a bin whether it is left: its picker needs 65 more to clear the way
 RECOVERY = 10  # ticks for which a robot stands after a collision
 
 
@@ -35,13 +36,15 @@ class RobotMemory(msgspec.Struct):
     bumped: int = -RECOVERY  # tick at which it last found that it had collided
     sighted: dict[str, Sighting] = {}  # person or animal -> its reported position
     asked: dict[str, int] = {}  # question -> tick at which the present step last asked it
+    left: str = ""  # the bin that it has found left in its lane
 
 
-class Gate(msgspec.Struct, frozen=True):
+class Gate(msgspec.Struct, frozen=True, omit_defaults=True):
     """A point of a drive, by the robot's centre: it needs these places from there on, or it needs them no longer."""
 
     places: list[str]
     at: float
+    bin: str = ""  #: a full bin that its picker must have left in the lane before the robot asks for the places; '' for none
 
 
 class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
@@ -122,6 +125,14 @@ class PlanExecutor:
     def free(self, places: list[str]) -> None:
         """Give places back."""
         self.memory.held = [place for place in self.memory.held if place not in places]
+
+    def is_left(self, bin_name: str) -> bool:
+        """Whether a full bin stands by itself in its lane. While it does not, ask it again and again."""
+        if self.memory.left != bin_name:
+            answer = self.ask(bin_name, StateRequest(), every=LOOK_AGAIN)
+            if isinstance(answer, BinState) and answer.full and not answer.coupled_to:
+                self.memory.left = bin_name
+        return bool(self.memory.left == bin_name)
 
     def is_alone_in(self, place: str) -> bool:
         """Whether no other robot shares a place. While one does, ask traffic again."""

@@ -4,17 +4,34 @@ A scenario names its route (`route: one-way`, or a user's class). Plans, bounds 
 `OneWay` is the built-in route. docs/traffic.md explains it and shows why it cannot deadlock; `make docs` draws it to scale.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
+from msgspec.structs import replace
+
 from orchard.agents.robot import Gate, Step
 from orchard.agents.sense import Box
-from orchard.agents.steps import Alone, Confirmed, Deliver, DriveTo, Face, FetchEmpty, Free, Home, LeaveBin, Need, Say, TakeBin, Unload
+from orchard.agents.steps import (
+    Alone,
+    Confirmed,
+    Deliver,
+    DriveTo,
+    Face,
+    FetchEmpty,
+    Free,
+    Home,
+    LeaveBin,
+    MayFail,
+    Need,
+    Say,
+    TakeBin,
+    Unload,
+)
 from orchard.field.kinds import KINDS
-from orchard.field.layout import BAY_STOP, QUEUE_HEAD, QUEUE_LINE_PLACES, QUEUE_LINES, ROW_EAST, ROW_WEST, TOP_ROAD, Layout, queue_place
-from orchard.field.plugins import make_plugin
-from orchard.field.scenario import ONE_WAY
+from orchard.field.layout import EAST_START, ROW_WEST, Layout
+from orchard.field.queue import ONE_WAY, TOP_ROAD
+from orchard.field.rows import Block, End
 
 TOP = "top"  # the place where the queue's lines meet the delivery road
 _OPPOSITE = {"EAST": "WEST", "WEST": "EAST", "NORTH": "SOUTH", "SOUTH": "NORTH"}
@@ -22,25 +39,28 @@ _OPPOSITE = {"EAST": "WEST", "WEST": "EAST", "NORTH": "SOUTH", "SOUTH": "NORTH"}
 
 @dataclass(frozen=True)
 class Side:
-    """One side of the rows. The west side is the east side after half a turn about the point x = -1.5 on a lane's centre line.
+    """One side of the rows. The west side is the east side after half a turn, or mirrored, about x = -1.5 with rows of the usual length.
 
-    Figures of a route are given for the east side; a `Side` turns them into x and y of either side.
+    Figures of a route are given for the east side and rows of the usual length; a `Side` turns them into x and y of either side.
     """
 
     name: str
     sign: int  #: +1 east, -1 west
+    south: int  #: +1 if carriers that deliver drive south, -1 if north
+    shift: float = 0.0  #: how much further east the east side lies than with rows of the usual length, m
 
     def x(self, east: float) -> float:
-        """The x, m, of a point that lies at x = `east` on the east side."""
-        return east if self.sign > 0 else -3.0 - east
+        """The x, m, of a point that lies at x = `east` on the east side of rows of the usual length."""
+        return east + self.shift if self.sign > 0 else -3.0 - east
 
     def y(self, lane_y: float, along: float) -> float:
-        """The y of a point that lies `along` metres from a lane's centre line, in the carriers' direction of travel."""
-        return lane_y - self.sign * along
+        """The y of a point that lies `along` metres from a lane's centre line, in the direction in which carriers deliver."""
+        return lane_y - self.south * along
 
     def heading(self, east: str) -> str:
         """The heading on this side that corresponds to a heading on the east side."""
-        return east if self.sign > 0 else _OPPOSITE[east]
+        turned = self.sign < 0 if east in ("EAST", "WEST") else self.south < 0
+        return _OPPOSITE[east] if turned else east
 
     def place(self, road: str, lane: int) -> str:
         """The name of a road's place at a lane: 'east/D/3'."""
@@ -49,10 +69,6 @@ class Side:
     def crossing(self, lane: int) -> list[str]:
         """The places of both roads at a lane."""
         return [self.place("F", lane), self.place("D", lane)]
-
-
-EAST_SIDE, WEST_SIDE = Side("east", 1), Side("west", -1)
-SIDES = {"east": EAST_SIDE, "west": WEST_SIDE}
 
 
 class Road(NamedTuple):
@@ -71,13 +87,15 @@ class OneWay:
     its bin is in it. A picker that crosses holds both roads' places at its lane.
 
     To change the route, derive a class, change figures or replace methods, and name it in the scenario: `route: my_package.MyRoute`.
-    The class is called with the layout. Figures are metres on the east side. docs/traffic.md derives them.
+    The class is called with the layout. Figures are metres on the east side, x with rows of the usual 70 m. docs/traffic.md derives them.
     """
 
+    QUEUE: ClassVar[str] = ONE_WAY  #: the queue in which its carriers wait, see orchard/field/queue.py
+    SOUTH: ClassVar[Mapping[str, int]] = {"east": 1, "west": -1}  #: side -> +1 if carriers that deliver drive south there, -1 if north
     Steps: ClassVar[Sequence[type[Step]]] = ()  # user-defined steps that the drives use
     D_ROAD = 38.75  #: x of the delivery road: a picker's coupling point lies on it
     F_ROAD = 36.25  #: x of the full-bin road
-    WAITING = 41.0  #: x at which a picker waits, and of its way to the next row
+    WAITING = EAST_START  #: x at which a picker waits, and of its way to the next row
     PARKED = 44.0  #: x at which a picker stays after its last row
     FULL_BIN = 32.25  #: x of the full bin that a picker has left
     COUPLING = 34.15  #: x of a carrier that couples the full bin
@@ -87,25 +105,26 @@ class OneWay:
     PICKER_HOLD = 33.7  #: x at which a picker waits to cross the roads; its front is at 34.95
     F_BOTTOM, D_BOTTOM = 3.5, 5.6  # distances of the roads along the bottom, south of the last tree line
     CORNER_HOLD_X = -35.5  #: x before which a carrier on the outer bottom road waits for the south-west corner
-    TURN_OFF = -18.6  #: x on the top road at which a carrier turns to its queue line
     TOP_CLEAR = 3.75  #: distance south of the southernmost line in use at which a carrier has left the place `top`
 
     def __init__(self, layout: Layout) -> None:
-        self.layout = layout
-        assert QUEUE_LINES[0] == TOP_ROAD and min(QUEUE_LINES) - self.TOP_CLEAR > layout.tree_lines[0]
+        self.layout, self.queue = layout, layout.queue
+        self.east, self.west = Side("east", 1, self.SOUTH["east"], layout.shift), Side("west", -1, self.SOUTH["west"], layout.shift)
+        self.sides = {"east": self.east, "west": self.west}
+        assert self.queue.lines[0] == TOP_ROAD and min(self.queue.lines) - self.TOP_CLEAR > layout.tree_lines[0]
 
     # -- what plans, bounds and dispatch ask for
 
-    def side(self, count: int) -> Side:
-        """The side at which a picker's row number `count` (from 0, in its order) ends. Pickers begin at the west end."""
-        return EAST_SIDE if count % 2 == 0 else WEST_SIDE
+    def side(self, count: int, start: End = "west") -> Side:
+        """The side at which a picker's row number `count` (from 0, in its order) ends, if it starts at this end of its first row."""
+        return self.east if (count % 2 == 0) == (start == "west") else self.west
 
-    def harvest(self, rows: Sequence[int]) -> list[Step]:
+    def harvest(self, block: Block) -> list[Step]:
         """A picker's whole work: pick row after row, and at the end of each leave the full bin and fetch an empty one."""
-        steps: list[Step] = []
+        rows, steps = block.rows, self.come_in(block)
         for count, row in enumerate(rows):
-            side = self.side(count)
-            steps += self.pick(row, side, came_over=count > 0) + self.swap_bins(row, side)
+            side = self.side(count, block.start)
+            steps += self.pick(row, side, came_over=count > 0 or block.start == "east") + self.swap_bins(row, side)
             steps += self.go_to_next_row(row, rows[count + 1], side) if count + 1 < len(rows) else self.park(row, side)
         return steps
 
@@ -118,7 +137,7 @@ class OneWay:
         return [
             Confirmed(full_bin, [Home(), *self.wait_in_queue()]),
             Say(f"bringing an empty bin to {picker}", "driving"),
-            *self.approach(lane, side),
+            *_once_left(self.approach(lane, side, carrier), full_bin, side.place("D", lane)),
             Deliver(picker),
             *self.loop_to_full_bin(lane, side),
             TakeBin(full_bin),
@@ -129,29 +148,30 @@ class OneWay:
             *self.go_home(carrier),
         ]
 
-    def approach(self, lane: int, side: Side) -> list[Step]:
+    def approach(self, lane: int, side: Side, carrier: int = 1) -> list[Step]:
         """A carrier's way from the queue's head to the stop at which it leaves the empty bin."""
         return self.leave_queue() + self.go_to_lane(lane, side)
 
     def wait_in_queue(self) -> list[Step]:
         """Wait in the queue, and move up to the head of the line as the others leave."""
-        return [Say("waiting in the queue", "waiting"), DriveTo(x=QUEUE_HEAD, queueing=True)]
+        return [Say("waiting in the queue", "waiting"), DriveTo(x=self.queue.head, queueing=True)]
 
     def distance(self, x: float, y: float, lane: int, side: Side) -> float:
         """Metres by road from (x, y) in the queue to a lane's stop."""
-        to_road = self.D_ROAD - x
-        if side is EAST_SIDE:
+        east = self.east.x(self.D_ROAD)
+        to_road = east - x
+        if side is self.east:
             return to_road + y - side.y(self.layout.lane(lane).y, self.STOP)
         bottom = self.outer_bottom
-        return to_road + (y - bottom) + (self.D_ROAD - WEST_SIDE.x(self.D_ROAD)) + side.y(self.layout.lane(lane).y, self.STOP) - bottom
+        return to_road + (y - bottom) + (east - self.west.x(self.D_ROAD)) + side.y(self.layout.lane(lane).y, self.STOP) - bottom
 
     def roads(self) -> list[Road]:
         """The roads, for drawings."""
-        inner, outer, top = self.inner_bottom, self.outer_bottom, self.layout.lane(1).y
-        d, f, west = self.D_ROAD, self.F_ROAD, WEST_SIDE
-        loop_d = [(33.0, TOP_ROAD), (d, TOP_ROAD), (d, outer), (west.x(d), outer), (west.x(d), top + self.STOP)]
-        loop_f = [(f, top), (f, inner), (west.x(f), inner), (west.x(f), TOP_ROAD), (33.0, TOP_ROAD)]
-        columns = [[(side.x(self.WAITING), y) for y in (top, self.layout.lanes[-1].y)] for side in (EAST_SIDE, WEST_SIDE)]
+        inner, outer, top, head = self.inner_bottom, self.outer_bottom, self.layout.lane(1).y, self.queue.head
+        (d, west_d), (f, west_f) = ((self.east.x(x), self.west.x(x)) for x in (self.D_ROAD, self.F_ROAD))
+        loop_d = [(head, TOP_ROAD), (d, TOP_ROAD), (d, outer), (west_d, outer), (west_d, top + self.STOP)]
+        loop_f = [(f, top), (f, inner), (west_f, inner), (west_f, TOP_ROAD), (head, TOP_ROAD)]
+        columns = [[(side.x(self.WAITING), y) for y in (top, self.layout.lanes[-1].y)] for side in self.sides.values()]
         return [Road("D", loop_d, 1.5), Road("F", loop_f, 1.5), *(Road("picker", column, 0.0) for column in columns)]
 
     def holds(self) -> list[tuple[str, float, float]]:
@@ -159,26 +179,40 @@ class OneWay:
         front = KINDS["carrier"].length / 2
         return [
             (road, side.x(x), side.y(lane.y, front - self.HOLD))
-            for side in (EAST_SIDE, WEST_SIDE)
+            for side in self.sides.values()
             for lane in self.layout.lanes
             for road, x in (("D", self.D_ROAD), ("F", self.F_ROAD))
         ]
 
     # -- pickers
 
+    def come_in(self, block: Block) -> list[Step]:
+        """A picker's way from its start to the head of its first row. In the west it starts there; in the east it drives over the roads."""
+        row = block.rows[0]
+        return [] if block.start == "west" else [Say(f"driving to row {row}", "driving"), *self.turn_in(row, self.east)]
+
     def pick(self, row: int, side: Side, came_over: bool) -> list[Step]:
         """Drive a row to its end on this side at the picking speed, and leave the full bin in the lane's mouth."""
-        end = ROW_EAST if side.sign > 0 else ROW_WEST
-        other = WEST_SIDE if side.sign > 0 else EAST_SIDE
+        end, other = (self.layout.row_east, self.west) if side is self.east else (ROW_WEST, self.east)
         frees = [Gate([other.place("D", row)], other.x(34.4)), Gate([other.place("F", row)], other.x(32.4))] if came_over else []
-        cross = [Gate(side.crossing(row), side.x(self.PICKER_HOLD))]
+        cross = self.cross(side, row, side.x(self.PICKER_HOLD))
         return [
             Say(f"picking row {row}", "picking"),
-            DriveTo(x=end, speed=self.layout.scenario.picking_speed, needs=cross, frees=frees),
+            *self.may_fail(),
+            DriveTo(x=end, speed=self.layout.lane(row).pace, needs=cross, frees=frees),
             Say(f"leaving the full bin of row {row}", "handling a bin"),
             DriveTo(x=side.x(self.FULL_BIN + KINDS["picker"].tows), needs=cross),
             LeaveBin(),
         ]
+
+    def may_fail(self) -> list[Step]:
+        """The step before the drive along a row, if pickers fail in this scenario."""
+        scenario, failure = self.layout.scenario, self.layout.scenario.picking.failure
+        return [MayFail(scenario.seed, failure.mean_between, failure.mean_repair)] if failure.mean_between is not None else []
+
+    def cross(self, side: Side, lane: int, at: float) -> list[Gate]:
+        """The places that a picker needs to drive over both roads, from x = `at` on."""
+        return [Gate(side.crossing(lane), at)]
 
     def swap_bins(self, row: int, side: Side) -> list[Step]:
         """Drive out of the lane and over the roads, and wait there for an empty bin."""
@@ -192,18 +226,22 @@ class OneWay:
     def go_to_next_row(self, row: int, next_row: int, side: Side) -> list[Step]:
         """Turn south, drive over to the next row, and turn in once both roads are free there.
 
-        On the west side the turn swings the bin over the place of the carrier that delivered, so that carrier must have left it.
+        Where carriers drive north the turn swings the bin over the place of the one that delivered, so that one must have left it.
         """
         return [
             Say(f"driving to row {next_row}", "driving"),
-            *([Alone(side.place("D", row))] if side is WEST_SIDE else []),
+            *([Alone(side.place("D", row))] if side.south < 0 else []),
             Face("SOUTH"),
             Free([side.place("D", row)]),
             DriveTo(y=self.layout.lane(next_row).y),
-            Need(side.crossing(next_row)),
-            Face(side.heading("WEST")),
-            DriveTo(x=side.x(ROW_EAST), frees=[Gate([side.place("D", next_row)], side.x(34.4))]),
+            *self.turn_in(next_row, side),
         ]
+
+    def turn_in(self, row: int, side: Side) -> list[Step]:
+        """Turn to the head of a row, and drive there, once both roads are free."""
+        head = self.layout.row_east if side is self.east else ROW_WEST
+        drive = DriveTo(x=head, frees=[Gate([side.place("D", row)], side.x(34.4))])
+        return [Need(side.crossing(row)), Face(side.heading("WEST")), drive]
 
     def park(self, row: int, side: Side) -> list[Step]:
         """After the last row drive off the roads with the empty bin, and stay there."""
@@ -215,21 +253,21 @@ class OneWay:
 
     def leave_queue(self) -> list[Step]:
         """Drive onto the delivery road. Carriers of several lines take turns at `top`; those of one line follow each other."""
-        needs = [Gate([TOP], QUEUE_HEAD)] if self.layout.scenario.carrier_count > QUEUE_LINE_PLACES else []
-        return [DriveTo(x=self.D_ROAD, needs=needs), Face("SOUTH")]
+        needs = [Gate([TOP], self.queue.head)] if self.layout.scenario.carrier_count > self.queue.places else []
+        return [DriveTo(x=self.east.x(self.D_ROAD), needs=needs), Face("SOUTH")]
 
     def go_to_lane(self, lane: int, side: Side) -> list[Step]:
         """Drive along the delivery road to a lane, to one on the west side around the bottom."""
         top = [Gate([TOP], self.top_clear)]
         stop = side.y(self.layout.lane(lane).y, self.STOP)
-        if side is EAST_SIDE:
+        if side is self.east:
             return [self._along(side, "D", self._lanes(side, last=lane), stop=stop, frees=top)]
         needs = [Gate(["corner/south-east"], self.inner_bottom + self.HOLD)]
         return [
-            self._along(EAST_SIDE, "D", self._lanes(EAST_SIDE), stop=self.outer_bottom, needs=needs, frees=top),
+            self._along(self.east, "D", self._lanes(self.east), stop=self.outer_bottom, needs=needs, frees=top),
             Face("WEST"),
             Free(["corner/south-east"]),
-            DriveTo(x=WEST_SIDE.x(self.D_ROAD), needs=[Gate(["corner/south-west"], self.CORNER_HOLD_X)]),
+            DriveTo(x=self.west.x(self.D_ROAD), needs=[Gate(["corner/south-west"], self.CORNER_HOLD_X)]),
             Face("NORTH"),
             Free(["corner/south-west"]),
             self._along(side, "D", self._lanes(side, last=lane), stop=stop),
@@ -251,24 +289,24 @@ class OneWay:
         """Take the full bin along the full-bin road, from the east side around the bottom, to the bay."""
         blind = self.at_work(lane, side)
         out: list[Step] = [DriveTo(x=side.x(self.F_ROAD), blind_to=blind), Face(side.heading("SOUTH"), blind)]
-        if side is WEST_SIDE:
+        if side is self.west:
             return [*out, *self._north_to_bay(self._lanes(side, first=lane))]
         return [
             *out,
             self._along(side, "F", self._lanes(side, first=lane), stop=self.inner_bottom),
             Need(["corner/south-east"]),
             Face("WEST"),
-            DriveTo(x=WEST_SIDE.x(self.F_ROAD), frees=[Gate(["corner/south-east"], 34.7)]),
+            DriveTo(x=self.west.x(self.F_ROAD), frees=[Gate(["corner/south-east"], self.east.x(34.7))]),
             Need(["corner/south-west"]),
             Face("NORTH"),
-            *self._north_to_bay(self._lanes(WEST_SIDE), [Gate(["corner/south-west"], self.inner_bottom + 1.4)]),
+            *self._north_to_bay(self._lanes(self.west), [Gate(["corner/south-west"], self.inner_bottom + 1.4)]),
         ]
 
     def go_home(self, carrier: int) -> list[Step]:
         """Drive from the bay to the tail of the carrier's line of the queue, and move up."""
-        y = QUEUE_LINES[self.line(carrier)]
+        y = self.queue.place(carrier - 1).y
         aside: list[Step] = [] if y == TOP_ROAD else [Face("SOUTH" if y < TOP_ROAD else "NORTH"), DriveTo(y=y), Face("EAST")]
-        return [Say("returning to the queue", "driving"), DriveTo(x=self.TURN_OFF), *aside, Home(), *self.wait_in_queue()]
+        return [Say("returning to the queue", "driving"), DriveTo(x=self.queue.turn_off), *aside, Home(), *self.wait_in_queue()]
 
     def at_work(self, lane: int, side: Side) -> list[Box]:
         """The bins and the picker of a lane, which a carrier that works there does not take for obstacles."""
@@ -281,7 +319,7 @@ class OneWay:
     @property
     def top_clear(self) -> float:
         """y at which a carrier is out of the way of carriers that turn in from other lines, m."""
-        return min(QUEUE_LINES[: self.line(self.layout.scenario.carrier_count) + 1]) - self.TOP_CLEAR
+        return min(self.queue.used(self.layout.scenario.carrier_count)) - self.TOP_CLEAR
 
     @property
     def inner_bottom(self) -> float:
@@ -293,13 +331,9 @@ class OneWay:
         """y of the delivery road along the bottom, m."""
         return self.layout.tree_lines[-1] - self.D_BOTTOM
 
-    def line(self, carrier: int) -> int:
-        """The queue line of a carrier, by its number (from 1): the line in which it starts."""
-        return QUEUE_LINES.index(queue_place(carrier - 1).y)
-
     def _lanes(self, side: Side, first: int | None = None, last: int | None = None) -> list[int]:
         """The lanes that a carrier passes on this side, in its order: all, or those from `first` on, or those up to `last`."""
-        lanes = [lane.number for lane in self.layout.lanes][:: side.sign]
+        lanes = [lane.number for lane in self.layout.lanes][:: side.south]
         return lanes[lanes.index(first) if first else 0 : lanes.index(last) + 1 if last else None]
 
     def _along(
@@ -311,13 +345,17 @@ class OneWay:
         return DriveTo(y=stop, needs=[*enter, *needs], frees=[*leave, *frees])
 
     def _north_to_bay(self, lanes: list[int], frees: Sequence[Gate] = ()) -> list[Step]:
-        return [self._along(WEST_SIDE, "F", lanes, stop=TOP_ROAD, frees=frees), Face("EAST"), DriveTo(x=BAY_STOP)]
+        return [self._along(self.west, "F", lanes, stop=TOP_ROAD, frees=frees), Face("EAST"), DriveTo(x=self.layout.bay_stop)]
 
 
-ROUTES = {ONE_WAY: OneWay}
+def _once_left(approach: list[Step], full_bin: str, place: str) -> list[Step]:
+    """Return an approach in which the carrier asks for the lane's place only after the full bin is left there.
 
-
-def route_of(layout: Layout) -> OneWay:
-    """The route that the scenario names. Raises ScenarioError for one that cannot be used."""
-    route: OneWay = make_plugin("route", layout.scenario.route, ROUTES, layout, base=OneWay)
-    return route
+    A carrier that comes earlier, and took the place, would keep the picker in its row.
+    """
+    return [
+        replace(step, needs=[replace(gate, bin=full_bin) if place in gate.places else gate for gate in step.needs])
+        if isinstance(step, DriveTo)
+        else step
+        for step in approach
+    ]

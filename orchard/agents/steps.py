@@ -10,6 +10,7 @@ from operator import or_
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import msgspec
+from msgspec.structs import replace
 
 from orchard.agents.robot import Gate, PlanExecutor, RobotMemory, Step
 from orchard.agents.sense import Box
@@ -17,12 +18,14 @@ from orchard.contract.agent import MOST_HOLD, State
 from orchard.contract.messages import BinState, CarrierComing, Confirm, EmptyBin, Here, No, StateRequest, Yes
 from orchard.field.geometry import HEADINGS, Twist, angle_between, nearest_heading
 from orchard.field.kinds import EIGHTH
+from orchard.field.picking import failure
 from orchard.field.scenario import TIME_STEP
 
 EXACT = 1e-9  # m or rad: nearer than this counts as there
 SLACK = 1e-6  # m, far more than rounding: a drive acts again rather a tick too early than too late
 CRUISE = 1.0  # m/s
 SELDOM = 50  # ticks between two questions if the answer changes nothing
+LONGEST_WAIT = 300.0  # s in one step of a repair; a run is jammed after 600 s without progress
 LOOK_AHEAD = 3.0  # m before a gate, from where the robot asks for its places
 
 
@@ -75,7 +78,7 @@ class DriveTo(Step, frozen=True):
         """The target, or the first gate before it with places that the robot does not hold."""
         for gate in self.needs:
             if ahead * (gate.at - here) >= -EXACT and not robot.holds(gate.places):
-                if ahead * (gate.at - here) < LOOK_AHEAD:
+                if ahead * (gate.at - here) < LOOK_AHEAD and (not gate.bin or robot.is_left(gate.bin)):
                     robot.want(gate.places)
                 return gate.at if ahead * (target - gate.at) > 0 else target
         return target
@@ -237,6 +240,40 @@ class FetchEmpty(Step, frozen=True):
         return True
 
 
+class MayFail(Step, frozen=True):
+    """For pickers, before the drive along a row: fail on the way, where so much was picked as is drawn, and go on once repaired."""
+
+    seed: int
+    mean_between: float  #: s of picking
+    mean_repair: float  #: s
+
+    def act(self, robot: PlanExecutor) -> bool:
+        memory, drive = robot.memory, cast(DriveTo, robot.memory.plan[1])
+        until, repair = failure(self.seed, robot.seen.name, memory.failures, self.mean_between, self.mean_repair)
+        way = cast(float, drive.x) - robot.pose.x
+        needed, sound = abs(way) / drive.speed, until - memory.picked  # s of picking: for the rest of the row; before the failure
+        if sound >= needed:
+            memory.picked += needed
+            return True
+        memory.failures, memory.picked = memory.failures + 1, 0.0
+        x = robot.pose.x + way * max(0.0, sound) / needed
+        gates = [gate for gate in drive.needs if (x - gate.at) * way > 0.0]  # it asks for no place that it does not come to
+        stand = Say("failed, is repaired", "failed"), Repair(repair), Say(memory.doing, memory.state)
+        robot.next([replace(drive, x=x, needs=gates), *stand, self])
+        return True
+
+
+class Repair(Step, frozen=True):
+    """Stand for `seconds`. Each part of it is a step of its own, because a run in which no robot finishes one for long is jammed."""
+
+    seconds: float
+
+    def act(self, robot: PlanExecutor) -> bool:
+        left = self.seconds - LONGEST_WAIT
+        robot.next([Wait(LONGEST_WAIT), Repair(left)] if left > 0.0 else [Wait(self.seconds)])
+        return True
+
+
 class Unload(Step, frozen=True):
     """For carriers: stand in the bay until the bin reports that it is no longer full."""
 
@@ -283,7 +320,7 @@ if TYPE_CHECKING:
 else:  # for msgspec, which decodes the steps of a memory: these, and those that `with_steps` adds
     AnyStep = (
         Say | DriveTo | Face | Realign | Ahead | MoveTo | Wait | Need | Free | Alone | Deliver | TakeBin | LeaveBin
-        | FetchEmpty | Unload | Confirmed | Home | Again
+        | FetchEmpty | MayFail | Repair | Unload | Confirmed | Home | Again
     )  # fmt: skip
 
 

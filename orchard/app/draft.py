@@ -10,7 +10,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from orchard.agents.catalogue import check_plugins
-from orchard.app.own_classes import PLUGINS, own_classes
+from orchard.app.own_classes import AGENTS, CHOICES, own_classes
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario, with_changes
@@ -40,6 +40,7 @@ def hint(text: object) -> str:
     return ""
 
 
+NEEDED = ("laser", "spread", "failure")  # sections whose names belong to the labels of their values
 MOST_STEPS = 1e6  # steps of a slider; a value with more gets a text field only
 
 
@@ -49,22 +50,29 @@ class Entry:
 
     path: str  # dotted path in the scenario file
     words: str  # description, with the unit
-    kind: type  # int, float or bool
+    kind: type  # int, float, bool, or str: one of `choices`, or a class of the user's that a file names
     optional: bool  # whether None is allowed: the program then chooses the value
     low: float = -inf
     high: float = inf
+    choices: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
         """The name on the page, such as 'Row width' or 'Laser noise'."""
-        section, _, name = self.path.rpartition(".")
+        *_, section, name = ["", *self.path.split(".")]
         known = name.replace("_", " ")
-        return (f"{section} {known}" if section == "laser" else known).capitalize()
+        return (f"{section} {known}" if section in NEEDED else known).capitalize()
+
+    @property
+    def none(self) -> str:
+        """The word for no value: the one that the description gives (`null: never`), else 'automatic'."""
+        found = re.search(r"null: (\w+)$", self.words)
+        return found.group(1) if found else "automatic"
 
     @property
     def unit(self) -> str:
         """The unit in the description, m or m/s; '' if there is none."""
-        found = re.search(r", (m/s|m)(?=;|$)", self.words)
+        found = re.search(r", (m/s|m|s)(?=;|$)", self.words)
         return found.group(1) if found else ""
 
     @property
@@ -79,7 +87,7 @@ class Entry:
     @property
     def has_slider(self) -> bool:
         """Whether the value is a number with at most MOST_STEPS steps."""
-        return self.kind is not bool and (self.high - self.low) / self.step <= MOST_STEPS
+        return self.kind in (int, float) and (self.high - self.low) / self.step <= MOST_STEPS
 
     @property
     def limits(self) -> str:
@@ -95,10 +103,11 @@ def entries(model: type[BaseModel] = Scenario, before: str = "") -> dict[str, En
         path, kinds = before + name, get_args(field.annotation) or (field.annotation,)
         if isinstance(kinds[0], type) and issubclass(kinds[0], BaseModel):
             found |= entries(kinds[0], f"{path}.")
-        elif name not in PLUGINS:
+        elif name not in AGENTS:
             limits = {type(limit).__name__: limit for limit in field.metadata}
-            span = (limits["Ge"].ge, limits["Le"].le) if "Ge" in limits else ()
-            found[path] = Entry(path, field.description or "", kinds[0], type(None) in kinds, *span)
+            low, high = (limits["Ge"].ge, limits["Le"].le) if "Ge" in limits else (-inf, inf)
+            choices = tuple(map(str, field.examples or ()))
+            found[path] = Entry(path, field.description or "", kinds[0], type(None) in kinds, low, high, choices)
     return found
 
 
@@ -110,10 +119,12 @@ def flat(scenario: Scenario) -> dict[str, Any]:
 IN_TITLE = ("rows", "pickers", "carriers", "seed")
 
 
-def words_of(value: Any) -> str:
+def words_of(path: str, value: Any) -> str:
     """Return a value of a scenario as the page shows it."""
     if value is None:
-        return "automatic"
+        return entries()[path].none
+    if isinstance(value, str):
+        return value
     return ("on" if value else "off") if isinstance(value, bool) else shown(value)
 
 
@@ -122,7 +133,7 @@ def title_of(scenario: Scenario) -> str:
     default, values = flat(Scenario()), flat(scenario)
     size = f"{scenario.rows} rows, {scenario.pickers} pickers, {scenario.carrier_count} carriers, seed {scenario.seed}"
     other = [path for path, value in values.items() if path not in IN_TITLE and value != default[path]]
-    more = [f"{entries()[path].label.lower()} {words_of(values[path])}" for path in other]
+    more = [f"{entries()[path].label.lower()} {words_of(path, values[path])}" for path in other]
     return ", ".join([size, *more, *(["own classes"] if own_classes(scenario) else [])])
 
 
@@ -154,15 +165,18 @@ class Draft:
     @property
     def classes(self) -> dict[str, str]:
         """The user's own classes and functions, by the key of the scenario or the agent that names them."""
-        return own_classes(self._base)
+        return {key: path for key, path in own_classes(self._base).items() if self.values.get(key, path) == path}
 
     def drop_classes(self) -> None:
         """Remove the user's own classes, so that the built-in ones are used again."""
+        self.values |= {path: getattr(Scenario(), path) for path in CHOICES if path in self.classes}
         self._base = Scenario()
         self._check()
 
     def _check(self) -> None:
-        self.scenario, self.problems = None, {}
+        self.scenario, self.problems = None, self._strange()
+        if self.problems:
+            return
         try:
             scenario = with_changes(self._base, **self.values)
             if self.classes:
@@ -173,6 +187,14 @@ class Draft:
             self.problems = {"agents": str(error)}
         else:
             self.scenario = scenario
+
+    def _strange(self) -> dict[str, str]:
+        """A message for each rule that is neither built in nor named by the file. A link may name any class, and must not run it."""
+        return {
+            path: f"must be {', '.join(builtin)}; a class of your own must be named in a scenario file"
+            for path, builtin in CHOICES.items()
+            if self.values[path] not in (*builtin, getattr(self._base, path))
+        }
 
 
 def _typed(path: str, value: Any) -> Any:

@@ -7,14 +7,14 @@ from nicegui import ui
 
 from orchard.app.draft import Draft, Entry, entries, flat, number_of, shown, words_of
 from orchard.app.elements import heading
-from orchard.app.own_classes import PLUGINS
+from orchard.app.own_classes import AGENTS
 from orchard.field.scenario import Scenario
 
 Change = Callable[[str, Any], None]  # path, new value
 
 
 class Control:
-    """A labelled value, its limits and its problem: a switch, or a number in a text field, with a slider if it has few steps.
+    """A labelled value, its limits and its problem: a switch, a choice, or a number in a text field, with a slider if it has few steps.
 
     A browser's own number field would silently drop letters and commas. `data-field` and `aria-label` are for tests and screen readers.
     """
@@ -29,11 +29,11 @@ class Control:
                 ui.label(entry.label).classes("field-label")
                 ui.label(entry.limits).classes("field-limits")
             with ui.element("div").classes("field-body"):
-                self._value: Any = self._switch() if entry.kind is bool else self._number()
+                self._value: Any = self._switch() if entry.kind is bool else self._choice() if entry.choices else self._number()
                 self._value.props(f'data-field={entry.path} aria-label="{entry.label}"')
             if entry.optional:
-                self._automatic = ui.checkbox("automatic", on_change=self._entered).classes("field-more")
-                self._automatic.props(f'dense size=sm data-field={entry.path}-automatic aria-label="{entry.label}: automatic"')
+                self._automatic = ui.checkbox(entry.none, on_change=self._entered).classes("field-more")
+                self._automatic.props(f'dense size=sm data-field={entry.path}-automatic aria-label="{entry.label}: {entry.none}"')
             self._problem = ui.label().classes("field-problem").props(f"data-problem={entry.path} role=alert")
             self._mark = ui.label().classes("field-mark").props(f"data-mark={entry.path}")
         self.complain("")
@@ -43,10 +43,14 @@ class Control:
         self.box.classes("inline")
         return ui.switch(on_change=self._entered).props("dense")
 
+    def _choice(self) -> ui.select:
+        return ui.select([*self.entry.choices], on_change=self._entered).classes("grow").props("dense outlined options-dense")
+
     def _number(self) -> ui.input:
         entry = self.entry
         if entry.has_slider:
-            self._slider = ui.slider(min=entry.low, max=entry.high, step=entry.step).classes("grow").props(f'aria-label="{entry.label}"')
+            self._slider = ui.slider(min=entry.low, max=entry.high, step=entry.step, value=entry.low).classes("grow")
+            self._slider.props(f'aria-label="{entry.label}"')
             self._slider.on("update:model-value", lambda event: self.show(event.args), throttle=0.05)
         text = ui.input(on_change=self._entered).classes("number" if entry.has_slider else "grow")
         return text.props("dense outlined autocomplete=off inputmode=decimal input-class=figure")
@@ -55,8 +59,10 @@ class Control:
         """Set the control to a value; None: the program chooses it."""
         if self._automatic is not None:
             self._automatic.set_value(value is None)
-        if value is not None:
-            self._value.set_value(value if self.entry.kind is bool else shown(value))
+        if self.entry.choices:
+            self._value.set_options([*dict.fromkeys([*self.entry.choices, value])], value=value)
+        elif value is not None:
+            self._value.set_value(shown(value) if self.entry.kind in (int, float) else value)
 
     def show_chosen(self, number: int) -> None:
         """Show the number that the program has chosen, if `automatic` is on."""
@@ -88,7 +94,8 @@ class Control:
 
 GROUPS = {
     "Orchard": ("rows", "row_width", "seed"),
-    "Robots": ("pickers", "carriers", "picking_speed", "laser.noise"),
+    "Robots": ("pickers", "carriers", "picking_speed", "laser.noise", "dispatch", "dispatch_errors", "rows_to_pickers", "route"),
+    "Picking": ("picking.spread.distribution", "picking.spread.cv", "picking.failure.mean_between", "picking.failure.mean_repair"),
     "People and animals": ("people.workers", "people.visitors", "animals.dogs", "animals.cats"),
     "Surroundings": ("weeds", "tractor"),
 }
@@ -126,12 +133,12 @@ class Form:
         other = {} if running is None else {path: value for path, value in flat(running).items() if value != draft.values[path]}
         for path, control in self._controls.items():
             control.complain(draft.problems.get(path, ""))
-            control.mark(words_of(other[path]) if path in other else "")
-            if draft.scenario is not None:
-                control.show_chosen(draft.scenario.carrier_count)
+            control.mark(words_of(path, other[path]) if path in other else "")
+        if draft.scenario is not None:
+            self._controls["carriers"].show_chosen(draft.scenario.carrier_count)
         self._classes.set_visibility(bool(draft.classes))
         self._names.set_text("\n".join(f"{word}: {path}" for word, path in draft.classes.items()))
-        problems = [words for path, words in draft.problems.items() if path.split(".")[0] in PLUGINS]
+        problems = [words for path, words in draft.problems.items() if path.split(".")[0] in AGENTS]
         self._problem.set_text("\n".join(problems))
         self._problem.set_visibility(bool(problems))
 

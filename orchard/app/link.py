@@ -6,6 +6,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from orchard.app.draft import Draft, entries, flat, shown
+from orchard.app.own_classes import own_classes
 from orchard.field.scenario import Scenario
 
 ON_OFF = {"true": True, "false": False}
@@ -13,12 +14,12 @@ ON_OFF = {"true": True, "false": False}
 
 def query_of(scenario: Scenario) -> str:
     """Return the query for a scenario; '' for the default. It does not hold the user's own classes, which are code."""
-    default = flat(Scenario())
-    return urlencode({path: _words(value) for path, value in flat(scenario).items() if value != default[path]})
+    default, own = flat(Scenario()), own_classes(scenario)
+    return urlencode({path: _words(value) for path, value in flat(scenario).items() if value != default[path] and path not in own})
 
 
 def _words(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else shown(value)
+    return value if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else shown(value)
 
 
 def draft_of(query: Iterable[tuple[str, str]]) -> tuple[Draft, list[str]]:

@@ -8,14 +8,16 @@ from nicegui import ui
 from orchard.app.elements import heading
 from orchard.field.scenario import Scenario
 
-PLUGINS = ("agents", "agents_without_body", "dispatch", "rows_to_pickers", "route")  # named in a file, not entered on the page
+AGENTS = ("agents", "agents_without_body")  # maps of classes, named in a file, not entered on the page
+CHOICES: dict[str, list[str]] = {  # a key that names a rule -> the built-in ones, which the page offers
+    name: [*map(str, field.examples)] for name, field in Scenario.model_fields.items() if field.examples
+}
 
 
 def own_classes(scenario: Scenario) -> dict[str, str]:
     """Return the user's own classes and functions, by the key of the scenario or the agent that names them."""
-    default = Scenario()
-    named = {name: value for name in PLUGINS if (value := getattr(scenario, name)) != getattr(default, name)}
-    return {key: path for name, value in named.items() for key, path in (value if isinstance(value, dict) else {name: value}).items()}
+    rules = {name: path for name, builtin in CHOICES.items() if (path := getattr(scenario, name)) not in builtin}
+    return scenario.agents | scenario.agents_without_body | rules
 
 
 def from_elsewhere(classes: dict[str, str], folder: Path) -> list[str]:

@@ -58,7 +58,8 @@ class Page:
     def _build_files(self) -> None:
         """Build the buttons for the presets, Open, Save, Link and dark mode."""
         for name, scenario in presets().items():
-            ui.button(name.capitalize(), on_click=lambda scenario=scenario: self._take(scenario)).props(f"flat no-caps data-preset={name}")
+            words = name.replace("_", " ").capitalize()
+            ui.button(words, on_click=lambda scenario=scenario: self._take(scenario)).props(f"flat no-caps data-preset={name}")
         ui.element("div").classes("divider")
         limit = 10 * LARGEST_FILE  # bytes; a larger file is not read, `parse` reports a smaller one above LARGEST_FILE
         self._upload = ui.upload(on_upload=self._open, on_rejected=self._rejected, max_file_size=limit, auto_upload=True)

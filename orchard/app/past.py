@@ -82,5 +82,5 @@ def differences(scenarios: Sequence[Scenario]) -> dict[str, list[str]]:
     """Return the settings that are not the same in all scenarios: label -> a value for each scenario."""
     values = [flat(scenario) | own_classes(scenario) for scenario in scenarios]
     paths = dict.fromkeys(path for one in values for path in one)
-    found = {path: [words_of(one[path]) if path in entries() else one.get(path, "built-in") for one in values] for path in paths}
+    found = {path: [words_of(path, one[path]) if path in entries() else one.get(path, "built-in") for one in values] for path in paths}
     return {entries()[path].label if path in entries() else path: words for path, words in found.items() if len(set(words)) > 1}

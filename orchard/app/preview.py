@@ -5,7 +5,7 @@ from nicegui.events import ValueChangeEventArguments
 
 from orchard.app.elements import heading
 from orchard.field.kinds import KINDS
-from orchard.field.layout import TOP, TREES_X, X_MAX, Layout
+from orchard.field.layout import TOP, X_WEST, Layout
 from orchard.report.bounds import Bounds
 from orchard.report.plan import COLOURS, orchard_plan
 from orchard.report.schedule import WORTH, Schedule
@@ -25,8 +25,8 @@ def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
         ("Carriers", str(scenario.carrier_count), "as set" if scenario.carriers else "7 for every 10 pickers"),
         ("Enough carriers", str(schedule.enough_carriers), more),
         ("Bins", str(bins), f"one for each robot; the harvest fills {scenario.rows}"),
-        ("Trees", str(lines * len(TREES_X)), f"{lines} lines of {len(TREES_X)}"),
-        ("Harvest field", f"{2 * X_MAX:.0f} x {TOP - layout.bottom:.1f} m", "from fence to fence"),
+        ("Trees", str(lines * len(layout.trees_x)), f"{lines} lines of {len(layout.trees_x)}"),
+        ("Harvest field", f"{layout.east - X_WEST:g} x {TOP - layout.bottom:.1f} m", "from fence to fence"),
     ]
 
 

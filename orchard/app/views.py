@@ -57,7 +57,7 @@ def _progress(report: RunReport) -> str:
     left = math.inf if report.is_over else known.seconds_left()
     parts = [
         f"simulated {clock(known.sim_seconds)} at {known.times_real_time:g} x real time",
-        f"{share_picked(known.metres_picked, known.rows)} picked",
+        f"{share_picked(known.metres_picked, known.rows * known.row_length)} picked",
         f"bins delivered {known.bins_delivered}/{known.rows}",
         *([f"{clock(left)} left"] if left < math.inf else []),
     ]

@@ -21,7 +21,9 @@ from orchard.contract.messages import MAX_PAYLOAD, Answer, Deed, Request, Tick
 from orchard.contract.zone import Zone
 from orchard.field.geometry import STILL, Pose, Twist, yaw_of
 
-State = Literal["picking", "driving", "waiting", "calling", "handling a bin", "hauling", "unloading", "resting", "stopped", "broken"]
+State = Literal[
+    "picking", "driving", "waiting", "calling", "handling a bin", "hauling", "unloading", "resting", "stopped", "broken", "failed"
+]  # fmt: skip
 STATES: tuple[State, ...] = get_args(State)
 WAITING_STATES: tuple[State, ...] = ("waiting", "calling")  # of a picker or a bin that waits for a carrier
 
@@ -67,7 +69,7 @@ class Observation(msgspec.Struct, frozen=True, dict=True):
     twist: Twist  #: its velocity in the last step, in its own frame
     scan: np.ndarray  #: ranges, m: (180,) or, of bins and weeds, (60,) float32; +inf without a return (REP-117)
     hitch: Hitch | None = None
-    fill: float = 0.0  #: of a bin: metres of row in it, 0 to 70
+    fill: float = 0.0  #: of a bin: metres of row in it, 0 to the length of a row
     full: bool = False  #: of a bin
 
     @cached_property

@@ -41,7 +41,7 @@ class Frame:
     doing: Mapping[str, str] = field(default_factory=dict)  # name -> "picking row 3"; may hold changes only
     scans: Sequence[np.ndarray | None] | None = None  # for each body its ranges, m, float32, +inf without a return
     coupled: np.ndarray | None = None  # (n,) int: index of the body at the other end of the bar, or -1; None: unchanged
-    fill: np.ndarray | None = None  # (n,) float: of bins, metres of row in the bin, 0 to 70; None: unchanged
+    fill: np.ndarray | None = None  # (n,) float: of bins, metres of row in the bin, 0 to the length of a row; None: unchanged
     alive: np.ndarray | None = None  # (n,) bool: False for a flattened weed; None: unchanged
     row_picked: np.ndarray | None = None  # (r,) float: picked metres of each row; None: unchanged
     delivered: int = 0  # bins unloaded so far

@@ -17,6 +17,7 @@ Text = Annotated[str, Meta(max_length=LONGEST_TEXT)]
 Word = Annotated[str, Meta(max_length=64)]  # a name of an agent or of a place on the roads
 RoadPlaces = Annotated[list[Word], Meta(max_length=16)]
 Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]  # refuses NaN and infinity too
+Seconds = Annotated[float, Meta(ge=0.0, le=1e6)]
 End = Annotated[str, Meta(pattern=r"^(east|west)\Z")]  # an end of a lane
 
 
@@ -100,13 +101,14 @@ class Where(AgentMessage):
     """From a robot, before and during a turn, to a person or an animal that its lasers may not see: where is it?"""
 
 
-class FullBin(AgentMessage):
-    """From a full bin to the dispatcher: which carrier fetches the bin?"""
+class Fetch(AgentMessage):
+    """From a bin that is full, or soon will be, to the dispatcher: which carrier fetches the bin?"""
 
     lane: int
     side: End
-    picker: Word  # the picker that waits there for an empty bin
-    since: Tick  # at which the bin began to call
+    picker: Word  # the picker that waits there for an empty bin, or that still fills this one
+    since: Tick  # at which the bin began to ask
+    seconds_to_full: Seconds  # 0 for a bin that stands full in the lane
 
 
 class CarrierQuery(AgentMessage):
@@ -124,7 +126,7 @@ class CustomMessage(AgentMessage, tag="custom"):
     fields: dict[str, Any]
 
 
-Request = Call | Come | Confirm | EmptyBin | Here | Claim | StateRequest | Where | FullBin | CarrierQuery | CustomMessage
+Request = Call | Come | Confirm | EmptyBin | Here | Claim | StateRequest | Where | Fetch | CarrierQuery | CustomMessage
 
 # -- answers
 

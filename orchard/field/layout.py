@@ -7,34 +7,30 @@ from types import MappingProxyType
 
 import numpy as np
 
-from orchard.field.geometry import EAST, Pose, Rect
+from orchard.field.geometry import EAST, WEST, Pose, Rect
 from orchard.field.kinds import KINDS, name_of
+from orchard.field.picking import pace_of
 from orchard.field.placement import Start, guests
-from orchard.field.plugins import MISTAKES, load_plugin, unusable
-from orchard.field.scenario import MANUAL, Scenario
+from orchard.field.plugins import load_plugin
+from orchard.field.problems import Problem, ScenarioError
+from orchard.field.queue import BAY_STOP, ONE_WAY, QUEUES, USUAL_ROW, Queue, lack_of_room, queue_of
+from orchard.field.rows import Block, rows_to_pickers
+from orchard.field.scenario import Scenario
 
 KEPT_LAYOUTS = 8
-X_MAX = 50.0  # the fences' centre lines, west and east
+X_WEST, X_EAST = -50.0, 50.0  # the fences' centre lines; the eastern one with rows of the usual length
 TOP = 34.0  # the top fence's centre line
 FENCE_THICKNESS = 1.0
 FENCE_HEIGHT = 2.5
 TREE_TOP_LINE = 13.5
-TREES_X = tuple(-34.5 + 6.0 * i for i in range(12))
-POSTS_X = tuple(-31.5 + 6.0 * i for i in range(11))
+FIRST_TREE, TREE_PITCH, LAST_TREE = -34.5, 6.0, 3.0  # x of the first; from tree to tree; the last is at least so far from the row's end
 TRUNK = 0.5  # m square; posts too
-ROW_WEST, ROW_EAST = -35.5, 34.5  # x of the ends of the picked part of a row
-ROW_LENGTH = ROW_EAST - ROW_WEST
+ROW_WEST = -35.5  # x of the west end of the picked part of a row
+EAST_START = 41.0  # x of a picker that starts at an east end: where pickers wait for bins, off both roads; with rows of the usual length
 DRIVEWAY = Rect(-34.67 - 15.0, 28.51 - 5.0, -34.67 + 15.0, 28.51 + 5.0)
 
-BAY = Rect(-34.5, 23.6, -29.5, 25.4)  # at the driveway's south edge: a full bin at rest in it is unloaded
+BAY = Rect(-34.5, 23.6, -29.5, 25.4)  # its usual place, at the driveway's south edge: a full bin at rest in it is unloaded
 UNLOADING_SECONDS = 5.0  # s at rest in the bay (docs/reference.md)
-BAY_STOP = -30.0  # x of a carrier that unloads: its bin stands 1.9 m west of it
-TOP_ROAD = 24.5  # y of the road through the bay to the queue
-QUEUE_LINES = (24.5, 21.5, 18.5, 27.5)  # y of the queue's lines, in the order in which they fill
-QUEUE_HEAD = 35.4  # x of a line's first carrier
-QUEUE_PITCH = 4.0  # m from one waiting carrier to the next
-QUEUE_LINE_PLACES = 12
-QUEUE = Rect(-18.0, min(QUEUE_LINES) - 0.75, QUEUE_HEAD + 0.9, max(QUEUE_LINES) + 0.75)  # contains all waiting carriers
 
 
 @dataclass(frozen=True)
@@ -43,6 +39,7 @@ class Lane:
 
     number: int
     y: float  #: its centre line
+    pace: float  #: speed at which it is picked, m/s
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +48,65 @@ class Layout:
 
     scenario: Scenario
     lanes: tuple[Lane, ...]
-    blocks: Mapping[str, tuple[int, ...]]  #: picker -> the numbers of its rows, in the order in which it picks them
+    blocks: Mapping[str, Block]  #: picker -> its rows, in the order in which it picks them, and the end at which it starts
     starts: tuple[Start, ...]  #: in the order in which bodies move: robots by name, people and animals by name, weeds
     walls: np.ndarray  #: (n, 4), m: x, y, half length along x, half width along y of each fence, trunk and post; fences first
+
+    @property
+    def row_length(self) -> float:
+        """Length of the picked part of a row, m. So much fills a bin."""
+        return self.scenario.row_length
+
+    @property
+    def row_east(self) -> float:
+        """x of the east end of the picked part of a row, m."""
+        return ROW_WEST + self.row_length
+
+    @property
+    def shift(self) -> float:
+        """How much further east all of the east side lies than with rows of the usual length, m."""
+        return self.row_length - USUAL_ROW
+
+    @property
+    def east(self) -> float:
+        """x of the east fence's centre line, m."""
+        return X_EAST + self.shift
+
+    @property
+    def middle(self) -> float:
+        """x of the middle between the roads of both sides, m."""
+        return -1.5 + self.shift / 2
+
+    @property
+    def trees_x(self) -> tuple[float, ...]:
+        """x of each tree of a line, m."""
+        return tuple(FIRST_TREE + TREE_PITCH * i for i in range(int((self.row_east - LAST_TREE - FIRST_TREE) / TREE_PITCH + 1e-9) + 1))
+
+    @property
+    def posts_x(self) -> tuple[float, ...]:
+        """x of each post of a line of trees, m: halfway between two trees."""
+        return tuple(x + TREE_PITCH / 2 for x in self.trees_x[:-1])
+
+    @property
+    def bay(self) -> Rect:
+        """The unloading bay."""
+        return BAY._replace(west=BAY.west + self.scenario.bay, east=BAY.east + self.scenario.bay)
+
+    @property
+    def bay_stop(self) -> float:
+        """x of a carrier that unloads, m: its bin stands 1.9 m west of it."""
+        return BAY_STOP + self.scenario.bay
+
+    @cached_property
+    def queue(self) -> Queue:
+        """Where carriers wait: the queue of the scenario's route. Raises ScenarioError if there is no room for it."""
+        scenario = self.scenario
+        name = scenario.route if scenario.route in QUEUES else getattr(load_plugin("route", scenario.route), "QUEUE", ONE_WAY)
+        queue = queue_of(name, scenario.row_length, scenario.bay, scenario.carrier_count)
+        if queue is None:
+            text = lack_of_room(name, scenario.row_length, scenario.bay, scenario.carrier_count)
+            raise ScenarioError([Problem("scenario", text, "carriers", str(scenario.carrier_count))])
+        return queue
 
     @property
     def pitch(self) -> float:
@@ -91,6 +144,12 @@ class Layout:
     def lane(self, number: int) -> Lane:
         return self.lanes[number - 1]
 
+    def picking_seconds(self, row: int) -> float:
+        """Return the time for which a picker works at a row, with the mean time for which it stands because it failed, s."""
+        failure = self.scenario.picking.failure
+        share = 0.0 if failure.mean_between is None else failure.mean_repair / failure.mean_between
+        return self.row_length / self.lane(row).pace * (1.0 + share)
+
 
 def lay_out(scenario: Scenario) -> Layout:
     """Return the layout of a scenario. Solid bodies do not overlap, and the same scenario and seed give the same layout.
@@ -103,12 +162,13 @@ def lay_out(scenario: Scenario) -> Layout:
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def _laid_out(text: str) -> Layout:
     scenario = Scenario.model_validate_json(text)
-    lanes = tuple(Lane(i + 1, TREE_TOP_LINE - (i + 0.5) * (scenario.row_width + TRUNK)) for i in range(scenario.rows))
+    ys = [TREE_TOP_LINE - (i + 0.5) * (scenario.row_width + TRUNK) for i in range(scenario.rows)]
+    lanes = tuple(Lane(row, y, pace_of(scenario, row)) for row, y in enumerate(ys, start=1))
     bare = Layout(scenario, lanes, MappingProxyType(rows_to_pickers(scenario)), starts=(), walls=np.empty((0, 4)))
     walls, machines, half = np.array(_fences(bare) + _trunks_and_posts(bare)), _machines(bare), FENCE_THICKNESS / 2
-    inside = Rect(-X_MAX + half, bare.bottom + half, X_MAX - half, TOP - half)
-    rows = Rect(ROW_WEST, bare.tree_lines[-1], ROW_EAST, TREE_TOP_LINE)
-    starts = machines + guests(scenario, machines, walls, inside, rows, keep_off=queue_in_use(scenario.carrier_count))
+    inside = Rect(X_WEST + half, bare.bottom + half, bare.east - half, TOP - half)
+    rows = Rect(ROW_WEST, bare.tree_lines[-1], bare.row_east, TREE_TOP_LINE)
+    starts = machines + guests(scenario, machines, walls, inside, rows, keep_off=bare.queue.in_use(scenario.carrier_count))
     starts.sort(key=lambda start: (not KINDS[start.kind].robot, not KINDS[start.kind].solid, start.name))
     walls.setflags(write=False)
     return replace(bare, starts=tuple(starts), walls=walls)
@@ -117,62 +177,26 @@ def _laid_out(text: str) -> Layout:
 def _fences(layout: Layout) -> list[tuple[float, float, float, float]]:
     low, half = layout.bottom, FENCE_THICKNESS / 2
     middle, half_height = (TOP + low) / 2, (TOP - low) / 2 + half
-    return [(0.0, y, X_MAX + half, half) for y in (TOP, low)] + [(x, middle, half, half_height) for x in (-X_MAX, X_MAX)]
+    across, half_width = (X_WEST + layout.east) / 2, (layout.east - X_WEST) / 2 + half
+    return [(across, y, half_width, half) for y in (TOP, low)] + [(x, middle, half, half_height) for x in (X_WEST, layout.east)]
 
 
 def _trunks_and_posts(layout: Layout) -> list[tuple[float, float, float, float]]:
-    return [(x, y, TRUNK / 2, TRUNK / 2) for y in layout.tree_lines for x in sorted(TREES_X + POSTS_X)]
+    return [(x, y, TRUNK / 2, TRUNK / 2) for y in layout.tree_lines for x in sorted(layout.trees_x + layout.posts_x)]
 
 
-def rows_to_pickers(scenario: Scenario) -> dict[str, tuple[int, ...]]:
-    """Return the rows of each picker, in the order in which it picks them, by the rule that the scenario names: a function.
-
-    Raises ScenarioError if the rule cannot be used, or does not give each row to exactly one picker and each picker at least one row.
-    """
-    if scenario.rows_to_pickers == MANUAL:
-        return manual_rows(scenario)
-    key, path = "rows_to_pickers", scenario.rows_to_pickers
-    rule = load_plugin(key, path)
-    try:
-        blocks = {name: tuple(int(row) for row in rule(scenario)[name]) for name in _pickers(scenario)}
-        if sorted(row for rows in blocks.values() for row in rows) != list(range(1, scenario.rows + 1)) or not all(blocks.values()):
-            raise ValueError(f"{blocks}: each row of 1 to {scenario.rows} must go to one picker, and each picker must get at least one")
-        if any(rows != tuple(range(rows[0], rows[-1] + 1)) for rows in blocks.values()):
-            raise ValueError(f"{blocks}: the rows of a picker must be neighbours, in their order from north to south")
-    except MISTAKES as error:
-        raise unusable(key, path, error, "a function of the scenario that returns {picker: rows}") from error
-    return blocks
-
-
-def manual_rows(scenario: Scenario) -> dict[str, tuple[int, ...]]:
-    """Return rows by the manual's rule: rows // pickers neighbouring rows for each picker; the last one gets the remainder too."""
-    share, names = scenario.rows // scenario.pickers, _pickers(scenario)
-    ends = [*(i * share for i in range(scenario.pickers)), scenario.rows]
-    return {name: tuple(range(ends[i] + 1, ends[i + 1] + 1)) for i, name in enumerate(names)}
-
-
-def _pickers(scenario: Scenario) -> list[str]:
-    return [name_of("picker", i + 1) for i in range(scenario.pickers)]
-
-
-def queue_place(number: int) -> Pose:
-    """Return the start of a carrier, counted from 0: the queue fills line by line, each from its head."""
-    line, place = divmod(number, QUEUE_LINE_PLACES)
-    return Pose(QUEUE_HEAD - place * QUEUE_PITCH, QUEUE_LINES[line], EAST)
-
-
-def queue_in_use(carriers: int) -> Rect:
-    """Return the part of the queue with the lines of this many carriers."""
-    lines = [queue_place(number).y for number in range(carriers)]
-    return QUEUE._replace(south=min(lines) - 0.75, north=max(lines) + 0.75)
+def _picker_start(layout: Layout, block: Block) -> Pose:
+    """Return the start of a picker: in the west at the head of its first row; in the east off the roads, where its bin stands on none."""
+    y = layout.lane(block.rows[0]).y
+    return Pose(ROW_WEST, y, EAST) if block.start == "west" else Pose(EAST_START + layout.row_length - USUAL_ROW, y, WEST)
 
 
 def _machines(layout: Layout) -> list[Start]:
-    robots = [("picker", name, Pose(ROW_WEST, layout.lane(rows[0]).y, EAST)) for name, rows in layout.blocks.items()]
-    robots += [("carrier", name_of("carrier", i + 1), queue_place(i)) for i in range(layout.scenario.carrier_count)]
+    robots = [("picker", name, _picker_start(layout, block)) for name, block in layout.blocks.items()]
+    robots += [("carrier", name_of("carrier", i + 1), layout.queue.place(i)) for i in range(layout.scenario.carrier_count)]
     starts = []
     for number, (kind, name, pose) in enumerate(robots, start=1):
-        bin_name = name_of("bin", number)
+        bin_name, behind = name_of("bin", number), KINDS[kind].tows if pose.yaw == EAST else -KINDS[kind].tows
         starts.append(Start(name, kind, pose, bin_name))
-        starts.append(Start(bin_name, "bin", Pose(pose.x - KINDS[kind].tows, pose.y, EAST)))
+        starts.append(Start(bin_name, "bin", Pose(pose.x - behind, pose.y, pose.yaw)))
     return starts + ([Start(name_of("tractor", 1), "tractor", Pose(-45.0, 29.0, EAST))] if layout.scenario.tractor else [])

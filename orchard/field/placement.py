@@ -45,8 +45,8 @@ class Start:
 def guests(scenario: Scenario, machines: list[Start], walls: np.ndarray, inside: Rect, rows: Rect, keep_off: Rect) -> list[Start]:
     """Return the starts of all people, animals and weeds, each clear of all before it; the same seed gives the same starts.
 
-    `machines`: the robots, which must face east. `walls`: (n, 4), m: x, y, half length along x, half width along y of each fixed obstacle.
-    `inside`: the ground between the fences. `rows`: the ground between the first and the last tree line, where no person is placed.
+    `machines`: the robots, which must face east or west. `walls`: (n, 4), m: x, y, half length along x, half width along y of each fixed
+    obstacle. `inside`: the ground between the fences. `rows`: that between the first and the last tree line, where no person is placed.
     `keep_off`: no person or animal is placed there. Raises ValueError if no free place is left.
     """
     boxes = [(machine.pose, KINDS[machine.kind]) for machine in machines]
@@ -131,8 +131,9 @@ def _in_order(scenario: Scenario) -> list[tuple[str, int]]:
 def _ways(machines: list[Start]) -> list[Rect]:
     """The ground ahead of each picker."""
     half_length, half_width = KINDS["picker"].length / 2, KINDS["picker"].width / 2
-    starts = [(machine.pose.x + half_length, machine.pose.y) for machine in machines if machine.kind == "picker"]
-    return [Rect(x, y - half_width, x + AHEAD_OF_PICKER, y + half_width) for x, y in starts]
+    pickers = [machine.pose for machine in machines if machine.kind == "picker"]
+    wests = [(x + half_length if yaw == EAST else x - half_length - AHEAD_OF_PICKER, y) for x, y, yaw in pickers]
+    return [Rect(x, y - half_width, x + AHEAD_OF_PICKER, y + half_width) for x, y in wests]
 
 
 def _area(rect: Rect) -> Obstacle:

@@ -74,7 +74,8 @@ def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
         return f"a map with some of the keys {', '.join(section.model_fields)}"
     limits = {type(limit).__name__: limit for limit in field.metadata}
     kinds: dict[Any, str] = {str: "a name", bool: "true or false", float: "a number", int: "a whole number"}
-    kind = kinds.get(field.annotation, "null or a whole number")
+    kinds |= {kind | None: f"null or {words}" for kind, words in kinds.items()}
+    kind = kinds[field.annotation]
     span = f" from {limits['Ge'].ge} to {limits['Le'].le}" if "Ge" in limits else ""
     return f"{kind}{span} ({field.description})"
 
@@ -82,13 +83,20 @@ def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
 def _unknown(path: tuple[str, ...], model: type[BaseModel]) -> str:
     """The text for an unknown key: the closest known key, and all keys of its section."""
     here = _keys(path[:-1], model)
-    sections = {name: _section(field) for name, field in model.model_fields.items()}
-    elsewhere = {key: f"{name}.{key}" for name, section in sections.items() if section for key in section.model_fields}
-    elsewhere |= {key: key for key in sections}
+    elsewhere = _paths(model)
     key = path[-1].lower().replace("-", "_").replace(" ", "_")[:60]
     near = [close for known in (here, elsewhere) for close in difflib.get_close_matches(key, known, n=1)]
     guess = near and (near[0] if near[0] in here else elsewhere[near[0]])
     return f"unknown key{f'; did you mean {guess}?' if guess else ';'} known here: {', '.join(here)}"
+
+
+def _paths(model: type[BaseModel], before: str = "") -> dict[str, str]:
+    """The keys of a model and of its sections, each with its dotted path; of two equal keys the outer one."""
+    found: dict[str, str] = {}
+    for name, field in model.model_fields.items():
+        if section := _section(field):
+            found |= _paths(section, f"{before}{name}.")
+    return found | {name: before + name for name in model.model_fields}
 
 
 def _keys(path: tuple[str, ...], model: Any) -> dict[str, FieldInfo]:

@@ -1,4 +1,4 @@
-"""Functions with the same bits on every machine: sine, cosine, atan2 and log from + - * / and sqrt only, and random numbers.
+"""Functions with the same bits on every machine: sine, cosine, atan2, log and exp from + - * / and sqrt only, and random numbers.
 
 libm and numpy's SIMD variants of these functions differ between processors, so no value that the run's hash covers uses them.
 A random number depends only on (seed, name, tick), so an agent that is restarted draws the same numbers.
@@ -95,7 +95,27 @@ def log(x: float) -> float:
     return exponent * _LN2_HIGH + (2.0 * z + (2.0 * z * series + exponent * _LN2_LOW))
 
 
+def exp(x: float) -> float:
+    """Return e to the power of x for |x| <= 700."""
+    twos = math.floor(x / (_LN2_HIGH + _LN2_LOW) + 0.5)
+    r = (x - twos * _LN2_HIGH) - twos * _LN2_LOW
+    series = 1.0
+    for n in range(14, 0, -1):
+        series = 1.0 + r / n * series
+    return math.ldexp(series, twos)
+
+
 def draw(seed: int, name: str, tick: int, count: int = 1) -> list[float]:
     """Return `count` (at most 8) random numbers, uniform in [0, 1), for one agent at one tick."""
     digest = hashlib.blake2b(f"{seed}/{name}/{tick}".encode(), digest_size=64).digest()
     return [(int.from_bytes(digest[8 * i : 8 * i + 8], "little") >> 11) / 2.0**53 for i in range(count)]
+
+
+def exponential(u: float, mean: float) -> float:
+    """Return an exponentially distributed number for u, uniform in [0, 1)."""
+    return -mean * log(1.0 - u)
+
+
+def normal(u: float, v: float) -> float:
+    """Return a normally distributed number, mean 0 and deviation 1, for u and v, uniform in [0, 1): Box and Muller's method."""
+    return math.sqrt(exponential(u, 2.0)) * sin_cos(TURN * v)[1]

@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from functools import reduce
 from pathlib import Path
@@ -15,14 +15,22 @@ from pydantic_core import PydanticCustomError
 
 from orchard.field.kinds import BODILESS, DISPATCH, KINDS, TRAFFIC, kind_of
 from orchard.field.problems import Lines, Problem, ScenarioError, dotted, key_text, problem_of, show
+from orchard.field.queue import LONGEST_ROW, MOST_CARRIERS, ONE_WAY, QUEUES, SHORTEST_ROW, USUAL_ROW, lack_of_room
 
 TICKS_PER_SECOND = 10
 TIME_STEP = 1 / TICKS_PER_SECOND  # s
 MOST_GUESTS = 50  # people together, animals together, weeds
 LARGEST_FILE = 65536  # bytes; a whole scenario needs less than 2,000
-NEAREST, MANUAL, ONE_WAY = "nearest", "manual", "one-way"  # the built-in dispatch policy, rule for rows, and route
+NEAREST, END = "nearest", "end"
+DISPATCH_POLICIES = (NEAREST, "farthest-first", "longest-waiting", "predictive", "predictive-farthest", "assignment")  # the built-in ones
+ROW_RULES = BALANCED, BALANCED_ENDS, MANUAL = "balanced", "balanced-ends", "manual"  # the built-in rules for rows
 RESERVED = (*BODILESS, "physics", "logger")  # names that a user's agent without a body cannot have
-DEEPEST = 8  # levels in a file; a scenario needs 2
+DEEPEST = 8  # levels in a file; a scenario needs 3
+
+
+def _choice(names: Sequence[str], what: str) -> Any:
+    """One of some names. Programs that offer a choice, such as the page, find them in `examples`."""
+    return Field(pattern=rf"^({'|'.join(names)})$", examples=list(names), description=f"{what}: {', '.join(names)}")
 
 
 def _count(what: str) -> Any:
@@ -33,9 +41,10 @@ class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     def _demand(self, holds: bool, text: str, *fields: str) -> None:
-        """Check a rule about several fields. Raise an error that names the fields and their values unless it holds."""
+        """Check a rule about several fields, named by dotted paths. Raise an error that names them and their values unless it holds."""
         if not holds:
-            raise PydanticCustomError("rule", text, {"fields": fields, "values": [getattr(self, field) for field in fields]})
+            values = [reduce(getattr, field.split("."), self) for field in fields]
+            raise PydanticCustomError("rule", text, {"fields": fields, "values": values})
 
 
 class _Guests(_Section):
@@ -60,6 +69,33 @@ class Animals(_Guests):
     cats: Annotated[int, _count("number of cats")] = 1
 
 
+LEAST_CV = 0.01
+WIDEST = {"lognormal": 1.0, "gamma": 1.0, "uniform": 1.0 / math.sqrt(3.0)}  # cv of the part of a row's picking time that is drawn
+
+
+class Spread(_Section):
+    """How the picking times of rows differ. Their mean is that of `picking_speed`."""
+
+    distribution: Annotated[str, _choice(("none", *WIDEST), "distribution of the rows' picking times")] = "none"
+    cv: Annotated[float, Field(ge=LEAST_CV, le=1.0, description="standard deviation of a row's picking time, as a share of its mean")] = 0.3
+
+
+class Failure(_Section):
+    """How often a picker fails while it picks, and how long it then stands: exponential."""
+
+    mean_between: Annotated[
+        float | None, Field(ge=60.0, le=86400.0, description="mean time of picking between a picker's failures, s; null: never")
+    ] = None
+    mean_repair: Annotated[float, Field(ge=1.0, le=7200.0, description="mean time for which a picker that failed stands, s")] = 300.0
+
+
+class Picking(_Section):
+    """How picking varies."""
+
+    spread: Annotated[Spread, Field(description="how the picking times of rows differ")] = Spread()
+    failure: Annotated[Failure, Field(description="how often pickers fail, and for how long they stand")] = Failure()
+
+
 class LaserSettings(_Section):
     """Settings of all lasers."""
 
@@ -75,19 +111,25 @@ Classes = Annotated[dict[Driven, ClassPath], Field(max_length=200, description="
 MoreAgents = Annotated[dict[Bodiless, ClassPath], Field(max_length=200, description="name -> module.Class of another agent without a body")]
 
 
-def _plugin(builtin: str, what: str) -> Any:
-    """A rule that the scenario names: the built-in one, or module.Class of a user."""
-    return Field(pattern=rf"^({builtin}|{_PATH})$", max_length=200, description=f"{what}: {builtin}, or module.Class")
+def _plugin(builtin: Sequence[str], what: str) -> Any:
+    """A rule that the scenario names: a built-in one, or module.Class of a user."""
+    pattern, names = rf"^({'|'.join(builtin)}|{_PATH})$", ", ".join(builtin)
+    return Field(pattern=pattern, max_length=200, examples=list(builtin), description=f"{what}: {names}, or module.Class")
+
+
+CARRIERS = "number of carriers; null: 7 for every 10 pickers, rounded up"
 
 
 class Scenario(_Section):
     """An orchard with its robots, people, animals and weeds. Figures: docs/reference.md, from the manual."""
 
-    rows: Annotated[int, Field(ge=3, le=20, description="number of rows to pick; each is 70 m long and fills one bin")] = 5
+    rows: Annotated[int, Field(ge=3, le=20, description="number of rows to pick; each fills one bin")] = 5
     pickers: Annotated[int, Field(ge=2, le=20, description="number of picking robots; at most one for each row")] = 2
+    row_length: Annotated[float, Field(ge=SHORTEST_ROW, le=LONGEST_ROW, description="length of the picked part of a row, m")] = USUAL_ROW
     row_width: Annotated[float, Field(ge=5.0, le=12.0, description="width of a row between its trees, m")] = 5.0
-    carriers: Annotated[int | None, Field(ge=1, le=40, description="number of carriers; null: 7 for every 10 pickers, rounded up")] = None
+    carriers: Annotated[int | None, Field(ge=1, le=MOST_CARRIERS, description=CARRIERS)] = None
     picking_speed: Annotated[float, Field(ge=0.02, le=1.0, description="speed of a picker while it picks, m/s; of a person: 0.03")] = 1.0
+    picking: Annotated[Picking, Field(description="how picking varies")] = Picking()
     seed: Annotated[int, Field(ge=0, le=2**63 - 1, description="seed of all random numbers; the same seed gives the same harvest")] = 1
     people: Annotated[People, Field(description="workers and visitors")] = People()
     animals: Annotated[Animals, Field(description="dogs and cats")] = Animals()
@@ -96,9 +138,11 @@ class Scenario(_Section):
     laser: Annotated[LaserSettings, Field(description="the laser range finders of all bodies")] = LaserSettings()
     agents: Classes = {}
     agents_without_body: MoreAgents = {}
-    dispatch: Annotated[str, _plugin(NEAREST, "which carrier fetches which full bin")] = NEAREST
-    rows_to_pickers: Annotated[str, _plugin(MANUAL, "which picker picks which rows")] = MANUAL
-    route: Annotated[str, _plugin(ONE_WAY, "where pickers and carriers drive")] = ONE_WAY
+    dispatch: Annotated[str, _plugin(DISPATCH_POLICIES, "which carrier fetches which bin, and when it leaves")] = NEAREST
+    dispatch_errors: Annotated[str, _choice((NEAREST, END), "what follows an order of an own policy that cannot be")] = NEAREST
+    rows_to_pickers: Annotated[str, _plugin(ROW_RULES, "which picker picks which rows")] = BALANCED
+    route: Annotated[str, _plugin(tuple(QUEUES), "where pickers and carriers drive")] = ONE_WAY
+    bay: Annotated[float, Field(ge=0.0, le=180.0, description="how far east of its usual place the unloading bay lies, m")] = 0.0
 
     @property
     def carrier_count(self) -> int:
@@ -115,7 +159,20 @@ class Scenario(_Section):
         taken = [name for name in self.agents_without_body if kind_of(name) in (*KINDS, *RESERVED)]
         self._demand(not taken, f"must be names that no other agent has; not {', '.join(taken)}", "agents_without_body")
         self._demand(self.pickers <= self.rows, "must be at most one picker a row", "pickers", "rows")
+        self._demand_that_no_row_is_faster_than_a_picker()
+        if self.route in QUEUES:
+            text = lack_of_room(self.route, self.row_length, self.bay, self.carrier_count)
+            self._demand(not text, text, "pickers" if self.carriers is None else "carriers", "row_length", "bay")
         return self
+
+    def _demand_that_no_row_is_faster_than_a_picker(self) -> None:
+        """A row takes at least the time to drive along it, so only the rest of its mean time can spread."""
+        spread, top = self.picking.spread, KINDS["picker"].speed
+        most = WIDEST.get(spread.distribution, 1.0) * (1.0 - self.picking_speed / top)
+        what = f"cv must be at most {math.floor(most * 1e6) / 1e6:g}" if most >= LEAST_CV else "the distribution must be none"
+        text = f"{what} at this picking_speed, because no picker picks faster than {top:g} m/s"
+        fields = "picking_speed", "picking.spread.distribution", "picking.spread.cv"
+        self._demand(spread.distribution == "none" or spread.cv <= most + 1e-9, text, *fields)
 
 
 def load(path: str | Path) -> Scenario:
@@ -167,7 +224,7 @@ def check(values: Any, source: str = "scenario", lines: Lines | None = None, kno
     return Scenario.model_validate(plain)
 
 
-def _plain(values: Any, levels: int = 2) -> Any:
+def _plain(values: Any, levels: int = 3) -> Any:
     """Convert sections to dicts with printable text as keys."""
     if isinstance(values, BaseModel):
         values = values.model_dump()
@@ -200,7 +257,7 @@ def _located(error: Any) -> dict[str, Any]:
     """Add to an error its path, its fields, and whether it is about a key of `agents`, which pydantic marks in the path."""
     of_key = error["loc"][2:] == ("[key]",)
     loc = error["loc"][:2] if of_key else error["loc"]
-    fields = [(*loc, field) for field in error["ctx"]["fields"]] if error["type"] == "rule" else [loc]
+    fields = [(*loc, *field.split(".")) for field in error["ctx"]["fields"]] if error["type"] == "rule" else [loc]
     return dict(error) | {"loc": loc, "of_key": of_key, "fields": fields}
 
 

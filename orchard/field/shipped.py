@@ -6,12 +6,17 @@ from pathlib import Path
 from orchard.field.scenario import Scenario, load, parse
 
 DEFAULT = "orchard"  # the name of the scenario that a run has if none is given
+_CONFIG = files("orchard").joinpath("config")
+
+
+def names() -> list[str]:
+    """Return the names of these scenarios."""
+    return sorted(file.name.removesuffix(".yaml") for file in _CONFIG.iterdir() if file.name.endswith(".yaml"))
 
 
 def shipped() -> dict[str, Scenario]:
     """Return these scenarios by name."""
-    ready = {file.name: file for file in files("orchard").joinpath("config").iterdir() if file.name.endswith(".yaml")}
-    return {name.removesuffix(".yaml"): parse(ready[name].read_text("utf-8"), name) for name in sorted(ready)}
+    return {name: parse(_CONFIG.joinpath(f"{name}.yaml").read_text("utf-8"), f"{name}.yaml") for name in names()}
 
 
 def load_or_shipped(path: Path | None) -> Scenario:

@@ -146,7 +146,7 @@ def _end(local: Local, account: RunFigures, ticks: float, stopped: bool) -> str:
         return "duration"
     if stopped:
         return "stopped"
-    return "jammed" if account.jam else ""
+    return account.fault
 
 
 def _talk(local: Local) -> list[Event]:

@@ -2,7 +2,7 @@
 
 import inspect
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from functools import wraps
@@ -13,8 +13,9 @@ from typer import Argument, BadParameter, Option
 
 from orchard.contract.agent import Holds
 from orchard.contract.messages import LAST_TICK
-from orchard.field.scenario import TIME_STEP
-from orchard.field.shipped import DEFAULT
+from orchard.field.queue import QUEUES
+from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, TIME_STEP
+from orchard.field.shipped import DEFAULT, names
 
 LIVE_SPEED = 4.0  # simulated s per s, with --view or --web, if no speed is given
 LONGEST = LAST_TICK * TIME_STEP  # s, simulated: the time of the last tick that fits on the wire
@@ -79,12 +80,20 @@ def _scenario(path: Path | None) -> Path | None:
     return path
 
 
+def _named(builtin: Sequence[str], what: str) -> Any:
+    """An option for a rule: a built-in one, or a user's."""
+    return Option(metavar="NAME", help=f"{what}: {', '.join(builtin)}, or module.Class.", rich_help_panel=ORCHARD)
+
+
 # -- options of several commands
 
 File = Annotated[
     Path | None,
     Argument(
-        metavar="SCENARIO.yaml", help="A file, or the name of one in orchard/config/: realistic.", show_default=DEFAULT, callback=_scenario
+        metavar="SCENARIO.yaml",
+        help=f"A file, or the name of one in orchard/config/: {', '.join(name for name in names() if name != DEFAULT)}.",
+        show_default=DEFAULT,
+        callback=_scenario,
     ),
 ]
 Rows = Annotated[int | None, Option(help="Rows, 3 to 20.", rich_help_panel=ORCHARD)]
@@ -123,7 +132,7 @@ Secure = Annotated[
     Option(metavar="DIR", help="Admit only the roles of `orchard secure DIR`; with --only: DIR/<role>.", rich_help_panel=NETWORK),
 ]
 
-CHANGES = ("rows", "pickers", "row_width", "carriers", "seed")  # options that change the scenario
+CHANGES = ("rows", "pickers", "row_width", "carriers", "seed", "dispatch", "rows_to_pickers", "route")  # options that change the scenario
 OF_ONLY = ("only", "connect", "without", "hosts", "secure", "progress", "check_agents")  # options of the agents of a run elsewhere
 
 
@@ -137,6 +146,9 @@ class HarvestOptions:
     row_width: Annotated[float | None, Option(help="Width of a row, 5 to 12 m.", rich_help_panel=ORCHARD)] = None
     carriers: Annotated[int | None, Option(help="Carriers, 1 to 40. Default: 7 for every 10 pickers.", rich_help_panel=ORCHARD)] = None
     seed: Annotated[int | None, Option(help="The same seed gives the same run.", rich_help_panel=ORCHARD)] = None
+    dispatch: Annotated[str | None, _named(DISPATCH_POLICIES, "Which carrier fetches which bin, and when")] = None
+    rows_to_pickers: Annotated[str | None, _named(ROW_RULES, "Which picker picks which rows")] = None
+    route: Annotated[str | None, _named(QUEUES, "Where pickers and carriers drive")] = None
     mode: Annotated[Mode, Option(help="lockstep or realtime: several processes; local: one.", rich_help_panel=RUN)] = "lockstep"
     speed: Speed = None
     hosts: Hosts = None  # 0: one per agent

@@ -4,12 +4,11 @@ Times in seconds, rates in bins per second. The forms hold for the built-in poli
 be faster. They assume that the drives of the traffic plan are driven without a stop.
 """
 
-from orchard.agents.robot import Step
-from orchard.agents.route import EAST_SIDE, OneWay, Side, route_of
-from orchard.agents.steps import DriveTo, Face
-from orchard.field.geometry import EAST, HEADINGS, Pose, angle_between
-from orchard.field.kinds import EIGHTH
-from orchard.field.layout import QUEUE_HEAD, ROW_EAST, ROW_LENGTH, ROW_WEST, TOP_ROAD, UNLOADING_SECONDS, Layout
+from orchard.agents.route import OneWay, Side
+from orchard.agents.routes import route_of
+from orchard.agents.timing import approach_seconds, duration, head
+from orchard.field.geometry import HEADINGS, Pose
+from orchard.field.layout import ROW_WEST, UNLOADING_SECONDS, Layout
 
 TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and the gap to the next one; at 1 m/s also the s in which the next one moves into the bay
 
@@ -19,12 +18,12 @@ class Bounds:
 
     def __init__(self, layout: Layout) -> None:
         route, scenario = route_of(layout), layout.scenario
-        exchanges = [(row, route.side(i)) for block in layout.blocks.values() for i, row in enumerate(block)]
+        exchanges = [(row, route.side(i, block.start)) for block in layout.blocks.values() for i, row in enumerate(block.rows)]
         crossings = [_crossing(route, row, side) for row, side in exchanges if row < scenario.rows]
         approaches = [approach_seconds(route, row, side) for row, side in exchanges]
         cycles = [cycle_seconds(route, row, side) for row, side in exchanges]
         self.pickers, self.carriers = scenario.pickers, scenario.carrier_count
-        self.row_seconds = ROW_LENGTH / scenario.picking_speed  # T, to pick one row
+        self.row_seconds = sum(layout.picking_seconds(row) for row, _ in exchanges) / scenario.rows  # T, to pick one row, mean
         self.crossing_seconds = sum(crossings) / len(crossings)  # t_x, from the end of a row to the head of the next, mean
         self.approach_seconds = sum(approaches) / len(approaches)  # A, from the queue's head until the picker has its empty bin, mean
         self.cycle_seconds = sum(cycles) / len(cycles)  # C, from the queue's head around the orchard and back, mean
@@ -47,34 +46,11 @@ class Bounds:
         return 3600.0 * min(self.terms.values())
 
 
-def approach_seconds(route: OneWay, row: int, side: Side) -> float:
-    """Return the time from a carrier's departure at the queue's head until a picker has its empty bin, s."""
-    return duration(route.approach(row, side), _HEAD)
-
-
 def cycle_seconds(route: OneWay, row: int, side: Side) -> float:
     """Return the time of a carrier's whole job at a row, from the queue's head and back, s."""
-    return duration(route.fetch(1, row, side, "", ""), _HEAD) + UNLOADING_SECONDS
-
-
-_HEAD = Pose(QUEUE_HEAD, TOP_ROAD, EAST)
+    return duration(route.fetch(1, row, side, "", ""), head(route)) + UNLOADING_SECONDS
 
 
 def _crossing(route: OneWay, row: int, side: Side) -> float:
-    start = Pose(ROW_EAST if side is EAST_SIDE else ROW_WEST, route.layout.lane(row).y, HEADINGS[side.heading("EAST")])
+    start = Pose(route.layout.row_east if side is route.east else ROW_WEST, route.layout.lane(row).y, HEADINGS[side.heading("EAST")])
     return duration(route.crossing(row, row + 1, side), start)
-
-
-def duration(steps: list[Step], start: Pose) -> float:
-    """Return the time of a plan's drives and turns without obstacles, s."""
-    x, y, yaw = start
-    seconds = 0.0
-    for step in steps:
-        if isinstance(step, Face):
-            seconds += abs(angle_between(yaw, HEADINGS[step.heading])) / EIGHTH
-            yaw = HEADINGS[step.heading]
-        elif isinstance(step, DriveTo):
-            to_x, to_y = x if step.x is None else step.x, y if step.y is None else step.y
-            seconds += (abs(to_x - x) + abs(to_y - y)) / step.speed
-            x, y = to_x, to_y
-    return seconds

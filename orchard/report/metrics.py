@@ -9,8 +9,8 @@ import numpy as np
 
 from orchard.contract.agent import Action
 from orchard.contract.events import Event
-from orchard.field.kinds import ANIMALS, PEOPLE, kind_of
-from orchard.field.layout import KEPT_LAYOUTS, QUEUE, ROW_LENGTH, Layout
+from orchard.field.kinds import ANIMALS, DISPATCH, PEOPLE, kind_of
+from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.report.bounds import Bounds
 from orchard.report.schedule import Schedule
@@ -30,6 +30,7 @@ class HarvestFigures:
     busy_ticks: int = 0  # of all carriers, outside the queue
     weeds_flattened: int = 0
     broken: dict[str, int] = field(default_factory=dict)  # agent -> tick at which it first was broken
+    orders_refused: int = 0  # decisions of the dispatch policy that could not be
     steps: dict[str, int] = field(default_factory=dict)  # picker or carrier -> steps of its plan that it has finished
     progress: float = 0.0  # metres picked and steps of work done
     progress_tick: int = 0  # tick at which it last grew, or a robot was stopped
@@ -38,13 +39,15 @@ class HarvestFigures:
         """Account for the tick that has just ended. `answers`: of the agents that were asked, None for one without an action."""
         for event in events:
             self._count(event)
+        self.orders_refused += orders_refused(answers)
         for name, action in answers.items():
             if action is not None and action.state == "broken":
                 self.broken.setdefault(name, world.tick - 1)
             if name.startswith(PLANNERS):
                 self.steps[name] = 0 if action is None else action.steps_done
         x, y, _ = world.pose[world.fixed.carriers].T
-        in_queue = (x >= QUEUE.west) & (x <= QUEUE.east) & (y >= QUEUE.south) & (y <= QUEUE.north)
+        queue = world.layout.queue.area
+        in_queue = (x >= queue.west) & (x <= queue.east) & (y >= queue.south) & (y <= queue.north)
         self.busy_ticks += len(x) - int(np.count_nonzero(in_queue))
         progress = sum(self.steps.values()) + sum(world.row_picked.tolist())
         if progress != self.progress or np.count_nonzero(world.stopped):
@@ -63,6 +66,12 @@ class HarvestFigures:
         return (world.tick - self.progress_tick) * TIME_STEP >= JAM_SECONDS
 
 
+def orders_refused(answers: Mapping[str, Action | None]) -> int:
+    """Return the number of decisions of the dispatch policy that were refused at a tick: 0 or 1."""
+    dispatcher = answers.get(DISPATCH)
+    return int(dispatcher is not None and dispatcher.state == "broken")
+
+
 def who_waits(actions: Mapping[str, Action]) -> list[str]:
     """Return a line for each robot that waits: what it does, and what it waits for."""
     return [
@@ -78,7 +87,7 @@ def collisions(world: World, kinds: tuple[str, ...] = WORKERS_OF_THE_HARVEST) ->
 
 
 def rows_picked(world: World) -> int:
-    return int((world.row_picked >= ROW_LENGTH).sum())
+    return int(world.rows_done.sum())
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
@@ -100,6 +109,7 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "sim_seconds": round(world.tick * TIME_STEP, 1),
         "agents": len(world.layout.starts),
         "rows": scenario.rows,
+        "row_length": scenario.row_length,
         "rows_picked": rows_picked(world),
         "metres_picked": float(sum(world.row_picked.tolist())),
         "bins_delivered": world.delivered,
@@ -112,6 +122,7 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "weeds_flattened": figures.weeds_flattened,
         "picker_waiting_seconds": sum(figures.waits) / len(figures.waits) if figures.waits else 0.0,
         "carrier_utilisation": figures.busy_ticks / (world.tick * scenario.carrier_count) if world.tick else 0.0,
+        "orders_refused": figures.orders_refused,
         "broken_agents": [f"{name}, since tick {tick}" for name, tick in figures.broken.items()],
         "distance_metres": {kind: metres for kind, metres in sorted(distance.items()) if kind != "weed"},
     }

@@ -3,10 +3,11 @@
 import html
 import math
 
-from orchard.agents.route import EAST_SIDE, OneWay, Side, route_of
+from orchard.agents.route import OneWay, Side
+from orchard.agents.routes import route_of
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import KINDS, kind_of, number_of
-from orchard.field.layout import BAY, DRIVEWAY, QUEUE, QUEUE_LINES, ROW_EAST, ROW_LENGTH, ROW_WEST, TOP, TREES_X, X_MAX, Layout
+from orchard.field.layout import DRIVEWAY, ROW_WEST, TOP, X_WEST, Layout
 from orchard.report.sentence import clock
 from orchard.sim.world import World
 
@@ -63,7 +64,7 @@ class Drawing:
 
 def orchard_plan(layout: Layout) -> str:
     """Return the drawing of the whole orchard, with all bodies at their starts."""
-    drawing = Drawing(layout, -X_MAX - 1, layout.bottom - 1, X_MAX + 1, TOP + 1)
+    drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, TOP + 1)
     for start in layout.starts:
         drawing.box(start.pose.x, start.pose.y, *_half_sizes(start.kind), _paint(start.kind), start.name)
     return drawing.svg()
@@ -72,16 +73,16 @@ def orchard_plan(layout: Layout) -> str:
 def present_plan(world: World) -> str:
     """Return the drawing of the whole orchard as it is now: what is picked of the rows, and each body where it is."""
     layout = world.layout
-    drawing = Drawing(layout, -X_MAX - 1, layout.bottom - 1, X_MAX + 1, TOP + 5)
+    drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, TOP + 5)
     for lane, metres, end in zip(layout.lanes, world.row_picked.tolist(), world.row_from.tolist(), strict=True):
-        middle = (ROW_WEST + metres / 2) if end < 0 else (ROW_EAST - metres / 2)
+        middle = (ROW_WEST + metres / 2) if end < 0 else (layout.row_east - metres / 2)
         drawing.box(middle, lane.y, metres / 2, 1.0, f"fill:{COLOURS['picked']};opacity:0.8", f"row {lane.number}: {metres:.1f} m picked")
     for name, i in layout.index.items():
         if world.alive[i]:
-            _present_body(drawing, name, Pose(*world.pose[i].tolist()), float(world.fill[i]))
-    picked = f"{world.row_picked.sum():.0f} of {ROW_LENGTH * len(layout.lanes):.0f} m picked"
+            _present_body(drawing, name, Pose(*world.pose[i].tolist()), float(world.fill[i]) / layout.row_length)
+    picked = f"{world.row_picked.sum():.0f} of {layout.row_length * len(layout.lanes):.0f} m picked"
     told = f"{clock(world.seconds)}, {picked}, {world.delivered} bins delivered"
-    drawing.label(-X_MAX, TOP + 1.7, told, 2.4)
+    drawing.label(X_WEST, TOP + 1.7, told, 2.4)
     return drawing.svg()
 
 
@@ -93,10 +94,10 @@ def _paint(kind: str) -> str:
     return "fill:rgb({},{},{});stroke:black;stroke-width:1".format(*KINDS[kind].colour)
 
 
-def _present_body(drawing: Drawing, name: str, pose: Pose, fill: float) -> None:
-    """Draw a body where it is. An empty bin is pale. A picker and a carrier have a label: P1, C2."""
+def _present_body(drawing: Drawing, name: str, pose: Pose, share: float) -> None:
+    """Draw a body where it is. `share`: of a bin that is full. An empty bin is pale. A picker and a carrier have a label: P1, C2."""
     kind = kind_of(name)
-    pale = f";fill-opacity:{0.15 + 0.85 * fill / ROW_LENGTH:.2f}" if kind == "bin" else ""
+    pale = f";fill-opacity:{0.15 + 0.85 * share:.2f}" if kind == "bin" else ""
     drawing.box(pose.x, pose.y, *_half_sizes(kind), _paint(kind) + pale, name, pose.yaw)
     if kind in ("picker", "carrier"):
         x, y = (-1.2, 1.3) if nearest_heading(pose.yaw) in ("EAST", "WEST") else (1.2, -0.6)  # beside it, not on its bin
@@ -106,25 +107,28 @@ def _present_body(drawing: Drawing, name: str, pose: Pose, fill: float) -> None:
 def exchange_plan(layout: Layout) -> str:
     """Return the drawing of the east ends of the first three lanes: the places, and the areas that turns sweep.
 
-    The west side is the same, turned by half a turn.
+    The west side is the same, turned by half a turn, or mirrored.
     """
-    drawing = Drawing(layout, 30.0, layout.lane(3).y - 4, 46.0, layout.lane(1).y + 5)
+    route = route_of(layout)
+    drawing = Drawing(layout, route.east.x(30.0), layout.lane(3).y - 4, route.east.x(46.0), layout.lane(1).y + 5)
     for lane in layout.lanes[:3]:
-        _exchange(drawing, route_of(layout), lane.y, EAST_SIDE)
+        _exchange(drawing, route, lane.y, route.east)
     return drawing.svg()
 
 
 def _ground(drawing: Drawing, layout: Layout) -> None:
     middle, half = (TOP + layout.bottom) / 2, (TOP - layout.bottom) / 2
-    drawing.box(0, middle, X_MAX, half, f"fill:{COLOURS['ground']};stroke:{COLOURS['fence']};stroke-width:{PIXELS}")
-    for rect, colour in ((DRIVEWAY, COLOURS["driveway"]), (BAY, COLOURS["bay"])):
+    width = layout.east - X_WEST
+    drawing.box(X_WEST + width / 2, middle, width / 2, half, f"fill:{COLOURS['ground']};stroke:{COLOURS['fence']};stroke-width:{PIXELS}")
+    for rect, colour in ((DRIVEWAY, COLOURS["driveway"]), (layout.bay, COLOURS["bay"])):
         x, y = (rect.west + rect.east) / 2, (rect.south + rect.north) / 2
         drawing.box(x, y, (rect.east - rect.west) / 2, (rect.north - rect.south) / 2, f"fill:{colour}")
+    across = (layout.row_east + ROW_WEST) / 2
     for lane in layout.lanes:
-        drawing.box((ROW_EAST + ROW_WEST) / 2, lane.y, (ROW_EAST - ROW_WEST) / 2, 1.0, f"fill:{COLOURS['lane']};opacity:0.6")
-        drawing.text(-2.5, lane.y - 0.3, f"row {lane.number}")
+        drawing.box(across, lane.y, layout.row_length / 2, 1.0, f"fill:{COLOURS['lane']};opacity:0.6")
+        drawing.text(across - 2.0, lane.y - 0.3, f"row {lane.number}")
     for y in layout.tree_lines:
-        for x in TREES_X:
+        for x in layout.trees_x:
             drawing.box(x, y, 2.75, 0.5, f"fill:{COLOURS['tree']};opacity:0.7")
     for x, y, half_x, half_y in layout.walls[4:]:
         drawing.box(x, y, half_x, half_y, f"fill:{COLOURS['trunk']}")
@@ -137,8 +141,8 @@ def _roads(drawing: Drawing, layout: Layout) -> None:
         if road.width:
             drawing.line(road.points, f"stroke:{colour};stroke-width:{road.width * PIXELS};opacity:0.18")
         drawing.line(road.points, f"stroke:{colour};stroke-width:2{'' if road.width else ';stroke-dasharray:4'}")
-    for y in QUEUE_LINES:
-        drawing.line([(QUEUE.west, y), (QUEUE.east, y)], f"stroke:{COLOURS['D']};stroke-width:1;stroke-dasharray:6")
+    for y in layout.queue.lines:
+        drawing.line([(layout.queue.area.west, y), (layout.queue.area.east, y)], f"stroke:{COLOURS['D']};stroke-width:1;stroke-dasharray:6")
     for name, x, y in route.holds():
         drawing.line([(x - 0.75, y), (x + 0.75, y)], f"stroke:{COLOURS.get(name, OTHER_ROAD)};stroke-width:3")
 

@@ -15,7 +15,6 @@ from rich.text import Text
 
 from orchard.contract.events import STOPPED
 from orchard.field.kinds import kind_of
-from orchard.field.layout import ROW_LENGTH
 from orchard.report.sentence import clock, share_picked
 
 LINE_SECONDS = 2.0  # s of wall time between two plain lines
@@ -33,6 +32,7 @@ class Headline(msgspec.Struct):
     times_real_time: float
     rows_picked: int
     rows: Annotated[int, Meta(ge=1)]
+    row_length: Annotated[float, Meta(gt=0.0)]
     metres_picked: float
     bins_delivered: int
     schedule_sim_seconds: float
@@ -40,7 +40,7 @@ class Headline(msgspec.Struct):
     @property
     def fraction(self) -> float:
         """Progress from 0 to 1: half for metres picked, half for bins delivered."""
-        return (self.metres_picked / ROW_LENGTH + self.bins_delivered) / (2 * self.rows)
+        return (self.metres_picked / self.row_length + self.bins_delivered) / (2 * self.rows)
 
     def seconds_left(self, until: float | None = None) -> float:
         """Return the estimated rest of the harvest, s of wall time: what is left of its schedule, at least the share that is not done.
@@ -56,9 +56,9 @@ class Headline(msgspec.Struct):
 
     def line(self, until: float | None = None) -> str:
         """Return the headline as a line of at most 80 characters. `until`: as in `seconds_left`."""
-        left = self.seconds_left(until)
+        left, picked = self.seconds_left(until), share_picked(self.metres_picked, self.rows * self.row_length)
         return (
-            f"{self.sim_seconds:7.1f} s  {self.times_real_time:6.1f} x real time  {share_picked(self.metres_picked, self.rows):>5} picked  "
+            f"{self.sim_seconds:7.1f} s  {self.times_real_time:6.1f} x real time  {picked:>5} picked  "
             f"{self.bins_delivered}/{self.rows} bins" + (f"  {clock(left)} left" if left < math.inf else "")
         )
 

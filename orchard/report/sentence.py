@@ -1,9 +1,13 @@
 """A run in one sentence: how far it came, how long it took, and how good that is."""
 
-from orchard.field.layout import ROW_LENGTH
 from orchard.report.summary import Outcome
 
-ENDS = {"duration": "Ended by --duration", "stopped": "Stopped", "jammed": "Jammed"}  # other words come from the processes of the run
+ENDS = {  # other words come from the processes of the run
+    "duration": "Ended by --duration",
+    "stopped": "Stopped",
+    "jammed": "Jammed",
+    "refused": "Ended because an order of the dispatch policy was refused,",
+}
 
 
 def sentence(outcome: Outcome) -> str:
@@ -19,9 +23,9 @@ def clock(seconds: float) -> str:
     return f"{minutes}:{rest:02d} min" if minutes < 60 else f"{minutes // 60}:{minutes % 60:02d}:{rest:02d} h"
 
 
-def share_picked(metres: float, rows: int) -> str:
+def share_picked(metres: float, all_metres: float) -> str:
     """Return the share of all metres that is picked: 37 %. It is rounded down, so that it is 100 % only when all is picked."""
-    return f"{int(100.0 * metres / (rows * ROW_LENGTH))} %"
+    return f"{int(100.0 * metres / all_metres)} %"
 
 
 def _finished(outcome: Outcome) -> str:
@@ -35,7 +39,7 @@ def _finished(outcome: Outcome) -> str:
 
 def _unfinished(outcome: Outcome) -> str:
     end = ENDS.get(outcome.ended, f"Ended ({outcome.ended})")
-    picked = share_picked(outcome.metres_picked, outcome.rows)
+    picked = share_picked(outcome.metres_picked, outcome.rows * outcome.row_length)
     return (
         f"{end} after {clock(outcome.sim_seconds)}, simulated, before the harvest was finished: {picked} of {outcome.rows} rows picked, "
         f"{outcome.bins_delivered} of {outcome.rows} bins delivered"

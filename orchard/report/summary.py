@@ -27,6 +27,7 @@ MAIN = ("rows_picked", "bins_delivered", "sim_seconds", "schedule_sim_seconds", 
         "picker_waiting_seconds", "carrier_utilisation", "collisions")  # fmt: skip
 UNUSUAL = (
     "stopped_seconds",
+    "orders_refused",
     "ticks_late",
     "velocities_missed",
     "messages_refused",
@@ -44,8 +45,9 @@ class Outcome(msgspec.Struct):
     sim_seconds: float
     wall_seconds: float
     finished: bool
-    ended: str  # 'harvested', 'duration', 'stopped' or 'jammed'
+    ended: str  # 'harvested', 'duration', 'stopped', 'jammed' or 'refused'
     rows: Annotated[int, Meta(ge=1)]
+    row_length: Annotated[float, Meta(gt=0.0)]
     rows_picked: int
     metres_picked: float
     bins_delivered: int

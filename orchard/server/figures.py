@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from orchard.contract.agent import state_of
-from orchard.field.scenario import TIME_STEP
+from orchard.field.scenario import END, TIME_STEP
 from orchard.sim.snapshot import SnapshotError
 from orchard.sim.stops import as_shown
 from orchard.wire import messages
@@ -66,6 +66,16 @@ class RunFigures:
             if self._figures.jammed(self._world)
             else []
         )
+
+    @property
+    def fault(self) -> str:
+        """Why the run must end before the harvest is over: 'jammed', or 'refused' if the scenario says so; '' if it goes on."""
+        from orchard.report.metrics import orders_refused
+
+        is_refused = self._figures.orders_refused or orders_refused(self._engine.answers)  # the last step may not be counted yet
+        if is_refused and self._world.layout.scenario.dispatch_errors == END:
+            return "refused"
+        return "jammed" if self.jam else ""
 
     def figures(self) -> dict[str, Any]:
         """Return the figures so far, as the summary has them."""

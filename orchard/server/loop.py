@@ -100,7 +100,7 @@ class Physics:
             return "harvested"
         if self._engine.tick >= self._options.ticks:
             return "duration"
-        return "jammed" if self.harvest.account.jam else ""
+        return self.harvest.account.fault
 
     def _tick(self) -> None:
         """Publish the tick; account for the last one and report it while the agents think; take their answers; step."""

@@ -13,7 +13,6 @@ import msgspec
 
 from orchard.contract.events import Event
 from orchard.field.kinds import kind_of
-from orchard.field.layout import ROW_LENGTH
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.kernels.move import FULL_WITHIN, overlaps
 from orchard.sim.world import NONE, World
@@ -82,14 +81,14 @@ class Invariants:
     # -- each row is picked once, and the picked metres are in bins or delivered
 
     def _check_metres(self, world: World) -> Iterator[tuple[str, str]]:
-        rows, fills = world.row_picked.tolist(), world.fill.tolist()
+        rows, fills, length = world.row_picked.tolist(), world.fill.tolist(), world.layout.row_length
         if rows != self._rows:
-            yield from _row_faults(self._rows, rows)
+            yield from _row_faults(self._rows, rows, length)
             self._rows = rows
-        if min(fills) < 0.0 or max(fills) > ROW_LENGTH:
-            wrong = [(name, fill) for name, fill in zip(world.layout.names, fills, strict=True) if not 0.0 <= fill <= ROW_LENGTH]
-            yield from ((f"fill {name}", f"{name} holds {fill:g} m; a bin holds 0 to {ROW_LENGTH:g} m") for name, fill in wrong)
-        picked, kept = sum(rows), sum(fills) + world.delivered * ROW_LENGTH
+        if min(fills) < 0.0 or max(fills) > length:
+            wrong = [(name, fill) for name, fill in zip(world.layout.names, fills, strict=True) if not 0.0 <= fill <= length]
+            yield from ((f"fill {name}", f"{name} holds {fill:g} m; a bin holds 0 to {length:g} m") for name, fill in wrong)
+        picked, kept = sum(rows), sum(fills) + world.delivered * length
         if abs(picked - kept) > self._tolerance:
             yield "metres", f"{picked:.3f} m are picked, but {kept:.3f} m are in bins or delivered"
         if world.delivered != self.known.delivered:
@@ -130,17 +129,17 @@ class Invariants:
 
 def _known_of(world: World) -> Known:
     """The facts about earlier ticks that can be inferred from the world."""
-    names, full = world.layout.names, (world.fill >= ROW_LENGTH).nonzero()[0].tolist()
+    names, full = world.layout.names, world.full.nonzero()[0].tolist()
     others = {i: "" if world.coupled[i] == NONE else names[int(world.coupled[i])] for i in full}
     calls = {names[i]: other if kind_of(other) == "carrier" else "" for i, other in others.items()}
     lacking = {other: names[i] for i, other in others.items() if kind_of(other) == "picker"}
-    return Known(world.delivered, [f"row {r + 1}" for r in (world.row_picked >= ROW_LENGTH).nonzero()[0].tolist()], calls, lacking)
+    return Known(world.delivered, [f"row {r + 1}" for r in world.rows_done.nonzero()[0].tolist()], calls, lacking)
 
 
-def _row_faults(before: list[float], rows: list[float]) -> Iterator[tuple[str, str]]:
+def _row_faults(before: list[float], rows: list[float], length: float) -> Iterator[tuple[str, str]]:
     for r, (old, new) in enumerate(zip(before, rows, strict=True)):
-        if not old <= new <= ROW_LENGTH:
-            yield f"row {r + 1}", f"row {r + 1} was picked for {old:g} m, and now for {new:g} m; this may only grow, to {ROW_LENGTH:g} m"
+        if not old <= new <= length:
+            yield f"row {r + 1}", f"row {r + 1} was picked for {old:g} m, and now for {new:g} m; this may only grow, to {length:g} m"
 
 
 # -- bins = at pickers + on carriers + standing + unloading

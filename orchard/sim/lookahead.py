@@ -54,7 +54,7 @@ class Lookahead:
         """
         end_holds(
             ranges, self._before, world.tick, self._until, self.wanted, world.twist, world.coupled, self._partner, self._partner_twist,
-            world.fill, self._was_full, self._watched, self._was_occupied, self._still, self._spans, self._begin,
+            world.full, self._was_full, self._watched, self._was_occupied, self._still, self._spans, self._begin,
         )  # fmt: skip
         self._before = ranges
         self.wake(mail)
@@ -89,7 +89,7 @@ class Lookahead:
                 holding.append(i)
         if holding:
             begin_holds(
-                ranges, np.array(holding), world.twist, world.coupled, self._partner, self._partner_twist, world.fill, self._was_full,
+                ranges, np.array(holding), world.twist, world.coupled, self._partner, self._partner_twist, world.full, self._was_full,
                 self._watched, self._was_occupied, self._spans, self._begin,
             )  # fmt: skip
         return dict.fromkeys(self._due) | dict(actions)

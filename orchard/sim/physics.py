@@ -11,7 +11,7 @@ import numpy as np
 from orchard.contract.events import Event
 from orchard.contract.messages import Deed
 from orchard.field.geometry import EAST, angle_between
-from orchard.field.layout import BAY, QUEUE, ROW_LENGTH, UNLOADING_SECONDS
+from orchard.field.layout import UNLOADING_SECONDS
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.deeds import do_deeds
 from orchard.sim.kernels.jit import in_order
@@ -64,7 +64,7 @@ def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
         if r == NONE:
             continue
         bin_ = int(world.coupled[i])
-        if world.row_picked[r] >= ROW_LENGTH:
+        if world.rows_done[r]:
             events.append(Event(world.tick, "row picked", names[i], names[bin_], f"row {r + 1}"))
         if is_full(world, bin_):
             events.append(Event(world.tick, "bin full", names[bin_], names[i], f"row {r + 1}"))
@@ -73,7 +73,7 @@ def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
 
 def _unload(world: World) -> list[Event]:
     """Count the ticks of one full bin at rest in the bay, and empty it after UNLOADING_TICKS."""
-    waiting = [i for i in (world.fill >= ROW_LENGTH).nonzero()[0].tolist() if _rests_in_bay(world, i)]
+    waiting = [i for i in world.full.nonzero()[0].tolist() if _rests_in_bay(world, i)]
     begun = [i for i in waiting if world.bay_ticks[i] > 0]
     ticks = int(world.bay_ticks[begun[0]]) if begun else 0
     world.bay_ticks[:] = 0
@@ -89,7 +89,7 @@ def _rests_in_bay(world: World, bin_: int) -> bool:
     if carrier == NONE or world.layout.starts[carrier].kind != "carrier":
         return False
     x, y, _ = world.pose[bin_].tolist()
-    return BAY.contains(x, y) and is_at_rest(world, bin_) and is_at_rest(world, carrier)
+    return world.layout.bay.contains(x, y) and is_at_rest(world, bin_) and is_at_rest(world, carrier)
 
 
 def _empty(world: World, bin_: int) -> list[Event]:
@@ -105,7 +105,7 @@ def _empty(world: World, bin_: int) -> list[Event]:
 
 def is_full(world: World, i: int) -> bool:
     """Whether body `i` is a full bin."""
-    return bool(world.fill[i] >= ROW_LENGTH)
+    return bool(world.fill[i] >= world.fixed.row_length)
 
 
 def is_at_rest(world: World, i: int) -> bool:
@@ -115,7 +115,7 @@ def is_at_rest(world: World, i: int) -> bool:
 
 def harvest_is_over(world: World) -> bool:
     """Whether all rows are picked, no bin is full, the carriers stand in the queue with their bins, facing east, and the pickers stand."""
-    if (world.row_picked < ROW_LENGTH).any() or (world.fill >= ROW_LENGTH).any():
+    if not world.rows_done.all() or world.full.any():
         return False
     robots = [(i, start.kind) for i, start in enumerate(world.layout.starts) if start.kind in ("carrier", "picker")]
     return all(is_at_rest(world, i) and (kind == "picker" or _waits_in_queue(world, i)) for i, kind in robots)
@@ -123,4 +123,4 @@ def harvest_is_over(world: World) -> bool:
 
 def _waits_in_queue(world: World, carrier: int) -> bool:
     x, y, yaw = world.pose[carrier].tolist()
-    return QUEUE.contains(x, y) and abs(angle_between(yaw, EAST)) <= FACING and bool(world.coupled[carrier] != NONE)
+    return world.layout.queue.area.contains(x, y) and abs(angle_between(yaw, EAST)) <= FACING and bool(world.coupled[carrier] != NONE)

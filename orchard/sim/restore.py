@@ -8,7 +8,7 @@ import numpy as np
 
 from orchard.contract.messages import FASTEST, LAST_TICK
 from orchard.field.kinds import KINDS
-from orchard.field.layout import ROW_LENGTH, lay_out
+from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check
 from orchard.sim.snapshot import Snapshot, SnapshotError
@@ -67,8 +67,8 @@ def _faults(world: World) -> Iterator[str]:
         "pose's y": (y, south, north),
         "pose's yaw": (yaw, -10.0, 10.0),
         "twist": (world.twist, -FASTEST, FASTEST),
-        "fill": (world.fill, 0.0, ROW_LENGTH),
-        "row_picked": (world.row_picked, 0.0, ROW_LENGTH),
+        "fill": (world.fill, 0.0, world.layout.row_length),
+        "row_picked": (world.row_picked, 0.0, world.layout.row_length),
         "row_from": (world.row_from, -1, 1),
         "bay_ticks": (world.bay_ticks, 0, LAST_TICK),
         "delivered": (world.delivered, 0, LAST_TICK),

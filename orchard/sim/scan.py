@@ -14,7 +14,6 @@ from orchard.contract.agent import Hitch, Observations, Scans
 from orchard.field import repeatable
 from orchard.field.geometry import Twist
 from orchard.field.kinds import AROUND, KINDS, LASER_RANGE, Laser
-from orchard.field.layout import ROW_LENGTH
 from orchard.sim.kernels.boxes import RADIUS
 from orchard.sim.kernels.grid import frame_of
 from orchard.sim.kernels.jit import in_order
@@ -87,7 +86,7 @@ def observe(world: World, scans: Scans) -> Observations:
     names = world.layout.names
     states = np.concatenate((world.pose[:, :2], quaternions(world.pose), world.twist), axis=1)
     fills = {names[i]: float(world.fill[i]) for i in np.flatnonzero(world.fill).tolist()}
-    full = {name for name, fill in fills.items() if fill >= ROW_LENGTH}
+    full = {name for name, fill in fills.items() if fill >= world.fixed.row_length}
     return Observations(world.tick, world.layout.index, states, scans, _Hitches(world, states, scans), fills, full)
 
 

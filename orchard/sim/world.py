@@ -32,8 +32,9 @@ class Fixed(NamedTuple):
     shapes: np.ndarray  # (n, 7) boxes: half sizes and radius; `place` writes the other columns
     pickers: np.ndarray  # int64: their indices
     carriers: np.ndarray  # int64: their indices
-    picking_speed: float  # m/s
+    row_length: float  # m
     row_y: np.ndarray  # (r,) m: the lanes' centre lines
+    row_pace: np.ndarray  # (r,) m/s: the speeds at which they are picked
     walls: np.ndarray  # (w, 7): the boxes of fences, trunks and posts
     wall_frame: np.ndarray  # the Grid of the walls that a body in each cell could touch
     wall_begin: np.ndarray
@@ -59,8 +60,9 @@ def fixed_of(layout: Layout) -> Fixed:
         shapes,
         np.array([i for i, start in enumerate(layout.starts) if start.kind == "picker"], dtype=np.int64),
         np.array([i for i, start in enumerate(layout.starts) if start.kind == "carrier"], dtype=np.int64),
-        layout.scenario.picking_speed,
+        layout.row_length,
         np.array([lane.y for lane in layout.lanes]),
+        np.array([lane.pace for lane in layout.lanes]),
         walls,
         *grid_of(walls, radius),
         grid_of(walls, LASER_RANGE),
@@ -79,9 +81,9 @@ class World:
         self.pose = np.array([start.pose for start in layout.starts], dtype=np.float64).reshape(n, 3)  # x, y, yaw
         self.twist = np.zeros((n, 3))  # forward, left, yaw rate of the last step; 0 if the step was refused
         self.coupled = np.full(n, NONE, dtype=np.int64)  # index of the body at the other end of the bar, or NONE
-        self.fill = np.zeros(n)  # of bins, metres of row in the bin, 0 to 70
+        self.fill = np.zeros(n)  # of bins, metres of row in the bin, 0 to the length of a row
         self.alive = np.ones(n, dtype=bool)  # False for a flattened weed
-        self.row_picked = np.zeros(rows)  # picked metres of each row, 0 to 70
+        self.row_picked = np.zeros(rows)  # picked metres of each row, 0 to its length
         self.row_from = np.zeros(rows, dtype=np.int64)  # the end at which picking began: 0 not yet, -1 west, +1 east
         self.bay_ticks = np.zeros(n, dtype=np.int64)  # of bins, ticks at rest in the bay since it last moved
         self.delivered = 0  # bins unloaded
@@ -99,6 +101,16 @@ class World:
     def seconds(self) -> float:
         """Simulated time since the start of the run, s."""
         return self.tick * TIME_STEP
+
+    @property
+    def full(self) -> np.ndarray:
+        """Which bodies are full bins, (n,) bool."""
+        return np.asarray(self.fill >= self.fixed.row_length)
+
+    @property
+    def rows_done(self) -> np.ndarray:
+        """Which rows are picked to the end, (r,) bool."""
+        return np.asarray(self.row_picked >= self.fixed.row_length)
 
     @property
     def index(self) -> Mapping[str, int]:

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import rerun as rr
 
-from orchard.field.layout import X_MAX, Layout
+from orchard.field.layout import X_WEST, Layout
 from orchard.view import palette
 from orchard.view.scenery import MARGIN, plan_size
 
@@ -50,7 +50,7 @@ class NameView:
 
     def _log_rows(self, layout: Layout) -> np.ndarray:
         """Log the numbers of the rows. Return what they cover, (r, 4) m: middle and half size."""
-        x, labels = -X_MAX - MARGIN / 2, [f"{lane.number}" for lane in layout.lanes]
+        x, labels = X_WEST - MARGIN / 2, [f"{lane.number}" for lane in layout.lanes]
         points = [(x, lane.y + DROP * self.scale, ROW_Z) for lane in layout.lanes]
         numbers = rr.Points3D(points, labels=labels, radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True)
         self.rec.log("plan/rows", numbers, static=True)

@@ -11,6 +11,7 @@ STATES: dict[State, Colour] = {
     "driving": (45, 140, 240),
     "waiting": (255, 160, 20),
     "stopped": (235, 50, 60),
+    "failed": (150, 85, 40),
     "calling": (255, 90, 170),
     "handling a bin": (205, 220, 57),
     "hauling": (0, 190, 200),

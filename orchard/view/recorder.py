@@ -13,7 +13,7 @@ import rerun as rr
 from orchard.contract.agent import WAITING_STATES, State
 from orchard.contract.events import SCAN_TICKS, Event, Frame
 from orchard.field.kinds import KINDS, LASER_RANGE, Laser, kind_of
-from orchard.field.layout import ROW_LENGTH, Layout
+from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
 from orchard.view.blueprint import TIMELINE, blueprint
@@ -230,8 +230,8 @@ class Recorder:
         return {"metrics/robots/pickers_waiting": float(waiting), "metrics/robots/carriers_busy": float(busy)}
 
     def _rows_and_bins(self, frame: Frame) -> dict[str, float]:
-        rows = {} if frame.row_picked is None else {"metrics/bins/rows_picked": float((frame.row_picked >= ROW_LENGTH).sum())}
-        return rows if frame.fill is None else rows | {"metrics/bins/full": float((frame.fill >= ROW_LENGTH).sum())}
+        rows = {} if frame.row_picked is None else {"metrics/bins/rows_picked": float((frame.row_picked >= self.layout.row_length).sum())}
+        return rows if frame.fill is None else rows | {"metrics/bins/full": float((frame.fill >= self.layout.row_length).sum())}
 
 
 def hits(sweeps: np.ndarray, laser: Laser, every: int) -> tuple[np.ndarray, np.ndarray]:

@@ -28,11 +28,11 @@ def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
     rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     rec.log("world/ground", mesh_of(_ground(layout)), static=True)
     rec.log("world/fences", mesh_of(_fences(layout)), static=True)
-    _instances(rec, "world/trees", TRUNK, field.TREES_X, layout.tree_lines)
-    _instances(rec, "world/posts", LINE_POST, field.POSTS_X, layout.tree_lines)
-    _instances(rec, "canopy/crowns", CROWN, field.TREES_X, layout.tree_lines, half_turns=True)
-    _instances(rec, "canopy/pergola", vine_patch(layout.scenario.row_width - 0.5), field.TREES_X, lanes, half_turns=True)
-    shade = MeshPart("drum", (5.6, 1.7, 0.01), (np.subtract(field.TREES_X, 0.3), np.add(layout.tree_lines, 0.3), SHADE_Z), palette.SHADE)
+    _instances(rec, "world/trees", TRUNK, layout.trees_x, layout.tree_lines)
+    _instances(rec, "world/posts", LINE_POST, layout.posts_x, layout.tree_lines)
+    _instances(rec, "canopy/crowns", CROWN, layout.trees_x, layout.tree_lines, half_turns=True)
+    _instances(rec, "canopy/pergola", vine_patch(layout.scenario.row_width - 0.5), layout.trees_x, lanes, half_turns=True)
+    shade = MeshPart("drum", (5.6, 1.7, 0.01), (np.subtract(layout.trees_x, 0.3), np.add(layout.tree_lines, 0.3), SHADE_Z), palette.SHADE)
     rec.log("canopy/shade", mesh_of([shade], alpha=110), static=True)
     rec.log("canopy/wires", rr.LineStrips3D(_wires(layout), colors=[palette.WIRE], radii=[0.02]), static=True)
     _plan_canopy(rec, layout, lanes)
@@ -60,14 +60,14 @@ def _ground(layout: Layout) -> list[MeshPart]:
     return [
         *_fields(),
         *_lawn(layout),
-        MeshPart("box", (73.0, 1.2, 0.02), (0.0, layout.tree_lines, ROADS_Z), palette.BARE),
-        _slab(36.5, last - 8, 42.5, 26, ROADS_Z, palette.SOIL),
+        MeshPart("box", (layout.row_length + 3.0, 1.2, 0.02), (layout.shift / 2, layout.tree_lines, ROADS_Z), palette.BARE),
+        _slab(36.5 + layout.shift, last - 8, 42.5 + layout.shift, 26, ROADS_Z, palette.SOIL),
         _slab(-45.5, last - 8, -36.5, 23, ROADS_Z, palette.SOIL),
-        _slab(-36.5, last - 8, 36.5, last - 3.5, ROADS_Z, palette.SOIL),
-        _slab(-36.5, first + 3.5, 36.5, 26, ROADS_Z, palette.SOIL),
+        _slab(-36.5, last - 8, 36.5 + layout.shift, last - 3.5, ROADS_Z, palette.SOIL),
+        _slab(-36.5, first + 3.5, 36.5 + layout.shift, 26, ROADS_Z, palette.SOIL),
         _slab(*drive, DRIVEWAY_Z, palette.ROAD_EDGE),
         _slab(drive.west + 0.4, drive.south + 0.4, drive.east - 0.4, drive.north - 0.4, DRIVEWAY_Z + 0.06, palette.GRAVEL),
-        *_bay(),
+        *_bay(layout),
         *_queue(layout),
     ]
 
@@ -88,12 +88,12 @@ def _lawn(layout: Layout) -> list[MeshPart]:
     """Return the grass within the fences, in mown stripes."""
     edges = np.linspace(layout.bottom, field.TOP, round((field.TOP - layout.bottom) / MOWER) + 1)
     colours = (palette.GRASS, palette.MOWN)
-    return [_slab(-field.X_MAX, s, field.X_MAX, n, GRASS_Z, colours[i % 2]) for i, (s, n) in enumerate(pairwise(edges))]
+    return [_slab(field.X_WEST, s, layout.east, n, GRASS_Z, colours[i % 2]) for i, (s, n) in enumerate(pairwise(edges))]
 
 
-def _bay() -> list[MeshPart]:
+def _bay(layout: Layout) -> list[MeshPart]:
     """Return the white marking of the unloading bay."""
-    west, south, east, north = field.BAY
+    west, south, east, north = layout.bay
     z = DRIVEWAY_Z + 0.12
     sides = [_slab(west, y, east, y + 0.15, z, palette.PAINT) for y in (south, north - 0.15)]
     return sides + [_slab(x, south, x + 0.15, north, z, palette.PAINT) for x in (west, east - 0.15)]
@@ -101,21 +101,21 @@ def _bay() -> list[MeshPart]:
 
 def _queue(layout: Layout) -> list[MeshPart]:
     """Return the white lines in which the carriers of this orchard wait, one line on each side of them."""
-    places = [field.queue_place(number) for number in range(layout.scenario.carrier_count)]
+    places = [layout.queue.place(number) for number in range(layout.scenario.carrier_count)]
     lines = {y: min(place.x for place in places if place.y == y) - 3.5 for _, y, _ in places}
     beside = [(west, y + side) for y, west in lines.items() for side in (-1.1, 1.1)]
-    return [_slab(west, y - 0.075, field.QUEUE_HEAD + 1.4, y + 0.075, ROW_Z, palette.PAINT) for west, y in beside]
+    return [_slab(west, y - 0.075, layout.queue.head + 1.4, y + 0.075, ROW_Z, palette.PAINT) for west, y in beside]
 
 
 def _fences(layout: Layout) -> list[MeshPart]:
     """Return the fences, 2.5 m high with gaps: a kerb as wide as the laser sees it, a post about every 5 m, three rails."""
-    x, y, length = (-field.X_MAX, field.X_MAX), (layout.bottom, field.TOP), field.TOP - layout.bottom
-    along_x, along_y = np.linspace(*x, round(2 * field.X_MAX / 5.0) + 1), np.linspace(*y, round(length / 5.0) + 1)
+    x, y, length, width = (field.X_WEST, layout.east), (layout.bottom, field.TOP), field.TOP - layout.bottom, layout.east - field.X_WEST
+    along_x, along_y = np.linspace(*x, round(width / 5.0) + 1), np.linspace(*y, round(length / 5.0) + 1)
     post = (0.25, 0.25, field.FENCE_HEIGHT)
     return [
         MeshPart("box", post, (along_x, y, field.FENCE_HEIGHT / 2), palette.FENCE),
         MeshPart("box", post, (x, along_y[1:-1], field.FENCE_HEIGHT / 2), palette.FENCE),
-        *_rails(2 * field.X_MAX, 0.0, y, 0.0),
+        *_rails(width, layout.shift / 2, y, 0.0),
         *_rails(length, x, float(np.mean(y)), 90.0),
     ]
 
@@ -129,15 +129,15 @@ def _rails(length: float, x: Coordinate, y: Coordinate, yaw: float) -> list[Mesh
 
 def _wires(layout: Layout) -> list[np.ndarray]:
     """Return the wires along each line of posts, and across the lanes at each post."""
-    first, last, west, east = layout.tree_lines[0], layout.tree_lines[-1], field.TREES_X[0], field.TREES_X[-1]
+    first, last, west, east = layout.tree_lines[0], layout.tree_lines[-1], layout.trees_x[0], layout.trees_x[-1]
     along = [np.array([(west, y, 2.75), (east, y, 2.75)]) for y in layout.tree_lines]
-    return along + [np.array([(x, first, 2.78), (x, last, 2.78)]) for x in field.POSTS_X]
+    return along + [np.array([(x, first, 2.78), (x, last, 2.78)]) for x in layout.posts_x]
 
 
 def _plan_canopy(rec: rr.RecordingStream, layout: Layout, lanes: list[float]) -> None:
     """Log the plan's canopy, flat and transparent."""
-    patches = MeshPart("box", (1.7, layout.scenario.row_width - 0.5, 0.02), (field.TREES_X, lanes, 3.2), palette.VINE[0])
-    crowns = MeshPart("drum", (5.5, 1.4, 0.02), (field.TREES_X, layout.tree_lines, 3.4), palette.LEAVES[0])
+    patches = MeshPart("box", (1.7, layout.scenario.row_width - 0.5, 0.02), (layout.trees_x, lanes, 3.2), palette.VINE[0])
+    crowns = MeshPart("drum", (5.5, 1.4, 0.02), (layout.trees_x, layout.tree_lines, 3.4), palette.LEAVES[0])
     rec.log("plan/pergola", mesh_of([patches], alpha=70), static=True)
     rec.log("plan/crowns", mesh_of([crowns], alpha=130), static=True)
 
@@ -146,7 +146,7 @@ def _camera(rec: rr.RecordingStream, layout: Layout) -> None:
     """Log a camera far above the middle that looks down, north up."""
     height, width = plan_size(layout)
     scale = FOCAL / CAMERA_UP
-    middle = (0.0, (field.TOP + layout.bottom) / 2, CAMERA_UP)
+    middle = (layout.shift / 2, (field.TOP + layout.bottom) / 2, CAMERA_UP)
     about = rr.Quaternion(xyzw=(1.0, 0.0, 0.0, 0.0))
     down = rr.Transform3D(translation=middle, quaternion=about, child_frame="plan_eye", parent_frame=WORLD_FRAME)
     image = rr.Pinhole(focal_length=FOCAL, width=width * scale, height=height * scale, child_frame="plan_image", parent_frame="plan_eye")
@@ -156,4 +156,4 @@ def _camera(rec: rr.RecordingStream, layout: Layout) -> None:
 
 def plan_size(layout: Layout) -> tuple[float, float]:
     """Return the height and width of the area on the plan, m."""
-    return field.TOP - layout.bottom + 2 * MARGIN, 2 * (field.X_MAX + MARGIN)
+    return field.TOP - layout.bottom + 2 * MARGIN, layout.east - field.X_WEST + 2 * MARGIN

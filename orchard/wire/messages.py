@@ -104,7 +104,7 @@ class Odometry(Message):
     pose: PoseMessage
     twist: TwistMessage
     hitch: Annotated[OtherEnd | None, Meta(description="the body at the other end of the bar; nil if none is coupled")] = None
-    fill: Annotated[float, Meta(ge=0.0, le=1e3, description="for a bin: metres of row in it, 0 to 70")] = 0.0
+    fill: Annotated[float, Meta(ge=0.0, le=1e3, description="for a bin: metres of row in it, 0 to the length of a row")] = 0.0
     full: Annotated[bool, Meta(description="for a bin: whether it is full")] = False
 
 
@@ -332,7 +332,7 @@ class End(Message):
     """The last message of a run."""
 
     finished: Annotated[bool, Meta(description="whether the harvest is complete")]
-    why: Annotated[str, Meta(description="why the run ended: 'harvested', 'duration', 'stopped' or 'jammed'")]
+    why: Annotated[str, Meta(description="why the run ended: 'harvested', 'duration', 'stopped', 'jammed' or 'refused'")]
     hash: Annotated[str, Meta(description="SHA-256 over all ticks, hexadecimal")]
     summary: Annotated[dict[str, Any], Meta(description="the figures of the whole run")]
 
@@ -347,7 +347,7 @@ class BinStatus(Message):
     """The state of a bin, published when `full` or `coupled_to` changes."""
 
     full: Annotated[bool, Meta(description="whether it holds a whole row")]
-    fill: Annotated[Fill, Meta(description="metres of row in it, 0 to 70")]
+    fill: Annotated[Fill, Meta(description="metres of row in it, 0 to the length of a row")]
     coupled_to: Annotated[str, Meta(description="the robot that tows it; '' if none")]
 
 
@@ -361,7 +361,7 @@ class Picture(Message):
     coupled: Annotated[list[Body] | None, Meta(description="for each body, the index of the body at the other end of its bar, or -1")]
     fill: Annotated[list[Fill] | None, Meta(description="for each bin, metres of row in it; 0 for other bodies")]
     alive: Annotated[list[bool] | None, Meta(description="for each body; false for a weed that is flattened")]
-    row_picked: Annotated[list[Fill] | None, Meta(description="for each row, the metres that are picked, 0 to 70")]
+    row_picked: Annotated[list[Fill] | None, Meta(description="for each row, the metres that are picked, 0 to its length")]
     delivered: Annotated[int, Meta(ge=0, description="bins unloaded so far")]
     states: States = {}
     whole: Annotated[bool, Meta(description="whether all fields but `scans` are complete; else they hold changes")] = False

@@ -3,17 +3,16 @@
 from stage import Stage, Standing, empty_orchard
 
 from orchard.agents.route import OneWay
-from orchard.field.layout import QUEUE_HEAD
 from orchard.field.scenario import People
 
 
 def test_carriers_line_up_in_a_queue_at_the_top_right():
     stage = Stage(empty_orchard(rows=5, pickers=5))
     xs = [stage.pose(f"carrier_0{i}")[0] for i in (1, 2, 3, 4)]
-    assert xs[0] == QUEUE_HEAD
+    assert xs[0] == stage.world.layout.queue.head
     assert xs == sorted(xs, reverse=True)
     stage.run(5)
-    stage.assert_at("carrier_01", QUEUE_HEAD, 24.5, "EAST")
+    stage.assert_at("carrier_01", stage.world.layout.queue.head, 24.5, "EAST")
 
 
 def test_carriers_stop_for_an_obstacle_on_the_road():

@@ -3,11 +3,10 @@
 Each example of examples/seams/ runs in local mode and in lockstep with the same hash.
 """
 
-import msgspec
 import pytest
 from alone import local_hash
 
-from orchard import Assignment, BinReport, CarrierReport, Local, OneWay, Scenario, ScenarioError, Step, lay_out
+from orchard import Assignment, BinReport, Block, CarrierReport, Local, OneWay, Scenario, ScenarioError, Step, lay_out
 from orchard.agents.catalogue import check_plugins, make_agents
 from orchard.contract.messages import CustomMessage, pack, unpack
 from orchard.field.scenario import check
@@ -16,7 +15,8 @@ from orchard.report.plan import orchard_plan
 
 EXAMPLES = {
     "dispatch": {"dispatch": "examples.seams.farthest_first.FarthestFirst"},
-    "rows": {"rows_to_pickers": "examples.seams.even_rows.even_rows"},
+    "early dispatch": {"dispatch": "examples.seams.in_time.InTime"},
+    "rows": {"rows_to_pickers": "examples.seams.from_the_east.from_the_east"},
     "route": {"route": "examples.seams.signalled_route.SignalledRoute"},
     "agents and messages": {
         "agents": {"picker": "examples.seams.bin_counter.CountingPicker"},
@@ -72,15 +72,15 @@ def test_the_farthest_bin_is_fetched_first_by_that_policy():
 
 
 def test_the_nearest_policy_harvests_alike_through_the_dispatcher():
-    local = harvest(Local(scenario(dispatch="orchard.agents.dispatch.Nearest")))
+    local = harvest(Local(scenario(dispatch="orchard.agents.policies.nearest.Nearest")))
     assert local.engine.over
     assert local.engine.world.delivered == 4
 
 
 def test_rows_follow_the_rule_that_is_named():
-    assert lay_out(Scenario(rows=20, pickers=11)).blocks["picker_11"] == tuple(range(11, 21))
-    blocks = lay_out(Scenario(rows=20, pickers=11, **EXAMPLES["rows"])).blocks
-    assert {len(rows) for rows in blocks.values()} == {1, 2}
+    blocks = lay_out(Scenario(rows=4, pickers=2, **EXAMPLES["rows"])).blocks
+    assert blocks == {"picker_01": Block((1, 2), "east"), "picker_02": Block((3, 4), "east")}
+    assert lay_out(Scenario(rows=4, pickers=2, rows_to_pickers="test_seams.plain_rows")).blocks["picker_02"] == Block((4,), "west")
 
 
 def test_bounds_and_drawings_follow_the_route_that_is_named():
@@ -112,16 +112,6 @@ class Forgetful:
 
     def __init__(self, layout):
         pass
-
-
-class Greedy(Forgetful):
-    """Assigns one carrier to every bin."""
-
-    class Memory(msgspec.Struct):
-        pass
-
-    def assign(self, now, bins, carriers, memory):
-        return [Assignment(report.name, "carrier_01") for report in bins] + [Assignment("bin_99", "carrier_01")]
 
 
 class Detour(Step, frozen=True):
@@ -158,6 +148,18 @@ class Failing(OneWay):
         raise LookupError("no road")
 
 
+def plain_rows(scenario):
+    return {"picker_01": [1, 2, 3], "picker_02": [4]}
+
+
+def from_the_north(scenario):
+    return {"picker_01": Block((1, 2)), "picker_02": Block((3, 4), start="north")}
+
+
+def upwards(scenario):
+    return {"picker_01": Block((1, 2)), "picker_02": Block((4, 3), start="east")}
+
+
 def odd_and_even(scenario):
     return {"picker_01": (1, 3), "picker_02": (2, 4)}
 
@@ -178,6 +180,8 @@ def one_row_each(scenario):
         ({"route": "test_seams.Nested"}, "Detour is not in `Steps`, or is within a step"),
         ({"route": "test_seams.Failing"}, r"LookupError: no road \(.*test_seams.py, line \d+"),
         ({"rows_to_pickers": "test_seams.odd_and_even"}, "must be neighbours"),
+        ({"rows_to_pickers": "test_seams.upwards"}, "in their order from north to south"),
+        ({"rows_to_pickers": "test_seams.from_the_north"}, "starts at the end 'west' or 'east', and not picker_02 at 'north'"),
         ({"rows_to_pickers": "test_seams.one_row_each"}, "each row of 1 to 4 must go to one picker"),
         ({"rows_to_pickers": "test_seams.nothing"}, "no attribute 'nothing'"),
     ],
@@ -185,15 +189,6 @@ def one_row_each(scenario):
 def test_what_cannot_be_used_is_named_before_the_run(named, why):
     with pytest.raises(ScenarioError, match=why):
         check_plugins(lay_out(scenario(**named)))
-
-
-def test_an_assignment_that_cannot_be_breaks_the_dispatcher_and_is_named(caplog):
-    local, broken = Local(scenario(dispatch="test_seams.Greedy")), set()
-    while local.engine.tick < 1500:
-        local.tick()
-        broken |= {name for name, action in local.actions.items() if action.state == "broken"}
-    assert broken == {"dispatch"}
-    assert "assigns bin bin_99, which is not available" in caplog.text
 
 
 @pytest.mark.parametrize("name", ["picker_x", "traffic", "traffic_2", "dispatch", "physics", "Weather", "a b"])

@@ -5,16 +5,20 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from stage import Stage, Standing, empty_orchard
+from sweeps import outline, swept, train
 
 from orchard.agents.robot import Step
-from orchard.agents.route import route_of
-from orchard.agents.sense import SIDE_MARGIN, STOP_DISTANCE, Box
+from orchard.agents.routes import route_of
+from orchard.agents.sense import SIDE_MARGIN, STOP_DISTANCE, TURN_MARGIN, Box
 from orchard.agents.steps import Alone, Confirmed, Deliver, DriveTo, Face, FetchEmpty, Free, LeaveBin, Need, TakeBin, Unload
+from orchard.field.geometry import HEADINGS, angle_between
 from orchard.field.kinds import KINDS
-from orchard.field.layout import QUEUE_LINE_PLACES, ROW_WEST, Layout, lay_out, queue_place
+from orchard.field.layout import Layout, lay_out
+from orchard.field.queue import ONE_WAY, TWO_WAY, queue_of
+from orchard.field.rows import RULES
 from orchard.field.scenario import Scenario
 
 LEAST_GAP = 0.01  # m; a float32 of a range is exact to a micrometre
@@ -38,15 +42,19 @@ class Area(NamedTuple):
     blind_to: tuple[Box, ...] = ()
 
 
+Turn = tuple[Area, np.ndarray, str]  # where a robot turns; its outline in its own frame, m; the heading to which it turns
+
+
 class Walk:
     """A plan, driven without an obstacle: where its robot may stand, and what it must find free."""
 
-    def __init__(self, robot: str, picker: str, x: float, y: float, stage: int = 0) -> None:
+    def __init__(self, robot: str, picker: str, x: float, y: float, stage: int = 0, heading: str = "EAST") -> None:
         self.robot, self.picker, self.x, self.y, self.stage = robot, picker, x, y, stage
         self.kind = KINDS["picker" if robot == picker else "carrier"]
-        self.heading, self.tows, self.places = "EAST", True, frozenset[str]()
+        self.heading, self.tows, self.places = heading, True, frozenset[str]()
         self.stands: list[Area] = []
         self.drives: list[Area] = []
+        self.turns: list[Turn] = []
         self.stand()
 
     def stand(self) -> None:
@@ -57,6 +65,11 @@ class Walk:
     def area(self, x: float, y: float, length: float, width: float, heading: str) -> Area:
         half = (width / 2, length / 2) if heading in ("NORTH", "SOUTH") else (length / 2, width / 2)
         return Area(x, y, *half, self.robot, self.picker, self.stage, heading, self.places)
+
+    def outline(self) -> np.ndarray:
+        """Points on the outline of the robot, and of its bin, in its own frame, m."""
+        kind = "picker" if self.robot == self.picker else "carrier"
+        return train(kind) if self.tows else outline(kind)
 
     def bin_behind(self, heading: str) -> Area:
         ux, uy = UNIT[self.heading]
@@ -70,6 +83,13 @@ class Walk:
                 case DriveTo():
                     self.drive(step)
                 case Face():
+                    self.turns.append(
+                        (
+                            self.area(self.x, self.y, 0.0, 0.0, self.heading)._replace(blind_to=tuple(step.blind_to)),
+                            self.outline(),
+                            step.heading,
+                        )
+                    )
                     self.heading = step.heading
                 case Need():
                     self.places |= set(step.places)
@@ -87,7 +107,8 @@ class Walk:
     def drive(self, step: DriveTo) -> None:
         """Drive from gate to gate: before a gate the robot may stand, while it does not hold the places."""
         ahead, target = sum(UNIT[self.heading]), self.along(step)
-        gates = [(gate.at, True, gate.places) for gate in step.needs] + [(gate.at, False, gate.places) for gate in step.frees]
+        needs = {gate.at: [place for other in step.needs if other.at == gate.at for place in other.places] for gate in step.needs}
+        gates = [(at, True, places) for at, places in needs.items()] + [(gate.at, False, gate.places) for gate in step.frees]
         for at, needed, places in sorted(gates, key=lambda gate: (ahead * gate[0], gate[1])):
             here = self.y if step.x is None else self.x
             if ahead * at > ahead * target:
@@ -115,19 +136,21 @@ class Walk:
 def walks_of(layout: Layout) -> Iterator[Walk]:
     """The work of every picker, a job for every row and from every line of the queue, and the other carriers in the queue."""
     route, carriers = route_of(layout), range(1, layout.scenario.carrier_count + 1)
-    heads = carriers[::QUEUE_LINE_PLACES]
-    yield from (Walk(f"carrier {number}", "", queue_place(number - 1).x, queue_place(number - 1).y) for number in carriers)
-    for name, rows in layout.blocks.items():
-        walk = Walk(name, name, ROW_WEST, layout.lane(rows[0]).y)
-        for count, row in enumerate(rows):
-            side = route.side(count)
+    heads = carriers[:: layout.queue.places]
+    yield from (Walk(f"carrier {number}", "", layout.queue.place(number - 1).x, layout.queue.place(number - 1).y) for number in carriers)
+    for name, block in layout.blocks.items():
+        start = layout.starts[layout.index[name]].pose
+        walk = Walk(name, name, start.x, start.y, heading="EAST" if block.start == "west" else "WEST")
+        walk.follow(route.come_in(block))
+        for count, row in enumerate(block.rows):
+            side = route.side(count, block.start)
             walk.stage = 2 * row
-            walk.follow(route.pick(row, side, came_over=count > 0))
+            walk.follow(route.pick(row, side, came_over=count > 0 or block.start == "east"))
             walk.stage = 2 * row + 1
-            leave = route.go_to_next_row(row, row + 1, side) if row != rows[-1] else route.park(row, side)
+            leave = route.go_to_next_row(row, row + 1, side) if row != block.rows[-1] else route.park(row, side)
             walk.follow([*route.swap_bins(row, side), *leave])
             for carrier in heads if row == 1 else [heads[row % len(heads)]]:
-                start = queue_place(carrier - 1)
+                start = layout.queue.place(carrier - 1)
                 job = Walk(f"carrier for row {row}", name, start.x, start.y, 2 * row + 1)
                 job.follow(route.fetch(carrier, row, side, name, "a bin"))
                 yield job
@@ -165,18 +188,71 @@ def too_near(layout: Layout) -> list[tuple[Area, Area]]:
     return [(drives[i], stands[j]) for i, j in near if may_meet(drives[i], stands[j])]
 
 
-@settings(max_examples=12)
-@given(
-    rows=st.integers(3, 20),
-    pickers=st.integers(2, 20),
-    carriers=st.none() | st.integers(1, 40),
-    width=st.floats(5.0, 12.0, allow_nan=False),
-)
-@example(rows=4, pickers=2, carriers=None, width=5.0)
-@example(rows=20, pickers=20, carriers=40, width=5.0)
-def test_what_stands_is_clear_of_every_drive_that_may_pass_it(rows: int, pickers: int, carriers: int | None, width: float) -> None:
-    layout = lay_out(empty_orchard(rows=rows, pickers=min(pickers, rows), carriers=carriers, row_width=width))
-    assert too_near(layout) == []
+def is_on_its_road(turn: Area, heading: str, stand: Area) -> bool:
+    """Whether the other robot stands on the road from which this one comes, or to which it turns: they keep their distance by lasers."""
+    aside = abs(stand.y - turn.y) if stand.heading in ("EAST", "WEST") else abs(stand.x - turn.x)
+    return stand.heading in (turn.heading, heading) and aside < 1e-6
+
+
+def in_a_turn(layout: Layout) -> list[tuple[Area, Area]]:
+    """The turns that would sweep over a robot or a bin that may stand there."""
+    walks = list(walks_of(layout))
+    turns, stands = [turn for walk in walks for turn in walk.turns], [area for walk in walks for area in walk.stands]
+    boxes = np.array([area[:4] for area in stands])
+    found = []
+    for at, shape, heading in turns:
+        near = np.flatnonzero(np.abs(boxes[:, :2] - (at.x, at.y)).max(axis=1) < 4.5)
+        candidates = [int(j) for j in near if may_meet(at, stands[j]) and not is_on_its_road(at, heading, stands[j])]
+        if candidates:
+            points = swept(shape, at.x, at.y, HEADINGS[at.heading], angle_between(HEADINGS[at.heading], HEADINGS[heading]))
+            apart = [(np.abs(points - boxes[j, :2]) - boxes[j, 2:]).max(axis=1).min() for j in candidates]
+            found += [(at, stands[j]) for j, gap in zip(candidates, apart, strict=True) if gap < TURN_MARGIN - 0.02]
+    return found
+
+
+@st.composite
+def orchards(draw: st.DrawFn) -> Scenario:
+    """Any legal orchard on either route."""
+    rows, route = draw(st.integers(3, 20)), draw(st.sampled_from([ONE_WAY, TWO_WAY]))
+    length, bay = draw(st.just(70.0) | st.floats(20.0, 200.0)), draw(st.just(0.0) | st.floats(0.0, 100.0))
+    most = [number for number in range(1, 41) if queue_of(route, length, bay, number)]
+    assume(most)
+    return empty_orchard(
+        rows=rows,
+        pickers=draw(st.integers(2, rows)),
+        carriers=draw(st.sampled_from(most)),
+        row_width=draw(st.floats(5.0, 12.0)),
+        row_length=length,
+        bay=bay,
+        route=route,
+        rows_to_pickers=draw(st.sampled_from([*RULES, FROM_THE_EAST])),
+    )
+
+
+FROM_THE_EAST = "examples.seams.from_the_east.from_the_east"
+LARGEST = {"rows": 20, "pickers": 20, "carriers": 40}
+
+
+@settings(max_examples=15)
+@given(orchards())
+@example(empty_orchard(rows=4))
+@example(empty_orchard(rows=4, route=TWO_WAY))
+@example(empty_orchard(**LARGEST))
+@example(empty_orchard(**LARGEST, route=TWO_WAY))
+@example(empty_orchard(rows=20, pickers=10, carriers=40, rows_to_pickers="balanced-ends"))
+@example(empty_orchard(**LARGEST, rows_to_pickers=FROM_THE_EAST))
+@example(empty_orchard(**LARGEST, route=TWO_WAY, rows_to_pickers=FROM_THE_EAST))
+@example(empty_orchard(carriers=2, row_length=20.0, route=TWO_WAY))
+def test_what_stands_is_clear_of_every_drive_that_may_pass_it(scenario: Scenario) -> None:
+    assert too_near(lay_out(scenario)) == []
+
+
+@settings(max_examples=5)
+@given(orchards())
+@example(empty_orchard(rows=6, pickers=6, carriers=10, route=TWO_WAY))
+@example(empty_orchard(rows=6, pickers=6, carriers=16))
+def test_what_stands_is_clear_of_every_turn_beside_it(scenario: Scenario) -> None:
+    assert in_a_turn(lay_out(scenario)) == []
 
 
 @pytest.mark.parametrize("stands", ["picker_01", "picker_02"])
@@ -187,13 +263,19 @@ def test_a_picker_that_is_stopped_at_its_start_stands_in_no_way(stands: str) -> 
     stage.assert_no_collisions()
 
 
+def test_a_picker_that_never_leaves_its_start_in_the_east_stands_in_no_way() -> None:
+    stage = Stage(Scenario(rows=4, pickers=2, rows_to_pickers="balanced-ends"), picker_02=Standing())
+    stage.run_until(lambda: stage.world.delivered == 2, 700)
+    stage.assert_no_collisions()
+
+
 @pytest.mark.soak
 @pytest.mark.parametrize(("rows", "pickers", "carriers", "width"), [(6, 3, 2, 5.0), (8, 4, 14, 5.0), (5, 5, None, 5.0), (7, 2, 1, 9.3)])
 def test_soak_no_picker_that_stands_is_in_the_way_of_the_others(rows: int, pickers: int, carriers: int | None, width: float) -> None:
     scenario = empty_orchard(rows=rows, pickers=pickers, carriers=carriers, row_width=width)
     for picker, block in lay_out(scenario).blocks.items():
         stage = Stage(scenario, **{picker: Standing()})
-        stage.run_until(lambda: stage.world.delivered == rows - len(block), 4000)  # noqa: B023 - run at once
+        stage.run_until(lambda: stage.world.delivered == rows - len(block.rows), 4000)  # noqa: B023 - run at once
 
 
 @pytest.mark.soak

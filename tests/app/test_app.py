@@ -140,3 +140,21 @@ def test_a_bad_file_is_explained_and_changes_nothing(browser, tmp_path):
     assert "bad.yaml:1: rows = 99" in told
     assert "did you mean pickers" in told
     assert browser.field("rows").get_attribute("value") == "5"
+
+
+def test_picking_that_varies_is_entered_as_it_is_saved(browser, downloads, tmp_path):
+    file = tmp_path / "varied.yaml"
+    file.write_text("picking_speed: 0.5\npicking: {spread: {distribution: gamma, cv: 0.4}}\n")
+    browser.one("input[type=file]").send_keys(str(file))
+    browser.until(lambda: browser.field("picking.spread.cv").get_attribute("value") == "0.4", "the file is shown")
+    browser.switch("picking.failure.mean_between-automatic", False)
+    browser.until(lambda: "null or a number from 60" in browser.problem("picking.failure.mean_between"), "a number is asked for")
+    browser.fill("picking.failure.mean_between", 1800)
+    browser.until(lambda: not browser.problem("picking.failure.mean_between"), "all is well")
+    browser.fill("picking.spread.cv", 0.6)
+    for path in ("picking.spread.cv", "picking.spread.distribution", "picking_speed"):
+        browser.until(lambda path=path: "cv must be at most 0.5" in browser.problem(path), f"told at {path}")
+    browser.fill("picking.spread.cv", 0.5)
+    browser.until(lambda: not browser.problem("picking_speed"), "all is well again")
+    picking = {"spread": {"distribution": "gamma", "cv": 0.5}, "failure": {"mean_between": 1800.0}}
+    assert load(browser.saved(downloads)) == Scenario(picking_speed=0.5, picking=picking)

@@ -1,14 +1,16 @@
 """The page's form and orders, without a browser: what is asked for, what is wrong and where, and what run.py is told."""
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from orchard.app.draft import Draft, entries, flat
+from orchard.app.link import draft_of, query_of
 from orchard.app.own_classes import from_elsewhere, own_classes
 from orchard.app.run_controls import Files, RunSettings, command
 from orchard.app.runner import Runner
-from orchard.field.scenario import Scenario, with_changes
+from orchard.field.scenario import DISPATCH_POLICIES, Scenario, with_changes
 
 
 def test_the_page_asks_for_every_value_of_a_scenario():
@@ -65,6 +67,27 @@ def test_the_classes_of_a_scenario_survive_changes():
     assert draft.scenario == Scenario(rows=7, agents={"picker": "tests.own_agents.Eastward"})
     draft.drop_classes()
     assert draft.scenario == Scenario(rows=7)
+
+
+def test_built_in_rules_are_chosen_on_the_page_and_a_class_of_a_file_stays_one_of_the_choices():
+    assert entries()["dispatch"].choices == DISPATCH_POLICIES
+    own = "examples.seams.farthest_first.FarthestFirst"
+    draft = Draft(Scenario(dispatch=own))
+    assert (draft.classes, draft.scenario) == ({"dispatch": own}, Scenario(dispatch=own))
+    draft.set("dispatch", "predictive")
+    assert (draft.classes, draft.scenario) == ({}, Scenario(dispatch="predictive"))
+    draft.set("dispatch", own)
+    draft.drop_classes()
+    assert draft.scenario == Scenario()
+
+
+def test_a_link_chooses_a_built_in_rule_and_runs_no_class():
+    assert draft_of([("dispatch", "predictive")])[0].scenario == Scenario(dispatch="predictive")
+    draft, _ = draft_of([("dispatch", "this.Zen")])
+    assert "a class of your own must be named in a scenario file" in draft.problems["dispatch"]
+    assert "this" not in sys.modules
+    assert query_of(Scenario(rows=7, dispatch="this.Zen")) == "rows=7"
+    assert query_of(Scenario(dispatch="predictive")) == "dispatch=predictive"
 
 
 def test_a_class_for_a_robot_that_is_gone_is_told():

@@ -32,6 +32,18 @@ def test_the_realistic_file_picks_at_a_persons_rate() -> None:
     assert (realistic.pickers, realistic.carrier_count) == (5, 2)
 
 
+def test_people_who_pick_by_hand_fill_as_many_bins_as_the_diary_tells() -> None:
+    crew = load(CONFIG / "hand_picking.yaml")
+    assert (crew.pickers, crew.carriers, crew.picking_speed * 3600 / 70) == (20, 4, pytest.approx(1.8))
+
+
+def test_a_robot_of_four_arms_takes_as_long_for_a_bin_as_its_fruit() -> None:
+    robots = load(CONFIG / "kiwi_robot.yaml")
+    fruit = 18 * 35.24 * 0.6 / 0.125  # bushels, litres a bushel, kg a litre, kg a fruit
+    assert 70 / robots.picking_speed == pytest.approx(fruit * 4.5 / 4, rel=0.01)  # s a fruit and arm
+    assert robots.picking.spread.cv == pytest.approx(0.5 / 3**0.5 / 4.5, abs=0.001)
+
+
 def test_the_committed_schema_is_the_models() -> None:
     assert (CONFIG / "scenario.schema.json").read_text() == schema_text(), "run: make docs"
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import People, Scenario, check, load, parse, to_yaml, with_changes
 
-SECTIONS = ("people", "animals", "laser")
+SECTIONS = ("people", "animals", "laser", "picking")
 legal = st.builds(
     Scenario,
     rows=st.integers(10, 20),
@@ -38,7 +38,7 @@ def scenario_or_error(make: object, *arguments: object) -> None:
         str(error).encode("utf-8")
 
 
-names = st.sampled_from([*Scenario.model_fields, "workers", "visitors", "dogs", "cats", "noise", "rowz"])
+names = st.sampled_from([*Scenario.model_fields, "workers", "visitors", "dogs", "cats", "noise", "spread", "failure", "cv", "rowz"])
 keys = names | st.text(st.characters(), max_size=5) | st.integers() | st.none() | st.floats() | st.booleans() | st.tuples(st.integers())
 leaves = (
     st.none()

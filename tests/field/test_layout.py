@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from orchard.field import layout as layouts
 from orchard.field import placement
-from orchard.field.geometry import HEADINGS, Pose
+from orchard.field.geometry import HEADINGS, WEST, Pose
 from orchard.field.kinds import ANIMALS, KINDS, PEOPLE, kind_of, name_of
-from orchard.field.layout import BAY, DRIVEWAY, QUEUE, ROW_EAST, ROW_WEST, Layout, Start, lay_out, queue_in_use
+from orchard.field.layout import BAY, DRIVEWAY, ROW_WEST, Layout, Start, lay_out
 from orchard.field.scenario import Animals, People, Scenario
 
 BIGGEST = Scenario(
@@ -142,11 +142,11 @@ def assert_counts(layout: Layout) -> None:
 def assert_people_keep_off(layout: Layout) -> None:
     lines = layout.tree_lines
     for start in of(layout, *PEOPLE):
-        assert not strictly_in(box(start), ROW_WEST, lines[-1], ROW_EAST, lines[0]), start
+        assert not strictly_in(box(start), ROW_WEST, lines[-1], layout.row_east, lines[0]), start
         assert start.pose.yaw in HEADINGS.values()
     ways = [(p.pose.x + 1.25, p.pose.y - 0.75, p.pose.x + 2.75, p.pose.y + 0.75) for p in of(layout, "picker")]
     for start in of(layout, *PEOPLE, *ANIMALS):
-        assert not strictly_in(box(start), *queue_in_use(layout.scenario.carrier_count)), start
+        assert not strictly_in(box(start), *layout.queue.in_use(layout.scenario.carrier_count)), start
         assert not strictly_in(box(start), -48.0, 26.0, -22.0, 32.0), start
         assert not any(strictly_in(box(start), *way) for way in ways), start
 
@@ -230,7 +230,8 @@ def test_a_given_place_in_the_queue_gives_way_to_the_nearest_free_one(name: str,
     x, y = places(Scenario(carriers=40))[name]
     assert places(Scenario())[name] == given_place or name == "worker_02", "the lines that no carrier uses are not kept clear"
     moved = math.dist((x, y), given_place)
-    to_the_edge = min(QUEUE.north - given_place[1], given_place[1] - QUEUE.south, abs(QUEUE.east - given_place[0]))
+    queue = lay_out(Scenario(carriers=40)).queue.area
+    to_the_edge = min(queue.north - given_place[1], given_place[1] - queue.south, abs(queue.east - given_place[0]))
     assert 0.0 < moved <= max(to_the_edge, 0.0) + 0.571 + 0.5  # half a body, and the grid
 
 
@@ -299,18 +300,6 @@ def test_the_driveway_and_the_bay_are_in_the_top_left_corner() -> None:
     assert BAY.north < 26.1  # outside the tractor's sweep
 
 
-@pytest.mark.parametrize(
-    ("rows", "pickers", "blocks"),
-    [
-        (5, 2, [(1, 2), (3, 4, 5)]),
-        (3, 3, [(1,), (2,), (3,)]),
-        (20, 3, [tuple(range(1, 7)), tuple(range(7, 13)), tuple(range(13, 21))]),
-    ],
-)
-def test_a_picker_has_neighbouring_rows_and_the_last_the_remainder(rows: int, pickers: int, blocks: list) -> None:
-    assert list(lay_out(Scenario(rows=rows, pickers=pickers)).blocks.values()) == blocks
-
-
 @settings(max_examples=15)
 @given(scenarios())
 def test_robots_start_with_their_bins_behind_them(scenario: Scenario) -> None:
@@ -319,7 +308,14 @@ def test_robots_start_with_their_bins_behind_them(scenario: Scenario) -> None:
         behind = layout.starts[layout.index[start.bin]]
         assert behind.pose == Pose(start.pose.x - KINDS[start.kind].tows, start.pose.y, 0.0)
     for picker in of(layout, "picker"):
-        assert picker.pose == Pose(-35.5, layout.lane(layout.blocks[picker.name][0]).y, 0.0)
+        assert picker.pose == Pose(-35.5, layout.lane(layout.blocks[picker.name].rows[0]).y, 0.0)
+
+
+def test_a_picker_that_starts_in_the_east_stands_off_the_roads_with_its_bin_behind_it() -> None:
+    layout = lay_out(Scenario(rows=4, pickers=2, rows_to_pickers="balanced-ends"))
+    picker, fruit = (layout.starts[layout.index[name]].pose for name in ("picker_02", "bin_02"))
+    assert picker == Pose(41.0, layout.lane(3).y, WEST)
+    assert fruit == Pose(43.25, layout.lane(3).y, WEST)
 
 
 def test_starts_are_frozen() -> None:

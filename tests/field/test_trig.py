@@ -1,4 +1,4 @@
-"""The project's own sine, cosine, arc tangent and logarithm: right, exact where it matters, and the same compiled."""
+"""The project's own sine, cosine, arc tangent, logarithm and exponential: right, exact where it matters, and the same compiled."""
 
 import ast
 import math
@@ -35,6 +35,12 @@ def test_the_arc_tangent_is_right_to_the_last_digits(y, x):
 @given(st.floats(1e-300, 1e300))
 def test_the_logarithm_is_right_to_the_last_digits(x):
     assert repeatable.log(x) == pytest.approx(math.log(x), abs=ERROR, rel=ERROR)
+
+
+@settings(max_examples=500)
+@given(st.floats(-700.0, 700.0))
+def test_the_exponential_is_right_to_the_last_digits(x):
+    assert repeatable.exp(x) == pytest.approx(math.exp(x), rel=4 * ERROR, abs=0)
 
 
 @settings(max_examples=300)

@@ -10,12 +10,12 @@ import msgpack
 import pytest
 from alone import SMALL
 
-from orchard.agents.route import SIDES, OneWay
+from orchard.agents.route import OneWay
 from orchard.contract.agent import Heard, Mail, Reply
 from orchard.contract.mail import digest_of, in_hearing_order
 from orchard.contract.messages import Come, Confirm, No, Offer, Position, StateRequest, Where, pack
 from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
-from orchard.field.layout import lay_out, queue_place
+from orchard.field.layout import lay_out
 from orchard.field.scenario import Animals, Scenario
 
 HARVEST_SECONDS = 240.0  # of wall time, on a busy machine
@@ -51,6 +51,7 @@ OTHERS = {
     "wide rows, noise": (Scenario(rows=3, carriers=1, row_width=8.0, laser={"noise": 0.01}, animals=Animals(dogs=0, cats=0)), "carrier_01"),
     "a second line of the queue": (Scenario(rows=16, pickers=16, carriers=13, weeds=0), "carrier_13"),
     "a dispatcher": (Scenario(rows=3, carriers=2, dispatch="examples.seams.farthest_first.FarthestFirst"), "carrier_02"),
+    "an early dispatcher": (Scenario(rows=3, carriers=2, dispatch="predictive"), "carrier_02"),
 }
 
 
@@ -102,14 +103,14 @@ def test_its_field_is_ours(number):
     layout, route = lay_out(scenario), OneWay(lay_out(scenario))
     field = foreign_carrier.Field(scenario.model_dump(), f"carrier_{number:02d}")
     assert (field.D, field.F, field.FULL, field.PICKER) == (route.D_ROAD, route.F_ROAD, route.FULL_BIN, route.WAITING)
-    assert (field.COUPLES, field.TURN_OFF) == (route.COUPLING, route.TURN_OFF)
+    assert (route.COUPLING, layout.queue.turn_off) == (field.COUPLES, field.TURN_OFF)
     assert (field.STOP, field.HOLD, field.CLEAR) == (route.STOP, route.HOLD, route.CLEAR)
     assert (field.bottom_d, field.bottom_f, field.top_clear) == (route.outer_bottom, route.inner_bottom, route.top_clear)
-    assert (field.HEAD, field.line) == (queue_place(0).x, queue_place(number - 1).y)
+    assert (field.HEAD, field.line) == (layout.queue.head, layout.queue.place(number - 1).y)
     for lane in layout.lanes:
         assert field.lane(lane.number) == lane.y
         for side in ("east", "west"):
-            distance = route.distance(30.0, 20.0, lane.number, SIDES[side])
+            distance = route.distance(30.0, 20.0, lane.number, route.sides[side])
             assert field.distance(30.0, 20.0, lane.number, field.side(side)) == pytest.approx(distance)
 
 

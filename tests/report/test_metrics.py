@@ -5,10 +5,11 @@ from stage import Stage, Standing, empty_orchard
 
 from orchard.agents.route import OneWay
 from orchard.agents.steps import DriveTo, Face
+from orchard.agents.timing import duration
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
 from orchard.field.scenario import People, Scenario, load
-from orchard.report.bounds import Bounds, duration
+from orchard.report.bounds import Bounds
 from orchard.report.metrics import HarvestFigures, harvest_figures, who_waits
 from orchard.report.schedule import Schedule
 

@@ -10,7 +10,8 @@ from rich.console import Console
 from orchard.report.progress import Headline, Progress, headline_of, robots
 
 FIGURES = {
-    "sim_seconds": 61.5, "times_real_time": 30.0, "rows_picked": 2, "rows": 20, "metres_picked": 525.0, "bins_delivered": 1,
+    "sim_seconds": 61.5, "times_real_time": 30.0, "rows_picked": 2, "rows": 20, "row_length": 70.0,
+    "metres_picked": 525.0, "bins_delivered": 1,
     "schedule_sim_seconds": 1411.5,
 }  # fmt: skip
 

@@ -7,9 +7,10 @@ from types import SimpleNamespace
 
 import msgpack
 import pytest
-from alone import SMALL, TICKS, TOY
+from alone import SMALL, TICKS, TOY, local_hash
 from corpus import Net, StandIn
 from fleet import until
+from stage import empty_orchard
 
 from orchard.contract.messages import pack
 from orchard.launch.supervisor import free_port
@@ -54,6 +55,20 @@ def test_hosts_that_are_killed_at_any_tick_and_started_again_change_nothing(flee
     for number in range(killed):
         fleet.host("--share", f"{number}/2", agents=TOY)
     assert fleet.end() == undisturbed
+
+
+@pytest.mark.parametrize(
+    "dispatch", ["predictive", *(pytest.param(name, marks=pytest.mark.soak) for name in ("farthest-first", "nearest"))]
+)
+def test_hosts_that_are_killed_while_bins_call_and_carriers_leave_early_change_nothing(fleet, dispatch):
+    scenario = empty_orchard(dispatch=dispatch)
+    fleet.physics(scenario, "--speed", "30", "--duration", "90")
+    fleet.share(2)
+    for tick in (20, 300, 700):  # bins report; carriers are under way; bins are left
+        wait_for_tick(fleet, tick)
+        end(fleet.hosts.pop(0))
+        fleet.host("--share", f"{0 if tick != 300 else 1}/2")
+    assert fleet.end() == local_hash(scenario, 900)
 
 
 def test_a_host_that_is_killed_again_and_again_changes_nothing(fleet, undisturbed):

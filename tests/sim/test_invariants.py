@@ -13,7 +13,7 @@ from stage import empty_orchard
 
 from orchard.contract.events import Event
 from orchard.contract.messages import pack, unpack
-from orchard.field.layout import ROW_LENGTH, lay_out
+from orchard.field.layout import lay_out
 from orchard.field.scenario import Animals, People, Scenario
 from orchard.local import Local
 from orchard.sim.invariants import Invariants
@@ -83,7 +83,7 @@ def test_a_bin_that_is_unloaded_without_a_carrier_is_named(checker, world):
 # -- metres and rows
 
 
-@pytest.mark.parametrize("metres", [-0.5, ROW_LENGTH + 0.5])
+@pytest.mark.parametrize("metres", [-0.5, 70.5])
 def test_a_bin_that_holds_what_no_bin_can_is_named(checker, world, metres):
     world.fill[world.index["bin_01"]] = metres
     found = after(checker, world)

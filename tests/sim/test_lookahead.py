@@ -91,7 +91,7 @@ def test_holds_change_no_result(scenario, ticks):
     same_run(scenario, ticks)
 
 
-@pytest.mark.parametrize("dispatch", ["nearest", "examples.seams.farthest_first:FarthestFirst"])
+@pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
 def test_holds_change_no_result_of_a_whole_harvest_and_few_are_asked(dispatch):
     scenario = Scenario(rows=3, picking_speed=1.0, dispatch=dispatch)
     assert same_run(scenario, 2600) <= 0.15

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from yard import AHEAD, LANE, picker_with_bin, train, yard
 
 from orchard.field.geometry import EAST, Pose, Twist
-from orchard.field.layout import ROW_EAST, ROW_WEST
+from orchard.field.layout import ROW_WEST
 from orchard.sim.physics import is_full
 
 
@@ -24,7 +24,7 @@ def test_a_row_from_end_to_end_fills_a_bin():
 
 
 def test_a_row_is_picked_westward_as_well():
-    row = picker_with_bin(x=ROW_EAST + 0.05, yaw=math.pi)
+    row = picker_with_bin(x=34.55, yaw=math.pi)
     row.drive(300, **train(x=1.0))
     assert row.world.row_from[0] == 1
     assert row.world.row_picked[0] == row.of("fill", "bin_02") == pytest.approx(29.95)

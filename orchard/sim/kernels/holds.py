@@ -1,6 +1,5 @@
 """The inner loops of lookahead: which holds end. Arrays have one row per body; `ranges` are the scans of all bodies in one array."""
 
-from orchard.field.layout import ROW_LENGTH
 from orchard.sim.kernels.jit import inlined, jit
 
 NONE = -1  # as an index: none
@@ -8,7 +7,7 @@ NONE = -1  # as an index: none
 
 @jit
 def end_holds(
-    ranges, before, tick, until, wanted, twist, coupled, partner, partner_twist, fill, was_full, watched, was_occupied, still, spans, begin
+    ranges, before, tick, until, wanted, twist, coupled, partner, partner_twist, full, was_full, watched, was_occupied, still, spans, begin
 ):  # fmt: skip
     """Set `until`, (n,) ticks, to 0 for each body whose hold ends at this tick.
 
@@ -22,7 +21,7 @@ def end_holds(
             or differs(wanted[i], twist[i])
             or j != partner[i]
             or (j != NONE and differs(twist[j], partner_twist[i]))
-            or (fill[i] >= ROW_LENGTH) != was_full[i]
+            or full[i] != was_full[i]
         ):
             until[i] = 0
             continue
@@ -34,10 +33,10 @@ def end_holds(
 
 
 @jit
-def begin_holds(ranges, bodies, twist, coupled, partner, partner_twist, fill, was_full, watched, was_occupied, spans, begin):
+def begin_holds(ranges, bodies, twist, coupled, partner, partner_twist, full, was_full, watched, was_occupied, spans, begin):
     """Note what these bodies, (b,) indices, observe at the tick of their answers."""
     for i in bodies:
-        partner[i], was_full[i] = coupled[i], fill[i] >= ROW_LENGTH
+        partner[i], was_full[i] = coupled[i], full[i]
         if coupled[i] != NONE:
             partner_twist[i] = twist[coupled[i]]
         for z in range(watched.shape[1]):

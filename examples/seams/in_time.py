@@ -1,0 +1,25 @@
+"""An early dispatch policy: carriers leave before a bin is full, those for the farthest bins first, and never two within three seconds.
+
+dispatch: examples.seams.in_time.InTime
+"""
+
+import msgspec
+
+from orchard import Assignment
+
+
+class InTime:
+    early = True  # bins report before they are full
+
+    class Memory(msgspec.Struct):
+        left: int = -1000  # tick at which the last carrier was sent
+
+    def __init__(self, layout): ...
+
+    def assign(self, now, bins, carriers, memory):
+        due = [report for report in bins if report.seconds_to_full <= report.seconds_to_reach]
+        free = [carrier.name for carrier in carriers if carrier.is_next]
+        if not due or not free or now - memory.left < 30:
+            return []
+        memory.left = now
+        return [Assignment(max(due, key=lambda report: (report.metres, report.name)).name, free[0])]

@@ -1,0 +1,58 @@
+"""A bin's forecast: where and when will it stand full, while a picker still fills it?"""
+
+from typing import NamedTuple
+
+from orchard.agents.route import OneWay
+from orchard.agents.routes import route_of
+from orchard.agents.steps import CRUISE
+from orchard.agents.timing import approach_seconds
+from orchard.contract.agent import Hitch, Observation
+from orchard.field.geometry import EAST, WEST, angle_between
+from orchard.field.layout import ROW_WEST, Layout
+from orchard.field.scenario import TIME_STEP
+
+ALONG = 0.01  # rad and m: a picker whose heading, or place, is nearer than this to that of a row faces along it, or is in it
+LEAST_PACE = 0.01  # m/s: a picker that is slower does not pick, but stands, or is about to
+EARLIER = 30.0  # s before a carrier would have to leave for the farthest lane
+
+
+class Ripening(NamedTuple):
+    """Where and when a bin will be full."""
+
+    lane: int
+    side: str  # end of the lane
+    seconds: float  # until it is full; 0 once it is
+    before: float  # m that its picker still has to drive before it picks
+
+
+class Forecast:
+    """The forecasts for the bins of one orchard."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout, self.horizon = layout, farthest(route_of(layout)) + EARLIER  # s before it is full a bin begins to call
+
+    def of(self, seen: Observation, picker: Hitch, pace: float) -> Ripening | None:
+        """Return the forecast for a bin on a picker; None unless the picker is in a row that it has still to pick, or drives into one.
+
+        `pace`: m/s at which the picker picks. A picker that stands before a row may have to wait for roads that early carriers block.
+        """
+        side = next((name for name, yaw in (("east", EAST), ("west", WEST)) if abs(angle_between(yaw, picker.pose.yaw)) < ALONG), "")
+        ahead = self.layout.row_east - picker.x if side == "east" else picker.x - ROW_WEST
+        if not side or ahead < -ALONG:
+            return None
+        lane = min(self.layout.lanes, key=lambda lane: abs(lane.y - picker.y))
+        left = max(0.0, self.layout.row_length - seen.fill)
+        before = max(0.0, ahead - left)
+        if before > ALONG and picker.twist.x <= 0.0:
+            return None
+        return Ripening(lane.number, side, left / pace + before / CRUISE, before)
+
+    def ticks(self, ripening: Ripening) -> int:
+        """Return the ticks until the bin must look again, if its picker keeps its velocity: it may have to call, or its picker may pick."""
+        call = int((ripening.seconds - self.horizon) / TIME_STEP)
+        return max(1, min(call, int(ripening.before / (CRUISE * TIME_STEP)) if ripening.before else call))
+
+
+def farthest(route: OneWay) -> float:
+    """Return the time that a carrier needs from the queue's head to the farthest lane, s."""
+    return max(approach_seconds(route, lane.number, side) for lane in route.layout.lanes for side in route.sides.values())

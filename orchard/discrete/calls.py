@@ -1,0 +1,155 @@
+"""Which carrier fetches which bin in the discrete-event model: the same policies, and the ticks that their letters take."""
+
+from dataclasses import dataclass
+from math import ceil
+
+import simpy
+
+from orchard.agents.bin import CALL_AGAIN
+from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, dispatch_of, is_early
+from orchard.agents.dispatcher import POLL_TICKS
+from orchard.agents.forecast import EARLIER, farthest
+from orchard.agents.route import OneWay, Side
+from orchard.agents.timing import approach_seconds
+from orchard.discrete.robots import Events, Robot
+from orchard.field.kinds import number_of
+from orchard.field.queue import PITCH
+from orchard.field.scenario import TIME_STEP
+
+HEARD = 2  # ticks from a call, by way of an offer, to the order that follows it
+ORDERED = 1  # tick from an order to the carrier
+
+
+@dataclass
+class Call:
+    """A bin that needs a carrier."""
+
+    bin: str
+    picker: str
+    lane: int
+    side: Side
+    since: int  # tick at which it began to call
+    full: float  # tick at which it will be full, or was
+
+
+class Calls:
+    """The calls of bins that ask all carriers: the oldest one gets the nearest carrier that can leave."""
+
+    def __init__(self, env: simpy.Environment, route: OneWay, carriers: list[Robot]) -> None:
+        self.env, self.route, self.layout, self.free, self.open = env, route, route.layout, list(carriers), list[Call]()
+        self._changed = self.env.event()
+
+    def begins(self, robot: Robot, lane: int, side: Side, seconds: float) -> None:
+        """Hear that a picker begins a row, and when its bin will be full."""
+
+    def left(self, robot: Robot, lane: int, side: Side) -> None:
+        """Hear that a picker has left its full bin."""
+        self.open.append(Call(robot.full_bin, robot.name, lane, side, robot.tick, robot.tick))
+        self.wake()
+
+    def home(self, robot: Robot) -> None:
+        """Hear that a carrier has done its job."""
+        self.free.append(robot)
+        self.wake()
+
+    def wake(self) -> None:
+        happened, self._changed = self._changed, self.env.event()
+        happened.succeed()
+
+    def ready(self) -> list[Robot]:
+        """The carriers that can leave now: at the head of their lines, or driving up to it."""
+        head = self.layout.queue.head
+        return [r for r in self.free if head - r.x_now < 0.1 or (r.is_moving and head - r.x_now < PITCH + 0.2)]
+
+    def run(self) -> Events:
+        """Serve the calls, one after the other."""
+        while True:
+            if not self.open:
+                yield self._changed
+                continue
+            call, now = min(self.open, key=lambda call: (call.since, call.bin)), ceil(self.env.now)
+            if not self.ready():
+                yield self.env.any_of([self.env.timeout(5), self._changed])
+                continue
+            heard = max(now, call.since + 1 + CALL_AGAIN * max(0, ceil((now - 1 - call.since) / CALL_AGAIN)))
+            yield self.env.timeout(heard - self.env.now)
+            if ready := self.ready():
+                distance = self.route.distance
+                chosen = min(ready, key=lambda r: (distance(r.x_now, r.y, call.lane, call.side), r.name))
+                self.send(call, chosen)
+                yield self.env.timeout(HEARD)
+                self.start(call, chosen)
+
+    def send(self, call: Call, carrier: Robot) -> None:
+        """Book a carrier for a call."""
+        self.open.remove(call)
+        self.free.remove(carrier)
+
+    def start(self, call: Call, carrier: Robot) -> None:
+        """Let a carrier begin its job."""
+        carrier.take(self.route.fetch(number_of(carrier.name), call.lane, call.side, call.picker, call.bin))
+
+
+class Dispatched(Calls):
+    """The calls of bins that report to the dispatcher, which asks the policy of the scenario."""
+
+    def __init__(self, env: simpy.Environment, route: OneWay, carriers: list[Robot]) -> None:
+        super().__init__(env, route, carriers)
+        self.policy = dispatch_of(route.layout)
+        self.memory = self.policy.Memory()
+        self.horizon = (farthest(route) + EARLIER) / TIME_STEP  # ticks before it is full at which a bin begins to report
+        self._booked: set[str] = set()
+        self._asked = -POLL_TICKS
+
+    def begins(self, robot: Robot, lane: int, side: Side, seconds: float) -> None:
+        if not is_early(self.policy):
+            return
+        full = robot.tick + seconds / TIME_STEP
+        call = Call(robot.bin, robot.name, lane, side, max(robot.tick, ceil(full - self.horizon)), full)
+        self.env.process(self._later(call))
+
+    def _later(self, call: Call) -> Events:
+        yield self.env.timeout(call.since - self.env.now)
+        self.open.append(call)
+        self.wake()
+
+    def left(self, robot: Robot, lane: int, side: Side) -> None:
+        if not is_early(self.policy):
+            super().left(robot, lane, side)
+
+    def run(self) -> Events:
+        """Ask the carriers again and again while bins wait, and let the policy decide."""
+        while True:
+            waiting = [call for call in self.open if call.bin not in self._booked]
+            if not waiting:
+                yield self._changed
+                continue
+            asked = max(ceil(self.env.now), min(call.since for call in waiting) + 1, self._asked + POLL_TICKS)
+            yield self.env.timeout(asked + 1 - self.env.now)
+            self._asked, ready = asked, {robot.name: robot for robot in self.ready() if robot.name not in self._booked}
+            yield self.env.timeout(1)
+            self._decide([call for call in self.open if call.bin not in self._booked and call.since < asked + 2], ready)
+
+    def _decide(self, calls: list[Call], ready: dict[str, Robot]) -> None:
+        now, head = ceil(self.env.now), self.layout.queue.head
+        bins = [self._report(call, now) for call in sorted(calls, key=lambda call: call.bin)]
+        carriers = [CarrierReport(name, "", True, max(0.0, head - robot.x_now)) for name, robot in sorted(ready.items())]
+        by_bin = {call.bin: call for call in calls}
+        for order in self.policy.assign(now, bins, carriers, self.memory):
+            self._booked |= {order.bin, order.carrier}
+            self.env.process(self._fetch(order, by_bin[order.bin], ready[order.carrier], now))
+
+    def _report(self, call: Call, now: int) -> BinReport:
+        route, place = self.route, self.layout.queue.place(0)
+        metres, reach = route.distance(place.x, place.y, call.lane, call.side), approach_seconds(route, call.lane, call.side)
+        left = max(0.0, (call.full - now) * TIME_STEP)
+        side = "east" if call.side is route.east else "west"
+        return BinReport(call.bin, call.lane, side, call.picker, call.since, metres, left, reach)
+
+    def _fetch(self, order: Assignment, call: Call, carrier: Robot, now: int) -> Events:
+        """The bin hears of its carrier when it reports again, and sends for it."""
+        report = call.since + CALL_AGAIN * ceil((now - call.since) / CALL_AGAIN)
+        yield self.env.timeout(report + HEARD + ORDERED - self.env.now)
+        self.send(call, carrier)
+        self._booked -= {order.bin, order.carrier}
+        self.start(call, carrier)

@@ -1,0 +1,85 @@
+"""A whole harvest in the discrete-event model: pickers, carriers, the bins' calls, and the places on the roads."""
+
+import simpy
+
+from orchard.agents.route import Side
+from orchard.agents.routes import route_of
+from orchard.discrete.calls import Calls, Dispatched
+from orchard.discrete.lines import Lines
+from orchard.discrete.places import Ledger
+from orchard.discrete.robots import Robot
+from orchard.field.kinds import DISPATCH, kind_of
+from orchard.field.layout import UNLOADING_SECONDS, Layout
+from orchard.field.rows import Block
+from orchard.field.scenario import TIME_STEP
+
+LONGEST = 2_000_000  # ticks; a harvest in which robots wait for each other ends here
+
+
+class Harvest:
+    """One harvest. `run` does it; then `seconds` and `delivered` tell how it went."""
+
+    def __init__(self, layout: Layout) -> None:
+        """Raises ValueError for a scenario that the model cannot tell anything about: one with agents of the user's own."""
+        scenario = layout.scenario
+        if own := {**scenario.agents, **scenario.agents_without_body}:
+            raise ValueError(f"the discrete-event model knows built-in agents only, and not {', '.join(sorted(own))}; run the simulator")
+        self.layout, self.route, self.env = layout, route_of(layout), simpy.Environment()
+        self.ledger, self.lines, self.unloading_ticks = Ledger(self.env), Lines(), round(UNLOADING_SECONDS / TIME_STEP)
+        self.delivered = 0
+        self._left: dict[str, simpy.Event] = {}  # full bin -> it is left in its lane
+        self._rows = {name: self._ends(block) for name, block in layout.blocks.items()}
+        starts = [start for start in layout.starts if start.kind in ("picker", "carrier")]
+        self.robots = {start.name: Robot(self, start.name, start.pose, start.bin) for start in starts}
+        carriers = [robot for robot in self.robots.values() if kind_of(robot.name) == "carrier"]
+        has_dispatcher = DISPATCH in scenario.bodiless_agents
+        self.calls = (Dispatched if has_dispatcher else Calls)(self.env, self.route, carriers)
+        for name, block in layout.blocks.items():
+            self.robots[name].plan = list(self.route.harvest(block))
+        for robot in carriers:
+            robot.plan = list(self.route.wait_in_queue())
+        for robot in sorted(self.robots.values(), key=lambda robot: (-robot.x, robot.name)):
+            self.env.process(robot.run())
+        self.env.process(self.calls.run())
+
+    def run(self) -> "Harvest":
+        """Do the whole harvest, and return it."""
+        self.env.run(until=LONGEST)
+        return self
+
+    def _ends(self, block: Block) -> list[tuple[int, Side]]:
+        return [(row, self.route.side(count, block.start)) for count, row in enumerate(block.rows)]
+
+    def begin_row(self, picker: Robot) -> None:
+        """Hear that a picker begins its next row."""
+        row, side = self._rows[picker.name][0]
+        self._left[picker.bin] = self.env.event()
+        self.calls.begins(picker, row, side, self.layout.row_length / self.layout.lane(row).pace)
+
+    def leave(self, picker: Robot) -> None:
+        """Hear that a picker has left its full bin in its lane."""
+        row, side = self._rows[picker.name].pop(0)
+        self._left[picker.full_bin].succeed()
+        self.calls.left(picker, row, side)
+
+    def home(self, carrier: Robot) -> None:
+        """Hear that a carrier has done its job."""
+        self.calls.home(carrier)
+
+    def is_left(self, bin_name: str) -> bool:
+        """Whether a full bin stands in its lane."""
+        return self._left[bin_name].triggered
+
+    def until_left(self, bin_name: str) -> simpy.Event:
+        """What happens when a full bin is left in its lane."""
+        return self._left[bin_name]
+
+    @property
+    def seconds(self) -> float:
+        """The length of the harvest, s."""
+        return max(robot.stood for robot in self.robots.values()) * TIME_STEP
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all bins were delivered; if not, robots wait for each other."""
+        return self.delivered == self.layout.scenario.rows

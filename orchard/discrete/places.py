@@ -1,0 +1,116 @@
+"""Traffic in the discrete-event model: the ledger of the agent `traffic`, asked by letters that take a tick each way."""
+
+from collections.abc import Callable
+from math import ceil
+from typing import Any
+
+import simpy
+
+from orchard.agents.robot import PATIENCE
+from orchard.agents.traffic import ReservationTable, answer, grant, note
+from orchard.contract.messages import Claim, Places
+
+MAIL = 0.5  # ticks: letters arrive between two ticks, so that a robot hears them before it acts
+GIVEN_BACK = 2  # ticks after a claim at which a robot may tell that it has given places back
+
+
+class Claimant:
+    """The places of one robot: what it holds and wants, and when it claims. `changed` happens when an answer is heard."""
+
+    def __init__(self, env: simpy.Environment, ledger: "Ledger", name: str) -> None:
+        self.env, self.ledger, self.name = env, ledger, name
+        self.held: list[str] = []
+        self.alone: list[str] = []
+        self.wanted: list[str] = []
+        self.beside = ""
+        self.claimed = -PATIENCE
+        self._agreed: list[str] = []
+        self._due = -1  # tick at which the next claim is sent
+        self.changed = env.event()
+        ledger.claimants[name] = self
+
+    def holds(self, places: list[str]) -> bool:
+        return all(place in self.held for place in places)
+
+    def want(self, places: list[str], beside: str = "") -> None:
+        """Claim places, unless this claim is on its way."""
+        if places != self.wanted:
+            self.wanted, self.beside = places, beside
+            self._plan()
+
+    def free(self, places: list[str]) -> None:
+        """Give places back."""
+        kept = [place for place in self.held if place not in places]
+        if len(kept) != len(self.held):
+            self.held = kept
+            self._plan()
+
+    def _plan(self) -> None:
+        """Send a claim at the first tick at which the robot would."""
+        given_back = sorted(self._agreed) != sorted(self.held)
+        if not (self.wanted or given_back):
+            return
+        due = max(ceil(self.env.now), self.claimed + (GIVEN_BACK if given_back else PATIENCE))
+        if self._due < self.env.now or due < self._due:
+            self._due = due
+            at(self.env, due, lambda: self._send(due))
+
+    def _send(self, due: int) -> None:
+        if due == self._due:
+            self._due, self.claimed = -1, due
+            self.ledger.post(self.name, Claim(keep=list(self.held), want=list(self.wanted), beside=self.beside))
+
+    def hear(self, places: Places, want: list[str]) -> None:
+        """Hear the answer to a claim for `want`."""
+        self.held = self.held + [place for place in places.held if place in want and place not in self.held]
+        self._agreed, self.alone = places.held, places.alone
+        if self.wanted and self.holds(self.wanted):
+            self.wanted = []
+        self._plan()
+        happened, self.changed = self.changed, self.env.event()
+        happened.succeed()
+
+
+class Ledger:
+    """The agent `traffic`: claims that are sent in one tick are heard together in the next."""
+
+    def __init__(self, env: simpy.Environment) -> None:
+        self.env, self.table = env, ReservationTable()
+        self.claimants: dict[str, Claimant] = {}
+        self._inbox: dict[str, Claim] = {}
+
+    def is_alone(self, name: str, place: str) -> bool:
+        """Whether no other robot holds a place."""
+        return not any(place in places for other, places in self.table.holds.items() if other != name)
+
+    def post(self, name: str, claim: Claim) -> None:
+        if not self._inbox:
+            at(self.env, self.env.now + MAIL, self._hear)
+        self._inbox[name] = claim
+
+    def _hear(self) -> None:
+        claims, self._inbox, now = self._inbox, {}, ceil(self.env.now)
+        for name in sorted(claims):
+            note(self.table, name, claims[name], now)
+        waiting = {name: wish.places for name, wish in self.table.wishes.items()}
+        grant(self.table)
+        for name, claim in claims.items():
+            self._reply(name, claim.want, now + 1)
+        for name, places in waiting.items():
+            if name not in claims and name not in self.table.wishes:
+                self._reply(name, places, self._next_claim(self.claimants[name], now) + 2)
+
+    def _next_claim(self, claimant: Claimant, now: int) -> int:
+        """The tick at which a robot that waits claims again; it does so every PATIENCE ticks."""
+        claimant.claimed += -(-(now - claimant.claimed) // PATIENCE) * PATIENCE
+        return claimant.claimed
+
+    def _reply(self, name: str, want: list[str], heard: int) -> None:
+        """Let a robot hear at a tick what it holds then."""
+        at(self.env, heard - MAIL, lambda: self.claimants[name].hear(answer(self.table, name), want))
+
+
+def at(env: simpy.Environment, time: float, act: Callable[[], Any]) -> None:
+    """Do something at a time, in ticks."""
+    event = env.timeout(time - env.now)
+    event.callbacks.append(lambda _: act())

@@ -1,0 +1,340 @@
+"""A robot in the discrete-event model: it walks through the steps of its plan, and each takes the time that it takes in the simulator."""
+
+from collections.abc import Generator, Sequence
+from functools import singledispatchmethod
+from math import ceil, floor, inf
+from types import SimpleNamespace
+from typing import Any, Protocol, cast
+
+import simpy
+
+from orchard.agents import steps as st
+from orchard.agents.robot import PATIENCE, Step
+from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
+from orchard.discrete.places import MAIL, Claimant, Ledger, at
+from orchard.field.geometry import HEADINGS, Pose, angle_between, nearest_heading
+from orchard.field.kinds import EIGHTH
+from orchard.field.scenario import TIME_STEP
+
+Events = Generator[simpy.Event, Any, None]
+NEAR = 1e-6  # m
+COUPLE = 2  # ticks to couple a bin: the robot must have stood for one tick
+UNCOUPLE = 4  # ticks to uncouple a bin, which stands two ticks after its robot
+SWUNG_AWAY = 0.6  # of a quarter turn, after which a robot's bin is no longer in the way of the one behind it
+ASK = 2  # ticks from a question to its answer
+
+
+class Model(Protocol):
+    """What a robot knows of the harvest."""
+
+    env: simpy.Environment
+    ledger: Ledger
+    lines: Lines
+    robots: dict[str, "Robot"]
+    unloading_ticks: int
+    delivered: int
+
+    def begin_row(self, picker: "Robot") -> None: ...
+    def leave(self, picker: "Robot") -> None: ...
+    def home(self, carrier: "Robot") -> None: ...
+    def is_left(self, bin_name: str) -> bool: ...
+    def until_left(self, bin_name: str) -> simpy.Event: ...
+
+
+class Robot:
+    """A robot and its plan."""
+
+    def __init__(self, model: "Model", name: str, pose: Pose, bin_name: str) -> None:
+        self.model, self.env, self.name = model, model.env, name
+        self.x, self.y, self.yaw = pose
+        self.bin = bin_name
+        self.places = Claimant(model.env, model.ledger, name)
+        self.line: Line | None = None  # on which it drives, or which its tail has not left
+        self.end = 0.0  # up to where it drives there, in the line's direction, m
+        self.before: Follower | None = None  # the robot that it follows there
+        self.entered, self.then = 0, 0  # lines so far, by this robot and by the one before it when this one began to follow it
+        self.is_across = False  # it has turned off its line, and its bin is no longer on it
+        self.moved = self.env.event()  # its way got longer
+        self.has_offer = self.env.event()  # a carrier has brought a bin
+        self.new_plan = self.env.event()
+        self.memory = SimpleNamespace(plan=[], doing="", state="resting", failures=0, picked=0.0)
+        self._leg: tuple[str, int, float, float, int, float] | None = None  # the part of a drive that it is on
+        self.stood = 0  # tick since which it stands
+        self.plan: list[Step] = []
+        self.offered, self.carrier, self.full_bin = "", "", ""  # the bin that a carrier has brought; that carrier; the bin that it left
+        self.taken: dict[str, int] = {}  # bin that was brought -> tick at which it was taken over
+
+    @property
+    def hitched(self) -> bool:
+        return bool(self.bin)
+
+    @property
+    def tick(self) -> int:
+        return ceil(self.env.now)
+
+    def run(self) -> Events:
+        """Walk through the plan, and through each new one."""
+        while True:
+            while self.plan:
+                yield from self.do(self.plan.pop(0))
+            yield self.new_plan
+
+    def take(self, plan: list[Step]) -> None:
+        """Drop the rest of the plan for another one."""
+        self.plan = list(plan)
+        happened, self.new_plan = self.new_plan, self.env.event()
+        happened.succeed()
+
+    @property
+    def x_now(self) -> float:
+        """Its x now, m, also on the way."""
+        if self._leg is None or self._leg[0] != "x":
+            return self.x
+        _, begun, was, pace, sign, limit = self._leg
+        return sign * min(limit, was + (self.env.now - begun) * pace)
+
+    @property
+    def is_moving(self) -> bool:
+        return self._leg is not None
+
+    def wait(self, *events: simpy.Event) -> Events:
+        """Wait for the first of these events, and then for the next tick."""
+        yield self.env.any_of(events) if len(events) > 1 else events[0]
+        if self.env.now % 1:
+            yield self.env.timeout(ceil(self.env.now) - self.env.now)
+
+    @singledispatchmethod
+    def do(self, step: Step) -> Events:
+        raise NotImplementedError(f"the discrete-event model does not know the step {type(step).__name__}")
+
+    # -- drives
+
+    @do.register
+    def _(self, step: st.DriveTo) -> Events:
+        axis, sign = ("x", 1) if step.x is not None else ("y", 1)
+        if nearest_heading(self.yaw) in ("WEST", "SOUTH"):
+            sign = -1
+        target = sign * (step.x if step.x is not None else cast(float, step.y))
+        here = sign * (self.x if axis == "x" else self.y)
+        line = (axis, round(self.y if axis == "x" else self.x, 3), sign)
+        left_at, arrived = here, self._leave(line, here)
+        pace = step.speed * TIME_STEP
+        while True:
+            for gate in step.frees:
+                if here > sign * gate.at - NEAR:
+                    self.places.free(gate.places)
+            limit, ask = target, inf
+            shut = None  # a bin that must be left first
+            for gate in step.needs:
+                at = sign * gate.at
+                if at >= here - NEAR and not self.places.holds(gate.places):
+                    if at - here < st.LOOK_AHEAD - NEAR:
+                        if gate.bin and not self.model.is_left(gate.bin):
+                            shut = self.model.until_left(gate.bin)
+                        else:
+                            self.places.want(gate.places)
+                    else:
+                        ask = max(1, floor((at - here - st.LOOK_AHEAD) / pace + NEAR) + 1)
+                    limit = min(target, at)
+                    break
+            if not arrived and here - left_at >= CLEAR - NEAR:
+                arrived = self._arrive(line, here)
+            free_to = room(self, line) if arrived else inf
+            limit = min(limit, max(here, free_to))
+            if arrived:
+                self._extend(limit)
+            left = limit - here
+            if left <= NEAR:
+                self.stood = self.tick
+                if target - here <= NEAR:
+                    break
+                waits = [self.places.changed] if self.places.wanted else []
+                waits += [shut] if shut is not None else []
+                waits += [self.before.moved] if self.before is not None and free_to <= here + NEAR else []
+                yield from self.wait(*waits)
+                continue
+            ticks = min(ceil(left / pace - NEAR), ask)
+            if not arrived:
+                ticks = min(ticks, ceil((left_at + CLEAR - here) / pace - NEAR))
+            for gate in step.frees:
+                if sign * gate.at > here + NEAR and any(place in self.places.held for place in gate.places):
+                    ticks = min(ticks, ceil((sign * gate.at - here) / pace - NEAR))
+            begun, was = self.tick, here
+            timeout, self._leg = self.env.timeout(ticks), (axis, begun, was, pace, sign, limit)
+            yield from self.wait(timeout, *([self.places.changed] if self.places.wanted else []))
+            here, self._leg = min(limit, was + (self.tick - begun) * pace), None
+            self._put(axis, sign * here)
+        return
+
+    def _put(self, axis: str, value: float) -> None:
+        if axis == "x":
+            self.x = value
+        else:
+            self.y = value
+
+    def _leave(self, line: Line, at: float) -> bool:
+        """Begin a drive. Return whether the robot is on this line already; else its tail is still on the line before."""
+        return self.line == line or (self.line is None and self._arrive(line, at))
+
+    def _arrive(self, line: Line, at: float) -> bool:
+        """Leave the line before, and be on this one."""
+        self.before = self.model.lines.enter(self, line, at)
+        self.then = self.before.entered if self.before is not None else 0
+        self.line, self.end, self.is_across, self.entered = line, at, False, self.entered + 1
+        self._tell()
+        return True
+
+    def _extend(self, end: float) -> None:
+        """Say up to where the robot will drive now."""
+        if end > self.end + NEAR:
+            self.end = end
+            self._tell()
+
+    def _tell(self) -> None:
+        """Let the robot behind go on, if it waits."""
+        happened, self.moved = self.moved, self.env.event()
+        self._later(happened)
+
+    def _later(self, event: simpy.Event) -> None:
+        """Let those behind see in the next tick that it has moved."""
+        at(self.env, self.env.now + 1, event.succeed)
+
+    @do.register
+    def _(self, step: st.Face) -> Events:
+        angle = abs(angle_between(self.yaw, HEADINGS[step.heading]))
+        self.yaw = HEADINGS[step.heading]
+        if angle > NEAR:
+            ticks = ceil(angle / EIGHTH / TIME_STEP - NEAR)
+            if self.bin and not self.is_across:
+                yield self.env.timeout(floor(SWUNG_AWAY * ticks))
+                self.is_across = True
+                self._tell()
+                ticks -= floor(SWUNG_AWAY * ticks)
+            yield self.env.timeout(ticks)
+            self.stood = self.tick
+
+    @do.register
+    def _(self, step: st.Realign) -> Events:
+        yield from self.do(st.Face(nearest_heading(self.yaw)))
+
+    @do.register
+    def _(self, step: st.Wait) -> Events:
+        yield self.env.timeout(ceil(step.seconds / TIME_STEP - NEAR))
+
+    @do.register
+    def _(self, step: st.Say) -> Events:
+        self.memory.doing, self.memory.state = step.doing, step.state
+        if step.state == "picking":
+            self.model.begin_row(self)
+        return
+        yield
+
+    @do.register(st.MayFail)
+    @do.register(st.Repair)
+    @do.register(st.Ahead)
+    @do.register(st.MoveTo)
+    @do.register(st.Again)
+    def _(self, step: Step) -> Events:
+        """These steps take no time: they put others before the rest of the plan."""
+        self.memory.plan = [step, *self.plan]
+        step.act(self)  # type: ignore[arg-type]  # it uses memory, pose, seen.name and next, as of a PlanExecutor
+        self.plan = self.memory.plan[1:]
+        return
+        yield
+
+    def next(self, steps: Sequence[Step]) -> None:
+        """Insert steps right after the present one."""
+        self.memory.plan[1:1] = steps
+
+    @property
+    def seen(self) -> "Robot":
+        """What a step may ask of an observation: the name."""
+        return self
+
+    @property
+    def pose(self) -> Pose:
+        """Where it stands."""
+        return Pose(self.x, self.y, self.yaw)
+
+    # -- places
+
+    @do.register
+    def _(self, step: st.Need) -> Events:
+        while not self.places.holds(step.places):
+            self.places.want(step.places)
+            yield from self.wait(self.places.changed)
+
+    @do.register
+    def _(self, step: st.Free) -> Events:
+        self.places.free(step.places)
+        return
+        yield
+
+    @do.register
+    def _(self, step: st.Alone) -> Events:
+        while not self.model.ledger.is_alone(self.name, step.place):
+            yield self.env.timeout(PATIENCE)
+        if step.place not in self.places.alone:
+            yield self.env.timeout(ASK)
+
+    # -- bins
+
+    def _handle(self, ticks: int) -> Events:
+        """Couple or uncouple a bin."""
+        yield self.env.timeout(ticks if self.stood == self.tick else 1)
+
+    @do.register
+    def _(self, step: st.LeaveBin) -> Events:
+        yield from self._handle(UNCOUPLE)
+        self.full_bin, self.bin, self.offered, self.carrier = self.bin, "", "", ""
+        self.model.leave(self)
+
+    @do.register
+    def _(self, step: st.Deliver) -> Events:
+        yield from self._handle(UNCOUPLE)
+        brought, self.bin = self.bin, ""
+        picker = self.model.robots[step.picker]
+        asked = self.tick
+        at(self.env, self.env.now + MAIL, lambda: picker.brought(brought, self.name))
+        while picker.taken.get(brought, inf) > asked:
+            yield self.env.timeout(PATIENCE)
+            asked = self.tick
+        yield self.env.timeout(ASK)
+
+    def brought(self, bin_name: str, carrier: str) -> None:
+        """Hear that a carrier has brought a bin."""
+        self.offered, self.carrier = bin_name, carrier
+        happened, self.has_offer = self.has_offer, self.env.event()
+        happened.succeed()
+
+    @do.register
+    def _(self, step: st.FetchEmpty) -> Events:
+        if not self.offered:
+            yield from self.wait(self.has_offer)
+        yield self.env.timeout(1 if self.stood < self.tick else 2)
+        self.bin = self.offered
+        while not self.places.holds([step.place]):
+            self.places.want([step.place], beside=self.carrier)
+            yield from self.wait(self.places.changed)
+        self.taken[self.offered] = self.tick
+
+    @do.register
+    def _(self, step: st.TakeBin) -> Events:
+        yield from self._handle(COUPLE)
+        self.bin = step.bin
+
+    @do.register
+    def _(self, step: st.Unload) -> Events:
+        rest = self.model.unloading_ticks + UNCOUPLE - COUPLE  # the bin stands two ticks after its carrier
+        yield self.env.timeout(ceil((rest - 1) / PATIENCE) * PATIENCE + ASK)
+        self.model.delivered += 1
+
+    @do.register
+    def _(self, step: st.Confirmed) -> Events:
+        yield self.env.timeout(ASK)
+
+    @do.register
+    def _(self, step: st.Home) -> Events:
+        self.model.home(self)
+        return
+        yield

@@ -1,0 +1,83 @@
+"""The rules that give rows to pickers: which rows each picks, in which order, and the end at which it starts. A scenario names its rule.
+
+A rule is a function of the `Scenario` that returns {picker: Block}. Rows are numbered from 1 at the top.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from orchard.field.kinds import name_of
+from orchard.field.plugins import MISTAKES, load_plugin, unusable
+from orchard.field.scenario import BALANCED, BALANCED_ENDS, MANUAL, Scenario
+
+End = Literal["west", "east"]
+
+
+@dataclass(frozen=True)
+class Block:
+    """The rows of a picker: neighbours, in the order in which it picks them, from north to south, because pickers go on southward only."""
+
+    rows: tuple[int, ...]
+    start: End = "west"  #: the end of the first row at which it starts; from there on it ends its rows on either side in turn
+
+
+def balanced(scenario: Scenario) -> dict[str, Block]:
+    """Return neighbouring rows for each picker so that none has two more than another."""
+    return _cut(scenario, [scenario.rows * i // scenario.pickers for i in range(scenario.pickers + 1)])
+
+
+def balanced_ends(scenario: Scenario) -> dict[str, Block]:
+    """Return the blocks of `balanced`; every second picker starts at the east end, so both sides' roads are used from the beginning."""
+    return {name: Block(block.rows, ("west", "east")[i % 2]) for i, (name, block) in enumerate(balanced(scenario).items())}
+
+
+def manual(scenario: Scenario) -> dict[str, Block]:
+    """Return rows by the manual's rule: rows // pickers neighbouring rows for each picker; the last one gets the remainder too."""
+    share = scenario.rows // scenario.pickers
+    return _cut(scenario, [*(i * share for i in range(scenario.pickers)), scenario.rows])
+
+
+RULES: dict[str, Callable[[Scenario], dict[str, Block]]] = {BALANCED: balanced, BALANCED_ENDS: balanced_ends, MANUAL: manual}
+
+
+def rows_to_pickers(scenario: Scenario) -> dict[str, Block]:
+    """Return the block of each picker by the rule that the scenario names: a built-in one, or a user's function.
+
+    In a user's result, a plain sequence of rows stands for a block that starts at the west end. Raises ScenarioError if the rule cannot be
+    used, or does not give each row to exactly one picker, or gives a picker no row, rows that are not neighbours, or an unknown end.
+    """
+    key, path = "rows_to_pickers", scenario.rows_to_pickers
+    if path in RULES:
+        return RULES[path](scenario)
+    rule = load_plugin(key, path)
+    try:
+        return _checked(rule(scenario), scenario)
+    except MISTAKES as error:
+        raise unusable(key, path, error, "a function of the scenario that returns {picker: Block or rows}") from error
+
+
+def _checked(given: Mapping[str, Any], scenario: Scenario) -> dict[str, Block]:
+    blocks = {name: _block(given[name]) for name in _pickers(scenario)}
+    shown = {name: block.rows for name, block in blocks.items()}
+    if sorted(row for rows in shown.values() for row in rows) != list(range(1, scenario.rows + 1)) or not all(shown.values()):
+        raise ValueError(f"{shown}: each row of 1 to {scenario.rows} must go to one picker, and each picker must get at least one")
+    if any(rows != tuple(range(rows[0], rows[-1] + 1)) for rows in shown.values()):
+        raise ValueError(f"{shown}: the rows of a picker must be neighbours, in their order from north to south")
+    if wrong := [f"{name} at {block.start!r}" for name, block in blocks.items() if block.start not in get_args(End)]:
+        raise ValueError(f"a picker starts at the end 'west' or 'east', and not {', '.join(wrong)}")
+    return blocks
+
+
+def _block(given: Any) -> Block:
+    block = given if isinstance(given, Block) else Block(given)
+    return Block(tuple(int(row) for row in block.rows), block.start)
+
+
+def _cut(scenario: Scenario, ends: list[int]) -> dict[str, Block]:
+    """Return the rows from one end to the next for each picker; `ends`: the last row before each block, and that of the last block."""
+    return {name: Block(tuple(range(ends[i] + 1, ends[i + 1] + 1))) for i, name in enumerate(_pickers(scenario))}
+
+
+def _pickers(scenario: Scenario) -> list[str]:
+    return [name_of("picker", i + 1) for i in range(scenario.pickers)]

@@ -1,0 +1,100 @@
+"""Pickers that fail while they pick, and rows that take their own time: whole small harvests."""
+
+from functools import cache
+
+import pytest
+from alone import local_hash
+from stage import NOBODY_ABOUT, Stage, empty_orchard
+
+from orchard import Local, Scenario
+from orchard.agents.catalogue import make_agents
+from orchard.contract.messages import pack, unpack
+from orchard.field.picking import failure
+from orchard.report.metrics import JAM_SECONDS
+from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
+
+VARIED = {"spread": {"distribution": "lognormal", "cv": 0.3}, "failure": {"mean_between": 60.0, "mean_repair": 20.0}}
+SHORT = 1500  # ticks: rows are picked, pickers fail, and bins are exchanged
+
+
+def varied(seed: int = 1, **changes) -> Scenario:
+    return Scenario(**{"rows": 3, "picking_speed": 0.6, "seed": seed, "tractor": False, "picking": VARIED, **NOBODY_ABOUT, **changes})
+
+
+@cache
+def harvest(seed: int) -> Stage:
+    stage = Stage(varied(seed))
+    stage.run_to_the_end(2000)
+    return stage
+
+
+def test_a_picker_fails_where_it_has_picked_for_as_long_as_was_drawn_and_goes_on_when_it_is_repaired():
+    stage = Stage(empty_orchard(picking_speed=0.5, picking={"failure": {"mean_between": 60.0, "mean_repair": 1800.0}}))
+    sound, repair = failure(1, "picker_01", 0, 60.0, 1800.0)
+    assert sound < 140.0, "else it fails in a later row"
+    stage.run_until(lambda: stage.doing("picker_01") == "failed, is repaired" if stage.world.tick else False, sound + 0.5)
+    assert stage.seconds == pytest.approx(sound, abs=0.2)
+    assert stage.world.row_picked[0] == pytest.approx(0.5 * sound, abs=1e-6)
+    assert stage.local.actions["picker_01"].state == "failed"
+    took = stage.run_until(lambda: stage.doing("picker_01") == "picking row 1", repair + 0.5)
+    assert took == pytest.approx(repair, abs=0.2)
+    assert stage.account.figures()["state_seconds"]["picker"]["failed"] >= took - 0.2
+
+
+def test_a_picker_that_waits_long_for_its_repair_is_no_jam():
+    stage = Stage(empty_orchard(picking={"failure": {"mean_between": 60.0, "mean_repair": 7200.0}}))
+    repairs = [failure(1, f"picker_0{n}", 0, 60.0, 7200.0)[1] for n in (1, 2)]
+    assert max(repairs) > 2 * JAM_SECONDS
+    stage.run(2 * JAM_SECONDS)
+    assert stage.account.jam == []
+
+
+def test_a_picker_that_fails_before_the_roads_asks_for_no_place_on_them():
+    seed = next(seed for seed in range(1000) if 134.5 < failure(seed, "picker_01", 0, 60.0, 60.0)[0] < 137.5)  # x = 31.75 to 33.25
+    stage = Stage(empty_orchard(seed=seed, picking_speed=0.5, picking={"failure": {"mean_between": 60.0, "mean_repair": 60.0}}))
+    stage.run_until(lambda: stage.world.tick > 1300 and stage.local.actions["picker_01"].state == "failed", 140)
+    stage.run(2)
+    assert 31.7 < stage.pose("picker_01")[0] < 33.3
+    assert stage.local.memories["picker_01"].held == []
+
+
+def test_with_spread_and_failures_the_seed_matters():
+    one, other = harvest(1), harvest(2)
+    assert abs(one.seconds - other.seconds) > 1.0
+    assert all(stage.world.delivered == 3 for stage in (one, other))
+    assert one.local.memories["picker_01"].failures + one.local.memories["picker_02"].failures > 0
+
+
+def test_holds_change_nothing_when_pickers_fail_and_rows_differ(caplog):
+    runs = [Local(varied(rows_to_pickers="balanced-ends"), holds=holds) for holds in (Lookahead, CheckedHolds, IgnoredHolds)]
+    for _ in range(SHORT):
+        for run in runs:
+            run.tick()
+    assert len({run.engine.hash for run in runs}) == 1
+    assert "holds wrongly" not in caplog.text
+
+
+def test_an_agent_that_is_made_anew_in_the_middle_of_a_failure_changes_nothing():
+    run, restarts = Local(varied()), 0
+    for tick in range(SHORT):
+        run.tick()
+        if tick % 10 == 0 and any(action.state == "failed" for action in run.actions.values()):
+            run.agents = make_agents(run.engine.layout)
+            run.memories = {name: unpack(pack(memory), run.agents[name].Memory) for name, memory in run.memories.items()}
+            restarts += 1
+    assert restarts > 3
+    assert run.engine.hash == local_hash(varied(), SHORT)
+
+
+def test_lockstep_has_the_hash_of_local_mode_when_pickers_fail_and_rows_differ(fleet):
+    own = varied(rows_to_pickers="balanced-ends")
+    fleet.physics(own, "--duration", str(SHORT / 10))
+    fleet.share(2)
+    assert fleet.end() == local_hash(own, SHORT)
+
+
+def test_a_pickers_own_agent_is_no_faster_than_the_row():
+    stage = Stage(varied(picking={"spread": VARIED["spread"]}))
+    stage.run(5)
+    paces = [lane.pace for lane in stage.world.layout.lanes]
+    assert stage.world.row_picked[:2] == pytest.approx([5 * pace for pace in paces[:2]])

@@ -1,0 +1,322 @@
+"""The built-in dispatch policies: what they decide, whole harvests with them, early carriers, and policies that make mistakes."""
+
+import re
+import sys
+from functools import cache
+from importlib.util import find_spec
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from stage import Stage, Standing, empty_orchard
+
+from orchard import Assignment, BinReport, CarrierReport, Local, Scenario, ScenarioError, draw, lay_out
+from orchard.agents import route
+from orchard.agents.catalogue import check_plugins, make_agents
+from orchard.agents.dispatch import Dispatch, dispatch_of
+from orchard.agents.forecast import Forecast
+from orchard.contract.messages import pack, unpack
+from orchard.field.scenario import DISPATCH_POLICIES
+from orchard.sim.lookahead import CheckedHolds, IgnoredHolds
+
+NEEDS_SCIPY = pytest.mark.skipif(find_spec("scipy") is None, reason="scipy, the extra `study`, is not installed")
+POLICIES = [pytest.param(name, marks=NEEDS_SCIPY if name == "assignment" else ()) for name in DISPATCH_POLICIES]
+
+
+def policy(name: str) -> Dispatch:
+    return dispatch_of(lay_out(empty_orchard(dispatch=name)))
+
+
+def decide(name: str, bins: list[BinReport], carriers: list[CarrierReport]) -> list[tuple[str, str]]:
+    made = policy(name)
+    return [tuple(one) for one in made.assign(1000, bins, carriers, made.Memory())]
+
+
+# -- decisions
+
+NEAR = BinReport("bin_01", 1, "east", "picker_01", since=900, metres=30.0, seconds_to_full=0.0, seconds_to_reach=34.0)
+FAR = BinReport("bin_02", 9, "east", "picker_02", since=950, metres=75.0, seconds_to_full=0.0, seconds_to_reach=79.0)
+FILLING = BinReport("bin_03", 12, "east", "picker_03", since=960, metres=90.0, seconds_to_full=60.0, seconds_to_reach=94.0)
+UNRIPE = BinReport("bin_04", 3, "east", "picker_04", since=960, metres=40.0, seconds_to_full=300.0, seconds_to_reach=44.0)
+HEAD = CarrierReport("carrier_02", "", True, 0.0)
+OTHER_LINE = CarrierReport("carrier_01", "", True, 0.5)
+BUSY = CarrierReport("carrier_03", "bin_09", False, 0.0)
+DECISIONS = {
+    "nearest": ["bin_01", "bin_02"],
+    "longest-waiting": ["bin_01", "bin_02"],
+    "farthest-first": ["bin_02", "bin_01"],
+    "assignment": ["bin_01"],
+    "predictive": ["bin_02", "bin_01"],
+    "predictive-farthest": ["bin_02", "bin_01"],
+}
+
+
+@pytest.mark.parametrize("name", POLICIES)
+def test_the_bin_that_the_policy_prefers_gets_the_only_free_carrier(name):
+    assert decide(name, [NEAR, FAR], [HEAD, BUSY]) == [(DECISIONS[name][0], "carrier_02")]
+
+
+@pytest.mark.parametrize("name", POLICIES)
+def test_each_bin_gets_a_carrier_if_there_are_enough_and_busy_ones_none(name):
+    orders = decide(name, [NEAR, FAR], [BUSY, OTHER_LINE, HEAD])
+    assert {bin_name for bin_name, _ in orders} == {"bin_01", "bin_02"}
+    assert {carrier for _, carrier in orders} == {"carrier_01", "carrier_02"}
+
+
+@pytest.mark.parametrize(("name", "first"), [("predictive", "bin_02"), ("predictive-farthest", "bin_03")])
+def test_an_early_policy_sends_for_what_is_due_and_for_nothing_else(name, first):
+    assert decide(name, [UNRIPE], [HEAD]) == []
+    assert decide(name, [NEAR, FAR, FILLING, UNRIPE], [HEAD]) == [(first, "carrier_02")]
+
+
+BINS = st.lists(
+    st.builds(
+        BinReport,
+        st.integers(1, 30).map("bin_{:02d}".format),
+        st.integers(1, 20),
+        st.sampled_from(["east", "west"]),
+        st.just("picker_01"),
+        st.integers(0, 10**6),
+        st.floats(0.0, 500.0),
+        st.floats(0.0, 1e6),
+        st.floats(0.0, 500.0),
+    ),
+    unique_by=lambda report: report.name,
+    max_size=20,
+)
+CARRIERS = st.lists(
+    st.builds(CarrierReport, st.integers(1, 40).map("carrier_{:02d}".format), st.just(""), st.booleans(), st.floats(0.0, 60.0)),
+    unique_by=lambda report: report.name,
+    max_size=20,
+)
+
+
+@pytest.mark.parametrize("name", POLICIES)
+@settings(max_examples=40)
+@given(BINS, CARRIERS, st.randoms(use_true_random=False))
+def test_a_policy_assigns_only_what_is_there_never_twice_and_whatever_the_order_of_the_reports(name, bins, carriers, random):
+    orders = decide(name, bins, carriers)
+    assert {bin_name for bin_name, _ in orders} <= {report.name for report in bins}
+    assert {carrier for _, carrier in orders} <= {carrier.name for carrier in carriers if carrier.is_next}
+    assert all(len(set(names)) == len(orders) for names in zip(*orders, strict=True))
+    random.shuffle(bins), random.shuffle(carriers)
+    if name != "assignment":  # of several best matches scipy takes one
+        assert decide(name, bins, carriers) == orders
+
+
+def test_a_policy_whose_package_is_missing_says_how_to_install_it(monkeypatch):
+    monkeypatch.delitem(sys.modules, "orchard.agents.policies.assignment", raising=False)
+    monkeypatch.setitem(sys.modules, "scipy.optimize", None)
+    with pytest.raises(ScenarioError, match=r"dispatch = assignment: cannot be used: .*pip install 'orchard-sim\[study\]'"):
+        check_plugins(lay_out(empty_orchard(dispatch="assignment")))
+
+
+# -- whole harvests
+
+
+def small(name: str, **changes) -> Scenario:
+    return empty_orchard(**{"rows": 4, "pickers": 2, "carriers": 2, "dispatch": name, **changes})
+
+
+@cache
+def harvested(name: str) -> Stage:
+    stage = Stage(small(name))
+    stage.run_to_the_end()
+    return stage
+
+
+@pytest.mark.parametrize("name", POLICIES)
+def test_a_harvest_with_each_policy_is_complete_without_a_collision(name):
+    stage = harvested(name)
+    assert (stage.world.delivered, stage.account.figures()["broken_agents"]) == (4, [])
+    stage.assert_no_collisions()
+
+
+def test_early_carriers_make_the_harvest_shorter():
+    assert harvested("predictive").seconds < harvested("farthest-first").seconds < harvested("nearest").seconds
+
+
+@pytest.mark.parametrize("name", ["farthest-first", "predictive"])
+def test_agents_started_afresh_and_asked_at_every_tick_give_the_same_harvest(name):
+    whole = harvested(name)
+    local = Local(small(name), holds=IgnoredHolds)
+    while not local.engine.over:
+        if local.engine.tick % 25 == 1:
+            local.agents = make_agents(local.engine.layout)
+            local.memories = {agent: unpack(pack(memory), local.agents[agent].Memory) for agent, memory in local.memories.items()}
+        local.tick()
+    assert local.engine.hash == whole.local.engine.hash
+
+
+def test_no_agent_of_an_early_harvest_holds_too_long(caplog):
+    local = Local(small("predictive", rows=3, picking_speed=0.7), holds=CheckedHolds)
+    for _ in range(2500):
+        local.tick()
+    assert "holds wrongly" not in caplog.text
+
+
+# -- early bins and carriers
+
+
+class AtOnce:
+    """An early policy that sends a carrier as soon as a bin reports: much too early."""
+
+    Memory = dict
+    early = True
+
+    def __init__(self, layout):
+        pass
+
+    def assign(self, now, bins, carriers, memory):
+        free = [carrier.name for carrier in carriers if carrier.is_next]
+        return [Assignment(report.name, carrier) for report, carrier in zip(bins, free, strict=False)]
+
+
+def too_early() -> Stage:
+    return Stage(small("test_policies.AtOnce", rows=3, pickers=2, carriers=2, picking_speed=0.5))
+
+
+def test_a_carrier_that_comes_early_holds_before_the_lane_until_the_bin_is_left():
+    stage = too_early()
+    hold = stage.world.layout.lane(1).y + route.OneWay.HOLD
+    stage.run_until(lambda: stage.pose("carrier_01")[1] < hold + 1e-6, 100)
+    stage.run(20)
+    stage.assert_at("carrier_01", y=hold, heading="SOUTH")
+    assert stage.local.actions["carrier_01"].waits_for == stage.bin_of("picker_01"), "it says for which bin it waits"
+    stage.run_until(lambda: not stage.bin_of("picker_01"), 120)
+    stage.assert_at("carrier_01", y=hold)
+    stage.run_to_the_end()
+    assert stage.world.delivered == 3
+
+
+def test_without_that_hold_the_early_carrier_shuts_the_picker_in(monkeypatch):
+    monkeypatch.setattr(route, "_once_left", lambda approach, full_bin, place: approach)
+    stage = too_early()
+    stage.run(400)
+    assert stage.world.delivered == 0
+    assert stage.local.actions["picker_01"].waits_for == "carrier_01"
+    assert stage.local.actions["carrier_01"].waits_for == "picker_01"
+
+
+def test_a_picker_that_stays_in_its_row_after_a_carrier_has_left_ends_in_a_jam_that_names_its_bin():
+    stage = Stage(small("predictive", rows=3))
+    stage.run_until(lambda: any(getattr(memory, "job", None) for memory in stage.local.memories.values()), 100)
+    waited_for = next(memory.job for memory in stage.local.memories.values() if getattr(memory, "job", None))
+    stage.local.agents[waited_for.picker] = Standing()
+    stage.local.engine.wake([waited_for.picker])
+    stage.run_until(lambda: bool(stage.account.jam), 3000)
+    assert any(f"waits for {waited_for.bin}" in line for line in stage.account.jam), stage.account.jam
+    assert stage.local.engine.violations() == []
+
+
+def test_a_forecast_comes_true():
+    """From the time at which the picker faces its row, also while it still drives up to it; in the first row and in the next one."""
+    stage = Stage(small("predictive", picking_speed=0.5))
+    forecast, rows = Forecast(stage.world.layout), []
+    while len(rows) < 2:
+        foretold, fruit = [], ""
+        while not (fruit and stage.is_full(fruit)):
+            stage.tick()
+            fruit = stage.bin_of("picker_01")
+            seen = stage.local.engine.observe()[fruit] if fruit else None
+            if seen is not None and (ripening := forecast.of(seen, seen.hitch, 0.5)):
+                foretold.append((ripening.lane, ripening.side, stage.seconds + ripening.seconds))
+        rows.append({where[:2] for where in foretold})
+        assert len(foretold) > 1300
+        assert all(abs(when - stage.seconds) < 0.25 for _, _, when in foretold)
+        stage.run_until(lambda: not stage.bin_of("picker_01"))
+    assert rows == [{(1, "east")}, {(2, "west")}]
+
+
+# -- policies that make mistakes
+
+
+class Bad:
+    Memory = dict
+
+    def __init__(self, layout):
+        pass
+
+
+class Raising(Bad):
+    def assign(self, now, bins, carriers, memory):
+        raise LookupError("no such bin here")
+
+
+class Inventing(Bad):
+    def assign(self, now, bins, carriers, memory):
+        bins.append(BinReport("bin_77", 1, "east", "picker_01", 0, 0.0))
+        return [Assignment("bin_77", "carrier_01")]
+
+
+class Overworking(Bad):
+    def assign(self, now, bins, carriers, memory):
+        return [Assignment(report.name, "carrier_01") for report in bins] * 2
+
+
+class Silent(Bad):
+    def assign(self, now, bins, carriers, memory):
+        memory["bins"] = set(bins)
+
+
+MISTAKES = {
+    "Raising": r"LookupError: no such bin here \(.*test_policies.py, line \d+\)",
+    "Inventing": r"assigns bin bin_77, which is not available; .* \(.*test_policies.py, line \d+\)",
+    "Overworking": r"assigns bin bin_0\d twice \(.*test_policies.py, line \d+\)",
+    "Silent": r"assign returned None; it must return a list of Assignment\(bin, carrier\) \(.*test_policies.py",
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_the_mistake_of_a_policy_is_named_once_and_counted_and_the_harvest_goes_on(name, caplog):
+    stage = Stage(small(f"test_policies.{name}", rows=3, carriers=3))
+    stage.run_until(lambda: stage.world.delivered == 1, 500)
+    faults = [record.getMessage() for record in caplog.records if "dispatch policy" in record.getMessage()]
+    assert len(faults) == 1, "once in the log"
+    assert re.search(MISTAKES[name], faults[0]), faults[0]
+    figures = stage.account.figures()
+    assert figures["orders_refused"] >= 1
+    assert [line.split(",")[0] for line in figures["broken_agents"]] == ["dispatch"], "so the exit code is 1"
+    assert stage.account.fault == ""
+
+
+def test_a_mistake_ends_the_harvest_if_the_scenario_says_so_in_lockstep_at_the_same_tick(fleet):
+    scenario = small("test_policies.Raising", rows=3, dispatch_errors="end")
+    stage = Stage(scenario)
+    stage.run_until(lambda: stage.account.fault == "refused", 200)
+    assert stage.account.figures()["orders_refused"] == 1
+    fleet.physics(scenario)
+    fleet.share(1)
+    code, out, _ = fleet.world.end(120.0)
+    assert code == 1
+    assert re.search(rf"refused: tick {stage.world.tick}, .* hash {stage.local.engine.hash}", out), out
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("seed", range(40))
+def test_soak_carriers_that_leave_much_too_early_never_lock_each_other(seed):
+    """Random orchards. Some robots are stopped for a while: whoever waits then goes on afterwards."""
+
+    def some(name: str, low: int, high: int) -> int:
+        return low + int(draw(seed, f"early carriers, {name}", 0)[0] * (high + 1 - low))
+
+    rows = some("rows", 3, 12)
+    scenario = Scenario(
+        rows=rows,
+        pickers=some("pickers", 2, rows),
+        carriers=some("carriers", 1, 20),
+        picking_speed=some("speed", 3, 10) / 10,
+        row_width=float(some("width", 5, 9)),
+        seed=seed,
+        dispatch=["test_policies.AtOnce", "predictive", "predictive-farthest"][some("policy", 0, 2)],
+    )
+    stage = Stage(scenario)
+    for number in range(6):
+        stage.run(some(f"go {number}", 10, 60))
+        stage.local.engine.stop([f"picker_{some(f'picker {number}', 1, scenario.pickers):02d}"])
+        stage.run(some(f"stand {number}", 5, 60))
+        stage.local.engine.reset()
+    stage.run_until(lambda: stage.local.engine.over or bool(stage.account.jam), 20_000)
+    assert stage.account.jam == []
+    assert stage.local.engine.violations() == []
+    assert stage.world.delivered == rows

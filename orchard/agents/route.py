@@ -231,7 +231,7 @@ class OneWay:
         return [
             Say(f"driving to row {next_row}", "driving"),
             *([Alone(side.place("D", row))] if side.south < 0 else []),
-            Face("SOUTH"),
+            Face("SOUTH" if next_row >= row else "NORTH"),
             Free([side.place("D", row)]),
             DriveTo(y=self.layout.lane(next_row).y),
             *self.turn_in(next_row, side),

@@ -1,5 +1,7 @@
 """A whole harvest in the discrete-event model: pickers, carriers, the bins' calls, and the places on the roads."""
 
+from dataclasses import replace
+
 import simpy
 
 from orchard.agents.route import Side
@@ -19,22 +21,25 @@ LONGEST = 2_000_000  # ticks; a harvest in which robots wait for each other ends
 class Harvest:
     """One harvest. `run` does it; then `seconds` and `delivered` tell how it went."""
 
-    def __init__(self, layout: Layout) -> None:
-        """Raises ValueError for a scenario that the model cannot tell anything about: one with agents of the user's own."""
+    def __init__(self, layout: Layout, rounds: int = 1) -> None:
+        """`rounds`: how often each picker picks its rows, for the long run.
+
+        Raises ValueError for a scenario that the model cannot tell anything about: one with agents of the user's own."""
         scenario = layout.scenario
         if own := {**scenario.agents, **scenario.agents_without_body}:
             raise ValueError(f"the discrete-event model knows built-in agents only, and not {', '.join(sorted(own))}; run the simulator")
         self.layout, self.route, self.env = layout, route_of(layout), simpy.Environment()
         self.ledger, self.lines, self.unloading_ticks = Ledger(self.env), Lines(), round(UNLOADING_SECONDS / TIME_STEP)
-        self.delivered = 0
+        self.deliveries: list[float] = []  # s, when each bin was unloaded
         self._left: dict[str, simpy.Event] = {}  # full bin -> it is left in its lane
-        self._rows = {name: self._ends(block) for name, block in layout.blocks.items()}
+        self.blocks = {name: replace(block, rows=block.rows * rounds) for name, block in layout.blocks.items()}
+        self._rows = {name: self._ends(block) for name, block in self.blocks.items()}
         starts = [start for start in layout.starts if start.kind in ("picker", "carrier")]
         self.robots = {start.name: Robot(self, start.name, start.pose, start.bin) for start in starts}
         carriers = [robot for robot in self.robots.values() if kind_of(robot.name) == "carrier"]
         has_dispatcher = DISPATCH in scenario.bodiless_agents
         self.calls = (Dispatched if has_dispatcher else Calls)(self.env, self.route, carriers)
-        for name, block in layout.blocks.items():
+        for name, block in self.blocks.items():
             self.robots[name].plan = list(self.route.harvest(block))
         for robot in carriers:
             robot.plan = list(self.route.wait_in_queue())
@@ -62,6 +67,10 @@ class Harvest:
         self._left[picker.full_bin].succeed()
         self.calls.left(picker, row, side)
 
+    def deliver(self) -> None:
+        """Hear that a bin is unloaded."""
+        self.deliveries.append(self.env.now * TIME_STEP)
+
     def home(self, carrier: Robot) -> None:
         """Hear that a carrier has done its job."""
         self.calls.home(carrier)
@@ -82,4 +91,9 @@ class Harvest:
     @property
     def is_over(self) -> bool:
         """Whether all bins were delivered; if not, robots wait for each other."""
-        return self.delivered == self.layout.scenario.rows
+        return self.delivered == sum(len(block.rows) for block in self.blocks.values())
+
+    @property
+    def delivered(self) -> int:
+        """The number of bins unloaded."""
+        return len(self.deliveries)

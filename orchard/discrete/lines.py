@@ -1,6 +1,5 @@
 """Robots that follow each other on a line, where no places keep them apart."""
 
-from math import inf
 from typing import Protocol
 
 import simpy
@@ -44,18 +43,19 @@ class Lines:
 
     def enter(self, robot: Follower, line: Line, at: float) -> Follower | None:
         """Enter a line at a coordinate in the line's direction. Return the robot that is before it on the line, or None."""
-        before = self._last.get(line)
-        if before is robot and robot.line == line:
+        if self._last.get(line) is robot and robot.line == line:
             return robot.before
-        self._last[line] = robot
-        return before if before is not None and before is not robot and before.line == line and before.end >= at else None
+        before, self._last[line] = self.last(robot, line, at), robot
+        return before
+
+    def last(self, robot: Follower, line: Line, at: float) -> Follower | None:
+        """Return the robot that entered a line last, if it is another one, and still before a coordinate there."""
+        last = self._last.get(line)
+        return last if last is not None and last is not robot and last.line == line and last.end >= at else None
 
 
-def room(robot: Follower, line: Line) -> float:
-    """Return how far a robot may drive on a line, as a coordinate in its direction: up to where the one before it stands or will stand."""
-    before = robot.before
-    if before is None or before.line != line or before.entered != robot.then:
-        return inf
+def room(robot: Follower, before: Follower) -> float:
+    """Return how far a robot may drive, as a coordinate in the direction of its line: up to where the one before it stands or will stand."""
     kind, other = KINDS[kind_of(robot.name)], KINDS[kind_of(before.name)]
     tail = other.width / 2 if before.is_across else other.tows + KINDS["bin"].length / 2 if before.bin else other.length / 2
     return before.end - tail - STOP_DISTANCE - kind.length / 2

@@ -32,10 +32,10 @@ class Model(Protocol):
     lines: Lines
     robots: dict[str, "Robot"]
     unloading_ticks: int
-    delivered: int
 
     def begin_row(self, picker: "Robot") -> None: ...
     def leave(self, picker: "Robot") -> None: ...
+    def deliver(self) -> None: ...
     def home(self, carrier: "Robot") -> None: ...
     def is_left(self, bin_name: str) -> bool: ...
     def until_left(self, bin_name: str) -> simpy.Event: ...
@@ -139,7 +139,8 @@ class Robot:
                     break
             if not arrived and here - left_at >= CLEAR - NEAR:
                 arrived = self._arrive(line, here)
-            free_to = room(self, line) if arrived else inf
+            before = self._before(line) if arrived else self.model.lines.last(self, line, here)
+            free_to = room(self, before) if before is not None else inf
             limit = min(limit, max(here, free_to))
             if arrived:
                 self._extend(limit)
@@ -150,7 +151,7 @@ class Robot:
                     break
                 waits = [self.places.changed] if self.places.wanted else []
                 waits += [shut] if shut is not None else []
-                waits += [self.before.moved] if self.before is not None and free_to <= here + NEAR else []
+                waits += [before.moved] if before is not None and free_to <= here + NEAR else []
                 yield from self.wait(*waits)
                 continue
             ticks = min(ceil(left / pace - NEAR), ask)
@@ -183,6 +184,11 @@ class Robot:
         self.line, self.end, self.is_across, self.entered = line, at, False, self.entered + 1
         self._tell()
         return True
+
+    def _before(self, line: Line) -> Follower | None:
+        """The robot that it follows on a line, while that one is there."""
+        before = self.before
+        return before if before is not None and before.line == line and before.entered == self.then else None
 
     def _extend(self, end: float) -> None:
         """Say up to where the robot will drive now."""
@@ -294,6 +300,7 @@ class Robot:
         yield from self._handle(UNCOUPLE)
         brought, self.bin = self.bin, ""
         picker = self.model.robots[step.picker]
+        picker.taken.pop(brought, None)  # it may have had this bin before
         asked = self.tick
         at(self.env, self.env.now + MAIL, lambda: picker.brought(brought, self.name))
         while picker.taken.get(brought, inf) > asked:
@@ -327,7 +334,7 @@ class Robot:
     def _(self, step: st.Unload) -> Events:
         rest = self.model.unloading_ticks + UNCOUPLE - COUPLE  # the bin stands two ticks after its carrier
         yield self.env.timeout(ceil((rest - 1) / PATIENCE) * PATIENCE + ASK)
-        self.model.delivered += 1
+        self.model.deliver()
 
     @do.register
     def _(self, step: st.Confirmed) -> Events:

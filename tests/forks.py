@@ -62,8 +62,12 @@ class Forked:
             raise ValueError("it was read to its end before")
         with self.stdout, self.stderr, ThreadPoolExecutor(2) as readers:
             said = [readers.submit(file.read) for file in (self.stdout, self.stderr)]
-            self.wait(timeout)
-            return said[0].result(timeout), said[1].result(timeout)
+            try:
+                self.wait(timeout)
+                return said[0].result(timeout), said[1].result(timeout)
+            except (TimeoutError, subprocess.TimeoutExpired):
+                self.kill()  # or its pipes, and with them the readers, stay open for ever
+                raise
 
 
 class Server:

@@ -55,7 +55,7 @@ class Lines:
 
 
 def room(robot: Follower, before: Follower) -> float:
-    """Return how far a robot may drive, as a coordinate in the direction of its line: up to where the one before it stands or will stand."""
+    """Return how far a robot may drive, in the direction of its line, m: up to where the one before it stands or will stand."""
     kind, other = KINDS[kind_of(robot.name)], KINDS[kind_of(before.name)]
     tail = other.width / 2 if before.is_across else other.tows + KINDS["bin"].length / 2 if before.bin else other.length / 2
     return before.end - tail - STOP_DISTANCE - kind.length / 2

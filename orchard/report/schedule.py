@@ -1,66 +1,94 @@
 """The schedule of a harvest without traffic: all drives take their time, and no robot waits for a road, a place or the bay.
 
-It is an ideal to compare a harvest with, for the built-in policy. It is not a proof: another policy may be faster. docs/bounds.md says how
-far harvests are from it.
+It is an ideal to compare a harvest with, for the policy and the route of the scenario; for a policy of the user's own it is that of
+`nearest`. It is not a proof: another policy may be faster. docs/bounds.md says how far harvests are from it.
 """
 
 import heapq
+from dataclasses import dataclass
+from math import ceil
 
-from orchard.agents.route import OneWay
+from orchard.agents.dispatch import POLICIES, BinReport, CarrierReport, Dispatch, is_early
+from orchard.agents.dispatcher import POLL_TICKS
+from orchard.agents.forecast import EARLIER, farthest
 from orchard.agents.routes import route_of
-from orchard.agents.timing import approach_seconds, duration
-from orchard.field.geometry import HEADINGS, WEST, Pose
+from orchard.agents.timing import duration
+from orchard.contract.messages import End
+from orchard.field.geometry import WEST, Pose
+from orchard.field.kinds import name_of
 from orchard.field.layout import EAST_START, Layout
 from orchard.field.queue import PITCH
 from orchard.field.rows import Block
-from orchard.report.bounds import cycle_seconds
+from orchard.field.scenario import TIME_STEP
+from orchard.report.bounds import Exchange, exchanges
 
 WORTH = 0.01  # share of the harvest's time by which a number of carriers must shorten it to be worth its cost
+POLL = POLL_TICKS * TIME_STEP  # s between two decisions of a policy that waits for a better moment
+
+
+@dataclass
+class Call:
+    """A bin that needs a carrier, and the exchange that it waits for."""
+
+    picker: str
+    count: int  # rows that the picker has done before
+    begun: float  # s, when it began to call
+    full: float  # s, when it is left in the lane
+    exchange: Exchange
 
 
 class Schedule:
     """The schedule of one orchard. It is made once; `seconds` may then be asked for any number of carriers."""
 
     def __init__(self, layout: Layout) -> None:
-        route = route_of(layout)
-        self._bins, self._places = layout.scenario.rows, layout.queue.places
-        self._blocks = [_exchanges(route, block) for block in layout.blocks.values()]
-        self._first_full = [_first_full_seconds(route, block) for block in layout.blocks.values()]
+        self._layout, self._route = layout, route_of(layout)
+        self._rows = {name: exchanges(layout, block) for name, block in layout.blocks.items()}
+        self._begins = {name: self._come_in_seconds(block) for name, block in layout.blocks.items()}
+        self._head, self._horizon = layout.queue.place(0), farthest(self._route) + EARLIER
 
     def seconds(self, carriers: int) -> float:
-        """Return the time of the harvest with this number of carriers, s. Bins are served in the order in which they are full."""
+        """Return the time of the harvest with this number of carriers, s. The policy decides which bin gets one, and when."""
+        policy: Dispatch = POLICIES.get(self._layout.scenario.dispatch, POLICIES["nearest"])(self._layout)
+        now, early, memory = 0.0, is_early(policy), policy.Memory()
         free = [0.0] * carriers  # s, when each carrier is at the queue's head
-        full = [(when, block, 0) for block, when in enumerate(self._first_full)]  # s; a picker's block of rows; the row in it
-        heapq.heapify(full)
-        while full:
-            when, block, count = heapq.heappop(full)
-            start, (_, approach, cycle, onward) = max(when, free[0]), self._blocks[block][count]
-            heapq.heapreplace(free, start + cycle)
-            if count + 1 < len(self._blocks[block]):
-                next_row_seconds = self._blocks[block][count + 1][0]
-                heapq.heappush(full, (start + approach + onward + next_row_seconds, block, count + 1))
-        return max(free) - (min(carriers, self._places) - 1) * PITCH  # the last carrier stops behind the others of its line
+        calls = [self._call(name, 0, begins, early) for name, begins in self._begins.items()]
+        while calls:
+            now = max(now, free[0], min(call.begun for call in calls))
+            waiting = [call for call in calls if call.begun <= now]
+            reports = [self._report(call, now) for call in waiting]
+            orders = policy.assign(ceil(now / TIME_STEP), reports, [CarrierReport(name_of("carrier", 1), "", True, 0.0)], memory)
+            if not orders:
+                now += POLL
+                continue
+            call = waiting[[report.name for report in reports].index(orders[0].bin)]
+            calls.remove(call)
+            served = max(now, call.full - call.exchange.approach + call.exchange.from_hold) if early else now
+            exchanged = max(served + call.exchange.approach, call.full + call.exchange.coming_out)
+            heapq.heapreplace(free, exchanged + call.exchange.cycle - call.exchange.approach)
+            if call.count + 1 < len(self._rows[call.picker]):
+                calls.append(self._call(call.picker, call.count + 1, exchanged + call.exchange.going_on, early))
+        return max(free) - (min(carriers, self._layout.queue.places) - 1) * PITCH  # the last carrier stops behind the others of its line
 
     @property
     def enough_carriers(self) -> int:
         """The number of carriers beyond which more shorten this harvest by at most 1 % (`WORTH`). It is never above the number of bins."""
-        times = [self.seconds(carriers) for carriers in range(1, self._bins + 1)]
+        times = [self.seconds(carriers) for carriers in range(1, self._layout.scenario.rows + 1)]
         return next(number for number, time in enumerate(times, start=1) if time * (1.0 - WORTH) <= min(times))
 
+    def _call(self, picker: str, count: int, begins: float, early: bool) -> Call:
+        """Return the call for the bin of a picker that begins a row at a time, s."""
+        exchange = self._rows[picker][count]
+        full = begins + exchange.picking + exchange.leaving
+        return Call(picker, count, max(begins, full - self._horizon) if early else full, full, exchange)
 
-def _first_full_seconds(route: OneWay, block: Block) -> float:
-    """The time until a picker has come from its start to its first row, and has picked it, s."""
-    row = block.rows[0]
-    start = Pose(EAST_START, route.layout.lane(row).y, WEST)  # of those that do not start at the head of the row
-    return duration(route.come_in(block), start) + route.layout.picking_seconds(row)
+    def _report(self, call: Call, now: float) -> BinReport:
+        one = call.exchange
+        end: End = "east" if one.side is self._route.east else "west"
+        metres = self._route.distance(self._head.x, self._head.y, one.lane, one.side)
+        since = ceil(call.begun / TIME_STEP)
+        return BinReport(call.picker, one.lane, end, call.picker, since, metres, max(0.0, call.full - now), one.approach)
 
-
-def _exchanges(route: OneWay, block: Block) -> list[tuple[float, float, float, float]]:
-    """For each row of a picker: the time to pick it, its approach and cycle, and the way to the next row with an empty bin, s."""
-    exchanges, rows = [], block.rows
-    for count, (row, next_row) in enumerate(zip(rows, (*rows[1:], rows[-1]), strict=True)):
-        side = route.side(count, block.start)
-        waiting = Pose(side.x(route.WAITING), route.layout.lane(row).y, HEADINGS[side.heading("EAST")])
-        onward = duration(route.go_to_next_row(row, next_row, side), waiting)
-        exchanges.append((route.layout.picking_seconds(row), approach_seconds(route, row, side), cycle_seconds(route, row, side), onward))
-    return exchanges
+    def _come_in_seconds(self, block: Block) -> float:
+        """The time until a picker has come from its start to its first row, s."""
+        start = Pose(EAST_START, self._route.layout.lane(block.rows[0]).y, WEST)  # of those that do not start at the head of the row
+        return duration(self._route.come_in(block), start)

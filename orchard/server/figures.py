@@ -90,9 +90,12 @@ class RunFigures:
     def summary(self) -> dict[str, Any]:
         """Return the figures of the whole run, its scenario, and its course over time (see `History`)."""
         from orchard.report.history import sample_of
+        from orchard.report.losses import lost_seconds
 
+        lost = lost_seconds(self._world.layout, self._world.seconds) if self._engine.over else {}
         now = sample_of(self._world, self._engine.states, self._figures.busy_ticks)
-        return self.figures() | {"scenario": self._world.layout.scenario.model_dump(), "history": self._history.until(now)}
+        scenario = self._world.layout.scenario.model_dump()
+        return self.figures() | {"lost_seconds": lost, "scenario": scenario, "history": self._history.until(now)}
 
     def message(self, run: str, refused: dict[str, int]) -> messages.Figures:
         """Return the figures so far, and what each robot does, as a message. `refused`: reason -> number of refused messages."""

@@ -19,6 +19,7 @@ from orchard.view.files import viewer_program
 LOOPBACK = "127.0.0.1"
 ROOT = Path(__file__).parents[2]
 QUIET = {"RUST_LOG": "error"}  # environment of the server
+IDLE = 19  # niceness of the server: Rerun 0.41 keeps a core busy while it serves a file, even if no viewer asks for it (rerun-io/rerun#10944)
 
 
 def data_uri(port: int) -> str:
@@ -70,6 +71,7 @@ def main() -> None:
     parser.add_argument("--port", type=int, default=9090, help="port of the viewer; its data are expected on the next port")
     arguments = parser.parse_args()
     line, server = command(arguments.port, *arguments.what), os.getpid()
+    os.nice(IDLE)
     if os.fork() == 0:
         _end_with_input(server)
     os.execve(line[0], line, os.environ | QUIET)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stage import Stage, Standing, empty_orchard
 
-from orchard import Assignment, BinReport, CarrierReport, Local, Scenario, ScenarioError, draw, lay_out
+from orchard import BinReport, CarrierReport, Local, Scenario, ScenarioError, draw, lay_out
 from orchard.agents import route
 from orchard.agents.catalogue import check_plugins, make_agents
 from orchard.agents.dispatch import Dispatch, dispatch_of
@@ -158,22 +158,8 @@ def test_no_agent_of_an_early_harvest_holds_too_long(caplog):
 # -- early bins and carriers
 
 
-class AtOnce:
-    """An early policy that sends a carrier as soon as a bin reports: much too early."""
-
-    Memory = dict
-    early = True
-
-    def __init__(self, layout):
-        pass
-
-    def assign(self, now, bins, carriers, memory):
-        free = [carrier.name for carrier in carriers if carrier.is_next]
-        return [Assignment(report.name, carrier) for report, carrier in zip(bins, free, strict=False)]
-
-
 def too_early() -> Stage:
-    return Stage(small("test_policies.AtOnce", rows=3, pickers=2, carriers=2, picking_speed=0.5))
+    return Stage(small("own_policies.AtOnce", rows=3, pickers=2, carriers=2, picking_speed=0.5))
 
 
 def test_a_carrier_that_comes_early_holds_before_the_lane_until_the_bin_is_left():
@@ -230,46 +216,17 @@ def test_a_forecast_comes_true():
 
 # -- policies that make mistakes
 
-
-class Bad:
-    Memory = dict
-
-    def __init__(self, layout):
-        pass
-
-
-class Raising(Bad):
-    def assign(self, now, bins, carriers, memory):
-        raise LookupError("no such bin here")
-
-
-class Inventing(Bad):
-    def assign(self, now, bins, carriers, memory):
-        bins.append(BinReport("bin_77", 1, "east", "picker_01", 0, 0.0))
-        return [Assignment("bin_77", "carrier_01")]
-
-
-class Overworking(Bad):
-    def assign(self, now, bins, carriers, memory):
-        return [Assignment(report.name, "carrier_01") for report in bins] * 2
-
-
-class Silent(Bad):
-    def assign(self, now, bins, carriers, memory):
-        memory["bins"] = set(bins)
-
-
 MISTAKES = {
-    "Raising": r"LookupError: no such bin here \(.*test_policies.py, line \d+\)",
-    "Inventing": r"assigns bin bin_77, which is not available; .* \(.*test_policies.py, line \d+\)",
-    "Overworking": r"assigns bin bin_0\d twice \(.*test_policies.py, line \d+\)",
-    "Silent": r"assign returned None; it must return a list of Assignment\(bin, carrier\) \(.*test_policies.py",
+    "Raising": r"LookupError: no such bin here \(.*own_policies.py, line \d+\)",
+    "Inventing": r"assigns bin bin_77, which is not available; .* \(.*own_policies.py, line \d+\)",
+    "Overworking": r"assigns bin bin_0\d twice \(.*own_policies.py, line \d+\)",
+    "Silent": r"assign returned None; it must return a list of Assignment\(bin, carrier\) \(.*own_policies.py",
 }
 
 
 @pytest.mark.parametrize("name", MISTAKES)
 def test_the_mistake_of_a_policy_is_named_once_and_counted_and_the_harvest_goes_on(name, caplog):
-    stage = Stage(small(f"test_policies.{name}", rows=3, carriers=3))
+    stage = Stage(small(f"own_policies.{name}", rows=3, carriers=3))
     stage.run_until(lambda: stage.world.delivered == 1, 500)
     faults = [record.getMessage() for record in caplog.records if "dispatch policy" in record.getMessage()]
     assert len(faults) == 1, "once in the log"
@@ -281,7 +238,7 @@ def test_the_mistake_of_a_policy_is_named_once_and_counted_and_the_harvest_goes_
 
 
 def test_a_mistake_ends_the_harvest_if_the_scenario_says_so_in_lockstep_at_the_same_tick(fleet):
-    scenario = small("test_policies.Raising", rows=3, dispatch_errors="end")
+    scenario = small("own_policies.Raising", rows=3, dispatch_errors="end")
     stage = Stage(scenario)
     stage.run_until(lambda: stage.account.fault == "refused", 200)
     assert stage.account.figures()["orders_refused"] == 1
@@ -308,7 +265,7 @@ def test_soak_carriers_that_leave_much_too_early_never_lock_each_other(seed):
         picking_speed=some("speed", 3, 10) / 10,
         row_width=float(some("width", 5, 9)),
         seed=seed,
-        dispatch=["test_policies.AtOnce", "predictive", "predictive-farthest"][some("policy", 0, 2)],
+        dispatch=["own_policies.AtOnce", "predictive", "predictive-farthest"][some("policy", 0, 2)],
     )
     stage = Stage(scenario)
     for number in range(6):

@@ -148,7 +148,8 @@ def test_no_mistake_of_one_agent_changes_what_the_others_do_in_any_mode(fleet):
     local = Local(own)
     for _ in range(ticks):
         local.tick()
-    assert local.engine.states.counts.ticks["picker_01"][STATES.index("broken")] == len(own_agents.MISCHIEF) - 1, "all but the text are refused"
+    broken = local.engine.states.counts.ticks["picker_01"][STATES.index("broken")]
+    assert broken == len(own_agents.MISCHIEF) - 1, "all but the text are refused"
     fleet.physics(own, "--duration", str(ticks / 10))
     fleet.share(2)
     code, out, err = fleet.world.end()

@@ -1,0 +1,32 @@
+"""What a harvest lost, and to what: its length against that at the best long-run rate, split into parts that add up."""
+
+from orchard.agents.dispatch import POLICIES
+from orchard.agents.routes import ROUTES
+from orchard.discrete.harvest import Harvest
+from orchard.field.layout import Layout, lay_out
+from orchard.field.scenario import Scenario
+from orchard.report.bounds import Bounds
+from orchard.report.schedule import Schedule
+
+REFERENCE = "predictive"  # the policy with which a harvest loses least to dispatch: docs/policies.md
+DISTURBING = ("worker", "visitor", "dog", "cat", "tractor")
+
+
+def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
+    """Split the length of a whole harvest, s, into parts that add up to it; {} if it has agents, a policy or a route of the user's own.
+
+    `long_run`: its bins at the long-run rate. `structure`: what is lost to its begin and its end. `traffic`: what robots lose to each
+    other. These three are of the policy `REFERENCE`. `dispatch`: what the scenario's own policy loses against it, negative if it is better.
+    `people_and_animals`: the rest.
+    """
+    scenario = layout.scenario
+    if scenario.agents or scenario.agents_without_body or scenario.dispatch not in POLICIES or scenario.route not in ROUTES:
+        return {}
+    reference = lay_out(Scenario(**scenario.model_dump() | {"dispatch": REFERENCE}))
+    long_run = 3600.0 * scenario.rows / Bounds(reference).bins_per_hour
+    schedule = Schedule(reference).seconds(scenario.carrier_count)
+    best = Harvest(reference).run().seconds
+    is_disturbed = any(start.kind in DISTURBING for start in layout.starts)
+    undisturbed = min(seconds, Harvest(layout).run().seconds) if is_disturbed else seconds
+    parts = {"long_run": long_run, "structure": schedule - long_run, "traffic": best - schedule, "dispatch": undisturbed - best}
+    return {name: round(part, 1) for name, part in (parts | {"people_and_animals": seconds - undisturbed}).items()}

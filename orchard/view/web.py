@@ -19,7 +19,7 @@ from orchard.view.files import viewer_program
 LOOPBACK = "127.0.0.1"
 ROOT = Path(__file__).parents[2]
 QUIET = {"RUST_LOG": "error"}  # environment of the server
-IDLE = 19  # niceness of the server: Rerun 0.41 keeps a core busy while it serves a file, even if no viewer asks for it (rerun-io/rerun#10944)
+IDLE = 19  # its niceness: Rerun 0.41 keeps a core busy while it serves a file, even if no viewer asks (rerun-io/rerun#10944)
 
 
 def data_uri(port: int) -> str:

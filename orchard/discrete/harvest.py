@@ -16,6 +16,7 @@ from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
 
 LONGEST = 2_000_000  # ticks; a harvest in which robots wait for each other ends here
+MIDDLE = (0.3, 0.8)  # share of the bins before and up to which the long run is measured: without its beginning and its end
 
 
 class Harvest:
@@ -97,3 +98,15 @@ class Harvest:
     def delivered(self) -> int:
         """The number of bins unloaded."""
         return len(self.deliveries)
+
+
+def long_run_bins_per_hour(layout: Layout, rounds: int = 20) -> float:
+    """Return the bins per hour of a harvest in which each picker picks its rows again and again, without its beginning and its end.
+
+    Raises ValueError as `Harvest` does, and RuntimeError if robots wait for each other for ever.
+    """
+    harvest = Harvest(layout, rounds).run()
+    if not harvest.is_over:
+        raise RuntimeError(f"only {harvest.delivered} bins were delivered: robots wait for each other")
+    first, last = (int(share * harvest.delivered) for share in MIDDLE)
+    return 3600.0 * (last - first) / (harvest.deliveries[last] - harvest.deliveries[first])

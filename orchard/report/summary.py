@@ -15,6 +15,7 @@ UNITS = {
     "bins_per_hour": "bins/h",
     "long_run_bins_per_hour": "bins/h, of this policy in a long harvest",
     "schedule_sim_seconds": "s, this harvest without traffic",
+    "lost_seconds": "s, which add up to the harvest's length",
     "picker_waiting_seconds": "s, from a full bin to an empty one, mean",
     "carrier_utilisation": "of the time, outside the queue",
     "collisions": "(of robots)",
@@ -24,7 +25,7 @@ UNITS = {
     "stopped_seconds": "s",
 }
 MAIN = ("rows_picked", "bins_delivered", "sim_seconds", "schedule_sim_seconds", "bins_per_hour", "long_run_bins_per_hour", "bottleneck",
-        "picker_waiting_seconds", "carrier_utilisation", "collisions")  # fmt: skip
+        "lost_seconds", "picker_waiting_seconds", "carrier_utilisation", "collisions")  # fmt: skip
 UNUSUAL = (
     "stopped_seconds",
     "orders_refused",

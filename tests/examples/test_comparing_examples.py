@@ -21,4 +21,4 @@ def test_policies_are_compared_in_whole_harvests():
 
 def test_the_closed_form_stands_beside_the_long_run():
     said = printed("examples/long_run.py", "--rounds", "3", "4/2/1")
-    assert len(re.findall(r"4/2/1 .* carriers .* [+-]\d+\.\d", said)) == 8
+    assert len(re.findall(r"4/2/1 .* (?:carriers|pickers) .* [+-]\d+\.\d", said)) == 8

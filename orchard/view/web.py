@@ -10,6 +10,7 @@ import signal
 import socket
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 from urllib.parse import urlencode
@@ -71,10 +72,17 @@ def main() -> None:
     parser.add_argument("--port", type=int, default=9090, help="port of the viewer; its data are expected on the next port")
     arguments = parser.parse_args()
     line, server = command(arguments.port, *arguments.what), os.getpid()
-    os.nice(IDLE)
+    _take_what_is_left()
     if os.fork() == 0:
         _end_with_input(server)
     os.execve(line[0], line, os.environ | QUIET)
+
+
+def _take_what_is_left() -> None:
+    """Let this process, and the session that it leads, have only the processor time that no other wants."""
+    os.nice(IDLE)
+    with suppress(OSError):  # a kernel without groups of sessions has no such file
+        Path("/proc/self/autogroup").write_text(str(IDLE))
 
 
 def _end_with_input(server: int) -> NoReturn:

@@ -29,7 +29,7 @@ from orchard.wire.codec import frame_of
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 from orchard.wire.messages import End, Events, Letters, Lost, Picture
 
-MOST = 1000  # frames that wait: 100 simulated seconds; some 35 MB for the largest orchard
+MOST = 2000  # frames that wait: 200 simulated seconds; some 70 MB for the largest orchard
 MOST_NOTES = 10_000  # events that wait for a frame; a tick never has more than some hundreds
 LOOK_SECONDS = 0.5  # between two checks that the writer still writes
 AWAY = "the logger was away"

@@ -21,7 +21,7 @@ ORDERED = 1  # tick from an order to the carrier
 
 
 @dataclass
-class Call:
+class OpenCall:
     """A bin that needs a carrier."""
 
     bin: str
@@ -36,7 +36,7 @@ class Calls:
     """The calls of bins that ask all carriers: the oldest one gets the nearest carrier that can leave."""
 
     def __init__(self, env: simpy.Environment, route: OneWay, carriers: list[Robot]) -> None:
-        self.env, self.route, self.layout, self.free, self.open = env, route, route.layout, list(carriers), list[Call]()
+        self.env, self.route, self.layout, self.free, self.open = env, route, route.layout, list(carriers), list[OpenCall]()
         self._changed = self.env.event()
 
     def begins(self, robot: Robot, lane: int, side: Side, seconds: float) -> None:
@@ -44,7 +44,7 @@ class Calls:
 
     def left(self, robot: Robot, lane: int, side: Side) -> None:
         """Hear that a picker has left its full bin."""
-        self.open.append(Call(robot.full_bin, robot.name, lane, side, robot.tick, robot.tick))
+        self.open.append(OpenCall(robot.full_bin, robot.name, lane, side, robot.tick, robot.tick))
         self.wake()
 
     def home(self, robot: Robot) -> None:
@@ -80,12 +80,12 @@ class Calls:
                 yield self.env.timeout(HEARD)
                 self.start(call, chosen)
 
-    def send(self, call: Call, carrier: Robot) -> None:
+    def send(self, call: OpenCall, carrier: Robot) -> None:
         """Book a carrier for a call."""
         self.open.remove(call)
         self.free.remove(carrier)
 
-    def start(self, call: Call, carrier: Robot) -> None:
+    def start(self, call: OpenCall, carrier: Robot) -> None:
         """Let a carrier begin its job."""
         carrier.take(self.route.fetch(number_of(carrier.name), call.lane, call.side, call.picker, call.bin))
 
@@ -105,10 +105,10 @@ class Dispatched(Calls):
         if not is_early(self.policy):
             return
         full = robot.tick + seconds / TIME_STEP
-        call = Call(robot.bin, robot.name, lane, side, max(robot.tick, ceil(full - self.horizon)), full)
+        call = OpenCall(robot.bin, robot.name, lane, side, max(robot.tick, ceil(full - self.horizon)), full)
         self.env.process(self._later(call))
 
-    def _later(self, call: Call) -> Events:
+    def _later(self, call: OpenCall) -> Events:
         yield self.env.timeout(call.since - self.env.now)
         self.open.append(call)
         self.wake()
@@ -130,7 +130,7 @@ class Dispatched(Calls):
             yield self.env.timeout(1)
             self._decide([call for call in self.open if call.bin not in self._booked and call.since < asked + 2], ready)
 
-    def _decide(self, calls: list[Call], ready: dict[str, Robot]) -> None:
+    def _decide(self, calls: list[OpenCall], ready: dict[str, Robot]) -> None:
         now, head = ceil(self.env.now), self.layout.queue.head
         bins = [self._report(call, now) for call in sorted(calls, key=lambda call: call.bin)]
         carriers = [CarrierReport(name, "", True, max(0.0, head - robot.x_now)) for name, robot in sorted(ready.items())]
@@ -139,14 +139,14 @@ class Dispatched(Calls):
             self._booked |= {order.bin, order.carrier}
             self.env.process(self._fetch(order, by_bin[order.bin], ready[order.carrier], now))
 
-    def _report(self, call: Call, now: int) -> BinReport:
+    def _report(self, call: OpenCall, now: int) -> BinReport:
         route, place = self.route, self.layout.queue.place(0)
         metres, reach = route.distance(place.x, place.y, call.lane, call.side), approach_seconds(route, call.lane, call.side)
         left = max(0.0, (call.full - now) * TIME_STEP)
         side = "east" if call.side is route.east else "west"
         return BinReport(call.bin, call.lane, side, call.picker, call.since, metres, left, reach)
 
-    def _fetch(self, order: Assignment, call: Call, carrier: Robot, now: int) -> Events:
+    def _fetch(self, order: Assignment, call: OpenCall, carrier: Robot, now: int) -> Events:
         """The bin hears of its carrier when it reports again, and sends for it."""
         report = call.since + CALL_AGAIN * ceil((now - call.since) / CALL_AGAIN)
         yield self.env.timeout(report + HEARD + ORDERED - self.env.now)

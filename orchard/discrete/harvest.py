@@ -19,7 +19,7 @@ LONGEST = 2_000_000  # ticks; a harvest in which robots wait for each other ends
 MIDDLE = (0.3, 0.8)  # share of the bins before and up to which the long run is measured: without its beginning and its end
 
 
-class Harvest:
+class DiscreteHarvest:
     """One harvest. `run` does it; then `seconds` and `delivered` tell how it went."""
 
     def __init__(self, layout: Layout, rounds: int = 1) -> None:
@@ -48,7 +48,7 @@ class Harvest:
             self.env.process(robot.run())
         self.env.process(self.calls.run())
 
-    def run(self) -> "Harvest":
+    def run(self) -> "DiscreteHarvest":
         """Do the whole harvest, and return it."""
         self.env.run(until=LONGEST)
         return self
@@ -103,9 +103,9 @@ class Harvest:
 def long_run_bins_per_hour(layout: Layout, rounds: int = 20) -> float:
     """Return the bins per hour of a harvest in which each picker picks its rows again and again, without its beginning and its end.
 
-    Raises ValueError as `Harvest` does, and RuntimeError if robots wait for each other for ever.
+    Raises ValueError as `DiscreteHarvest` does, and RuntimeError if robots wait for each other for ever.
     """
-    harvest = Harvest(layout, rounds).run()
+    harvest = DiscreteHarvest(layout, rounds).run()
     if not harvest.is_over:
         raise RuntimeError(f"only {harvest.delivered} bins were delivered: robots wait for each other")
     first, last = (int(share * harvest.delivered) for share in MIDDLE)

@@ -22,11 +22,6 @@ class Follower(Protocol):
     entered: int  # how many lines it has entered so far
 
     @property
-    def then(self) -> int:
-        """`entered` of the robot before it, when it began to follow that one."""
-        ...
-
-    @property
     def before(self) -> "Follower | None":
         """The robot that it follows."""
         ...

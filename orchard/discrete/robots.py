@@ -9,7 +9,7 @@ from typing import Any, Protocol, cast
 import simpy
 
 from orchard.agents import steps as st
-from orchard.agents.robot import PATIENCE, Step
+from orchard.agents.robot import PATIENCE, Gate, Step
 from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Ledger, at
 from orchard.field.geometry import HEADINGS, Pose, angle_between, nearest_heading
@@ -123,20 +123,12 @@ class Robot:
             for gate in step.frees:
                 if here > sign * gate.at - NEAR:
                     self.places.free(gate.places)
-            limit, ask = target, inf
-            shut = None  # a bin that must be left first
-            for gate in step.needs:
-                at = sign * gate.at
-                if at >= here - NEAR and not self.places.holds(gate.places):
-                    if at - here < st.LOOK_AHEAD - NEAR:
-                        if gate.bin and not self.model.is_left(gate.bin):
-                            shut = self.model.until_left(gate.bin)
-                        else:
-                            self.places.want(gate.places)
-                    else:
-                        ask = max(1, floor((at - here - st.LOOK_AHEAD) / pace + NEAR) + 1)
-                    limit = min(target, at)
-                    break
+            ahead, shut = self._next_gate(step, sign, here), None
+            limit, ask = target if ahead is None else min(target, sign * ahead.at), inf
+            if ahead is not None and sign * ahead.at - here >= st.LOOK_AHEAD - NEAR:
+                ask = max(1, floor((sign * ahead.at - here - st.LOOK_AHEAD) / pace + NEAR) + 1)
+            elif ahead is not None:
+                shut = self._ask_for(ahead)
             if not arrived and here - left_at >= CLEAR - NEAR:
                 arrived = self._arrive(line, here)
             before = self._before(line) if arrived else self.model.lines.last(self, line, here)
@@ -157,15 +149,30 @@ class Robot:
             ticks = min(ceil(left / pace - NEAR), ask)
             if not arrived:
                 ticks = min(ticks, ceil((left_at + CLEAR - here) / pace - NEAR))
-            for gate in step.frees:
-                if sign * gate.at > here + NEAR and any(place in self.places.held for place in gate.places):
-                    ticks = min(ticks, ceil((sign * gate.at - here) / pace - NEAR))
+            ticks = min([ticks, *(ceil(left / pace - NEAR) for left in self._until_freed(step, sign, here))])
             begun, was = self.tick, here
             timeout, self._leg = self.env.timeout(ticks), (axis, begun, was, pace, sign, limit)
             yield from self.wait(timeout, *([self.places.changed] if self.places.wanted else []))
             here, self._leg = min(limit, was + (self.tick - begun) * pace), None
             self._put(axis, sign * here)
         return
+
+    def _next_gate(self, step: st.DriveTo, sign: int, here: float) -> Gate | None:
+        """The first gate ahead of which it does not hold the places. `here`: its coordinate in the direction of the drive, m."""
+        ahead = (gate for gate in step.needs if sign * gate.at >= here - NEAR)
+        return next((gate for gate in ahead if not self.places.holds(gate.places)), None)
+
+    def _ask_for(self, gate: Gate) -> simpy.Event | None:
+        """Ask for the places of a gate. If a bin must be left before that, return what happens then."""
+        if gate.bin and not self.model.is_left(gate.bin):
+            return self.model.until_left(gate.bin)
+        self.places.want(gate.places)
+        return None
+
+    def _until_freed(self, step: st.DriveTo, sign: int, here: float) -> list[float]:
+        """The distances to the gates ahead at which it gives back places that it holds, m."""
+        ahead = (gate for gate in step.frees if sign * gate.at > here + NEAR)
+        return [sign * gate.at - here for gate in ahead if any(place in self.places.held for place in gate.places)]
 
     def _put(self, axis: str, value: float) -> None:
         if axis == "x":

@@ -2,7 +2,7 @@
 
 from orchard.agents.dispatch import POLICIES
 from orchard.agents.routes import ROUTES
-from orchard.discrete.harvest import Harvest
+from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
 from orchard.report.bounds import Bounds
@@ -25,8 +25,8 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     reference = lay_out(Scenario(**scenario.model_dump() | {"dispatch": REFERENCE}))
     long_run = 3600.0 * scenario.rows / Bounds(reference).bins_per_hour
     schedule = Schedule(reference).seconds(scenario.carrier_count)
-    best = Harvest(reference).run().seconds
+    best = DiscreteHarvest(reference).run().seconds
     is_disturbed = any(start.kind in DISTURBING for start in layout.starts)
-    undisturbed = min(seconds, Harvest(layout).run().seconds) if is_disturbed else seconds
+    undisturbed = min(seconds, DiscreteHarvest(layout).run().seconds) if is_disturbed else seconds
     parts = {"long_run": long_run, "structure": schedule - long_run, "traffic": best - schedule, "dispatch": undisturbed - best}
     return {name: round(part, 1) for name, part in (parts | {"people_and_animals": seconds - undisturbed}).items()}

@@ -27,7 +27,7 @@ POLL = POLL_TICKS * TIME_STEP  # s between two decisions of a policy that waits 
 
 
 @dataclass
-class Call:
+class ScheduledCall:
     """A bin that needs a carrier, and the exchange that it waits for."""
 
     picker: str
@@ -75,13 +75,13 @@ class Schedule:
         times = [self.seconds(carriers) for carriers in range(1, self._layout.scenario.rows + 1)]
         return next(number for number, time in enumerate(times, start=1) if time * (1.0 - WORTH) <= min(times))
 
-    def _call(self, picker: str, count: int, begins: float, early: bool) -> Call:
+    def _call(self, picker: str, count: int, begins: float, early: bool) -> ScheduledCall:
         """Return the call for the bin of a picker that begins a row at a time, s."""
         exchange = self._rows[picker][count]
         full = begins + exchange.picking + exchange.leaving
-        return Call(picker, count, max(begins, full - self._horizon) if early else full, full, exchange)
+        return ScheduledCall(picker, count, max(begins, full - self._horizon) if early else full, full, exchange)
 
-    def _report(self, call: Call, now: float) -> BinReport:
+    def _report(self, call: ScheduledCall, now: float) -> BinReport:
         one = call.exchange
         end: End = "east" if one.side is self._route.east else "west"
         metres = self._route.distance(self._head.x, self._head.y, one.lane, one.side)

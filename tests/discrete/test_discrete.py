@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("simpy", reason="the extra `study` is not installed")
 
-from orchard.discrete.harvest import Harvest
+from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.local import Local
@@ -39,7 +39,7 @@ def simulated(scenario: Scenario) -> float:
 )
 def test_a_harvest_takes_as_long_as_in_the_simulator(values: dict[str, Any]) -> None:
     scenario = orchard(**values)
-    harvest = Harvest(lay_out(scenario)).run()
+    harvest = DiscreteHarvest(lay_out(scenario)).run()
     assert harvest.delivered == scenario.rows
     assert harvest.seconds == pytest.approx(simulated(scenario), rel=0.01)
 
@@ -60,11 +60,11 @@ def test_the_rates_are_those_that_were_measured_in_the_simulator() -> None:
     for (rows, pickers, carriers, speed), rates in MEASURED.items():
         for policy, rate in zip(("nearest", "farthest-first", "predictive"), rates, strict=True):
             scenario = orchard(rows=rows, pickers=pickers, carriers=carriers, picking_speed=speed, dispatch=policy)
-            errors.append(abs(3600 * rows / Harvest(lay_out(scenario)).run().seconds / rate - 1.0))
+            errors.append(abs(3600 * rows / DiscreteHarvest(lay_out(scenario)).run().seconds / rate - 1.0))
     assert max(errors) <= 0.01
     assert sum(errors) / len(errors) <= 0.005
 
 
 def test_agents_of_the_users_own_need_the_simulator() -> None:
     with pytest.raises(ValueError, match=r"built-in agents only, and not picker_01; run the simulator"):
-        Harvest(lay_out(orchard(agents={"picker_01": "tests.own_agents.Eastward"})))
+        DiscreteHarvest(lay_out(orchard(agents={"picker_01": "tests.own_agents.Eastward"})))

@@ -10,6 +10,7 @@ from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
 from orchard.field.scenario import People, Scenario, load
 from orchard.report.bounds import Bounds
+from orchard.report.losses import lost_seconds
 from orchard.report.metrics import HarvestFigures, harvest_figures, who_waits
 from orchard.report.schedule import Schedule
 
@@ -115,3 +116,23 @@ def test_one_carrier_less_than_enough_takes_longer_and_more_than_enough_take_as_
     assert schedule.enough_carriers == enough
     assert schedule.seconds(enough - 1) > 1.01 * schedule.seconds(scenario.rows)
     assert schedule.seconds(enough) <= 1.0102 * schedule.seconds(scenario.rows)
+
+
+def test_an_early_policy_shortens_the_wait_of_pickers_and_with_it_the_schedule():
+    nearest, early = (lay_out(empty_orchard(rows=4, pickers=2, carriers=2, dispatch=name)) for name in ("nearest", "predictive"))
+    assert Bounds(early).wait_seconds < Bounds(nearest).wait_seconds
+    assert Bounds(early).cycle_seconds == Bounds(nearest).cycle_seconds
+    assert Schedule(early).seconds(2) < Schedule(nearest).seconds(2)
+
+
+@pytest.mark.parametrize("changes", [{"dispatch": "nearest"}, {"dispatch": "predictive"}, {"people": People(workers=1, visitors=0)}])
+def test_what_a_harvest_lost_adds_up_to_its_length(changes):
+    scenario, seconds = empty_orchard(rows=4, pickers=2, carriers=2, **changes), 700.0
+    lost = lost_seconds(lay_out(scenario), seconds)
+    assert sum(lost.values()) == pytest.approx(seconds, abs=0.3)
+    assert (lost["people_and_animals"] > 0.0) == bool(scenario.people.workers)
+    assert min(lost["long_run"], lost["structure"], lost["traffic"]) > 0.0
+
+
+def test_what_a_harvest_with_a_users_agent_lost_is_not_told():
+    assert lost_seconds(lay_out(empty_orchard(agents={"picker_01": "own_agents.Eastward"})), 700.0) == {}

@@ -5,11 +5,12 @@ from math import degrees
 from orchard.agents import bin as bin_agent
 from orchard.agents import carrier as carrier_agent
 from orchard.agents import forecast, sense, steps, traffic
-from orchard.agents.robot import LOOK_AGAIN, PATIENCE, RECOVERY, Step
+from orchard.agents.robot import LOOK_AGAIN, PATIENCE, RECOVERY, Gate, Step
 from orchard.agents.route import TOP, OneWay
+from orchard.agents.two_way import TwoWay
 from orchard.field import layout
 from orchard.field.kinds import EIGHTH, KINDS, LASER_RANGE, PEOPLE, Kind
-from orchard.field.queue import BAY_STOP, ONE_WAY, PITCH, TOP_ROAD, USUAL_ROW
+from orchard.field.queue import BAY_STOP, ONE_WAY, PITCH, TOP_ROAD, TWO_WAY, USUAL_ROW
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.report.metrics import JAM_SECONDS
 from orchard.sim import deeds
@@ -48,13 +49,57 @@ def _x(east: float) -> str:
 
 def chapter() -> str:
     """Return the chapter."""
-    return "\n".join([_FIELD, _TOWING, _PLACES, _JOB, _LETTERS])
+    return "\n".join([_FIELD, _TOWING, _PLACES, _JOB, _two_way(), _LETTERS])
+
+
+def _two_way() -> str:
+    """The chapter on the other built-in route. Its drives are shown for one lane, as the route's own steps have them."""
+    orchard = layout.lay_out(Scenario(route=TWO_WAY, rows=3, carriers=10))
+    route, queue, lane = TwoWay(orchard), orchard.queue, 2
+    tables = []
+    for side in (route.east, route.west):
+        drives = [*route.approach(lane, side), *route.loop_to_full_bin(lane, side), *route.go_to_bay(lane, side)]
+        tables += [f"To lane {lane} in the {side.name}, and with the full bin to the bay:\n", *_drives(drives)]
+    return f"""## The job on the route `{TWO_WAY}`
+
+All is as above, but for the roads. On both sides deliveries go south on D, and full bins north on F. The west side is the east side mirrored about x = -1.5: x becomes -3 - x, and
+east and west are exchanged. Ask for **one place after the other**, in the order of the way, and never for two in one claim. `distance` is along the drives below.
+
+With {orchard.scenario.carrier_count} carriers the queue has lines at y = {", ".join(f"{y:g}" for y in queue.lines)}, each with {queue.places} places, the first at x = {queue.head:g}. Carriers 1 to {queue.places} belong to the first line, and so on.
+`exit/<line>` and `entry/<line>` are the places at which a line's road meets the connector to the west and the delivery road in the east. A carrier needs those of its line and of the lines south of it.
+
+The tables show carrier 1 in an orchard with {orchard.scenario.rows} rows, whose lanes are at y = {", ".join(f"{at.y:g}" for at in orchard.lanes)}. They say at which x or y the carrier's centre is; without a number: before the turn begins.
+A delivery waits for a lane's place {route.HOLD:g} m north of the lane, and gives it back {route.CLEAR:g} m south of it. A full bin waits {route.F_HOLD:g} m south of the lane, and gives the place back {route.F_CLEAR:g} m north of it.
+
+""" + "\n".join(tables)  # noqa: E501
+
+
+def _drives(steps_: list[Step]) -> list[str]:
+    """The lines of a table of drives and turns, with the places that each waits for and gives back."""
+    lines, before = ["| drive or turn | wait for | give back |", "| --- | --- | --- |"], ""
+    for step in steps_:
+        match step:
+            case steps.Need(places):
+                before = ", ".join(f"`{place}`" for place in places)
+            case steps.Face(heading):
+                lines.append(f"| turn {heading} | {before} | |")
+                before = ""
+            case steps.Free(places):
+                lines[-1] = lines[-1].removesuffix(" |") + f" {', '.join(f'`{place}`' for place in places)}, after it |"
+            case steps.DriveTo():
+                axis, target = ("x", step.x) if step.x is not None else ("y", step.y)
+                lines.append(f"| drive to {axis} = {target:g} | {_gates(axis, step.needs)} | {_gates(axis, step.frees)} |")
+    return [*lines, ""]
+
+
+def _gates(axis: str, gates: list[Gate]) -> str:
+    return ", ".join(f"`{place}` at {axis} = {gate.at:g}" for gate in gates for place in gate.places)
 
 
 _FIELD = f"""## The field
 
 The reply to the scenario query has in `scenario`: `rows` and `row_width` (m), `carriers` (their number;
-nil: 7 for every 10 `pickers`, rounded up), `row_length`, `bay`, `dispatch` and `route`. What follows holds for the route `{ONE_WAY}`, rows of
+nil: 7 for every 10 `pickers`, rounded up), `row_length`, `bay`, `dispatch` and `route`. What follows holds for the route `{ONE_WAY}` (the other one: see `{TWO_WAY}` below), rows of
 {USUAL_ROW:g} m and `bay` 0. With longer or shorter rows, the x of everything in the east, and of the heads of the queue, changes by `row_length` - {USUAL_ROW:g}; with another `bay`,
 the x of the bay and of the stop in it by `bay`. Then a line of the queue may have fewer places, and the turn to it lies at another x.
 

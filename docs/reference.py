@@ -227,10 +227,12 @@ def _work() -> str:
    picked and the bin full.
 3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and asks for an empty bin. After its last row
    it drives {OneWay.PARKED - OneWay.WAITING:g} m further with its empty bin, and stays there.
-4. The full bin calls all carriers every {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself,
-   with its distance by road, to the oldest call only.
-   The bin sends for the nearest one and asks it every {_seconds(bin_agent.ASK_AGAIN)} whether it still comes; after
-   {bin_agent.GIVE_UP} questions without an answer it calls anew.
+4. With the dispatch policy `nearest`, which is the manual's, the full bin calls all carriers every
+   {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself, with its distance by road, to the oldest
+   call only. The bin sends for the nearest one and asks it every {_seconds(bin_agent.ASK_AGAIN)} whether it still comes; after
+   {bin_agent.GIVE_UP} questions without an answer it calls anew. With any other policy bins report to the agent `dispatch`, which
+   asks all carriers, decides, and sends them. With `predictive`, the default, a bin reports before it is full, so that the carrier
+   arrives when it is ([dispatch policies](policies.md)).
 5. The carrier leaves its empty bin on the picker's coupling point and tells the picker, which couples it. Then the carrier couples the
    full bin and takes it around the orchard to the bay.
 6. A full bin on a carrier is empty after {field.UNLOADING_SECONDS:g} s in which its centre is in the bay and both are at rest. The bay

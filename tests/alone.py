@@ -6,7 +6,7 @@ from orchard.field.scenario import Animals, People, Scenario
 from orchard.local import Local
 
 SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)
-AGENTS = 9  # of the small scenario
+AGENTS = 10  # of the small scenario
 TICKS = 120
 TOY = "callers:cast"  # agents that only call each other
 

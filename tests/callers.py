@@ -13,7 +13,6 @@ from orchard.agents import catalogue
 from orchard.contract.agent import Action, Mail, Observation
 from orchard.contract.messages import BinState, StateRequest
 from orchard.field.geometry import Twist
-from orchard.field.kinds import TRAFFIC
 from orchard.field.layout import Layout
 from orchard.net import bus
 
@@ -51,7 +50,7 @@ class Caller:
 
 
 def cast(layout: Layout, names: object = None) -> dict[str, Caller]:
-    everybody = sorted((*layout.names, TRAFFIC))
+    everybody = sorted(layout.agents)
     return {name: Caller(name, everybody) for name in everybody}
 
 

@@ -21,8 +21,8 @@ TICKS_PER_SECOND = 10
 TIME_STEP = 1 / TICKS_PER_SECOND  # s
 MOST_GUESTS = 50  # people together, animals together, weeds
 LARGEST_FILE = 65536  # bytes; a whole scenario needs less than 2,000
-NEAREST, END = "nearest", "end"
-DISPATCH_POLICIES = (NEAREST, "farthest-first", "longest-waiting", "predictive", "predictive-farthest", "assignment")  # the built-in ones
+NEAREST, PREDICTIVE, END = "nearest", "predictive", "end"
+DISPATCH_POLICIES = (NEAREST, "farthest-first", "longest-waiting", PREDICTIVE, "predictive-farthest", "assignment")  # the built-in ones
 ROW_RULES = BALANCED, BALANCED_ENDS, MANUAL = "balanced", "balanced-ends", "manual"  # the built-in rules for rows
 RESERVED = (*BODILESS, "physics", "logger")  # names that a user's agent without a body cannot have
 DEEPEST = 8  # levels in a file; a scenario needs 3
@@ -138,7 +138,7 @@ class Scenario(_Section):
     laser: Annotated[LaserSettings, Field(description="the laser range finders of all bodies")] = LaserSettings()
     agents: Classes = {}
     agents_without_body: MoreAgents = {}
-    dispatch: Annotated[str, _plugin(DISPATCH_POLICIES, "which carrier fetches which bin, and when it leaves")] = NEAREST
+    dispatch: Annotated[str, _plugin(DISPATCH_POLICIES, "which carrier fetches which bin, and when it leaves")] = PREDICTIVE
     dispatch_errors: Annotated[str, _choice((NEAREST, END), "what follows an order of an own policy that cannot be")] = NEAREST
     rows_to_pickers: Annotated[str, _plugin(ROW_RULES, "which picker picks which rows")] = BALANCED
     route: Annotated[str, _plugin(tuple(QUEUES), "where pickers and carriers drive")] = ONE_WAY

@@ -5,7 +5,7 @@ from stage import Stage, empty_orchard
 
 from orchard.contract.agent import Action, Mail, Observation
 from orchard.contract.messages import BinState, StateRequest
-from orchard.field.scenario import People
+from orchard.field.scenario import NEAREST, People
 
 
 class Asker:
@@ -23,7 +23,7 @@ class Asker:
 
 def test_bins_tell_whether_they_are_full_and_on_whom():
     asker = Asker()
-    stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), worker_01=asker)
+    stage = Stage(empty_orchard(people=People(workers=1, visitors=0), dispatch=NEAREST), worker_01=asker)
     stage.run(73)
     begun, left = asker.answers
     assert (begun.full, begun.coupled_to) == (False, "picker_01")

@@ -7,7 +7,7 @@ from stage import Stage, empty_orchard
 from orchard.agents.carrier import CarrierMemory, Job
 from orchard.contract.agent import Heard, Mail
 from orchard.contract.messages import Answer, Call, Come, Confirm, No, Offer
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import NEAREST, Scenario
 
 
 class HardOfHearing:
@@ -47,9 +47,14 @@ class Forgetful:
         return self.agent.tick(seen, mail, memory)
 
 
+def calling_orchard(**scenario) -> Scenario:
+    """Return an orchard in which bins call carriers themselves."""
+    return empty_orchard(dispatch=NEAREST, **scenario)
+
+
 def stage_with(change, **scenario) -> Stage:
     """Return an orchard in which `change` has replaced each carrier."""
-    stage = Stage(empty_orchard(**scenario))
+    stage = Stage(calling_orchard(**scenario))
     for name in [name for name in stage.local.agents if name.startswith("carrier")]:
         stage.local.agents[name] = change(name, stage.local.agents[name])
     return stage
@@ -67,20 +72,20 @@ def assert_every_bin_was_taken_once(stage: Stage, rows: int) -> None:
 
 
 def test_the_nearest_carrier_by_road_is_sent_which_is_the_head_of_the_nearest_line():
-    stage = Stage(empty_orchard(rows=3, pickers=2, carriers=25))
+    stage = Stage(calling_orchard(rows=3, pickers=2, carriers=25))
     stage.run_until(lambda: bool(exchanges(stage)), 200)
     assert exchanges(stage)[0][0] == "carrier_25", "its line is the southernmost; it is the last by name"
 
 
 def test_two_bins_that_call_at_the_same_tick_get_two_carriers():
-    stage = Stage(empty_orchard(rows=3, pickers=3, carriers=3))
+    stage = Stage(calling_orchard(rows=3, pickers=3, carriers=3))
     stage.run_to_the_end()
     assert len({carrier for carrier, _ in exchanges(stage)}) == 3
     assert_every_bin_was_taken_once(stage, 3)
 
 
 def test_bins_that_call_while_all_carriers_work_wait_their_turn():
-    stage = Stage(empty_orchard(rows=4, pickers=4, carriers=2))
+    stage = Stage(calling_orchard(rows=4, pickers=4, carriers=2))
     stage.run_to_the_end()
     assert_every_bin_was_taken_once(stage, 4)
 
@@ -95,7 +100,7 @@ def answers(stage: Stage, tick: int, *calls: tuple[str, int]) -> list[type[Answe
 
 
 def test_a_carrier_offers_itself_only_to_the_bin_that_has_called_for_longest():
-    stage = Stage(empty_orchard())
+    stage = Stage(calling_orchard())
     stage.local.memories["carrier_01"] = busy = CarrierMemory(job=Job("bin_09", 1, "east", "picker_01"))
     assert answers(stage, 100, ("bin_01", 90), ("bin_02", 40)) == [No, No], "it is busy, and remembers them"
     busy.job = None
@@ -106,7 +111,7 @@ def test_a_carrier_offers_itself_only_to_the_bin_that_has_called_for_longest():
 
 
 def test_a_bin_that_calls_and_never_decides_does_not_keep_the_carrier_from_the_others():
-    stage = Stage(empty_orchard())
+    stage = Stage(calling_orchard())
     assert answers(stage, 100, ("bin_01", 0), ("bin_02", 50)) == [Offer, No]
     assert answers(stage, 120, ("bin_01", 0), ("bin_02", 50)) == [No, Offer]
 
@@ -139,7 +144,7 @@ def test_soak_the_bins_are_served_in_the_order_of_their_calls(dispatch):
 
 
 def test_carriers_of_several_lines_that_are_free_at_once_each_get_a_bin_soon():
-    stage = Stage(empty_orchard(rows=4, pickers=4, carriers=40))
+    stage = Stage(calling_orchard(rows=4, pickers=4, carriers=40))
     stage.run_until(lambda: sum(1 for m in stage.local.memories.values() if getattr(m, "job", None)) == 4, 85)
 
 
@@ -160,7 +165,7 @@ def test_a_carrier_that_does_not_answer_when_it_is_sent_is_given_up_for_the_head
 
 
 def test_only_the_head_of_a_line_is_sent_so_that_nobody_who_stays_stands_before_it():
-    stage = Stage(empty_orchard(rows=6, pickers=6, carriers=6))
+    stage = Stage(calling_orchard(rows=6, pickers=6, carriers=6))
     stage.run_to_the_end()
     order = [event.who for event in stage.happened("uncoupled") if event.who.startswith("carrier")]
     assert sorted(order) == [f"carrier_{i + 1:02d}" for i in range(6)]
@@ -174,7 +179,7 @@ def test_a_carrier_that_came_although_its_answer_was_lost_is_still_the_only_one(
 
 
 def test_a_carrier_whose_confirmation_is_not_heard_waits_and_then_goes():
-    stage = Stage(empty_orchard())
+    stage = Stage(calling_orchard())
     for name in [name for name in stage.local.agents if name.startswith("bin")]:
         stage.local.agents[name] = HardOfHearing(stage.local.agents[name], Confirm, until=1000)
     stage.run(99)

@@ -96,7 +96,7 @@ def test_a_harvest_ends_without_a_collision(rows, pickers, carriers, row_width, 
 
 @pytest.mark.parametrize("pickers", [12, pytest.param(20, marks=pytest.mark.soak)])
 def test_all_pickers_call_at_once_and_all_are_served(pickers):
-    stage = Stage(empty_orchard(rows=pickers, pickers=pickers))
+    stage = Stage(empty_orchard(rows=pickers, pickers=pickers, dispatch=NEAREST))
     stage.run_until(lambda: bool((stage.world.row_picked >= 70.0).all()), 75)
     stage.run_to_the_end()
     assert stage.world.delivered == pickers
@@ -173,7 +173,7 @@ def random_scenario(number: int) -> Scenario:
 
 
 def test_a_full_queue_closes_up_and_serves_from_its_head():
-    stage = Stage(empty_orchard(rows=3, pickers=3, carriers=40))
+    stage = Stage(empty_orchard(rows=3, pickers=3, carriers=40, dispatch=NEAREST))
     stage.run_until(lambda: len(stage.happened("row picked")) == 3, 80)
     stage.run_to_the_end()
     left = {event.who for event in stage.happened("uncoupled") if event.who.startswith("carrier")}

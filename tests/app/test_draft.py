@@ -82,12 +82,12 @@ def test_built_in_rules_are_chosen_on_the_page_and_a_class_of_a_file_stays_one_o
 
 
 def test_a_link_chooses_a_built_in_rule_and_runs_no_class():
-    assert draft_of([("dispatch", "predictive")])[0].scenario == Scenario(dispatch="predictive")
+    assert draft_of([("dispatch", "nearest")])[0].scenario == Scenario(dispatch="nearest")
     draft, _ = draft_of([("dispatch", "this.Zen")])
     assert "a class of your own must be named in a scenario file" in draft.problems["dispatch"]
     assert "this" not in sys.modules
     assert query_of(Scenario(rows=7, dispatch="this.Zen")) == "rows=7"
-    assert query_of(Scenario(dispatch="predictive")) == "dispatch=predictive"
+    assert query_of(Scenario(dispatch="nearest")) == "dispatch=nearest"
 
 
 def test_a_class_for_a_robot_that_is_gone_is_told():

@@ -15,7 +15,7 @@ from recordings import seconds_of
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, to_yaml
 
-FIRST_CALLS = 80  # s, simulated: the first bins are full at 71 s, and carriers come
+FIRST_CALLS = 90  # s, simulated: two bins are full by 83 s, and carriers are under way
 FIRST_UNLOADING = 300  # s, simulated: the first bin of 3 rows and 2 pickers is unloaded before, with seeds 1 to 5
 FEW = SMALL.model_copy(update={"pickers": 3, "carriers": 3})  # a harvest of 375 s, in which calls have more than one offer
 
@@ -75,7 +75,7 @@ def test_the_summary_tells_how_good_the_harvest_was(lockstep):
     assert 0 < summary["schedule_sim_seconds"] <= summary["sim_seconds"]
     assert summary["bottleneck"] in ("pickers", "carriers", "unloading")
     assert 0 < summary["carrier_utilisation"] < 1
-    assert 20 < summary["picker_waiting_seconds"] < 300
+    assert 5 < summary["picker_waiting_seconds"] < 300, "an exchange takes some seconds, even if the carrier is there"
     assert summary["distance_metres"]["picker"] > 3 * 70
     assert {"hash", "mode", "seed", "wall_seconds", "agents", "hosts", "weeds_flattened"} <= summary.keys()
     assert {"collisions", "collisions_of_people_and_animals"} <= summary.keys()
@@ -112,7 +112,7 @@ def test_the_hash_does_not_depend_on_processes(tmp_path, few, hosts, seconds):
     """With more agents, and with a recording, in `make soak`; `lockstep`, above, has a recording."""
     summary = summary_as_in_local_mode(tmp_path, FEW.model_copy(update={"seed": 2}), seconds, few, "--hosts", hosts)
     assert summary["hosts"] == (len(lay_out(FEW).agents) if hosts == "each" else hosts)
-    assert summary["rows_picked"] >= 2, "carriers are called"
+    assert summary["rows_picked"] >= 2, "carriers come"
     assert summary["bins_delivered"] >= (seconds == FIRST_UNLOADING)
 
 

@@ -8,7 +8,7 @@ from orchard.agents.steps import DriveTo, Face
 from orchard.agents.timing import duration
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
-from orchard.field.scenario import People, Scenario, load
+from orchard.field.scenario import NEAREST, People, Scenario, load
 from orchard.report.bounds import Bounds
 from orchard.report.losses import lost_seconds
 from orchard.report.metrics import HarvestFigures, harvest_figures, who_waits
@@ -42,7 +42,8 @@ def test_a_run_in_which_nothing_goes_on_for_ten_minutes_is_jammed_and_names_who_
     ("stands", "x", "named"), [("worker_01", 38.75, "worker_01 ahead"), ("carrier_02", 41.0, "bin_04 of carrier_02 ahead")]
 )
 def test_a_jam_names_who_is_in_the_way(stands, x, named):
-    stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), **{name: Standing() for name in ("worker_01", "carrier_02")})
+    orchard = empty_orchard(people=People(workers=1, visitors=0), dispatch=NEAREST)
+    stage = Stage(orchard, **{name: Standing() for name in ("worker_01", "carrier_02")})
     stage.put(stands, x, 17.0)
     stage.run_until(lambda: bool(stage.account.jam), 900)
     assert f"carrier_01 (bringing an empty bin to picker_01) waits for {named}" in stage.account.jam
@@ -87,7 +88,7 @@ def test_the_bottleneck_is_the_part_that_allows_least(changes, bottleneck):
 
 
 def test_a_carrier_that_nothing_holds_up_takes_as_long_as_the_closed_form_says():
-    stage = Stage(empty_orchard(rows=3, pickers=3, carriers=1))
+    stage = Stage(empty_orchard(rows=3, pickers=3, carriers=1, dispatch=NEAREST))
     called = stage.run_until(lambda: stage.local.memories.get("carrier_01") and stage.local.memories["carrier_01"].job is not None, 90)
     took = stage.run_until(lambda: stage.world.delivered == 1, 600)
     took += stage.run_until(lambda: abs(stage.pose("carrier_01")[0] - 35.4) < 1e-6 and stage.pose("carrier_01")[1] > 24, 200)

@@ -290,7 +290,7 @@ def test_a_violation_in_local_mode_is_exit_code_1_and_in_the_summary(tmp_path):
 
 
 def test_a_violation_in_physics_is_exit_code_1(tmp_path):
-    everybody = [word for kind in ("picker", "carrier", "bin", "tractor", "worker", "visitor", "dog", "cat", "weed", "traffic")
+    everybody = [word for kind in ("picker", "carrier", "bin", "tractor", "worker", "visitor", "dog", "cat", "weed", "traffic", "dispatch")
                  for word in ("--absent", kind)]  # fmt: skip
     program = "from orchard.processes.physics import main; sys.exit(main(sys.argv[1:]))"
     done = sabotaged(program, "--duration", "2", *everybody, folder=tmp_path)

@@ -13,7 +13,8 @@ from stage import Driven, Stage, Standing, empty_orchard
 from orchard.contract.messages import Couple, pack, unpack
 from orchard.field.geometry import Twist
 from orchard.field.kinds import kind_of
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import NEAREST, Scenario
+from orchard.launch.distributed import agent_names
 from orchard.local import Local
 from orchard.sim.frames import FrameBuilder
 from orchard.sim.snapshot import Snapshot
@@ -78,7 +79,7 @@ def test_who_is_stopped_already_is_not_stopped_again_and_a_reset_of_others_does_
 
 
 def test_a_stop_in_the_middle_of_coupling_ends_well_when_it_is_reset():
-    stage = Stage(empty_orchard())
+    stage = Stage(empty_orchard(dispatch=NEAREST))
     stage.run_until(lambda: bool(stage.happened("uncoupled", "carrier_01")), 300)
     offered = stage.happened("uncoupled", "carrier_01")[0].whom
     stage.local.engine.stop(["picker_01"])
@@ -214,7 +215,7 @@ def test_the_latch_outlives_the_agent_and_its_host(fleet):
     end(fleet)
 
 
-NONE = [word for kind in ("picker", "carrier", "bin", "worker", "weed", "traffic") for word in ("--absent", kind)]
+NONE = [word for name in agent_names(SMALL) for word in ("--absent", name)]
 
 
 def kept_in(folder: Path) -> list[str]:

@@ -15,7 +15,7 @@ from orchard.contract.messages import Claim
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out
 from orchard.field.queue import ONE_WAY, TWO_WAY, queue_of
-from orchard.field.scenario import NEAREST, Animals, LaserSettings, People, Scenario
+from orchard.field.scenario import DISPATCH_POLICIES, NEAREST, ROW_RULES, Animals, LaserSettings, People, Scenario
 from orchard.report.bounds import Bounds
 
 FARTHEST = "examples.seams.farthest_first.FarthestFirst"
@@ -158,7 +158,8 @@ def random_scenario(number: int) -> Scenario:
         row_length=length,
         bay=bay,
         route=route,
-        dispatch=chance.choice([NEAREST, FARTHEST]),
+        dispatch=chance.choice([*DISPATCH_POLICIES, FARTHEST]),
+        rows_to_pickers=chance.choice(ROW_RULES),
         picking_speed=round(chance.uniform(0.2, 1.0), 3),
         seed=chance.randint(0, 10**6),
         people=People(workers=chance.randint(0, 25), visitors=chance.randint(0, 25)),

@@ -133,10 +133,7 @@ def settings_of(scenario: Scenario, varied: Mapping[str, Sequence[Any]]) -> list
 
 def _placed(problem: Problem, setting: dict[str, Any], varied: Mapping[str, Sequence[Any]]) -> Problem:
     """Return a problem of a setting with the `--vary` to which it belongs, or with the whole setting if it is about several values."""
-    if problem.path in varied:
-        source = _option(varied, problem.path)
-    else:
-        source = f"the setting {Setting(setting, Scenario()).words}"
+    source = _option(varied, problem.path) if problem.path in varied else f"the setting {Setting(setting, Scenario()).words}"
     return Problem(source, problem.text, problem.path, problem.value)
 
 

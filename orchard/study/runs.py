@@ -15,9 +15,10 @@ from orchard.agents.dispatch import POLICIES
 from orchard.agents.routes import ROUTES
 from orchard.discrete.harvest import DiscreteHarvest, long_run_bins_per_hour
 from orchard.field.layout import lay_out
-from orchard.field.plugins import load_plugin
+from orchard.field.plugins import load_plugin, place_of_error, text_of
 from orchard.field.scenario import ROW_RULES, Scenario
 from orchard.local import Local
+from orchard.report.bounds import Bounds
 from orchard.report.metrics import HarvestFigures, harvest_figures
 from orchard.study.result import Model
 
@@ -46,7 +47,7 @@ class Run:
     @classmethod
     def of(cls, scenario: Scenario, seed: int, model: Model, horizon: Horizon) -> "Run":
         """Return the run of a scenario with another seed."""
-        return cls(scenario.model_copy(update={"seed": seed}), model, horizon)
+        return cls(scenario.model_copy(update={"seed": seed % 2**63}), model, horizon)
 
     @cached_property
     def key(self) -> str:
@@ -60,10 +61,10 @@ class Run:
         """The digest of the scenario without its seed and its prices."""
         return digest(self.scenario.model_dump_json(exclude=set(NOT_DECIDING)))
 
-    def do(self, seconds: float) -> "Record | None":
-        """Do the run in this process. Return None if it takes longer, s of wall time; only the full model looks at the clock."""
+    def do(self, until: float) -> "Record | None":
+        """Do the run in this process. Return None if it is not over at `until`, a time of `time.time()`. The fast model is not cut short."""
         begun = time.perf_counter()
-        outcome = _full(self.scenario, begun + seconds) if self.model == "full" else _fast(self.scenario, self.horizon)
+        outcome = _full(self.scenario, until) if self.model == "full" else _fast(self.scenario, self.horizon)
         if outcome is None:
             return None
         classes = own_classes(self.scenario)
@@ -83,13 +84,15 @@ class Run:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """How a run went. Of a jammed run only `ended` and `bins` mean something."""
+    """How a run went. Of a jammed run `sim_seconds`, the rate, the wait and the utilisation mean nothing."""
 
     sim_seconds: float
     bins: int
     bins_per_hour: float
     picker_waiting_seconds: float
     carrier_utilisation: float
+    bound_bins_per_hour: float  # the long-run rate in closed form, which `bottleneck` sets
+    bottleneck: str
     ended: Ended
     violations: str = ""  # a line for each
 
@@ -107,6 +110,19 @@ class Record(Outcome):
     own_source: str  # digest of the files of the user's own classes; '' if there are none
     version: str
     wall_seconds: float
+
+
+class RunFailed(Exception):
+    """A run raised an error, as one with a class of the user's own may do: the text says which run, what, and where."""
+
+
+def do(run: Run, until: float) -> Record | None:
+    """Do a run in a worker: see `Run.do`. Raises RunFailed."""
+    try:
+        return run.do(until)
+    except Exception as error:
+        words = f"seed {run.scenario.seed}, {run.model} model, {run.scenario.dispatch}: {type(error).__name__}: {text_of(error)}"
+        raise RunFailed(words + place_of_error(error)) from None
 
 
 def digest(*parts: object) -> str:
@@ -157,27 +173,38 @@ def _source(own: object) -> str:
 def _fast(scenario: Scenario, horizon: Horizon) -> Outcome:
     """A harvest by the discrete-event model. Of a long run the rate is that of the long run, and the rest that of one harvest."""
     layout = lay_out(scenario)
-    harvest = DiscreteHarvest(layout).run()
+    bounds, harvest = Bounds(layout), DiscreteHarvest(layout).run()
     if not harvest.is_over:
-        return _jammed(harvest.delivered)
+        return _jammed(harvest.delivered, bounds)
     rate = 3600.0 * harvest.delivered / harvest.seconds
     if horizon == "long":
         try:
             rate = long_run_bins_per_hour(layout)
         except RuntimeError:  # robots wait for each other in a later round
-            return _jammed(harvest.delivered)
+            return _jammed(harvest.delivered, bounds)
     return Outcome(
         sim_seconds=harvest.seconds,
         bins=harvest.delivered,
         bins_per_hour=rate,
         picker_waiting_seconds=getattr(harvest, "picker_waiting_seconds", 0.0),
         carrier_utilisation=getattr(harvest, "carrier_utilisation", 0.0),
+        bound_bins_per_hour=bounds.bins_per_hour,
+        bottleneck=bounds.bottleneck,
         ended="harvested",
     )
 
 
-def _jammed(bins: int) -> Outcome:
-    return Outcome(sim_seconds=0.0, bins=bins, bins_per_hour=0.0, picker_waiting_seconds=0.0, carrier_utilisation=0.0, ended="jammed")
+def _jammed(bins: int, bounds: Bounds) -> Outcome:
+    return Outcome(
+        sim_seconds=0.0,
+        bins=bins,
+        bins_per_hour=0.0,
+        picker_waiting_seconds=0.0,
+        carrier_utilisation=0.0,
+        bound_bins_per_hour=bounds.bins_per_hour,
+        bottleneck=bounds.bottleneck,
+        ended="jammed",
+    )
 
 
 def _full(scenario: Scenario, until: float) -> Outcome | None:
@@ -187,7 +214,7 @@ def _full(scenario: Scenario, until: float) -> Outcome | None:
     while not engine.over and not figures.jammed(engine.world):
         events = local.tick()
         figures.update(engine.world, events, local.answers)
-        if time.perf_counter() > until:
+        if time.time() > until:
             return None
     found, violations = harvest_figures(engine.world, figures), engine.violations()
     return Outcome(
@@ -196,6 +223,8 @@ def _full(scenario: Scenario, until: float) -> Outcome | None:
         bins_per_hour=found["bins_per_hour"],
         picker_waiting_seconds=found["picker_waiting_seconds"],
         carrier_utilisation=found["carrier_utilisation"],
+        bound_bins_per_hour=found["long_run_bins_per_hour"],
+        bottleneck=found["bottleneck"],
         ended="violated" if violations else "harvested" if engine.over else "jammed",
         violations="\n".join(violations),
     )

@@ -46,10 +46,15 @@ class Setting:
         """Whether agents of the user's own drive: then only the full model can tell."""
         return bool(self.scenario.agents or self.scenario.agents_without_body)
 
+    @property
+    def has_prices(self) -> bool:
+        """Whether the scenario gives a price."""
+        return any(price is not None for price in self.scenario.prices.model_dump().values())
+
     def cost_per_bin(self, bins_per_hour: float) -> float | None:
         """Return what a bin costs at a rate, in the currency of the scenario's prices; None if it has no prices."""
         scenario, prices = self.scenario, self.scenario.prices
-        if all(price is None for price in prices.model_dump().values()):
+        if not self.has_prices:
             return None
         robots = scenario.pickers * (prices.picker_per_hour or 0.0) + scenario.carrier_count * (prices.carrier_per_hour or 0.0)
         return (robots + (prices.overhead_per_hour or 0.0)) / bins_per_hour + (prices.per_bin or 0.0)

@@ -87,7 +87,7 @@ class Store:
 
 
 def _column(name: str, type_: object) -> str:
-    return "TEXT PRIMARY KEY" if name == "key" else TYPES.get(type_, "TEXT NOT NULL")  # type: ignore[call-overload, no-any-return]
+    return "TEXT PRIMARY KEY" if name == "key" else TYPES.get(type_, "TEXT NOT NULL")  # type: ignore[call-overload]
 
 
 def _version(path: Path) -> str | None:

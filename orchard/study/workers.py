@@ -11,7 +11,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from threading import Thread
 from types import TracebackType
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar, cast
 
 GLANCE = 0.2  # s between two looks whether to stop
 MOST_DEATHS = 3  # of workers, one after another, without any work done between: then the work itself kills them
@@ -103,11 +103,11 @@ class Scheduler:
 
     def __init__(self, address: str) -> None:
         """Raises WorkersError if no scheduler answers there, or it has no workers."""
-        from distributed import Client
+        import distributed
 
-        self.address = address
+        self.address, self._dask = address, cast(Any, distributed)  # it has no types
         try:
-            self._client: Any = Client(address, timeout=CONNECTING, set_as_default=False)
+            self._client = self._dask.Client(address, timeout=CONNECTING, set_as_default=False)
         except (OSError, ValueError) as error:
             raise WorkersError(f"{address}: no scheduler of dask.distributed answers: {error}") from None
         self.count = len(self._client.scheduler_info()["workers"])
@@ -122,13 +122,10 @@ class Scheduler:
         self._client.close()
 
     def do(self, work: Callable[[Item], Result], items: Sequence[Item], goes_on: Callable[[], bool]) -> Iterator[tuple[Item, Result]]:
-        from distributed import KilledWorker
-        from distributed import wait as wait_for
-
         waiting: dict[Any, Item] = {self._client.submit(work, item, pure=False): item for item in items}
         while waiting and goes_on():
             try:
-                done = wait_for(list(waiting), timeout=GLANCE, return_when="FIRST_COMPLETED").done
+                done = self._dask.wait(list(waiting), timeout=GLANCE, return_when="FIRST_COMPLETED").done
             except TimeoutError:
                 continue
             for future in done:
@@ -136,7 +133,7 @@ class Scheduler:
                     raise WorkersError(f"{self.address}: the scheduler is gone, or it has cancelled the work")
                 try:
                     result = future.result()
-                except KilledWorker as error:
+                except self._dask.KilledWorker as error:
                     raise WorkersError(f"{self.address}: {error}") from None
                 yield waiting.pop(future), result
         for future in waiting:

@@ -218,10 +218,11 @@ class _Study:
             self.notes.append(
                 f"the budget did not allow a run of {len(missing)} settings, {self._words(missing)}: they are not in the table"
             )
-        common = min((len(self._known(i, self.model)) for i in self.race.left if self.settings[i].is_random), default=done)
+        random = [i for i in self.race.left if self.settings[i].is_random]
+        common = min((len(self._known(i, self.model)) for i in random), default=LOOKS[0])
         if self.race.left and common > done:
             self.race.look(self._samples(common))
-        if self.race.left and common < LOOKS[0]:
+        if random and common < LOOKS[0]:
             self.notes.append(f"the budget allowed {common} replications of each setting; {LOOKS[0]} are the least for a sound answer")
         self.race.why = why
 

@@ -49,9 +49,21 @@ class DiscreteHarvest:
         self.env.process(self.calls.run())
 
     def run(self) -> "DiscreteHarvest":
-        """Do the whole harvest, and return it."""
+        """Do the whole harvest, and return it. It ends too when no bin is delivered for so long that robots must wait for each other."""
+        while not self.is_over:
+            before = self.delivered
+            self.env.run(until=self.env.now + self._patience)
+            if self.delivered == before or self.env.now >= LONGEST:
+                return self
         self.env.run(until=LONGEST)
         return self
+
+    @property
+    def _patience(self) -> float:
+        """Ticks in which a harvest that goes on delivers a bin: ten times what its slowest row and a repair take, and an hour."""
+        failure, rows = self.layout.scenario.picking.failure, self.layout.lanes
+        slowest = max(self.layout.row_length / lane.pace for lane in rows) + (failure.mean_repair if failure.mean_between else 0.0)
+        return round((10.0 * slowest + 3600.0) / TIME_STEP)
 
     def _ends(self, block: Block) -> list[tuple[int, Side]]:
         return [(row, self.route.side(count, block.start)) for count, row in enumerate(block.rows)]

@@ -107,7 +107,7 @@ class Scheduler:
 
         self.address, self._dask = address, cast(Any, distributed)  # it has no types
         try:
-            self._client = self._dask.Client(address, timeout=CONNECTING, set_as_default=False)
+            self._client = self._dask.Client(address, timeout=CONNECTING)
         except (OSError, ValueError) as error:
             raise WorkersError(f"{address}: no scheduler of dask.distributed answers: {error}") from None
         self.count = len(self._client.scheduler_info()["workers"])

@@ -28,10 +28,11 @@ def _jammed(result: StudyResult) -> str:
 
 def _figures(best: Row, result: StudyResult) -> str:
     """The figure of the goal with its interval, then bins an hour and cost without."""
-    names = [result.goal, *(name for name in ("bins_per_hour", "cost_per_bin") if name != result.goal)]
-    first, *others = [(figure, UNITS[name]) for name in names if (figure := goal_figure(best, name)) is not None]
+    others: list[Goal] = ["bins_per_hour", "cost_per_bin"]
+    names = [result.goal, *(name for name in others if name != result.goal)]
+    first, *rest = [(figure, UNITS[name]) for name in names if (figure := goal_figure(best, name)) is not None]
     long_run = " in the long run" if result.horizon == "long" else ""
-    return ", ".join([f"{interval_words(first[0])} {first[1]}{long_run}", *(f"{number_words(one.mean)} {unit}" for one, unit in others)])
+    return ", ".join([f"{interval_words(first[0])} {first[1]}{long_run}", *(f"{number_words(one.mean)} {unit}" for one, unit in rest)])
 
 
 def _ties(result: StudyResult) -> str:

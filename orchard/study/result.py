@@ -70,6 +70,7 @@ class StudyResult:
     scenario: dict[str, Any]
     varied: dict[str, list[Any]]  # what varies -> its values, in the order of the command line
     wall_seconds: float
-    stopped_by: Literal["certain", "within", "budget", "seeds"]  # why no more replications were made
+    stopped_by: Literal["certain", "within", "budget", "seeds", "stopped"]  # why no more replications were made
     notes: list[str]  # what the budget did not allow, what jammed, where fast and full model disagree
     version: str
+    violations: list[str] = field(default_factory=list)  # of invariants, in full runs: a fault of the simulator or of an agent

@@ -40,7 +40,7 @@ def _ties(result: StudyResult) -> str:
     ties = result.indistinguishable
     if not ties or result.best is None:
         return ""
-    within = " within the budget" if result.stopped_by == "budget" else ""
+    within = {"budget": " within the budget", "stopped": " so far"}.get(result.stopped_by, "")
     key = _only_difference([result.best, *ties])
     if key is None:
         return f"{_listed([setting_words(one) for one in ties])} cannot be told apart from it{within}"

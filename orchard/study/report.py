@@ -20,6 +20,7 @@ ENDS = {
     "certain": "the best setting was certain",
     "within": "all intervals were as narrow as asked for",
     "budget": "the time that it was given was used",
+    "stopped": "it was stopped",
     "seeds": "the most replications were made",
 }
 
@@ -39,6 +40,7 @@ def document(result: StudyResult) -> str:
         picture=Markup(inline_svg(result)),  # matplotlib has escaped its words
         heads=heads,
         lines=lines,
+        best=next((i for i, row in enumerate(result.table) if row.setting == result.best), None),
         legend=legend(result),
         made=_made(result),
         notes=result.notes,

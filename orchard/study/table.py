@@ -39,12 +39,14 @@ LOSSES = ("structure", "traffic", "dispatch", "people_and_animals")  # parts of 
 
 
 def words(result: StudyResult) -> tuple[list[str], list[list[str]]]:
-    """Return the table as words: the heads of the columns, and the lines. `legend` says what they mean; the first column has the marks."""
+    """Return the table as words: the heads of the columns, and the lines, marks in the first cells. `legend` explains it."""
     known = {head: [_cell(head, row) for row in result.table] for head in COLUMNS if head not in _unasked(result)}
     shown = {head: cells for head, cells in known.items() if head not in ONLY_IF_KNOWN or set(cells) != {NONE}}
-    settings = {key_words(key): [value_words(row.setting[key]) for row in result.table] for key in _keys(result)}
-    columns = {"": [rank_mark(row, result) for row in result.table]} | settings | shown
-    return list(columns), [list(line) for line in zip(*columns.values(), strict=True)]
+    columns = {key_words(key): [value_words(row.setting[key]) for row in result.table] for key in _keys(result)} | shown
+    lines = [list(line) for line in zip(*columns.values(), strict=True)]
+    return list(columns), [
+        [f"{first} {rank_mark(row, result)}".rstrip(), *rest] for (first, *rest), row in zip(lines, result.table, strict=True)
+    ]
 
 
 def legend(result: StudyResult) -> str:
@@ -54,13 +56,12 @@ def legend(result: StudyResult) -> str:
 
 def as_table(result: StudyResult) -> Table:
     """Return the table for a terminal of 80 characters and more; some cells wrap where it is narrow."""
-    (_, first, *heads), lines = words(result)
+    heads, lines = words(result)
     table = Table(box=SIMPLE_HEAD, padding=0, show_edge=False, caption=legend(result), caption_justify="left")
-    for head in (first, *heads):
+    for head in heads:
         table.add_column(head.replace(", ", "\n"), no_wrap=head in COLUMNS and head not in WRAPPED, overflow="fold")
-    for (mark, setting, *cells), row in zip(lines, result.table, strict=True):
-        style = "bold" if row.setting == result.best else ""
-        table.add_row(*map(escape, [f"{setting} {mark}".rstrip(), *cells]), style=style)
+    for line, row in zip(lines, result.table, strict=True):
+        table.add_row(*map(escape, line), style="bold" if row.setting == result.best else "")
     return table
 
 

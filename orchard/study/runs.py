@@ -62,7 +62,7 @@ class Run:
         return digest(self.scenario.model_dump_json(exclude=set(NOT_DECIDING)))
 
     def do(self, until: float) -> "Record | None":
-        """Do the run in this process. Return None if it is not over at `until`, a time of `time.time()`. The fast model is not cut short."""
+        """Do the run in this process. Return None if it is not over at `until`, as time.time(). The fast model is not cut short."""
         begun = time.perf_counter()
         outcome = _full(self.scenario, until) if self.model == "full" else _fast(self.scenario, self.horizon)
         if outcome is None:

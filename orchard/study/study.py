@@ -14,7 +14,7 @@ from orchard.field.scenario import Scenario
 from orchard.folders import runs_folder
 from orchard.report.losses import lost_seconds
 from orchard.study.answer import sentence
-from orchard.study.racing import LOOKS, Race
+from orchard.study.racing import LOOKS, Race, StoppedBy
 from orchard.study.result import Check, Comparison, Goal, Interval, Model, Row, StudyResult
 from orchard.study.runs import Horizon, Record, Run, do, own_classes, software
 from orchard.study.settings import Setting, settings_of
@@ -211,7 +211,7 @@ class _Study:
 
     def _end_race(self, done: int) -> None:
         """End the race because of the budget or the user, after a last look at the seeds that all settings have that are left."""
-        why = "stopped" if self.is_stopped() else "budget"
+        why: StoppedBy = "stopped" if self.is_stopped() else "budget"
         missing = [i for i in self.race.left if not self._known(i, self.model)]
         self.race.left = [i for i in self.race.left if i not in missing]
         if missing:
@@ -247,7 +247,7 @@ class _Study:
 
     def _confirm(self) -> None:
         """Have the full model harvest the best two, on the seeds of the fast model."""
-        if self.race.best is None:
+        if self.race.best is None or self.is_stopped():
             return
         two = [self.race.best, *self._runner_up()]
         wanted = CHECKS if any(self.settings[i].is_random for i in two) else 1
@@ -323,7 +323,7 @@ class _Study:
 
     def _split_losses(self) -> None:
         """Split what the harvests of each setting lost, the best settings first, as far as the budget allows."""
-        if self.options.horizon == "long":
+        if self.options.horizon == "long" or self.is_stopped():
             return
         known = [i for i in range(len(self.settings)) if any(record.ended != "jammed" for record in self._known(i, self.model))]
         first = [i for i in (self.race.best, *self.race.left) if i in known]

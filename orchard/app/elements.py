@@ -15,20 +15,20 @@ def heading(level: int, words: str = "") -> ui.label:
 def table(lines: Iterable[Sequence[str]], head: Sequence[str] = (), act: Callable[[int], Any] | None = None) -> None:
     """Add a table. The first cell of each line is the line's name; `head`: the names of the columns, '' above those of the lines.
 
-    `act`: adds what one can do with a line, by its number, in a last cell."""
+    `act`: adds what one can do with a line, by its number, in a cell before its name."""
     with ui.element("table"):
         if head:
             with ui.element("tr"):
-                for name in head:
+                for name in [*([""] if act else []), *head]:
                     _cell("th" if name else "td", name, "scope=col")
         for number, (name, *cells) in enumerate(lines):
             with ui.element("tr"):
-                _cell("th", name, "scope=row")
-                for words in cells:
-                    _cell("td", words)
                 if act is not None:
                     with ui.element("td"):
                         act(number)
+                _cell("th", name, "scope=row")
+                for words in cells:
+                    _cell("td", words)
 
 
 def _cell(tag: str, words: str, props: str = "") -> None:

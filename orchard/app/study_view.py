@@ -17,6 +17,10 @@ from orchard.study.words import setting_words
 
 REDRAW_SECONDS = 1.0  # s between two pictures
 Take = Callable[[Scenario, str], Awaitable[None]]
+HINT = (
+    "Harvests the orchard of the form with each of these numbers of carriers. Choose policies or routes to compare them, too; all else, "
+    "and the prices, are in the form."
+)
 LAST_WORDS = 12  # lines of a study that failed
 
 
@@ -28,9 +32,7 @@ class StudyView:
         self._studies, self._drafted, self._take = studies, drafted, take
         self._shown: tuple[StudyRun, StudyResult | None, bool] | None = None
         with ui.element("div").props("data-view=study"):
-            ui.label(
-                "Compares the orchard of the form with these numbers of carriers, policies and routes. Prices are in the form."
-            ).classes("hint")
+            ui.label(HINT).classes("study-hint")
             with ui.element("div").classes("study-fields") as self._fields:
                 self._build_fields()
             with ui.element("div").classes("study-buttons"):
@@ -180,7 +182,7 @@ class StudyView:
         with self._table:
             heading(3, "Settings")
             ui.label("Set the form to a setting, and run it: then you can watch it.").classes("path")
-            table(lines, [*heads, ""], act)
+            table(lines, heads, act)
             ui.label(legend(result)).classes("path")
 
 

@@ -22,7 +22,7 @@ from orchard.study.result import Interval, Row, StudyResult
 from orchard.study.words import axis_words, goal_figure, interval_words, setting_words, value_words
 
 INK, QUIET = "#24301f", "#5f6958"  # of words and of axes; on a page the ink is that of the page's words
-COLOURS = ("#1b6b36", "#d9822b", "#2f6fb5", "#8a3fa0", "#7a6a00", "#b3261e")  # of lines: of different brightness, too
+COLOURS = ("#3f8f4a", "#d9822b", "#4a86d0", "#a65cc0", "#95851c", "#d1495b")  # of lines, on light and on dark
 MARKS, DASHES = "osD^vP", ("-", "--", "-.", (0, (5, 1)), (0, (3, 1, 1, 1, 1, 1)), ":")
 WIDTH, HEIGHT, HEIGHT_WITH_COST = 8.0, 4.4, 6.6  # inches
 DODGE = 0.16  # between the points of two lines at one value that is no number, as a share of the distance to the next value
@@ -138,7 +138,7 @@ def _draw_rates(axes: Axes, content: Content) -> None:
             means = [check.bins_per_hour for _, check in checked]
             label = "simulator" if not any(text == "simulator" for text in axes.get_legend_handles_labels()[1]) else None
             axes.errorbar([place for place, _ in checked], [one.mean for one in means], _halves(means), color=INK, ls="", marker="d", ms=8,
-                          mfc="white", capsize=4, lw=1, zorder=5, label=label)  # fmt: skip
+                          mfc="none", capsize=4, lw=1, zorder=5, label=label)  # fmt: skip
         jammed = [place for place, row in zip(places, line.rows, strict=True) if row.bins_per_hour is None]
         if jammed:
             axes.plot(jammed, [0.0] * len(jammed), color=colour, ls="", marker="x", ms=8, mew=2, clip_on=False, label="all runs jammed")

@@ -28,10 +28,11 @@ def _jammed(result: StudyResult) -> str:
 
 def _figures(best: Row, result: StudyResult) -> str:
     """The figure of the goal with its interval, then bins an hour and cost without."""
-    names = [result.goal, *(name for name in ("bins_per_hour", "cost_per_bin") if name != result.goal)]
-    first, *others = [(figure, UNITS[name]) for name in names if (figure := goal_figure(best, name)) is not None]
+    others: list[Goal] = ["bins_per_hour", "cost_per_bin"]
+    names = [result.goal, *(name for name in others if name != result.goal)]
+    first, *rest = [(figure, UNITS[name]) for name in names if (figure := goal_figure(best, name)) is not None]
     long_run = " in the long run" if result.horizon == "long" else ""
-    return ", ".join([f"{interval_words(first[0])} {first[1]}{long_run}", *(f"{number_words(one.mean)} {unit}" for one, unit in others)])
+    return ", ".join([f"{interval_words(first[0])} {first[1]}{long_run}", *(f"{number_words(one.mean)} {unit}" for one, unit in rest)])
 
 
 def _ties(result: StudyResult) -> str:
@@ -39,7 +40,7 @@ def _ties(result: StudyResult) -> str:
     ties = result.indistinguishable
     if not ties or result.best is None:
         return ""
-    within = " within the budget" if result.stopped_by == "budget" else ""
+    within = {"budget": " within the budget", "stopped": " so far"}.get(result.stopped_by, "")
     key = _only_difference([result.best, *ties])
     if key is None:
         return f"{_listed([setting_words(one) for one in ties])} cannot be told apart from it{within}"

@@ -23,43 +23,43 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
     "bound": lambda row: number_words(row.bound_bins_per_hour) + _share_of_bound(row),
     "limit": lambda row: row.bottleneck,
     "lost to, s": lambda row: _largest_loss(row.lost_seconds),
-    "runs": lambda row: f"{row.replications} {row.model}" + (f", {row.jammed} jammed" if row.jammed and row.bins_per_hour else ""),
-    "simulator": lambda row: _check(row.check),
+    "runs": lambda row: f"{row.replications}" + (f", {row.jammed} jammed" if row.jammed and row.bins_per_hour else ""),
+    "model": lambda row: row.model,
+    "checked": lambda row: _check(row.check),
 }
 MEANING = (
     "* best; = cannot be told apart from it; ± interval of {confidence:g} % confidence; wait: of a picker for an empty bin; "
     "busy: carriers outside the queue; bound: the long-run rate, bins/h, and what limits it; lost: the largest part; "
-    "simulator: bins/h, and the difference from the fast model"
+    "runs: by the {models} model; checked: bins/h by the simulator, and the difference"
 )
-ONLY_IF_KNOWN = ("a bin", "simulator", "lost to, s")  # columns that are left out if they have nothing in any row
-OF_ALL_JAMMED = ("bins/h", "bound", "limit", "runs", "simulator")  # what is known of a setting all of whose runs jammed
-WRAPPED = ("wait, s", "bound", "lost to, s", "runs", "simulator")  # where the terminal is narrow
-LONGEST_WORD = 11  # characters; longer words are cut where the terminal is narrow
+ONLY_IF_KNOWN = ("a bin", "checked", "lost to, s")  # columns that are left out if they have nothing in any row
+OF_ALL_JAMMED = ("bins/h", "bound", "limit", "runs", "model", "checked")  # what is known of a setting all of whose runs jammed
+WRAPPED = ("bins/h", "harvest, s", "a bin", "bound", "lost to, s", "runs", "checked")  # where the terminal is narrow
 LOSSES = ("structure", "traffic", "dispatch", "people_and_animals")  # parts of `lost_seconds` that are losses; `long_run` is the rest
 
 
 def words(result: StudyResult) -> tuple[list[str], list[list[str]]]:
-    """Return the table as words: the heads of the columns, and the lines. `legend` says what they mean."""
-    known = {head: [_cell(head, row) for row in result.table] for head in COLUMNS if head != _unasked(result)}
+    """Return the table as words: the heads of the columns, and the lines, marks in the first cells. `legend` explains it."""
+    known = {head: [_cell(head, row) for row in result.table] for head in COLUMNS if head not in _unasked(result)}
     shown = {head: cells for head, cells in known.items() if head not in ONLY_IF_KNOWN or set(cells) != {NONE}}
-    settings = {key_words(key): [value_words(row.setting[key]) for row in result.table] for key in _keys(result)}
-    columns = {"": [rank_mark(row, result) for row in result.table]} | settings | shown
-    return list(columns), [list(line) for line in zip(*columns.values(), strict=True)]
+    columns = {key_words(key): [value_words(row.setting[key]) for row in result.table] for key in _keys(result)} | shown
+    lines = [list(line) for line in zip(*columns.values(), strict=True)]
+    return list(columns), [
+        [f"{first} {rank_mark(row, result)}".rstrip(), *rest] for (first, *rest), row in zip(lines, result.table, strict=True)
+    ]
 
 
 def legend(result: StudyResult) -> str:
     """Return what the marks, the intervals and the columns mean."""
-    return MEANING.format(confidence=100.0 * result.confidence)
+    return MEANING.format(confidence=100.0 * result.confidence, models=" and the ".join(_models(result)))
 
 
 def as_table(result: StudyResult) -> Table:
     """Return the table for a terminal of 80 characters and more; some cells wrap where it is narrow."""
     heads, lines = words(result)
     table = Table(box=SIMPLE_HEAD, padding=0, show_edge=False, caption=legend(result), caption_justify="left")
-    for head, cells in zip(heads, zip(*lines, strict=True), strict=True):
-        longest = max(len(word) for text in (head, *cells) for word in [*text.split(), ""])
-        fixed = head in COLUMNS and head not in WRAPPED
-        table.add_column(head.replace(", ", "\n"), no_wrap=fixed, overflow="fold", min_width=min(longest, LONGEST_WORD))
+    for head in heads:
+        table.add_column(head.replace(", ", "\n"), no_wrap=head in COLUMNS and head not in WRAPPED, overflow="fold")
     for line, row in zip(lines, result.table, strict=True):
         table.add_row(*map(escape, line), style="bold" if row.setting == result.best else "")
     return table
@@ -69,9 +69,14 @@ def _keys(result: StudyResult) -> list[str]:
     return list(dict.fromkeys(key for row in result.table for key in row.setting))
 
 
-def _unasked(result: StudyResult) -> str:
-    """The column that says the same as another one: a harvest's length, unless the study is about it."""
-    return "" if result.goal == "harvest_seconds" else "harvest, s"
+def _models(result: StudyResult) -> list[str]:
+    return sorted({row.model for row in result.table})
+
+
+def _unasked(result: StudyResult) -> list[str]:
+    """The columns that tell nothing new: a harvest's length, unless the study is about it, and the model if it is one for all."""
+    length = [] if result.goal == "harvest_seconds" else ["harvest, s"]
+    return length if len(_models(result)) > 1 else [*length, "model"]
 
 
 def _cell(head: str, row: Row) -> str:
@@ -79,7 +84,7 @@ def _cell(head: str, row: Row) -> str:
 
 
 def _interval(interval: Interval | None) -> str:
-    return interval_words(interval, sign="±")
+    return interval_words(interval, sign=" ±")
 
 
 def _share_of_bound(row: Row) -> str:
@@ -116,7 +121,7 @@ def save_csv(result: StudyResult, path: Path) -> None:
 def _flat(row: Row, result: StudyResult) -> dict[str, Any]:
     """All figures of a row by the names of their columns. What is not known is empty."""
     compared = next((one for one in result.comparisons if one.setting == row.setting), None)
-    check = row.check
+    check, difference = row.check, compared.difference if compared else None
     rate = None if row.bins_per_hour is None else row.bins_per_hour.mean / row.bound_bins_per_hour
     return (
         dict(row.setting)
@@ -127,14 +132,14 @@ def _flat(row: Row, result: StudyResult) -> dict[str, Any]:
         | {"picker_waiting_seconds": row.picker_waiting_seconds, "carrier_utilisation_share": row.carrier_utilisation}
         | {"bound_bins_per_hour": row.bound_bins_per_hour, "share_of_bound": rate, "bottleneck": row.bottleneck}
         | {f"lost_to_{part}_seconds": seconds for part, seconds in row.lost_seconds.items()}
-        | _bounds("check_bins_per_hour", check and check.bins_per_hour)
+        | _bounds("check_bins_per_hour", check.bins_per_hour if check else None)
         | {"check_difference_share": check and check.difference, "check_replications": check and check.replications}
         | {"check_jammed": check and check.jammed, "is_best": row.setting == result.best}
         | {"is_indistinguishable_from_best": row.setting in result.indistinguishable}
-        | _bounds(f"difference_from_best_{result.goal}", compared and compared.difference)
+        | _bounds(f"difference_from_best_{result.goal}", difference)
         | {"p_value": compared and compared.p_value}
     )
 
 
 def _bounds(name: str, interval: Interval | None) -> dict[str, float | None]:
-    return {f"{name}_{field.name}": interval and getattr(interval, field.name) for field in fields(Interval)}
+    return {f"{name}_{field.name}": None if interval is None else getattr(interval, field.name) for field in fields(Interval)}

@@ -35,6 +35,7 @@ def of(*table, best=None, ties=(), **changes):
             of(NINE, TEN, ties=(TEN,), stopped_by="budget"),
             "9 carriers: 84.1 ± 0.6 bins an hour; 10 cannot be told apart within the budget.",
         ),
+        (of(NINE, TEN, ties=(TEN,), stopped_by="stopped"), "9 carriers: 84.1 ± 0.6 bins an hour; 10 cannot be told apart so far."),
         (of(NINE), "9 carriers: 84.1 ± 0.6 bins an hour."),
         (of(LONE, horizon="long"), "9 carriers: 84.1 bins an hour in the long run."),
         (of(PRICED, goal="cost_per_bin"), "9 carriers: 7.70 ± 0.05 a bin, 84.1 bins an hour."),

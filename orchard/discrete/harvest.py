@@ -46,7 +46,6 @@ class DiscreteHarvest:
             robot.plan = list(self.route.wait_in_queue())
         for robot in sorted(self.robots.values(), key=lambda robot: (-robot.x, robot.name)):
             self.env.process(robot.run())
-        self.env.process(self.calls.run())
 
     def run(self) -> "DiscreteHarvest":
         """Do the whole harvest, and return it."""

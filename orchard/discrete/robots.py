@@ -118,8 +118,8 @@ class Robot:
         here = sign * (self.x if axis == "x" else self.y)
         line = (axis, round(self.y if axis == "x" else self.x, 3), sign)
         left_at, arrived = here, self._leave(line, here)
-        pace = step.speed * TIME_STEP
-        while True:
+        pace, called = step.speed * TIME_STEP, [self.new_plan] if step.queueing else []
+        while not (called and called[0].triggered):  # a carrier that is called on its way to the head stands there, and then goes on
             for gate in step.frees:
                 if here > sign * gate.at - NEAR:
                     self.places.free(gate.places)
@@ -144,7 +144,7 @@ class Robot:
                 waits = [self.places.changed] if self.places.wanted else []
                 waits += [shut] if shut is not None else []
                 waits += [before.moved] if before is not None and free_to <= here + NEAR else []
-                yield from self.wait(*waits)
+                yield from self.wait(*waits, *called)
                 continue
             ticks = min(ceil(left / pace - NEAR), ask)
             if not arrived:
@@ -152,7 +152,7 @@ class Robot:
             ticks = min([ticks, *(ceil(left / pace - NEAR) for left in self._until_freed(step, sign, here))])
             begun, was = self.tick, here
             timeout, self._leg = self.env.timeout(ticks), (axis, begun, was, pace, sign, limit)
-            yield from self.wait(timeout, *([self.places.changed] if self.places.wanted else []))
+            yield from self.wait(timeout, *([self.places.changed] if self.places.wanted else []), *called)
             here, self._leg = min(limit, was + (self.tick - begun) * pace), None
             self._put(axis, sign * here)
         return

@@ -10,10 +10,11 @@ import simpy
 
 from orchard.agents import steps as st
 from orchard.agents.robot import PATIENCE, Gate, Step
+from orchard.agents.sense import SIDE_MARGIN
 from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Ledger, at
 from orchard.field.geometry import HEADINGS, Pose, angle_between, nearest_heading
-from orchard.field.kinds import EIGHTH
+from orchard.field.kinds import EIGHTH, KINDS
 from orchard.field.scenario import TIME_STEP
 
 Events = Generator[simpy.Event, Any, None]
@@ -21,6 +22,7 @@ NEAR = 1e-6  # m
 COUPLE = 2  # ticks to couple a bin: the robot must have stood for one tick
 UNCOUPLE = 4  # ticks to uncouple a bin, which stands two ticks after its robot
 SWUNG_AWAY = 0.6  # of a quarter turn, after which a robot's bin is no longer in the way of the one behind it
+BESIDE = KINDS["carrier"].width / 2 + KINDS["bin"].width / 2 + SIDE_MARGIN  # m from a line at which a robot is in nobody's way there
 ASK = 2  # ticks from a question to its answer
 
 
@@ -133,7 +135,7 @@ class Robot:
                 arrived = self._arrive(line, here)
             before = self._before(line) if arrived else self.model.lines.last(self, line, here)
             free_to = room(self, before) if before is not None else inf
-            limit = min(limit, max(here, free_to))
+            goal, limit = limit, min(limit, max(here, free_to))
             if arrived:
                 self._extend(limit)
             left = limit - here
@@ -153,6 +155,8 @@ class Robot:
             begun, was = self.tick, here
             timeout, self._leg = self.env.timeout(ticks), (axis, begun, was, pace, sign, limit)
             yield from self.wait(timeout, *([self.places.changed] if self.places.wanted else []), *called)
+            if before is not None and limit < goal:  # the one before it has driven on
+                limit = max(limit, min(goal, room(self, before)))
             here, self._leg = min(limit, was + (self.tick - begun) * pace), None
             self._put(axis, sign * here)
         return
@@ -223,8 +227,17 @@ class Robot:
                 self.is_across = True
                 self._tell()
                 ticks -= floor(SWUNG_AWAY * ticks)
+            elif self.is_across and self.line is not None and self._off(self.line) > BESIDE:
+                yield self.env.timeout(floor(SWUNG_AWAY * ticks))
+                self.line = None
+                self._tell()
+                ticks -= floor(SWUNG_AWAY * ticks)
             yield self.env.timeout(ticks)
             self.stood = self.tick
+
+    def _off(self, line: Line) -> float:
+        """How far it stands beside a line, m."""
+        return abs((self.y if line[0] == "x" else self.x) - line[1])
 
     @do.register
     def _(self, step: st.Realign) -> Events:

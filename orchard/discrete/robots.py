@@ -11,7 +11,7 @@ import simpy
 from orchard.agents import steps as st
 from orchard.agents.robot import PATIENCE, Gate, Step
 from orchard.agents.sense import SIDE_MARGIN
-from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
+from orchard.discrete.lines import CLEAR, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Ledger, at
 from orchard.field.geometry import HEADINGS, Pose, angle_between, nearest_heading
 from orchard.field.kinds import EIGHTH, KINDS
@@ -53,8 +53,6 @@ class Robot:
         self.places = Claimant(model.env, model.ledger, name)
         self.line: Line | None = None  # on which it drives, or which its tail has not left
         self.end = 0.0  # up to where it drives there, in the line's direction, m
-        self.before: Follower | None = None  # the robot that it follows there
-        self.entered, self.then = 0, 0  # lines so far, by this robot and by the one before it when this one began to follow it
         self.is_across = False  # it has turned off its line, and its bin is no longer on it
         self.moved = self.env.event()  # its way got longer
         self.has_offer = self.env.event()  # a carrier has brought a bin
@@ -133,7 +131,7 @@ class Robot:
                 shut = self._ask_for(ahead)
             if not arrived and here - left_at >= CLEAR - NEAR:
                 arrived = self._arrive(line, here)
-            before = self._before(line) if arrived else self.model.lines.last(self, line, here)
+            before = self.model.lines.before(self, line, here)
             free_to = room(self, before) if before is not None else inf
             goal, limit = limit, min(limit, max(here, free_to))
             if arrived:
@@ -190,16 +188,10 @@ class Robot:
 
     def _arrive(self, line: Line, at: float) -> bool:
         """Leave the line before, and be on this one."""
-        self.before = self.model.lines.enter(self, line, at)
-        self.then = self.before.entered if self.before is not None else 0
-        self.line, self.end, self.is_across, self.entered = line, at, False, self.entered + 1
+        self.model.lines.enter(self, line)
+        self.line, self.end, self.is_across = line, at, False
         self._tell()
         return True
-
-    def _before(self, line: Line) -> Follower | None:
-        """The robot that it follows on a line, while that one is there."""
-        before = self.before
-        return before if before is not None and before.line == line and before.entered == self.then else None
 
     def _extend(self, end: float) -> None:
         """Say up to where the robot will drive now."""
@@ -229,6 +221,7 @@ class Robot:
                 ticks -= floor(SWUNG_AWAY * ticks)
             elif self.is_across and self.line is not None and self._off(self.line) > BESIDE:
                 yield self.env.timeout(floor(SWUNG_AWAY * ticks))
+                self.model.lines.leave(self)
                 self.line = None
                 self._tell()
                 ticks -= floor(SWUNG_AWAY * ticks)

@@ -25,15 +25,16 @@ CLEAR = KINDS["carrier"].tows + KINDS["bin"].length / 2 + KINDS["carrier"].width
 
 
 class Lines:
-    """The robots on each line, in the order in which they entered it."""
+    """The robots on each line, the foremost first."""
 
     def __init__(self) -> None:
         self._on: dict[Line, list[Follower]] = {}
 
-    def enter(self, robot: Follower, line: Line) -> None:
-        """Leave the line before, and enter this one behind those that are on it."""
+    def enter(self, robot: Follower, line: Line, at: float) -> None:
+        """Leave the line before, and enter this one at a coordinate in its direction."""
         self.leave(robot)
-        self._on.setdefault(line, []).append(robot)
+        on = self._on.setdefault(line, [])
+        on.insert(_number_before(on, at), robot)
 
     def leave(self, robot: Follower) -> None:
         """Leave the line on which a robot is, if any."""
@@ -41,11 +42,16 @@ class Lines:
             self._on[robot.line].remove(robot)
 
     def before(self, robot: Follower, line: Line, at: float) -> Follower | None:
-        """Return the robot that one at a coordinate of a line follows, in the line's direction: the last that entered before it and is not
-        behind it. None if there is none."""
+        """Return the robot that one at a coordinate of a line follows there, or would follow; None if there is none."""
         on = self._on.get(line, [])
-        earlier = on[: on.index(robot)] if robot.line == line else on
-        return next((other for other in reversed(earlier) if other.end >= at), None)
+        number = on.index(robot) if robot.line == line else _number_before(on, at)
+        return on[number - 1] if number else None
+
+
+def _number_before(on: list[Follower], at: float) -> int:
+    """How many of the robots on a line, the foremost first, are before one that enters it at a coordinate."""
+    return next((number for number in range(len(on), 0, -1) if on[number - 1].end >= at), 0)
+
 
 def room(robot: Follower, before: Follower) -> float:
     """Return how far a robot may drive, in the direction of its line, m: up to where the one before it stands or will stand."""

@@ -188,7 +188,7 @@ class Robot:
 
     def _arrive(self, line: Line, at: float) -> bool:
         """Leave the line before, and be on this one."""
-        self.model.lines.enter(self, line)
+        self.model.lines.enter(self, line, at)
         self.line, self.end, self.is_across = line, at, False
         self._tell()
         return True

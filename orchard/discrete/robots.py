@@ -21,7 +21,7 @@ Events = Generator[simpy.Event, Any, None]
 NEAR = 1e-6  # m
 COUPLE = 2  # ticks to couple a bin: the robot must have stood for one tick
 UNCOUPLE = 4  # ticks to uncouple a bin, which stands two ticks after its robot
-SWUNG_AWAY = 0.6  # of a quarter turn, after which a robot's bin is no longer in the way of the one behind it
+SWUNG_AWAY = 0.4  # of a quarter turn, after which a robot's bin is no longer in the way of the one behind it
 BESIDE = KINDS["carrier"].width / 2 + KINDS["bin"].width / 2 + SIDE_MARGIN  # m from a line at which a robot is in nobody's way there
 ASK = 2  # ticks from a question to its answer
 
@@ -95,7 +95,8 @@ class Robot:
 
     @property
     def is_moving(self) -> bool:
-        return self._leg is not None
+        """Whether it has moved in the last tick."""
+        return self._leg is not None and self.env.now > self._leg[1]
 
     def wait(self, *events: simpy.Event) -> Events:
         """Wait for the first of these events, and then for the next tick."""
@@ -205,8 +206,8 @@ class Robot:
         self._later(happened)
 
     def _later(self, event: simpy.Event) -> None:
-        """Let those behind see in the next tick that it has moved."""
-        at(self.env, self.env.now + 1, event.succeed)
+        """Let those behind see that it has moved: in the next tick, and a tick later if they see its bin, which follows it."""
+        at(self.env, self.env.now + (2 if self.bin else 1), event.succeed)
 
     @do.register
     def _(self, step: st.Face) -> Events:

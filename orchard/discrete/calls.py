@@ -9,7 +9,7 @@ from orchard.agents.bin import CALL_AGAIN
 from orchard.agents.carrier import REMEMBERED, HeardCall, first_call
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, dispatch_of, is_early
 from orchard.agents.dispatcher import POLL_TICKS
-from orchard.agents.forecast import EARLIER, farthest
+from orchard.agents.forecast import EARLIER
 from orchard.agents.route import OneWay, Side
 from orchard.agents.timing import approach_seconds
 from orchard.discrete.places import at
@@ -109,7 +109,8 @@ class Dispatched(Calls):
         self.open, self._changed = list[OpenCall](), env.event()
         self.policy = dispatch_of(route.layout)
         self.memory = self.policy.Memory()
-        self.horizon = (farthest(route) + EARLIER) / TIME_STEP  # ticks before it is full at which a bin begins to report
+        self._ways = {(lane.number, side.name): self._way(lane.number, side) for lane in self.layout.lanes for side in route.sides.values()}
+        self.horizon = (max(reach for _, reach in self._ways.values()) + EARLIER) / TIME_STEP  # ticks before it is full at which a bin begins to report
         self._booked: set[str] = set()
         self._asked = -POLL_TICKS
         env.process(self.run())
@@ -158,11 +159,14 @@ class Dispatched(Calls):
             self.env.process(self._fetch(order, by_bin[order.bin], ready[order.carrier], now))
 
     def _report(self, call: OpenCall, now: int) -> BinReport:
-        route, place = self.route, self.layout.queue.place(0)
-        metres, reach = route.distance(place.x, place.y, call.lane, call.side), approach_seconds(route, call.lane, call.side)
-        left = max(0.0, (call.full - now) * TIME_STEP)
-        side = "east" if call.side is route.east else "west"
+        (metres, reach), left = self._ways[call.lane, call.side.name], max(0.0, (call.full - now) * TIME_STEP)
+        side = "east" if call.side is self.route.east else "west"
         return BinReport(call.bin, call.lane, side, call.picker, call.since, metres, left, reach)
+
+    def _way(self, lane: int, side: Side) -> tuple[float, float]:
+        """The metres by road and the time from the queue's head to a lane's stop."""
+        place = self.layout.queue.place(0)
+        return self.route.distance(place.x, place.y, lane, side), approach_seconds(self.route, lane, side)
 
     def _fetch(self, order: Assignment, call: OpenCall, carrier: Robot, now: int) -> Events:
         """The bin hears of its carrier when it reports again, and sends for it."""

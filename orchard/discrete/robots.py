@@ -12,7 +12,7 @@ from orchard.agents import steps as st
 from orchard.agents.robot import PATIENCE, Gate, Step
 from orchard.agents.sense import SIDE_MARGIN
 from orchard.discrete.lines import CLEAR, Line, Lines, room
-from orchard.discrete.places import MAIL, Claimant, Ledger, at
+from orchard.discrete.places import MAIL, Claimant, Ledger, at, first_of
 from orchard.field.geometry import HEADINGS, Pose, angle_between, nearest_heading
 from orchard.field.kinds import EIGHTH, KINDS
 from orchard.field.scenario import TIME_STEP
@@ -100,7 +100,7 @@ class Robot:
 
     def wait(self, *events: simpy.Event) -> Events:
         """Wait for the first of these events, and then for the next tick."""
-        yield self.env.any_of(events) if len(events) > 1 else events[0]
+        yield first_of(self.env, events) if len(events) > 1 else events[0]
         if self.env.now % 1:
             yield self.env.timeout(ceil(self.env.now) - self.env.now)
 
@@ -120,16 +120,20 @@ class Robot:
         line = (axis, round(self.y if axis == "x" else self.x, 3), sign)
         left_at, arrived = here, self._leave(line, here)
         pace, called = step.speed * TIME_STEP, [self.new_plan] if step.queueing else []
+        needs, frees = [(sign * gate.at, gate) for gate in step.needs], sorted((sign * gate.at, gate.places) for gate in step.frees)
         while not (called and called[0].triggered):  # a carrier that is called on its way to the head stands there, and then goes on
-            for gate in step.frees:
-                if here > sign * gate.at - NEAR:
-                    self.places.free(gate.places)
-            ahead, shut = self._next_gate(step, sign, here), None
-            limit, ask = target if ahead is None else min(target, sign * ahead.at), inf
-            if ahead is not None and sign * ahead.at - here >= st.LOOK_AHEAD - NEAR:
-                ask = max(1, floor((sign * ahead.at - here - st.LOOK_AHEAD) / pace + NEAR) + 1)
-            elif ahead is not None:
-                shut = self._ask_for(ahead)
+            while frees and here > frees[0][0] - NEAR:
+                self.places.free(frees.pop(0)[1])
+            while needs and (here > needs[0][0] + NEAR or self.places.holds(needs[0][1].places)):
+                del needs[0]
+            limit, ask, shut = target, inf, None
+            if needs:
+                gate_at, gate = needs[0]
+                limit = min(target, gate_at)
+                if gate_at - here >= st.LOOK_AHEAD - NEAR:
+                    ask = max(1, floor((gate_at - here - st.LOOK_AHEAD) / pace + NEAR) + 1)
+                else:
+                    shut = self._ask_for(gate)
             if not arrived and here - left_at >= CLEAR - NEAR:
                 arrived = self._arrive(line, here)
             before = self.model.lines.before(self, line, here)
@@ -150,7 +154,8 @@ class Robot:
             ticks = min(ceil(left / pace - NEAR), ask)
             if not arrived:
                 ticks = min(ticks, ceil((left_at + CLEAR - here) / pace - NEAR))
-            ticks = min([ticks, *(ceil(left / pace - NEAR) for left in self._until_freed(step, sign, here))])
+            if freed := next((at for at, places in frees if self.places.holds_any(places)), None):
+                ticks = min(ticks, ceil((freed - here) / pace - NEAR))
             begun, was = self.tick, here
             timeout, self._leg = self.env.timeout(ticks), (axis, begun, was, pace, sign, limit)
             yield from self.wait(timeout, *([self.places.changed] if self.places.wanted else []), *called)
@@ -160,22 +165,12 @@ class Robot:
             self._put(axis, sign * here)
         return
 
-    def _next_gate(self, step: st.DriveTo, sign: int, here: float) -> Gate | None:
-        """The first gate ahead of which it does not hold the places. `here`: its coordinate in the direction of the drive, m."""
-        ahead = (gate for gate in step.needs if sign * gate.at >= here - NEAR)
-        return next((gate for gate in ahead if not self.places.holds(gate.places)), None)
-
     def _ask_for(self, gate: Gate) -> simpy.Event | None:
         """Ask for the places of a gate. If a bin must be left before that, return what happens then."""
         if gate.bin and not self.model.is_left(gate.bin):
             return self.model.until_left(gate.bin)
         self.places.want(gate.places)
         return None
-
-    def _until_freed(self, step: st.DriveTo, sign: int, here: float) -> list[float]:
-        """The distances to the gates ahead at which it gives back places that it holds, m."""
-        ahead = (gate for gate in step.frees if sign * gate.at > here + NEAR)
-        return [sign * gate.at - here for gate in ahead if any(place in self.places.held for place in gate.places)]
 
     def _put(self, axis: str, value: float) -> None:
         if axis == "x":

@@ -110,7 +110,7 @@ class Dispatched(Calls):
         self.policy = dispatch_of(route.layout)
         self.memory = self.policy.Memory()
         self._ways = {(lane.number, side.name): self._way(lane.number, side) for lane in self.layout.lanes for side in route.sides.values()}
-        self.horizon = (max(reach for _, reach in self._ways.values()) + EARLIER) / TIME_STEP  # ticks before it is full at which a bin begins to report
+        self.horizon = (max(reach for _, reach in self._ways.values()) + EARLIER) / TIME_STEP  # ticks before it is full, to report
         self._booked: set[str] = set()
         self._asked = -POLL_TICKS
         env.process(self.run())

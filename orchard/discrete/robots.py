@@ -11,6 +11,7 @@ import simpy
 from orchard.agents import steps as st
 from orchard.agents.robot import PATIENCE, Gate, Step
 from orchard.agents.sense import SIDE_MARGIN
+from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.lines import CLEAR, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Ledger, at, first_of
 from orchard.field.geometry import HEADINGS, Pose, angle_between, nearest_heading
@@ -34,6 +35,7 @@ class Model(Protocol):
     lines: Lines
     robots: dict[str, "Robot"]
     unloading_ticks: int
+    bystanders: Bystanders
 
     def begin_row(self, picker: "Robot") -> None: ...
     def leave(self, picker: "Robot") -> None: ...
@@ -58,6 +60,8 @@ class Robot:
         self.has_offer = self.env.event()  # a carrier has brought a bin
         self.new_plan = self.env.event()
         self.memory = SimpleNamespace(plan=[], doing="", state="resting", failures=0, picked=0.0)
+        self.meetings, self.turns = 0, 0  # so far: times that it stood for people and animals on its way, and turns
+        self.clear = model.bystanders.metres_to(name, 0)  # m to the next meeting
         self._leg: tuple[str, int, float, float, int, float] | None = None  # the part of a drive that it is on
         self.stood = 0  # tick since which it stands
         self.plan: list[Step] = []
@@ -120,8 +124,11 @@ class Robot:
         line = (axis, round(self.y if axis == "x" else self.x, 3), sign)
         left_at, arrived = here, self._leave(line, here)
         pace, called = step.speed * TIME_STEP, [self.new_plan] if step.queueing else []
+        meeting = here + self.clear
         needs, frees = [(sign * gate.at, gate) for gate in step.needs], sorted((sign * gate.at, gate.places) for gate in step.frees)
         while not (called and called[0].triggered):  # a carrier that is called on its way to the head stands there, and then goes on
+            if here > meeting - NEAR:
+                meeting = here + (yield from self._meet())
             while frees and here > frees[0][0] - NEAR:
                 self.places.free(frees.pop(0)[1])
             while needs and (here > needs[0][0] + NEAR or self.places.holds(needs[0][1].places)):
@@ -138,7 +145,8 @@ class Robot:
                 arrived = self._arrive(line, here)
             before = self.model.lines.before(self, line, here)
             free_to = room(self, before) if before is not None else inf
-            goal, limit = limit, min(limit, max(here, free_to))
+            goal = min(limit, meeting)
+            limit = min(goal, max(here, free_to))
             if arrived:
                 self._extend(limit)
             left = limit - here
@@ -154,7 +162,8 @@ class Robot:
             ticks = min(ceil(left / pace - NEAR), ask)
             if not arrived:
                 ticks = min(ticks, ceil((left_at + CLEAR - here) / pace - NEAR))
-            if freed := next((at for at, places in frees if self.places.holds_any(places)), None):
+            freed = next((gate_at for gate_at, places in frees if self.places.holds_any(places)), inf)
+            if freed < limit:
                 ticks = min(ticks, ceil((freed - here) / pace - NEAR))
             begun, was = self.tick, here
             timeout, self._leg = self.env.timeout(ticks), (axis, begun, was, pace, sign, limit)
@@ -163,7 +172,13 @@ class Robot:
                 limit = max(limit, min(goal, room(self, before)))
             here, self._leg = min(limit, was + (self.tick - begun) * pace), None
             self._put(axis, sign * here)
-        return
+        self.clear = meeting - here
+
+    def _meet(self) -> Generator[simpy.Event, Any, float]:
+        """Stand for people or animals. Return the metres to the next meeting."""
+        yield self.env.timeout(self.model.bystanders.meeting_ticks(self.name, self.meetings))
+        self.meetings += 1
+        return self.model.bystanders.metres_to(self.name, self.meetings)
 
     def _ask_for(self, gate: Gate) -> simpy.Event | None:
         """Ask for the places of a gate. If a bin must be left before that, return what happens then."""
@@ -210,6 +225,9 @@ class Robot:
         self.yaw = HEADINGS[step.heading]
         if angle > NEAR:
             ticks = ceil(angle / EIGHTH / TIME_STEP - NEAR)
+            self.turns += 1
+            if stands := self.model.bystanders.turning_ticks(self.name, self.turns, self.hitched):
+                yield self.env.timeout(stands)
             if self.bin and not self.is_across:
                 yield self.env.timeout(floor(SWUNG_AWAY * ticks))
                 self.is_across = True

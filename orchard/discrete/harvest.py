@@ -6,6 +6,7 @@ import simpy
 
 from orchard.agents.route import Side
 from orchard.agents.routes import route_of
+from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.calls import Calls, Dispatched
 from orchard.discrete.lines import Lines
 from orchard.discrete.places import Ledger
@@ -30,6 +31,7 @@ class DiscreteHarvest:
         if own := {**scenario.agents, **scenario.agents_without_body}:
             raise ValueError(f"the discrete-event model knows built-in agents only, and not {', '.join(sorted(own))}; run the simulator")
         self.layout, self.route, self.env = layout, route_of(layout), simpy.Environment()
+        self.bystanders = Bystanders(layout)
         self.ledger, self.lines, self.unloading_ticks = Ledger(self.env), Lines(), round(UNLOADING_SECONDS / TIME_STEP)
         self.deliveries: list[float] = []  # s, when each bin was unloaded
         self._left: dict[str, simpy.Event] = {}  # full bin -> it is left in its lane
@@ -46,7 +48,6 @@ class DiscreteHarvest:
             robot.plan = list(self.route.wait_in_queue())
         for robot in sorted(self.robots.values(), key=lambda robot: (-robot.x, robot.name)):
             self.env.process(robot.run())
-        self.env.process(self.calls.run())
 
     def run(self) -> "DiscreteHarvest":
         """Do the whole harvest, and return it. It ends too when no bin is delivered for so long that robots must wait for each other."""

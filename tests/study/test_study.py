@@ -164,3 +164,15 @@ def test_a_violated_invariant_is_told(tmp_path, monkeypatch):
         store.keep(replace(sound, key=run.key, model="full", ended="violated", violations="bin_01: is in two places"))
     found = study(scenario, {}, replace(AMPLE, model="full", store=tmp_path / "s.db"))
     assert found.violations == ["bin_01: is in two places"]
+
+
+@pytest.mark.soak
+def test_farthest_first_is_better_and_longest_waiting_is_as_good_as_nearest(tmp_path):
+    scenario = Scenario(rows=20, pickers=10, carriers=10, picking_speed=0.9, **QUIET)
+    scenario = with_changes(scenario, picking={"spread": {"distribution": "uniform", "cv": 0.05}})
+    options = replace(AMPLE, within=0.01, workers=2, store=tmp_path / "s.db")
+    three = study(scenario, {"dispatch": ["nearest", "longest-waiting", "farthest-first", "own_policies.FarthestOfMine"]}, options)
+    assert three.best["dispatch"] in ("farthest-first", "own_policies.FarthestOfMine")
+    assert {one.setting["dispatch"] for one in three.comparisons if one.is_told_apart} >= {"nearest", "longest-waiting"}
+    two = study(scenario, {"dispatch": ["nearest", "longest-waiting"]}, options)
+    assert [one.is_told_apart for one in two.comparisons] == [False]

@@ -12,8 +12,8 @@ from orchard.field.repeatable import draw, exponential
 from orchard.field.scenario import TIME_STEP
 
 ASK = 2  # ticks from a question to its answer: a robot asks where people and animals are before it turns
-MEETS_WITHIN = 2.2  # m: a robot stops once for each of them that is in a strip of this width along its way
-MEETING = 1.0  # s, mean time for which it then stands
+MEETS_WITHIN = 5.6  # m: a robot stops once for each of them that is in a strip of this width along its way
+MEETING = 1.05  # s, mean time for which it then stands
 PASSING = 3.0  # s, mean time for which one of them stays within what a turn sweeps
 
 

@@ -36,9 +36,12 @@ class Model(Protocol):
     robots: dict[str, "Robot"]
     unloading_ticks: int
     bystanders: Bystanders
+    exit: float  # x at which carriers leave the queue, m
 
     def begin_row(self, picker: "Robot") -> None: ...
+    def end_row(self, picker: "Robot") -> None: ...
     def leave(self, picker: "Robot") -> None: ...
+    def couple(self, picker: "Robot") -> None: ...
     def deliver(self) -> None: ...
     def home(self, carrier: "Robot") -> None: ...
     def is_left(self, bin_name: str) -> bool: ...
@@ -63,6 +66,7 @@ class Robot:
         self.meetings, self.turns = 0, 0  # so far: times that it stood for people and animals on its way, and turns
         self.clear = model.bystanders.metres_to(name, 0)  # m to the next meeting
         self._leg: tuple[str, int, float, float, int, float] | None = None  # the part of a drive that it is on
+        self.away = inf  # tick since which it has been outside the queue; inf: it is there
         self.stood = 0  # tick since which it stands
         self.plan: list[Step] = []
         self.offered, self.carrier, self.full_bin = "", "", ""  # the bin that a carrier has brought; that carrier; the bin that it left
@@ -85,7 +89,7 @@ class Robot:
 
     def take(self, plan: list[Step]) -> None:
         """Drop the rest of the plan for another one."""
-        self.plan = list(plan)
+        self.plan, self.away = list(plan), inf
         happened, self.new_plan = self.new_plan, self.env.event()
         happened.succeed()
 
@@ -171,6 +175,8 @@ class Robot:
             if before is not None and limit < goal:  # the one before it has driven on
                 limit = max(limit, min(goal, room(self, before)))
             here, self._leg = min(limit, was + (self.tick - begun) * pace), None
+            if axis == "x" and was <= self.model.exit < here and self.away == inf:
+                self.away = begun + (self.model.exit - was) / pace
             self._put(axis, sign * here)
         self.clear = meeting - here
 
@@ -256,9 +262,11 @@ class Robot:
 
     @do.register
     def _(self, step: st.Say) -> Events:
-        self.memory.doing, self.memory.state = step.doing, step.state
+        before, self.memory.doing, self.memory.state = self.memory.state, step.doing, step.state
         if step.state == "picking":
             self.model.begin_row(self)
+        elif before == "picking" and step.state != "failed":
+            self.model.end_row(self)
         return
         yield
 
@@ -347,6 +355,7 @@ class Robot:
             yield from self.wait(self.has_offer)
         yield self.env.timeout(1 if self.stood < self.tick else 2)
         self.bin = self.offered
+        self.model.couple(self)
         while not self.places.holds([step.place]):
             self.places.want([step.place], beside=self.carrier)
             yield from self.wait(self.places.changed)

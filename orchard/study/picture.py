@@ -227,12 +227,22 @@ def _draw_axis(axes: Axes, content: Content) -> None:
 
 def save(result: StudyResult, path: Path) -> None:
     """Write the picture; the end of the name, such as .svg or .png, is its format. Raises ValueError for another format, or OSError."""
-    drawing = figure(result)
+    drawing = _on_white(result)
     if (kind := path.suffix.removeprefix(".").lower()) not in drawing.canvas.get_supported_filetypes():
         raise ValueError(f"{path}: a picture's name ends in .svg or .png")
+    path.write_bytes(_written(drawing, kind))
+
+
+def svg(result: StudyResult) -> str:
+    """Return the picture as a file of SVG, on white."""
+    return _written(_on_white(result), "svg").decode()
+
+
+def _on_white(result: StudyResult) -> Figure:
+    drawing = figure(result)
     drawing.patch.set_alpha(1.0)
     drawing.patch.set_facecolor("white")
-    path.write_bytes(_written(drawing, kind))
+    return drawing
 
 
 def inline_svg(result: StudyResult) -> str:

@@ -58,6 +58,12 @@ def test_the_table_fits_and_loses_nothing(width):
     assert "interval of 95 % confidence" in text
 
 
+def test_what_is_too_long_for_a_narrow_table_is_folded_and_not_cut():
+    rows = [replace(row, setting=row.setting | {"dispatch": "my_policies.TheOneThatIsBest"}) for row in whole().table]
+    lines = printed(a_result(rows, rows[6].setting), 80)
+    assert max(map(len, lines)) <= 80 and "…" not in "".join(lines)
+
+
 def test_a_column_without_a_figure_is_left_out():
     heads, lines = table.words(by_policies())
     assert {"a bin", "checked", "harvest, s", "model"}.isdisjoint(heads)
@@ -116,8 +122,8 @@ def test_two_keys_are_a_line_for_each_value_of_the_second():
     (rates,) = picture.figure(by_both()).axes
     assert rates.get_xlabel() == "carriers"
     assert {"nearest", "farthest-first", "predictive"} < set(words_of(rates))
-    looks = {(line.get_marker(), line.get_linestyle()) for line in rates.lines if line.get_label() in words_of(rates)[1:4]}
-    assert len(looks) == 3, "they can be told apart in grey"
+    lines = [line for line in rates.lines if line.get_label() in ("nearest", "farthest-first", "predictive")]
+    assert len({line.get_marker() for line in lines}) == len({line.get_linestyle() for line in lines}) == 3, "told apart in grey"
 
 
 def test_values_that_are_no_numbers_stand_side_by_side():

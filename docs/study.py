@@ -76,9 +76,9 @@ The sentence is the answer: "{answer}" The lines of the table say why.
   end, so it reaches less.
 - **lost to** is the largest part of what the harvest [loses](bounds.md#what-a-harvest-loses), s.
 - **checked** is what the simulator says, and how much that is more or less than the fast model, on the same seeds.
-- In the picture the band is the interval, the dotted line the bound, and the ring the best setting. The dashed line is the knee: the
-  fewest carriers from which on more of them gain under 1 %. The cheapest number is often smaller: the last carriers gain less than
-  they cost.
+- In the picture the band is the interval, the dotted line the bound, and the ring the best setting. A dashed line marks the knee: the
+  fewest carriers from which on more of them gain under 1 %. There is none if even the last carrier that was tried gains more, as it may
+  where all pickers begin together. The cheapest number is often smaller: the last carriers gain less than they cost.
 
 `*` marks the best setting; `=` marks those that cannot be told apart from it. That is an answer, too: choose among them by what the
 study does not know, such as a carrier in reserve.

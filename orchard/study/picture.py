@@ -93,11 +93,12 @@ class Content:
 
     @cached_property
     def knee(self) -> Row | None:
-        """On the line of the best setting, the fewest from which on no more gain over WORTH; None without numbers along the axis."""
+        """On the line of the best setting, the fewest from which on no more gain over WORTH; None if only the last one is that."""
         line = next((line for line in self.lines if self.best in line.rows), None)
         if not self.is_numeric or line is None or len(line.known) < 2:
             return None
-        return next(row for i, row in enumerate(line.known) if _rate(row) * (1.0 + WORTH) >= max(map(_rate, line.known[i:])))
+        rows = enumerate(line.known[:-1])
+        return next((row for i, row in rows if _rate(row) * (1.0 + WORTH) >= max(map(_rate, line.known[i:]))), None)
 
 
 def _rate(row: Row) -> float:

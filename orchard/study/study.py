@@ -190,26 +190,28 @@ class _Study:
     # -- the race
 
     def _race(self, until: float) -> None:
-        """Do replications of all settings that are left, look by look, until the race or the time is over."""
+        """Do replications of all settings that are left, look by look, until the race or the time is over.
+
+        One of each comes first: a setting that jams gets no more.
+        """
         done = 0
-        for look in LOOKS:
-            left = [i for i in self.race.left]
+        for look in (1, *LOOKS):
+            left = list(self.race.left)
             more = [i for i in left if done == 0 or self.settings[i].is_random]
-            if done and not self._fits(len(more) * (look - done), self.model, until):
-                return self._end_race(done)
+            if done >= LOOKS[0] and not self._fits(len(more) * (look - done), self.model, until):
+                return self._end_race()
             is_whole = self._do(more, self.model, done, look, until)
             self.race.jam([i for i in left if any(record.ended == "jammed" for record in self._known(i, self.model))])
-            if self.race.why is not None:
-                return None
-            if not is_whole:
-                return self._end_race(done)
-            self.race.look(self._samples(look), look == LOOKS[-1])
+            if self.race.why is None and not is_whole:
+                return self._end_race()
+            if look >= LOOKS[0]:
+                self.race.look(self._samples(look), look == LOOKS[-1])
             if self.race.why is not None:
                 return None
             done = look
         return None
 
-    def _end_race(self, done: int) -> None:
+    def _end_race(self) -> None:
         """End the race because of the budget or the user, after a last look at the seeds that all settings have that are left."""
         why: StoppedBy = "stopped" if self.is_stopped() else "budget"
         missing = [i for i in self.race.left if not self._known(i, self.model)]
@@ -220,7 +222,7 @@ class _Study:
             )
         random = [i for i in self.race.left if self.settings[i].is_random]
         common = min((len(self._known(i, self.model)) for i in random), default=LOOKS[0])
-        if self.race.left and common > done:
+        if self.race.left:
             self.race.look(self._samples(common))
         if random and common < LOOKS[0]:
             self.notes.append(f"the budget allowed {common} replications of each setting; {LOOKS[0]} are the least for a sound answer")
@@ -365,7 +367,7 @@ class _Study:
             varied={key: list(values) for key, values in self.varied.items()},
             wall_seconds=time.time() - self.begun,
             stopped_by=self.race.why or "budget",
-            notes=[*self._about_chance(), *jammed, *self.notes],
+            notes=[*self._about_chance(), *self._about_little(verdicts, rows), *jammed, *self.notes],
             version=software(),
             violations=sorted({f"{line}" for record in self.records.values() for line in record.violations.splitlines()}),
         )
@@ -375,6 +377,14 @@ class _Study:
         if any(setting.is_random for setting in self.settings):
             return []
         return ["nothing in these settings is random, so one run of each stands for all seeds"]
+
+    def _about_little(self, verdicts: Mapping[int, Comparison], rows: Mapping[int, Row]) -> list[str]:
+        """Which settings are worse for certain, but hardly so: certain is not important."""
+        if self.race.best is None or (best := getattr(rows[self.race.best], self.options.goal)) is None:
+            return []
+        most = self.options.within * abs(best.mean)
+        hardly = [i for i, verdict in verdicts.items() if verdict.is_told_apart and abs(verdict.difference.mean) < most]
+        return [f"worse for certain, but by less than {100 * self.options.within:g} %: {self._words(hardly)}"] if hardly else []
 
     def _present_best(self, rows: Mapping[int, Row]) -> int | None:
         """The setting with the best mean so far, before the first look."""

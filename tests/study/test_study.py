@@ -55,8 +55,8 @@ def test_the_best_is_told_with_its_interval_and_what_cannot_be_told_apart(result
 def test_a_setting_that_jams_is_told_and_counted(result):
     jammed = [row for row in result.table if row.setting["dispatch"] == "own_policies.Idle"]
     assert [(row.jammed, row.bins_per_hour) for row in jammed] == [(row.replications, None) for row in jammed]
-    assert len(jammed) == 3 and all(row.jammed >= 5 for row in jammed)
-    assert sum("own_policies.Idle: 5 of 5 runs jammed" in note for note in result.notes) == 3
+    assert [row.jammed for row in jammed] == [1, 1, 1]  # one jam is enough to leave the race
+    assert sum("own_policies.Idle: 1 of 1 runs jammed" in note for note in result.notes) == 3
 
 
 def test_partial_results_are_told(result, told):
@@ -118,6 +118,13 @@ def test_without_chance_one_run_stands_for_all_seeds(tmp_path):
     assert any("nothing in these settings is random" in note for note in settled.notes)
 
 
+def test_what_is_worse_by_little_is_told(tmp_path):
+    """Rows are longer by so little that the harvest hardly changes, though for certain."""
+    settled = study(Scenario(rows=3, **QUIET), {"row_length": [70.0, 70.2]}, replace(AMPLE, store=tmp_path / "s.db"))
+    assert [one.is_told_apart for one in settled.comparisons] == [True]
+    assert "worse for certain, but by less than 5 %: row_length=70.2" in settled.notes
+
+
 def test_settings_with_and_without_chance_are_compared(tmp_path):
     scenario = with_changes(CHANCE, carriers=1)
     mixed = study(scenario, {"picking.spread.distribution": ["none", "gamma"]}, replace(AMPLE, store=tmp_path / "s.db"))
@@ -168,8 +175,8 @@ def test_a_violated_invariant_is_told(tmp_path, monkeypatch):
 
 @pytest.mark.soak
 def test_farthest_first_is_better_and_longest_waiting_is_as_good_as_nearest(tmp_path):
-    scenario = Scenario(rows=20, pickers=10, carriers=10, picking_speed=0.9, **QUIET)
-    scenario = with_changes(scenario, picking={"spread": {"distribution": "uniform", "cv": 0.05}})
+    scenario = Scenario(rows=20, pickers=10, carriers=10, picking_speed=0.8, **QUIET)
+    scenario = with_changes(scenario, picking={"spread": {"distribution": "gamma", "cv": 0.15}})
     options = replace(AMPLE, within=0.01, workers=2, store=tmp_path / "s.db")
     three = study(scenario, {"dispatch": ["nearest", "longest-waiting", "farthest-first", "own_policies.FarthestOfMine"]}, options)
     assert three.best["dispatch"] in ("farthest-first", "own_policies.FarthestOfMine")

@@ -29,9 +29,9 @@ def orchard(**values: Any) -> Scenario:
         {"rows": 6, "pickers": 6, "carriers": 3, "dispatch": "predictive", "route": "two-way", "rows_to_pickers": "balanced-ends"},
         {"rows": 4, "pickers": 2, "carriers": 2, "row_length": 40.0, "picking_speed": 0.5, "picking": VARIED, "seed": 3},
         {
-            "rows": 4,
-            "pickers": 4,
-            "carriers": 4,
+            "rows": 5,
+            "pickers": 2,
+            "carriers": 2,
             "dispatch": "predictive",
             "row_length": 40.0,
             "picking": {"failure": {"mean_between": 60.0, "mean_repair": 60.0}},

@@ -32,6 +32,7 @@ class OpenCall:
     side: Side
     since: int  # tick at which it began to call
     full: float  # tick at which it will be full, or was
+    failed: int = -1  # tick since which its picker has stood because it failed; -1: it picks
 
 
 class Calls:
@@ -45,6 +46,12 @@ class Calls:
 
     def begins(self, robot: Robot, lane: int, side: Side, seconds: float) -> None:
         """Hear that a picker begins a row, and when its bin will be full."""
+
+    def fails(self, robot: Robot) -> None:
+        """Hear that a picker stands in its row because it failed."""
+
+    def goes_on(self, robot: Robot) -> None:
+        """Hear that a picker is repaired."""
 
     def left(self, robot: Robot, lane: int, side: Side) -> None:
         """Hear that a picker has left its full bin."""
@@ -111,6 +118,7 @@ class Dispatched(Calls):
         self.memory = self.policy.Memory()
         self._ways = {(lane.number, side.name): self._way(lane.number, side) for lane in self.layout.lanes for side in route.sides.values()}
         self.horizon = (max(reach for _, reach in self._ways.values()) + EARLIER) / TIME_STEP  # ticks before it is full, to report
+        self._ripening: dict[str, OpenCall] = {}  # picker -> the call of the bin that it fills
         self._booked: set[str] = set()
         self._asked = -POLL_TICKS
         env.process(self.run())
@@ -120,7 +128,16 @@ class Dispatched(Calls):
             return
         full = robot.tick + seconds / TIME_STEP
         call = OpenCall(robot.bin, robot.name, lane, side, max(robot.tick, ceil(full - self.horizon)), full)
+        self._ripening[robot.name] = call
         self.env.process(self._later(call))
+
+    def fails(self, robot: Robot) -> None:
+        if call := self._ripening.get(robot.name):
+            call.failed = robot.tick
+
+    def goes_on(self, robot: Robot) -> None:
+        if call := self._ripening.get(robot.name):
+            call.full, call.failed = call.full + robot.tick - call.failed, -1
 
     def _later(self, call: OpenCall) -> Events:
         yield self.env.timeout(call.since - self.env.now)
@@ -159,7 +176,7 @@ class Dispatched(Calls):
             self.env.process(self._fetch(order, by_bin[order.bin], ready[order.carrier], now))
 
     def _report(self, call: OpenCall, now: int) -> BinReport:
-        (metres, reach), left = self._ways[call.lane, call.side.name], max(0.0, (call.full - now) * TIME_STEP)
+        (metres, reach), left = self._ways[call.lane, call.side.name], max(0.0, (call.full - (now if call.failed < 0 else call.failed)) * TIME_STEP)
         side = "east" if call.side is self.route.east else "west"
         return BinReport(call.bin, call.lane, side, call.picker, call.since, metres, left, reach)
 

@@ -77,9 +77,13 @@ class DiscreteHarvest:
         """Hear that a picker begins its next row."""
         row, side = self._rows[picker.name][0]
         if picker.bin in self._left and not self._left[picker.bin].triggered:
-            return  # it goes on with the same row after a failure
+            return self.calls.goes_on(picker)  # with the same row, after a failure
         self._left[picker.bin] = self.env.event()
         self.calls.begins(picker, row, side, self.layout.row_length / self.layout.lane(row).pace)
+
+    def fail(self, picker: Robot) -> None:
+        """Hear that a picker stands in its row because it failed."""
+        self.calls.fails(picker)
 
     def end_row(self, picker: Robot) -> None:
         """Hear that a picker has picked a row, so that its bin is full."""

@@ -39,6 +39,7 @@ class Model(Protocol):
     exit: float  # x at which carriers leave the queue, m
 
     def begin_row(self, picker: "Robot") -> None: ...
+    def fail(self, picker: "Robot") -> None: ...
     def end_row(self, picker: "Robot") -> None: ...
     def leave(self, picker: "Robot") -> None: ...
     def couple(self, picker: "Robot") -> None: ...
@@ -265,8 +266,8 @@ class Robot:
         before, self.memory.doing, self.memory.state = self.memory.state, step.doing, step.state
         if step.state == "picking":
             self.model.begin_row(self)
-        elif before == "picking" and step.state != "failed":
-            self.model.end_row(self)
+        elif before == "picking":
+            (self.model.fail if step.state == "failed" else self.model.end_row)(self)
         return
         yield
 

@@ -32,14 +32,20 @@ class Local:
     """An orchard and all its agents in one process. Call `tick()` until `engine.over`."""
 
     def __init__(
-        self, scenario: Scenario, agents: dict[str, Agent] | None = None, check_agents: bool = False, holds: type[Lookahead] = Lookahead
+        self,
+        scenario: Scenario,
+        agents: dict[str, Agent] | None = None,
+        check_agents: bool = False,
+        holds: type[Lookahead] = Lookahead,
+        is_hashed: bool = True,
     ) -> None:
         """`agents`: name -> agent; each is guarded. If it is None, all agents of the scenario are made.
 
         `check_agents`: check that own agents are repeatable; what is not is logged, and the state of its action is `broken`.
-        `holds`: which agents are asked at a tick, see `orchard.sim.lookahead`.
+        `holds`: which agents are asked at a tick, see `orchard.sim.lookahead`. `is_hashed`: False for a run of a study, which is a tenth
+        faster without its hash.
         """
-        self.engine, self._check_agents = Engine.begin(scenario, holds), check_agents
+        self.engine, self._check_agents = Engine.begin(scenario, holds, is_hashed), check_agents
         made = make_agents(self.engine.layout) if agents is None else agents
         self.agents = made if agents is None and not check_agents else self._guarded(made)
         self.memories: dict[str, Any] = {}
@@ -92,7 +98,7 @@ class Local:
         """Advance the run by one tick, 0.1 s, and return the events of the step."""
         tick, seen, mail = self.engine.tick, self.engine.observe(), self.post.deliver(self.engine.tick)
         asked = [name for name in self.engine.due(mail) if name in self.agents]
-        digests = {name: digest_of(heard) for name, heard in mail.items()}
+        digests = {name: digest_of(heard) for name, heard in mail.items()} if self.engine.is_hashed else {}
         self.answers = {name: self._ask(name, observation, mail.get(name) or Mail()) for name, observation in seen.of(asked).items()}
         for name, action in self.answers.items():
             self.post.collect(name, tick, action)

@@ -99,6 +99,20 @@ class Browser:
     def _button(self, path: str, words: str) -> WebElement:
         return next(button for button in self.driver.find_elements(By.CSS_SELECTOR, f"[data-field={path}] button") if button.text == words)
 
+    @fresh
+    def pick(self, path: str, words: str) -> None:
+        """One of the names that a field offers when it is opened."""
+        self.field(path).find_element(By.XPATH, "./ancestor-or-self::label").click()
+        self.until(lambda: self._picked(words), f"{words} can be picked")
+
+    def _picked(self, words: str) -> bool:
+        offered = self.driver.find_elements(By.CSS_SELECTOR, ".q-menu .q-item")
+        return any(self._pressed(name) for name in offered if name.text == words)
+
+    def escape(self) -> None:
+        """Close what lies above the page, such as a list of names."""
+        self.one("body").send_keys(Keys.ESCAPE)
+
     def turn_to(self, view: str) -> None:
         """Choose what is on the stage."""
         self.choose("stage", view)

@@ -43,3 +43,19 @@ class Overworking(Bad):
 class Silent(Bad):
     def assign(self, now, bins, carriers, memory):
         memory["bins"] = set(bins)
+
+
+class Idle(Bad):
+    """It never sends a carrier: all pickers wait for ever."""
+
+    def assign(self, now, bins, carriers, memory):
+        return []
+
+
+class FarthestOfMine(Bad):
+    """Farthest first, as a reader of docs/extending.md would write it."""
+
+    def assign(self, now, bins, carriers, memory):
+        far = sorted((report for report in bins if report.seconds_to_full <= 0.0), key=lambda report: -report.lane)
+        free = [carrier.name for carrier in carriers if carrier.is_next]
+        return [Assignment(report.name, carrier) for report, carrier in zip(far, free, strict=False)]

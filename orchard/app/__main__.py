@@ -23,6 +23,7 @@ from orchard.app.link import draft_of
 from orchard.app.own_address import only_own_address
 from orchard.app.page import Page, complain
 from orchard.app.runner import Runner
+from orchard.app.study_run import Studies
 from orchard.folders import runs_folder
 
 ICON = "🥝"
@@ -41,19 +42,20 @@ def main(argv: list[str] | None = None) -> int:
     if problem := _problem(host, port):
         print(problem, file=sys.stderr)
         return 2
-    desks = Desks()
+    desks, studies = Desks(), Studies(arguments.runs)
 
     def page() -> None:
         desk, query = desks.of(app.storage.browser["id"]), ui.context.client.request.query_params.multi_items()
         desk.draft, unknown = draft_of(query) if query else (desk.draft, [])
         if query:
             ui.navigate.history.replace("/")  # or a reload would bring the link's scenario back
-        Page(runner, desk)
+        Page(runner, studies, desk)
         if unknown:
             complain("Not all of the link was understood", unknown)
 
     only_own_address(app, host)
     app.on_shutdown(runner.close)
+    app.on_shutdown(studies.close)
     print(f"The page is at http://{host}:{port}  (Ctrl-C stops the server)", flush=True)
     with contextlib.suppress(KeyboardInterrupt):
         signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -41,7 +41,7 @@ def hint(text: object) -> str:
 
 
 NEEDED = ("laser", "spread", "failure")  # sections whose names belong to the labels of their values
-MOST_STEPS = 1e6  # steps of a slider; a value with more gets a text field only
+WIDEST = 1e6  # the range of a slider; a value with a wider one gets a text field only
 
 
 @dataclass(frozen=True)
@@ -86,8 +86,8 @@ class Entry:
 
     @property
     def has_slider(self) -> bool:
-        """Whether the value is a number with at most MOST_STEPS steps."""
-        return self.kind in (int, float) and (self.high - self.low) / self.step <= MOST_STEPS
+        """Whether the value is a number whose range is at most WIDEST."""
+        return self.kind in (int, float) and self.high - self.low <= WIDEST
 
     @property
     def limits(self) -> str:

@@ -1,6 +1,7 @@
 """Elements of a page that NiceGUI does not have: headings, and a plain table."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 from nicegui import ui
 
@@ -11,15 +12,20 @@ def heading(level: int, words: str = "") -> ui.label:
         return ui.label(words)
 
 
-def table(lines: Iterable[Sequence[str]], head: Sequence[str] = ()) -> None:
-    """Add a table. The first cell of each line is the line's name; `head`: the names of the columns, '' above those of the lines."""
+def table(lines: Iterable[Sequence[str]], head: Sequence[str] = (), act: Callable[[int], Any] | None = None) -> None:
+    """Add a table. The first cell of each line is the line's name; `head`: the names of the columns, '' above those of the lines.
+
+    `act`: adds what one can do with a line, by its number, in a cell before its name."""
     with ui.element("table"):
         if head:
             with ui.element("tr"):
-                for name in head:
+                for name in [*([""] if act else []), *head]:
                     _cell("th" if name else "td", name, "scope=col")
-        for name, *cells in lines:
+        for number, (name, *cells) in enumerate(lines):
             with ui.element("tr"):
+                if act is not None:
+                    with ui.element("td"):
+                        act(number)
                 _cell("th", name, "scope=row")
                 for words in cells:
                     _cell("td", words)

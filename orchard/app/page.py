@@ -13,6 +13,7 @@ from orchard.app.own_classes import from_elsewhere, may_run, own_classes
 from orchard.app.preview import FiguresView
 from orchard.app.run_controls import RunControls
 from orchard.app.runner import Run, Runner, RunReport
+from orchard.app.study_run import Studies
 from orchard.app.views import ProgressView, Stage
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
@@ -25,10 +26,10 @@ WATCH_SECONDS = 0.3  # s between two updates of the run
 
 
 class Page:
-    """A page in one browser. All pages share one runner; those of one browser begin with what was entered there last."""
+    """A page in one browser. All pages share one run and one study; those of one browser begin with what was entered there last."""
 
-    def __init__(self, runner: Runner, desk: Desk) -> None:
-        self.runner, self.desk, self.draft = runner, desk, desk.draft.copy()
+    def __init__(self, runner: Runner, studies: Studies, desk: Desk) -> None:
+        self.runner, self.studies, self.desk, self.draft = runner, studies, desk, desk.draft.copy()
         self._changed = True
         self._seen: RunReport | None = None  # the report on the stage
         self._build()
@@ -51,12 +52,12 @@ class Page:
             with ui.element("section").classes("form").props('aria-label="Settings of the orchard"'):
                 self.form = Form(self._set, self._drop_classes)
             with ui.element("div").classes("middle"):
-                self.stage = Stage(self.runner.folder, self._offer)
+                self.stage = Stage(self.runner.folder, self.studies, lambda: self.draft.scenario, self._offer)
                 with ui.element("section").classes("figures").props('aria-label="Figures before the run"'):
                     self.figures = FiguresView()
 
     def _build_files(self) -> None:
-        """Build the buttons for the presets, Open, Save, Link and dark mode."""
+        """Build the buttons for the presets, Open, Save, Link, the study and dark mode."""
         for name, scenario in presets().items():
             words = name.replace("_", " ").capitalize()
             ui.button(words, on_click=lambda scenario=scenario: self._take(scenario)).props(f"flat no-caps data-preset={name}")
@@ -67,6 +68,8 @@ class Page:
         ui.button("Open", icon="folder_open", on_click=lambda: self._upload.run_method("pickFiles")).props("flat no-caps data-action=open")
         self._save = ui.button("Save", icon="download", on_click=self._download).props("flat no-caps data-action=save")
         self._link = ui.button("Link", icon="link", on_click=self._show_link).props("flat no-caps data-action=link")
+        ask = ui.button("How many carriers?", icon="query_stats", on_click=self._ask_how_many)
+        ask.props("flat no-caps data-action=how-many")
         dark = ui.button(icon="contrast", on_click=self._turn_dark)
         dark.props('flat data-action=dark aria-label="Dark or light" title="Dark or light"')
 
@@ -129,6 +132,11 @@ class Page:
         if self.draft.scenario is not None:
             here = await ui.run_javascript("location.origin + location.pathname")
             show_link(f"{here}?{query_of(self.draft.scenario)}", bool(self.draft.classes))
+
+    def _ask_how_many(self) -> None:
+        """Turn to the study; on a phone it lies below the form."""
+        self.stage.turn_to_study()
+        ui.run_javascript("setTimeout(() => document.querySelector('.stage').scrollIntoView(), 100)")
 
     async def _turn_dark(self) -> None:
         """Turn to dark, or back to light. At first the page is as the browser prefers, which only the browser knows."""

@@ -1,7 +1,7 @@
 """The large part of the page: plan, picture, summary and messages, one at a time."""
 
 import math
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,14 +11,15 @@ from orchard.app.charts import Charts
 from orchard.app.draft import title_of
 from orchard.app.elements import heading, table
 from orchard.app.preview import PlanView
-from orchard.app.runner import Run, RunReport, RunState
+from orchard.app.runner import STATE_COLOURS, Run, RunReport, RunState
 from orchard.app.runs_view import RunsView
+from orchard.app.study_run import Studies
+from orchard.app.study_view import StudyView, Take
 from orchard.field.scenario import Scenario
 from orchard.report.sentence import clock, share_picked
 from orchard.report.summary import as_table
 
-VIEWS = ["Plan", "Picture", "Summary", "Messages", "Runs"]
-COLOURS = {"running": "primary", "stopping": "warning", "finished": "positive", "stopped": "warning", "failed": "negative"}  # of states
+VIEWS = ["Plan", "Picture", "Summary", "Messages", "Runs", "Study"]
 
 
 class ProgressView:
@@ -38,7 +39,7 @@ class ProgressView:
 
     def show(self, report: RunReport) -> None:
         """Show the progress in a report."""
-        colour = COLOURS[report.state]
+        colour = STATE_COLOURS[report.state]
         self._box.set_visibility(True)
         self._badge.set_text(report.state)
         self._title.set_text(title_of(report.run.scenario))
@@ -178,8 +179,8 @@ View = TypeVar("View")
 class Stage:
     """The large part of the page. All views stay loaded; one is visible."""
 
-    def __init__(self, folder: Path, take: Callable[[Scenario, str], Awaitable[None]]) -> None:
-        """`folder`: of the runs. `take`: sets the form to the scenario of a past run."""
+    def __init__(self, folder: Path, studies: Studies, drafted: Callable[[], Scenario | None], take: Take) -> None:
+        """`folder`: of the runs. `drafted`: gives the form's scenario. `take`: sets the form to one of a past run or a study."""
         with ui.element("section").classes("stage").props('aria-label="Plan, picture and results"'):
             self._choice = ui.toggle(VIEWS, value="Plan", on_change=self._turned).classes("stage-choice")
             self._choice.props("dense no-caps unelevated data-field=stage")
@@ -188,6 +189,7 @@ class Stage:
             self._summary = self._panel("Summary", SummaryView)
             self._messages = self._panel("Messages", MessagesView)
             self._past = self._panel("Runs", lambda: RunsView(folder, take))
+            self._panel("Study", lambda: StudyView(studies, drafted, take))
 
     def _panel(self, name: str, build: Callable[[], View]) -> View:
         with ui.element("div").classes("panel") as panel:
@@ -198,6 +200,10 @@ class Stage:
     def _turned(self) -> None:
         if self._choice.value == "Runs":
             self._past.refresh()
+
+    def turn_to_study(self) -> None:
+        """Select the study."""
+        self._choice.set_value("Study")
 
     def is_settled(self, report: RunReport) -> bool:
         """Whether the run is over and its views need no further update."""

@@ -102,6 +102,22 @@ class LaserSettings(_Section):
     noise: Annotated[float, Field(ge=0.0, le=0.02, description="standard deviation of a measured range, m")] = 0.0
 
 
+HIGHEST_PRICE = 1e9  # in whatever currency
+
+
+def _price(what: str) -> Any:
+    return Field(ge=0.0, le=HIGHEST_PRICE, description=what)
+
+
+class Prices(_Section):
+    """What a harvest costs, in a currency of your own. `orchard study` tells costs if a price is given; a run does not depend on them."""
+
+    picker_per_hour: Annotated[float | None, _price("price of an hour of a picker; null: none")] = None
+    carrier_per_hour: Annotated[float | None, _price("price of an hour of a carrier; null: none")] = None
+    overhead_per_hour: Annotated[float | None, _price("price of an hour of all else; null: none")] = None
+    per_bin: Annotated[float | None, _price("price of each bin; null: none")] = None
+
+
 _NAME = "[A-Za-z_][A-Za-z0-9_]*"
 _PATH = rf"{_NAME}(\.{_NAME})*[.:]{_NAME}"
 ClassPath = Annotated[str, Field(pattern=rf"^{_PATH}$", max_length=200)]
@@ -143,6 +159,7 @@ class Scenario(_Section):
     rows_to_pickers: Annotated[str, _plugin(ROW_RULES, "which picker picks which rows")] = BALANCED
     route: Annotated[str, _plugin(tuple(QUEUES), "where pickers and carriers drive")] = ONE_WAY
     bay: Annotated[float, Field(ge=0.0, le=180.0, description="how far east of its usual place the unloading bay lies, m")] = 0.0
+    prices: Annotated[Prices, Field(description="what a harvest costs, for a study")] = Prices()
 
     @property
     def carrier_count(self) -> int:

@@ -6,6 +6,7 @@ orchard app [--port 8080]
 orchard stop [ROBOT ...]
 orchard reset [ROBOT ...]
 orchard secure DIR [SCENARIO.yaml]
+orchard study [SCENARIO.yaml] --vary carriers=1..20 [--vary dispatch=nearest,predictive]
 """
 
 import os
@@ -23,7 +24,7 @@ from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
 from orchard.launch import options
-from orchard.launch.options import HarvestOptions, named
+from orchard.launch.options import HarvestOptions, StudyArguments, named
 from orchard.launch.request import Credentials, RunRequest, shares
 from orchard.launch.runs import Runs, check_writable
 from orchard.launch.terminal import BAD_INPUT, console, errors, exit_on_errors, print_error, print_line, report
@@ -52,7 +53,7 @@ def interruptible() -> None:
 
 
 @app.command(help=options.HELP, epilog=EPILOG)
-@options.with_options
+@options.with_options(HarvestOptions)
 def harvest(chosen: HarvestOptions) -> None:
     """Harvest an orchard to the end."""
     chosen.check()
@@ -179,6 +180,24 @@ def secure(
         print_line(f"{folder / made_role.name}: {', '.join(made_role.names) or made_role.duty}")
 
 
+# -- a study
+
+
+@app.command()
+@options.with_options(StudyArguments)
+def study(chosen: StudyArguments) -> None:
+    """Compare settings of an orchard, and tell which is best, and with what confidence."""
+    try:
+        from orchard.launch.study import run_study
+    except ModuleNotFoundError as missing:
+        print_error(f"A study needs the package {missing.name}: pip install 'orchard-sim[study]'")
+        raise typer.Exit(BAD_INPUT) from None
+    chosen.check()
+    with exit_on_errors(ScenarioError):
+        scenario = _scenario(chosen.scenario, {})
+    raise typer.Exit(run_study(scenario, chosen))
+
+
 # -- recordings and the page
 
 
@@ -203,7 +222,7 @@ def main() -> None:
         from orchard.app.__main__ import main as serve  # its packages are an extra
 
         raise SystemExit(serve(arguments[1:]))
-    is_named = arguments[:1] and arguments[0] in ("view", "harvest", "stop", "reset", "secure")
+    is_named = arguments[:1] and arguments[0] in ("harvest", *options.COMMANDS)
     try:
         app(arguments if is_named else ["harvest", *arguments])
     finally:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from typer import Argument, BadParameter, Option
 
@@ -20,6 +20,9 @@ from orchard.field.shipped import DEFAULT, names
 LIVE_SPEED = 4.0  # simulated s per s, with --view or --web, if no speed is given
 LONGEST = LAST_TICK * TIME_STEP  # s, simulated: the time of the last tick that fits on the wire
 LEAST_PATIENCE = 3.0  # s; more than twice mailbox.DOUBT_SECONDS, else the agents that write to a silent agent would be given up with it
+LEAST_CONFIDENCE, MOST_CONFIDENCE = 0.5, 0.9999
+BUDGET_UNITS = {"min": 60.0, "h": 3600.0, "s": 1.0}
+LEAST_BUDGET = 1.0  # s
 Mode = Literal["local", "lockstep", "realtime"]
 
 # -- the other commands, and the groups of options in --help
@@ -30,6 +33,7 @@ COMMANDS = {
     "stop": "emergency stop: stop robots of the active runs",
     "reset": "let stopped robots go on",
     "secure": "make the certificates of a secured run",
+    "study": "compare settings: how many carriers, which policy, which route",
 }
 HELP = "Harvest an orchard to the end.\n\n\b\nOther commands, each with its own --help:\n" + "\n".join(
     f"  {name:8}{what}" for name, what in COMMANDS.items()
@@ -62,6 +66,36 @@ def _seconds(value: float | None) -> float | None:
     if value is not None and not 0 < value <= LONGEST:
         raise BadParameter(f"{value}: expected a number above 0, at most {LONGEST:.0f}")
     return value
+
+
+def _share(text: str) -> float:
+    """A share below 1: 0.01 or 1%."""
+    try:
+        share = float(text[:-1]) / 100.0 if text.endswith("%") else float(text)
+    except ValueError:
+        share = math.nan
+    if not 0.0 < share < 1.0:
+        raise BadParameter(f"{text}: expected a share above 0 and below 1, such as 0.01 or 1%")
+    return share
+
+
+def _confidence(text: str) -> float:
+    confidence = _share(text)
+    if not LEAST_CONFIDENCE <= confidence <= MOST_CONFIDENCE:
+        raise BadParameter(f"{text}: expected a share from {LEAST_CONFIDENCE:g} to {MOST_CONFIDENCE:g}, such as 0.95 or 95%")
+    return confidence
+
+
+def _budget(text: str) -> float:
+    """A time of some s: 60, 60s, 5min or 2h."""
+    unit = next((unit for unit in BUDGET_UNITS if text.endswith(unit)), "")
+    try:
+        seconds = float(text.removesuffix(unit)) * BUDGET_UNITS.get(unit, 1.0)
+    except ValueError:
+        seconds = math.nan
+    if not LEAST_BUDGET <= seconds < math.inf:
+        raise BadParameter(f"{text}: expected a time of at least {LEAST_BUDGET:g} s, such as 60s, 5min or 2h")
+    return seconds
 
 
 def _patience(value: float | None) -> float | None:
@@ -246,15 +280,21 @@ def named(parameters: Iterable[str]) -> str:
     return ", ".join(f"--{name.replace('_', '-')}" for name in parameters)
 
 
-def with_options(command: Callable[[HarvestOptions], None]) -> Callable[..., None]:
-    """Give a command the fields of `HarvestOptions` as its parameters, from which Typer makes options."""
+Chosen = TypeVar("Chosen")
 
-    @wraps(command)
-    def called(**values: Any) -> None:
-        command(HarvestOptions(**values))
 
-    vars(called)["__signature__"] = inspect.signature(HarvestOptions)
-    return called
+def with_options(kind: type[Chosen]) -> Callable[[Callable[[Chosen], None]], Callable[..., None]]:
+    """Give a command the fields of a dataclass as its parameters, from which Typer makes options."""
+
+    def decorate(command: Callable[[Chosen], None]) -> Callable[..., None]:
+        @wraps(command)
+        def called(**values: Any) -> None:
+            command(kind(**values))
+
+        vars(called)["__signature__"] = inspect.signature(kind)
+        return called
+
+    return decorate
 
 
 # -- other commands
@@ -272,3 +312,64 @@ Days = Annotated[float, Option(min=1, max=3650, help="Days for which the certifi
 Anew = Annotated[bool, Option("--anew", help="Replace the files of an earlier call.")]
 Browser = Annotated[int | None, Option("--web", min=1024, max=65534, metavar="PORT", help="Show it in a browser on this machine.")]
 Recording = Annotated[Path | None, Argument(metavar="FILE.rrd", show_default="the newest")]
+
+# -- a study
+
+PICTURES = (".svg", ".png")
+QUESTION, RUNS, FILES = "The question", "The runs", "What it shows and writes"
+Share = Annotated[
+    float,
+    Option(
+        parser=_share, metavar="SHARE", help="Half an interval, as a share of its mean, that is narrow enough.", rich_help_panel=QUESTION
+    ),
+]
+Confidence = Annotated[float, Option(parser=_confidence, metavar="SHARE", help="Confidence of the answer.", rich_help_panel=QUESTION)]
+Budget = Annotated[float, Option(parser=_budget, metavar="TIME", help="Wall time: 60s, 5min, 2h.", rich_help_panel=QUESTION)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyArguments:
+    """The options of a study, in the order of --help."""
+
+    scenario: File = None
+    vary: Annotated[
+        list[str] | None,
+        Option(
+            metavar="KEY=VALUES", help="What varies: carriers=1..20, dispatch=nearest,predictive (repeatable).", rich_help_panel=QUESTION
+        ),
+    ] = None
+    goal: Annotated[
+        Literal["bins_per_hour", "cost_per_bin", "harvest_seconds"],
+        Option(help="What is best. Costs need prices in the scenario.", rich_help_panel=QUESTION),
+    ] = "bins_per_hour"
+    horizon: Annotated[Literal["harvest", "long"], Option(help="One harvest, or the rate of a long run.", rich_help_panel=QUESTION)] = (
+        "harvest"
+    )
+    confidence: Confidence = "0.95"  # type: ignore[assignment]  # Typer parses defaults too
+    within: Share = "1%"  # type: ignore[assignment]
+    budget: Budget = "60s"  # type: ignore[assignment]
+    model: Annotated[
+        Literal["fast", "full", "both"],
+        Option(help="fast: the discrete-event model; full: the simulator; both: it checks the best two.", rich_help_panel=RUNS),
+    ] = "both"
+    workers: Annotated[int | None, Option(min=1, max=1000, help="Processes here. Default: one per core.", rich_help_panel=RUNS)] = None
+    scheduler: Annotated[
+        str | None, Option(metavar="ENDPOINT", help="A scheduler of dask.distributed: tcp://192.168.1.10:8786.", rich_help_panel=RUNS)
+    ] = None
+    out: Annotated[
+        Path | None,
+        Option(metavar="STORE", help="File that keeps all runs. Default: studies.db beside the recordings.", rich_help_panel=RUNS),
+    ] = None
+    anew: Annotated[bool, Option("--anew", help="Forget the runs of a store of another version.", rich_help_panel=RUNS)] = False
+    summary: Annotated[Path | None, Option(metavar="FILE.json", help="Write the whole answer to this file.", rich_help_panel=FILES)] = None
+    csv: Annotated[Path | None, Option(metavar="FILE.csv", help="Write the table to this file.", rich_help_panel=FILES)] = None
+    picture: Annotated[Path | None, Option(metavar="FILE.svg|png", help="Draw the table.", rich_help_panel=FILES)] = None
+    report: Annotated[Path | None, Option(metavar="FILE.html", help="Write a report.", rich_help_panel=FILES)] = None
+    progress: Style = "text"
+
+    def check(self) -> None:
+        """Check which options are together, and the picture's name. Raises BadParameter."""
+        if self.scheduler and self.workers:
+            raise BadParameter("the scheduler has its own workers; leave out --workers", param_hint="--workers")
+        if self.picture and self.picture.suffix.lower() not in PICTURES:
+            raise BadParameter(f"{self.picture}: a picture's name ends in {' or '.join(PICTURES)}", param_hint="--picture")

@@ -34,13 +34,18 @@ class Engine:
     """
 
     def __init__(
-        self, world: World, digest: bytes = bytes(32), before: Mapping[str, Any] | None = None, holds: type[Lookahead] = Lookahead
+        self,
+        world: World,
+        digest: bytes = bytes(32),
+        before: Mapping[str, Any] | None = None,
+        holds: type[Lookahead] = Lookahead,
+        is_hashed: bool = True,
     ) -> None:
         """`digest`, `before`: of a resumed run, its hash so far and what `figures_as_data` returned.
 
-        `holds`: which agents are asked at a tick.
+        `holds`: which agents are asked at a tick. `is_hashed`: False for a run of a study, of which only the figures are wanted.
         """
-        self.world, self.layout = world, world.layout
+        self.world, self.layout, self.is_hashed = world, world.layout, is_hashed
         self._scanner = Scanner(world)
         self.scans = Scans(np.zeros(0, dtype=np.float32), [0])  # at the last observed tick, m, float32, one array for each body
         self.actions: dict[str, Action] = {}  # the newest action of each agent that drives or holds
@@ -54,9 +59,9 @@ class Engine:
         self._news = msgspec.convert(before.get("news", []), list[Event])  # events of stops and resets, which the next step returns
 
     @classmethod
-    def begin(cls, scenario: Scenario, holds: type[Lookahead] = Lookahead) -> "Engine":
+    def begin(cls, scenario: Scenario, holds: type[Lookahead] = Lookahead, is_hashed: bool = True) -> "Engine":
         """Return an orchard at tick 0."""
-        return cls(World(lay_out(scenario)), holds=holds)
+        return cls(World(lay_out(scenario)), holds=holds, is_hashed=is_hashed)
 
     @classmethod
     def resume(cls, snapshot: Snapshot, holds: type[Lookahead] = Lookahead) -> "Engine":
@@ -111,8 +116,8 @@ class Engine:
 
     @property
     def hash(self) -> str:
-        """The run's hash in hexadecimal digits."""
-        return self.digest.hex()
+        """The run's hash in hexadecimal digits; '' for a run that is not hashed."""
+        return self.digest.hex() if self.is_hashed else ""
 
     def observe(self) -> Observations:
         """Return the observations of all bodies at this tick."""
@@ -168,7 +173,8 @@ class Engine:
         """
         if self._stepped is not None:
             (ranges, heard, events), self._stepped = self._stepped, None
-            self._digest = next_digest(self._digest, self.world, ranges, heard)
+            if self.is_hashed:
+                self._digest = next_digest(self._digest, self.world, ranges, heard)
             self._invariants.update(self.world, events)
             self._states.update(self.world, self.answers)
 

@@ -9,7 +9,7 @@ from orchard.app.draft import Draft, entries, flat
 from orchard.app.link import draft_of, query_of
 from orchard.app.own_classes import from_elsewhere, own_classes
 from orchard.app.run_controls import Files, RunSettings, command
-from orchard.app.runner import Runner
+from orchard.app.runner import fresh_files
 from orchard.field.scenario import DISPATCH_POLICIES, Scenario, with_changes
 
 
@@ -136,5 +136,4 @@ def test_a_pace_is_what_run_py_is_told(tmp_path):
 
 
 def test_two_runs_of_a_second_have_files_of_their_own(tmp_path):
-    runner = Runner(tmp_path)
-    assert len({runner._fresh_files().scenario for _ in range(5)}) == 5
+    assert len({fresh_files(tmp_path, "harvest").scenario for _ in range(5)}) == 5

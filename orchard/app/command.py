@@ -1,0 +1,100 @@
+"""A command `orchard` that the page has started: what it prints is read line by line, and it is asked to stop as by Ctrl-C."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import threading
+from pathlib import Path
+
+from orchard.folders import RUNS
+
+KEPT_LINES = 500
+AGAIN = 6.0  # s after which a command that has not begun is asked to stop once more: while it is imported, a library may swallow the signal
+PATIENCE = 60.0  # s that a command may take to end after a stop request, with its files; a healthy one on an idle machine takes less than 3
+
+
+class Command:
+    """A process of its own. `said`: the number of lines printed so far, and the last KEPT_LINES of them.
+
+    A kind of command says what a line means (`words_of`), whether it has begun to work, and what follows when it has ended (`finish`).
+    """
+
+    has_begun = False
+
+    def __init__(self, line: list[str], folder: Path) -> None:
+        """Start the command. `folder`: of the runs."""
+        self.said: tuple[int, tuple[str, ...]] = (0, ())
+        self.asked_to_stop = self._is_hushed = False
+        self._process = _open(line, folder)
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+
+    def words_of(self, line: str) -> str | None:
+        """Take what a line of output tells. Return the words for a person, or None if the line is for programs only."""
+        return line.rstrip()
+
+    def finish(self) -> None:
+        """Read what the command has left. Afterwards `is_over` is true."""
+
+    def _listen(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self._hear(line)
+        self._process.wait()
+        self.finish()
+
+    def _hear(self, line: str) -> None:
+        """Keep a line. After a stop request, drop a traceback and all that follows: Python was interrupted while it started."""
+        self._is_hushed = self._is_hushed or (self.asked_to_stop and line.startswith("Traceback"))
+        if not self._is_hushed and (words := self.words_of(line)) is not None:
+            self.said = (self.said[0] + 1, (*self.said[1], words)[-KEPT_LINES:])
+
+    @property
+    def is_over(self) -> bool:
+        return not self._listener.is_alive()
+
+    @property
+    def exit_code(self) -> int | None:
+        """None while it runs."""
+        return self._process.returncode
+
+    def stop(self) -> None:
+        """Ask the command to end. It is killed if it has not ended after PATIENCE, so one call is enough."""
+        if self.asked_to_stop or self.is_over:
+            return
+        self.asked_to_stop = True
+        self._process.send_signal(signal.SIGINT)
+        threading.Thread(target=self._insist, daemon=True).start()
+
+    def _insist(self) -> None:
+        if not self._ends_within(AGAIN) and not self.has_begun:
+            self._process.send_signal(signal.SIGINT)
+        if not self._ends_within(PATIENCE):
+            self._process.kill()
+
+    def _ends_within(self, seconds: float) -> bool:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(seconds)
+        return self._process.returncode is not None
+
+    def close(self) -> None:
+        """End the command."""
+        self.stop()
+        self._listener.join(PATIENCE + 2.0)
+
+
+def _open(line: list[str], folder: Path) -> subprocess.Popen[str]:
+    """Start the process in its own session, so that Ctrl-C at the page's terminal reaches it only through `stop`.
+
+    The user's own classes are found from the directory in which the page was started. The process inherits a blocked SIGINT, which it
+    unblocks: Python would lose a SIGINT while it loads `site`.
+    """
+    null, pipe, wide = subprocess.DEVNULL, subprocess.PIPE, os.environ | {"COLUMNS": "200", RUNS: str(folder)}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        return subprocess.Popen(
+            line, env=wide, stdin=null, stdout=pipe, stderr=subprocess.STDOUT, text=True, errors="replace", start_new_session=True
+        )
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,0 +1,196 @@
+"""How many carriers? What to compare, the picture that grows while the study runs, the answer, and the settings that one can watch."""
+
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from nicegui import run, ui
+
+from orchard.app.elements import heading, table
+from orchard.app.own_classes import CHOICES
+from orchard.app.runner import STATE_COLOURS
+from orchard.app.study_run import GOALS, Studies, StudyRun, StudySettings, lacks_prices
+from orchard.field.scenario import Scenario, check, with_changes
+from orchard.study.answer import sentence
+from orchard.study.result import StudyResult
+from orchard.study.table import legend, words
+from orchard.study.words import setting_words
+
+REDRAW_SECONDS = 1.0  # s between two pictures
+Take = Callable[[Scenario, str], Awaitable[None]]
+HINT = (
+    "Harvests the orchard of the form with each of these numbers of carriers. Choose policies or routes to compare them, too; all else, "
+    "and the prices, are in the form."
+)
+LAST_WORDS = 12  # lines of a study that failed
+
+
+class StudyView:
+    """The fields, Start and Stop, and what the study has found. All pages share one study at a time."""
+
+    def __init__(self, studies: Studies, drafted: Callable[[], Scenario | None], take: Take) -> None:
+        """`drafted`: gives the form's scenario, None if it is invalid. `take`: sets the form to a scenario; it is given its name, too."""
+        self._studies, self._drafted, self._take = studies, drafted, take
+        self._shown: tuple[StudyRun, StudyResult | None, bool] | None = None
+        with ui.element("div").props("data-view=study"):
+            ui.label(HINT).classes("study-hint")
+            with ui.element("div").classes("study-fields") as self._fields:
+                self._build_fields()
+            with ui.element("div").classes("study-buttons"):
+                self._start_button = ui.button("Start", icon="play_arrow", on_click=self._start).props(
+                    "no-caps unelevated data-action=study-start"
+                )
+                self._stop_button = ui.button("Stop", icon="stop", on_click=self._stop)
+                self._stop_button.props("no-caps unelevated color=negative data-action=study-stop")
+                self._badge = ui.badge().props("data-view=study-state")
+            self._trouble = ui.label().classes("field-problem").props("data-problem=study role=alert")
+            self._answer = ui.label().classes("answer").props("data-view=answer role=status")
+            self._notes = ui.label().classes("classes").props("data-view=study-notes")
+            self._picture = ui.html("", sanitize=False).classes("study-picture").props("data-view=study-picture")
+            self._table = ui.element("div").classes("summary sides").props("data-view=study-table")
+            self._report = ui.button("Save the report", icon="download", on_click=self._download).props(
+                "flat no-caps data-action=study-report"
+            )
+        self._entered()
+        ui.timer(REDRAW_SECONDS, self._watch)
+
+    # -- the fields
+
+    def _build_fields(self) -> None:
+        first = StudySettings()
+        self._first = self._text("Carriers from", "study-first", first.first)
+        self._last = self._text("to", "study-last", first.last)
+        self._dispatch = self._choice("Dispatch policies", "study-dispatch", CHOICES["dispatch"])
+        self._route = self._choice("Routes", "study-route", CHOICES["route"])
+        with self._labelled("Goal"):
+            self._goal: Any = ui.select(dict(GOALS), value=first.goal, on_change=self._entered)
+            self._goal.props('dense outlined options-dense data-field=study-goal aria-label="Goal"')
+        self._budget = self._text("Time to take, s", "study-budget", first.budget)
+        self._is_checked = ui.switch("Check the best two with the simulator", value=first.is_checked, on_change=self._entered)
+        self._is_checked.props("dense data-field=study-check")
+
+    def _labelled(self, name: str) -> ui.element:
+        with ui.element("div").classes("study-field") as box:
+            ui.label(name).classes("field-label")
+        return box
+
+    def _text(self, name: str, path: str, value: str) -> Any:
+        with self._labelled(name):
+            text = ui.input(value=value, on_change=self._entered).classes("number")
+            label = "Carriers to" if name == "to" else name
+            return text.props(
+                f'dense outlined autocomplete=off inputmode=decimal input-class=figure data-field={path} aria-label="{label}"'
+            )
+
+    def _choice(self, name: str, path: str, choices: list[str]) -> Any:
+        """Several of some names. None of them: as in the form."""
+        with self._labelled(name):
+            chosen = ui.select(choices, value=[], multiple=True, on_change=self._entered).classes("study-choice")
+            return chosen.props(f'dense outlined options-dense display-value-html=false data-field={path} aria-label="{name}"')
+
+    @property
+    def settings(self) -> StudySettings:
+        """The settings as entered, valid or not."""
+        return StudySettings(
+            first=self._first.value or "",
+            last=self._last.value or "",
+            dispatch=tuple(name for name in CHOICES["dispatch"] if name in self._dispatch.value),
+            route=tuple(name for name in CHOICES["route"] if name in self._route.value),
+            goal=self._goal.value,
+            budget=self._budget.value or "",
+            is_checked=bool(self._is_checked.value),
+        )
+
+    # -- user actions
+
+    def _entered(self) -> None:
+        """Show what is wrong."""
+        names = {"first": "Carriers from", "last": "Carriers to", "budget": "Time to take"}
+        told = [f"{names[name]}: {problem}" for name, problem in self.settings.problems.items()]
+        self._trouble.set_text("; ".join(told))
+        self._trouble.set_visibility(bool(told))
+        self._start_button.set_enabled(not told)
+
+    def _start(self) -> None:
+        scenario = self._drafted()
+        why = "The form has an invalid value" if scenario is None else ""
+        if scenario is not None and lacks_prices(self.settings, scenario):
+            why = "The least cost needs a price: enter one under Prices in the form"
+        if scenario is not None and not why:
+            try:
+                self._studies.start(scenario, self.settings)
+            except (OSError, RuntimeError) as error:
+                why = f"The study was not started: {error}"
+        self._trouble.set_text(why)
+        self._trouble.set_visibility(bool(why))
+        self._update_buttons()
+
+    def _stop(self) -> None:
+        if self._studies.study is not None:
+            self._studies.study.stop()
+        self._update_buttons()
+
+    def _download(self) -> None:
+        from orchard.study.report import document  # its packages are an extra
+
+        if self._studies.study is not None and (result := self._studies.study.result) is not None:
+            ui.download.content(document(result), "study.html", "text/html")
+
+    async def _use(self, result: StudyResult, number: int) -> None:
+        setting = result.table[number].setting
+        await self._take(with_changes(check(result.scenario), **setting), setting_words(setting))
+
+    # -- updates
+
+    def _update_buttons(self) -> None:
+        study = self._studies.study
+        busy = study is not None and not study.is_over
+        self._fields.props(add="inert" if busy else "", remove="" if busy else "inert")
+        self._start_button.set_visibility(not busy)
+        self._stop_button.set_visibility(busy)
+        self._stop_button.set_enabled(study is not None and not study.asked_to_stop)
+        self._badge.set_visibility(study is not None)
+        self._report.set_visibility(study is not None and study.is_over and study.result is not None)
+        if study is not None:
+            self._badge.set_text(study.state)
+            self._badge.props(f"color={STATE_COLOURS[study.state]}")
+
+    async def _watch(self) -> None:
+        """Show what is new of the study. Whether it is over is read first: if it is, the result is the last one."""
+        self._update_buttons()
+        if (study := self._studies.study) is None:
+            return
+        is_over, result = study.is_over, study.result
+        if self._shown == (study, result, is_over):
+            return
+        self._shown = study, result, is_over
+        self._answer.set_text(sentence(result) if result else _without_answer(study) if is_over else "The study begins.")
+        self._notes.set_text("\n".join(result.notes) if result else "")
+        self._picture.set_content((await run.io_bound(_drawn, result) or "") if result else "")
+        self._table.clear()
+        if result is not None and is_over:
+            self._show_table(result)
+
+    def _show_table(self, result: StudyResult) -> None:
+        heads, lines = words(result)
+
+        def act(number: int) -> None:
+            said = setting_words(result.table[number].setting)
+            ui.button("Set the form", on_click=lambda: self._use(result, number)).props(
+                f'flat dense no-caps data-action=study-use-{number} aria-label="Set the form to {said}"'
+            )
+
+        with self._table:
+            heading(3, "Settings")
+            ui.label("Set the form to a setting, and run it: then you can watch it.").classes("path")
+            table(lines, heads, act)
+            ui.label(legend(result)).classes("path")
+
+
+def _without_answer(study: StudyRun) -> str:
+    return "There is no answer. The last messages:\n" + "\n".join(study.said[1][-LAST_WORDS:])
+
+
+def _drawn(result: StudyResult) -> str:
+    from orchard.study.picture import inline_svg  # its packages are an extra
+
+    return inline_svg(result)

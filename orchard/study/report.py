@@ -1,0 +1,73 @@
+"""The report of a study: one HTML file that holds all of it, for a reader who has nothing else."""
+
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from orchard.field.scenario import check, to_yaml
+from orchard.report.sentence import clock
+from orchard.study.answer import sentence
+from orchard.study.picture import inline_svg
+from orchard.study.result import StudyResult
+from orchard.study.table import legend, words
+from orchard.study.words import key_words, value_words
+
+GOALS = {"bins_per_hour": "most bins an hour", "cost_per_bin": "least cost of a bin", "harvest_seconds": "shortest harvest"}
+HORIZONS = {"harvest": "one harvest, with its beginning and its end", "long": "a long harvest, without its beginning and its end"}
+ENDS = {
+    "certain": "the best setting was certain",
+    "within": "all intervals were as narrow as asked for",
+    "budget": "the time that it was given was used",
+    "stopped": "it was stopped",
+    "seeds": "the most replications were made",
+}
+
+
+def save(result: StudyResult, path: Path) -> None:
+    """Write the report as one HTML file. Raises OSError."""
+    path.write_text(document(result), encoding="utf-8")
+
+
+def document(result: StudyResult) -> str:
+    """Return the report: answer, picture, table, how it was made, and the scenario. All words are escaped."""
+    heads, lines = words(result)
+    environment = Environment(loader=PackageLoader("orchard.study", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    template = environment.get_template("report.html")
+    return template.render(
+        answer=result.answer or sentence(result),
+        picture=Markup(inline_svg(result)),  # matplotlib has escaped its words
+        heads=heads,
+        lines=lines,
+        best=next((i for i, row in enumerate(result.table) if row.setting == result.best), None),
+        legend=legend(result),
+        made=_made(result),
+        notes=result.notes,
+        scenario=to_yaml(check(result.scenario)),
+    )
+
+
+def _made(result: StudyResult) -> dict[str, Any]:
+    """How the study was made, in words."""
+    varied = {f"{key_words(key)} tried": ", ".join(map(value_words, values)) for key, values in result.varied.items()}
+    runs = sum(row.replications + (row.check.replications if row.check else 0) for row in result.table)
+    return varied | {
+        "goal": GOALS[result.goal],
+        "horizon": HORIZONS[result.horizon],
+        "confidence": f"{100.0 * result.confidence:g} %",
+        "runs": f"{runs:,} in {clock(result.wall_seconds)}",
+        "ended because": ENDS[result.stopped_by],
+        "again": command(result),
+        "version": result.version,
+    }
+
+
+def command(result: StudyResult) -> str:
+    """Return the command that does the study again, for the scenario in a file of this name."""
+    varied = [
+        f"--vary {key}={','.join('null' if value is None else value_words(value) for value in values)}"
+        for key, values in result.varied.items()
+    ]
+    options = [f"--goal {result.goal}", f"--horizon {result.horizon}", f"--confidence {result.confidence:g}"]
+    return " ".join(["orchard study scenario.yaml", *varied, *options])

@@ -1,0 +1,76 @@
+"""What a study found, as data: the settings in a table, the best among them, and the answer in one sentence."""
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+Model = Literal["fast", "full"]
+Goal = Literal["bins_per_hour", "cost_per_bin", "harvest_seconds"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interval:
+    """A mean with its confidence interval. `low` and `high` are the mean if all replications gave the same."""
+
+    mean: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """What the full model (the simulator) says of a setting, on common seeds with the fast model."""
+
+    bins_per_hour: Interval
+    difference: float  # full over fast, on these seeds, as a share of the full model's mean: 0.01 is 1 %
+    replications: int
+    jammed: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One setting of the table. Rates are in bins per hour, times in s, costs in the currency of the scenario's prices."""
+
+    setting: dict[str, Any]  # what varies: {"carriers": 9, "dispatch": "predictive"}
+    model: Model
+    replications: int
+    jammed: int  # replications in which robots waited for each other for ever; all other figures are of the rest
+    bins_per_hour: Interval | None  # None: every replication jammed
+    harvest_seconds: Interval | None
+    cost_per_bin: Interval | None  # None too if the scenario has no prices
+    picker_waiting_seconds: float  # from a full bin to an empty one, mean
+    carrier_utilisation: float  # share of the time outside the queue, 0 to 1
+    bound_bins_per_hour: float  # the long-run rate of this policy and route: orchard.report.bounds
+    bottleneck: str
+    lost_seconds: dict[str, float] = field(default_factory=dict)  # what was lost to what: orchard.report.losses
+    check: Check | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """A setting against the best: the paired difference of the goal on common seeds, and whether it can be told apart."""
+
+    setting: dict[str, Any]
+    difference: Interval  # of the goal: this setting's minus the best one's
+    p_value: float  # corrected for the number of comparisons (Holm)
+    is_told_apart: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyResult:
+    """The whole answer. `orchard study --summary` writes it as JSON, with these names."""
+
+    answer: str  # one sentence
+    best: dict[str, Any] | None  # None: every setting jammed
+    indistinguishable: list[dict[str, Any]]  # settings that cannot be told apart from the best, without it
+    table: list[Row]
+    comparisons: list[Comparison]
+    goal: Goal
+    horizon: Literal["harvest", "long"]
+    confidence: float  # 0.95
+    scenario: dict[str, Any]
+    varied: dict[str, list[Any]]  # what varies -> its values, in the order of the command line
+    wall_seconds: float
+    stopped_by: Literal["certain", "within", "budget", "seeds", "stopped"]  # why no more replications were made
+    notes: list[str]  # what the budget did not allow, what jammed, where fast and full model disagree
+    version: str
+    violations: list[str] = field(default_factory=list)  # of invariants, in full runs: a fault of the simulator or of an agent

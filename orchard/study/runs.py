@@ -1,0 +1,230 @@
+"""One run of a study: one setting with one seed by one model, in one process; what came out is a flat record."""
+
+import hashlib
+import inspect
+import json
+import time
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import Literal
+
+import orchard
+from orchard.agents.dispatch import POLICIES
+from orchard.agents.routes import ROUTES
+from orchard.discrete.harvest import DiscreteHarvest, long_run_bins_per_hour
+from orchard.field.layout import lay_out
+from orchard.field.plugins import load_plugin, place_of_error, text_of
+from orchard.field.scenario import ROW_RULES, Scenario
+from orchard.local import Local
+from orchard.report.bounds import Bounds
+from orchard.report.metrics import HarvestFigures, harvest_figures
+from orchard.study.result import Model
+
+Horizon = Literal["harvest", "long"]
+Ended = Literal["harvested", "jammed", "violated"]
+
+DECIDING = (
+    "agents",
+    "contract",
+    "discrete",
+    "field",
+    "report",
+    "sim",
+)  # packages whose source, with the two files, decides what a run gives
+NOT_DECIDING = ("seed", "prices")  # keys of the scenario: the seed has a column of its own, and prices change no run
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run to do. `scenario` has the seed of this replication."""
+
+    scenario: Scenario
+    model: Model
+    horizon: Horizon = "harvest"
+
+    @classmethod
+    def of(cls, scenario: Scenario, seed: int, model: Model, horizon: Horizon) -> "Run":
+        """Return the run of a scenario with another seed."""
+        return cls(scenario.model_copy(update={"seed": seed % 2**63}), model, horizon)
+
+    @cached_property
+    def key(self) -> str:
+        """The digest of all that decides what the run gives: scenario, seed, model, horizon, this software, the user's own classes."""
+        return digest(
+            self.scenario_digest, self.scenario.seed, self.model, self.horizon, software(), own_source(own_classes(self.scenario))
+        )
+
+    @cached_property
+    def scenario_digest(self) -> str:
+        """The digest of the scenario without its seed and its prices."""
+        return digest(self.scenario.model_dump_json(exclude=set(NOT_DECIDING)))
+
+    def do(self, until: float) -> "Record | None":
+        """Do the run in this process. Return None if it is not over at `until`, as time.time(). The fast model is not cut short."""
+        begun = time.perf_counter()
+        outcome = _full(self.scenario, until) if self.model == "full" else _fast(self.scenario, self.horizon)
+        if outcome is None:
+            return None
+        classes = own_classes(self.scenario)
+        return Record(
+            key=self.key,
+            scenario=self.scenario_digest,
+            seed=self.scenario.seed,
+            model=self.model,
+            horizon=self.horizon,
+            policy=self.scenario.dispatch,
+            own_source=own_source(classes),
+            version=software(),
+            wall_seconds=time.perf_counter() - begun,
+            **vars(outcome),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """How a run went. Of a jammed run `sim_seconds`, the rate, the wait and the utilisation mean nothing."""
+
+    sim_seconds: float
+    bins: int
+    bins_per_hour: float
+    picker_waiting_seconds: float
+    carrier_utilisation: float
+    bound_bins_per_hour: float  # the long-run rate in closed form, which `bottleneck` sets
+    bottleneck: str
+    ended: Ended
+    violations: str = ""  # a line for each
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record(Outcome):
+    """A run and how it went, flat: one row of the store."""
+
+    key: str
+    scenario: str  # digest of all of it without seed and prices
+    seed: int
+    model: Model
+    horizon: Horizon
+    policy: str
+    own_source: str  # digest of the files of the user's own classes; '' if there are none
+    version: str
+    wall_seconds: float
+
+
+class RunFailed(Exception):
+    """A run raised an error, as one with a class of the user's own may do: the text says which run, what, and where."""
+
+
+def do(run: Run, until: float) -> Record | None:
+    """Do a run in a worker: see `Run.do`. Raises RunFailed."""
+    try:
+        return run.do(until)
+    except Exception as error:
+        words = f"seed {run.scenario.seed}, {run.model} model, {run.scenario.dispatch}: {type(error).__name__}: {text_of(error)}"
+        raise RunFailed(words + place_of_error(error)) from None
+
+
+def digest(*parts: object) -> str:
+    """Return 32 hexadecimal digits that differ if any part does."""
+    return hashlib.sha256(json.dumps([str(part) for part in parts]).encode()).hexdigest()[:32]
+
+
+@cache
+def software() -> str:
+    """Return the version of this software, with a digest of those of its files that decide what a run gives: "0.1.0+1f3a9c2b"."""
+    root = Path(inspect.getfile(orchard)).parent
+    files = [root / "local.py", Path(__file__), *(path for package in DECIDING for path in sorted((root / package).rglob("*.py")))]
+    content = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+    return f"{version('orchard-sim')}+{content[:8]}"
+
+
+def own_classes(scenario: Scenario) -> tuple[tuple[str, str], ...]:
+    """Return the keys of a scenario that name classes or functions of the user's own, each with what it names."""
+    rules = [
+        ("dispatch", scenario.dispatch, POLICIES),
+        ("route", scenario.route, ROUTES),
+        ("rows_to_pickers", scenario.rows_to_pickers, ROW_RULES),
+    ]
+    named = [(key, path) for key, path, builtin in rules if path not in builtin]
+    return (*named, *sorted((f"agents.{name}", path) for name, path in (scenario.agents | scenario.agents_without_body).items()))
+
+
+@cache
+def own_source(classes: tuple[tuple[str, str], ...]) -> str:
+    """Return the digest of the files in which a user's own classes are; '' if there are none. Raises ScenarioError.
+
+    What these files import is not in it: after a change there, take another store, or `--anew`.
+    """
+    return digest(*(_source(load_plugin(key, path)) for key, path in classes)) if classes else ""
+
+
+def _source(own: object) -> str:
+    try:
+        file = inspect.getsourcefile(own)  # type: ignore[arg-type]  # whatever the user has named
+    except TypeError:
+        file = None
+    return Path(file).read_text() if file else repr(own)
+
+
+# -- the two models
+
+
+def _fast(scenario: Scenario, horizon: Horizon) -> Outcome:
+    """A harvest by the discrete-event model. Of a long run the rate is that of the long run, and the rest that of one harvest."""
+    layout = lay_out(scenario)
+    bounds, harvest = Bounds(layout), DiscreteHarvest(layout).run()
+    if not harvest.is_over:
+        return _jammed(harvest.delivered, bounds)
+    rate = 3600.0 * harvest.delivered / harvest.seconds
+    if horizon == "long":
+        try:
+            rate = long_run_bins_per_hour(layout)
+        except RuntimeError:  # robots wait for each other in a later round
+            return _jammed(harvest.delivered, bounds)
+    return Outcome(
+        sim_seconds=harvest.seconds,
+        bins=harvest.delivered,
+        bins_per_hour=rate,
+        picker_waiting_seconds=getattr(harvest, "picker_waiting_seconds", 0.0),
+        carrier_utilisation=getattr(harvest, "carrier_utilisation", 0.0),
+        bound_bins_per_hour=bounds.bins_per_hour,
+        bottleneck=bounds.bottleneck,
+        ended="harvested",
+    )
+
+
+def _jammed(bins: int, bounds: Bounds) -> Outcome:
+    return Outcome(
+        sim_seconds=0.0,
+        bins=bins,
+        bins_per_hour=0.0,
+        picker_waiting_seconds=0.0,
+        carrier_utilisation=0.0,
+        bound_bins_per_hour=bounds.bins_per_hour,
+        bottleneck=bounds.bottleneck,
+        ended="jammed",
+    )
+
+
+def _full(scenario: Scenario, until: float) -> Outcome | None:
+    """A harvest by the simulator; None if the clock is at `until` before it ends. Only its figures are wanted, so it has no hash."""
+    local, figures = Local(scenario, is_hashed=False), HarvestFigures()
+    engine = local.engine
+    while not engine.over and not figures.jammed(engine.world):
+        events = local.tick()
+        figures.update(engine.world, events, local.answers)
+        if time.time() > until:
+            return None
+    found, violations = harvest_figures(engine.world, figures), engine.violations()
+    return Outcome(
+        sim_seconds=found["sim_seconds"],
+        bins=found["bins_delivered"],
+        bins_per_hour=found["bins_per_hour"],
+        picker_waiting_seconds=found["picker_waiting_seconds"],
+        carrier_utilisation=found["carrier_utilisation"],
+        bound_bins_per_hour=found["long_run_bins_per_hour"],
+        bottleneck=found["bottleneck"],
+        ended="violated" if violations else "harvested" if engine.over else "jammed",
+        violations="\n".join(violations),
+    )

@@ -1,0 +1,150 @@
+"""The settings of a study: what `--vary KEY=VALUES` means, and each combination of the values as a scenario of its own."""
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from math import prod
+from typing import Any
+
+from orchard.field.problems import Problem, ScenarioError, show
+from orchard.field.scenario import Scenario, with_changes
+
+MOST_SETTINGS = 10_000
+SEED = "seed"
+
+_RANGE = re.compile(r"(-?\d{1,9})\.\.(-?\d{1,9})(?:\.\.(\d{1,9}))?")
+
+Varied = dict[str, list[Any]]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One combination of the values that vary, and the scenario that has them."""
+
+    values: dict[str, Any]
+    scenario: Scenario
+
+    @cached_property
+    def words(self) -> str:
+        """The setting as a user would type it: "carriers=9, dispatch=predictive"."""
+        return ", ".join(f"{key}={value if isinstance(value, str) else show(value)}" for key, value in self.values.items())
+
+    @property
+    def is_random(self) -> bool:
+        """Whether two seeds can give two results. Without people, animals, spread, failures and noise all seeds give the same harvest."""
+        scenario = self.scenario
+        guests = [*scenario.people.model_dump().values(), *scenario.animals.model_dump().values()]
+        picking = scenario.picking
+        varies = picking.spread.distribution != "none" or picking.failure.mean_between is not None
+        return varies or any(guests) or scenario.laser.noise > 0.0 or bool(scenario.agents or scenario.agents_without_body)
+
+    @property
+    def has_own_agents(self) -> bool:
+        """Whether agents of the user's own drive: then only the full model can tell."""
+        return bool(self.scenario.agents or self.scenario.agents_without_body)
+
+    @property
+    def has_prices(self) -> bool:
+        """Whether the scenario gives a price."""
+        return any(price is not None for price in self.scenario.prices.model_dump().values())
+
+    def cost_per_bin(self, bins_per_hour: float) -> float | None:
+        """Return what a bin costs at a rate, in the currency of the scenario's prices; None if it has no prices."""
+        scenario, prices = self.scenario, self.scenario.prices
+        if not self.has_prices:
+            return None
+        robots = scenario.pickers * (prices.picker_per_hour or 0.0) + scenario.carrier_count * (prices.carrier_per_hour or 0.0)
+        return (robots + (prices.overhead_per_hour or 0.0)) / bins_per_hour + (prices.per_bin or 0.0)
+
+
+def varied_of(words: Sequence[str]) -> Varied:
+    """Return what `--vary` options say: dotted path -> its values. Raises ScenarioError with all faults of their form.
+
+    Values are separated by commas. `1..20` stands for the whole numbers from 1 to 20, `2..20..2` for each second one.
+    """
+    varied: Varied = {}
+    problems = []
+    for word in words:
+        key, _, text = word.partition("=")
+        key = key.strip()
+        values = _values(text)
+        if not key or isinstance(values, str):
+            problems.append(Problem(f"--vary {word}", values if key and isinstance(values, str) else FORM))
+        elif key in varied:
+            problems.append(Problem(f"--vary {word}", "this key varies already; give all its values in one --vary", key))
+        else:
+            varied[key] = values
+    if problems:
+        raise ScenarioError(problems)
+    return varied
+
+
+FORM = "must be KEY=VALUE,VALUE or KEY=FIRST..LAST, such as carriers=1..20"
+
+
+def _values(text: str) -> list[Any] | str:
+    """Return the values that a text lists, or what is wrong with it."""
+    found: list[Any] = []
+    for part in text.split(","):
+        if not part.strip():
+            return FORM
+        span = _RANGE.fullmatch(part.strip())
+        if span is None:
+            found.append(_value(part.strip()))
+            continue
+        first, last, step = int(span[1]), int(span[2]), int(span[3] or 1)
+        if step < 1 or last < first:
+            return f"{part}: this range is empty; the last number must be at least the first, and the step at least 1"
+        if len(range(first, last + 1, step)) > MOST_SETTINGS:
+            return f"{part}: more than {MOST_SETTINGS:,} values"
+        found += range(first, last + 1, step)
+    twice = [value for i, value in enumerate(found) if value in found[:i]] if len(found) <= MOST_SETTINGS else []
+    return f"{twice[0]}: given twice" if twice else found
+
+
+def _value(text: str) -> Any:
+    """Return a number, true, false or null, or else the text itself."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+def settings_of(scenario: Scenario, varied: Mapping[str, Sequence[Any]]) -> list[Setting]:
+    """Return each combination of the values, in their order; the last key varies fastest. Raises ScenarioError with all problems."""
+    count = prod(len(values) for values in varied.values())
+    if not 0 < count <= MOST_SETTINGS:
+        text = "no values" if not count else f"{count:,} settings; at most {MOST_SETTINGS:,} can be compared"
+        raise ScenarioError([Problem(_option(varied, ", ".join(varied)), text)])
+    if SEED in varied:
+        raise ScenarioError([Problem(_option(varied, SEED), "each replication has its own seed; vary other keys", SEED)])
+    settings: list[Setting] = []
+    problems: dict[tuple[str, str, str], Problem] = {}
+    for values in product(*varied.values()):
+        setting = dict(zip(varied, values, strict=True))
+        try:
+            settings.append(Setting(setting, with_changes(scenario, **setting)))
+        except ScenarioError as error:
+            for problem in error.problems:
+                value = "" if problem.text.startswith("unknown key") else problem.value
+                problems.setdefault((problem.path, value, problem.text), _placed(replace(problem, value=value), setting, varied))
+    if problems:
+        raise ScenarioError(list(problems.values()))
+    return settings
+
+
+def _placed(problem: Problem, setting: dict[str, Any], varied: Mapping[str, Sequence[Any]]) -> Problem:
+    """Return a problem of a setting with the `--vary` to which it belongs, or with the whole setting if it is about several values."""
+    source = _option(varied, problem.path) if problem.path in varied else f"the setting {Setting(setting, Scenario()).words}"
+    return Problem(source, problem.text, problem.path, problem.value)
+
+
+def _option(varied: Mapping[str, Sequence[Any]], keys: str) -> str:
+    """Return the `--vary` of a key, shortened: a range as a range."""
+    values = list(varied.get(keys, []))
+    if len(values) > 2 and all(type(value) is int for value in values) and values == list(range(values[0], values[-1] + 1)):
+        return f"--vary {keys}={values[0]}..{values[-1]}"
+    return f"--vary {keys}" + (f"={','.join(map(str, values))}" if values else "")

@@ -1,0 +1,102 @@
+"""The store of a study: an SQLite file with one row for each run that was ever done. What is there is never run again."""
+
+import os
+import sqlite3
+from collections.abc import Iterable
+from contextlib import closing
+from dataclasses import fields
+from pathlib import Path
+
+from orchard.study.runs import Record, software
+
+APPLICATION = 0x4F524348  # "ORCH": SQLite keeps this number in the file's head, and so tells a store from other databases
+PATIENCE = 30.0  # s to wait for another study that writes to the same store
+TYPES = {str: "TEXT NOT NULL", int: "INTEGER NOT NULL", float: "REAL NOT NULL"}
+COLUMNS = [field.name for field in fields(Record)]
+
+
+class StoreError(ValueError):
+    """A store that cannot be used: the text names the file, and says what would be right."""
+
+
+class Store:
+    """The runs that are known, by key. Only the parent process of a study writes; several studies may share a store."""
+
+    def __init__(self, path: Path, anew: bool = False) -> None:
+        """Open a store, or make it. `anew`: forget the runs of a store of another version. Raises StoreError."""
+        self.path = path
+        try:
+            self._prepare(anew)
+            self._database = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
+            self._database.execute("PRAGMA journal_mode = WAL")
+        except (OSError, sqlite3.Error) as error:
+            raise StoreError(f"{path}: cannot be used as a store: {getattr(error, 'strerror', None) or error}") from None
+
+    def _prepare(self, anew: bool) -> None:
+        """Make the file if there is none, or one of another version that may be forgotten."""
+        if not self.path.exists():
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            return self._make()
+        if (other := _version(self.path)) is None:
+            raise StoreError(f"{self.path}: is no store of a study; it stays as it is; name another file with --out")
+        if other != software() and not anew:
+            raise StoreError(
+                f"{self.path}: is a store of version {other}, and this is {software()}; --anew forgets its runs, --out names another file"
+            )
+        if other != software():
+            self._make()
+
+    def _make(self) -> None:
+        """Write an empty store under another name, and rename it: no one sees half of one."""
+        half = self.path.with_name(f"{self.path.name}.{os.getpid()}")
+        columns = ", ".join(f"{field.name} {_column(field.name, field.type)}" for field in fields(Record))
+        with closing(sqlite3.connect(half, isolation_level=None)) as database:
+            database.execute(f"PRAGMA application_id = {APPLICATION}")
+            database.execute("CREATE TABLE software (version TEXT NOT NULL)")
+            database.execute("INSERT INTO software VALUES (?)", (software(),))
+            database.execute(f"CREATE TABLE runs ({columns})")
+        for rest in ("-wal", "-shm"):
+            self.path.with_name(self.path.name + rest).unlink(missing_ok=True)
+        half.replace(self.path)
+
+    def __enter__(self) -> "Store":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._database.close()
+
+    def known(self, keys: Iterable[str]) -> dict[str, Record]:
+        """Return those of these runs that are there, by key."""
+        wanted = list(keys)
+        found: dict[str, Record] = {}
+        for begin in range(0, len(wanted), 500):  # SQLite allows so many parameters everywhere
+            some = wanted[begin : begin + 500]
+            rows = self._database.execute(f"SELECT {', '.join(COLUMNS)} FROM runs WHERE key IN ({', '.join('?' * len(some))})", some)
+            found |= {record.key: record for record in (Record(**dict(zip(COLUMNS, row, strict=True))) for row in rows)}
+        return found
+
+    def keep(self, record: Record) -> None:
+        """Keep a run; one that is there already stays as it is. Raises StoreError if that fails, as on a full disk."""
+        try:
+            self._database.execute(
+                f"INSERT OR IGNORE INTO runs ({', '.join(COLUMNS)}) VALUES ({', '.join('?' * len(COLUMNS))})",
+                [getattr(record, name) for name in COLUMNS],
+            )
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.path}: a run cannot be kept: {error}") from None
+
+
+def _column(name: str, type_: object) -> str:
+    return "TEXT PRIMARY KEY" if name == "key" else TYPES.get(type_, "TEXT NOT NULL")  # type: ignore[call-overload]
+
+
+def _version(path: Path) -> str | None:
+    """Return the version of a store; None for a file that is none. The file is only read."""
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+            if database.execute("PRAGMA application_id").fetchone() != (APPLICATION,):
+                return None
+            (version,) = database.execute("SELECT version FROM software").fetchone()
+            return str(version)
+    except sqlite3.Error:
+        return None

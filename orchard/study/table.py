@@ -1,0 +1,145 @@
+"""The table of a study: for the terminal, for pages as words, and as CSV with every figure."""
+
+import csv
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.table import Table
+
+from orchard.study.result import Check, Interval, Row, StudyResult
+from orchard.study.words import interval_words, key_words, number_words, rank_mark, value_words
+
+NONE = "-"  # in place of a figure that there is not
+COLUMNS: dict[str, Callable[[Row], str]] = {
+    "bins/h": lambda row: _interval(row.bins_per_hour) or "jammed",
+    "harvest, s": lambda row: _interval(row.harvest_seconds),
+    "a bin": lambda row: _interval(row.cost_per_bin),
+    "wait, s": lambda row: f"{row.picker_waiting_seconds:.0f}",
+    "busy": lambda row: f"{100.0 * row.carrier_utilisation:.0f} %",
+    "bound": lambda row: number_words(row.bound_bins_per_hour) + _share_of_bound(row),
+    "limit": lambda row: row.bottleneck,
+    "lost to, s": lambda row: _largest_loss(row.lost_seconds),
+    "runs": lambda row: f"{row.replications}" + (f", {row.jammed} jammed" if row.jammed and row.bins_per_hour else ""),
+    "model": lambda row: row.model,
+    "checked": lambda row: _check(row.check),
+}
+MEANING = (
+    "* best; = cannot be told apart from it; ± interval of {confidence:g} % confidence; wait: of a picker for an empty bin; "
+    "busy: carriers outside the queue; bound: the long-run rate, bins/h, and what limits it; lost: the largest part; "
+    "runs: by the {models} model; checked: bins/h by the simulator, and the difference"
+)
+ONLY_IF_KNOWN = ("a bin", "checked", "lost to, s")  # columns that are left out if they have nothing in any row
+OF_ALL_JAMMED = ("bins/h", "bound", "limit", "runs", "model", "checked")  # what is known of a setting all of whose runs jammed
+WRAPPED = ("bins/h", "harvest, s", "a bin", "bound", "lost to, s", "runs", "checked")  # where the terminal is narrow
+LOSSES = ("structure", "traffic", "dispatch", "people_and_animals")  # parts of `lost_seconds` that are losses; `long_run` is the rest
+
+
+def words(result: StudyResult) -> tuple[list[str], list[list[str]]]:
+    """Return the table as words: the heads of the columns, and the lines, marks in the first cells. `legend` explains it."""
+    known = {head: [_cell(head, row) for row in result.table] for head in COLUMNS if head not in _unasked(result)}
+    shown = {head: cells for head, cells in known.items() if head not in ONLY_IF_KNOWN or set(cells) != {NONE}}
+    columns = {key_words(key): [value_words(row.setting[key]) for row in result.table] for key in _keys(result)} | shown
+    lines = [list(line) for line in zip(*columns.values(), strict=True)]
+    return list(columns), [
+        [f"{first} {rank_mark(row, result)}".rstrip(), *rest] for (first, *rest), row in zip(lines, result.table, strict=True)
+    ]
+
+
+def legend(result: StudyResult) -> str:
+    """Return what the marks, the intervals and the columns mean."""
+    return MEANING.format(confidence=100.0 * result.confidence, models=" and the ".join(_models(result)))
+
+
+def as_table(result: StudyResult) -> Table:
+    """Return the table for a terminal of 80 characters and more; some cells wrap where it is narrow."""
+    heads, lines = words(result)
+    table = Table(box=SIMPLE_HEAD, padding=0, show_edge=False, caption=legend(result), caption_justify="left")
+    for head in heads:
+        table.add_column(head.replace(", ", "\n"), no_wrap=head in COLUMNS and head not in WRAPPED, overflow="fold")
+    for line, row in zip(lines, result.table, strict=True):
+        table.add_row(*map(escape, line), style="bold" if row.setting == result.best else "")
+    return table
+
+
+def _keys(result: StudyResult) -> list[str]:
+    return list(dict.fromkeys(key for row in result.table for key in row.setting))
+
+
+def _models(result: StudyResult) -> list[str]:
+    return sorted({row.model for row in result.table})
+
+
+def _unasked(result: StudyResult) -> list[str]:
+    """The columns that tell nothing new: a harvest's length, unless the study is about it, and the model if it is one for all."""
+    length = [] if result.goal == "harvest_seconds" else ["harvest, s"]
+    return length if len(_models(result)) > 1 else [*length, "model"]
+
+
+def _cell(head: str, row: Row) -> str:
+    return NONE if row.bins_per_hour is None and head not in OF_ALL_JAMMED else COLUMNS[head](row) or NONE
+
+
+def _interval(interval: Interval | None) -> str:
+    return interval_words(interval, sign=" ±")
+
+
+def _share_of_bound(row: Row) -> str:
+    return "" if row.bins_per_hour is None else f" ({100.0 * row.bins_per_hour.mean / row.bound_bins_per_hour:.0f}%)"
+
+
+def _largest_loss(lost: dict[str, float]) -> str:
+    parts = {name: seconds for name, seconds in lost.items() if name in LOSSES and seconds > 0.0}
+    largest = max(parts, key=lambda name: parts[name], default="")
+    return f"{largest.partition('_')[0]} {parts[largest]:,.0f}" if largest else ""
+
+
+def _check(check: Check | None) -> str:
+    if check is None:
+        return ""
+    if check.jammed == check.replications:
+        return "jammed"
+    return f"{_interval(check.bins_per_hour)} {100.0 * check.difference:+.1f} %"
+
+
+# -- CSV
+
+
+def save_csv(result: StudyResult, path: Path) -> None:
+    """Write every figure of the table as CSV, a line for each setting, with the units in the names of the columns. Raises OSError."""
+    lines = [_flat(row, result) for row in result.table]
+    names = list(dict.fromkeys(name for line in lines for name in line))
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, names)
+        writer.writeheader()
+        writer.writerows(lines)
+
+
+def _flat(row: Row, result: StudyResult) -> dict[str, Any]:
+    """All figures of a row by the names of their columns. What is not known is empty."""
+    compared = next((one for one in result.comparisons if one.setting == row.setting), None)
+    check, difference = row.check, compared.difference if compared else None
+    rate = None if row.bins_per_hour is None else row.bins_per_hour.mean / row.bound_bins_per_hour
+    return (
+        dict(row.setting)
+        | {"model": row.model, "replications": row.replications, "jammed": row.jammed}
+        | _bounds("bins_per_hour", row.bins_per_hour)
+        | _bounds("harvest_seconds", row.harvest_seconds)
+        | _bounds("cost_per_bin", row.cost_per_bin)
+        | {"picker_waiting_seconds": row.picker_waiting_seconds, "carrier_utilisation_share": row.carrier_utilisation}
+        | {"bound_bins_per_hour": row.bound_bins_per_hour, "share_of_bound": rate, "bottleneck": row.bottleneck}
+        | {f"lost_to_{part}_seconds": seconds for part, seconds in row.lost_seconds.items()}
+        | _bounds("check_bins_per_hour", check.bins_per_hour if check else None)
+        | {"check_difference_share": check and check.difference, "check_replications": check and check.replications}
+        | {"check_jammed": check and check.jammed, "is_best": row.setting == result.best}
+        | {"is_indistinguishable_from_best": row.setting in result.indistinguishable}
+        | _bounds(f"difference_from_best_{result.goal}", difference)
+        | {"p_value": compared and compared.p_value}
+    )
+
+
+def _bounds(name: str, interval: Interval | None) -> dict[str, float | None]:
+    return {f"{name}_{field.name}": None if interval is None else getattr(interval, field.name) for field in fields(Interval)}

@@ -1,0 +1,74 @@
+"""Results of studies, made by hand, for tests of what is shown of them."""
+
+from typing import Any
+
+from orchard.field.scenario import Scenario
+from orchard.study.result import Check, Comparison, Interval, Row, StudyResult
+
+
+def interval(mean: float, half: float = 0.0) -> Interval:
+    return Interval(mean=mean, low=mean - half, high=mean + half)
+
+
+def a_row(rate: float | None, half: float = 0.0, **changes: Any) -> Row:
+    """A row of a harvest of 20 rows at this rate, bins an hour; None: each of its runs jammed."""
+    known = rate is not None
+    row = dict(setting={"carriers": 9}, model="fast", replications=5, jammed=0 if known else 5,
+               bins_per_hour=interval(rate, half) if known else None, harvest_seconds=interval(72000.0 / rate) if known else None,
+               cost_per_bin=None, picker_waiting_seconds=316.2, carrier_utilisation=0.774, bound_bins_per_hour=91.2, bottleneck="carriers",
+               lost_seconds={"long_run": 800.0, "structure": 74.0, "traffic": 236.4, "dispatch": 0.0})  # fmt: skip
+    return Row(**row | changes)
+
+
+def checked(rate: float, half: float, difference: float, jammed: int = 0) -> Check:
+    return Check(bins_per_hour=interval(rate, half), difference=difference, replications=3, jammed=jammed)
+
+
+def a_result(table: list[Row], best: dict[str, Any] | None, ties: tuple[dict[str, Any], ...] = (), **changes: Any) -> StudyResult:
+    """A study of these rows, in which all that is neither best nor a tie was told apart."""
+    varied: dict[str, list[Any]] = {}
+    for row in table:
+        for key, value in row.setting.items():
+            varied[key] = [*dict.fromkeys([*varied.get(key, []), value])]
+    others = [row.setting for row in table if row.setting != best and row.bins_per_hour]
+    compared = [Comparison(setting=one, difference=interval(-5.0, 1.0), p_value=0.01, is_told_apart=one not in ties) for one in others]
+    result = dict(answer="", best=best, indistinguishable=list(ties), table=table, comparisons=compared, goal="bins_per_hour",
+                  horizon="harvest", confidence=0.95, scenario=Scenario(rows=20, pickers=10).model_dump(), varied=varied,
+                  wall_seconds=12.3, stopped_by="certain", notes=[], version="0.1.0")  # fmt: skip
+    return StudyResult(**result | changes)
+
+
+def carriers(number: int) -> dict[str, int]:
+    return {"carriers": number}
+
+
+RATES = {1: 7.9, 2: 15.8, 4: 31.6, 6: 50.2, 8: 66.0, 9: 70.4, 10: 72.8, 12: 73.0, 14: 73.1, 20: 73.2}  # carriers -> bins an hour
+PRICES = {number: (10 * 15.0 + number * 6.0) / rate for number, rate in RATES.items()}  # a bin, at 15 an hour for a picker, 6 for a carrier
+
+
+def by_carriers(**changes: Any) -> StudyResult:
+    """20 rows and 10 pickers with more and more carriers, the cheapest of which is best; 20 of them jammed."""
+    bound = {number: min(8.0 * number, 79.2) for number in RATES}
+    rows = [
+        a_row(rate, 0.6, setting=carriers(n), cost_per_bin=interval(PRICES[n], 0.03), bound_bins_per_hour=bound[n])
+        for n, rate in RATES.items()
+        if n != 20
+    ]
+    jammed = a_row(None, setting=carriers(20), bound_bins_per_hour=79.2, bottleneck="unloading")
+    return a_result([*rows, jammed], carriers(10), (carriers(9),), **{"goal": "cost_per_bin"} | changes)
+
+
+def by_policies() -> StudyResult:
+    rates = {"nearest": 59.5, "longest-waiting": 68.8, "farthest-first": 68.9, "predictive": 72.8, "predictive-farthest": 72.7}
+    rows = [a_row(rate, 1.2, setting={"dispatch": name}, bound_bins_per_hour=79.2) for name, rate in rates.items()]
+    return a_result(rows, {"dispatch": "predictive"}, ({"dispatch": "predictive-farthest"},))
+
+
+def by_both() -> StudyResult:
+    gains = {"nearest": 0.8, "farthest-first": 0.92, "predictive": 1.0}
+    rows = [
+        a_row(rate * gain, 0.9, setting={"carriers": n, "dispatch": name}, bound_bins_per_hour=min(8.0 * n, 79.2))
+        for name, gain in gains.items()
+        for n, rate in RATES.items()
+    ]
+    return a_result(rows, {"carriers": 10, "dispatch": "predictive"})

@@ -1,0 +1,146 @@
+"""The command `orchard study`, as a person uses it: answers, mistakes, Ctrl-C, kill -9."""
+
+import json
+import os
+import signal
+import sqlite3
+import time
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import psutil
+import pytest
+from command_line import SECONDS, orchard, starting
+
+from orchard.field.scenario import load
+from orchard.study.runs import Run
+from orchard.study.store import Store
+
+SCENARIO = """\
+rows: 3
+picking_speed: 0.5
+picking: {spread: {distribution: gamma}}
+people: {workers: 0, visitors: 0}
+animals: {dogs: 0, cats: 0}
+prices: {picker_per_hour: 15, carrier_per_hour: 6}
+"""
+QUESTION = ("--vary", "carriers=1..3", "--vary", "dispatch=nearest,predictive", "--model", "fast", "--budget", "2h", "--within", "2%",
+            "--workers", "2")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    made = tmp_path_factory.mktemp("command")
+    (made / "my.yaml").write_text(SCENARIO)
+    return made
+
+
+def words(folder: Path, store: str) -> tuple:
+    return "study", folder / "my.yaml", *QUESTION, "--out", folder / store
+
+
+def found(path: Path) -> dict:
+    """A summary without the time that the study took."""
+    return json.loads(path.read_text()) | {"wall_seconds": 0.0}
+
+
+@pytest.fixture(scope="module")
+def undisturbed(folder) -> dict:
+    """The answer of the study to which nothing happens."""
+    run = orchard(*words(folder, "quiet.db"), "--summary", folder / "quiet.json", "--csv", folder / "quiet.csv")
+    assert run.returncode == 0, run.stderr
+    summary = found(folder / "quiet.json")
+    assert summary["answer"] in run.stdout
+    return summary
+
+
+def known(store: Path) -> int:
+    """The number of runs in a store; 0 if it is not there yet."""
+    if not store.exists():
+        return 0
+    with closing(sqlite3.connect(store, timeout=30.0)) as database:
+        return database.execute("SELECT count(*) FROM runs").fetchone()[0]
+
+
+def wait_for_runs(store: Path) -> None:
+    end = time.monotonic() + SECONDS
+    while known(store) < 3:
+        assert time.monotonic() < end, "no run was kept"
+        time.sleep(0.02)
+
+
+def test_the_whole_answer_is_written(folder, undisturbed):
+    assert {"answer", "best", "indistinguishable", "table", "comparisons", "notes", "stopped_by"} <= set(undisturbed)
+    assert [row["setting"] for row in undisturbed["table"]] == [
+        {"carriers": carriers, "dispatch": policy} for carriers in (1, 2, 3) for policy in ("nearest", "predictive")
+    ]
+    assert len((folder / "quiet.csv").read_text().splitlines()) == 7
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_a_study_that_ends_early_goes_on_to_the_same_table(folder, undisturbed, number):
+    store, summary = f"{number}.db", folder / f"{number}.json"
+    with starting(*words(folder, store)) as first:
+        wait_for_runs(folder / store)
+        children = psutil.Process(first.pid).children(recursive=True)
+        os.killpg(first.pid, number) if number == signal.SIGINT else first.kill()
+        code = first.wait(SECONDS)
+        said = first.stdout.read() if number == signal.SIGINT else ""
+    assert code in (0, -signal.SIGKILL)
+    assert number == signal.SIGKILL or "stopped; the runs so far are kept" in said
+    assert "Traceback" not in said
+    psutil.wait_procs(children, SECONDS)
+    assert not [child for child in children if child.is_running() and child.status() != psutil.STATUS_ZOMBIE]
+    before = known(folder / store)
+    run = orchard(*words(folder, store), "--summary", summary)
+    assert run.returncode == 0, run.stderr
+    assert found(summary) == undisturbed
+    assert before < known(folder / store) == known(folder / "quiet.db")
+
+
+def test_a_program_reads_partial_results(folder, undisturbed):
+    run = orchard(*words(folder, "quiet.db"), "--progress", "json")
+    lines = [json.loads(line)["study"] for line in run.stdout.splitlines()]
+    assert lines[-1] | {"wall_seconds": 0.0} == undisturbed
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--vary", "carriers=0..5", "--vary", "dispach=x"], ["--vary carriers=0..5: carriers = 0: must be", "did you mean dispatch?"]),
+        (["--goal", "cost_per_bin"], ["--goal cost_per_bin: prices: needs a price"]),
+        (["--out", "README.md"], ["README.md: is no store of a study; it stays as it is"]),
+        (["--within", "3"], ["3: expected a share above 0 and below 1"]),
+        (["--confidence", "10%"], ["10%: expected a share from 0.5 to 0.9999"]),
+        (["--budget", "soon"], ["soon: expected a time of at least 1 s"]),
+        (["--scheduler", "tcp://127.0.0.1:1", "--workers", "2"], ["the scheduler has its own workers"]),
+        (["--picture", "study.doc"], ["study.doc: a picture's name ends in .svg or .png"]),
+        (["--summary", "/no/such/folder/file.json"], ["/no/such/folder/file.json: cannot be written"]),
+    ],
+)
+def test_mistakes_are_told_with_exit_code_2(options, told, capsys, monkeypatch, tmp_path):
+    from orchard.launch import commands
+
+    monkeypatch.setenv("ORCHARD_RUNS", str(tmp_path))
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr("sys.argv", ["orchard", "study", "--vary", "rows=3,4", "--model", "fast", *options])
+    with pytest.raises(SystemExit) as ended:
+        commands.main()
+    said = capsys.readouterr()
+    assert ended.value.code == 2
+    assert all(words in said.err for words in told), said.err
+    assert "Traceback" not in said.err
+
+
+def test_a_violated_invariant_is_exit_code_1_and_named(folder):
+    """A run by the full model that is in the store already, as one that broke an invariant."""
+    scenario = load(folder / "my.yaml")
+    sound = Run(scenario, "fast").do(time.time() + 100.0)
+    with Store(folder / "violated.db") as store:
+        for seed in range(5):
+            run = Run.of(scenario, scenario.seed + seed, "full", "harvest")
+            store.keep(replace(sound, key=run.key, seed=seed, model="full", ended="violated", violations="bin_01: is in two places"))
+    run = orchard("study", folder / "my.yaml", "--model", "full", "--out", folder / "violated.db")
+    assert run.returncode == 1
+    assert "bin_01: is in two places" in run.stderr

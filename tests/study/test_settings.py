@@ -1,0 +1,103 @@
+"""What --vary means: values, ranges, settings, and every mistake told at once with its place."""
+
+import pytest
+
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario, with_changes
+from orchard.study.settings import settings_of, varied_of
+from orchard.study.study import StudyOptions, check_options
+
+
+def problems(*words: str, scenario: Scenario | None = None) -> list[str]:
+    with pytest.raises(ScenarioError) as refused:
+        settings_of(scenario or Scenario(), varied_of(words))
+    return str(refused.value).splitlines()
+
+
+def test_values_are_numbers_words_and_ranges() -> None:
+    varied = varied_of(["carriers=1..3,null", "rows=10..20..5", "picking_speed=0.03,1", "dispatch=nearest,my.Own", "tractor=false,true"])
+    assert varied == {
+        "carriers": [1, 2, 3, None],
+        "rows": [10, 15, 20],
+        "picking_speed": [0.03, 1],
+        "dispatch": ["nearest", "my.Own"],
+        "tractor": [False, True],
+    }
+
+
+def test_each_combination_is_a_setting_and_a_scenario() -> None:
+    settings = settings_of(Scenario(rows=10), {"people.workers": [0, 4], "carriers": [3, 4]})
+    assert [setting.words for setting in settings] == [f"people.workers={w}, carriers={c}" for w in (0, 4) for c in (3, 4)]
+    assert settings[1].scenario == with_changes(Scenario(rows=10), carriers=4, **{"people.workers": 0})
+
+
+def test_without_anything_that_varies_there_is_one_setting() -> None:
+    assert [setting.values for setting in settings_of(Scenario(), {})] == [{}]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["carriers=0..5"], ["--vary carriers=0..5: carriers = 0: must be null or a whole number from 1 to 40"]),
+        (["carrier=1..3"], ["--vary carrier=1..3: carrier: unknown key; did you mean carriers?"]),
+        (["carriers=5..1"], ["--vary carriers=5..1: 5..1: this range is empty"]),
+        (["carriers=1..9..0"], ["--vary carriers=1..9..0: 1..9..0: this range is empty"]),
+        (["carriers"], ["--vary carriers: must be KEY=VALUE"]),
+        (["carriers=1,,2"], ["--vary carriers=1,,2: must be KEY=VALUE"]),
+        (["=1"], ["--vary =1: must be KEY=VALUE"]),
+        (["carriers=1..3,2"], ["--vary carriers=1..3,2: 2: given twice"]),
+        (["carriers=1,2", "carriers=3"], ["--vary carriers=3: carriers: this key varies already"]),
+        (["rows=1..999999999"], ["--vary rows=1..999999999: 1..999999999: more than 10,000 values"]),
+        (["rows=3..20", "pickers=2..20", "carriers=1..40"], ["--vary rows, pickers, carriers: 13,680 settings; at most 10,000"]),
+        (["seed=1..5"], ["--vary seed=1..5: seed: each replication has its own seed"]),
+        (["prices.per_bin=-1,2"], ["--vary prices.per_bin=-1,2: prices.per_bin = -1: must be null or a number from 0.0"]),
+        (["picking_speed=NaN"], ["--vary picking_speed=nan: picking_speed = nan: must be a number from 0.02 to 1.0"]),
+        (
+            ["rows=3,4", "pickers=4", "dispatch=nearest,predictive"],
+            ["the setting rows=3, pickers=4, dispatch=nearest: pickers, rows = 4, 3: must be at most one picker a row"],
+        ),
+    ],
+)
+def test_mistakes_are_told_with_their_place(words: list[str], told: list[str]) -> None:
+    found = problems(*words)
+    assert len(found) == len(told)
+    assert all(line.startswith(start) for line, start in zip(found, told, strict=True)), found
+
+
+def test_all_mistakes_are_told_at_once() -> None:
+    assert len(problems("carriers=0..2", "rows=2,3", "dispach=nearest")) == 3
+    assert len(problems("carriers", "rows=3..2", "pickers=2", "pickers=3")) == 3
+
+
+def test_a_bin_costs_its_share_of_the_hour_and_its_own_price() -> None:
+    prices = {"picker_per_hour": 15.0, "carrier_per_hour": 6.0, "overhead_per_hour": 10.0, "per_bin": 2.0}
+    (setting,) = settings_of(Scenario(pickers=4, rows=8, carriers=5, prices=prices), {})
+    assert setting.cost_per_bin(50.0) == pytest.approx((4 * 15 + 5 * 6 + 10) / 50 + 2)
+    assert settings_of(Scenario(), {})[0].cost_per_bin(50.0) is None
+
+
+def test_what_a_study_cannot_answer_is_refused_all_at_once() -> None:
+    settings = settings_of(Scenario(agents={"picker": "my.Picker"}), {})
+    with pytest.raises(ScenarioError) as refused:
+        check_options(settings, StudyOptions(goal="cost_per_bin", horizon="long", model="fast"))
+    assert str(refused.value).splitlines() == [
+        "--goal cost_per_bin: prices: needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin",
+        "--model fast: agents: only the full model knows agents of your own (picker); choose --model full",
+    ]
+    with pytest.raises(ScenarioError, match="a long run has no end"):
+        check_options(settings_of(Scenario(), {}), StudyOptions(goal="harvest_seconds", horizon="long"))
+    with pytest.raises(ScenarioError, match="only the fast model can tell the long run"):
+        check_options(settings_of(Scenario(), {}), StudyOptions(horizon="long", model="full"))
+
+
+def test_a_policy_that_cannot_be_used_is_refused_before_anything_runs() -> None:
+    with pytest.raises(ScenarioError, match=r"dispatch = no_such\.Policy: cannot be used"):
+        check_options(settings_of(Scenario(), {"dispatch": ["nearest", "no_such.Policy"]}), StudyOptions())
+
+
+def test_chance_needs_people_animals_spread_failures_or_noise() -> None:
+    quiet = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}}
+    changes = [{}, {"people.visitors": 1}, {"animals.cats": 1}, {"picking_speed": 0.5, "picking.spread.distribution": "gamma"},
+               {"picking.failure.mean_between": 600.0}, {"laser.noise": 0.01}]  # fmt: skip
+    random = [settings_of(with_changes(Scenario(**quiet), **change), {})[0].is_random for change in changes]
+    assert random == [False, True, True, True, True, True]

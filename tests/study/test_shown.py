@@ -1,0 +1,214 @@
+"""What a study shows: the table, the CSV, the picture, the report, and the whole as JSON."""
+
+import csv
+import io
+import json
+from dataclasses import asdict, replace
+from functools import cache
+from html.parser import HTMLParser
+from xml.etree import ElementTree
+
+import msgspec
+import pytest
+from PIL import Image
+from rich.console import Console
+from studies import a_result, a_row, by_both, by_carriers, by_policies, carriers, checked
+
+from orchard.field.scenario import Scenario, parse
+from orchard.study import picture, report, table
+from orchard.study.result import StudyResult
+
+HOSTILE = 'mine.<script>alert("1")</script>&[bold]'
+
+
+@cache
+def whole():
+    """By carriers, with the best two checked, one of which jammed once."""
+    result = by_carriers(notes=["The budget allowed 3 seeds"])
+    checks = {9: checked(71.9, 0.9, 0.021), 10: checked(71.9, 0.5, -0.011, jammed=1)}
+    return replace(result, table=[replace(row, check=checks.get(row.setting["carriers"])) for row in result.table])
+
+
+def hostile():
+    rows = [a_row(80.0 + n, 0.5, setting={"dispatch": name}) for n, name in enumerate(("nearest", HOSTILE))]
+    return a_result(rows, {"dispatch": HOSTILE}, notes=[HOSTILE], answer=HOSTILE)
+
+
+# -- the table
+
+
+def printed(result, width):
+    console = Console(width=width, record=True, file=io.StringIO())
+    console.print(table.as_table(result))
+    return console.export_text().splitlines()
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_the_table_fits_and_loses_nothing(width):
+    lines = printed(whole(), width)
+    assert max(map(len, lines)) <= width
+    text = " ".join("\n".join(lines).split())
+    assert "…" not in text
+    best = next(line for line in lines if line.startswith("10 *"))
+    assert all(cell in best for cell in ("72.8", "2.88", "316", "77 %", "79.2", "carriers", "traffic", " 5 ", "71.9"))
+    assert all(cell in text for cell in ("±0.6", "±0.03", "(92%)", "236", "±0.5", "-1.1 %"))
+    assert sum(line.startswith("9 =") for line in lines) == 1
+    jammed = next(line for line in lines if "jammed" in line)
+    assert "20" in jammed and "unloading" in jammed
+    assert "interval of 95 % confidence" in text
+
+
+def test_what_is_too_long_for_a_narrow_table_is_folded_and_not_cut():
+    rows = [replace(row, setting=row.setting | {"dispatch": "my_policies.TheOneThatIsBest"}) for row in whole().table]
+    lines = printed(a_result(rows, rows[6].setting), 80)
+    assert max(map(len, lines)) <= 80 and "…" not in "".join(lines)
+
+
+def test_a_column_without_a_figure_is_left_out():
+    heads, lines = table.words(by_policies())
+    assert {"a bin", "checked", "harvest, s", "model"}.isdisjoint(heads)
+    assert [line[0] for line in lines][3:] == ["predictive *", "predictive-farthest ="]
+    assert "harvest, s" in table.words(by_carriers(goal="harvest_seconds"))[0]
+
+
+def test_what_looks_like_an_order_to_the_terminal_is_shown_as_it_is():
+    assert any(HOSTILE in line for line in printed(hostile(), 200))
+
+
+def test_the_csv_has_every_figure_with_its_unit(tmp_path):
+    table.save_csv(whole(), tmp_path / "study.csv")
+    lines = {line["carriers"]: line for line in csv.DictReader(io.StringIO((tmp_path / "study.csv").read_text()))}
+    assert list(lines) == [str(row.setting["carriers"]) for row in whole().table]
+    ten, twenty = lines["10"], lines["20"]
+    assert float(ten["bins_per_hour_mean"]) == 72.8
+    assert [float(ten[f"cost_per_bin_{end}"]) for end in ("low", "high")] == pytest.approx([2.8547, 2.9147], abs=1e-4)
+    assert (ten["is_best"], ten["check_jammed"], ten["check_difference_share"], ten["lost_to_traffic_seconds"]) == (
+        "True",
+        "1",
+        "-0.011",
+        "236.4",
+    )
+    assert (twenty["jammed"], twenty["bins_per_hour_mean"], twenty["check_jammed"]) == ("5", "", "")
+    assert lines["9"]["is_indistinguishable_from_best"] == "True" and float(lines["9"]["p_value"]) == 0.01
+
+
+# -- the picture
+
+
+def words_of(axes):
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def test_the_picture_has_rates_above_costs_and_marks_the_knee():
+    rates, costs = picture.figure(whole()).axes
+    assert (rates.get_ylabel(), costs.get_ylabel(), costs.get_xlabel()) == ("bins an hour", "cost of a bin", "carriers")
+    assert {"bound", "fast model", "simulator", "best", "all runs jammed"} == set(words_of(rates))
+    (said,) = (text for text in rates.texts if "more gain" in text.get_text())
+    assert (said.get_text(), said.xy[0]) == ("10 carriers:\nmore gain under 1 %", 10.0)
+
+
+def test_the_knee_is_the_fewest_from_which_more_gain_under_1_percent():
+    def knee(*rates):
+        rows = [a_row(rate, setting=carriers(n)) for n, rate in enumerate(rates, 1)]
+        found = picture.Content(a_result(rows, rows[-1].setting)).knee
+        return found and found.setting["carriers"]
+
+    assert knee(10.0, 20.0, 30.0) is None, "what more than 3 would gain is not known"
+    assert knee(10.0, 20.0, 20.1) == 2
+    assert knee(10.0, 10.05, 20.0, 20.0) == 3, "a step that gains little before one that gains much"
+    assert knee(20.0, 19.0, 18.0) == 1
+
+
+def test_two_keys_are_a_line_for_each_value_of_the_second():
+    (rates,) = picture.figure(by_both()).axes
+    assert rates.get_xlabel() == "carriers"
+    assert {"nearest", "farthest-first", "predictive"} < set(words_of(rates))
+    lines = [line for line in rates.lines if line.get_label() in ("nearest", "farthest-first", "predictive")]
+    assert len({line.get_marker() for line in lines}) == len({line.get_linestyle() for line in lines}) == 3, "told apart in grey"
+
+
+def test_values_that_are_no_numbers_stand_side_by_side():
+    (rates,) = picture.figure(by_policies()).axes
+    assert [tick.get_text().replace("\n", "") for tick in rates.get_xticklabels()] == [
+        row.setting["dispatch"] for row in by_policies().table
+    ]
+    assert picture.Content(by_policies()).knee is None
+
+
+def test_a_unit_of_the_scenario_stands_at_the_axis():
+    rows = [a_row(80.0, setting={"picking_speed": speed}) for speed in (0.03, 1.0)]
+    assert picture.figure(a_result(rows, rows[0].setting)).axes[0].get_xlabel() == "picking speed, m/s"
+
+
+@pytest.mark.parametrize("result", [a_result([], None), a_result([a_row(None)], None), a_result([a_row(80.0)], carriers(9))])
+def test_a_study_that_has_hardly_begun_has_a_picture(result):
+    assert picture.inline_svg(result).startswith("<svg")
+
+
+def test_the_picture_is_the_same_each_time_and_its_words_are_text(tmp_path):
+    for name in ("a.svg", "b.svg", "a.png"):
+        picture.save(whole(), tmp_path / name)
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+    text = "".join(ElementTree.parse(tmp_path / "a.svg").getroot().itertext())
+    assert "bins an hour" in text and "10 carriers:" in text
+    with Image.open(tmp_path / "a.png") as drawn:
+        assert drawn.size == (1200, 990)
+    with pytest.raises(ValueError, match=r"study.doc: a picture's name ends in .svg or .png"):
+        picture.save(whole(), tmp_path / "study.doc")
+
+
+# -- the report
+
+
+class Structure(HTMLParser):
+    """The tags of a document, whether each is closed, and its words."""
+
+    VOID = ("meta", "br", "link")
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tags, self.words = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+def test_the_report_holds_all_of_it_and_needs_nothing_else(tmp_path):
+    report.save(whole(), tmp_path / "study.html")
+    text = (tmp_path / "study.html").read_text()
+    read = Structure(text)
+    assert read.open == [] and {"svg", "table", "h1", "pre", "title"} <= set(read.tags)
+    assert {"script", "link", "img"}.isdisjoint(read.tags) and "http" not in text.replace("http://www.w3.org", "")
+    assert "<b:" not in text and 'lang="en"' in text
+    words = "".join(read.words)
+    assert "10 carriers: 2.88 ± 0.03 a bin" in words and "The budget allowed 3 seeds" in words
+    assert "orchard study scenario.yaml --vary carriers=1,2,4,6,8,9,10,12,14,20 --goal cost_per_bin" in words
+    scenario = text[text.index("<pre>") + 5 : text.index("</pre>")]
+    assert parse(scenario) == Scenario(rows=20, pickers=10)
+
+
+def test_the_report_escapes_what_others_have_named():
+    text = report.document(hostile())
+    read = Structure(text)
+    assert "script" not in read.tags
+    assert read.open == [] and HOSTILE in "".join(read.words)
+
+
+# -- the whole
+
+
+def test_the_result_comes_back_from_json():
+    text = json.dumps(asdict(whole()))
+    assert msgspec.json.decode(text, type=StudyResult) == whole()

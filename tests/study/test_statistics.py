@@ -1,0 +1,112 @@
+"""Intervals, corrections and races, against published figures and against truths that the test knows."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from orchard.field.repeatable import draw, normal
+from orchard.study.racing import LOOKS, Race
+from orchard.study.statistics import holm, interval, paired_p_value
+
+# NIST/SEMATECH e-Handbook, 1.3.5.2: heat flow meter, ZARR13.DAT: n 195, mean 9.261460, deviation 0.022789, 95 %: 9.258242 to 9.264679
+
+
+def test_the_t_interval_is_that_of_the_nist_handbook() -> None:
+    values = np.linspace(-1.0, 1.0, 195)
+    values = 9.261460 + 0.022789 * (values - values.mean()) / values.std(ddof=1)  # any values with this mean and deviation
+    found = interval(list(values), 0.95)
+    assert (found.low, found.high) == (pytest.approx(9.258242, abs=2e-6), pytest.approx(9.264679, abs=2e-6))
+
+
+def test_of_one_value_or_equal_values_low_and_high_are_the_mean() -> None:
+    for values in ([5.0], [5.0, 5.0, 5.0]):
+        assert (interval(values, 0.95).low, interval(values, 0.95).high) == (5.0, 5.0)
+
+
+def test_the_paired_test_is_that_of_student() -> None:
+    """Student, Biometrika 6, 1908, 1-25: additional hours of sleep by two drugs, ten patients; t = 4.06, p = 0.0028 (R: `sleep`)."""
+    dextro = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]
+    laevo = [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]
+    assert paired_p_value(dextro, laevo) == pytest.approx(0.002833, abs=1e-6)
+
+
+def test_differences_without_spread_are_certain() -> None:
+    assert (paired_p_value([3.0, 4.0], [2.0, 3.0]), paired_p_value([3.0, 4.0], [3.0, 4.0])) == (0.0, 1.0)
+    assert paired_p_value([3.0], [2.0]) == 1.0  # one alone tells nothing
+
+
+def test_holms_correction_is_the_published_one() -> None:
+    """The example of Wikipedia's "Holm-Bonferroni method", and of R's p.adjust: p-values 0.01, 0.04, 0.03, 0.005."""
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert holm([0.01, 0.02, 0.03, 0.005]) == pytest.approx([0.03, 0.04, 0.04, 0.02])
+    assert holm([]) == []
+
+
+STUDIES, DEVIATION = 200, 1.5
+
+
+def raced(number: int, means: list[float], within: float) -> tuple[Race, dict[int, list[float]]]:
+    """A race of settings with these true means, whose results have a common and an own part, and what it saw."""
+    common = [normal(*draw(number, "common", seed, 2)) for seed in range(LOOKS[-1])]
+    values = [
+        [mean + DEVIATION * (0.7 * common[seed] + 0.7 * normal(*draw(number, f"setting {i}", seed, 2))) for seed in range(LOOKS[-1])]
+        for i, mean in enumerate(means)
+    ]
+    race, seen = Race(len(means), True, 0.95, within), {}
+    for look in LOOKS:
+        seen |= {i: values[i][:look] for i in race.left}
+        race.look(seen, look == LOOKS[-1])
+        if race.why is not None:
+            break
+    return race, seen
+
+
+@pytest.fixture(scope="module")
+def studies() -> list[tuple[list[float], Race, dict[int, list[float]]]]:
+    """200 small studies: alike settings, one that is better by a little, and settings that differ."""
+    kinds = [([60.0] * 4, 0.0001), ([60.0, 60.0, 60.0, 61.0], 0.0001), ([58.0, 59.0, 60.0, 60.5], 0.01), ([60.0, 63.0], 0.01)]
+    return [(means, *raced(number, means, within)) for number in range(STUDIES) for means, within in [kinds[number % len(kinds)]]]
+
+
+LEAST = stats.binom.ppf(0.001, STUDIES, 0.95)  # of 200 intervals of 95 %: fewer hold their truth by chance once in a thousand times
+
+
+def test_the_intervals_of_a_race_cover_the_truth(studies: list) -> None:
+    own = together = 0
+    for means, race, seen in studies:
+        best = interval(seen[race.best], race.each)
+        own += best.low <= means[race.best] <= best.high
+        others = [i for i in range(len(means)) if i != race.best]
+        differences = {i: race.verdict(i, seen).difference for i in others}
+        together += all(one.low <= means[i] - means[race.best] <= one.high for i, one in differences.items())
+    assert own >= LEAST
+    assert together >= LEAST
+
+
+def test_the_truly_best_setting_hardly_ever_leaves_the_race(studies: list) -> None:
+    lost = [means for means, race, _ in studies if means.index(max(means)) in race.out and len(set(means)) > 1]
+    assert len(lost) <= STUDIES - LEAST
+
+
+def test_a_clear_winner_is_certain_and_settings_that_are_alike_cannot_be_told_apart(studies: list) -> None:
+    clear = [race for means, race, _ in studies if means == [60.0, 63.0]]
+    assert all(race.why in ("certain", "within") and race.best == 1 for race in clear)
+    assert sum(race.why == "certain" for race in clear) > 0.9 * len(clear)
+    alike = [race for means, race, _ in studies if means == [60.0] * 4]
+    assert sum(len(race.left) > 1 for race in alike) >= 0.95 * len(alike)
+    assert all(race.why == "seeds" for race in alike if len(race.left) > 1)
+
+
+def test_less_is_better_where_the_goal_says_so() -> None:
+    race = Race(2, False, 0.95, 0.01)
+    race.look({0: [3.0, 3.1, 2.9, 3.0, 3.1], 1: [2.0, 2.2, 1.9, 2.0, 2.1]})
+    assert (race.best, race.left, race.why) == (1, [1], "certain")
+
+
+def test_a_setting_that_jams_leaves_the_race_and_is_known() -> None:
+    race = Race(2, True, 0.95, 0.01)
+    race.jam([1])
+    race.look({0: [3.0, 3.1, 2.9, 3.0, 3.1]})
+    assert (race.best, race.jammed, race.why) == (0, [1], "certain")
+    race.jam([0])
+    assert (race.best, race.why) == (None, "certain")

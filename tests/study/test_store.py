@@ -1,0 +1,93 @@
+"""The store: what is there is not lost, not run again, and not mixed with other versions; no other file is touched."""
+
+import sqlite3
+import time
+
+import pytest
+
+from orchard.field.scenario import Scenario, with_changes
+from orchard.study import runs, store
+from orchard.study.runs import Run
+from orchard.study.store import Store, StoreError
+
+SCENARIO = Scenario(rows=3, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 0})
+
+
+@pytest.fixture(scope="module")
+def record():
+    return Run(SCENARIO, "fast").do(time.time() + 100.0)
+
+
+def test_a_run_is_kept_once_and_found_again(tmp_path, record):
+    path = tmp_path / "new" / "studies.db"
+    with Store(path) as first:
+        first.keep(record)
+        first.keep(record)
+    with Store(path) as again:
+        assert again.known([record.key, "another"]) == {record.key: record}
+        assert again.known([]) == {}
+
+
+def test_many_keys_are_looked_up(tmp_path, record):
+    with Store(tmp_path / "studies.db") as many:
+        many.keep(record)
+        assert list(many.known([*map(str, range(2000)), record.key])) == [record.key]
+
+
+def test_a_store_of_another_version_is_named_and_forgotten_only_if_asked(tmp_path, record, monkeypatch):
+    path = tmp_path / "studies.db"
+    with Store(path) as first:
+        first.keep(record)
+    monkeypatch.setattr(store, "software", lambda: "9.9.9+abc")
+    with pytest.raises(StoreError, match=r"studies\.db: is a store of version .*, and this is 9\.9\.9\+abc; --anew forgets its runs"):
+        Store(path)
+    monkeypatch.undo()
+    with Store(path, anew=True) as same:
+        assert same.known([record.key])  # of the same version: nothing to forget
+    monkeypatch.setattr(store, "software", lambda: "9.9.9+abc")
+    with Store(path, anew=True) as other:
+        assert other.known([record.key]) == {}
+
+
+@pytest.mark.parametrize("content", ["database", b"rows: 3\n", b""])
+def test_a_file_that_is_no_store_stays_as_it_is(tmp_path, content):
+    path = tmp_path / "mine.db"
+    if content == "database":
+        with sqlite3.connect(path) as database:
+            database.execute("CREATE TABLE mine (x)")
+        database.close()
+    else:
+        path.write_bytes(content)
+    before = path.read_bytes()
+    for anew in (False, True):
+        with pytest.raises(StoreError, match=r"mine\.db: is no store of a study; it stays as it is"):
+            Store(path, anew)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StoreError, match="cannot be used as a store"):
+        Store(tmp_path / "file" / "studies.db")
+
+
+def test_the_key_holds_all_that_decides_and_nothing_else(tmp_path, monkeypatch):
+    run = Run(SCENARIO, "fast")
+    others = [Run(with_changes(SCENARIO, carriers=2), "fast"), Run(SCENARIO, "full"), Run(SCENARIO, "fast", "long"),
+              Run.of(SCENARIO, 7, "fast", "harvest")]  # fmt: skip
+    assert len({one.key for one in [run, *others]}) == 5
+    assert Run(with_changes(SCENARIO, prices={"per_bin": 3.0}), "fast").key == run.key
+    monkeypatch.setattr(runs, "software", lambda: "9.9.9")
+    assert Run(SCENARIO, "fast").key != run.key
+
+
+def test_the_key_holds_the_source_of_a_policy_of_the_users_own(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    source = "class Mine:\n    Memory = dict\n"
+    keys = []
+    for name, text in (("one", source), ("two", source), ("three", source + "    early = True\n")):
+        (tmp_path / f"policy_{name}.py").write_text(text)
+        keys.append(runs.own_source((("dispatch", f"policy_{name}.Mine"),)))
+    assert keys[0] == keys[1] != keys[2]
+    assert runs.own_source(()) == ""

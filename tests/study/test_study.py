@@ -1,0 +1,185 @@
+"""Whole studies of small orchards: the same table whatever the workers and whatever was known before, jams, budgets, and the check."""
+
+import time
+from dataclasses import asdict, replace
+
+import pytest
+
+from orchard.field.scenario import Scenario, with_changes
+from orchard.study import study as module
+from orchard.study.result import StudyResult
+from orchard.study.runs import Run
+from orchard.study.store import Store
+from orchard.study.study import StudyOptions, study
+
+QUIET = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0}
+CHANCE = Scenario(rows=3, picking_speed=0.5, picking={"spread": {"distribution": "gamma"}}, **QUIET)
+VARIED = {"carriers": [1, 2, 3], "dispatch": ["nearest", "own_policies.Idle"]}
+AMPLE = StudyOptions(model="fast", budget_seconds=10_000.0, within=0.05, workers=1)
+
+
+def table(result: StudyResult) -> dict:
+    """All that a study says, without the time that it took."""
+    return asdict(replace(result, wall_seconds=0.0))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("stores")
+
+
+@pytest.fixture(scope="module")
+def told() -> list[StudyResult]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def result(folder, told) -> StudyResult:
+    """A study with one worker and a new store. `told` gets the partial results."""
+    return study(CHANCE, VARIED, replace(AMPLE, store=folder / "first.db"), told.append)
+
+
+def test_the_best_is_told_with_its_interval_and_what_cannot_be_told_apart(result):
+    rows = {row.setting["carriers"]: row for row in result.table if not row.jammed}
+    assert result.best["dispatch"] == "nearest"
+    best = rows[result.best["carriers"]]
+    assert best.bins_per_hour.mean == max(row.bins_per_hour.mean for row in rows.values())
+    assert best.bins_per_hour.low < best.bins_per_hour.mean < best.bins_per_hour.high
+    assert all(row.replications >= 5 for row in rows.values())
+    apart = {tuple(one.setting.values()) for one in result.comparisons if one.is_told_apart}
+    assert (1, "nearest") in apart  # one carrier for two pickers is far too few
+    assert apart.isdisjoint({tuple(one.values()) for one in result.indistinguishable})
+    assert str(result.best["carriers"]) in result.answer
+
+
+def test_a_setting_that_jams_is_told_and_counted(result):
+    jammed = [row for row in result.table if row.setting["dispatch"] == "own_policies.Idle"]
+    assert [(row.jammed, row.bins_per_hour) for row in jammed] == [(row.replications, None) for row in jammed]
+    assert [row.jammed for row in jammed] == [1, 1, 1]  # one jam is enough to leave the race
+    assert sum("own_policies.Idle: 1 of 1 runs jammed" in note for note in result.notes) == 3
+
+
+def test_partial_results_are_told(result, told):
+    assert told
+    assert len(told[0].table) <= len(result.table)
+    assert all(one.answer for one in told)
+
+
+def test_other_workers_and_another_order_give_the_same_table(result, folder):
+    assert table(study(CHANCE, VARIED, replace(AMPLE, workers=2, store=folder / "second.db"))) == table(result)
+
+
+def test_what_is_known_is_not_run_again(result, folder, monkeypatch):
+    done = []
+    monkeypatch.setattr("orchard.study.runs.Run.do", lambda run, until: done.append(run))
+    path = folder / "first.db"
+    changed = path.stat().st_size
+    workers = Watched()
+    monkeypatch.setattr(module, "_workers", lambda options: workers)
+    again = study(CHANCE, VARIED, replace(AMPLE, store=path))
+    assert workers.runs == 0
+    assert path.stat().st_size == changed
+    assert [replace(row, lost_seconds={}) for row in again.table] == [replace(row, lost_seconds={}) for row in result.table]
+
+
+class Watched:
+    """No workers: it counts the runs that it is asked for."""
+
+    count, runs = 2, 0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def do(self, work, items, goes_on):
+        self.runs += sum(isinstance(item, Run) for item in items)
+        return iter(())
+
+
+def test_a_study_that_is_stopped_tells_what_it_knows_and_goes_on_to_the_same_table(result, folder):
+    options = replace(AMPLE, store=folder / "stopped.db")
+
+    def known() -> int:
+        with Store(options.store) as store:
+            return store._database.execute("SELECT count(*) FROM runs").fetchone()[0]
+
+    part = study(CHANCE, VARIED, options, is_stopped=lambda: known() >= 3)
+    assert part.stopped_by == "stopped"
+    assert 3 <= known() < sum(row.replications for row in result.table)
+    assert table(study(CHANCE, VARIED, options)) == table(result)
+
+
+def test_without_chance_one_run_stands_for_all_seeds(tmp_path):
+    settled = study(Scenario(rows=3, **QUIET), {"carriers": [1, 2]}, replace(AMPLE, store=tmp_path / "s.db"))
+    assert [row.replications for row in settled.table] == [1, 1]
+    assert settled.stopped_by == "certain"
+    assert any("nothing in these settings is random" in note for note in settled.notes)
+
+
+def test_what_is_worse_by_little_is_told(tmp_path):
+    """Rows are longer by so little that the harvest hardly changes, though for certain."""
+    settled = study(Scenario(rows=3, **QUIET), {"row_length": [70.0, 70.2]}, replace(AMPLE, store=tmp_path / "s.db"))
+    assert [one.is_told_apart for one in settled.comparisons] == [True]
+    assert "worse for certain, but by less than 5 %: row_length=70.2" in settled.notes
+
+
+def test_settings_with_and_without_chance_are_compared(tmp_path):
+    scenario = with_changes(CHANCE, carriers=1)
+    mixed = study(scenario, {"picking.spread.distribution": ["none", "gamma"]}, replace(AMPLE, store=tmp_path / "s.db"))
+    assert mixed.table[0].replications == 1 and mixed.table[1].replications >= 5
+    assert mixed.best is not None
+
+
+def test_a_used_budget_is_told(tmp_path):
+    short = study(CHANCE, {"carriers": [1, 2, 3]}, replace(AMPLE, budget_seconds=1e-3, store=tmp_path / "s.db"))
+    assert short.stopped_by == "budget" and short.best is None and short.table == []
+    assert any("the budget did not allow a run of 3 settings" in note for note in short.notes)
+
+
+def test_the_long_run_and_costs(tmp_path):
+    scenario = with_changes(CHANCE, prices={"picker_per_hour": 15.0, "carrier_per_hour": 6.0})
+    options = replace(AMPLE, goal="cost_per_bin", horizon="long", model="both", within=0.1, store=tmp_path / "s.db")
+    long = study(scenario, {"carriers": [1, 2]}, options)
+    for row in long.table:
+        rate = (2 * 15 + row.setting["carriers"] * 6) / row.bins_per_hour.mean
+        assert row.cost_per_bin.mean == pytest.approx(rate, rel=0.02)  # the mean of costs is not quite the cost of the mean
+        assert row.harvest_seconds is None and row.check is None
+    assert long.best == min(long.table, key=lambda row: row.cost_per_bin.mean).setting
+    assert any("the simulator has no long run" in note for note in long.notes)
+
+
+def test_the_simulator_confirms_the_best_two_on_the_same_seeds(tmp_path):
+    options = replace(AMPLE, model="both", workers=2, store=tmp_path / "s.db")
+    both = study(Scenario(rows=3, row_length=60.0, **QUIET), {"carriers": [1, 2, 3]}, options)
+    checks = {row.setting["carriers"]: row.check for row in both.table}
+    assert sum(check is not None for check in checks.values()) == 2
+    best = next(row for row in both.table if row.setting == both.best)
+    assert best.check.replications == 1 and best.check.jammed == 0  # nothing is random
+    assert best.check.difference == pytest.approx(1.0 - best.bins_per_hour.mean / best.check.bins_per_hour.mean)
+    assert abs(best.check.difference) < 0.05
+    assert any("the simulator has" in note for note in both.notes)
+
+
+def test_a_violated_invariant_is_told(tmp_path, monkeypatch):
+    """A run by the full model that is in the store already, as one that broke an invariant."""
+    scenario = Scenario(rows=3, **QUIET)
+    run = Run.of(scenario, scenario.seed, "full", "harvest")
+    sound = Run(scenario, "fast").do(time.time() + 100.0)
+    with Store(tmp_path / "s.db") as store:
+        store.keep(replace(sound, key=run.key, model="full", ended="violated", violations="bin_01: is in two places"))
+    found = study(scenario, {}, replace(AMPLE, model="full", store=tmp_path / "s.db"))
+    assert found.violations == ["bin_01: is in two places"]
+
+
+@pytest.mark.soak
+def test_farthest_first_is_better_and_longest_waiting_is_as_good_as_nearest(tmp_path):
+    scenario = Scenario(rows=20, pickers=10, carriers=10, picking_speed=0.8, **QUIET)
+    scenario = with_changes(scenario, picking={"spread": {"distribution": "gamma", "cv": 0.15}})
+    options = replace(AMPLE, within=0.01, workers=2, store=tmp_path / "s.db")
+    three = study(scenario, {"dispatch": ["nearest", "longest-waiting", "farthest-first", "own_policies.FarthestOfMine"]}, options)
+    assert three.best["dispatch"] in ("farthest-first", "own_policies.FarthestOfMine")
+    assert {one.setting["dispatch"] for one in three.comparisons if one.is_told_apart} >= {"nearest", "longest-waiting"}
+    two = study(scenario, {"dispatch": ["nearest", "longest-waiting"]}, options)
+    assert [one.is_told_apart for one in two.comparisons] == [False]

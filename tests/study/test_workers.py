@@ -1,0 +1,138 @@
+"""Workers do all work once, whatever dies; none outlives its parent."""
+
+import os
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import psutil
+import pytest
+from work import deadly, double, faulty, slow
+
+from orchard.field.scenario import Scenario
+from orchard.study.study import StudyOptions, study
+from orchard.study.workers import Processes, Scheduler, WorkersError
+
+HERE = Path(__file__).parent
+PATIENCE = 120.0  # s, for a busy machine
+NUMBERS = list(range(12))
+
+
+def always() -> bool:
+    return True
+
+
+def test_a_worker_that_is_killed_loses_and_doubles_nothing(tmp_path):
+    items = [(number, tmp_path / "died") for number in NUMBERS]
+    with Processes(2) as workers:
+        done = list(workers.do(double, items, always))
+    assert (tmp_path / "died").exists()
+    assert sorted(result for _, result in done) == [2 * number for number in NUMBERS]
+    assert all(result == 2 * item[0] for item, result in done)
+
+
+def test_work_that_kills_each_worker_ends_the_study_with_words():
+    with Processes(1) as workers, pytest.raises(WorkersError, match="3 times a worker died"):
+        list(workers.do(deadly, [1], always))
+
+
+def test_an_error_of_the_work_comes_back():
+    with Processes(1) as workers, pytest.raises(LookupError, match="no 1"):
+        list(workers.do(faulty, [1], always))
+
+
+def is_gone(pid: int) -> bool:
+    return not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+
+
+def eventually(holds) -> None:
+    end = time.monotonic() + PATIENCE
+    while not holds():
+        assert time.monotonic() < end, "it never came"
+        time.sleep(0.05)
+
+
+def test_stop_does_not_wait_for_long_work(tmp_path):
+    told = tmp_path / "pid"
+    with Processes(1) as workers:
+        assert list(workers.do(slow, [told], lambda: not told.exists() or not told.read_text())) == []
+    eventually(lambda: is_gone(int(told.read_text())))
+
+
+def test_workers_end_with_a_parent_that_is_killed(tmp_path):
+    told = tmp_path / "pid"
+    script = (
+        "import sys; from pathlib import Path; from work import slow; from orchard.study.workers import Processes\n"
+        "if __name__ == '__main__':\n"
+        "    with Processes(1) as workers: list(workers.do(slow, [Path(sys.argv[1])], lambda: True))\n"
+    )
+    (tmp_path / "parent.py").write_text(script)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(HERE.parent.parent), str(HERE)])}
+    parent = subprocess.Popen([sys.executable, str(tmp_path / "parent.py"), str(told)], env=environment)
+    try:
+        eventually(lambda: told.exists() and bool(told.read_text()))
+    finally:
+        parent.kill()
+        parent.wait(PATIENCE)
+    eventually(lambda: is_gone(int(told.read_text())))
+
+
+# -- a scheduler of dask.distributed, in processes of its own
+
+
+def dask_process(module: str, *arguments: object, before: tuple[str, ...] = ()) -> subprocess.Popen:
+    """One of dask's programs, on one machine of the test."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(HERE.parent.parent), str(HERE), str(HERE.parent)])}
+    command = [*before, sys.executable, "-m", f"distributed.cli.{module}", *map(str, arguments)]
+    return subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
+
+
+def test_a_scheduler_gives_the_same_table_though_a_worker_dies(tmp_path):
+    file = tmp_path / "scheduler.json"
+    scenario = Scenario(rows=3, picking_speed=0.5, picking={"spread": {"distribution": "gamma"}})
+    varied, common = {"carriers": [1, 2]}, {"model": "fast", "budget_seconds": 10_000.0, "within": 0.2}
+    with ExitStack() as stack:
+
+        def started(*words: object) -> None:
+            process = dask_process(*words)
+            stack.callback(process.wait, PATIENCE)
+            stack.callback(process.kill)
+
+        started("dask_scheduler", "--host", "127.0.0.1", "--port", 0, "--scheduler-file", file, "--no-dashboard", "--no-show")
+        for _ in range(2):
+            started("dask_worker", "--scheduler-file", file, "--no-nanny", "--nthreads", 1, "--no-dashboard",
+                    "--local-directory", tmp_path)  # fmt: skip
+        address = address_in(file)
+        eventually(lambda: workers_at(address) == 2)
+        with Scheduler(address) as workers:
+            done = list(workers.do(double, [(number, tmp_path / "died") for number in NUMBERS], always))
+        assert sorted(result for _, result in done) == [2 * number for number in NUMBERS]
+        assert workers_at(address) == 1  # the other one died
+        there = study(scenario, varied, StudyOptions(**common, scheduler=address, store=tmp_path / "there.db"))
+    here = study(scenario, varied, StudyOptions(**common, workers=1, store=tmp_path / "here.db"))
+    assert there.table == here.table
+
+
+def address_in(file: Path) -> str:
+    """The address of a scheduler, from its file, as soon as it is there."""
+    import json
+
+    eventually(lambda: file.exists() and file.read_text().endswith("}"))
+    return json.loads(file.read_text())["address"]
+
+
+def workers_at(address: str) -> int:
+    """The number of workers of a scheduler."""
+    try:
+        with Scheduler(address) as workers:
+            return workers.count
+    except WorkersError:
+        return 0
+
+
+def test_a_scheduler_that_is_not_there_is_told(monkeypatch):
+    monkeypatch.setattr("orchard.study.workers.CONNECTING", 1.0)
+    with pytest.raises(WorkersError, match=r"tcp://127\.0\.0\.1:1: no scheduler of dask\.distributed answers"):
+        Scheduler("tcp://127.0.0.1:1")

@@ -1,0 +1,29 @@
+"""Work for the workers of the tests, in a module that each of them can import."""
+
+import os
+import signal
+from pathlib import Path
+
+
+def double(item: tuple[int, Path]) -> int:
+    """Twice a number. The worker that gets 3 dies of it, once."""
+    number, marker = item
+    if number == 3 and not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return 2 * number
+
+
+def deadly(item: int) -> int:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return item
+
+
+def faulty(item: int) -> int:
+    raise LookupError(f"no {item}")
+
+
+def slow(item: Path) -> None:
+    """Tell who works, and work for a long time."""
+    item.write_text(str(os.getpid()))
+    signal.pause()

@@ -31,8 +31,8 @@ picking_speed: 0.5                                        # m/s, the mean
 picking: {spread: {distribution: gamma, cv: 0.3}}         # rows differ
 prices: {picker_per_hour: 15, carrier_per_hour: 6}        # in your currency
 """
-BUDGET = 600.0  # s
-COMMAND = "orchard study rent.yaml --vary carriers=1..20 --goal cost_per_bin --budget 10min"
+BUDGET = 120.0  # s
+COMMAND = "orchard study rent.yaml --vary carriers=1..20 --goal cost_per_bin --budget 2min"
 
 TEXT = """\
 # How many carriers? A study

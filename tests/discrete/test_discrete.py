@@ -18,7 +18,7 @@ VARIED = {"spread": {"distribution": "gamma", "cv": 0.3}, "failure": FAILURE}
 
 
 def orchard(**values: Any) -> Scenario:
-    return Scenario(**NOBODY | values)
+    return Scenario(**NOBODY | {"dispatch": "nearest"} | values)
 
 
 @pytest.mark.parametrize(

@@ -176,7 +176,10 @@ class Dispatched(Calls):
             self.env.process(self._fetch(order, by_bin[order.bin], ready[order.carrier], now))
 
     def _report(self, call: OpenCall, now: int) -> BinReport:
-        (metres, reach), left = self._ways[call.lane, call.side.name], max(0.0, (call.full - (now if call.failed < 0 else call.failed)) * TIME_STEP)
+        (metres, reach), left = (
+            self._ways[call.lane, call.side.name],
+            max(0.0, (call.full - (now if call.failed < 0 else call.failed)) * TIME_STEP),
+        )
         side = "east" if call.side is self.route.east else "west"
         return BinReport(call.bin, call.lane, side, call.picker, call.since, metres, left, reach)
 

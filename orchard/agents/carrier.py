@@ -1,5 +1,7 @@
 """The carrier: waits in the queue, brings a picker an empty bin when a full bin calls, and takes the full bin to the bay."""
 
+from collections.abc import Mapping
+
 import msgspec
 
 from orchard.agents.bin import CALL_AGAIN
@@ -79,7 +81,7 @@ class Carrier:
     def offer(self, robot: PlanExecutor, bin_name: str, call: Call) -> Answer:
         """Offer the carrier to a bin, unless one that has called for longer waits for an offer."""
         calls, x, y = robot.memory.calls, robot.pose.x, robot.pose.y
-        if min(calls, key=lambda name: (robot.seen.tick - calls[name].offered > CHOOSING, calls[name].since, name)) != bin_name:
+        if first_call(calls, {name: known.offered for name, known in calls.items()}, robot.seen.tick) != bin_name:
             return No("an older call comes first")
         calls[bin_name].offered = min(calls[bin_name].offered, robot.seen.tick)
         return Offer(x, y, self.route.distance(x, y, call.lane, self.route.sides[call.side]))
@@ -96,6 +98,12 @@ class Carrier:
         robot.memory.asked, robot.memory.left = {}, ""
         for call in robot.memory.calls.values():
             call.offered = LAST_TICK
+
+
+def first_call(calls: Mapping[str, HeardCall], offered: Mapping[str, int], tick: int) -> str:
+    """Return the bin to which a carrier offers itself: the one that has called for longest. A bin with an offer for longer than a bin needs
+    to send for a carrier comes last. `offered`: bin -> tick of the first offer to it."""
+    return min(calls, key=lambda name: (tick - offered.get(name, LAST_TICK) > CHOOSING, calls[name].since, name))
 
 
 def hear_calls(calls: dict[str, HeardCall], mail: Mail, tick: int) -> None:

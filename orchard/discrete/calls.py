@@ -6,11 +6,13 @@ from math import ceil
 import simpy
 
 from orchard.agents.bin import CALL_AGAIN
+from orchard.agents.carrier import REMEMBERED, HeardCall, first_call
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, dispatch_of, is_early
 from orchard.agents.dispatcher import POLL_TICKS
-from orchard.agents.forecast import EARLIER, farthest
+from orchard.agents.forecast import EARLIER
 from orchard.agents.route import OneWay, Side
 from orchard.agents.timing import approach_seconds
+from orchard.discrete.places import at
 from orchard.discrete.robots import Events, Robot
 from orchard.field.kinds import number_of
 from orchard.field.queue import PITCH
@@ -30,60 +32,76 @@ class OpenCall:
     side: Side
     since: int  # tick at which it began to call
     full: float  # tick at which it will be full, or was
+    failed: int = -1  # tick since which its picker has stood because it failed; -1: it picks
 
 
 class Calls:
     """The calls of bins that ask all carriers: the oldest one gets the nearest carrier that can leave."""
 
     def __init__(self, env: simpy.Environment, route: OneWay, carriers: list[Robot]) -> None:
-        self.env, self.route, self.layout, self.free, self.open = env, route, route.layout, list(carriers), list[OpenCall]()
-        self._changed = self.env.event()
+        self.env, self.route, self.layout, self.free = env, route, route.layout, list(carriers)
+        self._calling: dict[int, list[OpenCall]] = {}  # tick -> the bins that call then
+        self._heard: dict[str, HeardCall] = {}  # bin -> its call, as all carriers heard it
+        self._offered: dict[str, dict[str, int]] = {robot.name: {} for robot in carriers}  # carrier -> bin -> tick of its first offer
 
     def begins(self, robot: Robot, lane: int, side: Side, seconds: float) -> None:
         """Hear that a picker begins a row, and when its bin will be full."""
 
+    def fails(self, robot: Robot) -> None:
+        """Hear that a picker stands in its row because it failed."""
+
+    def goes_on(self, robot: Robot) -> None:
+        """Hear that a picker is repaired."""
+
     def left(self, robot: Robot, lane: int, side: Side) -> None:
         """Hear that a picker has left its full bin."""
-        self.open.append(OpenCall(robot.full_bin, robot.name, lane, side, robot.tick, robot.tick))
-        self.wake()
+        self._call(OpenCall(robot.full_bin, robot.name, lane, side, robot.tick, robot.tick), robot.tick)
 
     def home(self, robot: Robot) -> None:
         """Hear that a carrier has done its job."""
         self.free.append(robot)
-        self.wake()
-
-    def wake(self) -> None:
-        happened, self._changed = self._changed, self.env.event()
-        happened.succeed()
 
     def ready(self) -> list[Robot]:
         """The carriers that can leave now: at the head of their lines, or driving up to it."""
         head = self.layout.queue.head
         return [r for r in self.free if head - r.x_now < 0.1 or (r.is_moving and head - r.x_now < PITCH + 0.2)]
 
-    def run(self) -> Events:
-        """Serve the calls, one after the other."""
-        while True:
-            if not self.open:
-                yield self._changed
-                continue
-            call, now = min(self.open, key=lambda call: (call.since, call.bin)), ceil(self.env.now)
-            if not self.ready():
-                yield self.env.any_of([self.env.timeout(5), self._changed])
-                continue
-            heard = max(now, call.since + 1 + CALL_AGAIN * max(0, ceil((now - 1 - call.since) / CALL_AGAIN)))
-            yield self.env.timeout(heard - self.env.now)
-            if ready := self.ready():
-                distance = self.route.distance
-                chosen = min(ready, key=lambda r: (distance(r.x_now, r.y, call.lane, call.side), r.name))
-                self.send(call, chosen)
-                yield self.env.timeout(HEARD)
-                self.start(call, chosen)
+    def _call(self, call: OpenCall, tick: int) -> None:
+        """Let a bin ask all carriers at a tick."""
+        if tick not in self._calling:
+            self._calling[tick] = []
+            at(self.env, tick + 1, lambda: self._hear(tick))
+        self._calling[tick].append(call)
 
-    def send(self, call: OpenCall, carrier: Robot) -> None:
-        """Book a carrier for a call."""
-        self.open.remove(call)
+    def _hear(self, tick: int) -> None:
+        """Let the carriers hear the bins that called at a tick. Each of them offers itself to the one that has called for longest."""
+        calls, now = {call.bin: call for call in self._calling.pop(tick)}, tick + 1
+        self._heard = {name: heard for name, heard in self._heard.items() if now - heard.tick <= REMEMBERED}
+        self._heard |= {call.bin: HeardCall(call.since, now) for call in calls.values()}
+        offers: dict[str, list[Robot]] = {}
+        for robot in self.ready():
+            offered = self._offered[robot.name]
+            first = first_call(self._heard, offered, now)
+            if first in calls:
+                offered.setdefault(first, now)
+                offers.setdefault(first, []).append(robot)
+        for call in calls.values():
+            self._choose(call, offers.get(call.bin, []), tick)
+
+    def _choose(self, call: OpenCall, offers: list[Robot], tick: int) -> None:
+        """Let a bin send for the nearest of the carriers that offered themselves; without one it calls again."""
+        if not offers:
+            return self._call(call, tick + CALL_AGAIN)
+        chosen = min(offers, key=lambda robot: (self.route.distance(robot.x_now, robot.y, call.lane, call.side), robot.name))
+        at(self.env, tick + 1 + HEARD, lambda: self._come(call, chosen))
+
+    def _come(self, call: OpenCall, carrier: Robot) -> None:
+        """Let a carrier hear that a bin sends for it."""
+        if carrier not in self.free:
+            return self._call(call, ceil(self.env.now) + 1)
         self.free.remove(carrier)
+        self._offered[carrier.name].clear()
+        self.start(call, carrier)
 
     def start(self, call: OpenCall, carrier: Robot) -> None:
         """Let a carrier begin its job."""
@@ -95,18 +113,31 @@ class Dispatched(Calls):
 
     def __init__(self, env: simpy.Environment, route: OneWay, carriers: list[Robot]) -> None:
         super().__init__(env, route, carriers)
+        self.open, self._changed = list[OpenCall](), env.event()
         self.policy = dispatch_of(route.layout)
         self.memory = self.policy.Memory()
-        self.horizon = (farthest(route) + EARLIER) / TIME_STEP  # ticks before it is full at which a bin begins to report
+        self._ways = {(lane.number, side.name): self._way(lane.number, side) for lane in self.layout.lanes for side in route.sides.values()}
+        self.horizon = (max(reach for _, reach in self._ways.values()) + EARLIER) / TIME_STEP  # ticks before it is full, to report
+        self._ripening: dict[str, OpenCall] = {}  # picker -> the call of the bin that it fills
         self._booked: set[str] = set()
         self._asked = -POLL_TICKS
+        env.process(self.run())
 
     def begins(self, robot: Robot, lane: int, side: Side, seconds: float) -> None:
         if not is_early(self.policy):
             return
         full = robot.tick + seconds / TIME_STEP
         call = OpenCall(robot.bin, robot.name, lane, side, max(robot.tick, ceil(full - self.horizon)), full)
+        self._ripening[robot.name] = call
         self.env.process(self._later(call))
+
+    def fails(self, robot: Robot) -> None:
+        if call := self._ripening.get(robot.name):
+            call.failed = robot.tick
+
+    def goes_on(self, robot: Robot) -> None:
+        if call := self._ripening.get(robot.name):
+            call.full, call.failed = call.full + robot.tick - call.failed, -1
 
     def _later(self, call: OpenCall) -> Events:
         yield self.env.timeout(call.since - self.env.now)
@@ -115,7 +146,12 @@ class Dispatched(Calls):
 
     def left(self, robot: Robot, lane: int, side: Side) -> None:
         if not is_early(self.policy):
-            super().left(robot, lane, side)
+            self.open.append(OpenCall(robot.full_bin, robot.name, lane, side, robot.tick, robot.tick))
+            self.wake()
+
+    def wake(self) -> None:
+        happened, self._changed = self._changed, self.env.event()
+        happened.succeed()
 
     def run(self) -> Events:
         """Ask the carriers again and again while bins wait, and let the policy decide."""
@@ -140,16 +176,23 @@ class Dispatched(Calls):
             self.env.process(self._fetch(order, by_bin[order.bin], ready[order.carrier], now))
 
     def _report(self, call: OpenCall, now: int) -> BinReport:
-        route, place = self.route, self.layout.queue.place(0)
-        metres, reach = route.distance(place.x, place.y, call.lane, call.side), approach_seconds(route, call.lane, call.side)
-        left = max(0.0, (call.full - now) * TIME_STEP)
-        side = "east" if call.side is route.east else "west"
+        (metres, reach), left = (
+            self._ways[call.lane, call.side.name],
+            max(0.0, (call.full - (now if call.failed < 0 else call.failed)) * TIME_STEP),
+        )
+        side = "east" if call.side is self.route.east else "west"
         return BinReport(call.bin, call.lane, side, call.picker, call.since, metres, left, reach)
+
+    def _way(self, lane: int, side: Side) -> tuple[float, float]:
+        """The metres by road and the time from the queue's head to a lane's stop."""
+        place = self.layout.queue.place(0)
+        return self.route.distance(place.x, place.y, lane, side), approach_seconds(self.route, lane, side)
 
     def _fetch(self, order: Assignment, call: OpenCall, carrier: Robot, now: int) -> Events:
         """The bin hears of its carrier when it reports again, and sends for it."""
         report = call.since + CALL_AGAIN * ceil((now - call.since) / CALL_AGAIN)
         yield self.env.timeout(report + HEARD + ORDERED - self.env.now)
-        self.send(call, carrier)
+        self.open.remove(call)
+        self.free.remove(carrier)
         self._booked -= {order.bin, order.carrier}
         self.start(call, carrier)

@@ -1,11 +1,13 @@
 """A whole harvest in the discrete-event model: pickers, carriers, the bins' calls, and the places on the roads."""
 
 from dataclasses import replace
+from statistics import fmean
 
 import simpy
 
 from orchard.agents.route import Side
 from orchard.agents.routes import route_of
+from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.calls import Calls, Dispatched
 from orchard.discrete.lines import Lines
 from orchard.discrete.places import Ledger
@@ -30,8 +32,12 @@ class DiscreteHarvest:
         if own := {**scenario.agents, **scenario.agents_without_body}:
             raise ValueError(f"the discrete-event model knows built-in agents only, and not {', '.join(sorted(own))}; run the simulator")
         self.layout, self.route, self.env = layout, route_of(layout), simpy.Environment()
+        self.bystanders, self.exit = Bystanders(layout), layout.queue.area.east
         self.ledger, self.lines, self.unloading_ticks = Ledger(self.env), Lines(), round(UNLOADING_SECONDS / TIME_STEP)
         self.deliveries: list[float] = []  # s, when each bin was unloaded
+        self._full_since: dict[str, int] = {}  # picker -> tick at which its bin was full
+        self._waits: list[int] = []  # ticks from a picker's full bin to its next empty one
+        self._busy = 0.0  # ticks of all carriers outside the queue
         self._left: dict[str, simpy.Event] = {}  # full bin -> it is left in its lane
         self.blocks = {name: replace(block, rows=block.rows * rounds) for name, block in layout.blocks.items()}
         self._rows = {name: self._ends(block) for name, block in self.blocks.items()}
@@ -46,7 +52,6 @@ class DiscreteHarvest:
             robot.plan = list(self.route.wait_in_queue())
         for robot in sorted(self.robots.values(), key=lambda robot: (-robot.x, robot.name)):
             self.env.process(robot.run())
-        self.env.process(self.calls.run())
 
     def run(self) -> "DiscreteHarvest":
         """Do the whole harvest, and return it. It ends too when no bin is delivered for so long that robots must wait for each other."""
@@ -71,8 +76,22 @@ class DiscreteHarvest:
     def begin_row(self, picker: Robot) -> None:
         """Hear that a picker begins its next row."""
         row, side = self._rows[picker.name][0]
+        if picker.bin in self._left and not self._left[picker.bin].triggered:
+            return self.calls.goes_on(picker)  # with the same row, after a failure
         self._left[picker.bin] = self.env.event()
         self.calls.begins(picker, row, side, self.layout.row_length / self.layout.lane(row).pace)
+
+    def fail(self, picker: Robot) -> None:
+        """Hear that a picker stands in its row because it failed."""
+        self.calls.fails(picker)
+
+    def end_row(self, picker: Robot) -> None:
+        """Hear that a picker has picked a row, so that its bin is full."""
+        self._full_since[picker.name] = picker.tick
+
+    def couple(self, picker: Robot) -> None:
+        """Hear that a picker has an empty bin."""
+        self._waits.append(picker.tick - self._full_since[picker.name])
 
     def leave(self, picker: Robot) -> None:
         """Hear that a picker has left its full bin in its lane."""
@@ -85,7 +104,8 @@ class DiscreteHarvest:
         self.deliveries.append(self.env.now * TIME_STEP)
 
     def home(self, carrier: Robot) -> None:
-        """Hear that a carrier has done its job."""
+        """Hear that a carrier has done its job, at the end of the queue."""
+        self._busy += carrier.tick - carrier.away
         self.calls.home(carrier)
 
     def is_left(self, bin_name: str) -> bool:
@@ -100,6 +120,16 @@ class DiscreteHarvest:
     def seconds(self) -> float:
         """The length of the harvest, s."""
         return max(robot.stood for robot in self.robots.values()) * TIME_STEP
+
+    @property
+    def picker_waiting_seconds(self) -> float:
+        """The mean time from a picker's full bin to its next empty one, s; 0 if there was none."""
+        return fmean(self._waits) * TIME_STEP if self._waits else 0.0
+
+    @property
+    def carrier_utilisation(self) -> float:
+        """The share of the harvest's time for which a carrier is outside the queue, 0 to 1, mean over the carriers."""
+        return self._busy * TIME_STEP / (self.seconds * self.layout.scenario.carrier_count)
 
     @property
     def is_over(self) -> bool:

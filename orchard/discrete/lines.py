@@ -19,34 +19,38 @@ class Follower(Protocol):
     end: float  # up to where it drives there, in the line's direction, m
     is_across: bool  # it has turned off its line, and its bin is no longer on it
     moved: simpy.Event  # its way got longer
-    entered: int  # how many lines it has entered so far
-
-    @property
-    def before(self) -> "Follower | None":
-        """The robot that it follows."""
-        ...
 
 
 CLEAR = KINDS["carrier"].tows + KINDS["bin"].length / 2 + KINDS["carrier"].width / 2 + SIDE_MARGIN  # m a train drives to be off a line
 
 
 class Lines:
-    """The robot that entered each line last, and the one that each robot follows."""
+    """The robots on each line, the foremost first."""
 
     def __init__(self) -> None:
-        self._last: dict[Line, Follower] = {}
+        self._on: dict[Line, list[Follower]] = {}
 
-    def enter(self, robot: Follower, line: Line, at: float) -> Follower | None:
-        """Enter a line at a coordinate in the line's direction. Return the robot that is before it on the line, or None."""
-        if self._last.get(line) is robot and robot.line == line:
-            return robot.before
-        before, self._last[line] = self.last(robot, line, at), robot
-        return before
+    def enter(self, robot: Follower, line: Line, at: float) -> None:
+        """Leave the line before, and enter this one at a coordinate in its direction."""
+        self.leave(robot)
+        on = self._on.setdefault(line, [])
+        on.insert(_number_before(on, at), robot)
 
-    def last(self, robot: Follower, line: Line, at: float) -> Follower | None:
-        """Return the robot that entered a line last, if it is another one, and still before a coordinate there."""
-        last = self._last.get(line)
-        return last if last is not None and last is not robot and last.line == line and last.end >= at else None
+    def leave(self, robot: Follower) -> None:
+        """Leave the line on which a robot is, if any."""
+        if robot.line is not None:
+            self._on[robot.line].remove(robot)
+
+    def before(self, robot: Follower, line: Line, at: float) -> Follower | None:
+        """Return the robot that one at a coordinate of a line follows there, or would follow; None if there is none."""
+        on = self._on.get(line, [])
+        number = on.index(robot) if robot.line == line else _number_before(on, at)
+        return on[number - 1] if number else None
+
+
+def _number_before(on: list[Follower], at: float) -> int:
+    """How many of the robots on a line, the foremost first, are before one that enters it at a coordinate."""
+    return next((number for number in range(len(on), 0, -1) if on[number - 1].end >= at), 0)
 
 
 def room(robot: Follower, before: Follower) -> float:

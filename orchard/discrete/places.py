@@ -1,14 +1,14 @@
 """Traffic in the discrete-event model: the ledger of the agent `traffic`, asked by letters that take a tick each way."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import ceil
 from typing import Any
 
 import simpy
 
 from orchard.agents.robot import PATIENCE
-from orchard.agents.traffic import ReservationTable, answer, grant, note
-from orchard.contract.messages import Claim, Places
+from orchard.agents.traffic import ReservationTable, grant, note
+from orchard.contract.messages import Claim
 
 MAIL = 0.5  # ticks: letters arrive between two ticks, so that a robot hears them before it acts
 GIVEN_BACK = 2  # ticks after a claim at which a robot may tell that it has given places back
@@ -30,7 +30,10 @@ class Claimant:
         ledger.claimants[name] = self
 
     def holds(self, places: list[str]) -> bool:
-        return all(place in self.held for place in places)
+        return all([place in self.held for place in places])
+
+    def holds_any(self, places: list[str]) -> bool:
+        return any([place in self.held for place in places])
 
     def want(self, places: list[str], beside: str = "") -> None:
         """Claim places, unless this claim is on its way."""
@@ -60,10 +63,10 @@ class Claimant:
             self._due, self.claimed = -1, due
             self.ledger.post(self.name, Claim(keep=list(self.held), want=list(self.wanted), beside=self.beside))
 
-    def hear(self, places: Places, want: list[str]) -> None:
-        """Hear the answer to a claim for `want`."""
-        self.held = self.held + [place for place in places.held if place in want and place not in self.held]
-        self._agreed, self.alone = places.held, places.alone
+    def hear(self, held: list[str], alone: list[str], want: list[str]) -> None:
+        """Hear the answer to a claim for `want`: the places that the robot holds, and those of them that it shares with no other one."""
+        self.held = self.held + [place for place in held if place in want and place not in self.held]
+        self._agreed, self.alone = held, alone
         if self.wanted and self.holds(self.wanted):
             self.wanted = []
         self._plan()
@@ -81,7 +84,7 @@ class Ledger:
 
     def is_alone(self, name: str, place: str) -> bool:
         """Whether no other robot holds a place."""
-        return not any(place in places for other, places in self.table.holds.items() if other != name)
+        return sum([place in places for places in self.table.holds.values()]) == (place in self.table.holds[name])
 
     def post(self, name: str, claim: Claim) -> None:
         if not self._inbox:
@@ -93,7 +96,8 @@ class Ledger:
         for name in sorted(claims):
             note(self.table, name, claims[name], now)
         waiting = {name: wish.places for name, wish in self.table.wishes.items()}
-        grant(self.table)
+        if self.table.wishes:
+            grant(self.table)
         for name, claim in claims.items():
             self._reply(name, claim.want, now + 1)
         for name, places in waiting.items():
@@ -107,10 +111,30 @@ class Ledger:
 
     def _reply(self, name: str, want: list[str], heard: int) -> None:
         """Let a robot hear at a tick what it holds then."""
-        at(self.env, heard - MAIL, lambda: self.claimants[name].hear(answer(self.table, name), want))
+        at(self.env, heard - MAIL, lambda: self._answer(name, want))
+
+    def _answer(self, name: str, want: list[str]) -> None:
+        held = self.table.holds[name]
+        self.claimants[name].hear(held, [place for place in held if self.is_alone(name, place)], want)
 
 
 def at(env: simpy.Environment, time: float, act: Callable[[], Any]) -> None:
     """Do something at a time, in ticks."""
     event = env.timeout(time - env.now)
     event.callbacks.append(lambda _: act())
+
+
+def first_of(env: simpy.Environment, events: Sequence[simpy.Event]) -> simpy.Event:
+    """Return what happens as soon as one of some events does. It does the work of simpy's `any_of`, which also gathers their values."""
+    first = env.event()
+
+    def happen(_: simpy.Event) -> None:
+        if not first.triggered:
+            first.succeed()
+
+    for event in events:
+        if event.callbacks is None:
+            happen(event)
+        else:
+            event.callbacks.append(happen)
+    return first

@@ -10,18 +10,20 @@ import simpy
 
 from orchard.agents import steps as st
 from orchard.agents.robot import PATIENCE, Gate, Step
-from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
-from orchard.discrete.places import MAIL, Claimant, Ledger, at
+from orchard.agents.sense import SIDE_MARGIN
+from orchard.discrete.bystanders import ASK, Bystanders
+from orchard.discrete.lines import CLEAR, Line, Lines, room
+from orchard.discrete.places import MAIL, Claimant, Ledger, at, first_of
 from orchard.field.geometry import HEADINGS, Pose, angle_between, nearest_heading
-from orchard.field.kinds import EIGHTH
+from orchard.field.kinds import EIGHTH, KINDS
 from orchard.field.scenario import TIME_STEP
 
 Events = Generator[simpy.Event, Any, None]
 NEAR = 1e-6  # m
 COUPLE = 2  # ticks to couple a bin: the robot must have stood for one tick
 UNCOUPLE = 4  # ticks to uncouple a bin, which stands two ticks after its robot
-SWUNG_AWAY = 0.6  # of a quarter turn, after which a robot's bin is no longer in the way of the one behind it
-ASK = 2  # ticks from a question to its answer
+SWUNG_AWAY = 0.4  # of a quarter turn, after which a robot's bin is no longer in the way of the one behind it
+BESIDE = KINDS["carrier"].width / 2 + KINDS["bin"].width / 2 + SIDE_MARGIN  # m from a line at which a robot is in nobody's way there
 
 
 class Model(Protocol):
@@ -32,9 +34,14 @@ class Model(Protocol):
     lines: Lines
     robots: dict[str, "Robot"]
     unloading_ticks: int
+    bystanders: Bystanders
+    exit: float  # x at which carriers leave the queue, m
 
     def begin_row(self, picker: "Robot") -> None: ...
+    def fail(self, picker: "Robot") -> None: ...
+    def end_row(self, picker: "Robot") -> None: ...
     def leave(self, picker: "Robot") -> None: ...
+    def couple(self, picker: "Robot") -> None: ...
     def deliver(self) -> None: ...
     def home(self, carrier: "Robot") -> None: ...
     def is_left(self, bin_name: str) -> bool: ...
@@ -51,14 +58,15 @@ class Robot:
         self.places = Claimant(model.env, model.ledger, name)
         self.line: Line | None = None  # on which it drives, or which its tail has not left
         self.end = 0.0  # up to where it drives there, in the line's direction, m
-        self.before: Follower | None = None  # the robot that it follows there
-        self.entered, self.then = 0, 0  # lines so far, by this robot and by the one before it when this one began to follow it
         self.is_across = False  # it has turned off its line, and its bin is no longer on it
         self.moved = self.env.event()  # its way got longer
         self.has_offer = self.env.event()  # a carrier has brought a bin
         self.new_plan = self.env.event()
         self.memory = SimpleNamespace(plan=[], doing="", state="resting", failures=0, picked=0.0)
+        self.meetings, self.turns = 0, 0  # so far: times that it stood for people and animals on its way, and turns
+        self.clear = model.bystanders.metres_to(name, 0)  # m to the next meeting
         self._leg: tuple[str, int, float, float, int, float] | None = None  # the part of a drive that it is on
+        self.away = inf  # tick since which it has been outside the queue; inf: it is there
         self.stood = 0  # tick since which it stands
         self.plan: list[Step] = []
         self.offered, self.carrier, self.full_bin = "", "", ""  # the bin that a carrier has brought; that carrier; the bin that it left
@@ -81,7 +89,7 @@ class Robot:
 
     def take(self, plan: list[Step]) -> None:
         """Drop the rest of the plan for another one."""
-        self.plan = list(plan)
+        self.plan, self.away = list(plan), inf
         happened, self.new_plan = self.new_plan, self.env.event()
         happened.succeed()
 
@@ -95,11 +103,12 @@ class Robot:
 
     @property
     def is_moving(self) -> bool:
-        return self._leg is not None
+        """Whether it has moved in the last tick."""
+        return self._leg is not None and self.env.now > self._leg[1]
 
     def wait(self, *events: simpy.Event) -> Events:
         """Wait for the first of these events, and then for the next tick."""
-        yield self.env.any_of(events) if len(events) > 1 else events[0]
+        yield first_of(self.env, events) if len(events) > 1 else events[0]
         if self.env.now % 1:
             yield self.env.timeout(ceil(self.env.now) - self.env.now)
 
@@ -118,22 +127,30 @@ class Robot:
         here = sign * (self.x if axis == "x" else self.y)
         line = (axis, round(self.y if axis == "x" else self.x, 3), sign)
         left_at, arrived = here, self._leave(line, here)
-        pace = step.speed * TIME_STEP
-        while True:
-            for gate in step.frees:
-                if here > sign * gate.at - NEAR:
-                    self.places.free(gate.places)
-            ahead, shut = self._next_gate(step, sign, here), None
-            limit, ask = target if ahead is None else min(target, sign * ahead.at), inf
-            if ahead is not None and sign * ahead.at - here >= st.LOOK_AHEAD - NEAR:
-                ask = max(1, floor((sign * ahead.at - here - st.LOOK_AHEAD) / pace + NEAR) + 1)
-            elif ahead is not None:
-                shut = self._ask_for(ahead)
+        pace, called = step.speed * TIME_STEP, [self.new_plan] if step.queueing else []
+        meeting = here + self.clear
+        needs, frees = [(sign * gate.at, gate) for gate in step.needs], sorted((sign * gate.at, gate.places) for gate in step.frees)
+        while not (called and called[0].triggered):  # a carrier that is called on its way to the head stands there, and then goes on
+            if here > meeting - NEAR:
+                meeting = here + (yield from self._meet())
+            while frees and here > frees[0][0] - NEAR:
+                self.places.free(frees.pop(0)[1])
+            while needs and (here > needs[0][0] + NEAR or self.places.holds(needs[0][1].places)):
+                del needs[0]
+            limit, ask, shut = target, inf, None
+            if needs:
+                gate_at, gate = needs[0]
+                limit = min(target, gate_at)
+                if gate_at - here >= st.LOOK_AHEAD - NEAR:
+                    ask = max(1, floor((gate_at - here - st.LOOK_AHEAD) / pace + NEAR) + 1)
+                else:
+                    shut = self._ask_for(gate)
             if not arrived and here - left_at >= CLEAR - NEAR:
                 arrived = self._arrive(line, here)
-            before = self._before(line) if arrived else self.model.lines.last(self, line, here)
+            before = self.model.lines.before(self, line, here)
             free_to = room(self, before) if before is not None else inf
-            limit = min(limit, max(here, free_to))
+            goal = min(limit, meeting)
+            limit = min(goal, max(here, free_to))
             if arrived:
                 self._extend(limit)
             left = limit - here
@@ -144,23 +161,30 @@ class Robot:
                 waits = [self.places.changed] if self.places.wanted else []
                 waits += [shut] if shut is not None else []
                 waits += [before.moved] if before is not None and free_to <= here + NEAR else []
-                yield from self.wait(*waits)
+                yield from self.wait(*waits, *called)
                 continue
             ticks = min(ceil(left / pace - NEAR), ask)
             if not arrived:
                 ticks = min(ticks, ceil((left_at + CLEAR - here) / pace - NEAR))
-            ticks = min([ticks, *(ceil(left / pace - NEAR) for left in self._until_freed(step, sign, here))])
+            freed = next((gate_at for gate_at, places in frees if self.places.holds_any(places)), inf)
+            if freed < limit:
+                ticks = min(ticks, ceil((freed - here) / pace - NEAR))
             begun, was = self.tick, here
             timeout, self._leg = self.env.timeout(ticks), (axis, begun, was, pace, sign, limit)
-            yield from self.wait(timeout, *([self.places.changed] if self.places.wanted else []))
+            yield from self.wait(timeout, *([self.places.changed] if self.places.wanted else []), *called)
+            if before is not None and limit < goal:  # the one before it has driven on
+                limit = max(limit, min(goal, room(self, before)))
             here, self._leg = min(limit, was + (self.tick - begun) * pace), None
+            if axis == "x" and was <= self.model.exit < here and self.away == inf:
+                self.away = begun + (self.model.exit - was) / pace
             self._put(axis, sign * here)
-        return
+        self.clear = meeting - here
 
-    def _next_gate(self, step: st.DriveTo, sign: int, here: float) -> Gate | None:
-        """The first gate ahead of which it does not hold the places. `here`: its coordinate in the direction of the drive, m."""
-        ahead = (gate for gate in step.needs if sign * gate.at >= here - NEAR)
-        return next((gate for gate in ahead if not self.places.holds(gate.places)), None)
+    def _meet(self) -> Generator[simpy.Event, Any, float]:
+        """Stand for people or animals. Return the metres to the next meeting."""
+        yield self.env.timeout(self.model.bystanders.meeting_ticks(self.name, self.meetings))
+        self.meetings += 1
+        return self.model.bystanders.metres_to(self.name, self.meetings)
 
     def _ask_for(self, gate: Gate) -> simpy.Event | None:
         """Ask for the places of a gate. If a bin must be left before that, return what happens then."""
@@ -168,11 +192,6 @@ class Robot:
             return self.model.until_left(gate.bin)
         self.places.want(gate.places)
         return None
-
-    def _until_freed(self, step: st.DriveTo, sign: int, here: float) -> list[float]:
-        """The distances to the gates ahead at which it gives back places that it holds, m."""
-        ahead = (gate for gate in step.frees if sign * gate.at > here + NEAR)
-        return [sign * gate.at - here for gate in ahead if any(place in self.places.held for place in gate.places)]
 
     def _put(self, axis: str, value: float) -> None:
         if axis == "x":
@@ -186,16 +205,10 @@ class Robot:
 
     def _arrive(self, line: Line, at: float) -> bool:
         """Leave the line before, and be on this one."""
-        self.before = self.model.lines.enter(self, line, at)
-        self.then = self.before.entered if self.before is not None else 0
-        self.line, self.end, self.is_across, self.entered = line, at, False, self.entered + 1
+        self.model.lines.enter(self, line, at)
+        self.line, self.end, self.is_across = line, at, False
         self._tell()
         return True
-
-    def _before(self, line: Line) -> Follower | None:
-        """The robot that it follows on a line, while that one is there."""
-        before = self.before
-        return before if before is not None and before.line == line and before.entered == self.then else None
 
     def _extend(self, end: float) -> None:
         """Say up to where the robot will drive now."""
@@ -209,8 +222,8 @@ class Robot:
         self._later(happened)
 
     def _later(self, event: simpy.Event) -> None:
-        """Let those behind see in the next tick that it has moved."""
-        at(self.env, self.env.now + 1, event.succeed)
+        """Let those behind see that it has moved: in the next tick, and a tick later if they see its bin, which follows it."""
+        at(self.env, self.env.now + (2 if self.bin else 1), event.succeed)
 
     @do.register
     def _(self, step: st.Face) -> Events:
@@ -218,13 +231,26 @@ class Robot:
         self.yaw = HEADINGS[step.heading]
         if angle > NEAR:
             ticks = ceil(angle / EIGHTH / TIME_STEP - NEAR)
+            self.turns += 1
+            if stands := self.model.bystanders.turning_ticks(self.name, self.turns, self.hitched):
+                yield self.env.timeout(stands)
             if self.bin and not self.is_across:
                 yield self.env.timeout(floor(SWUNG_AWAY * ticks))
                 self.is_across = True
                 self._tell()
                 ticks -= floor(SWUNG_AWAY * ticks)
+            elif self.is_across and self.line is not None and self._off(self.line) > BESIDE:
+                yield self.env.timeout(floor(SWUNG_AWAY * ticks))
+                self.model.lines.leave(self)
+                self.line = None
+                self._tell()
+                ticks -= floor(SWUNG_AWAY * ticks)
             yield self.env.timeout(ticks)
             self.stood = self.tick
+
+    def _off(self, line: Line) -> float:
+        """How far it stands beside a line, m."""
+        return abs((self.y if line[0] == "x" else self.x) - line[1])
 
     @do.register
     def _(self, step: st.Realign) -> Events:
@@ -236,9 +262,11 @@ class Robot:
 
     @do.register
     def _(self, step: st.Say) -> Events:
-        self.memory.doing, self.memory.state = step.doing, step.state
+        before, self.memory.doing, self.memory.state = self.memory.state, step.doing, step.state
         if step.state == "picking":
             self.model.begin_row(self)
+        elif before == "picking":
+            (self.model.fail if step.state == "failed" else self.model.end_row)(self)
         return
         yield
 
@@ -327,6 +355,7 @@ class Robot:
             yield from self.wait(self.has_offer)
         yield self.env.timeout(1 if self.stood < self.tick else 2)
         self.bin = self.offered
+        self.model.couple(self)
         while not self.places.holds([step.place]):
             self.places.want([step.place], beside=self.carrier)
             yield from self.wait(self.places.changed)

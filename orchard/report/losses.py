@@ -9,7 +9,6 @@ from orchard.report.bounds import Bounds
 from orchard.report.schedule import Schedule
 
 REFERENCE = "predictive"  # the policy with which a harvest loses least to dispatch: docs/policies.md
-DISTURBING = ("worker", "visitor", "dog", "cat", "tractor")
 
 
 def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
@@ -22,11 +21,17 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     scenario = layout.scenario
     if scenario.agents or scenario.agents_without_body or scenario.dispatch not in POLICIES or scenario.route not in ROUTES:
         return {}
-    reference = lay_out(Scenario(**scenario.model_dump() | {"dispatch": REFERENCE}))
+    alone = undisturbed(scenario)
+    reference = lay_out(Scenario(**alone.model_dump() | {"dispatch": REFERENCE}))
     long_run = 3600.0 * scenario.rows / Bounds(reference).bins_per_hour
     schedule = Schedule(reference).seconds(scenario.carrier_count)
     best = DiscreteHarvest(reference).run().seconds
-    is_disturbed = any(start.kind in DISTURBING for start in layout.starts)
-    undisturbed = min(seconds, DiscreteHarvest(layout).run().seconds) if is_disturbed else seconds
-    parts = {"long_run": long_run, "structure": schedule - long_run, "traffic": best - schedule, "dispatch": undisturbed - best}
-    return {name: round(part, 1) for name, part in (parts | {"people_and_animals": seconds - undisturbed}).items()}
+    own = seconds if alone == scenario else min(seconds, DiscreteHarvest(lay_out(alone)).run().seconds)
+    parts = {"long_run": long_run, "structure": schedule - long_run, "traffic": best - schedule, "dispatch": own - best}
+    return {name: round(part, 1) for name, part in (parts | {"people_and_animals": seconds - own}).items()}
+
+
+def undisturbed(scenario: Scenario) -> Scenario:
+    """Return a scenario without its people, animals and tractor."""
+    nobody = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "tractor": False}
+    return Scenario(**scenario.model_dump() | nobody)

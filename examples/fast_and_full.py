@@ -1,0 +1,120 @@
+"""How far is the fast model from the simulator? The same harvests in both, as docs/bounds.md shows them.
+
+Without --people each cell is harvested once, without people and animals. With it each is harvested with the people and animals of the
+default scenario, with as many seeds as you say: the table then shows means, and the spread between seeds.
+
+    python examples/fast_and_full.py [--people SEEDS] [ROWS/PICKERS/CARRIERS:ROUTE:POLICY[:PICKING SPEED[:ROW LENGTH]] ...]
+"""
+
+import argparse
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from statistics import fmean, stdev
+
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from orchard.discrete.harvest import DiscreteHarvest
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Animals, People, Scenario
+from orchard.local import Local
+from orchard.report.metrics import HarvestFigures, harvest_figures
+
+NOBODY = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "tractor": False}
+N, F, P, L, PF = "nearest", "farthest-first", "predictive", "longest-waiting", "predictive-farthest"
+
+
+def _cells(place: str, *policies: str, rest: str = "") -> list[str]:
+    """The cells of one size and route with these policies."""
+    return [f"{place}:{policy}{rest}" for policy in policies]
+
+
+CELLS = [
+    *_cells("10/5/5:one-way", N, F, P), *_cells("10/5/5:two-way", N, P), *_cells("20/5/5:one-way", N, P), *_cells("20/10/4:one-way", N, P),
+    *_cells("10/10/10:one-way", N, F, P), *_cells("10/10/10:two-way", N, F, P, PF),
+    *_cells("20/10/10:one-way", N, F, P, L, PF), *_cells("20/10/10:two-way", N, F, P, L), *_cells("20/10/20:one-way", N, P),
+    *_cells("20/20/20:one-way", N, F, P), *_cells("20/20/20:two-way", N, F, P),
+    *_cells("10/5/3:one-way", N, P, rest=":1.0:40.0"), *_cells("10/5/3:two-way", P, rest=":1.0:40.0"),
+    *_cells("8/4/4:one-way", N, P, rest=":1.0:120.0"), *_cells("8/4/4:two-way", P, rest=":1.0:120.0"),
+    *_cells("10/5/2:one-way", N, F, P, rest=":0.03"), *_cells("10/5/2:two-way", N, P, rest=":0.03"),
+    *_cells("10/5/5:one-way", N, P, rest=":0.03"), *_cells("10/5/5:two-way", P, rest=":0.03"), *_cells("20/10/10:one-way", P, rest=":0.03"),
+]  # fmt: skip
+WITH_PEOPLE = [
+    *_cells("10/5/5:one-way", N, P), *_cells("10/5/5:two-way", P), *_cells("10/10/10:one-way", P), *_cells("20/10/10:one-way", P),
+    *_cells("20/10/10:two-way", N), *_cells("20/10/4:one-way", N), *_cells("10/5/2:one-way", P, rest=":0.03"),
+]  # fmt: skip
+
+
+def scenario_of(cell: str, seed: int = 1, **changes: object) -> Scenario:
+    """Return the orchard of a cell. Raises ValueError."""
+    size, route, policy, speed, length = (cell.split(":") + ["1.0", "70.0"][cell.count(":") - 2 :])[:5]
+    rows, pickers, carriers = map(int, size.split("/"))
+    sizes = {"rows": rows, "pickers": pickers, "carriers": carriers, "picking_speed": float(speed), "row_length": float(length)}
+    return Scenario.model_validate(sizes | {"route": route, "dispatch": policy, "seed": seed, "weeds": 0} | changes)
+
+
+def full(scenario: Scenario) -> dict[str, float]:
+    """Return the figures of a harvest in the simulator."""
+    local, figures = Local(scenario), HarvestFigures()
+    while not local.engine.over and not figures.jammed(local.engine.world):
+        events = local.tick()
+        figures.update(local.engine.world, events, local.engine.answers)
+    told = harvest_figures(local.engine.world, figures)
+    return {"seconds": told["sim_seconds"], "wait": told["picker_waiting_seconds"], "busy": told["carrier_utilisation"]}
+
+
+def fast(scenario: Scenario) -> dict[str, float]:
+    """Return the figures of a harvest in the fast model, and the processor time that it took."""
+    layout, begun = lay_out(scenario), time.process_time()
+    harvest = DiscreteHarvest(layout).run()
+    cost = time.process_time() - begun
+    return {"seconds": harvest.seconds, "wait": harvest.picker_waiting_seconds, "busy": harvest.carrier_utilisation, "cost": cost}
+
+
+def both(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the figures of a harvest in the fast model and in the simulator."""
+    return fast(scenario), full(scenario)
+
+
+def error(pairs: Sequence[tuple[dict[str, float], dict[str, float]]]) -> float:
+    """Return by how much the fast model's mean length of a harvest differs from the simulator's, as a share of it."""
+    return fmean(quick["seconds"] for quick, _ in pairs) / fmean(slow["seconds"] for _, slow in pairs) - 1.0
+
+
+def lengths(harvests: Sequence[dict[str, float]]) -> str:
+    """Return the mean length of harvests, s, and the spread between them."""
+    seconds = [harvest["seconds"] for harvest in harvests]
+    return f"{fmean(seconds):.1f}" + (f" (cv {100.0 * stdev(seconds) / fmean(seconds):.1f} %)" if len(seconds) > 1 else "")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--people", type=int, default=0, metavar="SEEDS", help="with people and animals, and so many seeds for each cell")
+    parser.add_argument("cells", nargs="*", metavar="CELL")
+    arguments = parser.parse_args()
+    cells = arguments.cells or (WITH_PEOPLE if arguments.people else CELLS)
+    seeds = max(1, arguments.people)
+    try:
+        runs = [scenario_of(cell, seed + 1, **({} if arguments.people else NOBODY)) for cell in cells for seed in range(seeds)]
+    except ValueError as problem:
+        parser.exit(2, f"{problem}\n")
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        pairs = list(track(pool.map(both, runs), total=len(runs), description="harvesting", console=Console(stderr=True)))
+    table = Table("cell", "fast, s", "full, s", "error, %", "picker waits, s", "carriers busy, %", "processor, s")
+    errors = []
+    for i, cell in enumerate(cells):
+        of_cell = pairs[i * seeds : (i + 1) * seeds]
+        errors.append(error(of_cell))
+        quick, slow = zip(*of_cell, strict=True)
+        waits, busy = ([fmean(one[name] for one in harvests) for harvests in (quick, slow)] for name in ("wait", "busy"))
+        told = [f"{100.0 * errors[-1]:+.2f}", f"{waits[0]:.0f}, {waits[1]:.0f}", f"{100.0 * busy[0]:.0f}, {100.0 * busy[1]:.0f}"]
+        table.add_row(cell, lengths(quick), lengths(slow), *told, f"{fmean(one['cost'] for one in quick):.2f}")
+    size = [abs(one) for one in errors]
+    Console(width=140).print(table, f"{len(cells)} cells: mean error {100.0 * fmean(size):.2f} %, worst {100.0 * max(size):.2f} %")
+
+
+if __name__ == "__main__":
+    main()

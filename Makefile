@@ -60,7 +60,7 @@ chaos: $(VENV)/installed-dev  ## ten minutes of kills, freezes, cuts and nonsens
 bench: $(VENV)/installed-dev  ## how fast it is, beside what else one could use: docs/benchmarks.md
 	$(RUN) -m bench
 
-docs: $(VENV)/installed-dev  ## all generated files
+docs: $(VENV)/installed-dev  ## all generated files; it asks the question of docs/study.md anew, which takes up to 10 minutes
 	$(RUN) -m docs.generate
 
 site: $(VENV)/installed-docs  ## the documents as a site, in .site/html; it runs the notebook

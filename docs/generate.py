@@ -1,8 +1,11 @@
-"""Writes every file that is generated from the code: keyspace.md, docs/reference.md, docs/scenario.md, the JSON schema, and drawings."""
+"""Writes every file that is generated: keyspace.md, docs/reference.md, docs/scenario.md, docs/study.md, the JSON schema, and drawings.
+
+All follow from the code, and those of the study from docs/study.json. As a program it asks the study's question anew, for up to 10 min.
+"""
 
 from pathlib import Path
 
-from docs import keyspace, reference, scenario
+from docs import keyspace, reference, scenario, study
 from orchard.field.layout import lay_out
 from orchard.field.queue import TWO_WAY
 from orchard.field.scenario import Scenario, schema_text
@@ -19,6 +22,8 @@ def generated() -> dict[str, str]:
         "orchard/config/scenario.schema.json": schema_text(),
         "docs/reference.md": reference.document(),
         "docs/scenario.md": scenario.document(),
+        "docs/study.md": study.document(),
+        "docs/study.svg": study.picture(),
         "docs/plan.svg": orchard_plan(layout),
         "docs/exchange-east.svg": exchange_plan(layout),
         "docs/plan-two-way.svg": orchard_plan(two_way),
@@ -27,6 +32,7 @@ def generated() -> dict[str, str]:
 
 
 if __name__ == "__main__":
+    study.measure()
     for name, text in generated().items():
         (ROOT / name).write_text(text)
         print(f"{name} written")

@@ -315,6 +315,7 @@ Recording = Annotated[Path | None, Argument(metavar="FILE.rrd", show_default="th
 
 # -- a study
 
+PICTURES = (".svg", ".png")
 QUESTION, RUNS, FILES = "The question", "The runs", "What it shows and writes"
 Share = Annotated[
     float,
@@ -367,6 +368,8 @@ class StudyArguments:
     progress: Style = "text"
 
     def check(self) -> None:
-        """Check which options are together. Raises BadParameter."""
+        """Check which options are together, and the picture's name. Raises BadParameter."""
         if self.scheduler and self.workers:
             raise BadParameter("the scheduler has its own workers; leave out --workers", param_hint="--workers")
+        if self.picture and self.picture.suffix.lower() not in PICTURES:
+            raise BadParameter(f"{self.picture}: a picture's name ends in {' or '.join(PICTURES)}", param_hint="--picture")

@@ -93,11 +93,12 @@ class Content:
 
     @cached_property
     def knee(self) -> Row | None:
-        """On the line of the best setting, the fewest from which on no more gain over WORTH; None without numbers along the axis."""
+        """On the line of the best setting, the fewest from which on no more gain over WORTH; None if only the last one is that."""
         line = next((line for line in self.lines if self.best in line.rows), None)
         if not self.is_numeric or line is None or len(line.known) < 2:
             return None
-        return next(row for i, row in enumerate(line.known) if _rate(row) * (1.0 + WORTH) >= max(map(_rate, line.known[i:])))
+        rows = enumerate(line.known[:-1])
+        return next((row for i, row in rows if _rate(row) * (1.0 + WORTH) >= max(map(_rate, line.known[i:]))), None)
 
 
 def _rate(row: Row) -> float:
@@ -227,12 +228,22 @@ def _draw_axis(axes: Axes, content: Content) -> None:
 
 def save(result: StudyResult, path: Path) -> None:
     """Write the picture; the end of the name, such as .svg or .png, is its format. Raises ValueError for another format, or OSError."""
-    drawing = figure(result)
+    drawing = _on_white(result)
     if (kind := path.suffix.removeprefix(".").lower()) not in drawing.canvas.get_supported_filetypes():
         raise ValueError(f"{path}: a picture's name ends in .svg or .png")
+    path.write_bytes(_written(drawing, kind))
+
+
+def svg(result: StudyResult) -> str:
+    """Return the picture as a file of SVG, on white."""
+    return _written(_on_white(result), "svg").decode()
+
+
+def _on_white(result: StudyResult) -> Figure:
+    drawing = figure(result)
     drawing.patch.set_alpha(1.0)
     drawing.patch.set_facecolor("white")
-    path.write_bytes(_written(drawing, kind))
+    return drawing
 
 
 def inline_svg(result: StudyResult) -> str:

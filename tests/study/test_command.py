@@ -115,6 +115,7 @@ def test_a_program_reads_partial_results(folder, undisturbed):
         (["--confidence", "10%"], ["10%: expected a share from 0.5 to 0.9999"]),
         (["--budget", "soon"], ["soon: expected a time of at least 1 s"]),
         (["--scheduler", "tcp://127.0.0.1:1", "--workers", "2"], ["the scheduler has its own workers"]),
+        (["--picture", "study.doc"], ["study.doc: a picture's name ends in .svg or .png"]),
         (["--summary", "/no/such/folder/file.json"], ["/no/such/folder/file.json: cannot be written"]),
     ],
 )

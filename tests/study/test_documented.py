@@ -1,0 +1,34 @@
+"""The commands of docs/study.md run, with a smaller orchard and less time."""
+
+import subprocess
+
+import pytest
+from documents import ROOT, block, commands
+
+from docs.study import SCENARIO, result
+from orchard.field.scenario import parse
+from orchard.study.answer import sentence
+
+SMALL = "rows: 3\npickers: 2\nprices: {carrier_per_hour: 6}\n"
+SHORT = ["--budget", "2s", "--model", "fast", "--workers", "1"]
+SECONDS = 120
+COMMANDS = [command for name in ("rent", "vary", "own") for command in commands(block("docs/study.md", name))]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=range(len(COMMANDS)))
+def test_the_commands_of_the_study_run(command, tmp_path):
+    (tmp_path / "rent.yaml").write_text(SMALL)
+    words = [*command, *SHORT, "--out", str(tmp_path / "studies.db")]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "bins an hour" in done.stdout or "budget did not allow" in done.stdout
+
+
+def test_the_scenario_of_the_study_is_one():
+    assert parse(block("docs/study.md", "rent.yaml")) == parse(SCENARIO)
+
+
+def test_the_document_says_what_was_measured():
+    assert sentence(result()) in (ROOT / "docs" / "study.md").read_text()
+    assert {key: len(values) for key, values in result().varied.items()} == {"carriers": 20}
+    assert parse(SCENARIO).model_dump() == result().scenario

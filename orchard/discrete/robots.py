@@ -11,7 +11,7 @@ import simpy
 from orchard.agents import steps as st
 from orchard.agents.robot import PATIENCE, Gate, Step
 from orchard.agents.sense import SIDE_MARGIN
-from orchard.discrete.bystanders import Bystanders
+from orchard.discrete.bystanders import ASK, Bystanders
 from orchard.discrete.lines import CLEAR, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Ledger, at, first_of
 from orchard.field.geometry import HEADINGS, Pose, angle_between, nearest_heading
@@ -24,7 +24,6 @@ COUPLE = 2  # ticks to couple a bin: the robot must have stood for one tick
 UNCOUPLE = 4  # ticks to uncouple a bin, which stands two ticks after its robot
 SWUNG_AWAY = 0.4  # of a quarter turn, after which a robot's bin is no longer in the way of the one behind it
 BESIDE = KINDS["carrier"].width / 2 + KINDS["bin"].width / 2 + SIDE_MARGIN  # m from a line at which a robot is in nobody's way there
-ASK = 2  # ticks from a question to its answer
 
 
 class Model(Protocol):

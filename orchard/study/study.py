@@ -26,6 +26,7 @@ Models = Literal["fast", "full", "both"]
 
 TOLD = 0.5  # s between two partial results
 RACE_SHARE = 0.5  # of the budget, which the fast model may use if the full one is to confirm
+LOSSES_SHARE = 0.9  # of the budget, after which no more losses are split: the answer is to be there in time
 CHECKS = 5  # replications by the full model of each of the best two
 LEAST_CHECKS = 3  # fewer are told
 STORE = "studies.db"
@@ -328,6 +329,7 @@ class _Study:
         """Split what the harvests of each setting lost, the best settings first, as far as the budget allows."""
         if self.options.horizon == "long" or self.is_stopped():
             return
+        until = self.begun + LOSSES_SHARE * self.options.budget_seconds
         known = [i for i in range(len(self.settings)) if any(record.ended != "jammed" for record in self._known(i, self.model))]
         first = [i for i in (self.race.best, *self.race.left) if i in known]
         items = [
@@ -335,7 +337,7 @@ class _Study:
             for i in dict.fromkeys([*first, *known])
             if i is not None
         ]
-        self.lost = {item[0]: parts for item, parts in self.workers.do(_losses, items, lambda: self._goes_on(self.end))}
+        self.lost = {item[0]: parts for item, parts in self.workers.do(_losses, items, lambda: self._goes_on(until))}
         if len(self.lost) < len(items):
             self.notes.append(f"the budget did not allow to split what was lost in {len(items) - len(self.lost)} of {len(items)} settings")
 

@@ -1,0 +1,40 @@
+"""One run: the figures of both models, the clock, and errors with their place."""
+
+import time
+
+import pytest
+
+from orchard.field.scenario import Scenario
+from orchard.local import Local
+from orchard.study.runs import Run, RunFailed, do
+
+SCENARIO = Scenario(rows=3, row_length=60.0, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 0}, weeds=0)
+
+
+def test_both_models_tell_nearly_the_same():
+    fast, full = (do(Run(SCENARIO, model), time.time() + 1000.0) for model in ("fast", "full"))
+    assert (fast.ended, fast.bins, full.ended, full.bins) == ("harvested", 3, "harvested", 3)
+    assert fast.sim_seconds == pytest.approx(full.sim_seconds, rel=0.04)
+    assert (fast.bound_bins_per_hour, fast.bottleneck) == (full.bound_bins_per_hour, full.bottleneck)
+    assert fast.key != full.key and fast.scenario == full.scenario
+
+
+def test_a_full_run_that_takes_too_long_is_given_up():
+    assert do(Run(SCENARIO, "full"), time.time()) is None
+
+
+def test_a_run_without_its_hash_is_the_same_run():
+    hashed, bare = Local(SCENARIO), Local(SCENARIO, is_hashed=False)
+    for _ in range(200):
+        assert hashed.tick() == bare.tick()
+    assert hashed.engine.world.pose.tolist() == bare.engine.world.pose.tolist()
+    assert len(hashed.engine.hash) == 64 and bare.engine.hash == ""
+
+
+def test_an_error_in_a_run_is_told_with_the_run(monkeypatch):
+    def fail(*_):
+        raise LookupError("no such bin")
+
+    monkeypatch.setattr("orchard.study.runs._fast", fail)
+    with pytest.raises(RunFailed, match=r"seed 1, fast model, nearest: LookupError: no such bin"):
+        do(Run(SCENARIO, "fast"), time.time())

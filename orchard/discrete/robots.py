@@ -217,13 +217,10 @@ class Robot:
             self._tell()
 
     def _tell(self) -> None:
-        """Let the robot behind go on, if it waits."""
-        happened, self.moved = self.moved, self.env.event()
-        self._later(happened)
-
-    def _later(self, event: simpy.Event) -> None:
-        """Let those behind see that it has moved: in the next tick, and a tick later if they see its bin, which follows it."""
-        at(self.env, self.env.now + (2 if self.bin else 1), event.succeed)
+        """Let the robots behind go on, if they wait: in the next tick, and a tick later if they see its bin, which follows it."""
+        if self.moved.callbacks:
+            happened, self.moved = self.moved, self.env.event()
+            at(self.env, self.env.now + (2 if self.bin else 1), happened.succeed)
 
     @do.register
     def _(self, step: st.Face) -> Events:

@@ -69,6 +69,7 @@ class Robot:
         self.away = inf  # tick since which it has been outside the queue; inf: it is there
         self.stood = 0  # tick since which it stands
         self.plan: list[Step] = []
+        self.done = 0  # steps
         self.offered, self.carrier, self.full_bin = "", "", ""  # the bin that a carrier has brought; that carrier; the bin that it left
         self.taken: dict[str, int] = {}  # bin that was brought -> tick at which it was taken over
 
@@ -85,6 +86,7 @@ class Robot:
         while True:
             while self.plan:
                 yield from self.do(self.plan.pop(0))
+                self.done += 1
             yield self.new_plan
 
     def take(self, plan: list[Step]) -> None:
@@ -100,6 +102,11 @@ class Robot:
             return self.x
         _, begun, was, pace, sign, limit = self._leg
         return sign * min(limit, was + (self.env.now - begun) * pace)
+
+    @property
+    def is_on_the_way(self) -> bool:
+        """Whether it drives, and does not stand."""
+        return self._leg is not None
 
     @property
     def is_moving(self) -> bool:

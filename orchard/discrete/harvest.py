@@ -18,6 +18,7 @@ from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
 
 LONGEST = 2_000_000  # ticks; a harvest in which robots wait for each other ends here
+JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait for each other
 MIDDLE = (0.3, 0.8)  # share of the bins before and up to which the long run is measured: without its beginning and its end
 
 
@@ -54,21 +55,17 @@ class DiscreteHarvest:
             self.env.process(robot.run())
 
     def run(self) -> "DiscreteHarvest":
-        """Do the whole harvest, and return it. It ends too when no bin is delivered for so long that robots must wait for each other."""
-        while not self.is_over:
-            before = self.delivered
-            self.env.run(until=self.env.now + self._patience)
-            if self.delivered == before or self.env.now >= LONGEST:
-                return self
-        self.env.run(until=LONGEST)
+        """Do the whole harvest, or all until robots wait for each other, and return it."""
+        before = -1
+        while self.env.peek() < LONGEST and (self._done > before or any(robot.is_on_the_way for robot in self.robots.values())):
+            before = self._done
+            self.env.run(until=min(LONGEST, self.env.now + JAM))
         return self
 
     @property
-    def _patience(self) -> float:
-        """Ticks in which a harvest that goes on delivers a bin: ten times what its slowest row and a repair take, and an hour."""
-        failure, rows = self.layout.scenario.picking.failure, self.layout.lanes
-        slowest = max(self.layout.row_length / lane.pace for lane in rows) + (failure.mean_repair if failure.mean_between else 0.0)
-        return round((10.0 * slowest + 3600.0) / TIME_STEP)
+    def _done(self) -> int:
+        """The steps that all robots have done so far."""
+        return sum(robot.done for robot in self.robots.values())
 
     def _ends(self, block: Block) -> list[tuple[int, Side]]:
         return [(row, self.route.side(count, block.start)) for count, row in enumerate(block.rows)]

@@ -70,8 +70,9 @@ class Claimant:
         if self.wanted and self.holds(self.wanted):
             self.wanted = []
         self._plan()
-        happened, self.changed = self.changed, self.env.event()
-        happened.succeed()
+        if self.changed.callbacks:
+            happened, self.changed = self.changed, self.env.event()
+            happened.succeed()
 
 
 class Ledger:

@@ -69,6 +69,7 @@ class Robot:
         self.away = inf  # tick since which it has been outside the queue; inf: it is there
         self.stood = 0  # tick since which it stands
         self.plan: list[Step] = []
+        self.done = 0  # steps
         self.offered, self.carrier, self.full_bin = "", "", ""  # the bin that a carrier has brought; that carrier; the bin that it left
         self.taken: dict[str, int] = {}  # bin that was brought -> tick at which it was taken over
 
@@ -85,6 +86,7 @@ class Robot:
         while True:
             while self.plan:
                 yield from self.do(self.plan.pop(0))
+                self.done += 1
             yield self.new_plan
 
     def take(self, plan: list[Step]) -> None:
@@ -100,6 +102,11 @@ class Robot:
             return self.x
         _, begun, was, pace, sign, limit = self._leg
         return sign * min(limit, was + (self.env.now - begun) * pace)
+
+    @property
+    def is_on_the_way(self) -> bool:
+        """Whether it drives, and does not stand."""
+        return self._leg is not None
 
     @property
     def is_moving(self) -> bool:
@@ -131,20 +138,12 @@ class Robot:
         meeting = here + self.clear
         needs, frees = [(sign * gate.at, gate) for gate in step.needs], sorted((sign * gate.at, gate.places) for gate in step.frees)
         while not (called and called[0].triggered):  # a carrier that is called on its way to the head stands there, and then goes on
-            if here > meeting - NEAR:
+            while here > meeting - NEAR:
                 meeting = here + (yield from self._meet())
             while frees and here > frees[0][0] - NEAR:
                 self.places.free(frees.pop(0)[1])
-            while needs and (here > needs[0][0] + NEAR or self.places.holds(needs[0][1].places)):
-                del needs[0]
-            limit, ask, shut = target, inf, None
-            if needs:
-                gate_at, gate = needs[0]
-                limit = min(target, gate_at)
-                if gate_at - here >= st.LOOK_AHEAD - NEAR:
-                    ask = max(1, floor((gate_at - here - st.LOOK_AHEAD) / pace + NEAR) + 1)
-                else:
-                    shut = self._ask_for(gate)
+            gate_at, ask, shut = self._next_gate(needs, here, pace)
+            limit = min(target, gate_at)
             if not arrived and here - left_at >= CLEAR - NEAR:
                 arrived = self._arrive(line, here)
             before = self.model.lines.before(self, line, here)
@@ -186,12 +185,22 @@ class Robot:
         self.meetings += 1
         return self.model.bystanders.metres_to(self.name, self.meetings)
 
-    def _ask_for(self, gate: Gate) -> simpy.Event | None:
-        """Ask for the places of a gate. If a bin must be left before that, return what happens then."""
+    def _next_gate(self, needs: list[tuple[float, Gate]], here: float, pace: float) -> tuple[float, float, simpy.Event | None]:
+        """Drop the gates that it has passed, and those whose places it holds.
+
+        Return where the next one is, m, in how many ticks the robot asks for its places, and what happens when a bin is left before that.
+        """
+        while needs and (here > needs[0][0] + NEAR or self.places.holds(needs[0][1].places)):
+            del needs[0]
+        if not needs:
+            return inf, inf, None
+        gate_at, gate = needs[0]
+        if gate_at - here >= st.LOOK_AHEAD - NEAR:
+            return gate_at, max(1, floor((gate_at - here - st.LOOK_AHEAD) / pace + NEAR) + 1), None
         if gate.bin and not self.model.is_left(gate.bin):
-            return self.model.until_left(gate.bin)
+            return gate_at, inf, self.model.until_left(gate.bin)
         self.places.want(gate.places)
-        return None
+        return gate_at, inf, None
 
     def _put(self, axis: str, value: float) -> None:
         if axis == "x":
@@ -217,13 +226,10 @@ class Robot:
             self._tell()
 
     def _tell(self) -> None:
-        """Let the robot behind go on, if it waits."""
-        happened, self.moved = self.moved, self.env.event()
-        self._later(happened)
-
-    def _later(self, event: simpy.Event) -> None:
-        """Let those behind see that it has moved: in the next tick, and a tick later if they see its bin, which follows it."""
-        at(self.env, self.env.now + (2 if self.bin else 1), event.succeed)
+        """Let the robots behind go on, if they wait: in the next tick, and a tick later if they see its bin, which follows it."""
+        if self.moved.callbacks:
+            happened, self.moved = self.moved, self.env.event()
+            at(self.env, self.env.now + (2 if self.bin else 1), happened.succeed)
 
     @do.register
     def _(self, step: st.Face) -> Events:

@@ -83,6 +83,16 @@ def test_the_long_run_is_slower_with_people() -> None:
     assert long_run_bins_per_hour(lay_out(disturbed), 5) < 0.99 * long_run_bins_per_hour(lay_out(alone), 5)
 
 
+def test_a_harvest_in_which_robots_wait_for_ever_ends_soon_and_is_not_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("orchard.discrete.places.grant", lambda table: None)
+    layout = lay_out(orchard(rows=4, pickers=2, carriers=1))
+    harvest = DiscreteHarvest(layout).run()
+    assert (harvest.is_over, harvest.delivered) == (False, 0)
+    assert harvest.env.now < 20_000
+    with pytest.raises(RuntimeError, match="only 0 bins were delivered: robots wait for each other"):
+        long_run_bins_per_hour(layout)
+
+
 def test_agents_of_the_users_own_need_the_simulator() -> None:
     with pytest.raises(ValueError, match=r"built-in agents only, and not picker_01; run the simulator"):
         DiscreteHarvest(lay_out(orchard(agents={"picker_01": "tests.own_agents.Eastward"})))

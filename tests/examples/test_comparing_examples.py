@@ -22,3 +22,9 @@ def test_policies_are_compared_in_whole_harvests():
 def test_the_closed_form_stands_beside_the_long_run():
     said = printed("examples/long_run.py", "--rounds", "3", "4/2/1")
     assert len(re.findall(r"4/2/1 .* (?:carriers|pickers) .* [+-]\d+\.\d", said)) == 8
+
+
+def test_the_fast_model_stands_beside_the_simulator():
+    said = printed("examples/fast_and_full.py", "3/2/1:one-way:nearest:1.0:20.0")
+    assert re.search(r"3/2/1:one-way:nearest:1.0:20.0 .* [+-]0\.\d\d ", said)
+    assert re.search(r"1 cells: mean error 0\.\d\d %, worst 0\.\d\d %", said)

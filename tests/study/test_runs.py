@@ -36,5 +36,5 @@ def test_an_error_in_a_run_is_told_with_the_run(monkeypatch):
         raise LookupError("no such bin")
 
     monkeypatch.setattr("orchard.study.runs._fast", fail)
-    with pytest.raises(RunFailed, match=r"seed 1, fast model, nearest: LookupError: no such bin"):
+    with pytest.raises(RunFailed, match=r"seed 1, fast model, predictive: LookupError: no such bin"):
         do(Run(SCENARIO, "fast"), time.time())

@@ -1,11 +1,12 @@
 """Writes every file that is generated: keyspace.md, docs/reference.md, docs/scenario.md, docs/study.md, the JSON schema, and drawings.
 
-All follow from the code, and those of the study from docs/study.json. As a program it asks the study's question anew, for up to 10 min.
+All follow from the code, those of the study from docs/study.json, and docs/policies.svg from the tables of docs/policies.md. As a program
+it asks the study's question anew, for up to 2 min.
 """
 
 from pathlib import Path
 
-from docs import keyspace, reference, scenario, study
+from docs import keyspace, policies, reference, scenario, study
 from orchard.field.layout import lay_out
 from orchard.field.queue import TWO_WAY
 from orchard.field.scenario import Scenario, schema_text
@@ -24,6 +25,7 @@ def generated() -> dict[str, str]:
         "docs/scenario.md": scenario.document(),
         "docs/study.md": study.document(),
         "docs/study.svg": study.picture(),
+        "docs/policies.svg": policies.picture(),
         "docs/plan.svg": orchard_plan(layout),
         "docs/exchange-east.svg": exchange_plan(layout),
         "docs/plan-two-way.svg": orchard_plan(two_way),

@@ -42,11 +42,6 @@ class Setting:
         return varies or any(guests) or scenario.laser.noise > 0.0 or bool(scenario.agents or scenario.agents_without_body)
 
     @property
-    def has_own_agents(self) -> bool:
-        """Whether agents of the user's own drive: then only the full model can tell."""
-        return bool(self.scenario.agents or self.scenario.agents_without_body)
-
-    @property
     def has_prices(self) -> bool:
         """Whether the scenario gives a price."""
         return any(price is not None for price in self.scenario.prices.model_dump().values())

@@ -1,0 +1,57 @@
+"""docs/policies.svg: what dispatch policies and roads make of the same orchards, drawn from the tables of docs/policies.md."""
+
+import io
+import re
+from pathlib import Path
+
+import matplotlib
+from matplotlib.figure import Figure
+
+PAGE = Path(__file__).with_name("policies.md")
+POLICIES = ("nearest", "farthest-first", "predictive")
+ONE_WAY, TWO_WAY = "## Measured", "## On two-way roads"  # the chapters with the tables
+LOOKS = {  # chapter and policy -> colour of the bar
+    (ONE_WAY, "nearest"): "#b9c4b0", (ONE_WAY, "farthest-first"): "#7fa874", (ONE_WAY, "predictive"): "#3f8f4a",
+    (TWO_WAY, "nearest"): "#bccbdd", (TWO_WAY, "farthest-first"): "#7ea3cf", (TWO_WAY, "predictive"): "#2f66a8",
+}  # fmt: skip
+SPEED = "1"  # m/s, the picking speed of the orchards that are drawn
+INK, BAR = "#24301f", 0.13
+
+
+def picture() -> str:
+    """Return the picture as SVG."""
+    rates = {chapter: _rates(chapter) for chapter in (ONE_WAY, TWO_WAY)}
+    orchards = [orchard for orchard in rates[ONE_WAY] if orchard in rates[TWO_WAY]]
+    drawing = Figure(figsize=(8.6, 3.9), layout="constrained")
+    axes = drawing.subplots()
+    for number, ((chapter, policy), colour) in enumerate(LOOKS.items()):
+        places = [i + BAR * (number - (len(LOOKS) - 1) / 2) for i in range(len(orchards))]
+        heights = [rates[chapter][orchard][policy] for orchard in orchards]
+        road = "one-way" if chapter == ONE_WAY else "two-way"
+        bars = axes.bar(places, heights, BAR * 0.92, color=colour, label=f"{road}, {policy}")
+        if policy == POLICIES[-1]:
+            axes.bar_label(bars, fmt="%.0f", fontsize=8, color=INK, padding=1)
+    axes.set_xticks(range(len(orchards)), orchards)
+    axes.set_xlabel("rows / pickers / carriers", color=INK)
+    axes.set_ylabel("bins an hour", color=INK)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, fontsize=8, ncols=2, labelcolor=INK)
+    return _svg(drawing)
+
+
+def _rates(chapter: str) -> dict[str, dict[str, float]]:
+    """The table of a chapter: orchard -> policy -> bins an hour."""
+    text = PAGE.read_text()
+    lines = [line for line in text[text.index(chapter) :].splitlines()[1:] if line.startswith(("|", "#"))]
+    end = next(i for i, line in enumerate([*lines, "#"]) if line.startswith("#"))
+    head, _, *body = [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in lines[:end]]
+    rows = [dict(zip(head, cells, strict=True)) for cells in body if cells[1] == SPEED]
+    return {row[head[0]]: {policy: float(re.split(r"\s", row[policy])[0]) for policy in POLICIES} for row in rows}
+
+
+def _svg(drawing: Figure) -> str:
+    """The drawing as a file of SVG, the same each time."""
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "orchard", "font.sans-serif": ["DejaVu Sans", "sans-serif"]}):
+        file = io.BytesIO()
+        drawing.savefig(file, format="svg", metadata={"Date": None})
+    return file.getvalue().decode()

@@ -1,0 +1,94 @@
+"""The full model's word about the best two settings of a race, and where it disagrees with the fast model."""
+
+from collections.abc import Sequence
+from functools import partial
+
+from orchard.study.racing import Race
+from orchard.study.replications import Replications
+from orchard.study.result import Check, Interval
+from orchard.study.statistics import interval
+
+CHECKS = 5  # replications by the full model of each of the best two
+LEAST_CHECKS = 3  # fewer are told
+
+
+class Confirmation:
+    """The full model harvests the best two settings, on the seeds of the fast model. `run` does it; then `checks` and `notes` tell."""
+
+    def __init__(self, race: Race, replications: Replications) -> None:
+        self.race, self.replications, self.settings = race, replications, replications.settings
+        self.checks: dict[int, Check] = {}
+        self.notes: list[str] = []
+
+    def run(self, until: float) -> None:
+        """Have the full model harvest, as far as the time allows."""
+        if self.race.best is None or self.replications.is_stopped():
+            return
+        two = [self.race.best, *self._runner_up()]
+        wanted = CHECKS if any(self.settings[i].is_random for i in two) else 1
+        step = max(1, self.replications.workers.count // len(two))
+        for first in range(0, wanted, step):
+            last = min(wanted, first + step)
+            if first and not self.replications.fits(len(two) * (last - first), "full", until):
+                break
+            if not self.replications.do(two, "full", first, last, until):
+                break
+        for i in two:
+            if self.replications.known(i, "full"):
+                self.checks[i] = self._check(i)
+            self.notes += self._notes(i, wanted)
+        if len(two) == 2:
+            self._compare_order(*two)
+
+    def _runner_up(self) -> list[int]:
+        """The setting that is best after the best one: of those that cannot be told apart the cheapest if there are prices."""
+        race, mean = self.race, self.replications.mean
+        left = [i for i in race.left if i != race.best]
+        others = left or [i for i in race.out if i not in race.jammed]
+        if left and self.settings[0].has_prices:
+            return [min(left, key=lambda i: mean(i, "fast", lambda record: self.settings[i].cost_per_bin(record.bins_per_hour) or 0.0))]
+        sign = -1.0 if race.is_max else 1.0
+        return sorted(others, key=lambda i: sign * mean(i, "fast", partial(self.replications.value, i)))[:1]
+
+    def _check(self, i: int) -> Check:
+        """What the full model says of a setting, beside the fast one on the same seeds."""
+        full, fast = self.replications.known(i, "full"), self.replications.known(i, "fast")
+        rates = [record.bins_per_hour for record in full if record.ended != "jammed"]
+        beside = fast if self.settings[i].is_random else fast * len(full)
+        pairs = [(one, other) for one, other in zip(full, beside, strict=False) if one.ended != "jammed"]
+        found = interval(rates, self.race.confidence) if rates else Interval(mean=0.0, low=0.0, high=0.0)
+        difference = 1.0 - sum(other.bins_per_hour for _, other in pairs) / sum(one.bins_per_hour for one, _ in pairs) if pairs else 0.0
+        return Check(bins_per_hour=found, difference=difference, replications=len(full), jammed=len(full) - len(rates))
+
+    def _notes(self, i: int, wanted: int) -> list[str]:
+        """What the full model says against the fast one, and what the budget did not allow."""
+        words, check, notes = self.settings[i].words or "the scenario", self.checks.get(i), []
+        if check is None:
+            return [f"the budget did not allow a run of {words} by the simulator: the fast model alone answers"]
+        if check.replications < wanted:
+            least = f"; {LEAST_CHECKS} are the least for a sound check" if check.replications < min(LEAST_CHECKS, wanted) else ""
+            notes.append(f"the budget allowed {check.replications} of {wanted} runs of {words} by the simulator{least}")
+        if check.jammed:
+            notes.append(f"{words}: {check.jammed} of {check.replications} runs jammed in the simulator, and none in the fast model")
+        if check.jammed < check.replications:
+            less, rate = "less" if check.difference < 0 else "more", f"{check.bins_per_hour.mean:.1f} bins/h"
+            notes.append(f"{words}: the simulator has {rate}, {100 * abs(check.difference):.1f} % {less} than the fast model")
+        return notes
+
+    def _compare_order(self, best: int, second: int) -> None:
+        """Note if the full model prefers the second setting."""
+        known, value = self.replications.known, self.replications.value
+        pairs = [
+            (value(best, one), value(second, other))
+            for one, other in zip(known(best, "full"), known(second, "full"), strict=False)
+            if "jammed" not in (one.ended, other.ended)
+        ]
+        means = [sum(values) / len(values) for values in zip(*pairs, strict=True)]
+        if means and _is_better(means, self.race):
+            words = f"{self.settings[second].words} ({means[1]:.4g}) to {self.settings[best].words} ({means[0]:.4g})"
+            self.notes.append(f"the simulator prefers {words}: the models disagree about the order of the best two")
+
+
+def _is_better(means: Sequence[float], race: Race) -> bool:
+    """Whether the second of two means is the better one."""
+    return means[1] > means[0] if race.is_max else means[1] < means[0]

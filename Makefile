@@ -5,7 +5,7 @@ SECONDS := 600
 RUN := $(VENV)/bin/python
 INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
 
-.PHONY: run app lint test pythons package soak chaos bench view docs site pictures clean
+.PHONY: run app study lint test pythons package soak chaos bench view docs site pictures clean
 .DEFAULT_GOAL := run
 
 $(VENV)/installed: pyproject.toml constraints.txt
@@ -16,12 +16,16 @@ $(VENV)/installed: pyproject.toml constraints.txt
 	touch $@
 
 $(VENV)/installed-app: $(VENV)/installed
-	$(INSTALL) '.[app]'
+	$(INSTALL) '.[app,study]'
+	touch $@
+
+$(VENV)/installed-study: $(VENV)/installed
+	$(INSTALL) '.[study]'
 	touch $@
 
 $(VENV)/installed-dev: $(VENV)/installed
 	$(INSTALL) '.[app,secure,study,dev]'
-	touch $@ $(VENV)/installed-app
+	touch $@ $(VENV)/installed-app $(VENV)/installed-study
 
 $(VENV)/installed-docs: $(VENV)/installed
 	$(INSTALL) '.[docs]'
@@ -32,6 +36,9 @@ run: $(VENV)/installed  ## the default orchard, from start to summary
 
 app: $(VENV)/installed-app  ## the page in the browser
 	$(VENV)/bin/orchard app
+
+study: $(VENV)/installed-study  ## how many carriers for 10 pickers in 20 rows? docs/study.md
+	$(VENV)/bin/orchard study undisturbed --vary carriers=1..20
 
 view: $(VENV)/installed  ## open the newest recording
 	$(VENV)/bin/orchard view
@@ -60,7 +67,7 @@ chaos: $(VENV)/installed-dev  ## ten minutes of kills, freezes, cuts and nonsens
 bench: $(VENV)/installed-dev  ## how fast it is, beside what else one could use: docs/benchmarks.md
 	$(RUN) -m bench
 
-docs: $(VENV)/installed-dev  ## all generated files; it asks the question of docs/study.md anew, which takes up to 10 minutes
+docs: $(VENV)/installed-dev  ## all generated files; it asks the question of docs/study.md anew, which takes up to 2 minutes
 	$(RUN) -m docs.generate
 
 site: $(VENV)/installed-docs  ## the documents as a site, in .site/html; it runs the notebook

@@ -190,7 +190,7 @@ def study(chosen: StudyArguments) -> None:
     try:
         from orchard.launch.study import run_study
     except ModuleNotFoundError as missing:
-        print_error(f"A study needs the package {missing.name}: pip install 'orchard-sim[study]'")
+        print_error(f"A study needs the package {missing.name}: pip install 'orchard-sim[study]', or in a clone: make study")
         raise typer.Exit(BAD_INPUT) from None
     chosen.check()
     with exit_on_errors(ScenarioError):

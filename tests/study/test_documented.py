@@ -1,4 +1,4 @@
-"""The commands of docs/study.md run, with a smaller orchard and less time."""
+"""The commands of a study in documents run, with a smaller orchard and less time."""
 
 import subprocess
 
@@ -12,12 +12,14 @@ from orchard.study.answer import sentence
 SMALL = "rows: 3\npickers: 2\nprices: {carrier_per_hour: 6}\n"
 SHORT = ["--budget", "2s", "--model", "fast", "--workers", "1"]
 SECONDS = 120
-COMMANDS = [command for name in ("rent", "vary", "own") for command in commands(block("docs/study.md", name))]
+BLOCKS = [("study", "rent"), ("study", "vary"), ("study", "own"), ("policies", "policies"), ("bounds", "carriers")]
+COMMANDS = [command for page, name in BLOCKS for command in commands(block(f"docs/{page}.md", name))]
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=range(len(COMMANDS)))
 def test_the_commands_of_the_study_run(command, tmp_path):
-    (tmp_path / "rent.yaml").write_text(SMALL)
+    for name in ("rent.yaml", "undisturbed"):  # a file has precedence over a scenario of the package
+        (tmp_path / name).write_text(SMALL)
     words = [*command, *SHORT, "--out", str(tmp_path / "studies.db")]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -13,8 +13,9 @@ Written by docs/scenario.py from the model that checks scenarios (`make docs`); 
 A scenario is a YAML file. Each value that it leaves out keeps its default. `orchard FILE.yaml` harvests it; the options `--rows`,
 `--pickers`, `--row-width`, `--carriers`, `--seed`, `--dispatch`, `--rows-to-pickers` and `--route` change the value of the same name.
 `orchard realistic` names a scenario that comes with the program: pickers as slow as people. So do `hand_picking`, people as a grower's
-diary tells it, `kiwi_robot`, robots with four arms, and `undisturbed`, an orchard in which nothing is random. The files name their sources. All faults of a file are reported at once, each
-with its line. Editors check a file that begins with `# yaml-language-server: $schema=PATH`, where PATH leads to [the schema](../{schema}).
+diary tells it, `kiwi_robot`, robots with four arms, and `undisturbed`, an orchard in which nothing is random. The files name their sources.
+All faults of a file are reported at once, each with its line. The first line, `# yaml-language-server: $schema=PATH`, lets an editor
+complete and check the file; PATH leads to [the schema](../{schema}).
 
 ```yaml scenario
 rows: 8

@@ -1,9 +1,12 @@
 """What --vary means: values, ranges, settings, and every mistake told at once with its place."""
 
+from pathlib import Path
+
 import pytest
 
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
+from orchard.field.shipped import load_or_shipped
 from orchard.study.settings import settings_of, varied_of
 from orchard.study.study import StudyOptions, check_options
 
@@ -101,3 +104,8 @@ def test_chance_needs_people_animals_spread_failures_or_noise() -> None:
                {"picking.failure.mean_between": 600.0}, {"laser.noise": 0.01}]  # fmt: skip
     random = [settings_of(with_changes(Scenario(**quiet), **change), {})[0].is_random for change in changes]
     assert random == [False, True, True, True, True, True]
+
+
+def test_nothing_is_random_in_the_scenario_undisturbed() -> None:
+    (setting,) = settings_of(load_or_shipped(Path("undisturbed")), {})
+    assert not setting.is_random

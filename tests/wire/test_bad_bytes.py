@@ -16,7 +16,7 @@ import numpy as np
 import psutil
 import pytest
 import zenoh
-from alone import SMALL, local_hash
+from alone import AGENTS, SMALL, local_hash
 from corpus import HOST, KEYS, Net, Query, Run, StandIn, oversized
 from fleet import Fleet, until
 from nonsense import RUN, bad, refusal_of
@@ -126,7 +126,7 @@ def test_a_run_under_a_rain_of_bad_messages_is_the_same_to_the_last_bit(other, c
     assert sum(thrower.by_key.values()) > 75_000
     assert max(thrower.memory) - thrower.memory[len(thrower.memory) // 5] < MOST_MEMORY
     drivers = run.physics.harvest.drivers
-    assert len(run.physics.harvest.refusal_totals.there) <= 1000 and not drivers.unheld._puts and len(drivers.ledger.memories) <= 9
+    assert len(run.physics.harvest.refusal_totals.there) <= 1000 and not drivers.unheld._puts and len(drivers.ledger.memories) <= AGENTS
     assert not any("Traceback" in record.getMessage() or record.exc_info or len(record.getMessage()) > 700 for record in caplog.records)
     refused = run.physics.harvest.refusal_totals.counts, run.host.refusals.counts
     print(dict(thrower.by_key), *map(dict, refused), [m >> 20 for m in thrower.memory[::10]])

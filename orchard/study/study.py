@@ -253,11 +253,19 @@ class _Study:
         notes = []
         if not any(setting.is_random for setting in self.settings):
             notes.append("nothing in these settings is random, so one run of each stands for all seeds")
+        if self.race.best is not None and (ends := self._ends(self.settings[self.race.best])):
+            notes.append(f"the best has {ends}: the end of what was tried")
         if hardly := self._hardly_worse(rows, verdicts):
             notes.append(f"worse for certain, but by less than {100 * self.options.within:g} %: {self._words(hardly)}")
         jammed = {i: row for i, row in rows.items() if row.jammed}
         words = (f"{self.settings[i].words or 'the scenario'}: {row.jammed} of {row.replications}" for i, row in jammed.items())
         return [*notes, *(f"{one} runs jammed" for one in words)]
+
+    def _ends(self, best: Setting) -> str:
+        """The numbers of a setting beyond which nothing was tried: "carriers=20"."""
+        tried = {key: [value for value in values if isinstance(value, int | float)] for key, values in self.varied.items()}
+        ends = [key for key, values in tried.items() if len(values) > 2 and best.values[key] in (min(values), max(values))]
+        return ", ".join(f"{key}={best.values[key]}" for key in ends)
 
     def _hardly_worse(self, rows: Mapping[int, Row], verdicts: Mapping[int, Comparison]) -> list[int]:
         """The settings that are worse for certain, but hardly so: certain is not important."""

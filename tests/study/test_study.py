@@ -120,9 +120,10 @@ def test_without_chance_one_run_stands_for_all_seeds(tmp_path):
 
 def test_what_is_worse_by_little_is_told(tmp_path):
     """Rows are longer by so little that the harvest hardly changes, though for certain."""
-    settled = study(Scenario(rows=3, **QUIET), {"row_length": [70.0, 70.2]}, replace(AMPLE, store=tmp_path / "s.db"))
-    assert [one.is_told_apart for one in settled.comparisons] == [True]
-    assert "worse for certain, but by less than 5 %: row_length=70.2" in settled.notes
+    settled = study(Scenario(rows=3, **QUIET), {"row_length": [70.0, 70.2, 70.4]}, replace(AMPLE, store=tmp_path / "s.db"))
+    assert [one.is_told_apart for one in settled.comparisons] == [True, True]
+    assert "worse for certain, but by less than 5 %: row_length=70.2; row_length=70.4" in settled.notes
+    assert "the best has row_length=70.0: the end of what was tried" in settled.notes
 
 
 def test_settings_with_and_without_chance_are_compared(tmp_path):

@@ -12,13 +12,13 @@ from orchard.study.answer import sentence
 SMALL = "rows: 3\npickers: 2\nprices: {carrier_per_hour: 6}\n"
 SHORT = ["--budget", "2s", "--model", "fast", "--workers", "1"]
 SECONDS = 120
-BLOCKS = [("study", "rent"), ("study", "vary"), ("study", "own"), ("policies", "policies"), ("bounds", "carriers")]
+BLOCKS = [("study", "rent"), ("study", "vary"), ("study", "own"), ("policies", "policies"), ("bounds", "carriers"), ("bounds", "realistic")]
 COMMANDS = [command for page, name in BLOCKS for command in commands(block(f"docs/{page}.md", name))]
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=range(len(COMMANDS)))
 def test_the_commands_of_the_study_run(command, tmp_path):
-    for name in ("rent.yaml", "undisturbed"):  # a file has precedence over a scenario of the package
+    for name in ("rent.yaml", "undisturbed", "realistic"):  # a file has precedence over a scenario of the package
         (tmp_path / name).write_text(SMALL)
     words = [*command, *SHORT, "--out", str(tmp_path / "studies.db")]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS)

@@ -1,6 +1,7 @@
 """The documents tell the truth: commands and code in them run, generated files are what their programs write."""
 
 import ast
+import os
 import re
 import shlex
 import subprocess
@@ -33,8 +34,9 @@ SECONDS = 240
 
 
 @pytest.mark.parametrize("code", PROGRAMS, ids=range(len(PROGRAMS)))
-def test_the_programs_in_the_documents_run(code):
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=SECONDS)
+def test_the_programs_in_the_documents_run(code, tmp_path):
+    there = os.environ | {"ORCHARD_RUNS": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=SECONDS, env=there)
     assert done.returncode == 0, done.stderr
     assert done.stdout
 

@@ -373,3 +373,6 @@ class StudyArguments:
             raise BadParameter("the scheduler has its own workers; leave out --workers", param_hint="--workers")
         if self.picture and self.picture.suffix.lower() not in PICTURES:
             raise BadParameter(f"{self.picture}: a picture's name ends in {' or '.join(PICTURES)}", param_hint="--picture")
+        files = [path for path in (self.summary, self.csv, self.picture, self.report) if path is not None]
+        if len(set(files)) < len(files):
+            raise BadParameter(f"{', '.join(map(str, files))}: two of these are one file", param_hint="--summary")

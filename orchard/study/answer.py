@@ -1,6 +1,7 @@
 """The answer of a study in one sentence."""
 
 from collections.abc import Sequence
+from math import prod
 from typing import Any
 
 from orchard.study.result import Goal, Row, StudyResult
@@ -17,8 +18,15 @@ def sentence(result: StudyResult) -> str:
     best = next((row for row in result.table if row.setting == result.best), None)
     if best is None:
         return _jammed(result)
-    parts = [f"{setting_words(best.setting)}: {_figures(best, result)}", _ties(result), _checked(best, result), _unsure(best)]
+    figures = f"{setting_words(best.setting)}: {_figures(best, result)}{_of_those_that_were_run(result)}"
+    parts = [figures, _ties(result), _checked(best, result), _unsure(best)]
     return "; ".join(filter(None, parts)) + "."
+
+
+def _of_those_that_were_run(result: StudyResult) -> str:
+    """How many settings the answer is about, if these are not all."""
+    count = prod(len(values) for values in result.varied.values())
+    return f", the best of {len(result.table)} of {count} settings" if len(result.table) < count else ""
 
 
 def _jammed(result: StudyResult) -> str:
@@ -43,7 +51,7 @@ def _ties(result: StudyResult) -> str:
     within = {"budget": " within the budget", "stopped": " so far"}.get(result.stopped_by, "")
     key = _only_difference([result.best, *ties])
     if key is None:
-        return f"{_listed([setting_words(one) for one in ties])} cannot be told apart from it{within}"
+        return f"{_listed([_one(one) for one in ties])} cannot be told apart from it{within}"
     best, values = result.best[key], [one[key] for one in ties]
     if key not in COUNTED or None in (best, *values):
         return f"{_listed([value_words(value) for value in values])} cannot be told apart from it{within}"
@@ -51,6 +59,12 @@ def _ties(result: StudyResult) -> str:
         return f"{_span(values, result.varied.get(key, []))} cannot be told apart{within}"
     named = counted(key, _span([*values, best], result.varied.get(key, [])))
     return f"{named} cannot be told apart{within}: {value_words(min(values))} is the fewest"
+
+
+def _one(setting: dict[str, Any]) -> str:
+    """A setting in words, in brackets if it has a comma of its own."""
+    words = setting_words(setting)
+    return f"({words})" if "," in words else words
 
 
 def _only_difference(settings: Sequence[dict[str, Any]]) -> str | None:

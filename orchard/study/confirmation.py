@@ -31,7 +31,7 @@ class Confirmation:
             last = min(wanted, first + step)
             if first and not self.replications.fits(len(two) * (last - first), "full", until):
                 break
-            if not self.replications.do(two, "full", first, last, until):
+            if not self.replications.do(two, "full", last, until):
                 break
         for i in two:
             if self.replications.known(i, "full"):

@@ -32,19 +32,17 @@ class Replications:
 
     # -- doing runs
 
-    def do(self, settings: Iterable[int], model: Model, first: int, last: int, until: float) -> bool:
-        """Have the replications from `first` up to, not with, `last` of these settings done. Return whether all of them are.
+    def do(self, settings: Iterable[int], model: Model, count: int, until: float) -> bool:
+        """Have so many replications of each of these settings done, with those that it has. Return whether all of them are.
 
         A setting without chance has one. Raises WorkersError or RunFailed if they cannot be done."""
         runs: dict[str, Run] = {}
-        for number in range(first, last):
-            for i in settings:
-                keys = self._planned.setdefault((i, model), [])
-                if number == len(keys) and (number == 0 or self.settings[i].is_random):
-                    scenario = self.settings[i].scenario
-                    run = Run.of(scenario, scenario.seed + number, model, self.horizon)
-                    runs[run.key] = run
-                    keys.append(run.key)
+        for i in settings:
+            scenario, keys = self.settings[i].scenario, self._planned.setdefault((i, model), [])
+            for number in range(len(keys), count if self.settings[i].is_random else 1):
+                run = Run.of(scenario, scenario.seed + number, model, self.horizon)
+                runs[run.key] = run
+                keys.append(run.key)
         self.records |= self.store.known(runs)
         left = [run for key, run in runs.items() if key not in self.records]
         for _, record in self.workers.do(partial(do, until=until), left, lambda: self.goes_on(until)):

@@ -154,7 +154,7 @@ def own_classes(scenario: Scenario) -> tuple[tuple[str, str], ...]:
 def own_source(classes: tuple[tuple[str, str], ...]) -> str:
     """Return the digest of the files in which a user's own classes are; '' if there are none. Raises ScenarioError.
 
-    What these files import is not in it: after a change there, take another store, or `--anew`.
+    What these files import is not in it: after a change there, take another store.
     """
     return digest(*(_source(load_plugin(key, path)) for key, path in classes)) if classes else ""
 

@@ -10,7 +10,8 @@ from math import prod
 from typing import Any
 
 from orchard.field.problems import Problem, ScenarioError, show
-from orchard.field.scenario import Scenario, with_changes
+from orchard.field.queue import QUEUES
+from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, Scenario, with_changes
 
 MOST_SETTINGS = 10_000
 SEED = "seed"
@@ -39,7 +40,9 @@ class Setting:
         guests = [*scenario.people.model_dump().values(), *scenario.animals.model_dump().values()]
         picking = scenario.picking
         varies = picking.spread.distribution != "none" or picking.failure.mean_between is not None
-        return varies or any(guests) or scenario.laser.noise > 0.0 or bool(scenario.agents or scenario.agents_without_body)
+        built_in = scenario.dispatch in DISPATCH_POLICIES and scenario.rows_to_pickers in ROW_RULES and scenario.route in QUEUES
+        own = not built_in or bool(scenario.agents or scenario.agents_without_body)  # it may draw by the seed
+        return varies or any(guests) or scenario.laser.noise > 0.0 or own
 
     @property
     def has_prices(self) -> bool:

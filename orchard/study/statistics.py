@@ -21,13 +21,11 @@ def interval(values: Sequence[float], confidence: float) -> Interval:
 def paired_p_value(ones: Sequence[float], others: Sequence[float]) -> float:
     """Return the p-value, two-sided, of Student's paired t test that both have the same mean.
 
-    Differences that are all the same are certain: 1 if they are zero, else 0. One difference alone tells nothing: 1.
+    Differences that are all the same have no spread to compare with. Then it is the sign test's: 1 if they are zero, else 2 / 2**n.
     """
     differences = np.subtract(ones, others)
-    if len(differences) < 2:
-        return 1.0
     if np.ptp(differences) == 0.0:
-        return 1.0 if differences[0] == 0.0 else 0.0
+        return 1.0 if differences[0] == 0.0 else float(2.0 ** (1 - len(differences)))
     t = np.mean(differences) / np.std(differences, ddof=1) * math.sqrt(len(differences))
     return float(2.0 * special.stdtr(len(differences) - 1, -abs(t)))
 

@@ -2,8 +2,8 @@
 
 import os
 import sqlite3
-from collections.abc import Iterable
-from contextlib import closing
+from collections.abc import Callable, Iterable
+from contextlib import closing, suppress
 from dataclasses import fields
 from pathlib import Path
 
@@ -36,7 +36,7 @@ class Store:
         """Make the file if there is none, or one of another version that may be forgotten."""
         if not self.path.exists():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            return self._make()
+            self._make(self._link)
         if (other := _version(self.path)) is None:
             raise StoreError(f"{self.path}: is no store of a study; it stays as it is; name another file with --out")
         if other != software() and not anew:
@@ -44,10 +44,22 @@ class Store:
                 f"{self.path}: is a store of version {other}, and this is {software()}; --anew forgets its runs, --out names another file"
             )
         if other != software():
-            self._make()
+            self._make(self._replace)
 
-    def _make(self) -> None:
-        """Write an empty store under another name, and rename it: no one sees half of one."""
+    def _link(self, made: Path) -> None:
+        """Give an empty store its name, unless another study has just made one."""
+        with suppress(FileExistsError):
+            os.link(made, self.path)
+        made.unlink()
+
+    def _replace(self, made: Path) -> None:
+        """Put an empty store in the place of the one that is there."""
+        for rest in ("-wal", "-shm"):
+            self.path.with_name(self.path.name + rest).unlink(missing_ok=True)
+        made.replace(self.path)
+
+    def _make(self, put: Callable[[Path], None]) -> None:
+        """Write an empty store under another name, and put it in its place: no one sees half of one."""
         half = self.path.with_name(f"{self.path.name}.{os.getpid()}")
         columns = ", ".join(f"{field.name} {_column(field.name, field.type)}" for field in fields(Record))
         with closing(sqlite3.connect(half, isolation_level=None)) as database:
@@ -55,9 +67,7 @@ class Store:
             database.execute("CREATE TABLE software (version TEXT NOT NULL)")
             database.execute("INSERT INTO software VALUES (?)", (software(),))
             database.execute(f"CREATE TABLE runs ({columns})")
-        for rest in ("-wal", "-shm"):
-            self.path.with_name(self.path.name + rest).unlink(missing_ok=True)
-        half.replace(self.path)
+        put(half)
 
     def __enter__(self) -> "Store":
         return self

@@ -92,7 +92,18 @@ def check_options(settings: Sequence[Setting], options: StudyOptions) -> None:
         raise ScenarioError(problems)
     for classes, setting in {own_classes(setting.scenario): setting for setting in settings}.items():
         if classes:
-            check_plugins(lay_out(setting.scenario))
+            problems += _plugin_problems(setting)
+    if problems:
+        raise ScenarioError(problems)
+
+
+def _plugin_problems(setting: Setting) -> list[Problem]:
+    """What is wrong with the classes of the user's own that a setting names."""
+    try:
+        check_plugins(lay_out(setting.scenario))
+    except ScenarioError as error:
+        return [replace(problem, file=setting.words or problem.file) for problem in error.problems]
+    return []
 
 
 def _own_agents(scenario: Scenario) -> list[str]:
@@ -117,7 +128,8 @@ class _Study:
         self.tell, self.begun, self.told = tell, time.time(), 0.0
         self.model: Model = "full" if options.model == "full" else "fast"
         self.runs = Replications(settings, options.goal, options.horizon, store, workers, self._hear, is_stopped)
-        self.race = Race(len(settings), options.goal == "bins_per_hour", options.confidence, options.within)
+        without_chance = frozenset(i for i, setting in enumerate(settings) if not setting.is_random)
+        self.race = Race(len(settings), options.goal == "bins_per_hour", options.confidence, options.within, without_chance)
         self.confirmation = Confirmation(self.race, self.runs)
         self.lost: dict[int, dict[str, float]] = {}
         self.notes: list[str] = []
@@ -153,12 +165,10 @@ class _Study:
         """
         done = 0
         for look in (1, *LOOKS):
-            left = list(self.race.left)
-            more = [i for i in left if done == 0 or self.settings[i].is_random]
+            more = [i for i in self.race.left if self.settings[i].is_random]
             if done >= LOOKS[0] and not self.runs.fits(len(more) * (look - done), self.model, until):
                 return self._end_race()
-            is_whole = self.runs.do(more, self.model, done, look, until)
-            self.race.jam([i for i in left if any(record.ended == "jammed" for record in self.runs.known(i, self.model))])
+            is_whole = self._replicate(look, until)
             if self.race.why is None and not is_whole:
                 return self._end_race()
             if look >= LOOKS[0]:
@@ -168,20 +178,30 @@ class _Study:
             done = look
         return None
 
+    def _replicate(self, count: int, until: float) -> bool:
+        """Do so many replications of all settings that are left, until none of these has jammed. Return whether all are done."""
+        while True:
+            left = list(self.race.left)
+            is_whole = self.runs.do(left, self.model, count, until)
+            self.race.jam([i for i in left if any(record.ended == "jammed" for record in self.runs.known(i, self.model))])
+            if not is_whole or all(i in left for i in self.race.left):
+                return is_whole
+
     def _end_race(self) -> None:
         """End the race because of the budget or the user, after a last look at the seeds that all settings have that are left."""
         why: StoppedBy = "stopped" if self.runs.is_stopped() else "budget"
         missing = [i for i in self.race.left if not self.runs.known(i, self.model)]
         self.race.left = [i for i in self.race.left if i not in missing]
         if missing:
-            words = f"{len(missing)} settings, {self._words(missing)}: they are not in the table"
-            self.notes.append(f"the budget did not allow a run of {words}")
+            count = f"{len(missing)} setting{'s' if len(missing) > 1 else ''}"
+            self.notes.append(f"the budget did not allow a run of {count}, {self._words(missing)}: not in the table")
         random = [i for i in self.race.left if self.settings[i].is_random]
         common = min((len(self.runs.known(i, self.model)) for i in random), default=LOOKS[0])
         if self.race.left:
             self.race.look(self._samples(common))
         if random and common < LOOKS[0]:
-            self.notes.append(f"the budget allowed {common} replications of each setting; {LOOKS[0]} are the least for a sound answer")
+            made = f"{common} replication{'s' if common > 1 else ''}"
+            self.notes.append(f"the budget allowed {made} of each setting; {LOOKS[0]} are the least for a sound answer")
         self.race.why = why
 
     def _samples(self, count: int) -> dict[int, list[float]]:
@@ -229,9 +249,9 @@ class _Study:
         return replace(result, answer=sentence(result))
 
     def _row(self, i: int) -> Row | None:
-        """The line of a setting in the table; None if it has no run yet."""
-        records = self.runs.known(i, self.model)
-        return row_of(self.settings[i], records, self.options.confidence, self.lost.get(i, {}), self.confirmation.checks.get(i))
+        """The line of a setting in the table; None if it has no run yet. The intervals of those that are left hold together."""
+        records, confidence = self.runs.known(i, self.model), self.race.each if i in self.race.left else self.options.confidence
+        return row_of(self.settings[i], records, confidence, self.lost.get(i, {}), self.confirmation.checks.get(i))
 
     def _present_best(self, rows: Mapping[int, Row]) -> int | None:
         """The setting with the best mean so far, before the first look."""
@@ -253,6 +273,9 @@ class _Study:
         notes = []
         if not any(setting.is_random for setting in self.settings):
             notes.append("nothing in these settings is random, so one run of each stands for all seeds")
+        alike = [i for i, row in rows.items() if self._is_alike_by_chance(i, row)]
+        if alike:
+            notes.append(f"all runs gave the same, so there is no interval, though seeds may differ: {self._words(alike)}")
         if self.race.best is not None and (ends := self._ends(self.settings[self.race.best])):
             notes.append(f"the best has {ends}: the end of what was tried")
         if hardly := self._hardly_worse(rows, verdicts):
@@ -260,6 +283,10 @@ class _Study:
         jammed = {i: row for i, row in rows.items() if row.jammed}
         words = (f"{self.settings[i].words or 'the scenario'}: {row.jammed} of {row.replications}" for i, row in jammed.items())
         return [*notes, *(f"{one} runs jammed" for one in words)]
+
+    def _is_alike_by_chance(self, i: int, row: Row) -> bool:
+        one = row.bins_per_hour
+        return self.settings[i].is_random and one is not None and one.low == one.high
 
     def _ends(self, best: Setting) -> str:
         """The numbers of a setting beyond which nothing was tried: "carriers=20"."""

@@ -91,3 +91,21 @@ def test_the_key_holds_the_source_of_a_policy_of_the_users_own(tmp_path, monkeyp
         keys.append(runs.own_source((("dispatch", f"policy_{name}.Mine"),)))
     assert keys[0] == keys[1] != keys[2]
     assert runs.own_source(()) == ""
+
+
+def test_a_store_that_another_study_makes_at_the_same_time_is_used(tmp_path, record, monkeypatch):
+    """The other one makes it after this one has looked, and has kept a run before this one is ready."""
+    path = tmp_path / "studies.db"
+    other = []
+    make = Store._make
+
+    def late(self, put):
+        monkeypatch.setattr(Store, "_make", make)
+        other.append(Store(path))
+        other[0].keep(record)
+        make(self, put)
+
+    monkeypatch.setattr(Store, "_make", late)
+    with Store(path) as this, other[0]:
+        assert this.known([record.key])
+    assert [file.name for file in tmp_path.iterdir()] == ["studies.db"]

@@ -17,6 +17,7 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     for path, value in {"rows": 3, **EMPTY}.items():
         page.fill(path, value)
     page.until(lambda: page.tree_lines() == 4, "a plan of 3 rows")
+    page.fill("duration", 60)  # now it can be cleared
     page.press("how-many")
     page.until(lambda: page.field("study-first").is_displayed(), "the study is on the stage")
     page.fill("study-last", 0)

@@ -101,7 +101,7 @@ A setting in which a harvest jams is out, and told: robots that wait for each ot
 
 - The fast model races, and the simulator confirms only the best two. [How near the fast model is](bounds.md#the-discrete-event-model)
   was measured; where both disagree about the best two, the answer says so. `--model full` lets the simulator do all of it, which
-  takes hundreds of times longer.
+  takes much longer.
 - People, animals and picking times are those of the scenario. Intervals hold for its seeds, and say nothing of an orchard where
   people walk otherwise.
 - Agents of your own run in the simulator only (`--model full`). Dispatch policies, rules for rows and routes of your own run in both.

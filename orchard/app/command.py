@@ -14,7 +14,7 @@ AGAIN = 6.0  # s after which a command that has not begun is asked to stop once 
 PATIENCE = 60.0  # s that a command may take to end after a stop request, with its files; a healthy one on an idle machine takes less than 3
 
 
-class Command:
+class PageCommand:
     """A process of its own. `said`: the number of lines printed so far, and the last KEPT_LINES of them.
 
     A kind of command says what a line means (`words_of`), whether it has begun to work, and what follows when it has ended (`finish`).

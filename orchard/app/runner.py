@@ -10,7 +10,7 @@ from typing import Any
 
 import msgspec
 
-from orchard.app.command import Command
+from orchard.app.command import PageCommand
 from orchard.app.course import Course
 from orchard.app.run_controls import Files, RunSettings, command
 from orchard.field.layout import lay_out
@@ -48,7 +48,7 @@ class RunReport:
         return self.state not in (RunState.running, RunState.stopping)
 
 
-class Run(Command):
+class Run(PageCommand):
     """One run."""
 
     def __init__(self, scenario: Scenario, settings: RunSettings, files: Files) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from orchard.app.command import Command
+from orchard.app.command import PageCommand
 from orchard.app.draft import hint, number_of, shown
 from orchard.app.run_controls import Files
 from orchard.app.runner import RunState, fresh_files
@@ -75,7 +75,7 @@ def study_command(settings: StudySettings, files: Files) -> list[str]:
     return [*program, *ranges, *how, "--progress", "json", "--summary", str(files.summary)]
 
 
-class StudyRun(Command):
+class StudyRun(PageCommand):
     """One study. `result`: what is known so far, and at its end the answer."""
 
     def __init__(self, scenario: Scenario, settings: StudySettings, files: Files) -> None:

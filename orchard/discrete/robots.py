@@ -12,7 +12,7 @@ from orchard.agents import steps as st
 from orchard.agents.robot import PATIENCE, Gate, Step
 from orchard.agents.sense import SIDE_MARGIN
 from orchard.discrete.bystanders import ASK, Bystanders
-from orchard.discrete.lines import CLEAR, Line, Lines, room
+from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Ledger, at, first_of
 from orchard.field.geometry import HEADINGS, Pose, angle_between, nearest_heading
 from orchard.field.kinds import EIGHTH, KINDS
@@ -157,10 +157,8 @@ class Robot:
                 self.stood = self.tick
                 if target - here <= NEAR:
                     break
-                waits = [self.places.changed] if self.places.wanted else []
-                waits += [shut] if shut is not None else []
-                waits += [before.moved] if before is not None and free_to <= here + NEAR else []
-                yield from self.wait(*waits, *called)
+                ahead = before if free_to <= here + NEAR else None
+                yield from self.wait(*self._what_lets_it_go_on(shut, ahead), *called)
                 continue
             ticks = min(ceil(left / pace - NEAR), ask)
             if not arrived:
@@ -174,10 +172,20 @@ class Robot:
             if before is not None and limit < goal:  # the one before it has driven on
                 limit = max(limit, min(goal, room(self, before)))
             here, self._leg = min(limit, was + (self.tick - begun) * pace), None
-            if axis == "x" and was <= self.model.exit < here and self.away == inf:
-                self.away = begun + (self.model.exit - was) / pace
+            if axis == "x":
+                self._note_exit(begun, was, here, pace)
             self._put(axis, sign * here)
         self.clear = meeting - here
+
+    def _what_lets_it_go_on(self, shut: simpy.Event | None, ahead: Follower | None) -> list[simpy.Event]:
+        """What a robot that stands waits for: a place, a bin that is left in its lane, the robot right ahead of it."""
+        places = [self.places.changed] if self.places.wanted else []
+        return [*places, *([shut] if shut is not None else []), *([ahead.moved] if ahead is not None else [])]
+
+    def _note_exit(self, begun: int, was: float, here: float, pace: float) -> None:
+        """Note the tick at which a carrier left the queue eastward. It drove from x = `was` to `here`, m, from `begun` on."""
+        if was <= self.model.exit < here and self.away == inf:
+            self.away = begun + (self.model.exit - was) / pace
 
     def _meet(self) -> Generator[simpy.Event, Any, float]:
         """Stand for people or animals. Return the metres to the next meeting."""

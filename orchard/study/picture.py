@@ -33,7 +33,7 @@ FONTS = ["system-ui", "DejaVu Sans", "sans-serif"]
 
 
 @dataclass(frozen=True)
-class Line:
+class Curve:
     """The settings that differ only in the key along the axis."""
 
     rest: dict[str, Any]
@@ -66,18 +66,18 @@ class Content:
         return sorted(values) if self.is_numeric else list(values)
 
     @cached_property
-    def lines(self) -> list[Line]:
+    def lines(self) -> list[Curve]:
         """The lines, at most MOST_LINES of them: those that reach most of the goal."""
         rows: dict[tuple[Any, ...], list[Row]] = {}
         for row in self.result.table:
             rows.setdefault(tuple(row.setting.get(key) for key in self.others), []).append(row)
-        made = [Line(dict(zip(self.others, rest, strict=True)), sorted(some, key=self.place)) for rest, some in rows.items()]
+        made = [Curve(dict(zip(self.others, rest, strict=True)), sorted(some, key=self.place)) for rest, some in rows.items()]
         if len(made) <= MOST_LINES:
             return made
         best = sorted(made, key=self._reached)[:MOST_LINES]
         return [line for line in made if line in best]
 
-    def _reached(self, line: Line) -> float:
+    def _reached(self, line: Curve) -> float:
         """The best figure of a line, smaller if it is better."""
         figures = [figure.mean for row in line.known if (figure := goal_figure(row, self.result.goal)) is not None]
         return min((-figure if self.result.goal == "bins_per_hour" else figure for figure in figures), default=float("inf"))
@@ -169,7 +169,7 @@ def _draw_costs(axes: Axes, content: Content) -> None:
     axes.set_ylim(0.0, 1.1 * min(max(costs), DEAREST * min(costs)) or 1.0)
 
 
-def _draw_figures(axes: Axes, content: Content, line: Line, number: int, figures: Sequence[Interval | None]) -> None:
+def _draw_figures(axes: Axes, content: Content, line: Curve, number: int, figures: Sequence[Interval | None]) -> None:
     """A line with its band, or points with their intervals; and a ring around the best setting."""
     places = _places(content, line, number)
     known = [(place, one) for place, one in zip(places, figures, strict=True) if one is not None]
@@ -189,7 +189,7 @@ def _draw_figures(axes: Axes, content: Content, line: Line, number: int, figures
             axes.annotate(interval_words(one), (place, one.mean), xytext=(10, -16), textcoords="offset points", fontsize=9, color=INK)
 
 
-def _places(content: Content, line: Line, number: int) -> list[float]:
+def _places(content: Content, line: Curve, number: int) -> list[float]:
     """Where the rows of a line stand along the axis; lines of points stand beside each other."""
     aside = 0.0 if content.is_numeric else DODGE * (number - (len(content.lines) - 1) / 2)
     return [content.place(row) + aside for row in line.rows]

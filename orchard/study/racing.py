@@ -33,7 +33,7 @@ class Verdict:
 
 @dataclass
 class Race:
-    """A race of settings, which are numbers from 0. Feed it with `look`, and ask who is `left` and `why` it ended."""
+    """A race of settings, which are numbers from 0. Feed it with `look`, and ask what is `left`, and `why` it ended."""
 
     count: int
     is_max: bool  # whether more is better

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 from orchard.study.result import Goal, Model
-from orchard.study.runs import Horizon, Record, Run, do, software
+from orchard.study.runs import Horizon, PlannedRun, RunRecord, do, software
 from orchard.study.settings import Setting
 from orchard.study.store import Store
 from orchard.study.workers import Workers, WorkersError
@@ -27,7 +27,7 @@ class Replications:
         """`heard` is called after each run."""
         self.settings, self.goal, self.horizon = settings, goal, horizon
         self.store, self.workers, self.heard, self.is_stopped = store, workers, heard, is_stopped
-        self.records: dict[str, Record] = {}
+        self.records: dict[str, RunRecord] = {}
         self._planned: dict[tuple[int, Model], list[str]] = {}  # setting and model -> keys of its runs by seed
 
     # -- doing runs
@@ -36,11 +36,11 @@ class Replications:
         """Have so many replications of each of these settings done, with those that it has. Return whether all of them are.
 
         A setting without chance has one. Raises WorkersError or RunFailed if they cannot be done."""
-        runs: dict[str, Run] = {}
+        runs: dict[str, PlannedRun] = {}
         for i in settings:
             scenario, keys = self.settings[i].scenario, self._planned.setdefault((i, model), [])
             for number in range(len(keys), count if self.settings[i].is_random else 1):
-                run = Run.of(scenario, scenario.seed + number, model, self.horizon)
+                run = PlannedRun.of(scenario, scenario.seed + number, model, self.horizon)
                 runs[run.key] = run
                 keys.append(run.key)
         self.records |= self.store.known(runs)
@@ -50,7 +50,7 @@ class Replications:
                 self._keep(record)
         return all(key in self.records for key in runs)
 
-    def _keep(self, record: Record) -> None:
+    def _keep(self, record: RunRecord) -> None:
         if record.version != software():
             raise WorkersError(f"a worker has version {record.version}, and this is {software()}: install the same there")
         self.records[record.key] = record
@@ -69,7 +69,7 @@ class Replications:
 
     # -- what they gave
 
-    def known(self, i: int, model: Model) -> list[Record]:
+    def known(self, i: int, model: Model) -> list[RunRecord]:
         """Return the records of a setting, by seed, up to the first one that is missing."""
         found = []
         for key in self._planned.get((i, model), []):
@@ -78,11 +78,11 @@ class Replications:
             found.append(self.records[key])
         return found
 
-    def harvested(self, i: int, model: Model) -> list[Record]:
+    def harvested(self, i: int, model: Model) -> list[RunRecord]:
         """Return those that did not jam."""
         return [record for record in self.known(i, model) if record.ended != "jammed"]
 
-    def value(self, i: int, record: Record) -> float:
+    def value(self, i: int, record: RunRecord) -> float:
         """Return what a run says of the goal."""
         if self.goal == "harvest_seconds":
             return record.sim_seconds
@@ -97,7 +97,7 @@ class Replications:
         values = [self.value(i, record) for record in self.known(i, model)[:count] if record.ended != "jammed"]
         return values if self.settings[i].is_random else values[:1] * count
 
-    def mean(self, i: int, model: Model, value: Callable[[Record], float]) -> float:
+    def mean(self, i: int, model: Model, value: Callable[[RunRecord], float]) -> float:
         """Return the mean of a value over the runs that did not jam."""
         values = [value(record) for record in self.harvested(i, model)]
         return sum(values) / len(values)

@@ -37,7 +37,7 @@ NOT_DECIDING = ("seed", "prices")  # keys of the scenario: the seed has a column
 
 
 @dataclass(frozen=True)
-class Run:
+class PlannedRun:
     """A run to do. `scenario` has the seed of this replication."""
 
     scenario: Scenario
@@ -45,7 +45,7 @@ class Run:
     horizon: Horizon = "harvest"
 
     @classmethod
-    def of(cls, scenario: Scenario, seed: int, model: Model, horizon: Horizon) -> "Run":
+    def of(cls, scenario: Scenario, seed: int, model: Model, horizon: Horizon) -> "PlannedRun":
         """Return the run of a scenario with another seed."""
         return cls(scenario.model_copy(update={"seed": seed % 2**63}), model, horizon)
 
@@ -61,14 +61,14 @@ class Run:
         """The digest of the scenario without its seed and its prices."""
         return digest(self.scenario.model_dump_json(exclude=set(NOT_DECIDING)))
 
-    def do(self, until: float) -> "Record | None":
+    def do(self, until: float) -> "RunRecord | None":
         """Do the run in this process. Return None if it is not over at `until`, as time.time(). The fast model is not cut short."""
         begun = time.perf_counter()
         outcome = _full(self.scenario, until) if self.model == "full" else _fast(self.scenario, self.horizon)
         if outcome is None:
             return None
         classes = own_classes(self.scenario)
-        return Record(
+        return RunRecord(
             key=self.key,
             scenario=self.scenario_digest,
             seed=self.scenario.seed,
@@ -83,7 +83,7 @@ class Run:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class RunFigures:
     """How a run went. Of a jammed run `sim_seconds`, the rate, the wait and the utilisation mean nothing."""
 
     sim_seconds: float
@@ -98,7 +98,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Record(Outcome):
+class RunRecord(RunFigures):
     """A run and how it went, flat: one row of the store."""
 
     key: str
@@ -116,7 +116,7 @@ class RunFailed(Exception):
     """A run raised an error, as one with a class of the user's own may do: the text says which run, what, and where."""
 
 
-def do(run: Run, until: float) -> Record | None:
+def do(run: PlannedRun, until: float) -> RunRecord | None:
     """Do a run in a worker: see `Run.do`. Raises RunFailed."""
     try:
         return run.do(until)
@@ -170,7 +170,7 @@ def _source(own: object) -> str:
 # -- the two models
 
 
-def _fast(scenario: Scenario, horizon: Horizon) -> Outcome:
+def _fast(scenario: Scenario, horizon: Horizon) -> RunFigures:
     """A harvest by the discrete-event model. Of a long run the rate is that of the long run, and the rest that of one harvest."""
     layout = lay_out(scenario)
     bounds, harvest = Bounds(layout), DiscreteHarvest(layout).run()
@@ -182,7 +182,7 @@ def _fast(scenario: Scenario, horizon: Horizon) -> Outcome:
             rate = long_run_bins_per_hour(layout)
         except RuntimeError:  # robots wait for each other in a later round
             return _jammed(harvest.delivered, bounds)
-    return Outcome(
+    return RunFigures(
         sim_seconds=harvest.seconds,
         bins=harvest.delivered,
         bins_per_hour=rate,
@@ -194,8 +194,8 @@ def _fast(scenario: Scenario, horizon: Horizon) -> Outcome:
     )
 
 
-def _jammed(bins: int, bounds: Bounds) -> Outcome:
-    return Outcome(
+def _jammed(bins: int, bounds: Bounds) -> RunFigures:
+    return RunFigures(
         sim_seconds=0.0,
         bins=bins,
         bins_per_hour=0.0,
@@ -207,7 +207,7 @@ def _jammed(bins: int, bounds: Bounds) -> Outcome:
     )
 
 
-def _full(scenario: Scenario, until: float) -> Outcome | None:
+def _full(scenario: Scenario, until: float) -> RunFigures | None:
     """A harvest by the simulator; None if the clock is at `until` before it ends. Only its figures are wanted, so it has no hash."""
     local, figures = Local(scenario, is_hashed=False), HarvestFigures()
     engine = local.engine
@@ -217,7 +217,7 @@ def _full(scenario: Scenario, until: float) -> Outcome | None:
         if time.time() > until:
             return None
     found, violations = harvest_figures(engine.world, figures), engine.violations()
-    return Outcome(
+    return RunFigures(
         sim_seconds=found["sim_seconds"],
         bins=found["bins_delivered"],
         bins_per_hour=found["bins_per_hour"],

@@ -7,12 +7,12 @@ from contextlib import closing, suppress
 from dataclasses import fields
 from pathlib import Path
 
-from orchard.study.runs import Record, software
+from orchard.study.runs import RunRecord, software
 
 APPLICATION = 0x4F524348  # "ORCH": SQLite keeps this number in the file's head, and so tells a store from other databases
 PATIENCE = 30.0  # s to wait for another study that writes to the same store
 TYPES = {str: "TEXT NOT NULL", int: "INTEGER NOT NULL", float: "REAL NOT NULL"}
-COLUMNS = [field.name for field in fields(Record)]
+COLUMNS = [field.name for field in fields(RunRecord)]
 
 
 class StoreError(ValueError):
@@ -59,9 +59,9 @@ class Store:
         made.replace(self.path)
 
     def _make(self, put: Callable[[Path], None]) -> None:
-        """Write an empty store under another name, and put it in its place: no one sees half of one."""
+        """Write an empty store under another name, and put it in its place: no study sees half of one."""
         half = self.path.with_name(f"{self.path.name}.{os.getpid()}")
-        columns = ", ".join(f"{field.name} {_column(field.name, field.type)}" for field in fields(Record))
+        columns = ", ".join(f"{field.name} {_column(field.name, field.type)}" for field in fields(RunRecord))
         with closing(sqlite3.connect(half, isolation_level=None)) as database:
             database.execute(f"PRAGMA application_id = {APPLICATION}")
             database.execute("CREATE TABLE software (version TEXT NOT NULL)")
@@ -75,17 +75,17 @@ class Store:
     def __exit__(self, *_: object) -> None:
         self._database.close()
 
-    def known(self, keys: Iterable[str]) -> dict[str, Record]:
+    def known(self, keys: Iterable[str]) -> dict[str, RunRecord]:
         """Return those of these runs that are there, by key."""
         wanted = list(keys)
-        found: dict[str, Record] = {}
+        found: dict[str, RunRecord] = {}
         for begin in range(0, len(wanted), 500):  # SQLite allows so many parameters everywhere
             some = wanted[begin : begin + 500]
             rows = self._database.execute(f"SELECT {', '.join(COLUMNS)} FROM runs WHERE key IN ({', '.join('?' * len(some))})", some)
-            found |= {record.key: record for record in (Record(**dict(zip(COLUMNS, row, strict=True))) for row in rows)}
+            found |= {record.key: record for record in (RunRecord(**dict(zip(COLUMNS, row, strict=True))) for row in rows)}
         return found
 
-    def keep(self, record: Record) -> None:
+    def keep(self, record: RunRecord) -> None:
         """Keep a run; one that is there already stays as it is. Raises StoreError if that fails, as on a full disk."""
         try:
             self._database.execute(

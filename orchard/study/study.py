@@ -17,7 +17,7 @@ from orchard.study.confirmation import Confirmation
 from orchard.study.racing import LOOKS, Race, StoppedBy
 from orchard.study.replications import Replications
 from orchard.study.result import Check, Comparison, Goal, Model, Row, StudyResult
-from orchard.study.runs import Horizon, Record, own_classes, software
+from orchard.study.runs import Horizon, RunRecord, own_classes, software
 from orchard.study.settings import Setting, settings_of
 from orchard.study.statistics import interval
 from orchard.study.store import Store
@@ -305,7 +305,7 @@ class _Study:
         return "; ".join(self.settings[i].words for i in settings[:most]) + (" and others" if len(settings) > most else "")
 
 
-def row_of(setting: Setting, records: Sequence[Record], confidence: float, lost: dict[str, float], check: Check | None) -> Row | None:
+def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float, lost: dict[str, float], check: Check | None) -> Row | None:
     """Return the line of a setting in the table, from its runs by one model; None if it has none."""
     if not records:
         return None

@@ -14,7 +14,7 @@ import pytest
 from command_line import SECONDS, orchard, starting
 
 from orchard.field.scenario import load
-from orchard.study.runs import Run
+from orchard.study.runs import PlannedRun
 from orchard.study.store import Store
 
 SCENARIO = """\
@@ -116,6 +116,7 @@ def test_a_program_reads_partial_results(folder, undisturbed):
         (["--budget", "soon"], ["soon: expected a time of at least 1 s"]),
         (["--scheduler", "tcp://127.0.0.1:1", "--workers", "2"], ["the scheduler has its own workers"]),
         (["--picture", "study.doc"], ["study.doc: a picture's name ends in .svg or .png"]),
+        (["--summary", "same.x", "--csv", "same.x"], ["same.x, same.x: two of these are one file"]),
         (["--summary", "/no/such/folder/file.json"], ["/no/such/folder/file.json: cannot be written"]),
     ],
 )
@@ -136,10 +137,10 @@ def test_mistakes_are_told_with_exit_code_2(options, told, capsys, monkeypatch, 
 def test_a_violated_invariant_is_exit_code_1_and_named(folder):
     """A run by the full model that is in the store already, as one that broke an invariant."""
     scenario = load(folder / "my.yaml")
-    sound = Run(scenario, "fast").do(time.time() + 100.0)
+    sound = PlannedRun(scenario, "fast").do(time.time() + 100.0)
     with Store(folder / "violated.db") as store:
         for seed in range(5):
-            run = Run.of(scenario, scenario.seed + seed, "full", "harvest")
+            run = PlannedRun.of(scenario, scenario.seed + seed, "full", "harvest")
             store.keep(replace(sound, key=run.key, seed=seed, model="full", ended="violated", violations="bin_01: is in two places"))
     run = orchard("study", folder / "my.yaml", "--model", "full", "--out", folder / "violated.db")
     assert run.returncode == 1

@@ -6,13 +6,13 @@ import pytest
 
 from orchard.field.scenario import Scenario
 from orchard.local import Local
-from orchard.study.runs import Run, RunFailed, do
+from orchard.study.runs import PlannedRun, RunFailed, do
 
 SCENARIO = Scenario(rows=3, row_length=60.0, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 0}, weeds=0)
 
 
 def test_both_models_tell_nearly_the_same():
-    fast, full = (do(Run(SCENARIO, model), time.time() + 1000.0) for model in ("fast", "full"))
+    fast, full = (do(PlannedRun(SCENARIO, model), time.time() + 1000.0) for model in ("fast", "full"))
     assert (fast.ended, fast.bins, full.ended, full.bins) == ("harvested", 3, "harvested", 3)
     assert fast.sim_seconds == pytest.approx(full.sim_seconds, rel=0.04)
     assert (fast.bound_bins_per_hour, fast.bottleneck) == (full.bound_bins_per_hour, full.bottleneck)
@@ -20,7 +20,7 @@ def test_both_models_tell_nearly_the_same():
 
 
 def test_a_full_run_that_takes_too_long_is_given_up():
-    assert do(Run(SCENARIO, "full"), time.time()) is None
+    assert do(PlannedRun(SCENARIO, "full"), time.time()) is None
 
 
 def test_a_run_without_its_hash_is_the_same_run():
@@ -37,4 +37,4 @@ def test_an_error_in_a_run_is_told_with_the_run(monkeypatch):
 
     monkeypatch.setattr("orchard.study.runs._fast", fail)
     with pytest.raises(RunFailed, match=r"seed 1, fast model, predictive: LookupError: no such bin"):
-        do(Run(SCENARIO, "fast"), time.time())
+        do(PlannedRun(SCENARIO, "fast"), time.time())

@@ -7,7 +7,7 @@ import pytest
 
 from orchard.field.scenario import Scenario, with_changes
 from orchard.study import runs, store
-from orchard.study.runs import Run
+from orchard.study.runs import PlannedRun
 from orchard.study.store import Store, StoreError
 
 SCENARIO = Scenario(rows=3, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 0})
@@ -15,7 +15,7 @@ SCENARIO = Scenario(rows=3, people={"workers": 0, "visitors": 0}, animals={"dogs
 
 @pytest.fixture(scope="module")
 def record():
-    return Run(SCENARIO, "fast").do(time.time() + 100.0)
+    return PlannedRun(SCENARIO, "fast").do(time.time() + 100.0)
 
 
 def test_a_run_is_kept_once_and_found_again(tmp_path, record):
@@ -73,13 +73,13 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path):
 
 
 def test_the_key_holds_all_that_decides_and_nothing_else(tmp_path, monkeypatch):
-    run = Run(SCENARIO, "fast")
-    others = [Run(with_changes(SCENARIO, carriers=2), "fast"), Run(SCENARIO, "full"), Run(SCENARIO, "fast", "long"),
-              Run.of(SCENARIO, 7, "fast", "harvest")]  # fmt: skip
+    run = PlannedRun(SCENARIO, "fast")
+    others = [PlannedRun(with_changes(SCENARIO, carriers=2), "fast"), PlannedRun(SCENARIO, "full"), PlannedRun(SCENARIO, "fast", "long"),
+              PlannedRun.of(SCENARIO, 7, "fast", "harvest")]  # fmt: skip
     assert len({one.key for one in [run, *others]}) == 5
-    assert Run(with_changes(SCENARIO, prices={"per_bin": 3.0}), "fast").key == run.key
+    assert PlannedRun(with_changes(SCENARIO, prices={"per_bin": 3.0}), "fast").key == run.key
     monkeypatch.setattr(runs, "software", lambda: "9.9.9")
-    assert Run(SCENARIO, "fast").key != run.key
+    assert PlannedRun(SCENARIO, "fast").key != run.key
 
 
 def test_the_key_holds_the_source_of_a_policy_of_the_users_own(tmp_path, monkeypatch):

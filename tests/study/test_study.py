@@ -8,7 +8,7 @@ import pytest
 from orchard.field.scenario import Scenario, with_changes
 from orchard.study import study as module
 from orchard.study.result import StudyResult
-from orchard.study.runs import Run
+from orchard.study.runs import PlannedRun
 from orchard.study.store import Store
 from orchard.study.study import StudyOptions, study
 
@@ -71,7 +71,7 @@ def test_other_workers_and_another_order_give_the_same_table(result, folder):
 
 def test_what_is_known_is_not_run_again(result, folder, monkeypatch):
     done = []
-    monkeypatch.setattr("orchard.study.runs.Run.do", lambda run, until: done.append(run))
+    monkeypatch.setattr("orchard.study.runs.PlannedRun.do", lambda run, until: done.append(run))
     path = folder / "first.db"
     changed = path.stat().st_size
     workers = Watched()
@@ -94,7 +94,7 @@ class Watched:
         pass
 
     def do(self, work, items, goes_on):
-        self.runs += sum(isinstance(item, Run) for item in items)
+        self.runs += sum(isinstance(item, PlannedRun) for item in items)
         return iter(())
 
 
@@ -166,8 +166,8 @@ def test_the_simulator_confirms_the_best_two_on_the_same_seeds(tmp_path):
 def test_a_violated_invariant_is_told(tmp_path, monkeypatch):
     """A run by the full model that is in the store already, as one that broke an invariant."""
     scenario = Scenario(rows=3, **QUIET)
-    run = Run.of(scenario, scenario.seed, "full", "harvest")
-    sound = Run(scenario, "fast").do(time.time() + 100.0)
+    run = PlannedRun.of(scenario, scenario.seed, "full", "harvest")
+    sound = PlannedRun(scenario, "fast").do(time.time() + 100.0)
     with Store(tmp_path / "s.db") as store:
         store.keep(replace(sound, key=run.key, model="full", ended="violated", violations="bin_01: is in two places"))
     found = study(scenario, {}, replace(AMPLE, model="full", store=tmp_path / "s.db"))

@@ -5,7 +5,7 @@ SECONDS := 600
 RUN := $(VENV)/bin/python
 INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
 
-.PHONY: run app study lint test pythons package soak chaos bench view docs site pictures clean
+.PHONY: run app study lint test ecosystem pythons package soak chaos bench view docs site pictures clean
 .DEFAULT_GOAL := run
 
 $(VENV)/installed: pyproject.toml constraints.txt
@@ -51,6 +51,9 @@ lint: $(VENV)/installed-dev  ## style, types, and the order of the packages
 
 test: $(VENV)/installed-dev  ## all tests but the long matrix
 	$(RUN) -m pytest --numprocesses 3 --dist loadfile
+
+ecosystem: $(VENV)/installed-dev  ## the tests against ROS 2 and other software, each in an environment of its own
+	.ci/ecosystem
 
 pythons: $(VENV)/installed-dev  ## the core of the tests on every other Python from 3.11 on that is here
 	.ci/pythons

@@ -4,6 +4,7 @@ import dis
 import importlib
 import inspect
 import signal
+import sysconfig
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -13,6 +14,7 @@ from orchard.field.problems import Problem, ScenarioError, printable
 MISTAKES = BaseException  # raised by a user's code: whatever it is, it must not end other agents or the run (see `reraise_ctrl_c`)
 _RAISE = dis.opmap["RAISE_VARARGS"]
 _PACKAGE = __file__.removesuffix("field/plugins.py")
+_LIBRARIES = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")})
 
 
 def load_plugin(key: str, path: str) -> Any:
@@ -72,12 +74,19 @@ def reraise_ctrl_c(error: BaseException) -> None:
 
 
 def place_of_error(error: BaseException) -> str:
-    """Return the place in the user's files where an error was raised, as ' (FILE, line N)'; '' if it was raised elsewhere."""
+    """Return the place in the user's files where an error was raised, as ' (FILE, line N)'; '' if it was raised elsewhere.
+
+    The user's file is asked for, not a library's that raises it again, as SimPy does, or that the user's file calls, as numpy.
+    """
     if isinstance(error, SyntaxError):
         return f" ({error.filename}, line {error.lineno})"
     files = traceback.extract_tb(error.__traceback__)
     frames = [frame for frame in files if "importlib" not in frame.filename and not frame.filename.startswith(_PACKAGE)]
-    return f" ({frames[-1].filename}, line {frames[-1].lineno})" if frames else ""
+    own = [frame for frame in frames if not frame.filename.startswith(_LIBRARIES)]
+    if not own and error.__cause__ is not None and (place := place_of_error(error.__cause__)):
+        return place
+    last = (own or frames)[-1:]
+    return "".join(f" ({frame.filename}, line {frame.lineno})" for frame in last)
 
 
 def place_of_class(class_: type) -> str:

@@ -8,6 +8,7 @@ from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
+from urllib.parse import urlsplit
 
 from typer import Argument, BadParameter, Option
 
@@ -77,6 +78,18 @@ def _share(text: str) -> float:
     if not 0.0 < share < 1.0:
         raise BadParameter(f"{text}: expected a share above 0 and below 1, such as 0.01 or 1%")
     return share
+
+
+def _scheduler(text: str) -> str:
+    """The address of a scheduler, as dask.distributed has it."""
+    try:
+        url = urlsplit(text if "://" in text else f"tcp://{text}")
+        is_right = bool(url.scheme and url.hostname and url.port)
+    except ValueError:
+        is_right = False
+    if not is_right:
+        raise BadParameter(f"{text}: expected an address with its port, such as tcp://192.168.1.10:8786")
+    return text
 
 
 def _confidence(text: str) -> float:
@@ -354,7 +367,10 @@ class StudyArguments:
     ] = "both"
     workers: Annotated[int | None, Option(min=1, max=1000, help="Processes here. Default: one per core.", rich_help_panel=RUNS)] = None
     scheduler: Annotated[
-        str | None, Option(metavar="ENDPOINT", help="A scheduler of dask.distributed: tcp://192.168.1.10:8786.", rich_help_panel=RUNS)
+        str | None,
+        Option(
+            parser=_scheduler, metavar="ENDPOINT", help="A scheduler of dask.distributed: tcp://192.168.1.10:8786.", rich_help_panel=RUNS
+        ),
     ] = None
     out: Annotated[
         Path | None,

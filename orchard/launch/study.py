@@ -21,7 +21,7 @@ from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
 from orchard.study.settings import varied_of
 from orchard.study.store import StoreError
-from orchard.study.study import StudyOptions, study
+from orchard.study.study import StudyOptions, checked_settings, study
 from orchard.study.table import as_table, save_csv
 from orchard.study.workers import WorkersError
 
@@ -32,7 +32,9 @@ def run_study(scenario: Scenario, chosen: StudyArguments) -> int:
     """Do a study, and print and write its answer. Return the exit code: 1 if an invariant is violated, or a run or a file fails."""
     files = _files(chosen)
     with exit_on_errors(ScenarioError, StoreError, OSError):
-        varied = varied_of(chosen.vary or [])
+        varied, problems = varied_of(chosen.vary or [])
+        if problems:
+            raise ScenarioError([*problems, *checked_settings(scenario, varied, _options(chosen))[1]])
         for path in files:
             check_writable(path)
         try:
@@ -42,6 +44,9 @@ def run_study(scenario: Scenario, chosen: StudyArguments) -> int:
             print_error(error)
             return FAILED
     _print(result, chosen.progress == "json")
+    if not result.table and result.stopped_by == "budget":
+        print_error("the budget is too short for one run: --budget")
+        return FAILED
     return FAILED if [*map(print_error, result.violations), *_unwritten(files, result)] else FINISHED
 
 

@@ -51,7 +51,7 @@ def _ties(result: StudyResult) -> str:
     within = {"budget": " within the budget", "stopped": " so far"}.get(result.stopped_by, "")
     key = _only_difference([result.best, *ties])
     if key is None:
-        return f"{_listed([_one(one) for one in ties])} cannot be told apart from it{within}"
+        return f"{_listed([_one(one) for one in _nearest_first(result)])} cannot be told apart from it{within}"
     best, values = result.best[key], [one[key] for one in ties]
     if key not in COUNTED or None in (best, *values):
         return f"{_listed([value_words(value) for value in values])} cannot be told apart from it{within}"
@@ -59,6 +59,14 @@ def _ties(result: StudyResult) -> str:
         return f"{_span(values, result.varied.get(key, []))} cannot be told apart{within}"
     named = counted(key, _span([*values, best], result.varied.get(key, [])))
     return f"{named} cannot be told apart{within}: {value_words(min(values))} is the fewest"
+
+
+def _nearest_first(result: StudyResult) -> list[dict[str, Any]]:
+    """The settings that cannot be told apart from the best, those first whose mean is nearest to its mean."""
+    means = {i: figure.mean for i, row in enumerate(result.table) if (figure := goal_figure(row, result.goal)) is not None}
+    best = next(means[i] for i, row in enumerate(result.table) if row.setting == result.best)
+    order = sorted(means, key=lambda i: abs(means[i] - best))
+    return [result.table[i].setting for i in order if result.table[i].setting in result.indistinguishable]
 
 
 def _one(setting: dict[str, Any]) -> str:

@@ -29,7 +29,7 @@ class Confirmation:
         step = max(1, self.replications.workers.count // len(two))
         for first in range(0, wanted, step):
             last = min(wanted, first + step)
-            if first and not self.replications.fits(len(two) * (last - first), "full", until):
+            if first and not self.replications.fits(two, "full", last, until):
                 break
             if not self.replications.do(two, "full", last, until):
                 break

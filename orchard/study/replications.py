@@ -28,7 +28,7 @@ class Replications:
         self.settings, self.goal, self.horizon = settings, goal, horizon
         self.store, self.workers, self.heard, self.is_stopped = store, workers, heard, is_stopped
         self.records: dict[str, RunRecord] = {}
-        self._planned: dict[tuple[int, Model], list[str]] = {}  # setting and model -> keys of its runs by seed
+        self._planned: dict[tuple[int, Model], list[PlannedRun]] = {}  # setting and model -> its runs by seed
 
     # -- doing runs
 
@@ -36,19 +36,24 @@ class Replications:
         """Have so many replications of each of these settings done, with those that it has. Return whether all of them are.
 
         A setting without chance has one. Raises WorkersError or RunFailed if they cannot be done."""
-        runs: dict[str, PlannedRun] = {}
-        for i in settings:
-            scenario, keys = self.settings[i].scenario, self._planned.setdefault((i, model), [])
-            for number in range(len(keys), count if self.settings[i].is_random else 1):
-                run = PlannedRun.of(scenario, scenario.seed + number, model, self.horizon)
-                runs[run.key] = run
-                keys.append(run.key)
-        self.records |= self.store.known(runs)
+        runs = self._plan(settings, model, count)
+        self.records |= self.store.known(key for key in runs if key not in self.records)
         left = [run for key, run in runs.items() if key not in self.records]
         for _, record in self.workers.do(partial(do, until=until), left, lambda: self.goes_on(until)):
             if record is not None:
                 self._keep(record)
         return all(key in self.records for key in runs)
+
+    def _plan(self, settings: Iterable[int], model: Model, count: int) -> dict[str, PlannedRun]:
+        """Return so many runs of each of these settings, by key."""
+        runs: list[PlannedRun] = []
+        for i in settings:
+            scenario, planned = self.settings[i].scenario, self._planned.setdefault((i, model), [])
+            wanted = count if self.settings[i].is_random else 1
+            seeds = range(scenario.seed + len(planned), scenario.seed + wanted)
+            planned += [PlannedRun.of(scenario, seed, model, self.horizon) for seed in seeds]
+            runs += planned[:wanted]
+        return {run.key: run for run in runs}
 
     def _keep(self, record: RunRecord) -> None:
         if record.version != software():
@@ -61,10 +66,12 @@ class Replications:
         """Whether there is time left, and the study is not stopped."""
         return time.time() < until and not self.is_stopped()
 
-    def fits(self, count: int, model: Model, until: float) -> bool:
-        """Whether so many more runs would end in time, as far as the runs so far tell."""
+    def fits(self, settings: Iterable[int], model: Model, count: int, until: float) -> bool:
+        """Whether so many replications of these settings would be done in time, as far as the runs so far tell."""
         took = [record.wall_seconds for record in self.records.values() if record.model == model]
-        rounds = -(-count // self.workers.count)
+        runs = self._plan(settings, model, count)
+        left = len(runs.keys() - self.records.keys() - self.store.known(runs).keys())
+        rounds = -(-left // self.workers.count)
         return self.goes_on(until) and (not took or time.time() + rounds * sum(took) / len(took) <= until)
 
     # -- what they gave
@@ -72,10 +79,10 @@ class Replications:
     def known(self, i: int, model: Model) -> list[RunRecord]:
         """Return the records of a setting, by seed, up to the first one that is missing."""
         found = []
-        for key in self._planned.get((i, model), []):
-            if key not in self.records:
+        for run in self._planned.get((i, model), []):
+            if run.key not in self.records:
                 break
-            found.append(self.records[key])
+            found.append(self.records[run.key])
         return found
 
     def harvested(self, i: int, model: Model) -> list[RunRecord]:

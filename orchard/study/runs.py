@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import orchard
 from orchard.agents.dispatch import POLICIES
@@ -83,7 +83,7 @@ class PlannedRun:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunFigures:
+class RunResult:
     """How a run went. Of a jammed run `sim_seconds`, the rate, the wait and the utilisation mean nothing."""
 
     sim_seconds: float
@@ -95,10 +95,11 @@ class RunFigures:
     bottleneck: str
     ended: Ended
     violations: str = ""  # a line for each
+    faults: str = ""  # of classes of the user's own, a line for each: orders that were refused, agents that were broken
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunRecord(RunFigures):
+class RunRecord(RunResult):
     """A run and how it went, flat: one row of the store."""
 
     key: str
@@ -170,7 +171,7 @@ def _source(own: object) -> str:
 # -- the two models
 
 
-def _fast(scenario: Scenario, horizon: Horizon) -> RunFigures:
+def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
     """A harvest by the discrete-event model. Of a long run the rate is that of the long run, and the rest that of one harvest."""
     layout = lay_out(scenario)
     bounds, harvest = Bounds(layout), DiscreteHarvest(layout).run()
@@ -182,7 +183,7 @@ def _fast(scenario: Scenario, horizon: Horizon) -> RunFigures:
             rate = long_run_bins_per_hour(layout)
         except RuntimeError:  # robots wait for each other in a later round
             return _jammed(harvest.delivered, bounds)
-    return RunFigures(
+    return RunResult(
         sim_seconds=harvest.seconds,
         bins=harvest.delivered,
         bins_per_hour=rate,
@@ -194,8 +195,8 @@ def _fast(scenario: Scenario, horizon: Horizon) -> RunFigures:
     )
 
 
-def _jammed(bins: int, bounds: Bounds) -> RunFigures:
-    return RunFigures(
+def _jammed(bins: int, bounds: Bounds) -> RunResult:
+    return RunResult(
         sim_seconds=0.0,
         bins=bins,
         bins_per_hour=0.0,
@@ -207,7 +208,7 @@ def _jammed(bins: int, bounds: Bounds) -> RunFigures:
     )
 
 
-def _full(scenario: Scenario, until: float) -> RunFigures | None:
+def _full(scenario: Scenario, until: float) -> RunResult | None:
     """A harvest by the simulator; None if the clock is at `until` before it ends. Only its figures are wanted, so it has no hash."""
     local, figures = Local(scenario, is_hashed=False), HarvestFigures()
     engine = local.engine
@@ -217,7 +218,7 @@ def _full(scenario: Scenario, until: float) -> RunFigures | None:
         if time.time() > until:
             return None
     found, violations = harvest_figures(engine.world, figures), engine.violations()
-    return RunFigures(
+    return RunResult(
         sim_seconds=found["sim_seconds"],
         bins=found["bins_delivered"],
         bins_per_hour=found["bins_per_hour"],
@@ -227,4 +228,11 @@ def _full(scenario: Scenario, until: float) -> RunFigures | None:
         bottleneck=found["bottleneck"],
         ended="violated" if violations else "harvested" if engine.over else "jammed",
         violations="\n".join(violations),
+        faults="\n".join(_faults(found)),
     )
+
+
+def _faults(found: dict[str, Any]) -> list[str]:
+    """What a user's own classes did wrong in a harvest, from its figures."""
+    refused = [f"{found['orders_refused']} decisions of the dispatch policy were refused"] if found["orders_refused"] else []
+    return [*refused, *(f"{agent} was broken" for agent in found["broken_agents"])]

@@ -58,8 +58,8 @@ class Setting:
         return (robots + (prices.overhead_per_hour or 0.0)) / bins_per_hour + (prices.per_bin or 0.0)
 
 
-def varied_of(words: Sequence[str]) -> Varied:
-    """Return what `--vary` options say: dotted path -> its values. Raises ScenarioError with all faults of their form.
+def varied_of(words: Sequence[str]) -> tuple[Varied, list[Problem]]:
+    """Return what `--vary` options say, as dotted path -> its values, and all faults of their form.
 
     Values are separated by commas. `1..20` stands for the whole numbers from 1 to 20, `2..20..2` for each second one.
     """
@@ -75,9 +75,7 @@ def varied_of(words: Sequence[str]) -> Varied:
             problems.append(Problem(f"--vary {word}", "this key varies already; give all its values in one --vary", key))
         else:
             varied[key] = values
-    if problems:
-        raise ScenarioError(problems)
-    return varied
+    return varied, problems
 
 
 FORM = "must be KEY=VALUE,VALUE or KEY=FIRST..LAST, such as carriers=1..20"
@@ -111,14 +109,13 @@ def _value(text: str) -> Any:
         return text
 
 
-def settings_of(scenario: Scenario, varied: Mapping[str, Sequence[Any]]) -> list[Setting]:
-    """Return each combination of the values, in their order; the last key varies fastest. Raises ScenarioError with all problems."""
-    count = prod(len(values) for values in varied.values())
-    if not 0 < count <= MOST_SETTINGS:
-        text = "no values" if not count else f"{count:,} settings; at most {MOST_SETTINGS:,} can be compared"
-        raise ScenarioError([Problem(_option(varied, ", ".join(varied)), text)])
-    if SEED in varied:
-        raise ScenarioError([Problem(_option(varied, SEED), "each replication has its own seed; vary other keys", SEED)])
+def settings_of(scenario: Scenario, varied: Mapping[str, Sequence[Any]]) -> tuple[list[Setting], list[Problem]]:
+    """Return each combination of the values that is a scenario, in their order, and what is wrong with the others.
+
+    The last key varies fastest. Without any key there is one setting, the scenario as it is.
+    """
+    if found := _unusable(varied):
+        return [], found
     settings: list[Setting] = []
     problems: dict[tuple[str, str, str], Problem] = {}
     for values in product(*varied.values()):
@@ -129,9 +126,18 @@ def settings_of(scenario: Scenario, varied: Mapping[str, Sequence[Any]]) -> list
             for problem in error.problems:
                 value = "" if problem.text.startswith("unknown key") else problem.value
                 problems.setdefault((problem.path, value, problem.text), _placed(replace(problem, value=value), setting, varied))
-    if problems:
-        raise ScenarioError(list(problems.values()))
-    return settings
+    return settings, list(problems.values())
+
+
+def _unusable(varied: Mapping[str, Sequence[Any]]) -> list[Problem]:
+    """What is wrong with the keys and the number of values, whatever the values are."""
+    count, problems = prod(len(values) for values in varied.values()), []
+    if not 0 < count <= MOST_SETTINGS:
+        text = "no values" if not count else f"{count:,} settings; at most {MOST_SETTINGS:,} can be compared"
+        problems.append(Problem(_option(varied, ", ".join(varied)), text))
+    if SEED in varied:
+        problems.append(Problem(_option(varied, SEED), "each replication has its own seed; vary other keys", SEED))
+    return problems
 
 
 def _placed(problem: Problem, setting: dict[str, Any], varied: Mapping[str, Sequence[Any]]) -> Problem:

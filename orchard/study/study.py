@@ -1,7 +1,7 @@
 """A study: which of many settings of a scenario is best, by how much, and with what confidence."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -64,8 +64,9 @@ def study(
 
     Raises ScenarioError or StoreError for what a user can correct; WorkersError or RunFailed if the runs cannot be done.
     """
-    settings = settings_of(scenario, varied)
-    check_options(settings, options)
+    settings, problems = checked_settings(scenario, varied, options)
+    if problems:
+        raise ScenarioError(problems)
     with Store(options.store or runs_folder() / STORE, options.anew) as store, _workers(options) as workers:
         return _Study(scenario, varied, settings, options, store, workers, tell, is_stopped).run()
 
@@ -74,8 +75,15 @@ def _workers(options: StudyOptions) -> Workers:
     return Scheduler(options.scheduler) if options.scheduler else Processes(options.workers)
 
 
-def check_options(settings: Sequence[Setting], options: StudyOptions) -> None:
-    """Check what the options ask of the settings. Raises ScenarioError with all problems."""
+def checked_settings(scenario: Scenario, varied: Mapping[str, Sequence[Any]], options: StudyOptions) -> tuple[list[Setting], list[Problem]]:
+    """Return the settings of a study, and all that is wrong with them, with what the options ask of them, and with own classes."""
+    settings, problems = settings_of(scenario, varied)
+    asked = settings or [Setting({}, scenario)]
+    return settings, [*problems, *_option_problems(asked, options), *_plugin_problems(asked)]
+
+
+def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list[Problem]:
+    """What the options ask that these settings cannot answer."""
     problems = []
     if options.goal == "cost_per_bin" and not all(setting.has_prices for setting in settings):
         problems.append(
@@ -88,17 +96,16 @@ def check_options(settings: Sequence[Setting], options: StudyOptions) -> None:
     if options.model != "full" and (own := sorted({name for one in settings for name in _own_agents(one.scenario)})):
         text = f"only the full model knows agents of your own ({', '.join(own)}); choose --model full"
         problems.append(Problem(f"--model {options.model}", text, "agents"))
-    if problems:
-        raise ScenarioError(problems)
-    for classes, setting in {own_classes(setting.scenario): setting for setting in settings}.items():
-        if classes:
-            problems += _plugin_problems(setting)
-    if problems:
-        raise ScenarioError(problems)
+    return problems
 
 
-def _plugin_problems(setting: Setting) -> list[Problem]:
-    """What is wrong with the classes of the user's own that a setting names."""
+def _plugin_problems(settings: Sequence[Setting]) -> list[Problem]:
+    """What is wrong with the classes of the user's own that settings name."""
+    with_own = {classes: setting for setting in settings if (classes := own_classes(setting.scenario))}
+    return [problem for setting in with_own.values() for problem in _plugin_problems_of(setting)]
+
+
+def _plugin_problems_of(setting: Setting) -> list[Problem]:
     try:
         check_plugins(lay_out(setting.scenario))
     except ScenarioError as error:
@@ -166,7 +173,7 @@ class _Study:
         done = 0
         for look in (1, *LOOKS):
             more = [i for i in self.race.left if self.settings[i].is_random]
-            if done >= LOOKS[0] and not self.runs.fits(len(more) * (look - done), self.model, until):
+            if done >= LOOKS[0] and not self.runs.fits(more, self.model, look, until):
                 return self._end_race()
             is_whole = self._replicate(look, until)
             if self.race.why is None and not is_whole:
@@ -282,7 +289,17 @@ class _Study:
             notes.append(f"worse for certain, but by less than {100 * self.options.within:g} %: {self._words(hardly)}")
         jammed = {i: row for i, row in rows.items() if row.jammed}
         words = (f"{self.settings[i].words or 'the scenario'}: {row.jammed} of {row.replications}" for i, row in jammed.items())
-        return [*notes, *(f"{one} runs jammed" for one in words)]
+        return [*notes, *(f"{one} runs jammed" for one in words), *self._faults(rows)]
+
+    def _faults(self, rows: Iterable[int]) -> list[str]:
+        """Of each setting in which a class of the user's own failed, the first fault: its figures are those of another rule."""
+        notes = []
+        for i in rows:
+            records = [*self.runs.known(i, "fast"), *self.runs.known(i, "full")]
+            if faulty := [record for record in records if record.faults]:
+                first = f"seed {faulty[0].seed}: {faulty[0].faults.splitlines()[0]}"
+                notes.append(f"{self.settings[i].words or 'the scenario'}: {len(faulty)} of {len(records)} runs had faults; {first}")
+        return notes
 
     def _is_alike_by_chance(self, i: int, row: Row) -> bool:
         one = row.bins_per_hour

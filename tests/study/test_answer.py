@@ -93,5 +93,11 @@ def test_many_ties_are_counted_and_not_all_named():
     assert told.endswith("; nearest, longest-waiting, farthest-first and 3 more cannot be told apart from it.")
 
 
+def test_ties_in_two_keys_are_named_the_nearest_first():
+    worse = a_row(70.0, 20.0, setting={"carriers": 1, "dispatch": "nearest"})
+    told = sentence(of(worse, *BOTH, best=BOTH[0], ties=(worse, BOTH[3])))
+    assert told.endswith("; 9 carriers with predictive and 1 carrier with nearest cannot be told apart from it.")
+
+
 def test_the_fewest_of_the_cheapest_is_named():
     assert "9 and 10 carriers cannot be told apart: 9 is the fewest" in sentence(by_carriers())

@@ -115,6 +115,8 @@ def test_a_program_reads_partial_results(folder, undisturbed):
         (["--confidence", "10%"], ["10%: expected a share from 0.5 to 0.9999"]),
         (["--budget", "soon"], ["soon: expected a time of at least 1 s"]),
         (["--scheduler", "tcp://127.0.0.1:1", "--workers", "2"], ["the scheduler has its own workers"]),
+        (["--scheduler", "nowhere"], ["nowhere: expected an address with its port, such as tcp://"]),
+        (["--vary", "carriers", "--goal", "cost_per_bin"], ["--vary carriers: must be KEY=VALUE", "--goal cost_per_bin: prices: needs"]),
         (["--picture", "study.doc"], ["study.doc: a picture's name ends in .svg or .png"]),
         (["--summary", "same.x", "--csv", "same.x"], ["same.x, same.x: two of these are one file"]),
         (["--summary", "/no/such/folder/file.json"], ["/no/such/folder/file.json: cannot be written"]),
@@ -132,6 +134,13 @@ def test_mistakes_are_told_with_exit_code_2(options, told, capsys, monkeypatch, 
     assert ended.value.code == 2
     assert all(words in said.err for words in told), said.err
     assert "Traceback" not in said.err
+
+
+def test_a_budget_too_short_for_one_run_is_exit_code_1(folder):
+    run = orchard("study", "undisturbed", "--model", "full", "--budget", "1s", "--out", folder / "short.db", "--vary", "rows=20")
+    assert run.returncode == 1
+    assert "the budget is too short for one run" in run.stderr
+    assert "No setting has been run yet." in run.stdout
 
 
 def test_a_violated_invariant_is_exit_code_1_and_named(folder):

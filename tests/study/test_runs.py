@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import Scenario, with_changes
 from orchard.local import Local
 from orchard.study.runs import PlannedRun, RunFailed, do
 
@@ -38,3 +38,16 @@ def test_an_error_in_a_run_is_told_with_the_run(monkeypatch):
     monkeypatch.setattr("orchard.study.runs._fast", fail)
     with pytest.raises(RunFailed, match=r"seed 1, fast model, predictive: LookupError: no such bin"):
         do(PlannedRun(SCENARIO, "fast"), time.time())
+
+
+def test_the_place_of_an_error_is_in_the_users_own_file_and_not_in_a_library():
+    with pytest.raises(RunFailed, match=r"LookupError: no such bin here \(.*own_policies\.py, line \d+\)$"):
+        do(PlannedRun(with_changes(SCENARIO, dispatch="own_policies.Raising"), "fast"), time.time())
+
+
+def test_a_full_run_tells_what_failed_in_a_policy_of_the_users_own():
+    record = do(PlannedRun(with_changes(SCENARIO, dispatch="own_policies.Raising"), "full"), time.time() + 1000.0)
+    assert record.ended == "harvested"
+    refused, broken = record.faults.splitlines()
+    assert refused.endswith(" decisions of the dispatch policy were refused") and int(refused.split()[0]) > 0
+    assert broken.startswith("dispatch, since tick ")

@@ -7,18 +7,28 @@ import pytest
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
 from orchard.field.shipped import load_or_shipped
-from orchard.study.settings import settings_of, varied_of
-from orchard.study.study import StudyOptions, check_options
+from orchard.study import settings
+from orchard.study.settings import Setting, varied_of
+from orchard.study.study import StudyOptions, checked_settings, study
 
 
-def problems(*words: str, scenario: Scenario | None = None) -> list[str]:
-    with pytest.raises(ScenarioError) as refused:
-        settings_of(scenario or Scenario(), varied_of(words))
-    return str(refused.value).splitlines()
+def problems(*words: str, scenario: Scenario | None = None, options: StudyOptions | None = None) -> list[str]:
+    """What is wrong with a study, a line for each."""
+    varied, faults = varied_of(words)
+    return [*map(str, faults), *map(str, checked_settings(scenario or Scenario(), varied, options or StudyOptions())[1])]
+
+
+def settings_of(scenario: Scenario, varied: dict) -> list[Setting]:
+    found, wrong = settings.settings_of(scenario, varied)
+    assert not wrong
+    return found
 
 
 def test_values_are_numbers_words_and_ranges() -> None:
-    varied = varied_of(["carriers=1..3,null", "rows=10..20..5", "picking_speed=0.03,1", "dispatch=nearest,my.Own", "tractor=false,true"])
+    varied, faults = varied_of(
+        ["carriers=1..3,null", "rows=10..20..5", "picking_speed=0.03,1", "dispatch=nearest,my.Own", "tractor=false,true"]
+    )
+    assert not faults
     assert varied == {
         "carriers": [1, 2, 3, None],
         "rows": [10, 15, 20],
@@ -29,9 +39,9 @@ def test_values_are_numbers_words_and_ranges() -> None:
 
 
 def test_each_combination_is_a_setting_and_a_scenario() -> None:
-    settings = settings_of(Scenario(rows=10), {"people.workers": [0, 4], "carriers": [3, 4]})
-    assert [setting.words for setting in settings] == [f"people.workers={w}, carriers={c}" for w in (0, 4) for c in (3, 4)]
-    assert settings[1].scenario == with_changes(Scenario(rows=10), carriers=4, **{"people.workers": 0})
+    found = settings_of(Scenario(rows=10), {"people.workers": [0, 4], "carriers": [3, 4]})
+    assert [setting.words for setting in found] == [f"people.workers={w}, carriers={c}" for w in (0, 4) for c in (3, 4)]
+    assert found[1].scenario == with_changes(Scenario(rows=10), carriers=4, **{"people.workers": 0})
 
 
 def test_without_anything_that_varies_there_is_one_setting() -> None:
@@ -70,6 +80,13 @@ def test_mistakes_are_told_with_their_place(words: list[str], told: list[str]) -
 def test_all_mistakes_are_told_at_once() -> None:
     assert len(problems("carriers=0..2", "rows=2,3", "dispach=nearest")) == 3
     assert len(problems("carriers", "rows=3..2", "pickers=2", "pickers=3")) == 3
+    of_each_kind = problems("carriers", "rows=2,3", "dispatch=no_such.Policy", options=StudyOptions(goal="cost_per_bin"))
+    assert [line.split(":")[0] for line in of_each_kind] == [
+        "--vary carriers",
+        "--vary rows=2,3",
+        "--goal cost_per_bin",
+        "rows=3, dispatch=no_such.Policy",
+    ]
 
 
 def test_a_bin_costs_its_share_of_the_hour_and_its_own_price() -> None:
@@ -80,22 +97,20 @@ def test_a_bin_costs_its_share_of_the_hour_and_its_own_price() -> None:
 
 
 def test_what_a_study_cannot_answer_is_refused_all_at_once() -> None:
-    settings = settings_of(Scenario(agents={"picker": "my.Picker"}), {})
-    with pytest.raises(ScenarioError) as refused:
-        check_options(settings, StudyOptions(goal="cost_per_bin", horizon="long", model="fast"))
-    assert str(refused.value).splitlines() == [
+    own = Scenario(agents={"picker": "own_agents.Eastward"})
+    assert problems(scenario=own, options=StudyOptions(goal="cost_per_bin", horizon="long", model="fast")) == [
         "--goal cost_per_bin: prices: needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin",
         "--model fast: agents: only the full model knows agents of your own (picker); choose --model full",
     ]
-    with pytest.raises(ScenarioError, match="a long run has no end"):
-        check_options(settings_of(Scenario(), {}), StudyOptions(goal="harvest_seconds", horizon="long"))
-    with pytest.raises(ScenarioError, match="only the fast model can tell the long run"):
-        check_options(settings_of(Scenario(), {}), StudyOptions(horizon="long", model="full"))
+    (no_end,) = problems(options=StudyOptions(goal="harvest_seconds", horizon="long"))
+    assert "a long run has no end" in no_end
+    (no_long_run,) = problems(options=StudyOptions(horizon="long", model="full"))
+    assert "only the fast model can tell the long run" in no_long_run
 
 
-def test_a_policy_that_cannot_be_used_is_refused_before_anything_runs() -> None:
+def test_a_study_with_problems_does_not_begin() -> None:
     with pytest.raises(ScenarioError, match=r"dispatch = no_such\.Policy: cannot be used"):
-        check_options(settings_of(Scenario(), {"dispatch": ["nearest", "no_such.Policy"]}), StudyOptions())
+        study(Scenario(), {"dispatch": ["nearest", "no_such.Policy"]}, StudyOptions())
 
 
 def test_chance_needs_people_animals_spread_failures_or_noise() -> None:

@@ -7,8 +7,10 @@ import pytest
 
 from orchard.field.scenario import Scenario, with_changes
 from orchard.study import study as module
+from orchard.study.replications import Replications
 from orchard.study.result import StudyResult
 from orchard.study.runs import PlannedRun
+from orchard.study.settings import settings_of
 from orchard.study.store import Store
 from orchard.study.study import StudyOptions, study
 
@@ -96,6 +98,25 @@ class Watched:
     def do(self, work, items, goes_on):
         self.runs += sum(isinstance(item, PlannedRun) for item in items)
         return iter(())
+
+
+def test_what_a_store_knows_takes_no_time_of_the_budget(result, folder, monkeypatch):
+    """The race plans its next look by the runs that are left to do: with a store that knows all of them, by none."""
+    with Store(folder / "first.db") as store:
+        settings, _ = settings_of(CHANCE, VARIED)
+        runs = Replications(settings, "bins_per_hour", "harvest", store, Watched(), lambda: None, lambda: False)
+        runs.do([0], "fast", 1, time.time())
+        (known,) = runs.records
+        runs.records[known] = replace(runs.records[known], wall_seconds=3600.0)
+        assert runs.fits([0], "fast", 5, time.time() + 60.0)
+        assert not runs.fits([0], "fast", 500, time.time() + 60.0)
+
+
+def test_faults_of_a_policy_of_the_users_own_are_told(tmp_path):
+    own = with_changes(CHANCE, row_length=40.0, dispatch="own_policies.Raising")
+    found = study(own, {}, replace(AMPLE, model="full", within=0.5, store=tmp_path / "s.db"))
+    (note,) = [note for note in found.notes if "had faults" in note]
+    assert note.startswith("the scenario: 5 of 5 runs had faults; seed 1: ")
 
 
 def test_a_study_that_is_stopped_tells_what_it_knows_and_goes_on_to_the_same_table(result, folder):

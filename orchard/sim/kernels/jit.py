@@ -12,6 +12,7 @@ import numba
 from numba import njit
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
+from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 from numba.extending import register_jitable
 
@@ -32,7 +33,7 @@ class _Cache(NullCache):
         self._files, self._name = files, f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
-        target_context.refresh()
+        rtsys.initialize(target_context)  # the functions that count references; all else numba needs to compile, and to load nothing
         code = self._files.load(self._file(sig, target_context.codegen()))
         return None if code is None else CompileResult._rebuild(target_context, *pickle.loads(code))
 

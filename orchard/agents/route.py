@@ -11,7 +11,7 @@ from typing import ClassVar, NamedTuple
 from msgspec.structs import replace
 
 from orchard.agents.robot import Gate, Step
-from orchard.agents.sense import Box
+from orchard.agents.sense import STOP_DISTANCE, Box
 from orchard.agents.steps import (
     Alone,
     Confirmed,
@@ -191,6 +191,11 @@ class OneWay:
         lane = self.layout.lane(row)
         return lane.east if side is self.east else lane.west
 
+    def hold(self, row: int, side: Side) -> float:
+        """x at which a picker waits to cross the roads, m: at the end of its row, if that lies just before `PICKER_HOLD`."""
+        at, end = side.x(self.PICKER_HOLD), self.end(row, side)
+        return end if 0.0 < side.sign * (at - end) < STOP_DISTANCE else at
+
     def come_in(self, block: Block) -> list[Step]:
         """A picker's way from its start to the head of its first row. In the west it starts there; in the east it drives over the roads."""
         row = block.rows[0]
@@ -200,7 +205,7 @@ class OneWay:
         """Drive a row to its end on this side at the picking speed, and leave the full bin in the lane's mouth."""
         other = self.west if side is self.east else self.east
         frees = [Gate([other.place("D", row)], other.x(34.4)), Gate([other.place("F", row)], other.x(32.4))] if came_over else []
-        cross = self.cross(side, row, side.x(self.PICKER_HOLD))
+        cross = self.cross(side, row, self.hold(row, side))
         return [
             Say(f"picking row {row}", "picking"),
             *self.may_fail(),

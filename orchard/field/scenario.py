@@ -227,6 +227,11 @@ def to_yaml(scenario: Scenario) -> str:
     return yaml.safe_dump(scenario.model_dump(), sort_keys=False)
 
 
+def to_short_yaml(scenario: Scenario) -> str:
+    """Return the values of a scenario that differ from their defaults as YAML, a line for each surveyed row."""
+    return yaml.safe_dump(scenario.model_dump(exclude_defaults=True), sort_keys=False, default_flow_style=None, width=200)
+
+
 def schema_text() -> str:
     """Return the text of `orchard/config/scenario.schema.json`, for editors. It does not contain the rules that compare several fields."""
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}

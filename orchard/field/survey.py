@@ -4,6 +4,7 @@ The rows lie in the frame `map` (REP-103): parallel to x, the first one in the n
 the row that reaches furthest there. `orchard layout import` writes this section; docs/own-orchard.md tells how.
 """
 
+import cmath
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Annotated
@@ -16,8 +17,9 @@ from orchard.field.section import Section
 
 FEWEST_ROWS, MOST_ROWS = 3, 20
 TRUNK = 0.5  # m square; posts too
-NARROWEST_ROW, WIDEST_ROW = 5.0, 12.0  # m between the trees of a row: turns and exchanges at neighbouring rows need the first
-CLOSEST, FURTHEST = NARROWEST_ROW + TRUNK, WIDEST_ROW + TRUNK  # m from a row's centre line to the next one's
+NARROWEST_ROW, WIDEST_ROW = 5.0, 12.0  # m between the trees of a row
+CLOSEST = 5.3  # m from a row's centre line to the next one's: turns and exchanges at neighbouring rows stay 1 cm and more apart
+FURTHEST = WIDEST_ROW + TRUNK  # m
 SET_BACK = 30.0  # m, at most, from a row's end to the furthest end on that side, where the road is
 ROUNDING = 1e-6  # m
 NAME = r"^[^\x00-\x1f\x7f-\x9f]+$"  # no control characters: names are printed
@@ -33,13 +35,18 @@ class SurveyedRow(Section):
 
 
 class Origin(Section):
-    """Where the frame `map` lies: E + iN = x + iy + scale exp(i yaw) (map's x + i map's y)."""
+    """Where the frame `map` lies in a projected coordinate system: shifted by x and y, turned by yaw, and scaled."""
 
     crs: Annotated[str, Field(pattern=NAME, max_length=200, description="projected coordinate system, such as EPSG:2193")]
     x: Annotated[float, Field(ge=-1e9, le=1e9, description="easting of the origin of the frame map, in the system's unit")]
     y: Annotated[float, Field(ge=-1e9, le=1e9, description="northing of the origin of the frame map, in the system's unit")]
     yaw: Annotated[float, Field(ge=-3.2, le=3.2, description="from the system's east to the x axis of map, counter-clockwise, rad")]
     scale: Annotated[float, Field(ge=0.1, le=10.0, description="the system's units in a metre on the ground")]
+
+    def place(self, x: float, y: float) -> tuple[float, float]:
+        """Return easting and northing, in the system's unit, of a point of the frame map, m."""
+        at = complex(self.x, self.y) + self.scale * cmath.exp(1j * self.yaw) * complex(x, y)
+        return at.real, at.imag
 
 
 class Survey(Section):

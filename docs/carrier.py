@@ -12,6 +12,7 @@ from orchard.field import layout
 from orchard.field.kinds import EIGHTH, KINDS, LASER_RANGE, PEOPLE, Kind
 from orchard.field.queue import BAY_STOP, ONE_WAY, PITCH, TOP_ROAD, TWO_WAY, USUAL_ROW
 from orchard.field.scenario import TIME_STEP, Scenario
+from orchard.field.survey import TRUNK
 from orchard.report.metrics import JAM_SECONDS
 from orchard.sim import deeds
 from orchard.sim.kernels import move
@@ -102,9 +103,10 @@ The reply to the scenario query has in `scenario`: `rows` and `row_width` (m), `
 nil: 7 for every 10 `pickers`, rounded up), `row_length`, `bay`, `dispatch` and `route`. What follows holds for the route `{ONE_WAY}` (the other one: see `{TWO_WAY}` below), rows of
 {USUAL_ROW:g} m and `bay` 0. With longer or shorter rows, the x of everything in the east, and of the heads of the queue, changes by `row_length` - {USUAL_ROW:g}; with another `bay`,
 the x of the bay and of the stop in it by `bay`. Then a line of the queue may have fewer places, and the turn to it lies at another x.
+If there is a `survey`, the distances of its rows decide y of the lanes, and no pitch.
 
 - **Lanes.** A lane is a row, between two lines of trees. Lanes count from 1 at the north. The centre line of lane n is y = {layout.TREE_TOP_LINE:g} - (n - 0.5) * pitch, where pitch =
-  `row_width` + {layout.TRUNK:g}. The last line of trees is y = {layout.TREE_TOP_LINE:g} - `rows` * pitch. Trunks and posts are {layout.TRUNK:g} m square.
+  `row_width` + {TRUNK:g}. The last line of trees is y = {layout.TREE_TOP_LINE:g} - `rows` * pitch. Trunks and posts are {TRUNK:g} m square.
 - **Sides.** `side` is `east` or `west`: the end of the lane at which the full bin stands, east or west of x = -1.5. The west side is the east side turned by half a turn about
   x = -1.5: each x of the east side becomes -3 - x, and all headings turn about. Carriers drive south on the east side and north on the west side. "Past the lane" and "before the
   lane" are metres along that direction, from the lane's centre line to the carrier's centre. So `p` metres past lane n is y = lane - p in the east, lane + p in the west.

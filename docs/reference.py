@@ -18,6 +18,7 @@ from orchard.field.layout import Layout, lay_out
 from orchard.field.queue import BAY_STOP, PITCH, TOP_ROAD, TWO_WAY, USUAL_ROW, queue_of
 from orchard.field.repeatable import PI, QUARTER
 from orchard.field.scenario import MOST_GUESTS, TIME_STEP, Scenario
+from orchard.field.survey import TRUNK
 from orchard.sim import deeds
 from orchard.sim.kernels import move
 
@@ -85,11 +86,11 @@ def _field(layout: Layout) -> str:
         ("fences", f"on all four sides, {field.FENCE_THICKNESS:g} m thick, {field.FENCE_HEIGHT:g} m high"),
         ("centre lines of the fences", f"x = {field.X_WEST:g} and {field.X_EAST:g}; top fence y = {field.TOP:g}"),
         ("bottom fence", f"{last - layout.bottom:g} m south of the last tree line; y = {layout.bottom:g} in the default scenario"),
-        ("tree lines", f"""one more than rows; the first at y = {field.TREE_TOP_LINE:g}, each next one row_width + {field.TRUNK:g} m
+        ("tree lines", f"""one more than rows; the first at y = {field.TREE_TOP_LINE:g}, each next one row_width + {TRUNK:g} m
             further south"""),
-        ("trees in a line", _every(layout.trees_x)),
-        ("posts in a line", f"{_every(layout.posts_x)}: halfway between trees"),
-        ("trunks and posts", f"{field.TRUNK:g} x {field.TRUNK:g} m; trunks 1.8 m high, posts 2.8 m"),
+        ("trees in a line", _every(layout.lines[0].trees_x)),
+        ("posts in a line", f"{_every(layout.lines[0].posts_x)}: halfway between trees"),
+        ("trunks and posts", f"{TRUNK:g} x {TRUNK:g} m; trunks 1.8 m high, posts 2.8 m"),
         ("crowns", "5.5 x 1.0 m, from 1.8 m up; in pictures only"),
         ("pergola", """over the lanes, at every tree's x: patches 1.7 m long, row_width - 0.5 m wide and 0.5 m thick, at z = 2.3;
             in pictures only"""),

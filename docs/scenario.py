@@ -27,7 +27,8 @@ people: {{workers: 2, visitors: 0}}
 
 Some values depend on others: the queue must have room for all carriers, which depends on `row_length`, `bay` and `route`; there is at
 most one picker for each row; there are at most 50 people, and at most 50 animals; picking times spread only as far as no picker has to be
-faster than 1 m/s ([how to](how-to.md#let-picking-vary)); and an agent without a body has a name that no other agent has.
+faster than 1 m/s ([how to](how-to.md#let-picking-vary)); an agent without a body has a name that no other agent has; and `survey`, which
+[`orchard layout import`](own-orchard.md) writes, decides `rows` and `row_length`.
 [Extending the Orchard](extending.md) describes the values that name classes.
 """
 SCHEMA = "orchard/config/scenario.schema.json"
@@ -56,7 +57,7 @@ def _default(value: dict[str, Any]) -> str:
 
 
 def _limits(value: dict[str, Any]) -> str:
-    kinds = [kind for kind in value.get("anyOf", [value]) if kind["type"] != "null"]
+    kinds = [kind for kind in value.get("anyOf", [value]) if kind.get("type") != "null"]
     low, high = kinds[0].get("minimum"), kinds[0].get("maximum")
     words = {"boolean": "true or false", "string": "a text", "object": "a map"}
-    return words.get(kinds[0]["type"], f"{low} to {high}")
+    return words.get(kinds[0].get("type", "object"), f"{low} to {high}")

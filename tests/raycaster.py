@@ -7,7 +7,7 @@ import numpy as np
 
 from orchard.field.geometry import Pose
 from orchard.field.kinds import KINDS, LASER_RANGE
-from orchard.field.layout import Lane, Layout, Start
+from orchard.field.layout import ROW_WEST, Lane, Layout, Start
 from orchard.field.scenario import Animals, People, Scenario
 from orchard.sim.world import World
 
@@ -20,8 +20,8 @@ def world_of(*bodies: tuple[str, Pose], walls: list[tuple[float, float, float, f
     nobody = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0}
     starts = tuple(Start(f"{kind}_{i + 1:02d}", kind, Pose(*pose)) for i, (kind, pose) in enumerate(bodies))
     chosen = Scenario(**{"rows": 3, **nobody, **scenario})
-    lanes = tuple(Lane(i + 1, 10.75 - 5.5 * i, chosen.picking_speed) for i in range(chosen.rows))
-    return World(Layout(chosen, lanes, {}, starts, np.array(walls or [FAR_AWAY])))
+    lanes = tuple(Lane(i + 1, 10.75 - 5.5 * i, chosen.picking_speed, ROW_WEST, chosen.row_length, 5.0) for i in range(chosen.rows))
+    return World(Layout(chosen, lanes, (), {}, starts, np.array(walls or [FAR_AWAY])))
 
 
 def boxes_seen_by(world: World, me: int) -> list[tuple[float, float, float, float, float]]:

@@ -101,7 +101,9 @@ class Stage:
             self.doing[name] = "resting", "resting"
             return
         row = rows[int(block)]
-        self._drive(i, self.ways[name], block * (76.0 + self.layout.pitch) + min(into, 76.0) + max(0.0, into - 76.0 - WAIT))
+        self._drive(
+            i, self.ways[name], block * (76.0 + self.layout.scenario.row_width + 0.5) + min(into, 76.0) + max(0.0, into - 76.0 - WAIT)
+        )
         self.row_picked[row - 1] = min(into, self.layout.row_length)
         self.fill[bin_] = self.row_picked[row - 1] if into < 76.0 + WAIT else 0.0
         self.doing[name] = (

@@ -8,7 +8,7 @@ from orchard.agents.steps import CRUISE
 from orchard.agents.timing import approach_seconds
 from orchard.contract.agent import Hitch, Observation
 from orchard.field.geometry import EAST, WEST, angle_between
-from orchard.field.layout import ROW_WEST, Layout
+from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 
 ALONG = 0.01  # rad and m: a picker whose heading, or place, is nearer than this to that of a row faces along it, or is in it
@@ -21,7 +21,7 @@ class Ripening(NamedTuple):
 
     lane: int
     side: str  # end of the lane
-    seconds: float  # until it is full; 0 once it is
+    seconds: float  # until it is full, and at the furthest end of a row there; 0 once it is
     before: float  # m that its picker still has to drive before it picks
 
 
@@ -37,15 +37,15 @@ class Forecast:
         `pace`: m/s at which the picker picks. A picker that stands before a row may have to wait for roads that early carriers block.
         """
         side = next((name for name, yaw in (("east", EAST), ("west", WEST)) if abs(angle_between(yaw, picker.pose.yaw)) < ALONG), "")
-        ahead = self.layout.row_east - picker.x if side == "east" else picker.x - ROW_WEST
+        lane = min(self.layout.lanes, key=lambda lane: abs(lane.y - picker.y))
+        ahead = lane.east - picker.x if side == "east" else picker.x - lane.west
         if not side or ahead < -ALONG:
             return None
-        lane = min(self.layout.lanes, key=lambda lane: abs(lane.y - picker.y))
-        left = max(0.0, self.layout.row_length - seen.fill)
+        left = max(0.0, self.layout.row_length - seen.fill) * (lane.length / self.layout.row_length)
         before = max(0.0, ahead - left)
         if before > ALONG and picker.twist.x <= 0.0:
             return None
-        return Ripening(lane.number, side, left / pace + before / CRUISE, before)
+        return Ripening(lane.number, side, left / pace + (before + self.layout.beyond(lane.number, side)) / CRUISE, before)
 
     def ticks(self, ripening: Ripening) -> int:
         """Return the ticks until the bin must look again, if its picker keeps its velocity: it may have to call, or its picker may pick."""

@@ -11,7 +11,7 @@ from typing import ClassVar, NamedTuple
 from msgspec.structs import replace
 
 from orchard.agents.robot import Gate, Step
-from orchard.agents.sense import Box
+from orchard.agents.sense import STOP_DISTANCE, Box
 from orchard.agents.steps import (
     Alone,
     Confirmed,
@@ -29,7 +29,7 @@ from orchard.agents.steps import (
     Unload,
 )
 from orchard.field.kinds import KINDS
-from orchard.field.layout import EAST_START, ROW_WEST, Layout
+from orchard.field.layout import EAST_START, Layout
 from orchard.field.queue import ONE_WAY, TOP_ROAD
 from orchard.field.rows import Block, End
 
@@ -186,6 +186,16 @@ class OneWay:
 
     # -- pickers
 
+    def end(self, row: int, side: Side) -> float:
+        """x of a row's end on this side, m. In a surveyed orchard it may lie further in than the furthest one there."""
+        lane = self.layout.lane(row)
+        return lane.east if side is self.east else lane.west
+
+    def hold(self, row: int, side: Side) -> float:
+        """x at which a picker waits to cross the roads, m: at the end of its row, if that lies just before `PICKER_HOLD`."""
+        at, end = side.x(self.PICKER_HOLD), self.end(row, side)
+        return end if 0.0 < side.sign * (at - end) < STOP_DISTANCE else at
+
     def come_in(self, block: Block) -> list[Step]:
         """A picker's way from its start to the head of its first row. In the west it starts there; in the east it drives over the roads."""
         row = block.rows[0]
@@ -193,13 +203,13 @@ class OneWay:
 
     def pick(self, row: int, side: Side, came_over: bool) -> list[Step]:
         """Drive a row to its end on this side at the picking speed, and leave the full bin in the lane's mouth."""
-        end, other = (self.layout.row_east, self.west) if side is self.east else (ROW_WEST, self.east)
+        other = self.west if side is self.east else self.east
         frees = [Gate([other.place("D", row)], other.x(34.4)), Gate([other.place("F", row)], other.x(32.4))] if came_over else []
-        cross = self.cross(side, row, side.x(self.PICKER_HOLD))
+        cross = self.cross(side, row, self.hold(row, side))
         return [
             Say(f"picking row {row}", "picking"),
             *self.may_fail(),
-            DriveTo(x=end, speed=self.layout.lane(row).pace, needs=cross, frees=frees),
+            DriveTo(x=self.end(row, side), speed=self.layout.lane(row).pace, needs=cross, frees=frees),
             Say(f"leaving the full bin of row {row}", "handling a bin"),
             DriveTo(x=side.x(self.FULL_BIN + KINDS["picker"].tows), needs=cross),
             LeaveBin(),
@@ -239,8 +249,8 @@ class OneWay:
 
     def turn_in(self, row: int, side: Side) -> list[Step]:
         """Turn to the head of a row, and drive there, once both roads are free."""
-        head = self.layout.row_east if side is self.east else ROW_WEST
-        drive = DriveTo(x=head, frees=[Gate([side.place("D", row)], side.x(34.4))])
+        frees = [Gate([side.place("D", row)], side.x(34.4)), Gate([side.place("F", row)], side.x(32.4))]
+        drive = DriveTo(x=self.end(row, side), frees=frees)
         return [Need(side.crossing(row)), Face(side.heading("WEST")), drive]
 
     def park(self, row: int, side: Side) -> list[Step]:

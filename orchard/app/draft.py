@@ -40,6 +40,7 @@ def hint(text: object) -> str:
     return ""
 
 
+FROM_FILE = (*AGENTS, "survey")  # come from a file, and are not entered on the page
 NEEDED = ("laser", "spread", "failure")  # sections whose names belong to the labels of their values
 WIDEST = 1e6  # the range of a slider; a value with a wider one gets a text field only
 
@@ -101,9 +102,11 @@ def entries(model: type[BaseModel] = Scenario, before: str = "") -> dict[str, En
     found: dict[str, Entry] = {}
     for name, field in model.model_fields.items():
         path, kinds = before + name, get_args(field.annotation) or (field.annotation,)
+        if name in FROM_FILE:
+            continue
         if isinstance(kinds[0], type) and issubclass(kinds[0], BaseModel):
             found |= entries(kinds[0], f"{path}.")
-        elif name not in AGENTS:
+        else:
             limits = {type(limit).__name__: limit for limit in field.metadata}
             low, high = (limits["Ge"].ge, limits["Le"].le) if "Ge" in limits else (-inf, inf)
             choices = tuple(map(str, field.examples or ()))
@@ -134,7 +137,8 @@ def title_of(scenario: Scenario) -> str:
     size = f"{scenario.rows} rows, {scenario.pickers} pickers, {scenario.carrier_count} carriers, seed {scenario.seed}"
     other = [path for path, value in values.items() if path not in IN_TITLE and value != default[path]]
     more = [f"{entries()[path].label.lower()} {words_of(path, values[path])}" for path in other]
-    return ", ".join([size, *more, *(["own classes"] if own_classes(scenario) else [])])
+    surveyed = ["surveyed rows"] if scenario.survey else []
+    return ", ".join([size, *more, *surveyed, *(["own classes"] if own_classes(scenario) else [])])
 
 
 class Draft:
@@ -170,7 +174,8 @@ class Draft:
     def drop_classes(self) -> None:
         """Remove the user's own classes, so that the built-in ones are used again."""
         self.values |= {path: getattr(Scenario(), path) for path in CHOICES if path in self.classes}
-        self._base = Scenario()
+        built_in = {path: getattr(Scenario(), path) for path in (*AGENTS, *CHOICES)}
+        self._base = self._base.model_copy(update=built_in)
         self._check()
 
     def _check(self) -> None:

@@ -14,7 +14,8 @@ from orchard.report.sentence import clock
 
 def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
     """Return the derived figures of an orchard, formatted for the page: the name, the value with its unit, a note on its meaning."""
-    scenario, lines = layout.scenario, len(layout.tree_lines)
+    scenario, trees = layout.scenario, [len(line.trees_x) for line in layout.lines]
+    each = "{}" if min(trees) == max(trees) else "{} to {}"
     bins = sum(start.kind == "bin" for start in layout.starts)
     schedule = Schedule(layout)
     more = f"for this harvest, without traffic: more shorten it by at most {WORTH:.0%}"
@@ -25,7 +26,7 @@ def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
         ("Carriers", str(scenario.carrier_count), "as set" if scenario.carriers else "7 for every 10 pickers"),
         ("Enough carriers", str(schedule.enough_carriers), more),
         ("Bins", str(bins), f"one for each robot; the harvest fills {scenario.rows}"),
-        ("Trees", str(lines * len(layout.trees_x)), f"{lines} lines of {len(layout.trees_x)}"),
+        ("Trees", str(sum(trees)), f"{len(trees)} lines of {each.format(min(trees), max(trees))}"),
         ("Harvest field", f"{layout.east - X_WEST:g} x {TOP - layout.bottom:.1f} m", "from fence to fence"),
     ]
 

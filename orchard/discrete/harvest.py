@@ -7,6 +7,7 @@ import simpy
 
 from orchard.agents.route import Side
 from orchard.agents.routes import route_of
+from orchard.agents.steps import CRUISE
 from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.calls import Calls, Dispatched
 from orchard.discrete.lines import Lines
@@ -76,7 +77,8 @@ class DiscreteHarvest:
         if picker.bin in self._left and not self._left[picker.bin].triggered:
             return self.calls.goes_on(picker)  # with the same row, after a failure
         self._left[picker.bin] = self.env.event()
-        self.calls.begins(picker, row, side, self.layout.row_length / self.layout.lane(row).pace)
+        lane = self.layout.lane(row)
+        self.calls.begins(picker, row, side, lane.length / lane.pace + self.layout.beyond(row, side.name) / CRUISE)
 
     def fail(self, picker: Robot) -> None:
         """Hear that a picker stands in its row because it failed."""

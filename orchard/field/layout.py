@@ -3,7 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import pairwise
+from math import ceil
+from statistics import fmean
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +20,7 @@ from orchard.field.problems import Problem, ScenarioError
 from orchard.field.queue import BAY_STOP, ONE_WAY, QUEUES, USUAL_ROW, Queue, lack_of_room, queue_of
 from orchard.field.rows import Block, rows_to_pickers
 from orchard.field.scenario import Scenario
+from orchard.field.survey import TRUNK, Survey, SurveyedRow
 
 KEPT_LAYOUTS = 8
 X_WEST, X_EAST = -50.0, 50.0  # the fences' centre lines; the eastern one with rows of the usual length
@@ -24,7 +29,7 @@ FENCE_THICKNESS = 1.0
 FENCE_HEIGHT = 2.5
 TREE_TOP_LINE = 13.5
 FIRST_TREE, TREE_PITCH, LAST_TREE = -34.5, 6.0, 3.0  # x of the first; from tree to tree; the last is at least so far from the row's end
-TRUNK = 0.5  # m square; posts too
+BELOW_ROWS = 21.0  # m from the last tree line to the bottom fence's centre line
 ROW_WEST = -35.5  # x of the west end of the picked part of a row
 EAST_START = 41.0  # x of a picker that starts at an east end: where pickers wait for bins, off both roads; with rows of the usual length
 DRIVEWAY = Rect(-34.67 - 15.0, 28.51 - 5.0, -34.67 + 15.0, 28.51 + 5.0)
@@ -40,6 +45,34 @@ class Lane:
     number: int
     y: float  #: its centre line
     pace: float  #: speed at which it is picked, m/s
+    west: float  #: x of the west end of its picked part
+    length: float  #: of its picked part
+    width: float  #: between its trees; twice the nearer side, if its centre line is not in the middle
+
+    @property
+    def east(self) -> float:
+        """x of the east end of its picked part, m."""
+        return self.west + self.length
+
+
+class TreeLine(NamedTuple):
+    """A line of trees: y, and the x from and up to which it has rows beside it, m."""
+
+    y: float
+    west: float
+    east: float
+
+    @property
+    def trees_x(self) -> tuple[float, ...]:
+        """x of each tree, m. Trees of all lines stand in one grid, for the wires across."""
+        first = ceil((self.west - ROW_WEST) / TREE_PITCH - 1e-9)
+        last = int((self.east - LAST_TREE - FIRST_TREE) / TREE_PITCH + 1e-9)
+        return tuple(FIRST_TREE + TREE_PITCH * i for i in range(first, last + 1))
+
+    @property
+    def posts_x(self) -> tuple[float, ...]:
+        """x of each post, m: halfway between two trees."""
+        return tuple(x + TREE_PITCH / 2 for x in self.trees_x[:-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,18 +81,24 @@ class Layout:
 
     scenario: Scenario
     lanes: tuple[Lane, ...]
+    lines: tuple[TreeLine, ...]  #: the lines of trees, from the top; one more than lanes
     blocks: Mapping[str, Block]  #: picker -> its rows, in the order in which it picks them, and the end at which it starts
     starts: tuple[Start, ...]  #: in the order in which bodies move: robots by name, people and animals by name, weeds
     walls: np.ndarray  #: (n, 4), m: x, y, half length along x, half width along y of each fence, trunk and post; fences first
 
     @property
     def row_length(self) -> float:
-        """Length of the picked part of a row, m. So much fills a bin."""
+        """Length of the rows, m; in a surveyed orchard from the westernmost end of a row to the easternmost one. A row fills one bin."""
         return self.scenario.row_length
 
     @property
+    def mean_length(self) -> float:
+        """Mean length of the picked parts of the rows, m."""
+        return fmean(lane.length for lane in self.lanes) if self.scenario.survey else self.row_length
+
+    @property
     def row_east(self) -> float:
-        """x of the east end of the picked part of a row, m."""
+        """x of the easternmost end of the picked part of a row, m."""
         return ROW_WEST + self.row_length
 
     @property
@@ -76,16 +115,6 @@ class Layout:
     def middle(self) -> float:
         """x of the middle between the roads of both sides, m."""
         return -1.5 + self.shift / 2
-
-    @property
-    def trees_x(self) -> tuple[float, ...]:
-        """x of each tree of a line, m."""
-        return tuple(FIRST_TREE + TREE_PITCH * i for i in range(int((self.row_east - LAST_TREE - FIRST_TREE) / TREE_PITCH + 1e-9) + 1))
-
-    @property
-    def posts_x(self) -> tuple[float, ...]:
-        """x of each post of a line of trees, m: halfway between two trees."""
-        return tuple(x + TREE_PITCH / 2 for x in self.trees_x[:-1])
 
     @property
     def bay(self) -> Rect:
@@ -109,19 +138,16 @@ class Layout:
         return queue
 
     @property
-    def pitch(self) -> float:
-        """Distance from one tree line to the next, m."""
-        return self.scenario.row_width + TRUNK
-
-    @property
     def bottom(self) -> float:
         """y of the bottom fence's centre line, m."""
-        return TOP - (self.scenario.row_width * self.scenario.rows + 0.5 * (self.scenario.rows + 1) + 41.0)
+        if self.scenario.survey:
+            return self.tree_lines[-1] - BELOW_ROWS
+        return TOP - (self.scenario.row_width * self.scenario.rows + TRUNK * (self.scenario.rows + 1) + 41.0)
 
     @property
     def tree_lines(self) -> tuple[float, ...]:
         """y of each line of trees, from the top, m."""
-        return tuple(TREE_TOP_LINE - i * self.pitch for i in range(self.scenario.rows + 1))
+        return tuple(line.y for line in self.lines)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -144,11 +170,16 @@ class Layout:
     def lane(self, number: int) -> Lane:
         return self.lanes[number - 1]
 
+    def beyond(self, row: int, side: str) -> float:
+        """Return the metres from the end of a row to the furthest end of a row on that side, 'east' or 'west'."""
+        lane = self.lane(row)
+        return self.row_east - lane.east if side == "east" else lane.west - ROW_WEST
+
     def picking_seconds(self, row: int) -> float:
         """Return the time for which a picker works at a row, with the mean time for which it stands because it failed, s."""
         failure = self.scenario.picking.failure
         share = 0.0 if failure.mean_between is None else failure.mean_repair / failure.mean_between
-        return self.row_length / self.lane(row).pace * (1.0 + share)
+        return self.lane(row).length / self.lane(row).pace * (1.0 + share)
 
 
 def lay_out(scenario: Scenario) -> Layout:
@@ -162,9 +193,8 @@ def lay_out(scenario: Scenario) -> Layout:
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def _laid_out(text: str) -> Layout:
     scenario = Scenario.model_validate_json(text)
-    ys = [TREE_TOP_LINE - (i + 0.5) * (scenario.row_width + TRUNK) for i in range(scenario.rows)]
-    lanes = tuple(Lane(row, y, pace_of(scenario, row)) for row, y in enumerate(ys, start=1))
-    bare = Layout(scenario, lanes, MappingProxyType(rows_to_pickers(scenario)), starts=(), walls=np.empty((0, 4)))
+    lanes, lines = _alike(scenario) if scenario.survey is None else _surveyed(scenario, scenario.survey)
+    bare = Layout(scenario, lanes, lines, MappingProxyType(rows_to_pickers(scenario)), starts=(), walls=np.empty((0, 4)))
     walls, machines, half = np.array(_fences(bare) + _trunks_and_posts(bare)), _machines(bare), FENCE_THICKNESS / 2
     inside = Rect(X_WEST + half, bare.bottom + half, bare.east - half, TOP - half)
     rows = Rect(ROW_WEST, bare.tree_lines[-1], bare.row_east, TREE_TOP_LINE)
@@ -172,6 +202,41 @@ def _laid_out(text: str) -> Layout:
     starts.sort(key=lambda start: (not KINDS[start.kind].robot, not KINDS[start.kind].solid, start.name))
     walls.setflags(write=False)
     return replace(bare, starts=tuple(starts), walls=walls)
+
+
+Rows = tuple[tuple[Lane, ...], tuple[TreeLine, ...]]
+
+
+def _alike(scenario: Scenario) -> Rows:
+    """Return the lanes and the lines of trees of an orchard whose rows are all alike."""
+    pitch, length, width = scenario.row_width + TRUNK, scenario.row_length, scenario.row_width
+    ys = [TREE_TOP_LINE - (i + 0.5) * pitch for i in range(scenario.rows)]
+    lanes = [Lane(row, y, pace_of(scenario, row), ROW_WEST, length, width) for row, y in enumerate(ys, start=1)]
+    lines = [TreeLine(TREE_TOP_LINE - i * pitch, ROW_WEST, ROW_WEST + length) for i in range(scenario.rows + 1)]
+    return tuple(lanes), tuple(lines)
+
+
+def _surveyed(scenario: Scenario, survey: Survey) -> Rows:
+    """Return the lanes and the lines of trees of a surveyed orchard.
+
+    A line of trees stands halfway between two rows, and is as long as both; the outer lines are as far from their rows as the inner ones.
+    """
+    rows, souths = survey.rows, [row.south for row in survey.rows]
+    between = [(north + south) / 2 for north, south in pairwise(souths)]
+    lines = [2 * souths[0] - between[0], *between, 2 * souths[-1] - between[-1]]
+    ys = [TREE_TOP_LINE - (line - lines[0]) for line in lines]
+    lanes = [_lane(scenario, number, row, row.south - lines[0], ys) for number, row in enumerate(rows, start=1)]
+    beside = [lanes[max(0, i - 1) : i + 1] for i in range(len(ys))]
+    return tuple(lanes), tuple(
+        TreeLine(y, min(lane.west for lane in near), max(lane.east for lane in near)) for y, near in zip(ys, beside, strict=True)
+    )
+
+
+def _lane(scenario: Scenario, number: int, row: SurveyedRow, south: float, lines: list[float]) -> Lane:
+    """Return the lane of a surveyed row. `south`: how far it lies south of the first line of trees, m; `lines`: y of all lines, m."""
+    y = TREE_TOP_LINE - south
+    width = 2 * min(lines[number - 1] - y, y - lines[number]) - TRUNK
+    return Lane(number, y, pace_of(scenario, number), ROW_WEST + row.start, row.length, width)
 
 
 def _fences(layout: Layout) -> list[tuple[float, float, float, float]]:
@@ -182,13 +247,13 @@ def _fences(layout: Layout) -> list[tuple[float, float, float, float]]:
 
 
 def _trunks_and_posts(layout: Layout) -> list[tuple[float, float, float, float]]:
-    return [(x, y, TRUNK / 2, TRUNK / 2) for y in layout.tree_lines for x in sorted(layout.trees_x + layout.posts_x)]
+    return [(x, line.y, TRUNK / 2, TRUNK / 2) for line in layout.lines for x in sorted(line.trees_x + line.posts_x)]
 
 
 def _picker_start(layout: Layout, block: Block) -> Pose:
     """Return the start of a picker: in the west at the head of its first row; in the east off the roads, where its bin stands on none."""
-    y = layout.lane(block.rows[0]).y
-    return Pose(ROW_WEST, y, EAST) if block.start == "west" else Pose(EAST_START + layout.row_length - USUAL_ROW, y, WEST)
+    lane = layout.lane(block.rows[0])
+    return Pose(lane.west, lane.y, EAST) if block.start == "west" else Pose(EAST_START + layout.row_length - USUAL_ROW, lane.y, WEST)
 
 
 def _machines(layout: Layout) -> list[Start]:

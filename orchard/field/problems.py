@@ -2,7 +2,7 @@
 
 import difflib
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -61,6 +61,8 @@ def problem_of(error: dict[str, Any], model: type[BaseModel], source: str, lines
         return Problem(source, error["msg"], ", ".join(map(dotted, error["fields"])), ", ".join(map(str, error["ctx"]["values"])), line)
     if error["of_key"]:
         return Problem(source, _NOT_A_NAME[loc[0]], dotted(loc), "", line)
+    if error["type"] == "missing":
+        return Problem(source, f"is missing: {_wanted(loc, model)}", dotted(loc), "", lines.get(loc[:-1], 0))
     text = _unknown(loc, model) if error["type"] == "extra_forbidden" else f"must be {_wanted(loc, model)}"
     return Problem(source, text, dotted(loc), show(error["input"]), line)
 
@@ -69,10 +71,13 @@ def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
     """The allowed values of a field: 'a number from 5.0 to 12.0 (width of a row between its trees, m)'."""
     if path[0] in _CLASSES:
         return _CLASSES[path[0]] if len(path) == 1 else "the class that drives it, such as my_package.MyPicker"
-    field = _keys(path[:-1], model)[path[-1]]
-    if section := _section(field):
-        return f"a map with some of the keys {', '.join(section.model_fields)}"
+    *section, name = [part for part in path if not part.isdecimal()]
+    field = _keys(tuple(section), model)[name]
     limits = {type(limit).__name__: limit for limit in field.metadata}
+    if get_origin(field.annotation) is tuple and not path[-1].isdecimal():
+        return f"a list of {limits['MinLen'].min_length} to {limits['MaxLen'].max_length} maps ({field.description})"
+    if inner := _section(field):
+        return f"a map with some of the keys {', '.join(inner.model_fields)}"
     kinds: dict[Any, str] = {str: "a name", bool: "true or false", float: "a number", int: "a whole number"}
     kinds |= {kind | None: f"null or {words}" for kind, words in kinds.items()}
     kind = kinds[field.annotation]
@@ -100,16 +105,17 @@ def _paths(model: type[BaseModel], before: str = "") -> dict[str, str]:
 
 
 def _keys(path: tuple[str, ...], model: Any) -> dict[str, FieldInfo]:
-    """The fields of the section at a path."""
+    """The fields of the section at a path. A number in it is a place in a list of sections."""
     for part in path:
-        model = model.model_fields[part].annotation
+        model = model if part.isdecimal() else _section(model.model_fields[part])
     fields: dict[str, FieldInfo] = model.model_fields
     return fields
 
 
 def _section(field: FieldInfo) -> type[BaseModel] | None:
-    kind = field.annotation
-    return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
+    """The section that a field is, or may be, or lists."""
+    kinds = [kind for kind in (field.annotation, *get_args(field.annotation)) if isinstance(kind, type)]
+    return next((kind for kind in kinds if issubclass(kind, BaseModel)), None)
 
 
 def key_text(key: Any) -> str:

@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from orchard.field.kinds import BODILESS, DISPATCH, KINDS, TRAFFIC, kind_of
 from orchard.field.problems import Lines, Problem, ScenarioError, dotted, key_text, problem_of, show
 from orchard.field.queue import LONGEST_ROW, MOST_CARRIERS, ONE_WAY, QUEUES, SHORTEST_ROW, USUAL_ROW, lack_of_room
+from orchard.field.section import Section as _Section
+from orchard.field.survey import FEWEST_ROWS, MOST_ROWS, NARROWEST_ROW, ROUNDING, WIDEST_ROW, Survey
 
 TICKS_PER_SECOND = 10
 TIME_STEP = 1 / TICKS_PER_SECOND  # s
@@ -35,16 +36,6 @@ def _choice(names: Sequence[str], what: str) -> Any:
 
 def _count(what: str) -> Any:
     return Field(ge=0, le=MOST_GUESTS, description=what)
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-    def _demand(self, holds: bool, text: str, *fields: str) -> None:
-        """Check a rule about several fields, named by dotted paths. Raise an error that names them and their values unless it holds."""
-        if not holds:
-            values = [reduce(getattr, field.split("."), self) for field in fields]
-            raise PydanticCustomError("rule", text, {"fields": fields, "values": values})
 
 
 class _Guests(_Section):
@@ -136,13 +127,16 @@ def _plugin(builtin: Sequence[str], what: str) -> Any:
 CARRIERS = "number of carriers; null: 7 for every 10 pickers, rounded up"
 
 
+SURVEYED = ("rows", "row_length", "row_width")  # what `survey` decides
+
+
 class Scenario(_Section):
     """An orchard with its robots, people, animals and weeds. Figures: docs/reference.md, from the manual."""
 
-    rows: Annotated[int, Field(ge=3, le=20, description="number of rows to pick; each fills one bin")] = 5
+    rows: Annotated[int, Field(ge=FEWEST_ROWS, le=MOST_ROWS, description="number of rows to pick; each fills one bin")] = 5
     pickers: Annotated[int, Field(ge=2, le=20, description="number of picking robots; at most one for each row")] = 2
     row_length: Annotated[float, Field(ge=SHORTEST_ROW, le=LONGEST_ROW, description="length of the picked part of a row, m")] = USUAL_ROW
-    row_width: Annotated[float, Field(ge=5.0, le=12.0, description="width of a row between its trees, m")] = 5.0
+    row_width: Annotated[float, Field(ge=NARROWEST_ROW, le=WIDEST_ROW, description="width of a row between its trees, m")] = NARROWEST_ROW
     carriers: Annotated[int | None, Field(ge=1, le=MOST_CARRIERS, description=CARRIERS)] = None
     picking_speed: Annotated[float, Field(ge=0.02, le=1.0, description="speed of a picker while it picks, m/s; of a person: 0.03")] = 1.0
     picking: Annotated[Picking, Field(description="how picking varies")] = Picking()
@@ -160,6 +154,7 @@ class Scenario(_Section):
     route: Annotated[str, _plugin(tuple(QUEUES), "where pickers and carriers drive")] = ONE_WAY
     bay: Annotated[float, Field(ge=0.0, le=180.0, description="how far east of its usual place the unloading bay lies, m")] = 0.0
     prices: Annotated[Prices, Field(description="what a harvest costs, for a study")] = Prices()
+    survey: Annotated[Survey | None, Field(description="surveyed rows, unequal in length and spacing; null: all rows are alike")] = None
 
     @property
     def carrier_count(self) -> int:
@@ -173,6 +168,7 @@ class Scenario(_Section):
 
     @model_validator(mode="after")
     def _new_names_and_no_idle_pickers(self) -> "Scenario":
+        self._demand_what_the_survey_says()
         taken = [name for name in self.agents_without_body if kind_of(name) in (*KINDS, *RESERVED)]
         self._demand(not taken, f"must be names that no other agent has; not {', '.join(taken)}", "agents_without_body")
         self._demand(self.pickers <= self.rows, "must be at most one picker a row", "pickers", "rows")
@@ -190,6 +186,16 @@ class Scenario(_Section):
         text = f"{what} at this picking_speed, because no picker picks faster than {top:g} m/s"
         fields = "picking_speed", "picking.spread.distribution", "picking.spread.cv"
         self._demand(spread.distribution == "none" or spread.cv <= most + 1e-9, text, *fields)
+
+    def _demand_what_the_survey_says(self) -> None:
+        """The sizes of a surveyed orchard stand in the scenario too, for all that asks for no more."""
+        if self.survey is None:
+            return
+        length = round(self.survey.length, 6)
+        wanted = {"rows": len(self.survey.rows), "row_length": length, "row_width": NARROWEST_ROW}
+        wrong = [name for name in SURVEYED if abs(getattr(self, name) - wanted[name]) > ROUNDING]
+        text = f"must be {' and '.join(f'{wanted[name]:.10g}' for name in wrong)} with this survey (row_width is not used)"
+        self._demand(not wrong, text, *wrong)
 
 
 def load(path: str | Path) -> Scenario:
@@ -219,6 +225,11 @@ def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
 def to_yaml(scenario: Scenario) -> str:
     """Return all values of a scenario as YAML. `parse` reads it back to an equal scenario."""
     return yaml.safe_dump(scenario.model_dump(), sort_keys=False)
+
+
+def to_short_yaml(scenario: Scenario) -> str:
+    """Return the values of a scenario that differ from their defaults as YAML, a line for each surveyed row."""
+    return yaml.safe_dump(scenario.model_dump(exclude_defaults=True), sort_keys=False, default_flow_style=None, width=200)
 
 
 def schema_text() -> str:
@@ -257,23 +268,34 @@ def _errors(values: dict[str, Any]) -> list[dict[str, Any]]:
     wrong: set[tuple[str, ...]] = set()
     while errors := _failures(values):
         found += [error for error in errors if wrong.isdisjoint(error["fields"])]
-        paths = {field for error in errors for field in error["fields"]}
+        paths = {path for error in errors for field in error["fields"] for path in _with_defaults(field)}
         wrong, values = wrong | paths, _without(values, paths)
     return found
+
+
+def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """Return what is set to its default because a field is wrong: the field, or the whole survey, whose sizes have no default."""
+    return [("survey",)] if field[0] == "survey" else [field, ("survey",)] if field[0] in SURVEYED else [field]
 
 
 def _failures(values: dict[str, Any]) -> list[dict[str, Any]]:
     try:
         Scenario.model_validate(values)
     except ValidationError as failure:
-        return [_located(error) for error in failure.errors(include_url=False)]
+        return [_located(error) for error in failure.errors(include_url=False) if not _counts_what_is_wrong(error)]
     return []
+
+
+def _counts_what_is_wrong(error: Any) -> bool:
+    """Whether a list is told to be too short only because some of it is wrong, which other errors tell."""
+    return bool(error["type"] == "too_short" and error["ctx"]["actual_length"] < len(error["input"]))
 
 
 def _located(error: Any) -> dict[str, Any]:
     """Add to an error its path, its fields, and whether it is about a key of `agents`, which pydantic marks in the path."""
     of_key = error["loc"][2:] == ("[key]",)
     loc = error["loc"][:2] if of_key else error["loc"]
+    loc = tuple(map(str, loc))
     fields = [(*loc, *field.split(".")) for field in error["ctx"]["fields"]] if error["type"] == "rule" else [loc]
     return dict(error) | {"loc": loc, "of_key": of_key, "fields": fields}
 
@@ -312,7 +334,7 @@ def _read(path: str | Path, source: str) -> str:
 class _Loader(yaml.SafeLoader):
     """Plain data only, after YAML 1.2: 010 is not 8, 1:30 is not 90, `on` is not true, 1e-1 is a number."""
 
-    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - PyYAML needs it on the class
+    yaml_implicit_resolvers: dict[str, Any] = {}
 
 
 for _tag, _pattern, _first in (
@@ -364,6 +386,9 @@ def _at(mark: Any, source: str, text: str) -> Problem:
 def _walk(node: yaml.Node | None, source: str, lines: Lines, at: tuple[str, ...] = ()) -> list[Problem]:
     """Note the line of each key, and return a problem for each repeated key."""
     repeated = []
+    for number, item in enumerate(node.value) if isinstance(node, yaml.SequenceNode) else ():
+        lines[(*at, str(number))] = item.start_mark.line + 1
+        repeated += _walk(item, source, lines, (*at, str(number)))
     for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
         if not isinstance(key, yaml.ScalarNode):
             continue

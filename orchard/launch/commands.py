@@ -7,6 +7,7 @@ orchard stop [ROBOT ...]
 orchard reset [ROBOT ...]
 orchard secure DIR [SCENARIO.yaml]
 orchard study [SCENARIO.yaml] --vary carriers=1..20 [--vary dispatch=nearest,predictive]
+orchard layout import FILE.geojson [--out SCENARIO.yaml]
 """
 
 import os
@@ -178,6 +179,26 @@ def secure(
         roles = make(folder, host_roles(agent_names(chosen), role or (), lambda rest: shares(rest, hosts)), address or (), days, anew)
     for made_role in roles:
         print_line(f"{folder / made_role.name}: {', '.join(made_role.names) or made_role.duty}")
+
+
+# -- an orchard of one's own
+
+layout = typer.Typer(help="Import the rows of an orchard of your own.", add_completion=False, pretty_exceptions_enable=False)
+app.add_typer(layout, name="layout")
+
+
+@layout.callback()
+def layouts() -> None:
+    """Import the rows of an orchard of your own."""
+
+
+@layout.command("import")
+def import_layout(file: options.GeoJson, out: options.NewScenario = None, crs: options.System = None) -> None:
+    """Make a scenario from surveyed rows."""
+    from orchard.launch.own_orchard import write_scenario
+
+    with exit_on_errors(ScenarioError, OSError):
+        write_scenario(file, out, crs)
 
 
 # -- a study

@@ -34,6 +34,7 @@ COMMANDS = {
     "stop": "emergency stop: stop robots of the active runs",
     "reset": "let stopped robots go on",
     "secure": "make the certificates of a secured run",
+    "layout": "import the rows of an orchard of your own",
     "study": "compare settings: how many carriers, which policy, which route",
 }
 HELP = "Harvest an orchard to the end.\n\n\b\nOther commands, each with its own --help:\n" + "\n".join(
@@ -325,6 +326,14 @@ Days = Annotated[float, Option(min=1, max=3650, help="Days for which the certifi
 Anew = Annotated[bool, Option("--anew", help="Replace the files of an earlier call.")]
 Browser = Annotated[int | None, Option("--web", min=1024, max=65534, metavar="PORT", help="Show it in a browser on this machine.")]
 Recording = Annotated[Path | None, Argument(metavar="FILE.rrd", show_default="the newest")]
+
+# -- an orchard of one's own
+
+GeoJson = Annotated[Path, Argument(metavar="FILE.geojson", help="The centre lines of the rows, a LineString each.", show_default=False)]
+System = Annotated[
+    str | None, Option("--crs", metavar="NAME", help="Their coordinate system, such as EPSG:2193. Default: the one that the file names.")
+]
+NewScenario = Annotated[Path | None, Option("--out", metavar="SCENARIO.yaml", help="A new file for the scenario. Default: stdout.")]
 
 # -- a study
 

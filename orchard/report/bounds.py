@@ -14,7 +14,7 @@ from orchard.agents.routes import route_of
 from orchard.agents.steps import FetchEmpty, LeaveBin
 from orchard.agents.timing import approach_seconds, duration, head
 from orchard.field.geometry import HEADINGS, Pose
-from orchard.field.layout import ROW_WEST, UNLOADING_SECONDS, Layout
+from orchard.field.layout import UNLOADING_SECONDS, Layout
 from orchard.field.rows import Block
 
 TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and the gap to the next one; at 1 m/s also the s in which the next one moves into the bay
@@ -53,7 +53,7 @@ def exchanges(layout: Layout, block: Block, rounds: int = 1) -> list[Exchange]:
 
 def _exchange(route: OneWay, row: int, next_row: int, side: Side) -> Exchange:
     layout = route.layout
-    start = Pose(layout.row_east if side is route.east else ROW_WEST, layout.lane(row).y, HEADINGS[side.heading("EAST")])
+    start = Pose(route.end(row, side), layout.lane(row).y, HEADINGS[side.heading("EAST")])
     way = route.crossing(row, next_row, side)
     leaving, out, whole = (duration(steps, start) for steps in (_until(LeaveBin, way), _until(FetchEmpty, way), way))
     approach = approach_seconds(route, row, side)

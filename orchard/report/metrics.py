@@ -109,7 +109,7 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "sim_seconds": round(world.tick * TIME_STEP, 1),
         "agents": len(world.layout.starts),
         "rows": scenario.rows,
-        "row_length": scenario.row_length,
+        "row_length": world.layout.mean_length,
         "rows_picked": rows_picked(world),
         "metres_picked": float(sum(world.row_picked.tolist())),
         "bins_delivered": world.delivered,

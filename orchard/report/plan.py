@@ -7,7 +7,7 @@ from orchard.agents.route import OneWay, Side
 from orchard.agents.routes import route_of
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import KINDS, kind_of, number_of
-from orchard.field.layout import DRIVEWAY, ROW_WEST, TOP, X_WEST, Layout
+from orchard.field.layout import DRIVEWAY, TOP, X_WEST, Layout
 from orchard.report.sentence import clock
 from orchard.sim.world import World
 
@@ -75,12 +75,12 @@ def present_plan(world: World) -> str:
     layout = world.layout
     drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, TOP + 5)
     for lane, metres, end in zip(layout.lanes, world.row_picked.tolist(), world.row_from.tolist(), strict=True):
-        middle = (ROW_WEST + metres / 2) if end < 0 else (layout.row_east - metres / 2)
+        middle = (lane.west + metres / 2) if end < 0 else (lane.east - metres / 2)
         drawing.box(middle, lane.y, metres / 2, 1.0, f"fill:{COLOURS['picked']};opacity:0.8", f"row {lane.number}: {metres:.1f} m picked")
     for name, i in layout.index.items():
         if world.alive[i]:
             _present_body(drawing, name, Pose(*world.pose[i].tolist()), float(world.fill[i]) / layout.row_length)
-    picked = f"{world.row_picked.sum():.0f} of {layout.row_length * len(layout.lanes):.0f} m picked"
+    picked = f"{world.row_picked.sum():.0f} of {layout.mean_length * len(layout.lanes):.0f} m picked"
     told = f"{clock(world.seconds)}, {picked}, {world.delivered} bins delivered"
     drawing.label(X_WEST, TOP + 1.7, told, 2.4)
     return drawing.svg()
@@ -123,13 +123,13 @@ def _ground(drawing: Drawing, layout: Layout) -> None:
     for rect, colour in ((DRIVEWAY, COLOURS["driveway"]), (layout.bay, COLOURS["bay"])):
         x, y = (rect.west + rect.east) / 2, (rect.south + rect.north) / 2
         drawing.box(x, y, (rect.east - rect.west) / 2, (rect.north - rect.south) / 2, f"fill:{colour}")
-    across = (layout.row_east + ROW_WEST) / 2
     for lane in layout.lanes:
-        drawing.box(across, lane.y, layout.row_length / 2, 1.0, f"fill:{COLOURS['lane']};opacity:0.6")
+        across = (lane.east + lane.west) / 2
+        drawing.box(across, lane.y, lane.length / 2, 1.0, f"fill:{COLOURS['lane']};opacity:0.6")
         drawing.text(across - 2.0, lane.y - 0.3, f"row {lane.number}")
-    for y in layout.tree_lines:
-        for x in layout.trees_x:
-            drawing.box(x, y, 2.75, 0.5, f"fill:{COLOURS['tree']};opacity:0.7")
+    for line in layout.lines:
+        for x in line.trees_x:
+            drawing.box(x, line.y, 2.75, 0.5, f"fill:{COLOURS['tree']};opacity:0.7")
     for x, y, half_x, half_y in layout.walls[4:]:
         drawing.box(x, y, half_x, half_y, f"fill:{COLOURS['trunk']}")
 

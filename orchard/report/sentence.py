@@ -25,7 +25,7 @@ def clock(seconds: float) -> str:
 
 def share_picked(metres: float, all_metres: float) -> str:
     """Return the share of all metres that is picked: 37 %. It is rounded down, so that it is 100 % only when all is picked."""
-    return f"{int(100.0 * metres / all_metres)} %"
+    return f"{int(100.0 * metres / all_metres + 1e-9)} %"
 
 
 def _finished(outcome: Outcome) -> str:

@@ -39,7 +39,9 @@ class Invariants:
         self.known = _known_of(world) if data is None else msgspec.convert(data, Known)
         self._rows = world.row_picked.tolist()
         self._coupled: list[int] = []
+        self._shares = world.layout.row_length / world.fixed.row_length  # of a bin that is in a metre of each row: all rows fill one
         self._tolerance = 2.0 * FULL_WITHIN * (len(self._rows) + len(world.layout.names))  # m: full rows and bins are rounded up
+        self._tolerance *= float(self._shares.max())
 
     @property
     def violations(self) -> list[str]:
@@ -83,12 +85,12 @@ class Invariants:
     def _check_metres(self, world: World) -> Iterator[tuple[str, str]]:
         rows, fills, length = world.row_picked.tolist(), world.fill.tolist(), world.layout.row_length
         if rows != self._rows:
-            yield from _row_faults(self._rows, rows, length)
+            yield from _row_faults(self._rows, rows, world.fixed.row_length.tolist())
             self._rows = rows
         if min(fills) < 0.0 or max(fills) > length:
             wrong = [(name, fill) for name, fill in zip(world.layout.names, fills, strict=True) if not 0.0 <= fill <= length]
             yield from ((f"fill {name}", f"{name} holds {fill:g} m; a bin holds 0 to {length:g} m") for name, fill in wrong)
-        picked, kept = sum(rows), sum(fills) + world.delivered * length
+        picked, kept = float(sum(world.row_picked * self._shares)), sum(fills) + world.delivered * length
         if abs(picked - kept) > self._tolerance:
             yield "metres", f"{picked:.3f} m are picked, but {kept:.3f} m are in bins or delivered"
         if world.delivered != self.known.delivered:
@@ -136,8 +138,8 @@ def _known_of(world: World) -> Known:
     return Known(world.delivered, [f"row {r + 1}" for r in world.rows_done.nonzero()[0].tolist()], calls, lacking)
 
 
-def _row_faults(before: list[float], rows: list[float], length: float) -> Iterator[tuple[str, str]]:
-    for r, (old, new) in enumerate(zip(before, rows, strict=True)):
+def _row_faults(before: list[float], rows: list[float], lengths: list[float]) -> Iterator[tuple[str, str]]:
+    for r, (old, new, length) in enumerate(zip(before, rows, lengths, strict=True)):
         if not old <= new <= length:
             yield f"row {r + 1}", f"row {r + 1} was picked for {old:g} m, and now for {new:g} m; this may only grow, to {length:g} m"
 

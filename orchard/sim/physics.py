@@ -105,7 +105,7 @@ def _empty(world: World, bin_: int) -> list[Event]:
 
 def is_full(world: World, i: int) -> bool:
     """Whether body `i` is a full bin."""
-    return bool(world.fill[i] >= world.fixed.row_length)
+    return bool(world.fill[i] >= world.fixed.bin_full)
 
 
 def is_at_rest(world: World, i: int) -> bool:

@@ -61,14 +61,14 @@ def _faults(world: World) -> Iterator[str]:
     west, south = world.layout.walls[:, :2].min(axis=0)
     east, north = world.layout.walls[:, :2].max(axis=0)
     x, y, yaw = world.pose.T
-    spans: dict[str, tuple[Any, float, float]] = {
+    spans: dict[str, tuple[Any, float, Any]] = {
         "tick": (world.tick, 0, LAST_TICK),
         "pose": (x, west, east),
         "pose's y": (y, south, north),
         "pose's yaw": (yaw, -10.0, 10.0),
         "twist": (world.twist, -FASTEST, FASTEST),
         "fill": (world.fill, 0.0, world.layout.row_length),
-        "row_picked": (world.row_picked, 0.0, world.layout.row_length),
+        "row_picked": (world.row_picked, 0.0, world.fixed.row_length),
         "row_from": (world.row_from, -1, 1),
         "bay_ticks": (world.bay_ticks, 0, LAST_TICK),
         "delivered": (world.delivered, 0, LAST_TICK),
@@ -78,7 +78,7 @@ def _faults(world: World) -> Iterator[str]:
     }
     for name, (value, least, most) in spans.items():
         if not (np.greater_equal(value, least) & np.less_equal(value, most)).all():  # refuses NaN too
-            yield f"{name}: must be from {least:g} to {most:g}"
+            yield f"{name}: must be from {least:g} to {np.max(most):g}"
     if not _are_pairs(world):
         yield "coupled: must be pairs of a robot that tows and a bin"
 

@@ -86,7 +86,7 @@ def observe(world: World, scans: Scans) -> Observations:
     names = world.layout.names
     states = np.concatenate((world.pose[:, :2], quaternions(world.pose), world.twist), axis=1)
     fills = {names[i]: float(world.fill[i]) for i in np.flatnonzero(world.fill).tolist()}
-    full = {name for name, fill in fills.items() if fill >= world.fixed.row_length}
+    full = {name for name, fill in fills.items() if fill >= world.fixed.bin_full}
     return Observations(world.tick, world.layout.index, states, scans, _Hitches(world, states, scans), fills, full)
 
 

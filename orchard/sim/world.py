@@ -32,7 +32,9 @@ class Fixed(NamedTuple):
     shapes: np.ndarray  # (n, 7) boxes: half sizes and radius; `place` writes the other columns
     pickers: np.ndarray  # int64: their indices
     carriers: np.ndarray  # int64: their indices
-    row_length: float  # m
+    bin_full: float  # m: what fills a bin, in rows of the full length
+    row_west: np.ndarray  # (r,) m: x of the rows' west ends
+    row_length: np.ndarray  # (r,) m
     row_y: np.ndarray  # (r,) m: the lanes' centre lines
     row_pace: np.ndarray  # (r,) m/s: the speeds at which they are picked
     walls: np.ndarray  # (w, 7): the boxes of fences, trunks and posts
@@ -61,6 +63,8 @@ def fixed_of(layout: Layout) -> Fixed:
         np.array([i for i, start in enumerate(layout.starts) if start.kind == "picker"], dtype=np.int64),
         np.array([i for i, start in enumerate(layout.starts) if start.kind == "carrier"], dtype=np.int64),
         layout.row_length,
+        np.array([lane.west for lane in layout.lanes]),
+        np.array([lane.length for lane in layout.lanes]),
         np.array([lane.y for lane in layout.lanes]),
         np.array([lane.pace for lane in layout.lanes]),
         walls,
@@ -81,7 +85,7 @@ class World:
         self.pose = np.array([start.pose for start in layout.starts], dtype=np.float64).reshape(n, 3)  # x, y, yaw
         self.twist = np.zeros((n, 3))  # forward, left, yaw rate of the last step; 0 if the step was refused
         self.coupled = np.full(n, NONE, dtype=np.int64)  # index of the body at the other end of the bar, or NONE
-        self.fill = np.zeros(n)  # of bins, metres of row in the bin, 0 to the length of a row
+        self.fill = np.zeros(n)  # of bins, metres of row in the bin, 0 to the full length of the rows: a shorter row fills one too
         self.alive = np.ones(n, dtype=bool)  # False for a flattened weed
         self.row_picked = np.zeros(rows)  # picked metres of each row, 0 to its length
         self.row_from = np.zeros(rows, dtype=np.int64)  # the end at which picking began: 0 not yet, -1 west, +1 east
@@ -105,7 +109,7 @@ class World:
     @property
     def full(self) -> np.ndarray:
         """Which bodies are full bins, (n,) bool."""
-        return np.asarray(self.fill >= self.fixed.row_length)
+        return np.asarray(self.fill >= self.fixed.bin_full)
 
     @property
     def rows_done(self) -> np.ndarray:

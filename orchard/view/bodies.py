@@ -8,7 +8,7 @@ import rerun as rr
 
 from orchard.contract.agent import State
 from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
-from orchard.field.layout import ROW_WEST, Lane, Layout
+from orchard.field.layout import Lane, Layout
 from orchard.field.placement import Start
 from orchard.view import palette
 from orchard.view.scenery import ROW_Z
@@ -135,10 +135,10 @@ class RowView:
         self.rec, self.layout = rec, layout
         self._done = [-1] * len(layout.lanes)
         self._from_west: dict[int, bool] = {}
-        self._fruit = [_fruit(layout, lane) for lane in layout.lanes]
+        self._fruit = [_fruit(lane) for lane in layout.lanes]
         self._pickers = indices(layout, {"picker"})
         for lane in layout.lanes:
-            points, triangles = _strip(layout, lane)
+            points, triangles = _strip(lane)
             strip = rr.Mesh3D.from_fields(vertex_positions=points, triangle_indices=triangles)
             rec.log(f"world/rows/row_{lane.number:02d}", strip, static=True)
             rec.log(f"canopy/fruit/row_{lane.number:02d}", rr.Points3D.from_fields(radii=[0.085], colors=[palette.KIWI]), static=True)
@@ -146,7 +146,7 @@ class RowView:
     def show(self, picked: np.ndarray, poses: np.ndarray) -> None:
         """Log the rows that changed. `picked`: (r,) metres of each row; `poses`: (n, 3), which show from which end a new row is picked."""
         for row, metres in enumerate(picked):
-            done = int(CHUNKS * min(metres / self.layout.row_length, 1.0) + 1e-9)
+            done = int(CHUNKS * min(metres / self.layout.lanes[row].length, 1.0) + 1e-9)
             if metres > 0.0 and row not in self._from_west:
                 self._from_west[row] = self._begun_in_the_west(row, float(metres), poses)
             if done != self._done[row]:
@@ -155,9 +155,10 @@ class RowView:
 
     def _begun_in_the_west(self, row: int, metres: float, poses: np.ndarray) -> bool:
         """Return whether the picker nearest to this row is where it would be if it had come from the west."""
-        away = np.abs(poses[self._pickers, 1] - self.layout.lanes[row].y)
+        lane = self.layout.lanes[row]
+        away = np.abs(poses[self._pickers, 1] - lane.y)
         x = float(poses[self._pickers[int(np.argmin(away))], 0])
-        return abs(x - (ROW_WEST + metres)) <= abs(x - (self.layout.row_east - metres))
+        return abs(x - (lane.west + metres)) <= abs(x - (lane.east - metres))
 
     def _paint(self, row: int, done: int, from_west: bool) -> None:
         picked = np.arange(CHUNKS) < done if from_west else np.arange(CHUNKS) >= CHUNKS - done
@@ -167,20 +168,20 @@ class RowView:
         self.rec.log(f"canopy/fruit/row_{number:02d}", rr.Points3D.from_fields(positions=self._fruit[row][~picked].reshape(-1, 3)))
 
 
-def _strip(layout: Layout, lane: Lane) -> tuple[np.ndarray, np.ndarray]:
+def _strip(lane: Lane) -> tuple[np.ndarray, np.ndarray]:
     """Return a lane's ground as CHUNKS pieces: corners, (4 CHUNKS, 3), and triangles, (2 CHUNKS, 3)."""
-    edges, half = np.linspace(ROW_WEST, layout.row_east, CHUNKS + 1), layout.scenario.row_width / 2 - 0.6
+    edges, half = np.linspace(lane.west, lane.east, CHUNKS + 1), lane.width / 2 - 0.6
     south, north = lane.y - half, lane.y + half
     corners = [[(w, south, ROW_Z), (e, south, ROW_Z), (e, north, ROW_Z), (w, north, ROW_Z)] for w, e in pairwise(edges)]
     triangles = (4 * np.arange(CHUNKS)[:, None] + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3)
     return np.array(corners, np.float32).reshape(-1, 3), triangles.astype(np.uint32)
 
 
-def _fruit(layout: Layout, lane: Lane) -> np.ndarray:
+def _fruit(lane: Lane) -> np.ndarray:
     """Return where a lane's fruit hangs, (CHUNKS, FRUIT_IN_A_CHUNK, 3), m. It is the same every time."""
     draw = np.random.default_rng(lane.number)
-    size, chunk = (CHUNKS, FRUIT_IN_A_CHUNK), layout.row_length / CHUNKS
-    west = ROW_WEST + chunk * np.arange(CHUNKS)[:, None]
+    size, chunk = (CHUNKS, FRUIT_IN_A_CHUNK), lane.length / CHUNKS
+    west = lane.west + chunk * np.arange(CHUNKS)[:, None]
     x = west + chunk * draw.random(size)
-    across = lane.y + (layout.scenario.row_width - 0.8) * (draw.random(size) - 0.5)
+    across = lane.y + (lane.width - 0.8) * (draw.random(size) - 0.5)
     return np.stack([x, across, FRUIT_Z + 0.12 * draw.random(size)], axis=2).astype(np.float32)

@@ -65,6 +65,7 @@ class Recorder:
         self.bodies, self.rows, self.talk = BodyView(self.rec, layout), RowView(self.rec, layout), Talk(self.rec, layout)
         self.names, self.focus = NameView(self.rec, layout), Focus(layout)
         self._frames = [*layout.names, FOCUS]
+        self._lengths = np.array([lane.length for lane in layout.lanes])  # m, of the rows
         self._scan_chunk = CHUNK_TICKS if serve else SCAN_CHUNK_TICKS
         self._scanned = indices(layout, SCANNED)
         self._poses: list[tuple[int, np.ndarray]] = []
@@ -230,7 +231,7 @@ class Recorder:
         return {"metrics/robots/pickers_waiting": float(waiting), "metrics/robots/carriers_busy": float(busy)}
 
     def _rows_and_bins(self, frame: Frame) -> dict[str, float]:
-        rows = {} if frame.row_picked is None else {"metrics/bins/rows_picked": float((frame.row_picked >= self.layout.row_length).sum())}
+        rows = {} if frame.row_picked is None else {"metrics/bins/rows_picked": float((frame.row_picked >= self._lengths).sum())}
         return rows if frame.fill is None else rows | {"metrics/bins/full": float((frame.fill >= self.layout.row_length).sum())}
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 
 from orchard.field import layout as field
-from orchard.field.layout import Layout
+from orchard.field.layout import Lane, Layout, TreeLine
 from orchard.view import palette
 from orchard.view.shapes import CROWN, LINE_POST, TRUNK, Coordinate, MeshPart, mesh_of, vine_patch
 
@@ -24,29 +24,50 @@ MEADOW_Z, GRASS_Z, ROADS_Z, DRIVEWAY_Z, ROW_Z, SHADE_Z = -0.35, -0.26, -0.18, -0
 
 def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
     """Log everything that never changes."""
-    lanes = [lane.y for lane in layout.lanes]
+    trees, posts = (
+        [(x, line.y) for line in layout.lines for x in line.trees_x],
+        [(x, line.y) for line in layout.lines for x in line.posts_x],
+    )
     rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     rec.log("world/ground", mesh_of(_ground(layout)), static=True)
     rec.log("world/fences", mesh_of(_fences(layout)), static=True)
-    _instances(rec, "world/trees", TRUNK, layout.trees_x, layout.tree_lines)
-    _instances(rec, "world/posts", LINE_POST, layout.posts_x, layout.tree_lines)
-    _instances(rec, "canopy/crowns", CROWN, layout.trees_x, layout.tree_lines, half_turns=True)
-    _instances(rec, "canopy/pergola", vine_patch(layout.scenario.row_width - 0.5), layout.trees_x, lanes, half_turns=True)
-    shade = MeshPart("drum", (5.6, 1.7, 0.01), (np.subtract(layout.trees_x, 0.3), np.add(layout.tree_lines, 0.3), SHADE_Z), palette.SHADE)
-    rec.log("canopy/shade", mesh_of([shade], alpha=110), static=True)
+    _instances(rec, "world/trees", TRUNK, trees)
+    _instances(rec, "world/posts", LINE_POST, posts)
+    _instances(rec, "canopy/crowns", CROWN, trees, half_turns=True)
+    _pergola(rec, layout)
+    beside = [(np.subtract(line.trees_x, 0.3), line.y + 0.3, SHADE_Z) for line in layout.lines]
+    shade = [MeshPart("drum", (5.6, 1.7, 0.01), at, palette.SHADE) for at in beside]
+    rec.log("canopy/shade", mesh_of(shade, alpha=110), static=True)
     rec.log("canopy/wires", rr.LineStrips3D(_wires(layout), colors=[palette.WIRE], radii=[0.02]), static=True)
-    _plan_canopy(rec, layout, lanes)
+    _plan_canopy(rec, layout)
     _camera(rec, layout)
 
 
 def _instances(
-    rec: rr.RecordingStream, path: str, parts: Sequence[MeshPart], xs: Sequence[float], ys: Sequence[float], half_turns: bool = False
+    rec: rr.RecordingStream,
+    path: str,
+    parts: Sequence[MeshPart],
+    at: Sequence[tuple[float, float]],
+    half_turns: bool = False,
+    widths: Sequence[float] | None = None,
 ) -> None:
-    """Log the same mesh at many places. With `half_turns`, half of them are turned by 180 degrees, so that they look less alike."""
-    places = np.array([(x, y, 0.0) for y in ys for x in xs], dtype=np.float32)
+    """Log the same mesh at many places. With `half_turns`, half of them are turned by 180 degrees, so that they look less alike.
+
+    `widths`: of each, as a share of the mesh's own width; None: all have it.
+    """
+    places = np.array([(x, y, 0.0) for x, y in at], dtype=np.float32)
     turned = (np.arange(len(places)) * 7 // 3) % 2 * (1.0 if half_turns else 0.0)
     quaternions = np.stack([0 * turned, 0 * turned, turned, 1 - turned], axis=1)
-    rec.log(path, mesh_of(parts), rr.InstancePoses3D(translations=places, quaternions=quaternions), static=True)
+    scales = None if widths is None else [(1.0, width, 1.0) for width in widths]
+    rec.log(path, mesh_of(parts), rr.InstancePoses3D(translations=places, quaternions=quaternions, scales=scales), static=True)
+
+
+def _pergola(rec: rr.RecordingStream, layout: Layout) -> None:
+    """Log the pergola's patches over the lanes, each as wide as its lane."""
+    own = layout.lanes[0].width - 0.5
+    over = [(x, lane.y, (lane.width - 0.5) / own) for lane in layout.lanes for x in trees_over(lane)]
+    widths = [width for *_, width in over] if layout.scenario.survey else None
+    _instances(rec, "canopy/pergola", vine_patch(own), [(x, y) for x, y, _ in over], half_turns=True, widths=widths)
 
 
 def _slab(west: float, south: float, east: float, north: float, z: float, colour: palette.Colour) -> MeshPart:
@@ -60,7 +81,7 @@ def _ground(layout: Layout) -> list[MeshPart]:
     return [
         *_fields(),
         *_lawn(layout),
-        MeshPart("box", (layout.row_length + 3.0, 1.2, 0.02), (layout.shift / 2, layout.tree_lines, ROADS_Z), palette.BARE),
+        *(_slab(line.west - 1.0, line.y - 0.6, line.east + 2.0, line.y + 0.6, ROADS_Z, palette.BARE) for line in layout.lines),
         _slab(36.5 + layout.shift, last - 8, 42.5 + layout.shift, 26, ROADS_Z, palette.SOIL),
         _slab(-45.5, last - 8, -36.5, 23, ROADS_Z, palette.SOIL),
         _slab(-36.5, last - 8, 36.5 + layout.shift, last - 3.5, ROADS_Z, palette.SOIL),
@@ -129,17 +150,25 @@ def _rails(length: float, x: Coordinate, y: Coordinate, yaw: float) -> list[Mesh
 
 def _wires(layout: Layout) -> list[np.ndarray]:
     """Return the wires along each line of posts, and across the lanes at each post."""
-    first, last, west, east = layout.tree_lines[0], layout.tree_lines[-1], layout.trees_x[0], layout.trees_x[-1]
-    along = [np.array([(west, y, 2.75), (east, y, 2.75)]) for y in layout.tree_lines]
-    return along + [np.array([(x, first, 2.78), (x, last, 2.78)]) for x in layout.posts_x]
+    along = [np.array([(line.trees_x[0], line.y, 2.75), (line.trees_x[-1], line.y, 2.75)]) for line in layout.lines]
+    at: dict[float, list[float]] = {}
+    for line in layout.lines:
+        for x in line.posts_x:
+            at.setdefault(x, []).append(line.y)
+    return along + [np.array([(x, max(ys), 2.78), (x, min(ys), 2.78)]) for x, ys in sorted(at.items())]
 
 
-def _plan_canopy(rec: rr.RecordingStream, layout: Layout, lanes: list[float]) -> None:
+def _plan_canopy(rec: rr.RecordingStream, layout: Layout) -> None:
     """Log the plan's canopy, flat and transparent."""
-    patches = MeshPart("box", (1.7, layout.scenario.row_width - 0.5, 0.02), (layout.trees_x, lanes, 3.2), palette.VINE[0])
-    crowns = MeshPart("drum", (5.5, 1.4, 0.02), (layout.trees_x, layout.tree_lines, 3.4), palette.LEAVES[0])
-    rec.log("plan/pergola", mesh_of([patches], alpha=70), static=True)
-    rec.log("plan/crowns", mesh_of([crowns], alpha=130), static=True)
+    patches = [MeshPart("box", (1.7, lane.width - 0.5, 0.02), (trees_over(lane), lane.y, 3.2), palette.VINE[0]) for lane in layout.lanes]
+    crowns = [MeshPart("drum", (5.5, 1.4, 0.02), (line.trees_x, line.y, 3.4), palette.LEAVES[0]) for line in layout.lines]
+    rec.log("plan/pergola", mesh_of(patches, alpha=70), static=True)
+    rec.log("plan/crowns", mesh_of(crowns, alpha=130), static=True)
+
+
+def trees_over(lane: Lane) -> tuple[float, ...]:
+    """Return the x of the trees beside a lane, m."""
+    return TreeLine(lane.y, lane.west, lane.east).trees_x
 
 
 def _camera(rec: rr.RecordingStream, layout: Layout) -> None:

@@ -65,10 +65,11 @@ def test_a_shipped_scenario_has_a_name_but_a_file_of_the_user_comes_first(tmp_pa
 
 
 def fields(section: dict, schema: dict) -> dict[str, dict]:
-    """All fields that are not sections, by name."""
+    """All fields that are not sections, by name. A section may be optional, or listed."""
     found = {}
     for name, field in section["properties"].items():
-        below = schema["$defs"].get(field.get("$ref", "").rpartition("/")[2])
+        ref = (field.get("items") or (field.get("anyOf") or [field])[0]).get("$ref", "")
+        below = schema["$defs"].get(ref.rpartition("/")[2])
         found |= fields(below, schema) if below else {name: field}
     return found
 

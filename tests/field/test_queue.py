@@ -48,6 +48,6 @@ def test_a_bay_further_east_leaves_room_for_fewer_and_the_error_says_where_it_ma
 def test_longer_rows_move_the_east_side_and_add_trees(length: float, trees: int) -> None:
     layout = lay_out(Scenario(row_length=length, carriers=2))
     assert layout.row_east == -35.5 + length
-    assert len(layout.trees_x) == trees
-    assert layout.row_east - 9.0 < layout.trees_x[-1] <= layout.row_east - 3.0
+    assert len(layout.lines[0].trees_x) == trees
+    assert layout.row_east - 9.0 < layout.lines[0].trees_x[-1] <= layout.row_east - 3.0
     assert layout.east == 50.0 + length - 70.0

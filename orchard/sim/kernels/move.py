@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchard.field.layout import ROW_WEST
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.kernels.boxes import COSINE, SINE, TOUCH, X, Y, circles_meet, gap, overlap, place
 from orchard.sim.kernels.grid import ROWS, Grid, cell_of, column_and_row, sort_into_cells, strip
@@ -21,7 +20,9 @@ _FRONTIER = 1e-9  # m
 class Rows(NamedTuple):
     """The r rows, and how far each is picked."""
 
-    length: float  # m
+    full: float  # m: what fills a bin, in rows of the full length; a shorter row fills one too
+    west: np.ndarray  # (r,) m: x of the rows' west ends
+    length: np.ndarray  # (r,) m
     y: np.ndarray  # (r,) m: the lanes' centre lines
     pace: np.ndarray  # (r,) m/s: the speeds at which they are picked
     picked: np.ndarray  # (r,) m
@@ -67,13 +68,13 @@ def arc(x, y, yaw, forward, left, turn, seconds):
 @jit
 def advance(
     wanted, twist, pose, coupled, fill, pickers, speed, turn, sideways, shapes, tows, solid, walls, wall_frame, wall_begin, wall_members,
-    body_frame, row_length, row_y, row_pace, row_picked, row_from, distance, collisions, held, blocked,
+    body_frame, bin_full, row_west, row_length, row_y, row_pace, row_picked, row_from, distance, collisions, held, blocked,
 ):  # fmt: skip
     """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick.
 
     Returns what `move_all` and `pick` return. It is one kernel because a call from Python takes longer than limiting thirty bodies.
     """
-    rows = Rows(row_length, row_y, row_pace, row_picked, row_from)
+    rows = Rows(bin_full, row_west, row_length, row_y, row_pace, row_picked, row_from)
     limit(wanted, top_speeds(speed, pickers, pose, coupled, fill, rows), coupled, turn, sideways, twist)
     before, walls_near = pose.copy(), Grid(wall_frame, wall_begin, wall_members)
     begun = move_all(twist, pose, coupled, shapes, tows, solid, walls, walls_near, body_frame, distance, collisions, held, blocked)
@@ -209,15 +210,16 @@ def row_at(y, rows):
 @jit
 def top_speeds(speed, pickers, pose, coupled, fill, rows):
     """Return the speed limits, (n,) m/s: for a picker in an unpicked part of a row, with a bin that is not full, the row's pace."""
-    top, row_east = speed.copy(), ROW_WEST + rows.length
+    top = speed.copy()
     for i in pickers:
-        if coupled[i] == NONE or fill[coupled[i]] >= rows.length or pose[i, 0] < ROW_WEST or pose[i, 0] > row_east:
+        if coupled[i] == NONE or fill[coupled[i]] >= rows.full:
             continue
         r = row_at(pose[i, 1], rows)
-        if r == NONE or rows.picked[r] >= rows.length:
+        if r == NONE or rows.picked[r] >= rows.length[r]:
             continue
-        done = pose[i, 0] - ROW_WEST if rows.begun[r] < 0 else row_east - pose[i, 0]
-        if rows.begun[r] == 0 or done >= rows.picked[r] - _FRONTIER:
+        from_west, from_east = pose[i, 0] - rows.west[r], rows.west[r] + rows.length[r] - pose[i, 0]
+        done = from_west if rows.begun[r] < 0 else from_east
+        if min(from_west, from_east) >= 0.0 and (rows.begun[r] == 0 or done >= rows.picked[r] - _FRONTIER):
             top[i] = min(top[i], rows.pace[r])
     return top
 
@@ -225,14 +227,16 @@ def top_speeds(speed, pickers, pose, coupled, fill, rows):
 @jit
 def pick(pickers, before, pose, coupled, rows, fill):
     """Pick what the pickers drove over since the poses `before`, (n, 3). Return the row that each picked from, or NONE."""
-    picked_from, row_east = np.full(len(pickers), NONE), ROW_WEST + rows.length
+    picked_from = np.full(len(pickers), NONE)
     for k in range(len(pickers)):
         i = pickers[k]
-        start, end = before[i, 0], pose[i, 0]
-        if coupled[i] == NONE or max(start, end) < ROW_WEST or min(start, end) > row_east:
+        start, end, r = before[i, 0], pose[i, 0], row_at(pose[i, 1], rows)
+        if coupled[i] == NONE or r == NONE:
             continue
-        r = row_at(pose[i, 1], rows)
-        if r != NONE and _pick_row(r, min(max(end, ROW_WEST), row_east), coupled[i], rows, fill):
+        west, east = rows.west[r], rows.west[r] + rows.length[r]
+        if max(start, end) < west or min(start, end) > east:
+            continue
+        if _pick_row(r, min(max(end, west), east), coupled[i], rows, fill):
             picked_from[k] = r
     return picked_from
 
@@ -240,21 +244,22 @@ def pick(pickers, before, pose, coupled, rows, fill):
 @jit
 def _pick_row(r, x, a_bin, rows, fill):
     """Pick a row up to x into a bin, if that continues the picked part of the row. Return whether anything was picked."""
-    from_west, from_east = x - ROW_WEST, ROW_WEST + rows.length - x
-    if rows.begun[r] == 0 and min(from_west, from_east) <= PICK_REACH and fill[a_bin] < rows.length:
+    from_west, from_east = x - rows.west[r], rows.west[r] + rows.length[r] - x
+    if rows.begun[r] == 0 and min(from_west, from_east) <= PICK_REACH and fill[a_bin] < rows.full:
         rows.begun[r] = -1 if from_west <= from_east else 1
     done = from_west if rows.begun[r] < 0 else from_east
-    grows = min(done - rows.picked[r], rows.length - fill[a_bin])
+    share = rows.full / rows.length[r]  # of what a metre of this row fills to what a metre of a row of the full length does
+    grows = min(done - rows.picked[r], (rows.full - fill[a_bin]) / share)
     if rows.begun[r] == 0 or grows <= 0.0 or done - rows.picked[r] > PICK_REACH:
         return False
-    rows.picked[r] = _or_full(min(rows.picked[r] + grows, done), rows.length)
-    fill[a_bin] = _or_full(fill[a_bin] + grows, rows.length)
+    rows.picked[r] = _or_full(min(rows.picked[r] + grows, done), rows.length[r], FULL_WITHIN)
+    fill[a_bin] = _or_full(fill[a_bin] + grows * share, rows.full, FULL_WITHIN * share)
     return True
 
 
 @jit
-def _or_full(metres, length):
-    return length if metres >= length - FULL_WITHIN else metres
+def _or_full(metres, length, within):
+    return length if metres >= length - within else metres
 
 
 @jit

@@ -35,14 +35,16 @@ class Setting:
 
     @property
     def is_random(self) -> bool:
-        """Whether two seeds can give two results. Without people, animals, spread, failures and noise all seeds give the same harvest."""
+        """Whether two seeds can give two results. Without people, animals, spread, failures, noise and errors of sensors all seeds give the same harvest."""
         scenario = self.scenario
         guests = [*scenario.people.model_dump().values(), *scenario.animals.model_dump().values()]
         picking = scenario.picking
         varies = picking.spread.distribution != "none" or picking.failure.mean_between is not None
         built_in = scenario.dispatch in DISPATCH_POLICIES and scenario.rows_to_pickers in ROW_RULES and scenario.route in QUEUES
         own = not built_in or bool(scenario.agents or scenario.agents_without_body)  # it may draw by the seed
-        return varies or any(guests) or scenario.laser.noise > 0.0 or own
+        gnss, odometry = scenario.sensors.gnss, scenario.sensors.odometry
+        noisy = any((scenario.laser.noise, gnss.white, gnss.bias, odometry.distance, odometry.heading))
+        return varies or any(guests) or noisy or own
 
     @property
     def has_prices(self) -> bool:

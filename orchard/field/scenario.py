@@ -111,8 +111,8 @@ class Gnss(_Section):
     The sum of a white error and of a slow one, a Gauss-Markov process of the first order, as the literature has it: docs/sensors.md.
     """
 
-    white: Annotated[float, Field(ge=0.0, le=WORST_POSITION, description="standard deviation of the error that is new at each tick, m")] = 0.0
-    bias: Annotated[float, Field(ge=0.0, le=WORST_POSITION, description="standard deviation of the error that changes slowly, m")] = 0.0
+    white: Annotated[float, Field(ge=0.0, le=WORST_POSITION, description="standard deviation of the error new at each tick, m")] = 0.0
+    bias: Annotated[float, Field(ge=0.0, le=WORST_POSITION, description="standard deviation of the slow error, m")] = 0.0
     bias_time: Annotated[
         float, Field(ge=1.0, le=86400.0, description="time in which the correlation of the slow error falls to 1/e, s")
     ] = 300.0

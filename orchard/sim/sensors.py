@@ -7,7 +7,6 @@ robot's name and the tick; what adds up from tick to tick is in the world, and s
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +17,7 @@ from orchard.field.layout import Layout
 from orchard.field.repeatable import draw, exp, normal, wrap
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.kernels.move import quaternions
-
-if TYPE_CHECKING:
-    from orchard.sim.world import World
+from orchard.sim.world import World
 
 X_Y, MOTION = slice(0, 2), slice(4, 7)  # columns of a body's state: see Observations
 
@@ -36,18 +33,10 @@ def robots_of(layout: Layout) -> dict[str, int]:
     return {start.name: i for i, start in enumerate(layout.starts) if KINDS[start.kind].robot and not KINDS[start.kind].sideways}
 
 
-def first_bias(layout: Layout) -> np.ndarray:
-    """Return the slow error of each receiver at tick 0, (n, 2) m: it is as probable then as at any other time."""
-    bias, deviation = np.zeros((len(layout.starts), 2)), layout.scenario.sensors.gnss.bias
-    for name, i in robots_of(layout).items() if deviation else ():
-        bias[i] = np.multiply(deviation, normals(layout.scenario.seed, f"first bias of {name}", 0))
-    return bias
-
-
 class Sensors:
     """The receivers and the odometry of the robots of one world. Of the world they change only `bias` and `reckoned`."""
 
-    def __init__(self, world: "World") -> None:
+    def __init__(self, world: World) -> None:
         scenario = world.layout.scenario
         gnss, odometry = scenario.sensors.gnss, scenario.sensors.odometry
         self._world, self._seed, self._gnss, self._robots = world, scenario.seed, gnss, robots_of(world.layout)
@@ -58,6 +47,8 @@ class Sensors:
         self._bend = {i: odometry.heading * askew for i, (_, askew) in errors.items()}  # rad per metre
         self._drifts, accuracy = odometry.distance > 0.0 or odometry.heading > 0.0, math.sqrt(gnss.white**2 + gnss.bias**2)
         self._accuracies = dict.fromkeys(self._robots, accuracy) if accuracy else {}
+        for name, i in self._robots.items() if world.tick == 0 else ():  # a slow error is then as probable as at any other time
+            world.bias[i] = np.multiply(gnss.bias, normals(self._seed, f"bias of {name}", 0))
 
     def advance(self) -> None:
         """Go on by one tick, after each step of the world."""
@@ -111,7 +102,7 @@ class Sensors:
 
 
 class _Shifted(Mapping[str, Hitch]):
-    """Coupled body -> the body at the other end of its bar, where it seems to be. The bar shows where it is as seen from the body itself."""
+    """Coupled body -> the body at the other end of its bar, moved by its own error: the bar itself measures without errors."""
 
     def __init__(self, hitches: Mapping[str, Hitch], errors: Mapping[str, np.ndarray]) -> None:
         self._hitches, self._errors = hitches, errors

@@ -15,7 +15,6 @@ from orchard.field.scenario import TIME_STEP
 from orchard.sim.kernels.boxes import RADIUS, boxes_of
 from orchard.sim.kernels.grid import Grid, frame_of, grid_of
 from orchard.sim.kernels.move import NONE
-from orchard.sim.sensors import first_bias
 
 CELL = 10.0  # m: the smallest cell; smaller cells cost more time than they save
 
@@ -93,7 +92,7 @@ class World:
         self.held = np.zeros(n, dtype=np.int64)  # steps refused because of the coupled bin
         self.blocked = np.zeros(n, dtype=bool)  # in a collision: the last step met an obstacle, and was refused
         self.stopped = np.zeros(n, dtype=bool)  # latched by an emergency stop; see stops.py
-        self.bias = first_bias(layout)  # (n, 2) m: the slow error of each receiver in x and y; see sensors.py
+        self.bias = np.zeros((n, 2))  # m: the slow error of each receiver in x and y; see sensors.py
         self.reckoned = self.pose.copy()  # the poses of odometry alone, kept if it has errors; see sensors.py
         for robot in layout.starts:
             if robot.bin:

@@ -35,7 +35,7 @@ class Setting:
 
     @property
     def is_random(self) -> bool:
-        """Whether two seeds can give two results. Without people, animals, spread, failures, noise and errors of sensors all seeds give the same harvest."""
+        """Whether two seeds can give two results. Without people, animals, spread, failures and noise all seeds give the same harvest."""
         scenario = self.scenario
         guests = [*scenario.people.model_dump().values(), *scenario.animals.model_dump().values()]
         picking = scenario.picking

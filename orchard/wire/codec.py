@@ -78,9 +78,7 @@ def observations_of(seen: wire.Seen) -> dict[str, Observation]:
     hitches = {name: _hitch_of(other, behind.get(name)) for name, other in seen.hitches.items()}
     fills, full, accuracies = seen.fills, seen.full, seen.accuracies
     return {
-        name: observation_of(
-            name, seen.tick, state, scan, hitches.get(name), fills.get(name, 0.0), name in full, accuracies.get(name, 0.0)
-        )
+        name: observation_of(name, seen.tick, state, scan, hitches.get(name), fills.get(name, 0.0), name in full, accuracies.get(name, 0.0))
         for name, state, scan in zip(seen.names, states, sweeps, strict=False)
     }
 

@@ -89,7 +89,7 @@ class Carrier:
     def is_next(self, robot: PlanExecutor) -> bool:
         """Whether the carrier is at the head of its line, or on its way to that place: no carrier that may stay is before it."""
         behind = self.layout.queue.head - robot.pose.x
-        return behind < 0.1 or (behind < PITCH + 0.2 and robot.seen.twist.x > 0.0)
+        return behind < 0.1 + robot.doubt or (behind < PITCH + 0.2 and robot.seen.twist.x > 0.0)
 
     def accept(self, robot: PlanExecutor, bin_name: str, come: Come) -> None:
         robot.memory.job = Job(bin_name, come.lane, come.side, come.picker)

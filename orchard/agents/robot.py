@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 
+from orchard.agents.place import Place, as_seen_from, place_of
 from orchard.agents.sense import Box, Bystander, Sighting, doubts, something_ahead, stop_zone, sweep_radius, turn_is_free
 from orchard.contract.agent import AHEAD, IN_TURN, MOST_HOLD, Action, Hold, Mail, Observation, State, may_hold
 from orchard.contract.messages import Answer, BinState, Claim, Couple, Places, Position, Request, StateRequest, Uncouple, Where
@@ -17,6 +18,7 @@ from orchard.field.kinds import KINDS, TRAFFIC, kind_of
 
 PATIENCE = 5  # ticks after which a question is asked again if it was not answered as hoped
 LOOK_AGAIN = 20  # ticks between two questions to a bin whether it is left: its picker needs 65 more to clear the way
+SURE = 3.0  # standard deviations of its position within which a robot takes itself to be
 RECOVERY = 10  # ticks for which a robot stands after a collision
 
 
@@ -37,6 +39,7 @@ class RobotMemory(msgspec.Struct):
     sighted: dict[str, Sighting] = {}  # person or animal -> its reported position
     asked: dict[str, int] = {}  # question -> tick at which the present step last asked it
     left: str = ""  # the bin that it has found left in its lane
+    place: Place | None = None  # where it takes itself to be, if its receiver is not exact
 
 
 class Gate(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -62,15 +65,27 @@ class PlanExecutor:
     """One robot at one tick, for the steps of its plan."""
 
     def __init__(self, seen: Observation, mail: Mail, memory: RobotMemory, bystanders: tuple[Bystander, ...] = ()) -> None:
-        self.seen, self.mail, self._bystanders = seen, mail, bystanders
         self.memory: Any = memory  # only the steps of each kind know the fields that it adds to Plan
-        self.pose: Pose = seen.pose
+        self.seen, self.mail, self._bystanders = self._located(seen), mail, bystanders
+        self.pose: Pose = self.seen.pose
         self.action = Action(memory=memory)
         self.wanting: list[str] = []
         self._blind_to: list[Box] = []
         self._beside, self._turn, self._queueing = "", 0.0, False
         self._until = seen.tick + 1  # tick at which the present step must act again
         self._timers: list[int] = []  # ticks at which something must be asked again
+
+    def _located(self, seen: Observation) -> Observation:
+        """What the robot observes, from where it takes itself to be."""
+        if not seen.accuracy:
+            return seen
+        self.memory.place = place_of(seen, self.memory.place)
+        return as_seen_from(self.memory.place, seen)
+
+    @property
+    def doubt(self) -> float:
+        """How far from where it takes itself to be the robot may be, m; 0 if its receiver is exact."""
+        return SURE * self.seen.accuracy
 
     def move(self, twist: Twist, blind_to: list[Box], queueing: bool = False) -> None:
         """Drive with this velocity in this tick, unless something is in the way. Returns from the boxes `blind_to` do not count.
@@ -180,13 +195,13 @@ class PlanExecutor:
         return action
 
     def _hold_of(self, twist: Twist) -> Hold | None:
-        """Return how long the robot keeps this velocity. A robot that turns, or acts, is asked at every tick.
+        """Return how long the robot keeps this velocity. A robot that turns, or acts, or corrects its place, is asked at every tick.
 
         Where it drives, its hold ends when something comes into the way, or leaves it. A robot that is blind to boxes in its way must look
         at every tick.
         """
         until = min(self._until, *self._timers) if self._timers else self._until
-        if until <= self.seen.tick + 1 or twist.yaw or self._turn or self.action.deeds:
+        if until <= self.seen.tick + 1 or twist.yaw or self._turn or self.action.deeds or self.seen.accuracy:
             return None
         if twist == STILL:
             return Hold(until)

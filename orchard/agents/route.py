@@ -19,6 +19,7 @@ from orchard.agents.steps import (
     DriveTo,
     Face,
     FetchEmpty,
+    Fill,
     Free,
     Home,
     LeaveBin,
@@ -212,6 +213,7 @@ class OneWay:
             DriveTo(x=self.end(row, side), speed=self.layout.lane(row).pace, needs=cross, frees=frees),
             Say(f"leaving the full bin of row {row}", "handling a bin"),
             DriveTo(x=side.x(self.FULL_BIN + KINDS["picker"].tows), needs=cross),
+            *self.fill(),
             LeaveBin(),
         ]
 
@@ -219,6 +221,11 @@ class OneWay:
         """The step before the drive along a row, if pickers fail in this scenario."""
         scenario, failure = self.layout.scenario, self.layout.scenario.picking.failure
         return [MayFail(scenario.seed, failure.mean_between, failure.mean_repair)] if failure.mean_between is not None else []
+
+    def fill(self) -> list[Step]:
+        """The step before a picker leaves its bin, if pickers do not know exactly where the row ends."""
+        gnss = self.layout.scenario.sensors.gnss
+        return [Fill(3.0 * (gnss.white + gnss.bias))] if gnss.white or gnss.bias else []
 
     def cross(self, side: Side, lane: int, at: float) -> list[Gate]:
         """The places that a picker needs to drive over both roads, from x = `at` on."""

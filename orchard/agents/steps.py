@@ -16,7 +16,8 @@ from orchard.agents.robot import Gate, PlanExecutor, RobotMemory, Step
 from orchard.agents.sense import Box
 from orchard.contract.agent import MOST_HOLD, State
 from orchard.contract.messages import BinState, CarrierComing, Confirm, EmptyBin, Here, No, StateRequest, Yes
-from orchard.field.geometry import HEADINGS, Twist, angle_between, nearest_heading
+from orchard.field import repeatable
+from orchard.field.geometry import HEADINGS, STILL, Twist, angle_between, nearest_heading, to_frame
 from orchard.field.kinds import EIGHTH
 from orchard.field.picking import failure
 from orchard.field.scenario import TIME_STEP
@@ -26,6 +27,13 @@ SLACK = 1e-6  # m, far more than rounding: a drive acts again rather a tick too 
 CRUISE = 1.0  # m/s
 SELDOM = 50  # ticks between two questions if the answer changes nothing
 LONGEST_WAIT = 300.0  # s in one step of a repair; a run is jammed after 600 s without progress
+NEAR = 0.01  # m: where a robot that searches for the coupling point counts as there
+SHIFT = 0.2  # m/s, of such a robot
+PULL = 1.0  # m which it drives ahead to come to one side
+TRIES = 5  # ticks for which it tries to couple in one place
+GRID = 0.14  # m from one place to the next: none of the area between is farther from a place than a bin can be coupled
+SEARCH = [(GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in (0, 1, -1, 2)]  # from the first, m
+LITTLE = 0.02  # m
 LOOK_AHEAD = 3.0  # m before a gate, from where the robot asks for its places
 
 
@@ -77,7 +85,7 @@ class DriveTo(Step, frozen=True):
     def _limit(self, robot: PlanExecutor, here: float, ahead: float, target: float) -> float:
         """The target, or the first gate before it with places that the robot does not hold."""
         for gate in self.needs:
-            if ahead * (gate.at - here) >= -EXACT and not robot.holds(gate.places):
+            if ahead * (gate.at - here) >= -EXACT - robot.doubt and not robot.holds(gate.places):
                 if ahead * (gate.at - here) < LOOK_AHEAD and (not gate.bin or robot.is_left(gate.bin)):
                     robot.want(gate.places)
                 return gate.at if ahead * (target - gate.at) > 0 else target
@@ -195,7 +203,58 @@ class Deliver(Step, frozen=True):
         return isinstance(robot.ask(self.picker, Here(robot.memory.delivered)), Yes)
 
 
-class TakeBin(Step, frozen=True):
+class Coupling(Step, frozen=True, kw_only=True):
+    """A step that couples a bin. A robot that is not sure of its place, and so may stand beside the coupling point, searches for it."""
+
+    tried: int = 0  #: places of the search in which it has tried
+    at: tuple[float, float] | None = None  #: x and y of the first of them, m
+
+    def couple(self, robot: PlanExecutor, bin_name: str) -> bool:
+        """Couple a bin. Return whether this step was put off, because the robot tries another place first."""
+        robot.couple(bin_name)
+        began = robot.memory.asked.setdefault(f"couple {bin_name}", robot.seen.tick)
+        if not robot.seen.accuracy or robot.seen.tick - began < TRIES or self.tried + 1 == len(SEARCH):
+            return False
+        x, y = self.at or (robot.pose.x, robot.pose.y)
+        yaw, (before, _), (left, ahead) = HEADINGS[nearest_heading(robot.pose.yaw)], SEARCH[self.tried], SEARCH[self.tried + 1]
+        s, c = repeatable.sin_cos(yaw)
+        here = Shift(x + c * ahead - s * left, y + s * ahead + c * left)
+        aside = Shift(x + c * PULL - s * left, y + s * PULL + c * left)
+        slant = yaw + repeatable.atan2(left - before, PULL)
+        around = [Aim(slant), aside, Aim(yaw)] if left != before else []
+        robot.next([*around, here, replace(self, tried=self.tried + 1, at=(x, y))])
+        robot.action.deeds = []
+        return True
+
+
+class Aim(Step, frozen=True):
+    """Turn on the spot to a yaw, rad."""
+
+    yaw: float
+
+    def act(self, robot: PlanExecutor) -> bool:
+        left = angle_between(robot.pose.yaw, self.yaw)
+        if abs(left) <= EXACT:
+            return True
+        robot.turn(max(-EIGHTH, min(EIGHTH, left / TIME_STEP)), left, [])
+        return False
+
+
+class Shift(Step, frozen=True):
+    """Drive slowly, forward or backward, to the point nearest to (x, y) on the line along which the robot faces, or up to an obstacle."""
+
+    x: float
+    y: float
+
+    def act(self, robot: PlanExecutor) -> bool:
+        left, _ = to_frame(robot.pose, self.x, self.y)
+        if abs(left) <= NEAR or (robot.memory.moving and robot.seen.twist == STILL):
+            return True
+        robot.move(Twist(x=max(-SHIFT, min(SHIFT, left / TIME_STEP))), [])
+        return False
+
+
+class TakeBin(Coupling, frozen=True):
     """Couple the bin that stands behind the robot."""
 
     bin: str
@@ -203,8 +262,21 @@ class TakeBin(Step, frozen=True):
     def act(self, robot: PlanExecutor) -> bool:
         if robot.seen.hitch is not None and robot.seen.hitch.name == self.bin:
             return True
-        robot.couple(self.bin)
-        return False
+        return self.couple(robot, self.bin)
+
+
+class Fill(Step, frozen=True):
+    """For pickers that are not sure of their place: at the end of a row, drive on little by little until the bin says that it is full."""
+
+    most: float  #: m
+
+    def act(self, robot: PlanExecutor) -> bool:
+        if robot.seen.hitch is None or self.most <= 0.0:
+            return True
+        answer = robot.ask(robot.seen.hitch.name, StateRequest())
+        if isinstance(answer, BinState) and not answer.full:
+            robot.next([Ahead(LITTLE), Fill(self.most - LITTLE)])
+        return isinstance(answer, BinState)
 
 
 class LeaveBin(Step, frozen=True):
@@ -218,7 +290,7 @@ class LeaveBin(Step, frozen=True):
         return False
 
 
-class FetchEmpty(Step, frozen=True):
+class FetchEmpty(Coupling, frozen=True):
     """For pickers: wait until a carrier has brought an empty bin, couple the bin, and take over the place where it stands."""
 
     place: str
@@ -230,8 +302,7 @@ class FetchEmpty(Step, frozen=True):
             robot.hold()
             return False
         if robot.seen.hitch is None:
-            robot.couple(robot.memory.offered)
-            return False
+            return self.couple(robot, robot.memory.offered)
         if not robot.holds([self.place]):
             robot.want([self.place], beside=robot.memory.carrier)
             robot.hold()
@@ -320,7 +391,7 @@ if TYPE_CHECKING:
 else:  # for msgspec, which decodes the steps of a memory: these, and those that `with_steps` adds
     AnyStep = (
         Say | DriveTo | Face | Realign | Ahead | MoveTo | Wait | Need | Free | Alone | Deliver | TakeBin | LeaveBin
-        | FetchEmpty | MayFail | Repair | Unload | Confirmed | Home | Again
+        | FetchEmpty | Fill | Aim | Shift | MayFail | Repair | Unload | Confirmed | Home | Again
     )  # fmt: skip
 
 

@@ -41,7 +41,7 @@ def hint(text: object) -> str:
 
 
 FROM_FILE = (*AGENTS, "survey")  # come from a file, and are not entered on the page
-NEEDED = ("laser", "spread", "failure")  # sections whose names belong to the labels of their values
+NEEDED = ("laser", "spread", "failure", "gnss", "odometry")  # sections whose names belong to the labels of their values
 WIDEST = 1e6  # the range of a slider; a value with a wider one gets a text field only
 
 

@@ -98,6 +98,10 @@ GROUPS = {
     "Picking": ("picking.spread.distribution", "picking.spread.cv", "picking.failure.mean_between", "picking.failure.mean_repair"),
     "People and animals": ("people.workers", "people.visitors", "animals.dogs", "animals.cats"),
     "Surroundings": ("weeds", "tractor"),
+    "Sensors": (
+        *("sensors.gnss.white", "sensors.gnss.bias", "sensors.gnss.bias_time"),
+        *("sensors.odometry.distance", "sensors.odometry.heading"),
+    ),
     "Prices": ("prices.picker_per_hour", "prices.carrier_per_hour", "prices.overhead_per_hour", "prices.per_bin"),
 }
 

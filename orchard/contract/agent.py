@@ -58,6 +58,7 @@ class Hitch(NamedTuple):
 class Observation(msgspec.Struct, frozen=True, dict=True):
     """The observation of one body at one tick, in the frame `map`. An agent without a body has x and y NaN and scan None.
 
+    Pose and twist are what the body's sensors measure. If the scenario sets errors for them they are not the truth, see docs/sensors.md.
     It is read-only, and so are its arrays. `msgspec.structs.replace` returns a changed copy, `scan.copy()` an array to change.
     """
 
@@ -71,6 +72,7 @@ class Observation(msgspec.Struct, frozen=True, dict=True):
     hitch: Hitch | None = None
     fill: float = 0.0  #: of a bin: metres of row in it, 0 to the length of a row
     full: bool = False  #: of a bin
+    accuracy: float = 0.0  #: m, the standard deviation of x and of y, as its receiver tells; 0: exact
 
     @cached_property
     def pose(self) -> Pose:
@@ -211,12 +213,14 @@ class Observations:
     hitches: Mapping[str, Hitch]  # of coupled bodies, by name
     fills: Mapping[str, float]  # of bins that are not empty, by name: metres of row
     full: Collection[str]  # names of the full bins
+    accuracies: Mapping[str, float] = field(default_factory=dict)  # of bodies whose x and y are not exact, m, by name
 
     def __getitem__(self, name: str) -> Observation:
         """Return the observation of one body. Raises KeyError for an unknown name."""
         body = self.names[name]
         state, hitch, fill = self.states[body].tolist(), self.hitches.get(name), self.fills.get(name, 0.0)
-        return observation_of(name, self.tick, state, self.scans[body], hitch, fill, name in self.full)
+        accuracy = self.accuracies.get(name, 0.0)
+        return observation_of(name, self.tick, state, self.scans[body], hitch, fill, name in self.full, accuracy)
 
     def of(self, names: Iterable[str]) -> dict[str, Observation]:
         """Return the observations of these agents, by name; an agent without a body observes the tick only."""
@@ -224,8 +228,15 @@ class Observations:
 
 
 def observation_of(
-    name: str, tick: int, state: Sequence[float], scan: np.ndarray, hitch: Hitch | None, fill: float, full: bool
+    name: str,
+    tick: int,
+    state: Sequence[float],
+    scan: np.ndarray,
+    hitch: Hitch | None,
+    fill: float,
+    full: bool,
+    accuracy: float = 0.0,
 ) -> Observation:
     """Return the observation of one body. `state`: its seven numbers, as in `Observations.states`."""
     x, y, z, w, vx, vy, turn = state
-    return Observation(name, tick, x, y, (z, w), Twist(vx, vy, turn), scan, hitch, fill, full)
+    return Observation(name, tick, x, y, (z, w), Twist(vx, vy, turn), scan, hitch, fill, full, accuracy)

@@ -93,6 +93,36 @@ class LaserSettings(_Section):
     noise: Annotated[float, Field(ge=0.0, le=0.02, description="standard deviation of a measured range, m")] = 0.0
 
 
+WORST_POSITION = 0.5  # m
+
+
+class Gnss(_Section):
+    """Errors of the positions that the receivers of pickers, carriers and the tractor measure, alike in x and in y.
+
+    The sum of a white error and of a slow one, a Gauss-Markov process of the first order, as the literature has it: docs/sensors.md.
+    """
+
+    white: Annotated[float, Field(ge=0.0, le=WORST_POSITION, description="standard deviation of the error new at each tick, m")] = 0.0
+    bias: Annotated[float, Field(ge=0.0, le=WORST_POSITION, description="standard deviation of the slow error, m")] = 0.0
+    bias_time: Annotated[
+        float, Field(ge=1.0, le=86400.0, description="time in which the correlation of the slow error falls to 1/e, s")
+    ] = 300.0
+
+
+class OdometrySettings(_Section):
+    """Errors of the odometry of pickers, carriers and the tractor: constants, drawn for each robot."""
+
+    distance: Annotated[float, Field(ge=0.0, le=0.1, description="standard deviation of the error of distances, as a share")] = 0.0
+    heading: Annotated[float, Field(ge=0.0, le=0.05, description="standard deviation of the drift of the heading, rad/m driven")] = 0.0
+
+
+class SensorSettings(_Section):
+    """Errors of what robots measure of their own motion. Without them what they measure is the truth."""
+
+    gnss: Annotated[Gnss, Field(description="the receivers that measure where robots are")] = Gnss()
+    odometry: Annotated[OdometrySettings, Field(description="what robots measure of their motion by their wheels")] = OdometrySettings()
+
+
 HIGHEST_PRICE = 1e9  # in whatever currency
 
 
@@ -146,6 +176,7 @@ class Scenario(_Section):
     weeds: Annotated[int, _count("number of weeds, north and south of the rows")] = 10
     tractor: Annotated[bool, Field(description="whether a tractor drives up and down the driveway")] = True
     laser: Annotated[LaserSettings, Field(description="the laser range finders of all bodies")] = LaserSettings()
+    sensors: Annotated[SensorSettings, Field(description="what robots measure of their own motion")] = SensorSettings()
     agents: Classes = {}
     agents_without_body: MoreAgents = {}
     dispatch: Annotated[str, _plugin(DISPATCH_POLICIES, "which carrier fetches which bin, and when it leaves")] = PREDICTIVE

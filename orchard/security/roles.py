@@ -72,6 +72,8 @@ RIGHTS: dict[str, Right] = {
     "velocity": Right((OWN_HOST, THE_PHYSICS), (THE_PHYSICS, THE_LOGGER)),
     "velocities": Right((OWN_HOST,), (THE_PHYSICS,)),
     "pose": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER)),
+    "truth": Right((THE_PHYSICS,), (THE_LOGGER,)),  # no agent can peep
+    "odometry": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER)),
     "scan": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER)),
     "clock": Right((THE_PHYSICS,), AUDIENCE),
     "seen": Right((THE_PHYSICS,), (OWN_HOST,)),

@@ -96,7 +96,7 @@ class Drivers:
                 self.due.setdefault(holder, []).append(name)
         self.answers.open(seen.tick, lag, chain.from_iterable(self.due.values()))
         self._publisher.show(seen, self.due, self.ledger.asked(seen.tick - 1) if self.due else [])
-        self._publisher.publish_tick(seen)
+        self._publish(seen)
 
     def silent(self) -> set[str]:
         """Return the sessions with missing answers."""
@@ -108,7 +108,10 @@ class Drivers:
         self._publisher.refresh_subscribers()
         shown = {holder: self.due[holder] for holder in sorted(holders)}
         self._publisher.show(self._seen, shown, self.ledger.asked(self._seen.tick - 1))
-        self._publisher.publish_tick(self._seen)
+        self._publish(self._seen)
+
+    def _publish(self, seen: Observations) -> None:
+        self._publisher.publish_tick(seen, {"truth": self._engine.truth, "odometry": self._engine.odometry})
 
     def actions(self, tick: int) -> dict[str, Action]:
         """Return the actions for the step from this tick to the next. Memories and letters are kept for sessions that join later."""

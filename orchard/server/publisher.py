@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from orchard.contract.agent import Observations
 from orchard.contract.messages import pack
@@ -40,13 +40,18 @@ class Publisher:
             heard = [of for of in asked if of.to in names]
             self._put(self._keys.of("seen", session=holder), seen_of(self.run, seen, names, heard))
 
-    def publish_tick(self, seen: Observations) -> None:
-        """Publish the pose and the scan of each body, and then the clock, if a session subscribes to them."""
+    def publish_tick(self, seen: Observations, others: Mapping[str, Callable[[], Observations]]) -> None:
+        """Publish the pose and the scan of each body, and then the clock, if a session subscribes to them.
+
+        `others`: `truth` and `odometry`, which are published like `pose`; each is asked for what it shows if a session subscribes to it.
+        """
         if time.monotonic() >= self._recheck_at:
             self.refresh_subscribers()
-        for what in ("pose", "scan") if self.are_robots_heard() else ():
-            for body, name in enumerate(seen.names):
-                self._put_single(what, seen, body, name)
+        if self.are_robots_heard():
+            heard = {what: view() for what, view in others.items() if self.is_heard(what)}
+            for what, view in [("pose", seen), *heard.items(), ("scan", seen)]:
+                for body, name in enumerate(seen.names):
+                    self._put_single(what, view, body, name)
         if self.is_heard("clock"):
             sec, ticks = divmod(seen.tick, TICKS_PER_SECOND)
             self._put(self._keys.of("clock"), Clock(self.run, seen.tick, Stamp(sec, ticks * (10**9 // TICKS_PER_SECOND))))
@@ -58,7 +63,7 @@ class Publisher:
 
     def _put_single(self, what: str, seen: Observations, body: int, name: str) -> None:
         key = self._keys.of(what, name)
-        if self._is_heard(key) and what == "pose":
+        if self._is_heard(key) and what != "scan":
             self._put(key, odometry_of(self.run, seen[name]))
         elif self._is_heard(key):
             self._put(key, scan_of(self.run, seen[name], KINDS[self._layout.starts[body].kind].laser, KINDS["bin"].laser))

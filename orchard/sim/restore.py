@@ -74,6 +74,8 @@ def _faults(world: World) -> Iterator[str]:
         "delivered": (world.delivered, 0, LAST_TICK),
         "distance": (world.distance, 0.0, FURTHEST),
         "collisions": (world.collisions, 0, LAST_TICK),
+        "bias": (world.bias, -FURTHEST, FURTHEST),
+        "reckoned": (world.reckoned, -FURTHEST, FURTHEST),
         "held": (world.held, 0, LAST_TICK),
     }
     for name, (value, least, most) in spans.items():

@@ -18,7 +18,7 @@ from msgspec import Meta
 from orchard.contract.messages import Written, pack, unpack
 from orchard.sim.disk import write_whole
 
-VERSION = 4
+VERSION = 5
 HEAD = b"orchard snapshot %d\n"
 LARGEST = 1 << 24  # bytes; the snapshot of the largest orchard has a hundredth of that
 KEPT = 2  # files: the newest two

@@ -42,7 +42,9 @@ class Setting:
         varies = picking.spread.distribution != "none" or picking.failure.mean_between is not None
         built_in = scenario.dispatch in DISPATCH_POLICIES and scenario.rows_to_pickers in ROW_RULES and scenario.route in QUEUES
         own = not built_in or bool(scenario.agents or scenario.agents_without_body)  # it may draw by the seed
-        return varies or any(guests) or scenario.laser.noise > 0.0 or own
+        gnss, odometry = scenario.sensors.gnss, scenario.sensors.odometry
+        noisy = any((scenario.laser.noise, gnss.white, gnss.bias, odometry.distance, odometry.heading))
+        return varies or any(guests) or noisy or own
 
     @property
     def has_prices(self) -> bool:

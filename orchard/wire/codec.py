@@ -35,7 +35,7 @@ def _twist(twist: Twist) -> wire.TwistMessage:
 def odometry_of(run: str, seen: Observation) -> wire.Odometry:
     """Return the message for an observation, without its scan."""
     hitch = seen.hitch and wire.OtherEnd(seen.hitch.name, _pose(seen.hitch), _twist(seen.hitch.twist))
-    return wire.Odometry(run, seen.tick, _pose(seen), _twist(seen.twist), hitch, float(seen.fill), bool(seen.full))
+    return wire.Odometry(run, seen.tick, _pose(seen), _twist(seen.twist), hitch, float(seen.fill), bool(seen.full), seen.accuracy)
 
 
 def _sweep(laser: Laser, scan: np.ndarray | None) -> tuple[float, float, float, float, bytes]:
@@ -58,7 +58,8 @@ def seen_of(run: str, seen: Observations, due: Sequence[str], asked: list[wire.A
     hitches = {name: _other_seen(hitch) for name in names if (hitch := seen.hitches.get(name))}
     fills = {name: seen.fills[name] for name in names if name in seen.fills}
     full = [name for name in fills if name in seen.full]
-    return wire.Seen(run, seen.tick, list(due), names, states, ranges, hitches, fills, full, asked)
+    accuracies = {name: seen.accuracies[name] for name in names if name in seen.accuracies}
+    return wire.Seen(run, seen.tick, list(due), names, states, ranges, hitches, fills, full, asked, accuracies)
 
 
 def _other_seen(hitch: Hitch) -> wire.OtherSeen:
@@ -75,8 +76,9 @@ def observations_of(seen: wire.Seen) -> dict[str, Observation]:
     sweeps = _sweeps_of([*seen.names, *["bin"] * len(rear)], fitting)
     behind = dict(zip(rear, sweeps[len(states) :], strict=True))
     hitches = {name: _hitch_of(other, behind.get(name)) for name, other in seen.hitches.items()}
+    fills, full, accuracies = seen.fills, seen.full, seen.accuracies
     return {
-        name: observation_of(name, seen.tick, state, scan, hitches.get(name), seen.fills.get(name, 0.0), name in seen.full)
+        name: observation_of(name, seen.tick, state, scan, hitches.get(name), fills.get(name, 0.0), name in full, accuracies.get(name, 0.0))
         for name, state, scan in zip(seen.names, states, sweeps, strict=False)
     }
 

@@ -43,7 +43,15 @@ TABLE: dict[str, Key] = {
     "velocities": Key("{prefix}/hosts/{session}/velocities", wire.Velocities, "a session that holds agents", _ASKED, NEVER_LOST,
                       "The velocities of all agents of a session in one message: the answer to `seen`."),
     "pose": Key("{prefix}/{robot}/pose", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
-                "The pose of the robot at this tick, its velocity in the last step, and the body that is coupled to it."),
+                "The pose of the robot at this tick, its velocity in the last step, and the body that is coupled to it, as its sensors "
+                "measure them: this is what agents use. They are the truth unless the scenario sets errors (`sensors`). Bins, people, "
+                "animals and weeds have no such sensors, and observe the truth."),
+    "truth": Key("{prefix}/{robot}/truth", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+                 "The same as it truly is, for viewers, loggers and evaluation, and not for agents. `picture`, `events`, `figures` and "
+                 "the run's hash are of the truth too."),
+    "odometry": Key("{prefix}/{robot}/odometry", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+                    "The pose of the robot by its odometry alone, in its frame `odom` (REP-105): smooth, and drifting. `odom` is where "
+                    "`map` is at tick 0. `hitch` is nil. The transform from `map` to `odom` is pose * odometry^-1."),
     "scan": Key("{prefix}/{robot}/scan", wire.LaserScan, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                 "The ranges that the laser of the robot measures at this tick, and those of the laser of its bin."),
     "clock": Key("{prefix}/clock", wire.Clock, "physics", _EVERY_TICK + IF_HEARD, NEWEST,

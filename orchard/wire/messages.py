@@ -25,6 +25,8 @@ HOLDER = "the session id in the sender's liveliness token; '' if the sender hold
 ONCE = "realtime; true: it drives for one step only, and only from the pose that it answers; false: until a newer velocity arrives"
 POSES = "x, y (m), yaw (rad) of each body, in the order of `agents` in the reply to `scenario`, little-endian float64"
 RANGES = "m, little-endian float32, 4 bytes per beam; +inf for a beam without a return (REP-117)"
+ACCURACY = "m, standard deviation of the measured x and y; 0: exact"
+ACCURACIES = "name -> the same as `accuracy` in `pose`; only bodies whose poses are not exact"
 SEVEN = "x, y (m); z, w of the quaternion; linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
 
 Name = Annotated[str, Meta(max_length=64, pattern=r"^[a-z][a-z0-9_]*\Z")]
@@ -99,13 +101,15 @@ class OtherEnd(SubMessage):
 
 
 class Odometry(Message):
-    """nav_msgs/Odometry: the pose of a body in the frame `map`, and its velocity in the last step in its own frame."""
+    """nav_msgs/Odometry: the pose of a body in the frame `map` (on the key `odometry`: in its frame `odom`), and its velocity in the last
+    step in its own frame."""
 
     pose: PoseMessage
     twist: TwistMessage
     hitch: Annotated[OtherEnd | None, Meta(description="the body at the other end of the bar; nil if none is coupled")] = None
     fill: Annotated[float, Meta(ge=0.0, le=1e3, description="for a bin: metres of row in it, 0 to the length of a row")] = 0.0
     full: Annotated[bool, Meta(description="for a bin: whether it is full")] = False
+    accuracy: Annotated[Metres, Meta(description=ACCURACY)] = 0.0
 
 
 class Beams(SubMessage):
@@ -169,6 +173,7 @@ class Seen(Message):
     fills: Annotated[dict[KnownName, Fill], Meta(description="name -> metres of row in it; only bins that are not empty")]
     full: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description="the bins that are full")]
     asked: Annotated[list[AskedOf], Meta(description=ASKED)] = []
+    accuracies: Annotated[dict[KnownName, Fill], Meta(description=ACCURACIES)] = {}
 
 
 class Report(SubMessage):

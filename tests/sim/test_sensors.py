@@ -1,0 +1,195 @@
+"""Sensors: errors of the size and the kind that the scenario sets, the same however a run is run; and none without them."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from stage import empty_orchard
+
+from orchard.agents.place import GAIN, place_of
+from orchard.contract.agent import Observation, Scans
+from orchard.field.geometry import Twist
+from orchard.field.layout import lay_out
+from orchard.field.scenario import TIME_STEP, Scenario, with_changes
+from orchard.local import Local
+from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
+from orchard.sim.scan import observe
+from orchard.sim.sensors import Sensors, robots_of
+from orchard.sim.world import World
+
+RTK = {"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02}
+DRIFT = {"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.01}
+SEEDS = range(20)
+
+
+def erring(seed: int = 1, **changes: float) -> Scenario:
+    return with_changes(empty_orchard(seed=seed, carriers=10), **changes)
+
+
+def world_of(scenario: Scenario) -> tuple[World, Scans]:
+    """A world, and empty scans of its bodies."""
+    world = World(lay_out(scenario))
+    return world, Scans(np.zeros(0, dtype=np.float32), [0] * (len(world.pose) + 1))
+
+
+def errors(scenario: Scenario, ticks: Sequence[int]) -> np.ndarray:
+    """The errors of the robots' x and y at these ticks, while they stand, m: (ticks, robots, 2)."""
+    world, scans = world_of(scenario)
+    sensors, robots, found = Sensors(world), list(robots_of(world.layout).values()), []
+    while len(found) < len(ticks):
+        if world.tick in ticks:
+            truth = observe(world, scans)
+            found.append((sensors.measured(truth).states - truth.states)[robots, :2])
+        world.tick += 1
+        sensors.advance()
+    return np.array(found)
+
+
+def over_seeds(*ticks: int, **changes: float) -> np.ndarray:
+    """The same for all SEEDS: (seeds, ticks, robots, 2)."""
+    return np.array([errors(erring(seed, **changes), ticks) for seed in SEEDS])
+
+
+# -- without errors
+
+
+@given(st.integers(0, 2**31), st.floats(1.0, 86400.0))
+@settings(max_examples=4)
+def test_sensors_without_errors_measure_the_truth_to_the_last_bit(seed, bias_time):
+    plain, exact = Local(empty_orchard(seed=seed)), Local(erring(seed, **{"sensors.gnss.bias_time": bias_time}))
+    for _ in range(60):
+        plain.tick()
+        exact.tick()
+    assert exact.engine.hash == plain.engine.hash
+    seen, truth, reckoned = exact.engine.observe(), exact.engine.truth(), exact.engine.odometry()
+    assert seen.states.tobytes() == truth.states.tobytes() == reckoned.states.tobytes()
+    assert seen["picker_01"].accuracy == 0.0
+
+
+# -- GNSS
+
+
+@pytest.mark.parametrize("white, bias", [(0.02, 0.0), (0.0, 0.05), (0.01, 0.02)])
+def test_errors_of_positions_have_the_deviation_that_the_scenario_sets(white, bias):
+    """480 independent numbers of one tick: their deviation is right to some 3 %."""
+    found, wanted = over_seeds(0, **{"sensors.gnss.white": white, "sensors.gnss.bias": bias}), math.hypot(white, bias)
+    assert found.std() == pytest.approx(wanted, rel=0.1)
+    assert abs(found.mean()) < 3 * wanted / math.sqrt(found.size)
+    east, north = found[..., 0].ravel(), found[..., 1].ravel()
+    assert abs(np.corrcoef(east, north)[0, 1]) < 0.2, "x and y have errors of their own"
+    assert abs(np.corrcoef(found[:, 0, 0].ravel(), found[:, 0, 1].ravel())[0, 1]) < 0.3, "so has each robot"
+
+
+def test_the_white_error_is_new_at_each_tick_and_the_slow_one_forgets_itself_in_its_time():
+    slow = over_seeds(0, 5, 20, 40, **{"sensors.gnss.bias": 0.05, "sensors.gnss.bias_time": 2.0})
+    white = over_seeds(0, 1, **{"sensors.gnss.white": 0.05})
+    assert abs(correlation(white, 1)) < 0.15
+    for i, ticks in enumerate((5, 20, 40), start=1):
+        assert correlation(slow, i) == pytest.approx(math.exp(-ticks * TIME_STEP / 2.0), abs=0.12)
+    assert slow[:, 3].std() == pytest.approx(0.05, rel=0.1), "it is as large later as at the beginning"
+
+
+def correlation(found: np.ndarray, later: int) -> float:
+    """The correlation of the errors of the first tick with those of a later one, over seeds, robots and axes."""
+    return float(np.corrcoef(found[:, 0].ravel(), found[:, later].ravel())[0, 1])
+
+
+def test_only_robots_have_receivers_and_each_knows_its_accuracy():
+    world, scans = world_of(with_changes(Scenario(rows=3), **RTK))
+    truth = observe(world, scans)
+    seen = Sensors(world).measured(truth)
+    moved = {name for name, i in seen.names.items() if seen.states[i].tobytes() != truth.states[i].tobytes()}
+    assert moved == set(seen.accuracies) == {"picker_01", "picker_02", "carrier_01", "carrier_02", "tractor_01"}
+    assert set(seen.accuracies.values()) == {math.sqrt(0.01**2 + 0.02**2)}
+
+
+def test_a_bar_measures_without_errors():
+    """A robot sees its bin as far from itself as it is; the bin, which has no receiver, sees the truth."""
+    world, scans = world_of(erring(**RTK))
+    truth = observe(world, scans)
+    seen = Sensors(world).measured(truth)
+    error = seen.states[seen.names["carrier_01"], :2] - truth.states[seen.names["carrier_01"], :2]
+    bin_, true_bin = seen.hitches["carrier_01"], truth.hitches["carrier_01"]
+    assert (bin_.x - true_bin.x, bin_.y - true_bin.y) == pytest.approx(tuple(error), abs=1e-12)
+    assert seen.hitches[bin_.name] == truth.hitches[bin_.name]
+
+
+# -- odometry
+
+
+def test_odometry_drifts_by_its_constants_and_stands_while_the_robot_stands():
+    """A robot that drives 50 m straight on: its odometry is longer or shorter by a share, and bends by an angle for each metre."""
+    world, scans = world_of(erring(**{"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.001}))
+    sensors, i = Sensors(world), world.index["picker_01"]
+    start = world.pose[i].copy()
+    world.twist[i] = 1.0, 0.0, 0.0
+    ahead, _, bend = sensors.measured(observe(world, scans)).states[i, 4:].tolist()
+    for _ in range(500):
+        sensors.advance()
+    x, y, yaw = (world.reckoned[i] - start).tolist()
+    assert ahead != 1.0 and bend != 0.0
+    assert yaw == pytest.approx(50.0 * bend)
+    assert (x, y) == pytest.approx((ahead / bend * math.sin(yaw), ahead / bend * (1 - math.cos(yaw))), rel=1e-3)
+    world.twist[i] = 0.0
+    before = world.reckoned.copy()
+    sensors.advance()
+    assert (world.reckoned == before).all()
+    assert sensors.measured(observe(world, scans)).states[i, 4:].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_odometry_has_the_deviation_that_the_scenario_sets():
+    found = []
+    for seed in SEEDS:
+        world, scans = world_of(erring(seed, **DRIFT))
+        robots = list(robots_of(world.layout).values())
+        world.twist[robots] = 1.0, 0.0, 0.0
+        found.append(Sensors(world).measured(observe(world, scans)).states[robots, 4:])
+    ahead, _, bend = np.concatenate(found).T
+    assert (ahead - 1.0).std() == pytest.approx(0.02, rel=0.2)
+    assert bend.std() == pytest.approx(0.01, rel=0.2)
+
+
+# -- the same run, however it is run
+
+
+def run_of(scenario: Scenario, ticks: int, holds: type[Lookahead] = Lookahead, resumed_at: int = -1) -> str:
+    local = Local(scenario, holds=holds)
+    for tick in range(ticks):
+        if tick == resumed_at:
+            local = Local.resume(local.snapshot(), holds=holds)
+        local.tick()
+    return local.engine.hash
+
+
+def test_the_same_errors_with_holds_without_them_and_after_a_resume(caplog):
+    scenario = with_changes(Scenario(rows=3), **RTK, **DRIFT)
+    wanted = run_of(scenario, 200)
+    assert run_of(scenario, 200, IgnoredHolds, resumed_at=133) == wanted
+    assert run_of(scenario, 200, CheckedHolds) == wanted and not caplog.records
+    assert run_of(with_changes(scenario, seed=2), 200) != wanted
+
+
+# -- agents
+
+
+def test_a_robot_that_drives_filters_white_errors_and_follows_its_odometry():
+    chance, place, found = np.random.default_rng(1), None, []
+    for tick in range(2000):
+        x, y = 0.1 * tick + chance.normal(0.0, 0.05), chance.normal(0.0, 0.05)
+        place = place_of(Observation("picker_01", tick, x, y, (0.0, 1.0), Twist(1.0), np.zeros(180)), place)
+        found.append((place.x - 0.1 * tick, place.y))
+    assert np.std(found[100:]) == pytest.approx(0.05 * math.sqrt(GAIN / (2 - GAIN)), rel=0.1)
+
+
+HARVESTS = [("one-way", "predictive", 3), ("two-way", "nearest", 3), ("one-way", "longest-waiting", 5), ("two-way", "assignment", 5)]
+
+
+@pytest.mark.parametrize("route, dispatch, rows", [HARVESTS[1], *(pytest.param(*run, marks=pytest.mark.soak) for run in HARVESTS)])
+def test_our_agents_finish_a_harvest_with_rtk(route, dispatch, rows):
+    local = Local(with_changes(Scenario(rows=rows, route=route, dispatch=dispatch, seed=rows), **RTK, **DRIFT))
+    while not local.engine.over and local.engine.tick < 6_000 * rows:
+        local.tick()
+    assert local.engine.over and local.engine.violations() == []

@@ -29,10 +29,11 @@ Choose = Callable[[Arrays, np.ndarray], int]  # observation and mask -> action
 class Dispatching:
     """Dispatch in one orchard as arrays.
 
-    An action is 0, which sends nobody, or 1 + b * C + c: carrier c of C fetches bin b, both in the order of their names. An observation
-    holds `seconds` since the start, (1,); `bins`, (B, 6): 1 if the bin needs a carrier, its lane, and s since it began to call, s until it
-    is full, s in which a carrier can be there, m by road to it, all 0 for another bin; `carriers`, (C, 2): 1 if it can leave now, and m by
-    road to the queue's head.
+    An action is 0, which sends nobody, or 1 + b * C + c: carrier c of C fetches bin b, both in the order of their names.
+
+    An observation holds `seconds` since the start, (1,); `bins`, six numbers for each bin: 1 if it needs a carrier, its lane, s since it
+    began to call, s until it is full, s in which a carrier can be there, m by road to it, and all 0 if it needs none; `carriers`, two
+    numbers for each: 1 if it can leave now, and m by road to the queue's head.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -42,9 +43,9 @@ class Dispatching:
         self.action_space = spaces.Discrete(1 + len(self.bins) * len(self.carriers))
         self.observation_space = spaces.Dict(
             {
-                "seconds": spaces.Box(0.0, LONG, (1,), np.float32),
-                "bins": spaces.Box(np.zeros((len(self.bins), 6), np.float32), np.tile(most, (len(self.bins), 1))),
-                "carriers": spaces.Box(np.zeros((len(self.carriers), 2), np.float32), np.tile(most[[0, 5]], (len(self.carriers), 1))),
+                "seconds": _box_up_to(np.array([LONG], np.float32)),
+                "bins": _box_up_to(np.tile(most, len(self.bins))),
+                "carriers": _box_up_to(np.tile(most[[0, 5]], len(self.carriers))),
             }
         )
 
@@ -57,7 +58,7 @@ class Dispatching:
             calls[self.bins.index(one.name)] = told
         for carrier in carriers:
             queue[self.carriers.index(carrier.name)] = float(carrier.is_next), carrier.metres
-        return {"seconds": seconds, "bins": calls, "carriers": queue}
+        return {"seconds": seconds, "bins": calls.ravel(), "carriers": queue.ravel()}
 
     def mask(self, bins: Iterable[BinReport], carriers: Iterable[CarrierReport]) -> np.ndarray:
         """Return which actions can be, (actions,) int8; 0 always can."""
@@ -90,6 +91,10 @@ class Dispatching:
             orders.append(order)
             bins, carriers = left(bins, order.bin), left(carriers, order.carrier)
         return orders
+
+
+def _box_up_to(most: np.ndarray) -> spaces.Box:
+    return spaces.Box(np.zeros_like(most), most)
 
 
 def left(reports: Sequence[Any], name: str) -> list[Any]:

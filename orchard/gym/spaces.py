@@ -45,7 +45,7 @@ def observation_space(name: str) -> spaces.Dict:
         {
             "scan": _box(*[(0.0, LASER_RANGE)] * kind.laser.beams),
             "pose": _box((-FAR, FAR), (-FAR, FAR), (-1.0, 1.0), (-1.0, 1.0)),
-            "velocity": _box((-kind.speed, kind.speed), (-kind.turn, kind.turn)),
+            "velocity": velocity_space(name),
             "bar": _box(one),
             "fill": _box((0.0, LONGEST_ROW)),
             "goal": _box((-FAR, FAR), (-FAR, FAR), (-math.pi, math.pi)),
@@ -55,9 +55,9 @@ def observation_space(name: str) -> spaces.Dict:
 
 
 def velocity_space(name: str) -> spaces.Box:
-    """Return the space of a body's velocity: forward, m/s; counter-clockwise, rad/s. float64, so that a scripted one keeps its bits."""
-    most = np.array([KINDS[kind_of(name)].speed, KINDS[kind_of(name)].turn])
-    return spaces.Box(-most, most, dtype=np.float64)
+    """Return the space of a body's velocity: forward, m/s; counter-clockwise, rad/s."""
+    kind = KINDS[kind_of(name)]
+    return _box((-kind.speed, kind.speed), (-kind.turn, kind.turn))
 
 
 def action_space(name: str, deeds: bool) -> spaces.Space[Any]:

@@ -93,8 +93,8 @@ class TestDispatching:
     def test_what_a_policy_is_told_becomes_arrays(self):
         observation = self.view.observation(120, [BIN], self.carriers)
         assert self.view.observation_space.contains(observation)
-        assert observation["bins"].tolist() == [[0.0] * 6, [1.0, 3.0, 10.0, 4.0, 60.0, 50.0], [0.0] * 6, [0.0] * 6]
-        assert observation["carriers"].tolist() == [[1.0, 0.0], [0.0, 70.0]] and observation["seconds"].tolist() == [12.0]
+        assert observation["bins"].reshape(4, 6).tolist() == [[0.0] * 6, [1.0, 3.0, 10.0, 4.0, 60.0, 50.0], [0.0] * 6, [0.0] * 6]
+        assert observation["carriers"].tolist() == [1.0, 0.0, 0.0, 70.0] and observation["seconds"].tolist() == [12.0]
 
     def test_actions_are_orders(self):
         actions = range(self.view.action_space.n)

@@ -47,7 +47,7 @@ class TestInterfaces:
         for _ in range(500):
             for name, observation in observations.items():
                 assert env.observation_space(name).contains(observation), (name, observation)
-                assert env.action_space(name).contains(infos[name]["scripted"])
+                assert env.action_space(name).contains(infos[name]["scripted"].astype(np.float32))
             observations, *_, infos = env.step({name: infos[name]["scripted"] for name in env.agents})
 
 
@@ -253,7 +253,8 @@ def test_whatever_is_commanded_a_body_keeps_its_limits(velocities):
 
 
 def test_gymnasium_wrappers_fit():
-    env = gymnasium.wrappers.RescaleAction(gymnasium.wrappers.FlattenObservation(single_env(SMALL, "carrier_01")), -1.0, 1.0)
+    flat = gymnasium.wrappers.FlattenObservation(single_env(SMALL, "carrier_01"))
+    env = gymnasium.wrappers.RescaleAction(flat, np.float32(-1.0), np.float32(1.0))
     observation, _ = env.reset(seed=1)
     assert observation.shape == (180 + 4 + 2 + 1 + 1 + 3 + 4,)
     env.step(np.zeros(2))

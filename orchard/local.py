@@ -53,7 +53,8 @@ class Local:
         self.answers: dict[str, Action] = {}  # the actions of the agents that were asked at the last tick
         self.thinking = ""  # the agent that was ticked last
         self.post = LocalMail()
-        self.seen: Observations  # of all bodies, at the tick that was asked last
+        self.seen: Observations  # of all bodies, at the tick at which agents were asked last
+        self.observed: dict[str, Observation] = {}  # those of the agents that were asked
         self._digests: dict[str, bytes] = {}  # name -> digest of the mail that the agent heard at that tick
 
     @classmethod
@@ -106,7 +107,8 @@ class Local:
         self.seen, mail = self.engine.observe(), self.post.deliver(self.engine.tick)
         asked = [name for name in self.engine.due(mail) if name in self.agents]
         self._digests = {name: digest_of(heard) for name, heard in mail.items()} if self.engine.is_hashed else {}
-        return {name: self._ask(name, observation, mail.get(name) or Mail()) for name, observation in self.seen.of(asked).items()}
+        self.observed = self.seen.of(asked)
+        return {name: self._ask(name, observation, mail.get(name) or Mail()) for name, observation in self.observed.items()}
 
     def act(self, answers: dict[str, Action]) -> list[Event]:
         """Collect the mail of these actions, advance the run by one tick, and return the events of the step."""

@@ -19,7 +19,7 @@ from orchard.field.layout import Layout, lay_out
 from orchard.field.repeatable import draw
 from orchard.field.scenario import Scenario, with_changes
 from orchard.gym.rewards import Moment, Reward, reward_of
-from orchard.gym.spaces import Arrays, action_space, deed_mask, deeds_of, goal_of, observation_space, observed, velocity_of
+from orchard.gym.spaces import Arrays, Goal, action_space, deed_mask, deeds_of, goal_of, observation_space, observed, velocity_of
 from orchard.local import Local
 from orchard.sim.engine import Engine, Unaudited
 from orchard.sim.world import NONE
@@ -56,6 +56,7 @@ class Look(NamedTuple):
     seen: Observation
     action: Action  # of its own agent: the newest one
     scripted: Twist  # the velocity in it
+    goal: Goal  # what its plan asks for
     fill: float  # m of row in its bin
 
 
@@ -124,12 +125,15 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
 
     def _look(self) -> None:
         """Ask our agents, those of the learned bodies too."""
-        self._answers, world = self.local.ask(), self.local.engine.world
-        newest, bins = self.local.actions | self._answers, world.coupled
-        self._looks = {
-            name: Look(self.local.seen[name], newest[name], newest[name].twist, float(world.fill[bins[i]]) if bins[i] != NONE else 0.0)
-            for name, i in ((name, world.index[name]) for name in self.agents)
-        }
+        self._answers = self.local.ask()
+        self._looks = {name: self._look_at(name) for name in self.agents}
+
+    def _look_at(self, name: str) -> Look:
+        local, world = self.local, self.local.engine.world
+        seen = local.observed.get(name) or local.seen[name]
+        action, bin_ = self._answers.get(name) or local.actions[name], int(world.coupled[world.index[name]])
+        fill = float(world.fill[bin_]) if bin_ != NONE else 0.0
+        return Look(seen, action, action.twist, goal_of(seen.pose, action.memory), fill)
 
     def _command(self, name: str, given: Any) -> Twist:
         """Put a given action in the place of what the body's own agent commands. Return its velocity.
@@ -139,17 +143,17 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         """
         look, world = self._looks[name], self.local.engine.world
         velocity = velocity_of(name, given["velocity"] if self._deeds else given)
+        if velocity == look.scripted and not self._deeds:
+            return velocity
         action = self._answers.get(name) or replace(look.action, deeds=[], requests=[], answers=[])
         deeds = deeds_of(world, name, int(given["deed"])) if self._deeds else action.deeds
-        if velocity == look.scripted and deeds == action.deeds:
-            return velocity
         self._answers[name] = replace(action, twist=velocity, deeds=deeds, hold=None)
         if isinstance(action.memory, RobotMemory):
             action.memory.moving = velocity != STILL
         return velocity
 
     def _observed(self) -> dict[str, Arrays]:
-        return {name: observed(look.seen, look.fill, look.action) for name, look in self._looks.items()}
+        return {name: observed(look.seen, look.fill, look.goal, look.action) for name, look in self._looks.items()}
 
     def _infos(self) -> Infos:
         infos: Infos = {name: {"scripted": np.array((look.scripted.x, look.scripted.yaw))} for name, look in self._looks.items()}
@@ -160,9 +164,8 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
 
 
 def _moment(before: Look, after: Look, velocity: Twist, events: list[Event]) -> Moment:
-    goal, same_bin = goal_of(before.seen.pose, before.action.memory), _bin_of(before) == _bin_of(after)
-    filled = max(0.0, after.fill - before.fill) if same_bin else 0.0
-    return Moment(before.seen, after.seen, goal, velocity, before.scripted, filled, events)
+    filled = max(0.0, after.fill - before.fill) if _bin_of(before) == _bin_of(after) else 0.0
+    return Moment(before.seen, after.seen, before.goal, velocity, before.scripted, filled, events)
 
 
 def _bin_of(look: Look) -> str:

@@ -31,6 +31,12 @@ MOST_LANES = 20.0  # rows of a scenario
 NOTHING, COUPLE, UNCOUPLE = range(3)  # the deeds that an action names
 
 Arrays = dict[str, np.ndarray]
+Goal = tuple[float, float, float]  # x, y (m, in the frame `map`), rad that are left to turn
+
+
+_SIZES = {"pose": 4, "velocity": 2, "bar": 1, "fill": 1, "goal": 3, "mail": 4}  # of all but the scan
+_ENDS = np.cumsum(list(_SIZES.values())).tolist()
+_PARTS = {key: slice(end - size, end) for (key, size), end in zip(_SIZES.items(), _ENDS, strict=True)}
 
 
 def _box(*bounds: tuple[float, float]) -> spaces.Box:
@@ -70,7 +76,7 @@ def scan_of(seen: Observation) -> np.ndarray:
     return np.asarray(np.minimum(seen.scan, np.float32(LASER_RANGE)))
 
 
-def goal_of(pose: Pose, memory: Any) -> tuple[float, float, float]:
+def goal_of(pose: Pose, memory: Any) -> Goal:
     """Return what the present step of a plan still asks for: x, y (m, in the frame `map`), and the turn, rad.
 
     A drive's goal is its end, or the first place on the way that traffic has not granted. A step that is neither drive nor turn asks for
@@ -97,22 +103,15 @@ def mail_of(action: Action) -> tuple[float, float, float, float]:
     return 1.0, float(job.lane), 1.0 if job.side == "east" else -1.0, waits
 
 
-def observed(seen: Observation, fill: float, action: Action) -> Arrays:
+def observed(seen: Observation, fill: float, goal: Goal, action: Action) -> Arrays:
     """Return what a body observes: see the table above. `fill`: m in its bin; `action`: the newest one of its own agent."""
-    pose = seen.pose
     z, w = seen.orientation
     cosine, sine = w * w - z * z, 2.0 * z * w
-    x, y, turn = goal_of(pose, action.memory)
-    dx, dy = x - pose.x, y - pose.y
-    numbers = {
-        "pose": (pose.x, pose.y, cosine, sine),
-        "velocity": (seen.twist.x, seen.twist.yaw),
-        "bar": (float(seen.hitch is not None),),
-        "fill": (fill,),
-        "goal": (cosine * dx + sine * dy, cosine * dy - sine * dx, turn),
-        "mail": mail_of(action),
-    }
-    return {"scan": scan_of(seen)} | {key: np.array(values, dtype=np.float32) for key, values in numbers.items()}
+    dx, dy, left = goal[0] - seen.x, goal[1] - seen.y, goal[2]
+    pose, velocity = (seen.x, seen.y, cosine, sine), (seen.twist.x, seen.twist.yaw)
+    towards = (cosine * dx + sine * dy, cosine * dy - sine * dx, left)
+    numbers = np.array((*pose, *velocity, float(seen.hitch is not None), fill, *towards, *mail_of(action)), dtype=np.float32)
+    return {"scan": scan_of(seen)} | {key: numbers[part] for key, part in _PARTS.items()}
 
 
 def velocity_of(name: str, given: Any) -> Twist:

@@ -28,7 +28,7 @@ $(VENV)/installed-dev: $(VENV)/installed
 	touch $@ $(VENV)/installed-app $(VENV)/installed-study
 
 $(VENV)/installed-docs: $(VENV)/installed
-	$(INSTALL) '.[docs]'
+	$(INSTALL) '.[docs,gym]'
 	touch $@
 
 run: $(VENV)/installed  ## the default orchard, from start to summary

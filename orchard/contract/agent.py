@@ -162,7 +162,7 @@ def may_hold(thing: Any) -> bool:
 
 
 @cache
-def _may_hold(class_: type) -> bool:
+def _may_hold(class_: Any) -> bool:
     return class_.__module__.startswith("orchard.") or vars(class_).get("holds", False) is True
 
 

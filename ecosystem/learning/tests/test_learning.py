@@ -1,16 +1,19 @@
-"""The environments with Stable-Baselines3: its own check, and PPO, which learns to pick and to dispatch. One thread, fixed seeds."""
+"""The environments with Stable-Baselines3: its own check, and PPO, which learns to pick. One thread, fixed seeds."""
+
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from gymnasium.wrappers import FilterObservation, FlattenObservation, RescaleAction
-from stable_baselines3 import PPO
+from gymnasium.wrappers import RescaleAction
 from stable_baselines3.common.env_checker import check_env
 
 from orchard import Scenario
 from orchard.gym import dispatch_env, single_env
 
 ALONE = Scenario(rows=3, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 0}, weeds=0, tractor=False)
+ROOT = Path(__file__).parents[3]
 SEEDS = (101, 102, 103)
 
 
@@ -46,17 +49,18 @@ def test_check_env_of_dispatch():
     check_env(dispatch_env(ALONE))
 
 
-def picking(longest=150):
-    """A picker at the head of its row. It has to find out that driving along the row picks."""
-    env = FilterObservation(single_env(ALONE, "picker_01", reward="picking", longest=longest), ["goal", "velocity"])
-    return RescaleAction(FlattenObservation(env), np.float32(-1.0), np.float32(1.0))
+def block(name):
+    """The text of a block of code of docs/gym.md."""
+    (text,) = re.findall(rf"^```python {name}\n(.*?)```$", (ROOT / "docs" / "gym.md").read_text(), re.M | re.S)
+    return text
 
 
 def test_ppo_learns_to_pick():
-    """At most 15 m can be picked in 150 ticks; a policy of random velocities picks less than 1 m."""
-    env, exam = picking(), picking()
-    model = PPO("MlpPolicy", env, n_steps=512, batch_size=128, learning_rate=1e-3, gamma=0.95, seed=1, device="cpu").learn(4096)
+    """The program of docs/gym.md. At most 15 m can be picked; a policy of random velocities picks less than 1 m."""
+    found = {}
+    exec(block("learn"), found)
+    exam = found["picking"]()
     exam.action_space.seed(1)
-    learned = mean_return(exam, lambda seen: model.predict(seen, deterministic=True)[0])
+    learned = mean_return(exam, lambda seen: found["model"].predict(seen, deterministic=True)[0])
     random = mean_return(exam, lambda seen: exam.action_space.sample())
     assert learned > random + 3.0, (learned, random)

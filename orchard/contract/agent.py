@@ -158,12 +158,13 @@ def may_hold(thing: Any) -> bool:
 
     That is not inherited, because a class that adds to a built-in one may have to act earlier than that one.
     """
-    return _may_hold(type(thing))
+    class_: Any = type(thing)
+    return _may_hold(class_)
 
 
 @cache
 def _may_hold(class_: Any) -> bool:
-    return class_.__module__.startswith("orchard.") or vars(class_).get("holds", False) is True
+    return bool(class_.__module__.startswith("orchard.") or vars(class_).get("holds", False) is True)
 
 
 def state_of(action: Action) -> State:

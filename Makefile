@@ -24,11 +24,11 @@ $(VENV)/installed-study: $(VENV)/installed
 	touch $@
 
 $(VENV)/installed-dev: $(VENV)/installed
-	$(INSTALL) '.[app,secure,study,dev]'
+	$(INSTALL) '.[app,secure,study,gym,dev]'
 	touch $@ $(VENV)/installed-app $(VENV)/installed-study
 
 $(VENV)/installed-docs: $(VENV)/installed
-	$(INSTALL) '.[docs]'
+	$(INSTALL) '.[docs,gym]'
 	touch $@
 
 run: $(VENV)/installed  ## the default orchard, from start to summary

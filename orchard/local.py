@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import Any
 
 from orchard.agents.catalogue import make_agents
-from orchard.contract.agent import Action, Agent, Mail, Observation, may_hold, with_own_arrays
+from orchard.contract.agent import Action, Agent, Mail, Observation, Observations, may_hold, with_own_arrays
 from orchard.contract.events import Event
 from orchard.contract.guard import Guarded, checked
 from orchard.contract.mail import LocalMail, copy_of, digest_of
@@ -38,20 +38,24 @@ class Local:
         check_agents: bool = False,
         holds: type[Lookahead] = Lookahead,
         is_hashed: bool = True,
+        engine: type[Engine] = Engine,
     ) -> None:
         """`agents`: name -> agent; each is guarded. If it is None, all agents of the scenario are made.
 
         `check_agents`: check that own agents are repeatable; what is not is logged, and the state of its action is `broken`.
         `holds`: which agents are asked at a tick, see `orchard.sim.lookahead`. `is_hashed`: False for a run of a study, which is a tenth
-        faster without its hash.
+        faster without its hash. `engine`: `Unaudited` for a run that is neither hashed nor checked.
         """
-        self.engine, self._check_agents = Engine.begin(scenario, holds, is_hashed), check_agents
+        self.engine, self._check_agents = engine.begin(scenario, holds, is_hashed), check_agents
         made = make_agents(self.engine.layout) if agents is None else agents
         self.agents = made if agents is None and not check_agents else self._guarded(made)
         self.memories: dict[str, Any] = {}
         self.answers: dict[str, Action] = {}  # the actions of the agents that were asked at the last tick
         self.thinking = ""  # the agent that was ticked last
         self.post = LocalMail()
+        self.seen: Observations  # of all bodies, at the tick at which agents were asked last
+        self.observed: dict[str, Observation] = {}  # those of the agents that were asked
+        self._digests: dict[str, bytes] = {}  # name -> digest of the mail that the agent heard at that tick
 
     @classmethod
     def resume(cls, snapshot: Snapshot, check_agents: bool = False, holds: type[Lookahead] = Lookahead) -> "Local":
@@ -96,13 +100,22 @@ class Local:
 
     def tick(self) -> list[Event]:
         """Advance the run by one tick, 0.1 s, and return the events of the step."""
-        tick, seen, mail = self.engine.tick, self.engine.observe(), self.post.deliver(self.engine.tick)
+        return self.act(self.ask())
+
+    def ask(self) -> dict[str, Action]:
+        """Let the agents that are due at this tick act on what they observe and hear. Return their actions, for `act`."""
+        self.seen, mail = self.engine.observe(), self.post.deliver(self.engine.tick)
         asked = [name for name in self.engine.due(mail) if name in self.agents]
-        digests = {name: digest_of(heard) for name, heard in mail.items()} if self.engine.is_hashed else {}
-        self.answers = {name: self._ask(name, observation, mail.get(name) or Mail()) for name, observation in seen.of(asked).items()}
-        for name, action in self.answers.items():
-            self.post.collect(name, tick, action)
-        return self.engine.advance(self.answers, digests)
+        self._digests = {name: digest_of(heard) for name, heard in mail.items()} if self.engine.is_hashed else {}
+        self.observed = self.seen.of(asked)
+        return {name: self._ask(name, observation, mail.get(name) or Mail()) for name, observation in self.observed.items()}
+
+    def act(self, answers: dict[str, Action]) -> list[Event]:
+        """Collect the mail of these actions, advance the run by one tick, and return the events of the step."""
+        self.answers = answers
+        for name, action in answers.items():
+            self.post.collect(name, self.engine.tick, action)
+        return self.engine.advance(answers, self._digests)
 
     def _ask(self, name: str, observation: Observation, heard: Mail) -> Action:
         """Let an agent act on what it observes and hears."""

@@ -1,5 +1,6 @@
 """A bin's forecast: where and when will it stand full, while a picker still fills it?"""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 from orchard.agents.route import OneWay
@@ -8,7 +9,7 @@ from orchard.agents.steps import CRUISE
 from orchard.agents.timing import approach_seconds
 from orchard.contract.agent import Hitch, Observation
 from orchard.field.geometry import EAST, WEST, angle_between
-from orchard.field.layout import Layout
+from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
 
 ALONG = 0.01  # rad and m: a picker whose heading, or place, is nearer than this to that of a row faces along it, or is in it
@@ -29,7 +30,7 @@ class Forecast:
     """The forecasts for the bins of one orchard."""
 
     def __init__(self, layout: Layout) -> None:
-        self.layout, self.horizon = layout, farthest(route_of(layout)) + EARLIER  # s before it is full a bin begins to call
+        self.layout, self.horizon = layout, _farthest_in(layout) + EARLIER  # s before it is full a bin begins to call
 
     def of(self, seen: Observation, picker: Hitch, pace: float) -> Ripening | None:
         """Return the forecast for a bin on a picker; None unless the picker is in a row that it has still to pick, or drives into one.
@@ -51,6 +52,11 @@ class Forecast:
         """Return the ticks until the bin must look again, if its picker keeps its velocity: it may have to call, or its picker may pick."""
         call = int((ripening.seconds - self.horizon) / TIME_STEP)
         return max(1, min(call, int(ripening.before / (CRUISE * TIME_STEP)) if ripening.before else call))
+
+
+@lru_cache(maxsize=KEPT_LAYOUTS)
+def _farthest_in(layout: Layout) -> float:
+    return farthest(route_of(layout))
 
 
 def farthest(route: OneWay) -> float:

@@ -9,7 +9,7 @@ lists, maps). It is sent with the velocity, and the process that runs the agent 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import Annotated, Any, Literal, NamedTuple, Protocol, get_args
 
@@ -160,7 +160,13 @@ def may_hold(thing: Any) -> bool:
 
     That is not inherited, because a class that adds to a built-in one may have to act earlier than that one.
     """
-    return type(thing).__module__.startswith("orchard.") or vars(type(thing)).get("holds", False) is True
+    class_: Any = type(thing)
+    return _may_hold(class_)
+
+
+@cache
+def _may_hold(class_: Any) -> bool:
+    return bool(class_.__module__.startswith("orchard.") or vars(class_).get("holds", False) is True)
 
 
 def state_of(action: Action) -> State:
@@ -191,6 +197,8 @@ class Scans(Sequence[np.ndarray]):
         return len(self._begin) - 1
 
     def __getitem__(self, body: Any) -> Any:
+        if type(body) is int and 0 <= body < len(self._begin) - 1:  # the usual case
+            return self.ranges[self._begin[body] : self._begin[body + 1]]
         if isinstance(body, slice):
             return [self[i] for i in range(*body.indices(len(self)))]
         if not -len(self) <= body < len(self):

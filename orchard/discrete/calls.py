@@ -1,5 +1,6 @@
 """Which carrier fetches which bin in the discrete-event model: the same policies, and the ticks that their letters take."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import ceil
 
@@ -33,6 +34,17 @@ class OpenCall:
     since: int  # tick at which it began to call
     full: float  # tick at which it will be full, or was
     failed: int = -1  # tick since which its picker has stood because it failed; -1: it picks
+
+
+@dataclass
+class Decision:
+    """A time at which carriers can be sent to bins: what a policy is told, and whom that is about."""
+
+    now: int  # tick
+    bins: list[BinReport]
+    carriers: list[CarrierReport]
+    calls: dict[str, OpenCall]  # bin -> its call
+    ready: dict[str, Robot]  # carrier -> the robot
 
 
 class Calls:
@@ -164,16 +176,24 @@ class Dispatched(Calls):
             yield self.env.timeout(asked + 1 - self.env.now)
             self._asked, ready = asked, {robot.name: robot for robot in self.ready() if robot.name not in self._booked}
             yield self.env.timeout(1)
-            self._decide([call for call in self.open if call.bin not in self._booked and call.since < asked + 2], ready)
+            calls = [call for call in self.open if call.bin not in self._booked and call.since < asked + 2]
+            self.decide(self._decision(calls, ready))
 
-    def _decide(self, calls: list[OpenCall], ready: dict[str, Robot]) -> None:
+    def decide(self, decision: Decision) -> None:
+        """Let the policy decide, and send the carriers."""
+        self.send(decision, self.policy.assign(decision.now, decision.bins, decision.carriers, self.memory))
+
+    def send(self, decision: Decision, orders: Iterable[Assignment]) -> None:
+        """Send carriers to bins, at the time of the decision."""
+        for order in orders:
+            self._booked |= {order.bin, order.carrier}
+            self.env.process(self._fetch(order, decision.calls[order.bin], decision.ready[order.carrier], decision.now))
+
+    def _decision(self, calls: list[OpenCall], ready: dict[str, Robot]) -> Decision:
         now, head = ceil(self.env.now), self.layout.queue.head
         bins = [self._report(call, now) for call in sorted(calls, key=lambda call: call.bin)]
         carriers = [CarrierReport(name, "", True, max(0.0, head - robot.x_now)) for name, robot in sorted(ready.items())]
-        by_bin = {call.bin: call for call in calls}
-        for order in self.policy.assign(now, bins, carriers, self.memory):
-            self._booked |= {order.bin, order.carrier}
-            self.env.process(self._fetch(order, by_bin[order.bin], ready[order.carrier], now))
+        return Decision(now, bins, carriers, {call.bin: call for call in calls}, ready)
 
     def _report(self, call: OpenCall, now: int) -> BinReport:
         (metres, reach), left = (

@@ -26,8 +26,8 @@ MIDDLE = (0.3, 0.8)  # share of the bins before and up to which the long run is 
 class DiscreteHarvest:
     """One harvest. `run` does it; then `seconds` and `delivered` tell how it went."""
 
-    def __init__(self, layout: Layout, rounds: int = 1) -> None:
-        """`rounds`: how often each picker picks its rows, for the long run.
+    def __init__(self, layout: Layout, rounds: int = 1, calls: type[Calls] | None = None) -> None:
+        """`rounds`: how often each picker picks its rows, for the long run. `calls`: what sends carriers; None: what the scenario says.
 
         Raises ValueError for a scenario that the model cannot tell anything about: one with agents of the user's own."""
         scenario = layout.scenario
@@ -47,7 +47,7 @@ class DiscreteHarvest:
         self.robots = {start.name: Robot(self, start.name, start.pose, start.bin) for start in starts}
         carriers = [robot for robot in self.robots.values() if kind_of(robot.name) == "carrier"]
         has_dispatcher = DISPATCH in scenario.bodiless_agents
-        self.calls = (Dispatched if has_dispatcher else Calls)(self.env, self.route, carriers)
+        self.calls = (calls or (Dispatched if has_dispatcher else Calls))(self.env, self.route, carriers)
         for name, block in self.blocks.items():
             self.robots[name].plan = list(self.route.harvest(block))
         for robot in carriers:
@@ -58,13 +58,13 @@ class DiscreteHarvest:
     def run(self) -> "DiscreteHarvest":
         """Do the whole harvest, or all until robots wait for each other, and return it."""
         before = -1
-        while self.env.peek() < LONGEST and (self._done > before or any(robot.is_on_the_way for robot in self.robots.values())):
-            before = self._done
+        while self.env.peek() < LONGEST and (self.done > before or any(robot.is_on_the_way for robot in self.robots.values())):
+            before = self.done
             self.env.run(until=min(LONGEST, self.env.now + JAM))
         return self
 
     @property
-    def _done(self) -> int:
+    def done(self) -> int:
         """The steps that all robots have done so far."""
         return sum(robot.done for robot in self.robots.values())
 
@@ -124,6 +124,11 @@ class DiscreteHarvest:
     def picker_waiting_seconds(self) -> float:
         """The mean time from a picker's full bin to its next empty one, s; 0 if there was none."""
         return fmean(self._waits) * TIME_STEP if self._waits else 0.0
+
+    @property
+    def waited_seconds(self) -> float:
+        """The time for which all pickers together have waited for the empty bins that they got, s."""
+        return sum(self._waits) * TIME_STEP
 
     @property
     def carrier_utilisation(self) -> float:

@@ -4,8 +4,10 @@ A place is free if the circle around the body's box is clear of all obstacles, s
 the same bits on every machine. Metres.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -18,6 +20,7 @@ CLEAR = 0.3  # m between a placed body and an obstacle
 AHEAD_OF_PICKER = 1.5  # m ahead of its front edge are kept free
 TRACK = Rect(-48.0, 26.0, -22.0, 32.0)  # contains the area that the tractor sweeps, also while it turns
 GRID = 0.25  # m: the grid step of the search for the nearest free place
+KEPT_GROUNDS = 4  # of orchards that differ by more than the seed
 TRIES = 20  # random places to try; if none is free, the free place nearest to the first of them is taken
 
 # docs/reference.md, "The things in it"; all further bodies get random places
@@ -51,29 +54,46 @@ def guests(scenario: Scenario, machines: list[Start], walls: np.ndarray, inside:
     """
     boxes = [(machine.pose, KINDS[machine.kind]) for machine in machines]
     solid = [(*wall, CLEAR) for wall in walls.tolist()] + [(at.x, at.y, kind.length / 2, kind.width / 2, CLEAR) for at, kind in boxes]
-    shared = solid + [_area(rect) for rect in (keep_off, TRACK, *_ways(machines))]
-    grounds = {kind: _Ground(inside, kind, shared) for kind in ANIMALS}
-    grounds |= {kind: _Ground(inside, kind, [*shared, _area(rows)]) for kind in PEOPLE}
-    crowd = [_place(scenario.seed, kind, number, grounds[kind], grounds.values()) for kind, number in _in_order(scenario)]
-    # weeds: odd numbers above the rows, even numbers below; they are not solid, and people and animals may stand on them
-    strips = Rect(inside.west, rows.north, inside.east, inside.north), Rect(inside.west, inside.south, inside.east, rows.south)
-    beds = [_Ground(strip, "weed", solid) for strip in strips]
+    areas = [_area(rect) for rect in (keep_off, TRACK, *_ways(machines))]
+    grounds = {kind: ground.copy() for kind, ground in _bare_grounds(tuple(solid), tuple(areas), inside, rows).items()}
+    solid_grounds = [ground for kind, ground in grounds.items() if kind in PEOPLE + ANIMALS]
+    crowd = [_place(scenario.seed, kind, number, grounds[kind], solid_grounds) for kind, number in _in_order(scenario)]
+    beds = grounds["weed north"], grounds["weed south"]  # odd numbers above the rows, even numbers below
     return crowd + [_place(scenario.seed, "weed", i + 1, beds[i % 2], [beds[i % 2]]) for i in range(scenario.weeds)]
+
+
+@lru_cache(maxsize=KEPT_GROUNDS)
+def _bare_grounds(solid: tuple[Obstacle, ...], areas: tuple[Obstacle, ...], inside: Rect, rows: Rect) -> Mapping[str, "_Ground"]:
+    """The grounds of all kinds before anything is placed. They are kept: only what is placed on them depends on the seed."""
+    grounds = {kind: _Ground(inside, kind, [*solid, *areas]) for kind in ANIMALS}
+    grounds |= {kind: _Ground(inside, kind, [*solid, *areas, _area(rows)]) for kind in PEOPLE}
+    # weeds are not solid, and people and animals may stand on them
+    north, south = Rect(inside.west, rows.north, inside.east, inside.north), Rect(inside.west, inside.south, inside.east, rows.south)
+    return grounds | {"weed north": _Ground(north, "weed", solid), "weed south": _Ground(south, "weed", solid)}
 
 
 class _Ground:
     """The free places for bodies of one kind: within a rectangle, clear of all obstacles."""
 
-    def __init__(self, within: Rect, kind: str, obstacles: list[Obstacle]) -> None:
+    def __init__(self, within: Rect, kind: str, obstacles: Sequence[Obstacle]) -> None:
         self.within, self.radius = within, KINDS[kind].radius
         self.xs, self.ys = _steps(within.west, within.east), _steps(within.south, within.north)
         self.open = np.ones((len(self.ys), len(self.xs)), dtype=bool)  # the free grid points
-        self.obstacles: list[Obstacle] = []
+        self.fixed, self.placed = np.array(obstacles), list[Obstacle]()
         for obstacle in obstacles:
-            self.take(obstacle)
+            self._close(obstacle)
+
+    def copy(self) -> "_Ground":
+        """Return the same ground, on which bodies can be placed."""
+        other = copy(self)
+        other.open, other.placed = self.open.copy(), list(self.placed)
+        return other
 
     def take(self, obstacle: Obstacle) -> None:
-        self.obstacles.append(obstacle)
+        self.placed.append(obstacle)
+        self._close(obstacle)
+
+    def _close(self, obstacle: Obstacle) -> None:
         x, y, half_x, half_y, gap = obstacle
         reach = gap + self.radius
         columns = slice(*np.searchsorted(self.xs, (x - half_x - reach, x + half_x + reach)))
@@ -82,9 +102,10 @@ class _Ground:
         self.open[rows, columns] &= _squared(*beside) >= reach * reach
 
     def free(self, x: float, y: float) -> bool:
-        if not self.within.contains(x, y):
-            return False
-        ox, oy, half_x, half_y, gap = np.array(self.obstacles).T
+        return self.within.contains(x, y) and self._clears(self.fixed, x, y) and self._clears(np.array(self.placed).reshape(-1, 5), x, y)
+
+    def _clears(self, obstacles: np.ndarray, x: float, y: float) -> bool:
+        ox, oy, half_x, half_y, gap = obstacles.T
         return bool(np.all(_squared(np.abs(ox - x) - half_x, np.abs(oy - y) - half_y) >= (gap + self.radius) * (gap + self.radius)))
 
     def nearest(self, x: float, y: float) -> tuple[float, float]:

@@ -218,6 +218,13 @@ class Engine:
         return [(i, deed) for i in doers for deed in actions[self.layout.names[i]].deeds]
 
 
+class Unaudited(Engine):
+    """An engine for runs of which only the motion is wanted, such as those in which a policy learns: no hash, no invariants, no figures."""
+
+    def account(self) -> None:
+        self._stepped = None
+
+
 _LITTLE = {kind: np.dtype(f"<{kind}") for kind in ("f8", "f4", "i8", "b1")}
 
 

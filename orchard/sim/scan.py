@@ -7,6 +7,7 @@ The ranges to oriented boxes are exact: see kernels/laser.py. Figures: docs/refe
 import hashlib
 from collections.abc import Iterator, Mapping
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -98,10 +99,16 @@ class _Hitches(Mapping[str, Hitch]):
         self._states, self._scans = states, scans
 
     def __getitem__(self, name: str) -> Hitch:
+        hitch: Hitch | None = self.get(name)
+        if hitch is None:
+            raise KeyError(name)
+        return hitch
+
+    def get(self, name: str, default: Any = None) -> Any:
         i = self._layout.index[name]
         other = int(self._coupled[i])
         if other == NONE:
-            raise KeyError(name)
+            return default
         x, y, z, w, vx, vy, turn = self._states[other].tolist()
         return Hitch(self._layout.names[other], x, y, (z, w), Twist(vx, vy, turn), self._scans[other] if self._tows[i] > 0.0 else None)
 

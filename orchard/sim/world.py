@@ -68,10 +68,16 @@ def fixed_of(layout: Layout) -> Fixed:
         np.array([lane.y for lane in layout.lanes]),
         np.array([lane.pace for lane in layout.lanes]),
         walls,
-        *grid_of(walls, radius),
-        grid_of(walls, LASER_RANGE),
+        *_grid(walls.tobytes(), radius),
+        _grid(walls.tobytes(), LASER_RANGE),
         frame_of(walls, max(CELL, 2.0 * (radius + step))),
     )
+
+
+@lru_cache(maxsize=KEPT_LAYOUTS)
+def _grid(walls: bytes, reach: float) -> Grid:
+    """The grid of walls, which does not depend on the seed. It is read-only, as all constants."""
+    return grid_of(np.frombuffer(walls).reshape(-1, RADIUS + 1), reach)
 
 
 class World:

@@ -1,0 +1,66 @@
+"""The environments with Stable-Baselines3: its own check, and PPO, which learns to pick. One thread, fixed seeds."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from gymnasium.wrappers import RescaleAction
+from stable_baselines3.common.env_checker import check_env
+
+from orchard import Scenario
+from orchard.gym import dispatch_env, single_env
+
+ALONE = Scenario(rows=3, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 0}, weeds=0, tractor=False)
+ROOT = Path(__file__).parents[3]
+SEEDS = (101, 102, 103)
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    """Sums of floats then have one order, so that a seed gives the same policy again."""
+    torch.set_num_threads(1)
+    torch.use_deterministic_algorithms(True)
+
+
+def mean_return(env, choose):
+    """The mean return of the episodes of SEEDS."""
+    total = 0.0
+    for seed in SEEDS:
+        observation, ended = env.reset(seed=seed)[0], False
+        while not ended:
+            observation, reward, terminated, truncated, _ = env.step(choose(observation))
+            total, ended = total + reward, terminated or truncated
+    return total / len(SEEDS)
+
+
+@pytest.mark.parametrize("name", ["carrier_01", "picker_01"])
+def test_check_env(name):
+    check_env(RescaleAction(single_env(ALONE, name), np.float32(-1.0), np.float32(1.0)))
+
+
+@pytest.mark.filterwarnings("ignore:.*symmetric and normalized")  # it recommends what RescaleAction makes
+def test_check_env_with_velocities_in_metres_and_radians():
+    check_env(single_env(ALONE, "carrier_01"))
+
+
+def test_check_env_of_dispatch():
+    check_env(dispatch_env(ALONE))
+
+
+def block(name):
+    """The text of a block of code of docs/gym.md."""
+    (text,) = re.findall(rf"^```python {name}\n(.*?)```$", (ROOT / "docs" / "gym.md").read_text(), re.M | re.S)
+    return text
+
+
+def test_ppo_learns_to_pick():
+    """The program of docs/gym.md. At most 15 m can be picked; a policy of random velocities picks less than 1 m."""
+    found = {}
+    exec(block("learn"), found)
+    exam = found["picking"]()
+    exam.action_space.seed(1)
+    learned = mean_return(exam, lambda seen: found["model"].predict(seen, deterministic=True)[0])
+    random = mean_return(exam, lambda seen: exam.action_space.sample())
+    assert learned > random + 3.0, (learned, random)

@@ -1,0 +1,25 @@
+"""Environments in which a policy learns: PettingZoo and Gymnasium over local mode, and dispatch over the fast model.
+
+    parallel_env(scenario, learned)   PettingZoo's ParallelEnv: some bodies learn, all others follow our agents
+    single_env(scenario, robot)       the same for one body, as a Gymnasium Env
+    dispatch_env(scenario)            a Gymnasium Env of events: which carrier fetches which bin
+
+It needs the extra `gym`. docs/gym.md tells how to use it.
+"""
+
+from orchard.gym.dispatch import DispatchEnv, Dispatching, dispatch_env
+from orchard.gym.harvest import HarvestEnv, parallel_env
+from orchard.gym.rewards import REWARDS, Moment
+from orchard.gym.single import SingleEnv, single_env
+
+__all__ = [
+    "REWARDS",
+    "DispatchEnv",
+    "Dispatching",
+    "HarvestEnv",
+    "Moment",
+    "SingleEnv",
+    "dispatch_env",
+    "parallel_env",
+    "single_env",
+]

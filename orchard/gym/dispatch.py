@@ -1,0 +1,242 @@
+"""Dispatch as a Gymnasium Env of events, over the fast model: at each decision an action names the carrier that fetches a bin, or none.
+
+The decisions are those of a dispatch policy (`orchard.agents.dispatch`): the same reports, at the same times. So what has learned here can
+be a policy of the simulator: `Dispatching.orders` is the body of its `assign`.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+
+from orchard.agents.dispatch import Assignment, BinReport, CarrierReport
+from orchard.discrete.calls import Decision, Dispatched
+from orchard.discrete.harvest import JAM, LONGEST, DiscreteHarvest
+from orchard.field.layout import Layout, lay_out
+from orchard.field.repeatable import draw
+from orchard.field.scenario import TIME_STEP, Scenario, with_changes
+from orchard.gym.spaces import FAR, MOST_LANES, Arrays
+
+NOBODY = 0  # the action that sends no carrier, and ends the decision
+LONG = 1e6  # s: no harvest takes so long
+
+Choose = Callable[[Arrays, np.ndarray], int]  # observation and mask -> action
+
+
+class Dispatching:
+    """Dispatch in one orchard as arrays.
+
+    An action is 0, which sends nobody, or 1 + b * C + c: carrier c of C fetches bin b, both in the order of their names.
+
+    An observation holds `seconds` since the start, (1,); `bins`, six numbers for each bin: 1 if it needs a carrier, its lane, s since it
+    began to call, s until it is full, s in which a carrier can be there, m by road to it, and all 0 if it needs none; `carriers`, two
+    numbers for each: 1 if it can leave now, and m by road to the queue's head.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        names = sorted(layout.names)
+        self.bins, self.carriers = ([name for name in names if name.startswith(f"{kind}_")] for kind in ("bin", "carrier"))
+        most = np.array([1.0, MOST_LANES, LONG, LONG, LONG, FAR], dtype=np.float32)
+        self.action_space = spaces.Discrete(1 + len(self.bins) * len(self.carriers))
+        self.observation_space = spaces.Dict(
+            {
+                "seconds": _box_up_to(np.array([LONG], np.float32)),
+                "bins": _box_up_to(np.tile(most, len(self.bins))),
+                "carriers": _box_up_to(np.tile(most[[0, 5]], len(self.carriers))),
+            }
+        )
+
+    def observation(self, now: int, bins: Iterable[BinReport], carriers: Iterable[CarrierReport]) -> Arrays:
+        """Return what a policy is told, as arrays. `now`: the tick."""
+        seconds = np.array([now * TIME_STEP], np.float32)
+        calls, queue = np.zeros((len(self.bins), 6), np.float32), np.zeros((len(self.carriers), 2), np.float32)
+        for one in bins:
+            told = 1.0, one.lane, (now - one.since) * TIME_STEP, one.seconds_to_full, one.seconds_to_reach, one.metres
+            calls[self.bins.index(one.name)] = told
+        for carrier in carriers:
+            queue[self.carriers.index(carrier.name)] = float(carrier.is_next), carrier.metres
+        return {"seconds": seconds, "bins": calls.ravel(), "carriers": queue.ravel()}
+
+    def mask(self, bins: Iterable[BinReport], carriers: Iterable[CarrierReport]) -> np.ndarray:
+        """Return which actions can be, (actions,) int8; 0 always can."""
+        mask = np.zeros(self.action_space.n, dtype=np.int8)
+        free = [carrier.name for carrier in carriers if carrier.is_next]
+        mask[[NOBODY, *(self.action(Assignment(one.name, name)) for one in bins for name in free)]] = 1
+        return mask
+
+    def action(self, order: Assignment | None) -> int:
+        """Return the action that is an order; 0 for None."""
+        if order is None:
+            return NOBODY
+        return 1 + self.bins.index(order.bin) * len(self.carriers) + self.carriers.index(order.carrier)
+
+    def order(self, action: int) -> Assignment | None:
+        """Return the order that an action is; None for 0. Raises ValueError for a number that is no action."""
+        if not self.action_space.contains(int(action)):
+            raise ValueError(f"action {action!r}: must be a number from 0 to {self.action_space.n - 1}")
+        bin_, carrier = divmod(int(action) - 1, len(self.carriers))
+        return None if action == NOBODY else Assignment(self.bins[bin_], self.carriers[carrier])
+
+    def orders(self, choose: Choose, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]) -> list[Assignment]:
+        """Return the orders of something that has learned here: the body of a policy's `assign`. An action that cannot be sends nobody."""
+        orders: list[Assignment] = []
+        while (mask := self.mask(bins, carriers)).sum() > 1:
+            action = int(choose(self.observation(now, bins, carriers), mask))
+            order = self.order(action)
+            if order is None or not mask[action]:
+                break
+            orders.append(order)
+            bins, carriers = left(bins, order.bin), left(carriers, order.carrier)
+        return orders
+
+
+def _box_up_to(most: np.ndarray) -> spaces.Box:
+    return spaces.Box(np.zeros_like(most), most)
+
+
+def left(reports: Sequence[Any], name: str) -> list[Any]:
+    """Return the reports without that of a name."""
+    return [report for report in reports if report.name != name]
+
+
+class Interval(NamedTuple):
+    """What happened from one action to the next, for a reward."""
+
+    seconds: float  #: that passed
+    waited: float  #: s for which pickers, now served, have waited for an empty bin
+    delivered: int  #: bins unloaded
+
+
+Reward = Callable[[Interval], float]
+REWARDS: Mapping[str, Reward] = {
+    "time": lambda interval: -interval.seconds,
+    "waiting": lambda interval: -interval.waited,
+    "delivery": lambda interval: float(interval.delivered),
+}
+
+
+def dispatch_env(scenario: Scenario, *, reward: str | Reward = "time", longest: int = LONGEST) -> "DispatchEnv":
+    """Return the dispatch of a scenario as a Gymnasium Env, over the fast model: which carrier fetches which bin.
+
+    A step is an action at a decision: see `Dispatching`. A decision goes on until an action sends nobody, or nothing more can be sent. An
+    action that cannot be, by `info["action_mask"]`, sends nobody. `info["scripted"]` is what the scenario's own policy would do; if that is
+    `early`, bins report before they are full. `reward`: "time", "waiting", "delivery", or a function of an `Interval`. `longest`: ticks,
+    after which an episode is truncated, as it is when all robots wait for each other. Raises ValueError for an unknown reward, and for
+    a scenario with agents of one's own.
+    """
+    if isinstance(reward, str) and reward not in REWARDS:
+        raise ValueError(f"reward {reward!r}: there is none of that name; there are {', '.join(REWARDS)}, and functions of your own")
+    return DispatchEnv(scenario, REWARDS[reward] if isinstance(reward, str) else reward, longest)
+
+
+class Paused(Dispatched):
+    """Dispatch that waits for what learns: a decision is kept, and nothing is sent until it is taken."""
+
+    pending: Decision | None = None
+    scripted: Sequence[Assignment] = ()
+
+    def decide(self, decision: Decision) -> None:
+        """Keep a decision, unless nothing can be sent, and what the scenario's policy decides."""
+        self.scripted = self.policy.assign(decision.now, decision.bins, decision.carriers, self.memory)
+        self.pending = decision if decision.bins and decision.carriers else None
+
+
+class DispatchEnv(gymnasium.Env[Arrays, Any]):
+    """The dispatch of a harvest. `harvest` is its fast model, from the first `reset` on."""
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
+    harvest: DiscreteHarvest
+
+    def __init__(self, scenario: Scenario, reward: Reward, longest: int) -> None:
+        """As `dispatch_env`, which makes it."""
+        self.scenario, self._reward, self._longest = scenario, reward, longest
+        self._seed, self._episode, self._is_over = scenario.seed, 0, True
+        layout = lay_out(scenario)
+        DiscreteHarvest(layout)  # raises ValueError
+        self.dispatching = Dispatching(layout)
+        self.observation_space: spaces.Space[Any] = self.dispatching.observation_space
+        self.action_space: spaces.Space[Any] = self.dispatching.action_space
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Arrays, dict[str, Any]]:
+        """Begin an episode, and return observation and info at its first decision. `seed`: that of the scenario, as for `parallel_env`."""
+        super().reset(seed=seed)
+        if seed is not None:
+            self._seed, self._episode = seed, 0
+        chosen = self._seed if self._episode == 0 else int(draw(self._seed, "episode", self._episode)[0] * 2**53)
+        self._episode, self._is_over = self._episode + 1, False
+        self.harvest = DiscreteHarvest(lay_out(with_changes(self.scenario, seed=chosen)), calls=Paused)
+        self._until_decision()
+        return self._observed(), self._info()
+
+    def step(self, action: Any) -> tuple[Arrays, float, bool, bool, dict[str, Any]]:
+        """Do an action, and move on to the next decision if this one is taken. Return observation, reward, terminated, truncated and info.
+
+        Raises ResetNeeded before the first reset and after the end of an episode, ValueError for what is no action.
+        """
+        if self._is_over:
+            raise ResetNeeded("the episode is over, or none has begun: call reset()")
+        before = self._so_far()
+        self._take(int(action))
+        self._until_decision()
+        now, self._is_over = self._so_far(), self._calls.pending is None
+        reward = self._reward(Interval(now.seconds - before.seconds, now.waited - before.waited, now.delivered - before.delivered))
+        terminated = self._is_over and self.harvest.is_over
+        return self._observed(), float(reward), terminated, self._is_over and not terminated, self._info()
+
+    def action_masks(self) -> np.ndarray:
+        """Return which actions can be, (actions,) bool, as MaskablePPO of sb3-contrib asks for it."""
+        decision = self._calls.pending
+        return (
+            self.dispatching.mask(decision.bins, decision.carriers).astype(bool) if decision else self.dispatching.mask([], []).astype(bool)
+        )
+
+    @property
+    def _calls(self) -> Paused:
+        calls = self.harvest.calls
+        assert isinstance(calls, Paused)
+        return calls
+
+    def _take(self, action: int) -> None:
+        """Send what the action names; then the decision goes on without the two, or is over."""
+        decision, order = self._calls.pending, self.dispatching.order(action)
+        assert decision is not None
+        if order is None or not self.dispatching.mask(decision.bins, decision.carriers)[action]:
+            self._calls.pending = None
+            return
+        self._calls.send(decision, [order])
+        decision.bins, decision.carriers = left(decision.bins, order.bin), left(decision.carriers, order.carrier)
+        self._calls.pending = decision if decision.bins and decision.carriers else None
+
+    def _until_decision(self) -> None:
+        """Let time pass until the next decision, the end of the harvest, or that of the episode: too long, or a jam."""
+        harvest, env = self.harvest, self.harvest.env
+        done, since = harvest.done, env.now
+        while self._calls.pending is None and not harvest.is_over and env.peek() < self._longest:
+            env.step()
+            if harvest.done > done or any(robot.is_on_the_way for robot in harvest.robots.values()):
+                done, since = harvest.done, env.now
+            elif env.now - since > JAM:
+                return
+        if harvest.is_over:
+            harvest.run()  # the last robots drive home
+
+    def _so_far(self) -> Interval:
+        harvest = self.harvest
+        seconds = harvest.seconds if harvest.is_over else harvest.env.now * TIME_STEP
+        return Interval(seconds, harvest.waited_seconds, harvest.delivered)
+
+    def _reports(self) -> tuple[Sequence[BinReport], Sequence[CarrierReport]]:
+        """The bins and carriers of the present decision; none at the end."""
+        decision = self._calls.pending
+        return (decision.bins, decision.carriers) if decision else ((), ())
+
+    def _observed(self) -> Arrays:
+        return self.dispatching.observation(int(self.harvest.env.now), *self._reports())
+
+    def _info(self) -> dict[str, Any]:
+        mask = self.action_masks()
+        scripted = (self.dispatching.action(order) for order in self._calls.scripted)
+        return {"action_mask": mask.astype(np.int8), "scripted": next((action for action in scripted if mask[action]), NOBODY)}

@@ -1,0 +1,181 @@
+"""A harvest as a PettingZoo ParallelEnv: some bodies learn, all others follow our agents. It is local mode, with a pause between asking
+the agents and acting."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+from pettingzoo import ParallelEnv
+
+from orchard.agents.robot import RobotMemory
+from orchard.contract.agent import Action, Observation
+from orchard.contract.events import Event
+from orchard.field.geometry import STILL, Twist
+from orchard.field.kinds import kind_of
+from orchard.field.layout import Layout, lay_out
+from orchard.field.repeatable import draw
+from orchard.field.scenario import Scenario, with_changes
+from orchard.gym.rewards import Moment, Reward, reward_of
+from orchard.gym.spaces import Arrays, Goal, action_space, deed_mask, deeds_of, goal_of, observation_space, observed, velocity_of
+from orchard.local import Local
+from orchard.sim.engine import Engine, Unaudited
+from orchard.sim.world import NONE
+
+LONGEST = 20_000  # ticks of an episode, 2000 s; the default orchard's harvest takes 9,559
+LEARNERS = ("picker", "carrier", "tractor", "worker", "visitor", "dog", "cat")  # kinds that move by themselves
+
+Infos = dict[str, dict[str, Any]]
+
+
+def parallel_env(
+    scenario: Scenario,
+    learned: Sequence[str],
+    *,
+    reward: str | Reward = "delivery",
+    deeds: bool = False,
+    longest: int = LONGEST,
+    is_hashed: bool = False,
+) -> "HarvestEnv":
+    """Return a harvest in which the bodies `learned` learn, as a PettingZoo ParallelEnv; all others follow our agents.
+
+    An action is a velocity, m/s forward and rad/s counter-clockwise. The body's own agent keeps its plan, its mail and its deeds, so a
+    harvest goes on; `info["scripted"]` is the velocity that this agent would have chosen. A body that gets no action follows its agent.
+    `reward`: a name in `REWARDS`, or a function of your own. `deeds`: an action also names a deed, in place of its agent's; the info's
+    `action_mask` says which can be. `longest`: ticks, after which an episode is truncated. `is_hashed`: whether the run has its hash, and
+    its invariants are checked: slower. Raises ValueError for a name that cannot learn, or for an unknown reward.
+    """
+    return HarvestEnv(scenario, learned, reward_of(reward), deeds, longest, is_hashed)
+
+
+class Look(NamedTuple):
+    """What is known of a learned body at one tick."""
+
+    seen: Observation
+    action: Action  # of its own agent: the newest one
+    scripted: Twist  # the velocity in it
+    goal: Goal  # what its plan asks for
+    fill: float  # m of row in its bin
+
+
+class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # PettingZoo has no types
+    """A harvest in which some bodies learn. `local` is its run, from the first `reset` on."""
+
+    metadata: dict[str, Any] = {"name": "orchard_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012 - as PettingZoo has it
+    render_mode = None
+    local: Local
+
+    def __init__(self, scenario: Scenario, learned: Sequence[str], reward: Reward, deeds: bool, longest: int, is_hashed: bool) -> None:
+        """As `parallel_env`, which makes it."""
+        _refuse_what_cannot_learn(lay_out(scenario), learned)
+        self.scenario, self.possible_agents = scenario, list(learned)
+        self.agents: list[str] = []
+        self._reward, self._deeds, self._longest, self._is_hashed = reward, deeds, longest, is_hashed
+        self._seed, self._episode = scenario.seed, 0
+        self.observation_spaces = {name: observation_space(name) for name in learned}
+        self.action_spaces = {name: action_space(name, deeds) for name in learned}
+        self._answers: dict[str, Action] = {}  # the actions of the agents that were asked at this tick
+        self._looks: dict[str, Look] = {}
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the space of what a body observes: see `orchard.gym.spaces`."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the space of what a body does."""
+        return self.action_spaces[agent]
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Arrays], Infos]:
+        """Begin an episode. Return the observations and infos of the learned bodies.
+
+        `seed`: that of the scenario. Without it, the first episode has the scenario's own, and each further one a seed that is drawn from
+        the one given last. `options["scenario"]`: changes of the scenario as for `with_changes`, for a curriculum. Raises ScenarioError or
+        ValueError for changes that cannot be.
+        """
+        if seed is not None:
+            self._seed, self._episode = seed, 0
+        chosen = self._seed if self._episode == 0 else int(draw(self._seed, "episode", self._episode)[0] * 2**53)
+        scenario = with_changes(self.scenario, **(options or {}).get("scenario", {}) | {"seed": chosen})
+        _refuse_what_cannot_learn(lay_out(scenario), self.possible_agents)
+        self._episode += 1
+        self.local = Local(scenario, is_hashed=self._is_hashed, engine=Engine if self._is_hashed else Unaudited)
+        self.agents = list(self.possible_agents)
+        self._look()
+        return self._observed(), self._infos()
+
+    def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Arrays], dict[str, float], dict[str, bool], dict[str, bool], Infos]:
+        """Move on by a tick, 0.1 s. Return observations, rewards, terminations, truncations and infos of the learned bodies.
+
+        Raises ResetNeeded before the first reset and after the end of an episode, ValueError for an action that cannot be.
+        """
+        if not self.agents:
+            raise ResetNeeded("the episode is over, or none has begun: call reset()")
+        if unknown := [str(name) for name in actions if name not in self.agents]:
+            raise ValueError(f"actions for {', '.join(unknown)}, which do not learn here; {', '.join(self.agents)} do")
+        velocities = {name: self._command(name, actions[name]) if name in actions else self._looks[name].scripted for name in self.agents}
+        before, events = self._looks, self.local.act(self._answers)
+        self._look()
+        rewards = {name: float(self._reward(_moment(before[name], self._looks[name], velocities[name], events))) for name in self.agents}
+        observed, infos, over = self._observed(), self._infos(), self.local.engine.over
+        ends = dict.fromkeys(self.agents, over), dict.fromkeys(self.agents, not over and self.local.engine.tick >= self._longest)
+        self.agents = [] if over or self.local.engine.tick >= self._longest else self.agents
+        return observed, rewards, *ends, infos
+
+    def _look(self) -> None:
+        """Ask our agents, those of the learned bodies too."""
+        self._answers = self.local.ask()
+        self._looks = {name: self._look_at(name) for name in self.agents}
+
+    def _look_at(self, name: str) -> Look:
+        local, world = self.local, self.local.engine.world
+        seen = local.observed.get(name) or local.seen[name]
+        action, bin_ = self._answers.get(name) or local.actions[name], int(world.coupled[world.index[name]])
+        fill = float(world.fill[bin_]) if bin_ != NONE else 0.0
+        return Look(seen, action, action.twist, goal_of(seen.pose, action.memory), fill)
+
+    def _command(self, name: str, given: Any) -> Twist:
+        """Put a given action in the place of what the body's own agent commands. Return its velocity.
+
+        The agent keeps its hold only if it would have moved so itself. What it remembers of its own motion becomes what is commanded:
+        without that, it would take a body that was told to stand for one that collided.
+        """
+        look, world = self._looks[name], self.local.engine.world
+        velocity = velocity_of(name, given["velocity"] if self._deeds else given)
+        if velocity == look.scripted and not self._deeds:
+            return velocity
+        action = self._answers.get(name) or replace(look.action, deeds=[], requests=[], answers=[])
+        deeds = deeds_of(world, name, int(given["deed"])) if self._deeds else action.deeds
+        self._answers[name] = replace(action, twist=velocity, deeds=deeds, hold=None)
+        if isinstance(action.memory, RobotMemory):
+            action.memory.moving = velocity != STILL
+        return velocity
+
+    def _observed(self) -> dict[str, Arrays]:
+        return {name: observed(look.seen, look.fill, look.goal, look.action) for name, look in self._looks.items()}
+
+    def _infos(self) -> Infos:
+        infos: Infos = {name: {"scripted": np.array((look.scripted.x, look.scripted.yaw))} for name, look in self._looks.items()}
+        if self._deeds:
+            for name, info in infos.items():
+                info["action_mask"] = {"velocity": None, "deed": deed_mask(self.local.engine.world, name)}
+        return infos
+
+
+def _moment(before: Look, after: Look, velocity: Twist, events: list[Event]) -> Moment:
+    filled = max(0.0, after.fill - before.fill) if _bin_of(before) == _bin_of(after) else 0.0
+    return Moment(before.seen, after.seen, before.goal, velocity, before.scripted, filled, events)
+
+
+def _bin_of(look: Look) -> str:
+    return look.seen.hitch.name if look.seen.hitch else ""
+
+
+def _refuse_what_cannot_learn(layout: Layout, learned: Sequence[str]) -> None:
+    """Raise ValueError, with all that is wrong, unless these are different bodies that can learn."""
+    able = [name for name in layout.names if kind_of(name) in LEARNERS]
+    wrong = [f"{name}: " + ("given twice" if name in able else "no such body can learn") for name in learned
+             if name not in able or learned.count(name) > 1]  # fmt: skip
+    if wrong or not learned:
+        raise ValueError(f"learned: {'; '.join(dict.fromkeys(wrong)) or 'empty'}; there are {', '.join(able)}")

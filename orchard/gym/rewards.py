@@ -1,0 +1,74 @@
+"""Rewards by name. A reward is any function from a `Moment` to a number."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+from orchard.contract.agent import Observation
+from orchard.contract.events import Event
+from orchard.field.geometry import Twist
+from orchard.field.kinds import KINDS, kind_of
+
+
+class Moment(NamedTuple):
+    """One step of a learned body, for a reward."""
+
+    before: Observation  #: what it observed before the step
+    after: Observation  #: what it observes now
+    goal: tuple[float, float, float]  #: what its plan asked for before the step: x, y (m, in the frame `map`), turn (rad)
+    velocity: Twist  #: with which it was to move
+    scripted: Twist  #: with which our agent would have moved
+    filled: float  #: m of row that came into its bin
+    events: Sequence[Event]  #: of all bodies in this step
+
+
+Reward = Callable[[Moment], float]
+
+
+def imitation(moment: Moment) -> float:
+    """Minus the squared distance to our agent's velocity; 1 is the body's greatest speed, or its greatest turn."""
+    kind = KINDS[kind_of(moment.after.name)]
+    forward = (moment.velocity.x - moment.scripted.x) / kind.speed
+    turn = (moment.velocity.yaw - moment.scripted.yaw) / kind.turn
+    return -(forward * forward) - turn * turn
+
+
+def goal(moment: Moment) -> float:
+    """Metres, and radians, by which the body came nearer to what its plan asked for before the step."""
+    x, y, turn = moment.goal
+    before, after = moment.before, moment.after
+    metres = math.hypot(x - before.x, y - before.y) - math.hypot(x - after.x, y - after.y)
+    return metres + abs(turn) - abs(math.remainder(turn - (after.pose.yaw - before.pose.yaw), math.tau)) if turn else metres
+
+
+def picking(moment: Moment) -> float:
+    """Metres of row that came into the body's bin."""
+    return moment.filled
+
+
+def delivery(moment: Moment) -> float:
+    """1 for each bin that is unloaded, whichever carrier brought it."""
+    return float(sum(event.what == "unloaded" for event in moment.events))
+
+
+def care(moment: Moment) -> float:
+    """-1 for a collision that the body begins."""
+    return -float(sum(event.what == "collision" and event.who == moment.after.name for event in moment.events))
+
+
+REWARDS: Mapping[str, Reward] = {
+    "imitation": imitation,
+    "goal": goal,
+    "picking": picking,
+    "delivery": delivery,
+    "care": care,
+}
+
+
+def reward_of(reward: str | Reward) -> Reward:
+    """Return a reward by its name, or the function itself. Raises ValueError for an unknown name."""
+    if not isinstance(reward, str):
+        return reward
+    if reward not in REWARDS:
+        raise ValueError(f"reward {reward!r}: there is none of that name; there are {', '.join(REWARDS)}, and functions of your own")
+    return REWARDS[reward]

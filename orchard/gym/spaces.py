@@ -1,0 +1,153 @@
+"""What a learned body observes and what it does, as arrays in Gymnasium's spaces. SI units; an array for each quantity.
+
+| key | shape | what |
+| --- | --- | --- |
+| scan | (180,) | ranges from right to left, m; 10 where there is no return |
+| pose | (4,) | x, y (m, in the frame `map`), cosine and sine of the yaw |
+| velocity | (2,) | of the last step: forward, m/s; counter-clockwise, rad/s |
+| bar | (1,) | 1 if a bin is coupled, else 0 |
+| fill | (1,) | metres of row in the coupled bin |
+| goal | (3,) | what the present step of its plan still asks for: m ahead, m to the left, rad counter-clockwise |
+| mail | (4,) | what its mail has come to: 1 if it has a job (a carrier) or a carrier comes (a picker); the job's lane, from 1; the end of that lane, -1 west, 1 east; 1 if it waits for another agent. 0 where there is none |
+"""  # noqa: E501 - a table
+
+import math
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from orchard.agents.steps import DriveTo, Face, Plan
+from orchard.contract.agent import Action, Observation
+from orchard.contract.messages import Couple, Deed, Uncouple
+from orchard.field.geometry import HEADINGS, Pose, Twist, angle_between, nearest_heading
+from orchard.field.kinds import KINDS, LASER_RANGE, kind_of
+from orchard.field.queue import LONGEST_ROW
+from orchard.sim.deeds import COUPLING_REACH
+from orchard.sim.world import NONE, World
+
+FAR = 2000.0  # m: no orchard is so large
+MOST_LANES = 20.0  # rows of a scenario
+NOTHING, COUPLE, UNCOUPLE = range(3)  # the deeds that an action names
+
+Arrays = dict[str, np.ndarray]
+Goal = tuple[float, float, float]  # x, y (m, in the frame `map`), rad that are left to turn
+
+
+_SIZES = {"pose": 4, "velocity": 2, "bar": 1, "fill": 1, "goal": 3, "mail": 4}  # of all but the scan
+_ENDS = np.cumsum(list(_SIZES.values())).tolist()
+_PARTS = {key: slice(end - size, end) for (key, size), end in zip(_SIZES.items(), _ENDS, strict=True)}
+
+
+def _box(*bounds: tuple[float, float]) -> spaces.Box:
+    low, high = np.array(bounds, dtype=np.float32).T
+    return spaces.Box(low, high, dtype=np.float32)
+
+
+def observation_space(name: str) -> spaces.Dict:
+    """Return the space of what a body observes: see the table above. It does not depend on the orchard: a curriculum may change it."""
+    kind, one = KINDS[kind_of(name)], (0.0, 1.0)
+    return spaces.Dict(
+        {
+            "scan": _box(*[(0.0, LASER_RANGE)] * kind.laser.beams),
+            "pose": _box((-FAR, FAR), (-FAR, FAR), (-1.0, 1.0), (-1.0, 1.0)),
+            "velocity": velocity_space(name),
+            "bar": _box(one),
+            "fill": _box((0.0, LONGEST_ROW)),
+            "goal": _box((-FAR, FAR), (-FAR, FAR), (-math.pi, math.pi)),
+            "mail": _box(one, (0.0, MOST_LANES), (-1.0, 1.0), one),
+        }
+    )
+
+
+def velocity_space(name: str) -> spaces.Box:
+    """Return the space of a body's velocity: forward, m/s; counter-clockwise, rad/s."""
+    kind = KINDS[kind_of(name)]
+    return _box((-kind.speed, kind.speed), (-kind.turn, kind.turn))
+
+
+def action_space(name: str, deeds: bool) -> spaces.Space[Any]:
+    """Return the space of what a body does: its velocity; with `deeds` also `deed`: 0, 1 couple, 2 uncouple."""
+    return spaces.Dict({"velocity": velocity_space(name), "deed": spaces.Discrete(3)}) if deeds else velocity_space(name)
+
+
+def scan_of(seen: Observation) -> np.ndarray:
+    """Return a body's ranges, (beams,) float32 m, with the laser's range where there is no return."""
+    return np.asarray(np.minimum(seen.scan, np.float32(LASER_RANGE)))
+
+
+def goal_of(pose: Pose, memory: Any) -> Goal:
+    """Return what the present step of a plan still asks for: x, y (m, in the frame `map`), and the turn, rad.
+
+    A drive's goal is its end, or the first place on the way that traffic has not granted. A step that is neither drive nor turn asks for
+    nothing, and so does an agent without a plan.
+    """
+    step = memory.plan[0] if isinstance(memory, Plan) and memory.plan else None
+    if isinstance(step, Face):
+        return pose.x, pose.y, angle_between(pose.yaw, HEADINGS[step.heading])
+    if not isinstance(step, DriveTo):
+        return pose.x, pose.y, 0.0
+    along_x, ahead = step.x is not None, 1.0 if nearest_heading(pose.yaw) in ("EAST", "NORTH") else -1.0
+    here, ends = pose.x if along_x else pose.y, [at for at in (step.x, step.y) if at is not None]
+    ends += [gate.at for gate in step.needs if ahead * (gate.at - here) >= 0.0 and not all(place in memory.held for place in gate.places)]
+    end = min(ends, key=lambda at: ahead * at)
+    return (end, pose.y, 0.0) if along_x else (pose.x, end, 0.0)
+
+
+def mail_of(action: Action) -> tuple[float, float, float, float]:
+    """Return what an agent's mail has come to: see the table above."""
+    memory, waits = action.memory, float(bool(action.waits_for))
+    job = getattr(memory, "job", None)
+    if job is None:
+        return float(bool(getattr(memory, "carrier", ""))), 0.0, 0.0, waits
+    return 1.0, float(job.lane), 1.0 if job.side == "east" else -1.0, waits
+
+
+def observed(seen: Observation, fill: float, goal: Goal, action: Action) -> Arrays:
+    """Return what a body observes: see the table above. `fill`: m in its bin; `action`: the newest one of its own agent."""
+    z, w = seen.orientation
+    cosine, sine = w * w - z * z, 2.0 * z * w
+    dx, dy, left = goal[0] - seen.x, goal[1] - seen.y, goal[2]
+    pose, velocity = (seen.x, seen.y, cosine, sine), (seen.twist.x, seen.twist.yaw)
+    towards = (cosine * dx + sine * dy, cosine * dy - sine * dx, left)
+    numbers = np.array((*pose, *velocity, float(seen.hitch is not None), fill, *towards, *mail_of(action)), dtype=np.float32)
+    return {"scan": scan_of(seen)} | {key: numbers[part] for key, part in _PARTS.items()}
+
+
+def velocity_of(name: str, given: Any) -> Twist:
+    """Return an action's velocity, within the limits of the body. Raises ValueError for one that is not two finite numbers."""
+    try:
+        forward, turn = (float(number) for number in given)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: action {given!r}; it must be two numbers, m/s forward and rad/s counter-clockwise") from None
+    if not (math.isfinite(forward) and math.isfinite(turn)):
+        raise ValueError(f"{name}: action {given!r}; its numbers must be finite")
+    kind = KINDS[kind_of(name)]
+    return Twist(min(max(forward, -kind.speed), kind.speed), 0.0, min(max(turn, -kind.turn), kind.turn))
+
+
+def deeds_of(world: World, name: str, deed: int) -> list[Deed]:
+    """Return the deeds for the number in an action. A deed that cannot be is left out: see `deed_mask`."""
+    robot = world.index[name]
+    if not deed_mask(world, name)[deed] or deed == NOTHING:
+        return []
+    return [Uncouple()] if deed == UNCOUPLE else [Couple(world.layout.names[_bin_behind(world, robot)])]
+
+
+def deed_mask(world: World, name: str) -> np.ndarray:
+    """Return which deeds a body can try, (3,) int8: nothing; couple, where a free bin stands on its coupling point; uncouple."""
+    robot = world.index[name]
+    has = bool(world.coupled[robot] != NONE)
+    may_couple = not has and _bin_behind(world, robot) != NONE
+    return np.array([True, may_couple, has], dtype=np.int8)
+
+
+def _bin_behind(world: World, robot: int) -> int:
+    """The free bin whose centre is within reach of a robot's coupling point; NONE without one. Physics decides on the rest."""
+    x, y, yaw = world.pose[robot].tolist()
+    behind = float(world.fixed.tows[robot])
+    at = x - behind * math.cos(yaw), y - behind * math.sin(yaw)
+    for i, start in enumerate(world.layout.starts):
+        if start.kind == "bin" and world.coupled[i] == NONE and math.dist(at, world.pose[i, :2].tolist()) <= COUPLING_REACH:
+            return i
+    return NONE

@@ -1,0 +1,115 @@
+"""The environment in which dispatch is learned: the interface's checks, the same harvest as the fast model, use in the simulator."""
+
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+
+from orchard.agents.dispatch import BinReport, CarrierReport
+from orchard.agents.policies.predictive import Predictive
+from orchard.discrete.harvest import DiscreteHarvest
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
+from orchard.gym import Dispatching, dispatch_env
+
+SMALL = Scenario(rows=4, pickers=2)
+BIN = BinReport("bin_02", 3, "east", "picker_02", 20, 50.0, 4.0, 60.0)
+
+
+def played(env, choose, seed=None):
+    """The return of an episode, and whether it was terminated."""
+    _, info = env.reset(seed=seed)
+    total, ended = 0.0, (False, False)
+    while not any(ended):
+        _, reward, *ended, info = env.step(choose(info))
+        total += reward
+    return total, ended[0]
+
+
+def scripted(info):
+    return info["scripted"]
+
+
+def test_gymnasium():
+    check_env(dispatch_env(SMALL), skip_render_check=True)
+
+
+@pytest.mark.parametrize("policy", ["predictive", "farthest-first", "longest-waiting"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_scripted_actions_give_the_harvest_of_the_fast_model(policy, seed):
+    scenario = Scenario(rows=9, pickers=5, dispatch=policy, seed=seed, picking={"failure": {"mean_between": 300.0}})
+    model, env = DiscreteHarvest(lay_out(scenario)).run(), dispatch_env(scenario)
+    total, terminated = played(env, scripted)
+    assert terminated and env.harvest.deliveries == model.deliveries and env.harvest.seconds == model.seconds
+    assert -model.seconds <= total < 0.0  # the time before the first decision belongs to no action
+
+
+def test_rewards():
+    model = DiscreteHarvest(lay_out(SMALL)).run()
+    assert played(dispatch_env(SMALL, reward="delivery"), scripted)[0] == model.delivered == SMALL.rows
+    assert played(dispatch_env(SMALL, reward="waiting"), scripted)[0] == pytest.approx(-model.waited_seconds)
+    assert played(dispatch_env(SMALL, reward=lambda interval: 2.0 * interval.delivered), scripted)[0] == 2.0 * SMALL.rows
+
+
+def test_random_actions_within_the_mask_finish_the_harvest_and_are_repeatable():
+    def deliveries():
+        env, rng = dispatch_env(SMALL), np.random.default_rng(1)
+        assert played(env, lambda info: rng.choice(np.flatnonzero(info["action_mask"])), seed=4)[1]
+        return env.harvest.deliveries
+
+    assert deliveries() == deliveries()
+
+
+def test_who_never_sends_a_carrier_is_truncated():
+    env = dispatch_env(SMALL, longest=5000)
+    assert not played(env, lambda info: 0)[1] and env.harvest.delivered == 0
+    with pytest.raises(ResetNeeded):
+        env.step(0)
+
+
+def test_an_action_that_the_mask_forbids_sends_nobody():
+    env = dispatch_env(SMALL)
+    _, info = env.reset()
+    forbidden = int(np.flatnonzero(info["action_mask"] == 0)[0])
+    _, reward, *_ = env.step(forbidden)
+    assert reward == -1.0 and env.harvest.delivered == 0  # the carriers are asked again after 10 ticks
+
+
+def test_mistakes():
+    with pytest.raises(ValueError, match="reward 'speed'"):
+        dispatch_env(SMALL, reward="speed")
+    with pytest.raises(ValueError, match="built-in agents only"):
+        dispatch_env(Scenario(agents={"picker": "mine.Picker"}))
+    env = dispatch_env(SMALL)
+    env.reset()
+    with pytest.raises(ValueError, match=f"action 99: must be a number from 0 to {env.action_space.n - 1}"):
+        env.step(99)
+
+
+class TestDispatching:
+    view = Dispatching(lay_out(SMALL))
+    carriers = [CarrierReport("carrier_01", "", True, 0.0), CarrierReport("carrier_02", "bin_01", False, 70.0)]  # noqa: RUF012
+
+    def test_what_a_policy_is_told_becomes_arrays(self):
+        observation = self.view.observation(120, [BIN], self.carriers)
+        assert self.view.observation_space.contains(observation)
+        assert observation["bins"].reshape(4, 6).tolist() == [[0.0] * 6, [1.0, 3.0, 10.0, 4.0, 60.0, 50.0], [0.0] * 6, [0.0] * 6]
+        assert observation["carriers"].tolist() == [1.0, 0.0, 0.0, 70.0] and observation["seconds"].tolist() == [12.0]
+
+    def test_actions_are_orders(self):
+        actions = range(self.view.action_space.n)
+        assert [self.view.action(self.view.order(action)) for action in actions] == list(actions)
+        free = np.flatnonzero(self.view.mask([BIN], self.carriers)).tolist()
+        assert [self.view.order(action) for action in free] == [None, ("bin_02", "carrier_01")]
+
+    def test_what_has_learned_is_the_policy_of_the_simulator(self):
+        """Here a policy has learned what `predictive` does."""
+        own = Predictive(lay_out(SMALL))
+        told = BinReport("bin_02", 3, "east", "picker_02", 20, 50.0, 0.0, 60.0)
+
+        def choose(observation, mask):
+            return max(np.flatnonzero(mask))
+
+        assert self.view.orders(choose, 120, [told], self.carriers) == own.assign(120, [told], self.carriers, {})
+        assert self.view.orders(lambda observation, mask: 0, 120, [told], self.carriers) == []
+        assert self.view.orders(choose, 120, [], self.carriers) == []

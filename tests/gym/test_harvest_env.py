@@ -1,0 +1,260 @@
+"""The environments in which bodies of a harvest learn: the interfaces' own checks, the same motion as local mode, rewards, mistakes."""
+
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+from orchard.agents.carrier import Carrier
+from orchard.field.geometry import STILL, Twist
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario
+from orchard.gym import REWARDS, parallel_env, single_env
+from orchard.local import Local
+
+SMALL = Scenario(rows=3, people={"workers": 1, "visitors": 0}, animals={"dogs": 1, "cats": 0}, weeds=2)
+TINY = Scenario(rows=3, pickers=3, row_length=30.0, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 1}, weeds=0)
+LEARNED = ["carrier_01", "picker_02"]
+
+
+class TestInterfaces:
+    """Warnings are errors here."""
+
+    @pytest.mark.parametrize("deeds", [False, True])
+    def test_pettingzoo(self, deeds):
+        parallel_api_test(parallel_env(SMALL, LEARNED, deeds=deeds), num_cycles=60)
+
+    def test_pettingzoo_to_the_end_of_episodes(self):
+        parallel_api_test(parallel_env(SMALL, LEARNED, longest=15), num_cycles=40)
+
+    def test_seeds_by_pettingzoo(self):
+        parallel_seed_test(lambda: parallel_env(SMALL, LEARNED, deeds=True), num_cycles=40)
+
+    @pytest.mark.filterwarnings("ignore:.*normalized space")  # a dog's 3 m/s; velocities are SI
+    @pytest.mark.parametrize("name", ["carrier_01", "picker_01", "dog_01"])
+    def test_gymnasium(self, name):
+        check_env(single_env(SMALL, name), skip_render_check=True)
+
+    def test_observations_are_in_the_space_while_a_harvest_goes_on(self):
+        env = parallel_env(TINY, [*LEARNED, "tractor_01"])
+        observations, infos = env.reset()
+        for _ in range(500):
+            for name, observation in observations.items():
+                assert env.observation_space(name).contains(observation), (name, observation)
+                assert env.action_space(name).contains(infos[name]["scripted"].astype(np.float32))
+            observations, *_, infos = env.step({name: infos[name]["scripted"] for name in env.agents})
+
+
+class TestSameAsLocal:
+    def test_scripted_velocities_give_the_harvest_of_local_mode_to_its_hash(self):
+        """A whole harvest, and what it earns."""
+        earned = []
+        env = parallel_env(TINY, ["carrier_01", "picker_02", "cat_01"], reward=lambda moment: earned.append(moment) or 0.0, is_hashed=True)
+        local, (_, infos) = Local(TINY), env.reset()
+        while env.agents:
+            assert not local.engine.over
+            *_, terminated, truncated, infos = env.step({name: infos[name]["scripted"] for name in env.agents})
+            local.tick()
+        assert local.engine.over and all(terminated.values()) and not any(truncated.values())
+        assert env.local.engine.hash == local.engine.hash
+        of = {name: [moment for moment in earned if moment.after.name == name] for name in env.possible_agents}
+        assert sum(map(REWARDS["delivery"], of["carrier_01"])) == 3.0
+        assert sum(map(REWARDS["picking"], of["picker_02"])) == pytest.approx(30.0)
+        assert sum(map(REWARDS["picking"], of["carrier_01"])) == 0.0  # a bin that is coupled full is not picked
+
+    def test_bodies_without_an_action_follow_their_agents(self):
+        env, local = parallel_env(SMALL, LEARNED, is_hashed=True), Local(SMALL)
+        env.reset()
+        for _ in range(300):
+            env.step({})
+            local.tick()
+        assert env.local.engine.hash == local.engine.hash
+
+    def test_any_velocities_give_the_motion_that_they_give_in_local_mode(self):
+        velocities = np.random.default_rng(3).uniform((-0.2, -0.3), (1.2, 0.3), (150, 2))
+        env = single_env(SMALL, "carrier_01", is_hashed=True)
+        env.reset()
+        local = Local(SMALL)
+        local.play("carrier_01", Driven(local.engine.layout, [Twist(min(x, 1.0), 0.0, yaw) for x, yaw in velocities.tolist()]))
+        for velocity in velocities:
+            env.step(velocity)
+            local.tick()
+        assert np.array_equal(env.local.engine.world.pose, local.engine.world.pose)
+        assert env.local.engine.hash == local.engine.hash
+
+    def test_a_run_that_is_not_hashed_moves_alike(self):
+        envs = [single_env(SMALL, "carrier_01", is_hashed=hashed) for hashed in (True, False)]
+        for env in envs:
+            env.reset(seed=5)
+            for velocity in np.random.default_rng(4).uniform(-0.4, 0.4, (100, 2)):
+                env.step(velocity)
+        assert np.array_equal(envs[0].local.engine.world.pose, envs[1].local.engine.world.pose)
+        assert (len(envs[0].local.engine.hash), envs[1].local.engine.hash) == (64, "")
+
+
+class Driven(Carrier):
+    """A carrier that keeps plan, mail and deeds, but moves as it is told."""
+
+    def __init__(self, layout, velocities):
+        super().__init__(layout, "carrier_01")
+        self.velocities = velocities
+
+    def tick(self, seen, mail, memory):
+        action, velocity = super().tick(seen, mail, memory), self.velocities[seen.tick]
+        action.memory.moving = velocity != STILL
+        return replace(action, twist=velocity)
+
+
+class TestEpisodes:
+    def test_a_seed_begins_the_episode_of_that_scenario(self):
+        env = single_env(SMALL, "carrier_01")
+        env.reset(seed=9)
+        assert env.local.engine.layout.scenario == Scenario(**SMALL.model_dump() | {"seed": 9})
+
+    def test_episodes_without_a_seed_differ_and_follow_from_the_last_seed(self):
+        def seeds(env):
+            found = []
+            for seed in (None, None, 7, None, None):
+                env.reset(seed=seed)
+                found.append(env.local.engine.layout.scenario.seed)
+            return found
+
+        first = seeds(single_env(SMALL, "carrier_01"))
+        assert first == seeds(single_env(SMALL, "carrier_01")) and len(set(first)) == 5
+        assert (first[0], first[2]) == (SMALL.seed, 7)
+
+    def test_a_curriculum_changes_the_scenario(self):
+        env = single_env(SMALL, "carrier_01")
+        observation, _ = env.reset(seed=3, options={"scenario": {"rows": 4, "people.workers": 3}})
+        assert env.local.engine.layout.scenario.rows == 4 and env.observation_space.contains(observation)
+        env.reset(seed=3)
+        assert env.local.engine.layout.scenario.rows == SMALL.rows
+
+    def test_an_episode_is_truncated_and_has_to_be_reset(self):
+        env = parallel_env(SMALL, LEARNED, longest=3)
+        env.reset()
+        ends = [env.step({})[2:4] for _ in range(3)]
+        assert [any(terminated.values()) for terminated, _ in ends] == [False, False, False]
+        assert [all(truncated.values()) for _, truncated in ends] == [False, False, True]
+        assert env.agents == []
+        with pytest.raises(ResetNeeded):
+            env.step({})
+
+
+class TestDeeds:
+    def test_a_bin_is_uncoupled_and_coupled_by_deeds_that_the_mask_allows(self):
+        env = single_env(SMALL, "carrier_01", deeds=True)
+        _, info = env.reset()
+        bars, masks = [], []
+        for deed in (0, 2, 0, 1, 0):
+            observation, *_, after = env.step({"velocity": np.zeros(2), "deed": deed})
+            bars.append(float(observation["bar"][0]))
+            masks.append(info["action_mask"]["deed"].tolist())
+            info = after
+        assert bars == [1.0, 0.0, 0.0, 1.0, 1.0]
+        assert masks == [[1, 0, 1], [1, 0, 1], [1, 1, 0], [1, 1, 0], [1, 0, 1]]
+
+    def test_a_mask_fits_the_action_space_and_what_it_forbids_does_nothing(self):
+        env = single_env(SMALL, "carrier_01", deeds=True)
+        _, info = env.reset()
+        assert all(env.action_space.sample(mask=info["action_mask"])["deed"] in (0, 2) for _ in range(20))
+        observation, *_ = env.step({"velocity": np.zeros(2), "deed": 1})
+        assert observation["bar"][0] == 1.0
+
+
+class TestRewards:
+    def follow(self, reward, name, ticks, command=lambda info: info["scripted"], scenario=SMALL):
+        env = single_env(scenario, name, reward=reward)
+        _, info = env.reset()
+        rewards = []
+        for _ in range(ticks):
+            _, reward_, *_, info = env.step(command(info))
+            rewards.append(reward_)
+        return rewards, env.local.engine.world
+
+    def test_picking_counts_the_metres_in_the_own_bin(self):
+        rewards, world = self.follow("picking", "picker_01", 300)
+        assert sum(rewards) == pytest.approx(world.fill[world.coupled[world.index["picker_01"]]]) and sum(rewards) > 20.0
+
+    def test_goal_counts_metres_on_the_way(self):
+        rewards, world = self.follow("goal", "tractor_01", 100)
+        assert sum(rewards) == pytest.approx(world.distance[world.index["tractor_01"]]) and sum(rewards) > 5.0
+
+    def test_imitation_is_best_for_our_agent(self):
+        assert set(self.follow("imitation", "picker_01", 20)[0]) == {0.0}
+        assert max(self.follow("imitation", "picker_01", 20, lambda info: np.array([-1.0, 0.0]))[0]) < 0.0
+
+    def test_care_counts_collisions(self):
+        rewards, world = self.follow("care", "picker_01", 200, lambda info: np.array([1.0, 0.3]))
+        assert sum(rewards) == -world.collisions[world.index["picker_01"]] < 0
+
+    def test_a_function_of_ones_own(self):
+        rewards, _ = self.follow(lambda moment: moment.after.x - moment.before.x, "picker_01", 10, lambda info: np.array([1.0, 0.0]))
+        assert rewards == pytest.approx([0.1] * 10)
+
+
+class TestMistakes:
+    @pytest.mark.parametrize(
+        ("learned", "words"),
+        [
+            (["carrier_9", "bin_01"], ["carrier_9: no such body", "bin_01: no such body", "carrier_01"]),
+            (["picker_01", "picker_01"], ["picker_01: given twice"]),
+            ([], ["empty"]),
+        ],
+    )
+    def test_bodies_that_cannot_learn(self, learned, words):
+        with pytest.raises(ValueError) as error:
+            parallel_env(SMALL, learned)
+        assert all(word in str(error.value) for word in words)
+
+    def test_a_reward_that_is_not_there(self):
+        with pytest.raises(ValueError, match="reward 'speed': there is none of that name; there are " + ", ".join(REWARDS)):
+            single_env(SMALL, "carrier_01", reward="speed")
+
+    @pytest.mark.parametrize("action", [[np.nan, 0.0], [0.0, np.inf], [1.0], [1.0, 2.0, 3.0], "ab", None])
+    def test_an_action_that_is_no_velocity(self, action):
+        env = single_env(SMALL, "carrier_01")
+        env.reset()
+        with pytest.raises(ValueError, match="carrier_01: action"):
+            env.step(action)
+
+    def test_an_action_for_another_body(self):
+        env = parallel_env(SMALL, LEARNED)
+        env.reset()
+        with pytest.raises(ValueError, match="actions for picker_01, which do not learn here; carrier_01, picker_02 do"):
+            env.step({"picker_01": np.zeros(2)})
+
+    def test_a_curriculum_without_the_learned_body(self):
+        env = single_env(SMALL, "carrier_02")
+        with pytest.raises(ValueError, match="carrier_02"):
+            env.reset(options={"scenario": {"carriers": 1}})
+        with pytest.raises(ScenarioError):
+            env.reset(options={"scenario": {"rows": 400}})
+
+    def test_no_step_before_a_reset(self):
+        with pytest.raises(ResetNeeded):
+            single_env(SMALL, "carrier_01").step(np.zeros(2))
+
+
+@settings(max_examples=15)
+@given(st.lists(st.tuples(*[st.floats(-1e9, 1e9)] * 2), min_size=1, max_size=20))
+def test_whatever_is_commanded_a_body_keeps_its_limits(velocities):
+    env = single_env(SMALL, "carrier_01")
+    observation, _ = env.reset()
+    for velocity in velocities:
+        observation, reward, *_ = env.step(np.array(velocity))
+        assert env.observation_space.contains(observation) and np.isfinite(reward)
+
+
+def test_gymnasium_wrappers_fit():
+    flat = gymnasium.wrappers.FlattenObservation(single_env(SMALL, "carrier_01"))
+    env = gymnasium.wrappers.RescaleAction(flat, np.float32(-1.0), np.float32(1.0))
+    observation, _ = env.reset(seed=1)
+    assert observation.shape == (180 + 4 + 2 + 1 + 1 + 3 + 4,)
+    env.step(np.zeros(2))

@@ -76,6 +76,10 @@ def _request(chosen: HarvestOptions) -> RunRequest:
     request = RunRequest(chosen, scenario, runs.recording(chosen.record), runs.snapshots(chosen.resume), before, runs.folder)
     if chosen.summary is not None:
         check_writable(chosen.summary)
+    if chosen.table is not None:
+        from orchard.tables.folder import check_folder
+
+        check_folder(chosen.table, scenario, None if before is None else before.tick)
     if chosen.web is not None:
         check_ports(chosen.web)
     if request.recording is not None or chosen.is_live:

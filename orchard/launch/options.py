@@ -195,6 +195,9 @@ class HarvestOptions:
     ] = False
     web: Web = None
     summary: Annotated[Path | None, Option(metavar="FILE.json", help="Write the summary to this file.", rich_help_panel=OUTPUT)] = None
+    table: Annotated[
+        Path | None, Option(metavar="DIR", help="Write tables (Parquet) to this folder: docs/tables.md.", rich_help_panel=OUTPUT)
+    ] = None
     progress: Style = "text"
     listen: Listen = None
     connect: Annotated[

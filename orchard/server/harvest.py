@@ -25,6 +25,7 @@ from orchard.server.publisher import Publisher
 from orchard.server.snapshots import SNAPSHOT_SECONDS, SnapshotWriter
 from orchard.sim.frames import FrameBuilder
 from orchard.sim.snapshot import Snapshot
+from orchard.tables import tables_of
 from orchard.wire.codec import picture_of
 from orchard.wire.keys import PREFIX, Keys
 from orchard.wire.messages import End, Events, Letters, Mode
@@ -67,6 +68,7 @@ class RunOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     absent: list[str] = []  # agents for which the first tick does not wait
     recorded: bool = False  # the first tick waits for a logger, at most loop.LOGGER_SECONDS
     snapshots: str | None = None  # folder
+    table: str | None = None  # folder for tables; None: none are written
     snapshot_every: Positive = SNAPSHOT_SECONDS  # s of wall time
     result: str | None = None  # file for a copy of the last message, which may be lost on the network
     resume: bool = False  # continue from the newest snapshot in the folder
@@ -100,6 +102,7 @@ class Harvest:
         self.engine, self.frame_builder = engine, FrameBuilder(engine.world)
         self.refusal_totals = RefusalTotals(before.figures.get("refused") if before else None)
         self.snapshot_writer = SnapshotWriter(options.snapshot_folder, options.snapshot_every)
+        self.tables = tables_of(options.table, engine)
         self.run = options.run or (before.run if before else uuid.uuid4().hex[:16])
         roster, ledger = Roster(engine.layout.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
         is_paced = options.mode == "realtime"
@@ -124,7 +127,10 @@ class Harvest:
         """Step with the velocities that have come. `report` reports the step later, while the agents think about the next one."""
         tick = self.engine.tick
         actions = self.drivers.actions(tick)
-        self._pending = tick, self.engine.step(actions, self.drivers.answers.digests())
+        events = self.engine.step(actions, self.drivers.answers.digests())
+        self._pending = tick, events
+        if self.tables is not None:
+            self.tables.update(self.engine, events, self.drivers.ledger.letters.get(tick, {}))
 
     def report(self) -> None:
         """Count and publish the results of the last step, unless that is done."""
@@ -146,7 +152,9 @@ class Harvest:
         self.publisher.publish("figures", self.account.message(self.run, self.refusal_totals.total()))
 
     def keep(self) -> None:
-        """Start to write a snapshot."""
+        """Write the tables so far, and start to write a snapshot."""
+        if self.tables is not None:
+            self.tables.flush()
         self.snapshot_writer.keep(self._snapshot())
 
     def _snapshot(self) -> Snapshot:

@@ -59,6 +59,8 @@ class Physics:
         if why in ("stopped", "duration"):
             self.harvest.keep()
         self.harvest.snapshot_writer.finish()
+        if self.harvest.tables is not None:
+            self.harvest.tables.close()
         end = self.harvest.end(why)
         if self._options.result is not None:
             write_end(end, self._options.result)

@@ -117,19 +117,19 @@ def scan(
     return Message("sensor_msgs/msg/LaserScan", fields)
 
 
-def transform(tick: int, parent: str, child: str, x: float, y: float, z: float = 0.0, w: float = 1.0) -> Message:
-    """Return where the frame `child` is in the frame `parent`."""
+def transform(tick: int, parent: str, child: str, place: Sequence[float], turned: Sequence[float] = (0.0, 1.0)) -> Message:
+    """Return where the frame `child` is in the frame `parent`. `place`: x, y, z, m; `turned`: z and w of the quaternion."""
     fields = {
         "header": header(tick, parent),
         "child_frame_id": child,
-        "transform": Message("geometry_msgs/msg/Transform", {"translation": vector(x, y, 0.0), "rotation": quaternion(z, w)}),
+        "transform": Message("geometry_msgs/msg/Transform", {"translation": vector(*place), "rotation": quaternion(*turned)}),
     }
     return Message("geometry_msgs/msg/TransformStamped", fields)
 
 
 def transforms(tick: int, states: Mapping[str, Sequence[float]]) -> Message:
     """Return for /tf where the bodies are at a tick. `states`: name -> state."""
-    moved = [transform(tick, topics.odom(name), topics.base_link(name), *state[:4]) for name, state in states.items()]
+    moved = [transform(tick, topics.odom(name), topics.base_link(name), (*state[:2], 0.0), state[2:4]) for name, state in states.items()]
     return Message("tf2_msgs/msg/TFMessage", {"transforms": moved})
 
 
@@ -137,8 +137,8 @@ def static_transforms(lasers: Iterable[tuple[str, float]]) -> Message:
     """Return for /tf_static what never moves. `lasers`: each body's name, and how far its laser is ahead of its centre, m."""
     fixed = []
     for name, ahead in lasers:
-        fixed.append(transform(0, topics.MAP, topics.odom(name), 0.0, 0.0))
-        fixed.append(transform(0, topics.base_link(name), topics.laser(name), ahead, 0.0))
+        fixed.append(transform(0, topics.MAP, topics.odom(name), (0.0, 0.0, 0.0)))
+        fixed.append(transform(0, topics.base_link(name), topics.laser(name), (ahead, 0.0, topics.LASER_HEIGHT)))
     return Message("tf2_msgs/msg/TFMessage", {"transforms": fixed})
 
 

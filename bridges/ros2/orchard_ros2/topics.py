@@ -8,6 +8,7 @@ The pose that the Orchard sends is in `map`, so NAME/odom lies on `map`.
 from dataclasses import dataclass
 
 MAP = "map"
+LASER_HEIGHT = 0.2  # m above the ground: the scan plane (docs/reference.md)
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,7 @@ ODOM = Topic("{robot}/odom", "nav_msgs/msg/Odometry", QoS(10))
 SCAN = Topic("{robot}/scan", "sensor_msgs/msg/LaserScan", SENSOR_DATA)
 CMD_VEL = Topic("{robot}/cmd_vel", "geometry_msgs/msg/TwistStamped", QoS(1))
 CMD_VEL_UNSTAMPED = Topic("{robot}/cmd_vel", "geometry_msgs/msg/Twist", QoS(1))
+CMD_VEL_AGENT = Topic("{robot}/cmd_vel_agent", "geometry_msgs/msg/TwistStamped", QoS(1))  # what the agent of an advised robot wants
 ROBOT_DESCRIPTION = Topic("{robot}/robot_description", "std_msgs/msg/String", LATCHED)
 GRID = Topic("map", "nav_msgs/msg/OccupancyGrid", LATCHED)
 CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", QoS(1))  # reliable: that suits subscribers of both kinds

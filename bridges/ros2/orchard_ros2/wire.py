@@ -37,3 +37,9 @@ def scan_of(robot: str, scan: Mapping[str, Any]) -> Message:
 def odometry_of(robot: str, pose: Mapping[str, Any]) -> Message:
     """Return the `nav_msgs/msg/Odometry` of a `pose`."""
     return messages.odometry(robot, pose["tick"], state_of(pose))
+
+
+def velocity_of(robot: str, velocity: Mapping[str, Any]) -> Message:
+    """Return the `geometry_msgs/msg/TwistStamped` of a `velocity`."""
+    linear, angular = velocity["linear"], velocity["angular"]
+    return messages.velocity(robot, velocity["tick"], float(linear["x"]), float(angular["z"]), float(linear.get("y", 0.0)))

@@ -41,8 +41,8 @@ TABLE: dict[str, Key] = {
                     "The velocity of the robot in the step from this tick to the next. While a session subscribes, physics also "
                     "publishes here the velocities that it received in `velocities`."),
     "advice": Key("{prefix}/{robot}/advice", wire.Advice, "a client that drives a robot whose agent goes on", _EVERY_TICK, NEVER_LOST,
-                  "The velocity of the robot in the step from this tick to the next, in place of that of its agent. See 'To advise a robot' "
-                  "above."),
+                  "The velocity of the robot in the step from this tick to the next, in place of that of its agent. See "
+                  "'To advise a robot' above."),
     "velocities": Key("{prefix}/hosts/{session}/velocities", wire.Velocities, "a session that holds agents", _ASKED, NEVER_LOST,
                       "The velocities of all agents of a session in one message: the answer to `seen`."),
     "pose": Key("{prefix}/{robot}/pose", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,

@@ -70,6 +70,7 @@ class Right(NamedTuple):
 
 RIGHTS: dict[str, Right] = {
     "velocity": Right((OWN_HOST, THE_PHYSICS), (THE_PHYSICS, THE_LOGGER)),
+    "advice": Right((OWN_HOST, OPERATOR), (THE_PHYSICS,)),
     "velocities": Right((OWN_HOST,), (THE_PHYSICS,)),
     "pose": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER)),
     "scan": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER)),
@@ -88,6 +89,9 @@ RIGHTS: dict[str, Right] = {
     "lost": Right((THE_PHYSICS,), AUDIENCE),
     "command": Right((OPERATOR,), (THE_PHYSICS,)),
     "stop": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
+    "simulation_state": Right((THE_PHYSICS,), (*AUDIENCE, EMERGENCY)),
+    "set_simulation_state": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
+    "step_simulation": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
     "end": Right((THE_PHYSICS,), AUDIENCE),
     "alive": Right((OWN_HOST, LOGGER_ITSELF, ITS_TOKEN), ALL),
 }

@@ -19,6 +19,7 @@ from orchard.net.lockstep import PATIENCE, LockstepBarrier
 from orchard.net.realtime import RealtimeBarrier
 from orchard.net.refusals import RefusalTotals, Refused, read_message
 from orchard.net.roster import RecoveryLog, Roster
+from orchard.server.control import SimulationControl
 from orchard.server.drivers import Drivers
 from orchard.server.figures import RunFigures
 from orchard.server.publisher import Publisher
@@ -106,11 +107,13 @@ class Harvest:
         self.run = options.run or (before.run if before else uuid.uuid4().hex[:16])
         roster, ledger = Roster(engine.layout.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
         is_paced = options.mode == "realtime"
-        answers = RealtimeBarrier(roster, TIME_STEP / options.pace) if is_paced else LockstepBarrier(roster, options.patience)
+        self.control = SimulationControl(lambda state: self.publisher.publish("simulation_state", state), self.run, lambda: engine.tick)
+        clock = self.control.clock
+        answers = RealtimeBarrier(roster, TIME_STEP / options.pace, clock) if is_paced else LockstepBarrier(roster, options.patience, clock)
         self.publisher = Publisher(bus, keys, self.run, engine.layout, answers.newest_wins)
-        self.drivers = Drivers(engine, roster, answers, ledger, self.publisher)
+        self.drivers = Drivers(engine, roster, answers, ledger, self.publisher, clock)
         self.drivers.lost |= before.lost if before else {}
-        self.account = RunFigures(engine, before.figures if before else {})
+        self.account = RunFigures(engine, before.figures if before else {}, clock)
         self._pending: tuple[int, list[Event]] | None = None  # a step that is not reported yet
 
     @property
@@ -120,6 +123,7 @@ class Harvest:
 
     def begin(self) -> None:
         """Start the figures' wall clock, and publish the first figures."""
+        self.control.begin()
         self.account.begin()
         self._publish_figures()
 
@@ -131,6 +135,7 @@ class Harvest:
         self._pending = tick, events
         if self.tables is not None:
             self.tables.update(self.engine, events, self.drivers.ledger.letters.get(tick, {}))
+        self.control.clock.count_step()
 
     def report(self) -> None:
         """Count and publish the results of the last step, unless that is done."""

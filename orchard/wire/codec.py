@@ -13,7 +13,7 @@ from orchard.contract.events import SELDOM, Frame
 from orchard.contract.mail import written_by
 from orchard.contract.messages import unpack
 from orchard.field.geometry import Twist
-from orchard.field.kinds import KINDS, LASER_RANGE, Laser, kind_of
+from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, Laser, kind_of
 from orchard.field.layout import Layout
 from orchard.field.problems import printable
 from orchard.wire import messages as wire
@@ -38,9 +38,9 @@ def odometry_of(run: str, seen: Observation) -> wire.Odometry:
     return wire.Odometry(run, seen.tick, _pose(seen), _twist(seen.twist), hitch, float(seen.fill), bool(seen.full))
 
 
-def _sweep(laser: Laser, scan: np.ndarray | None) -> tuple[float, float, float, float, bytes]:
+def _sweep(laser: Laser, scan: np.ndarray | None) -> tuple[float, float, float, float, float, bytes]:
     last = laser.first + (laser.beams - 1) * laser.increment
-    return laser.first, last, laser.increment, LASER_RANGE, np.asarray(scan, dtype="<f4").tobytes()
+    return laser.first, last, laser.increment, LASER_NEAREST, LASER_RANGE, np.asarray(scan, dtype="<f4").tobytes()
 
 
 def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> wire.LaserScan:

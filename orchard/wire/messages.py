@@ -24,7 +24,9 @@ DUE = "the agents that are asked at this tick: those of this session that do not
 HOLDER = "the session id in the sender's liveliness token; '' if the sender holds no agent"
 ONCE = "realtime; true: it drives for one step only, and only from the pose that it answers; false: until a newer velocity arrives"
 POSES = "x, y (m), yaw (rad) of each body, in the order of `agents` in the reply to `scenario`, little-endian float64"
+RANGE_MIN = "m, 0: the simulated laser has no blind zone, and every range down to 0 is valid"
 RANGES = "m, little-endian float32, 4 bytes per beam; +inf for a beam without a return (REP-117)"
+SIMULATION = "'stopped': before the first tick, physics waits for agents; 'paused': simulated time stands; 'quitting': the run is over"
 SEVEN = "x, y (m); z, w of the quaternion; linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
 
 Name = Annotated[str, Meta(max_length=64, pattern=r"^[a-z][a-z0-9_]*\Z")]
@@ -114,6 +116,7 @@ class Beams(SubMessage):
     angle_min: Annotated[Metres, Meta(description="rad, angle of the first beam; 0 is straight ahead")]
     angle_max: Annotated[Metres, Meta(description="rad, angle of the last beam")]
     angle_increment: Annotated[Metres, Meta(description="rad from one beam to the next")]
+    range_min: Annotated[Metres, Meta(description=RANGE_MIN)]
     range_max: Annotated[Metres, Meta(description="m, range of the laser")]
     ranges: Ranges
 
@@ -124,6 +127,7 @@ class LaserScan(Message):
     angle_min: Annotated[Metres, Meta(description="rad, angle of the first beam; 0 is straight ahead")]
     angle_max: Annotated[Metres, Meta(description="rad, angle of the last beam")]
     angle_increment: Annotated[Metres, Meta(description="rad from one beam to the next")]
+    range_min: Annotated[Metres, Meta(description=RANGE_MIN)]
     range_max: Annotated[Metres, Meta(description="m, range of the laser")]
     ranges: Ranges
     rear: Annotated[Beams | None, Meta(description="for a robot that tows: the scan of its bin, around the bin's centre; else nil")] = None
@@ -218,6 +222,13 @@ class Velocity(Message):
     report: Annotated[Report | None, Meta(description="the agent's report; a client that only drives leaves it out")] = None
 
 
+class Advice(Message):
+    """geometry_msgs/Twist, in the body's own frame: a velocity in place of that of the robot's agent."""
+
+    linear: Linear
+    angular: Angular
+
+
 class Letter(Message):
     """A request from one agent to another, stamped with the tick in which it is sent."""
 
@@ -292,6 +303,27 @@ class Command(RunMessage):
     command: Annotated[Literal["stop"], Meta(description="end the run now")]
 
 
+StateOfSimulation = Literal["stopped", "playing", "paused", "quitting"]
+
+
+class SimulationState(Message):
+    """The result of GetSimulationState in ROS's simulation_interfaces. The names are those of its constants without `STATE_`."""
+
+    state: Annotated[StateOfSimulation, Meta(description=SIMULATION)]
+
+
+class SetSimulationState(RunMessage):
+    """SetSimulationState in simulation_interfaces."""
+
+    state: Annotated[Literal["playing", "paused", "quitting"], Meta(description="'quitting' ends the run, as `command` does")]
+
+
+class StepSimulation(RunMessage):
+    """StepSimulation in simulation_interfaces."""
+
+    steps: Annotated[int, Meta(ge=1, le=MOST_STEPS, description="how many steps of 0.1 s; then the run is paused again")] = 1
+
+
 class Done(Message):
     """The command is accepted."""
 
@@ -315,7 +347,7 @@ class Stopped(Message):
 
 Reason = Literal[
     "malformed", "other run", "past tick", "future tick", "not the holder", "not held", "answered already",
-    "no such robot", "no such agent", "no such key", "out of bounds", "not all", "too many",
+    "no such robot", "no such agent", "no such key", "out of bounds", "not all", "too many", "not paused",
 ]  # fmt: skip
 
 

@@ -293,7 +293,7 @@ def test_nobody_writes_what_is_anothers():
     roles = [*SERVANTS, Role("amy", "host", (MINE,)), Role("ben", "host", (HERS,))]
     rules = {rule["id"]: rule["key_exprs"] for rule in access_control(roles, KEYS)["rules"]}
     amy = roles[-2].session
-    written = {f"orchard/{MINE}/velocity", f"orchard/hosts/{amy}/velocities", f"orchard/hosts/{amy}/refused"}
+    written = {f"orchard/{MINE}/velocity", f"orchard/{MINE}/advice", f"orchard/hosts/{amy}/velocities", f"orchard/hosts/{amy}/refused"}
     assert set(rules["amy ingress put"]) == written
     asked = {f"orchard/hosts/{amy}/join", "orchard/*/mail", "orchard/*/state", "orchard/recall", "orchard/scenario"}
     assert set(rules["amy ingress query"]) == set(rules["amy egress reply"]) == asked

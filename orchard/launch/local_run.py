@@ -134,7 +134,7 @@ def run(
 
 
 def _frame(frames: FrameBuilder, local: Local, events: list[Event]) -> Frame:
-    frame = frames.frame(local.engine.scans, local.actions, events)
+    frame = frames.frame(local.engine.scans, local.actions, events, local.engine.lookahead.wanted)
     frame.events = [*frame.events, *_talk(local)]
     return frame
 

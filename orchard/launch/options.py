@@ -29,6 +29,7 @@ Mode = Literal["local", "lockstep", "realtime"]
 
 COMMANDS = {
     "view": "open a recording",
+    "export": "make a bag for ROS 2 from a recording",
     "app": "serve the page on which you set up, run and watch an orchard",
     "stop": "emergency stop: stop robots of the active runs",
     "reset": "let stopped robots go on",
@@ -315,6 +316,12 @@ Days = Annotated[float, Option(min=1, max=3650, help="Days for which the certifi
 Anew = Annotated[bool, Option("--anew", help="Replace the files of an earlier call.")]
 Browser = Annotated[int | None, Option("--web", min=1024, max=65534, metavar="PORT", help="Show it in a browser on this machine.")]
 Recording = Annotated[Path | None, Argument(metavar="FILE.rrd", show_default="the newest")]
+Mcap = Annotated[Path, Option(metavar="FILE.mcap", help="File of the bag.")]
+Exported = Annotated[
+    list[str] | None,
+    Option("--robots", metavar="KIND|NAME", help="Bodies that are in it (repeatable). Default: pickers, carriers and the tractor."),
+]
+WithScans = Annotated[bool, Option("--with-scans", help="The scans too, as they are recorded: every second beam, twice a second.")]
 
 # -- a study
 

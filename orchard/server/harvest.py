@@ -148,7 +148,7 @@ class Harvest:
         if (letters := self.drivers.ledger.letters.get(tick)) and self.publisher.is_heard("letters"):
             self.publisher.publish("letters", Letters(self.run, tick, letters))
         if self.publisher.is_heard("picture"):
-            frame = self.frame_builder.frame(self.engine.scans, self.engine.actions, events)
+            frame = self.frame_builder.frame(self.engine.scans, self.engine.actions, events, self.engine.lookahead.wanted)
             self.publisher.publish("picture", picture_of(self.run, frame))
         if self.account.is_due():
             self._publish_figures()

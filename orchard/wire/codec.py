@@ -128,10 +128,16 @@ def _slices(names: tuple[str, ...]) -> list[slice]:
 def picture_of(run: str, frame: Frame) -> wire.Picture:
     """Return the message for a frame, without its events."""
     scans = None if frame.scans is None else [np.asarray(scan, dtype="<f4").tobytes() for scan in frame.scans]
-    lists = {name: None if (array := getattr(frame, name)) is None else array.tolist() for name in SELDOM}
+    lists: dict[str, Any] = {name: None if (array := getattr(frame, name)) is None else array.tolist() for name in SELDOM}
     poses = np.asarray(frame.poses, dtype="<f8").tobytes()
     doing, states, whole = dict(frame.doing), dict(frame.states), frame.is_whole
-    return wire.Picture(run, frame.tick, poses, scans, doing, **lists, delivered=frame.delivered, states=states, whole=whole)
+    more: dict[str, Any] = {
+        "delivered": frame.delivered,
+        "states": states,
+        "whole": whole,
+        "velocities": {name: [*known] for name, known in frame.velocities.items()},
+    }
+    return wire.Picture(run, frame.tick, poses, scans, doing, **lists, **more)
 
 
 def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
@@ -148,7 +154,13 @@ def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
     if picture.scans is not None:
         scans = _sweeps_of(layout.names, [_fitting(sweep, [name]) for name, sweep in zip(layout.names, picture.scans, strict=True)])
     delivered, states, is_whole = picture.delivered, picture.states, picture.whole
-    return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=delivered, states=states, is_whole=is_whole)
+    more: dict[str, Any] = {
+        "delivered": delivered,
+        "states": states,
+        "is_whole": is_whole,
+        "velocities": {name: tuple(known) for name, known in picture.velocities.items()},
+    }
+    return Frame(picture.tick, poses, picture.doing, scans, **arrays, **more)
 
 
 def drive_of(action: Action, mail: bytes, memory: bytes | None) -> wire.Drive:

@@ -28,6 +28,7 @@ RANGE_MIN = "m, 0: the simulated laser has no blind zone, and every range down t
 RANGES = "m, little-endian float32, 4 bytes per beam; +inf for a beam without a return (REP-117)"
 SIMULATION = "'stopped': before the first tick, physics waits for agents; 'paused': simulated time stands; 'quitting': the run is over"
 SEVEN = "x, y (m); z, w of the quaternion; linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
+VELOCITIES = "name -> linear.x, linear.y (m/s), angular.z (rad/s) of the step, then those that its agent wanted; only if changed"
 
 Name = Annotated[str, Meta(max_length=64, pattern=r"^[a-z][a-z0-9_]*\Z")]
 KnownName = Annotated[str, Meta(max_length=64)]  # a name that is looked up; matching the pattern costs more time than reading the rest
@@ -42,6 +43,7 @@ Body = Annotated[int, Meta(ge=-1, lt=MOST_BODIES)]
 Once = Annotated[bool, Meta(description=ONCE)]
 Memory = Annotated[bytes, Meta(max_length=LARGEST_MEMORY)]
 Deeds = Annotated[list[Deed], Meta(max_length=MOST_DEEDS, description=DEEDS)]
+DoneAndWanted = Annotated[list[Speed], Meta(min_length=6, max_length=6)]
 States = Annotated[dict[Name, State], Meta(description="name -> its state; the same names as in `doing`")]
 
 
@@ -397,6 +399,7 @@ class Picture(Message):
     delivered: Annotated[int, Meta(ge=0, description="bins unloaded so far")]
     states: States = {}
     whole: Annotated[bool, Meta(description="whether all fields but `scans` are complete; else they hold changes")] = False
+    velocities: Annotated[dict[Name, DoneAndWanted], Meta(description=VELOCITIES)] = {}
 
 
 class Figures(Message):

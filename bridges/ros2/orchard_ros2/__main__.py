@@ -34,7 +34,7 @@ def attempt(bridge: Bridge) -> int | None:
         raise ExternalShutdownException
     try:
         with connected(bridge.endpoint, bridge.prefix) as client:
-            bridge.join(client, client.ask("scenario"))
+            bridge.join(client, client.ask("layout"))
             Thread(target=bridge.listen, daemon=True).start()
             executor = SingleThreadedExecutor()
             executor.add_node(bridge.node)

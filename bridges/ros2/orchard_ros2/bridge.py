@@ -66,12 +66,13 @@ class Bridge:
 
     # -- the beginning
 
-    def join(self, client: Client, run: dict[str, Any]) -> None:
-        """Announce all topics and services of a run. `run`: the reply to the scenario query. Raises ValueError for an unknown robot."""
-        self.client, self.run, self.tick = client, str(run["run"]), int(run["tick"])
-        present = [name for name in run["agents"] if bodies.kind_of(name) in bodies.KINDS]
-        self._names = bodies.selected(present, self._robots)
-        self._driven, self._advised = bodies.selected(present, self._driven), bodies.selected(present, self._advised)
+    def join(self, client: Client, layout: dict[str, Any]) -> None:
+        """Announce all topics and services of a run. `layout`: the reply to the layout query. Raises ValueError for an unknown robot."""
+        self.client, self.run, self.tick = client, str(layout["run"]), int(layout["tick"])
+        self._kinds = {body["name"]: layout["kinds"][body["kind"]] for body in layout["bodies"]}
+        self._names, self._driven, self._advised = (
+            bodies.selected(words, tuple(self._kinds)) for words in (self._robots, self._driven, self._advised)
+        )
         if both := set(self._driven) & set(self._advised):
             raise ValueError(f"driven and advised: {', '.join(sorted(both))}: a robot is driven, or its agent is advised")
         self._poses: dict[str, deeds.Pose] = {}
@@ -79,15 +80,15 @@ class Bridge:
         self._over, self._over_since, self._is_up = "", 0.0, True
         self._has_tf = self._can_publish_tf()
         for name in self._names:
-            self._publish(topics.ROBOT_DESCRIPTION, messages.text(bodies.description(name)), name)
+            self._publish(topics.ROBOT_DESCRIPTION, messages.text(self._description(name)), name)
         for name in (*self._driven, *self._advised):
             self._take_orders(name)
         for name in self._driven:
             self._offer_deeds(name)
         self._offer_control()
-        self._publish(topics.GRID, field.grid_of(field.walls_of(run["scenario"])))
+        self._publish(topics.GRID, field.grid_of(layout["walls"]))
         if self._has_tf:
-            lasers = [(name, bodies.KINDS[bodies.kind_of(name)].laser_ahead) for name in self._names]
+            lasers = [(name, self._kinds[name]["laser"]["x"]) for name in self._names]
             self._publish(topics.TF_STATIC, messages.static_transforms(lasers))
         self.client.watch(f"alive/physics/{self.run}")
         for key in ("*/pose", "*/scan", "clock", "events", "end"):
@@ -96,6 +97,10 @@ class Bridge:
             self.client.hear(f"{name}/velocity")
         for name in self._driven:
             self._stand(name, [])  # physics begins when all robots that are left to others are driven
+
+    def _description(self, name: str) -> str:
+        kind = self._kinds[name]
+        return bodies.description(name, (kind["length"], kind["width"], kind["height"]), kind["colour"], kind["laser"]["x"])
 
     def _can_publish_tf(self) -> bool:
         try:
@@ -110,7 +115,7 @@ class Bridge:
         self.node.create_subscription(type_of(topic.type), topic.of(name), partial(self._order, name), profile(topic.qos))
 
     def _offer_deeds(self, name: str) -> None:
-        for what in (deeds.COUPLE, deeds.UNCOUPLE) if bodies.KINDS[bodies.kind_of(name)].tows else ():
+        for what in (deeds.COUPLE, deeds.UNCOUPLE) if self._kinds[name]["tows"] else ():
             self._offer(f"{name}/{what}", partial(self._handle, name, what))
 
     def _offer_control(self) -> None:
@@ -229,7 +234,7 @@ class Bridge:
 
     async def _handle(self, robot: str, what: str, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Couple or uncouple: answer when physics has done it, has refused it, or has had its time."""
-        target = deeds.bin_behind(robot, self._poses) if robot in self._poses and what == deeds.COUPLE else ""
+        target = deeds.bin_behind(robot, self._kinds[robot]["tows"], self._poses) if robot in self._poses and what == deeds.COUPLE else ""
         if robot not in self._poses or robot in self._handling or (what == deeds.COUPLE and not target):
             response.message = f"{robot}: busy with a service call, or its pose or a bin is not known yet"
             return response

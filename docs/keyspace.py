@@ -16,7 +16,8 @@ from orchard.contract.messages import MAX_PAYLOAD, Answer, Call, Claim, Deed, Of
 from orchard.contract.zone import ACROSS
 from orchard.field.geometry import Twist
 from orchard.field.kinds import AROUND, KINDS
-from orchard.field.scenario import TIME_STEP
+from orchard.field.layout import lay_out
+from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.net.advice import ADVICE_TICKS
 from orchard.net.bus import CONNECT_SECONDS, FULL_QUEUE_US, GET_SECONDS, LEASE_MS
 from orchard.net.ending import GOES_SECONDS
@@ -26,7 +27,7 @@ from orchard.net.mailbox import DOUBT_SECONDS, STALE_TICKS
 from orchard.net.realtime import SLACK, WATCHDOG, WATCHDOG_TICKS
 from orchard.net.requests import AGAIN_SECONDS as ASK_SECONDS
 from orchard.net.roster import MOST_TOKENS, NO_TOKEN
-from orchard.wire.codec import odometry_of, scan_of, seen_of
+from orchard.wire.codec import odometry_of, orchard_of, scan_of, seen_of
 from orchard.wire.keys import QUERY, TABLE, Key, Keys
 from orchard.wire.messages import (
     Advice,
@@ -47,7 +48,12 @@ from orchard.wire.messages import (
     Letters,
     Linear,
     Lost,
+    Orchard,
     Picture,
+    Place,
+    Point,
+    PoseMessage,
+    Quaternion,
     Recall,
     Recalled,
     Received,
@@ -96,6 +102,8 @@ def _figures() -> Figures:
     return Figures(RUN, TICK, {"rows_picked": 0}, {"picker_01": "picking row 1"}, {}, {})
 
 
+_PICKER = Place("picker_01", "picker", PoseMessage(Point(-35.5, 10.75), Quaternion(0.0, 1.0)), "bin_01")
+_KIND = orchard_of(RUN, TICK, lay_out(Scenario())).kinds["picker"]
 EXAMPLES: dict[type, SubMessage] = {
     type(message): message
     for message in (
@@ -116,6 +124,7 @@ EXAMPLES: dict[type, SubMessage] = {
         Picture(RUN, TICK, np.array([[-23.5, 10.75, 0.0]]).tobytes(), None, {}, None, None, None, [12.0], 0),
         _figures(),
         RefusedThere(RUN, {"malformed": 3}),
+        Orchard(RUN, TICK, [(0.0, 34.0, 50.5, 0.5)], [(-35.5, 10.75, 34.5, 10.75)], [_PICKER], {"picker": _KIND}),
         RunInfo(RUN, TICK, "lockstep", ["picker_01"], {"rows": 3}),
         Join(RUN, SESSION, ["picker_01"]),
         Joined(RUN, TICK, {"picker_01": None}, {}),
@@ -272,6 +281,8 @@ In a secured run ([docs/security.md](docs/security.md)) a session has only the r
 ## How to drive a robot
 
 Query `{{prefix}}/scenario` without a payload. The reply holds the run's id and the names of all agents. It comes as soon as physics runs; repeat the query until it comes.
+`{{prefix}}/layout` tells the rest of what a map or a robot's description needs: all fences, trunks and posts, the rows, the kind, bin and start pose of each body, and the sizes, speeds and lasers of the kinds.
+Which bin is on which bar is in `hitch` of each `pose` and in `state` of each bin.
 
 **A robot whose agent no session holds** (the agent was absent from the start: `orchard --without picker_01`; or it was lost) is driven by any client that publishes velocities on its key. Subscribe to
 `{{prefix}}/picker_01/pose`, and publish a velocity with the `run` and the `tick` of the newest pose on `{{prefix}}/picker_01/velocity`. The newest velocity counts. It drives the robot until
@@ -288,7 +299,7 @@ Then the robot moves as its agent wants, as with ROS's `twist_mux`. For a robot 
 What the agent wants is on `{{prefix}}/picker_01/velocity` while a session subscribes to that: for the tick of the pose, some milliseconds after it. The agent's steps end at absolute places: a drive ends as soon as the robot is at or beyond its target along the
 drive, a turn when the robot faces exactly (to 1e-9 rad) where the agent wants. So advise what the agent wants, slower or later; or drive near the place, and leave the last turn and drive to the agent, by sending nothing.
 Deeds are done while the robot stands: advise 0 while the agent wants 0. Physics limits advice as it limits every velocity; collisions, the emergency stop and the bar between robot and bin are as always. Only the agent's own velocities look for obstacles: advice must look by itself.
-In a secured run the host of a robot's agent and the operator may send advice for it.
+In a secured run only the role that may drive a robot may advise it.
 
 **Pause and step.** The states and queries are those of ROS's simulation_interfaces: query `{{prefix}}/simulation_state` (GetSimulationState), `{{prefix}}/set_simulation_state` (SetSimulationState) or `{{prefix}}/step_simulation` (StepSimulation); each reply is a
 SimulationState, which is also published when it changes. A pause is in force before the next step. While the run is paused, the present tick stays: its poses and scans are published, answers, velocities and advice to it are taken, sessions may join and robots may be stopped. No agent is

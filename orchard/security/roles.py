@@ -70,7 +70,7 @@ class Right(NamedTuple):
 
 RIGHTS: dict[str, Right] = {
     "velocity": Right((OWN_HOST, THE_PHYSICS), (THE_PHYSICS, THE_LOGGER)),
-    "advice": Right((OWN_HOST, OPERATOR), (THE_PHYSICS,)),
+    "advice": Right((OWN_HOST,), (THE_PHYSICS,)),
     "velocities": Right((OWN_HOST,), (THE_PHYSICS,)),
     "pose": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER)),
     "scan": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER)),
@@ -85,6 +85,7 @@ RIGHTS: dict[str, Right] = {
     "figures": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
     "refused": Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),  # a count, which moves nothing
     "scenario": Right((*AUDIENCE, EMERGENCY), (THE_PHYSICS,)),
+    "layout": Right(AUDIENCE, (THE_PHYSICS,)),
     "join": Right((OWN_HOST,), (THE_PHYSICS,)),
     "lost": Right((THE_PHYSICS,), AUDIENCE),
     "command": Right((OPERATOR,), (THE_PHYSICS,)),

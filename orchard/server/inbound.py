@@ -16,7 +16,7 @@ from orchard.server.harvest import Harvest, RunEnded
 from orchard.server.snapshots import KEPT_SECONDS
 from orchard.sim.stops import stopped
 from orchard.wire import messages as wire
-from orchard.wire.codec import velocities_of
+from orchard.wire.codec import orchard_of, velocities_of
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 
 OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run that appears later is the newer one, and must end itself
@@ -29,6 +29,7 @@ class Queries:
         self._keys, self._harvest = keys, harvest
         self.replies = {
             "scenario": self._scenario,
+            "layout": self._layout,
             "recall": self._recall,
             "stop": self._stop,
             "command": self._command,
@@ -62,6 +63,11 @@ class Queries:
         engine, drivers = self._harvest.engine, self._harvest.drivers
         scenario = engine.layout.scenario.model_dump()
         query.reply(pack(wire.RunInfo(self._harvest.run, engine.tick, drivers.answers.mode, list(drivers.roster.names), scenario)))
+
+    def _layout(self, query: Query) -> None:
+        if query.payload:
+            raise Refused("malformed", "the layout query has no payload")
+        query.reply(pack(orchard_of(self._harvest.run, self._harvest.engine.tick, self._harvest.engine.layout)))
 
     def _join(self, session: str, query: Query) -> None:
         """Let a host hold all the agents that it names, or none."""

@@ -12,10 +12,11 @@ from orchard.contract.agent import STATE, Action, Hitch, Observation, Observatio
 from orchard.contract.events import SELDOM, Frame
 from orchard.contract.mail import written_by
 from orchard.contract.messages import unpack
-from orchard.field.geometry import Twist
-from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, Laser, kind_of
-from orchard.field.layout import Layout
+from orchard.field.geometry import Pose, Twist
+from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, Kind, Laser, kind_of
+from orchard.field.layout import ROW_WEST, Layout
 from orchard.field.problems import printable
+from orchard.field.repeatable import sin_cos
 from orchard.wire import messages as wire
 from orchard.wire.messages import FARTHEST, MOST_BODIES
 from orchard.wire.types import read
@@ -123,6 +124,24 @@ def _sweeps_of(names: Sequence[str], ranges: Iterable[bytes]) -> list[np.ndarray
 def _slices(names: tuple[str, ...]) -> list[slice]:
     ends = [*accumulate(map(_beams_of, names))]
     return [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
+
+
+def orchard_of(run: str, tick: int, layout: Layout) -> wire.Orchard:
+    """Return the message for a layout."""
+    rows = [(ROW_WEST, lane.y, layout.row_east, lane.y) for lane in layout.lanes]
+    bodies = [wire.Place(start.name, start.kind, _pose_of(start.pose), start.bin) for start in layout.starts]
+    kinds = {name: _kind_of_body(KINDS[name]) for name in sorted({start.kind for start in layout.starts})}
+    return wire.Orchard(run, tick, [tuple(wall) for wall in layout.walls.tolist()], rows, bodies, kinds)
+
+
+def _pose_of(pose: Pose) -> wire.PoseMessage:
+    sin, cos = sin_cos(pose.yaw / 2)
+    return wire.PoseMessage(wire.Point(pose.x, pose.y), wire.Quaternion(sin, cos))
+
+
+def _kind_of_body(kind: Kind) -> wire.KindOfBody:
+    laser = wire.LaserOfKind(kind.laser.ahead, kind.laser.beams, kind.laser.first, kind.laser.increment, LASER_NEAREST, LASER_RANGE)
+    return wire.KindOfBody(kind.length, kind.width, kind.height, kind.colour, kind.speed, kind.turn, kind.tows, kind.solid, laser)
 
 
 def picture_of(run: str, frame: Frame) -> wire.Picture:

@@ -76,6 +76,9 @@ TABLE: dict[str, Key] = {
     "scenario": Key("{prefix}/scenario", None, "any client", "when it connects", QUERY,
                     "The run's id and present tick, its agents and its scenario. The payload of the query is empty. Physics replies.",
                     (wire.RunInfo,)),
+    "layout": Key("{prefix}/layout", None, "any client", "when it connects", QUERY,
+                  "Fences, trunks, posts and rows; the bodies and where they start; the sizes, speeds and lasers of their kinds. The "
+                  "payload of the query is empty. Physics replies.", (wire.Orchard,)),
     "join": Key("{prefix}/hosts/{session}/join", wire.Join, "a session that wants to hold agents", "when it starts", QUERY,
                 "A request to hold agents. Physics replies with their memories, sends their poses and scans of the present tick "
                 "(again), and waits for their velocities from this tick on.", (wire.Joined,)),

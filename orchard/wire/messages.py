@@ -37,6 +37,7 @@ Holder = Annotated[str, Meta(max_length=64, pattern=r"^[A-Za-z0-9_-]*\Z", descri
 Speed = Annotated[float, Meta(ge=-FASTEST, le=FASTEST)]
 Zero = Annotated[float, Meta(ge=0.0, le=0.0, description="0")]
 Unit = Annotated[float, Meta(ge=-1.001, le=1.001)]
+Box = tuple[Metres, Metres, Metres, Metres]
 Ranges = Annotated[bytes, Meta(max_length=4096, description=RANGES)]
 Fill = Annotated[float, Meta(ge=0.0, le=1e3)]
 Body = Annotated[int, Meta(ge=-1, lt=MOST_BODIES)]
@@ -276,6 +277,51 @@ class RunInfo(Message):
     mode: Annotated[Mode, Meta(description="whether physics waits for its agents or keeps to the wall clock")]
     agents: Annotated[list[Name], Meta(description="the names of all agents")]
     scenario: Annotated[dict[str, Any], Meta(description="the scenario file as a map, with all default values")]
+
+
+class Place(SubMessage):
+    """A body at the start of the run."""
+
+    name: Annotated[Name, Meta(description="its name")]
+    kind: Annotated[Name, Meta(description="its kind, a name in `kinds`")]
+    pose: PoseMessage
+    bin: Annotated[str, Meta(description="the bin on its bar; '' for none")] = ""
+
+
+class LaserOfKind(SubMessage):
+    """The laser of a kind of body. Its frame has the directions of the body's."""
+
+    x: Annotated[Metres, Meta(description="m from the body's centre forward to the laser; it is in the middle of the width")]
+    beams: Annotated[int, Meta(ge=1, description="number of ranges of a scan")]
+    angle_min: Annotated[Metres, Meta(description="rad, as in `scan`")]
+    angle_increment: Annotated[Metres, Meta(description="rad, as in `scan`")]
+    range_min: Annotated[Metres, Meta(description="m, as in `scan`")]
+    range_max: Annotated[Metres, Meta(description="m, as in `scan`")]
+
+
+class KindOfBody(SubMessage):
+    """What all bodies of a kind have in common. A body is a box; `base_link` is at its centre, on the ground."""
+
+    length: Annotated[Metres, Meta(description="m, along x of `base_link`")]
+    width: Annotated[Metres, Meta(description="m, along y of `base_link`")]
+    height: Annotated[Metres, Meta(description="m")]
+    colour: Annotated[tuple[int, int, int], Meta(description="red, green, blue, 0 to 255 (sRGB)")]
+    max_linear: Annotated[Speed, Meta(description="m/s, the most forward and back")]
+    max_angular: Annotated[Speed, Meta(description="rad/s, the most to each side")]
+    tows: Annotated[Metres, Meta(description="m from its centre back to the centre of a coupled bin; 0: it tows nothing")]
+    solid: Annotated[bool, Meta(description="whether lasers see it and bodies collide with it")]
+    laser: LaserOfKind
+
+
+class Orchard(Message):
+    """The reply to the layout query: all that does not change during the run. Lengths in m, in the frame `map`."""
+
+    walls: Annotated[
+        list[Box], Meta(description="x, y of the centre, half the size along x, half along y: four fences, then trunks and posts")
+    ]
+    rows: Annotated[list[Box], Meta(description="from the north: x, y of the west end and x, y of the east end of the part that is picked")]
+    bodies: Annotated[list[Place], Meta(max_length=MOST_BODIES, description="all bodies, in the order of `agents`, as they start")]
+    kinds: Annotated[dict[Name, KindOfBody], Meta(description="kind -> what its bodies have in common")]
 
 
 class Join(RunMessage):

@@ -296,8 +296,12 @@ def test_nobody_writes_what_is_anothers():
     written = {f"orchard/{MINE}/velocity", f"orchard/{MINE}/advice", f"orchard/hosts/{amy}/velocities", f"orchard/hosts/{amy}/refused"}
     assert set(rules["amy ingress put"]) == written
     asked = {f"orchard/hosts/{amy}/join", "orchard/*/mail", "orchard/*/state", "orchard/recall", "orchard/scenario"}
+    asked |= {"orchard/layout", "orchard/simulation_state"}
     assert set(rules["amy ingress query"]) == set(rules["amy egress reply"]) == asked
     assert rules["amy ingress liveliness_token"] == [f"orchard/alive/{MINE}/{amy}"]
     assert rules["logger ingress put"] == [f"orchard/hosts/{Role('logger', 'logger').session}/refused"]
     assert "operator ingress put" not in rules
+    control = {"orchard/set_simulation_state", "orchard/step_simulation"}
+    may = {role.name for role in roles if control.intersection(rules.get(f"{role.name} ingress query", ()))}
+    assert may == {"operator", "emergency-operator"}
     assert not [name for name in rules if "delete" in name]

@@ -5,12 +5,13 @@ import time
 from threading import Thread
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from orchard_ros2.bridge import Bridge
 from orchard_ros2.client import Refused, connected
 
 AGAIN_SECONDS = 1.0  # between two queries for a run that has not begun
+LOOK_SECONDS = 1.0  # between two looks at whether the run is over
 
 
 def main() -> int:
@@ -29,21 +30,23 @@ def main() -> int:
 
 def attempt(bridge: Bridge) -> int | None:
     """Serve one run. Return the exit code, or None if there is no run yet: then it is to be tried again."""
-    log = bridge.get_logger()
     if not rclpy.ok():
         raise ExternalShutdownException
     try:
         with connected(bridge.endpoint, bridge.prefix) as client:
-            bridge.join(client, client.ask("scenario"))
+            bridge.join(client, client.ask("layout"))
             Thread(target=bridge.listen, daemon=True).start()
-            rclpy.spin_until_future_complete(bridge, bridge.ended)
-            log.info(str(bridge.ended.result()))
+            executor = SingleThreadedExecutor()
+            executor.add_node(bridge.node)
+            while not bridge.ended.done():
+                executor.spin_once(LOOK_SECONDS)
+            bridge.log.info(str(bridge.ended.result()))
         return 0
     except Refused as why:
-        log.info(f"waiting for a run: {why}")
+        bridge.log.info(f"waiting for a run: {why}")
         return None
     except ValueError as why:
-        log.error(str(why))
+        bridge.log.error(str(why))
         return 2
 
 

@@ -1,4 +1,4 @@
-"""The bridge as a ROS 2 node: it publishes what the Orchard sends, and sends the Orchard what ROS wants of its robots.
+"""The bridge, a ROS 2 node: it publishes what the Orchard sends, and sends the Orchard what ROS wants of its robots.
 
 Two threads. The executor's takes velocities and service calls. `listen` takes what the Orchard sends, in the order in which it comes.
 """
@@ -10,6 +10,7 @@ from math import isfinite
 from time import monotonic
 from typing import Any
 
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -40,35 +41,38 @@ def profile(qos: QoS) -> QoSProfile:
     return QoSProfile(depth=qos.depth, reliability=reliability, durability=durability)
 
 
-class Bridge(Node):  # type: ignore[misc]
-    """One run of the Orchard in ROS 2. Parameters: docs/ros2.md. `ended` is done, with the reason, when the run is over."""
+class Bridge:
+    """One run of the Orchard, and the node for it. Parameters: docs/ros2.md. `ended` is done when the run is over; its result says why."""
 
     def __init__(self) -> None:
-        super().__init__("orchard")
+        self.node = Node("orchard")
+        self.log = self.node.get_logger()
         self.ended: Future = Future()
         self.endpoint = self._text("endpoint", "tcp/127.0.0.1:7447")
         self.prefix = self._text("prefix", "orchard")
         self._robots = self._texts("robots", list(bodies.ROBOTS))
         self._driven, self._advised = self._texts("driven", []), self._texts("advised", [])
-        self._is_stamped = bool(self.declare_parameter("enable_stamped_cmd_vel", True).value)
-        self.declare_parameter("steps", 1)
+        self._is_stamped = bool(self.node.declare_parameter("enable_stamped_cmd_vel", True).value)
+        self.node.declare_parameter("steps", 1)
         self._out: dict[str, Publisher] = {}
+        self._services = ReentrantCallbackGroup()
 
     def _text(self, name: str, default: str) -> str:
-        return str(self.declare_parameter(name, default).value)
+        return str(self.node.declare_parameter(name, default).value)
 
     def _texts(self, name: str, default: list[str]) -> list[str]:
-        self.declare_parameter(name, Parameter.Type.STRING_ARRAY)
-        return [str(word) for word in self.get_parameter_or(name, Parameter(name, Parameter.Type.STRING_ARRAY, default)).value]
+        self.node.declare_parameter(name, Parameter.Type.STRING_ARRAY)
+        return [str(word) for word in self.node.get_parameter_or(name, Parameter(name, Parameter.Type.STRING_ARRAY, default)).value]
 
     # -- the beginning
 
-    def join(self, client: Client, run: dict[str, Any]) -> None:
-        """Announce all topics and services of a run. `run`: the reply to the scenario query. Raises ValueError for an unknown robot."""
-        self.client, self.run, self.tick = client, str(run["run"]), int(run["tick"])
-        present = [name for name in run["agents"] if bodies.kind_of(name) in bodies.KINDS]
-        self._names = bodies.selected(present, self._robots)
-        self._driven, self._advised = bodies.selected(present, self._driven), bodies.selected(present, self._advised)
+    def join(self, client: Client, layout: dict[str, Any]) -> None:
+        """Announce all topics and services of a run. `layout`: the reply to the layout query. Raises ValueError for an unknown robot."""
+        self.client, self.run, self.tick = client, str(layout["run"]), int(layout["tick"])
+        self._kinds = {body["name"]: layout["kinds"][body["kind"]] for body in layout["bodies"]}
+        self._names, self._driven, self._advised = (
+            bodies.selected(words, tuple(self._kinds)) for words in (self._robots, self._driven, self._advised)
+        )
         if both := set(self._driven) & set(self._advised):
             raise ValueError(f"driven and advised: {', '.join(sorted(both))}: a robot is driven, or its agent is advised")
         self._poses: dict[str, deeds.Pose] = {}
@@ -76,15 +80,15 @@ class Bridge(Node):  # type: ignore[misc]
         self._over, self._over_since, self._is_up = "", 0.0, True
         self._has_tf = self._can_publish_tf()
         for name in self._names:
-            self._publish(topics.ROBOT_DESCRIPTION, messages.text(bodies.description(name)), name)
+            self._publish(topics.ROBOT_DESCRIPTION, messages.text(self._description(name)), name)
         for name in (*self._driven, *self._advised):
             self._take_orders(name)
         for name in self._driven:
             self._offer_deeds(name)
         self._offer_control()
-        self._publish(topics.GRID, field.grid_of(field.walls_of(run["scenario"])))
+        self._publish(topics.GRID, field.grid_of(layout["walls"]))
         if self._has_tf:
-            lasers = [(name, bodies.KINDS[bodies.kind_of(name)].laser_ahead) for name in self._names]
+            lasers = [(name, self._kinds[name]["laser"]["x"]) for name in self._names]
             self._publish(topics.TF_STATIC, messages.static_transforms(lasers))
         self.client.watch(f"alive/physics/{self.run}")
         for key in ("*/pose", "*/scan", "clock", "events", "end"):
@@ -94,42 +98,53 @@ class Bridge(Node):  # type: ignore[misc]
         for name in self._driven:
             self._stand(name, [])  # physics begins when all robots that are left to others are driven
 
+    def _description(self, name: str) -> str:
+        kind = self._kinds[name]
+        return bodies.description(name, (kind["length"], kind["width"], kind["height"]), kind["colour"], kind["laser"]["x"])
+
     def _can_publish_tf(self) -> bool:
         try:
             type_of(topics.TF.type)
         except ImportError:
-            self.get_logger().warning(NO_TF2)
+            self.log.warning(NO_TF2)
             return False
         return True
 
     def _take_orders(self, name: str) -> None:
         topic = topics.CMD_VEL if self._is_stamped else topics.CMD_VEL_UNSTAMPED
-        self.create_subscription(type_of(topic.type), topic.of(name), partial(self._order, name), profile(topic.qos))
+        self.node.create_subscription(type_of(topic.type), topic.of(name), partial(self._order, name), profile(topic.qos))
 
     def _offer_deeds(self, name: str) -> None:
-        for what in (deeds.COUPLE, deeds.UNCOUPLE) if bodies.KINDS[bodies.kind_of(name)].tows else ():
-            self.create_service(Trigger, f"{name}/{what}", partial(self._handle, name, what))
+        for what in (deeds.COUPLE, deeds.UNCOUPLE) if self._kinds[name]["tows"] else ():
+            self._offer(f"{name}/{what}", partial(self._handle, name, what))
 
     def _offer_control(self) -> None:
         """Services as simulation_interfaces names them. A Trigger has no argument: the state is in the name, the steps are a parameter."""
-        self.create_service(Trigger, "get_simulation_state", partial(self._control, "simulation_state", lambda: None))
-        self.create_service(Trigger, "step_simulation", partial(self._control, "step_simulation", self._steps))
+        self._offer("get_simulation_state", partial(self._control, "simulation_state", lambda: None))
+        self._offer("step_simulation", partial(self._control, "step_simulation", self._steps))
         for state in ("playing", "paused", "quitting"):
             wish = {"run": self.run, "state": state}
-            self.create_service(Trigger, f"set_simulation_state/{state}", partial(self._control, "set_simulation_state", wish.copy))
+            self._offer(f"set_simulation_state/{state}", partial(self._control, "set_simulation_state", wish.copy))
+
+    def _offer(self, service: str, callback: Callable[..., Any]) -> None:
+        """Offer a service. One that is waiting holds up neither velocities nor other services."""
+        self.node.create_service(Trigger, service, callback, callback_group=self._services)
 
     def _steps(self) -> dict[str, Any]:
-        return {"run": self.run, "steps": self.get_parameter("steps").value}
+        return {"run": self.run, "steps": self.node.get_parameter("steps").value}
 
     # -- from the Orchard to ROS
 
     def listen(self) -> None:
-        """Publish what arrives until the run is over. Then `ended` is done."""
-        for heard in self.client.arrivals():
-            self._hear(heard)
-            if why := self._why_over(heard):
-                self.ended.set_result(why)
-                return
+        """Publish what arrives until the run is over. Then `ended` is done, with the error if there is one."""
+        try:
+            for heard in self.client.arrivals():
+                self._hear(heard)
+                if why := self._why_over(heard):
+                    self.ended.set_result(why)
+                    return
+        except Exception as error:
+            self.ended.set_exception(error)
 
     def _hear(self, heard: Heard) -> None:
         match heard:
@@ -173,14 +188,14 @@ class Bridge(Node):  # type: ignore[misc]
     def _publish(self, topic: Topic, message: Message, robot: str = "") -> None:
         name = topic.of(robot)
         if name not in self._out:
-            self._out[name] = self.create_publisher(type_of(topic.type), name, profile(topic.qos))
+            self._out[name] = self.node.create_publisher(type_of(topic.type), name, profile(topic.qos))
         self._out[name].publish(messages.build(message, type_of))
 
     # -- the end
 
     def _note_physics(self, up: bool) -> None:
         if up != self._is_up:
-            self.get_logger().info("physics is back" if up else "physics has left")
+            self.log.info("physics is back" if up else "physics has left")
         self._is_up = up
 
     def _why_over(self, heard: Heard) -> str:
@@ -197,7 +212,7 @@ class Bridge(Node):  # type: ignore[misc]
         twist = message.twist if self._is_stamped else message
         forward, turn = float(twist.linear.x), float(twist.angular.z)
         if not (isfinite(forward) and isfinite(turn)):
-            self.get_logger().warning(f"{name}: cmd_vel is not finite: ignored", throttle_duration_sec=5.0)
+            self.log.warning(f"{name}: cmd_vel is not finite: ignored", throttle_duration_sec=5.0)
         elif name in self._advised:
             self.client.put(f"{name}/advice", self._velocity(forward, turn))
         elif name not in self._handling:
@@ -219,11 +234,11 @@ class Bridge(Node):  # type: ignore[misc]
 
     async def _handle(self, robot: str, what: str, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Couple or uncouple: answer when physics has done it, has refused it, or has had its time."""
-        target = deeds.bin_behind(robot, self._poses) if robot in self._poses and what == deeds.COUPLE else ""
+        target = deeds.bin_behind(robot, self._kinds[robot]["tows"], self._poses) if robot in self._poses and what == deeds.COUPLE else ""
         if robot not in self._poses or robot in self._handling or (what == deeds.COUPLE and not target):
             response.message = f"{robot}: busy with a service call, or its pose or a bin is not known yet"
             return response
-        future: Future = Future(executor=self.executor)
+        future: Future = Future(executor=self.node.executor)
         self._handling[robot] = deeds.Handling(robot, what, target, self.tick), future
         why_not = await future
         response.success, response.message = not why_not, why_not or f"{robot}: {what}d {target}".strip()
@@ -239,3 +254,4 @@ class Bridge(Node):  # type: ignore[misc]
         """End a couple or uncouple. `why_not`: '' if it is done."""
         _, future = self._handling.pop(robot)
         future.set_result(why_not)
+        self.node.executor.wake()  # a coroutine that awaits a future does not wake it

@@ -13,6 +13,7 @@ from zenoh.handlers import Callback
 CONNECT_MS = 2000  # how long it tries to connect
 LEASE_MS = 2000  # a neighbour that is silent for this long counts as gone
 ASK_SECONDS = 5.0  # how long a query waits for its reply
+TIMED_OUT = "Timeout"  # zenoh's error for a query without a reply in time
 WAITING = 1000  # messages; a run in lockstep waits for a client that is slower than it
 
 
@@ -71,7 +72,8 @@ class Client:
             raise Refused(f"{self._prefix}/{key}: no reply: is the run under way?")
         if reply.ok is not None:
             return dict(unpacked(reply.ok.payload.to_bytes()))
-        raise Refused(reply.err.payload.to_string() if reply.err is not None else "refused")
+        why = reply.err.payload.to_string() if reply.err is not None else ""
+        raise Refused(f"{self._prefix}/{key}: no reply within {ASK_SECONDS:g} s" if why == TIMED_OUT else why)
 
 
 def unpacked(payload: bytes) -> Any:

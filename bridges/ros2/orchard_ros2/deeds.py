@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Any
 
-from orchard_ros2.bodies import KINDS, kind_of
+from orchard_ros2.bodies import kind_of
 from orchard_ros2.wire import state_of
 
 Pose = Mapping[str, Any]  # the Orchard's message `pose`
@@ -40,10 +40,12 @@ class Handling:
         return [{"type": COUPLE, "bin": self.bin} if self.what == COUPLE else {"type": UNCOUPLE}]
 
 
-def bin_behind(robot: str, poses: Mapping[str, Pose]) -> str:
-    """Return the bin whose centre is nearest to the coupling point of a robot; '' if no bin is known. `poses`: name -> its newest pose."""
+def bin_behind(robot: str, tows: float, poses: Mapping[str, Pose]) -> str:
+    """Return the bin whose centre is nearest to the coupling point of a robot; '' if no bin is known.
+
+    `tows`: the coupling point behind the robot's centre, m; `poses`: name -> its newest pose.
+    """
     x, y, z, w, *_ = state_of(poses[robot])
-    behind = KINDS[kind_of(robot)].tows
-    at = x - behind * (w * w - z * z), y - behind * 2.0 * z * w
+    at = x - tows * (w * w - z * z), y - tows * 2.0 * z * w
     bins = {name: state_of(pose) for name, pose in poses.items() if kind_of(name) == "bin"}
     return min(bins, key=lambda name: (hypot(bins[name][0] - at[0], bins[name][1] - at[1]), name), default="")

@@ -42,7 +42,8 @@ def started(words, log, **options):
 class User:
     """A node of ROS 2 with what it has heard. Every wait has a limit."""
 
-    def __init__(self, node):
+    def __init__(self, node, bridge):
+        self.bridge = bridge
         self.node, self.executor, self.heard = node, SingleThreadedExecutor(), {}
         self.executor.add_node(node)
 
@@ -52,11 +53,12 @@ class User:
         self.node.create_subscription(kind, topic, self.heard[topic].append, qos)
         return self.heard[topic]
 
-    def until(self, condition, seconds=20.0):
+    def until(self, condition, seconds=20.0, needs_bridge=True):
         """Spin until a condition is true."""
         end = time.monotonic() + seconds
         while not (found := condition()):
             assert time.monotonic() < end, f"not within {seconds} s"
+            assert self.bridge.poll() is None or not needs_bridge, "the bridge has ended"
             self.executor.spin_once(timeout_sec=0.02)
         return found
 
@@ -87,7 +89,7 @@ def scene(folder, orchard_words, bridge_words):
     ):
         rclpy.init()
         try:
-            yield Scene(folder, orchard, bridging, User(rclpy.create_node("user")))
+            yield Scene(folder, orchard, bridging, User(rclpy.create_node("user"), bridging))
         finally:
             rclpy.shutdown()
 

@@ -24,7 +24,7 @@ $(VENV)/installed-study: $(VENV)/installed
 	touch $@
 
 $(VENV)/installed-dev: $(VENV)/installed
-	$(INSTALL) '.[app,secure,study,gym,dev]'
+	$(INSTALL) '.[app,secure,study,gym,survey,ros2-export,dev]'
 	touch $@ $(VENV)/installed-app $(VENV)/installed-study
 
 $(VENV)/installed-docs: $(VENV)/installed

@@ -16,6 +16,9 @@ from orchard.contract.messages import MAX_PAYLOAD, Answer, Call, Claim, Deed, Of
 from orchard.contract.zone import ACROSS
 from orchard.field.geometry import Twist
 from orchard.field.kinds import AROUND, KINDS
+from orchard.field.layout import lay_out
+from orchard.field.scenario import TIME_STEP, Scenario
+from orchard.net.advice import ADVICE_TICKS
 from orchard.net.bus import CONNECT_SECONDS, FULL_QUEUE_US, GET_SECONDS, LEASE_MS
 from orchard.net.ending import GOES_SECONDS
 from orchard.net.host import JOIN_TRIES
@@ -24,9 +27,10 @@ from orchard.net.mailbox import DOUBT_SECONDS, STALE_TICKS
 from orchard.net.realtime import SLACK, WATCHDOG, WATCHDOG_TICKS
 from orchard.net.requests import AGAIN_SECONDS as ASK_SECONDS
 from orchard.net.roster import MOST_TOKENS, NO_TOKEN
-from orchard.wire.codec import odometry_of, scan_of, seen_of
+from orchard.wire.codec import odometry_of, orchard_of, scan_of, seen_of
 from orchard.wire.keys import QUERY, TABLE, Key, Keys
 from orchard.wire.messages import (
+    Advice,
     Angular,
     Answered,
     AskedOf,
@@ -44,14 +48,22 @@ from orchard.wire.messages import (
     Letters,
     Linear,
     Lost,
+    Orchard,
     Picture,
+    Place,
+    Point,
+    PoseMessage,
+    Quaternion,
     Recall,
     Recalled,
     Received,
     RefusedThere,
     Report,
     RunInfo,
+    SetSimulationState,
+    SimulationState,
     Stamp,
+    StepSimulation,
     Stop,
     Stopped,
     Velocities,
@@ -90,6 +102,8 @@ def _figures() -> Figures:
     return Figures(RUN, TICK, {"rows_picked": 0}, {"picker_01": "picking row 1"}, {}, {})
 
 
+_PICKER = Place("picker_01", "picker", PoseMessage(Point(-35.5, 10.75), Quaternion(0.0, 1.0)), "bin_01")
+_KIND = orchard_of(RUN, TICK, lay_out(Scenario())).kinds["picker"]
 EXAMPLES: dict[type, SubMessage] = {
     type(message): message
     for message in (
@@ -110,11 +124,16 @@ EXAMPLES: dict[type, SubMessage] = {
         Picture(RUN, TICK, np.array([[-23.5, 10.75, 0.0]]).tobytes(), None, {}, None, None, None, [12.0], 0),
         _figures(),
         RefusedThere(RUN, {"malformed": 3}),
+        Orchard(RUN, TICK, [(0.0, 34.0, 50.5, 0.5)], [(-35.5, 10.75, 34.5, 10.75)], [_PICKER], {"picker": _KIND}),
         RunInfo(RUN, TICK, "lockstep", ["picker_01"], {"rows": 3}),
         Join(RUN, SESSION, ["picker_01"]),
         Joined(RUN, TICK, {"picker_01": None}, {}),
         Stop(RUN, True, ["picker_01"]),
         Stopped(RUN, TICK, ["bin_01", "picker_01"], ["bin_01", "picker_01"], kept=True),
+        Advice(RUN, TICK, Linear(0.5), Angular(0.0)),
+        SimulationState(RUN, TICK, "paused"),
+        SetSimulationState(RUN, "paused"),
+        StepSimulation(RUN, 10),
         Lost(RUN, TICK, ["picker_01"], SESSION),
         Command(RUN, "stop"),
         Done(RUN, TICK),
@@ -245,7 +264,7 @@ It publishes, subscribes, queries and replies on the keys below. `{{prefix}}` is
 - **Payloads** are msgpack: a map with text keys. `float` is float 64 (integers are accepted too). `bin` is msgpack's bin, not text. In the tables of fields, `*` stands for each name of a map, or for each place of an array.
   Optional fields may be left out. Unknown fields are refused. A client ignores fields that it does not know.
 - **Every message carries `run`**, the run's id, **and `tick`**, the number of the time step, from 0. A step is 0.1 s of simulated time.
-  The messages Join, Command, Stop and RefusedThere carry only `run`.
+  The messages Join, Command, Stop, SetSimulationState, StepSimulation and RefusedThere carry only `run`.
 - **Frames** (REP-103, REP-105): in `map`, x points east, y north and z up, in metres. A yaw of 0 faces east; yaw grows counter-clockwise.
   In the frame of a body, `base_link`, x points forward and y to the left. Names and meanings of fields are those of ROS.
 - **Bodies** are the first names in `agents`, in the reply to the scenario query, in this order: robots by name, people and animals by name, weeds by name. All arrays "of each body" have this order.
@@ -262,11 +281,31 @@ In a secured run ([docs/security.md](docs/security.md)) a session has only the r
 ## How to drive a robot
 
 Query `{{prefix}}/scenario` without a payload. The reply holds the run's id and the names of all agents. It comes as soon as physics runs; repeat the query until it comes.
+`{{prefix}}/layout` tells the rest of what a map or a robot's description needs: all fences, trunks and posts, the rows, the kind, bin and start pose of each body, and the sizes, speeds and lasers of the kinds.
+Which bin is on which bar is in `hitch` of each `pose` and in `state` of each bin.
 
 **A robot whose agent no session holds** (the agent was absent from the start: `orchard --without picker_01`; or it was lost) is driven by any client that publishes velocities on its key. Subscribe to
 `{{prefix}}/picker_01/pose`, and publish a velocity with the `run` and the `tick` of the newest pose on `{{prefix}}/picker_01/velocity`. The newest velocity counts. It drives the robot until
 a newer one comes, but at most for {watchdog} s and {ticks} ticks, whichever is later; then the robot stands. A step that has begun by then is finished, so it may still move for one step more. `linear.x` and `angular.z` are limited to what the kind of robot can do.
 Before tick 0 there are no poses: physics waits until each agent that is left to other sessions is held or driven. A velocity for tick 0 is enough to begin.
+
+**To couple and uncouple a bin** with such a robot, put the deed into `report` of its velocity: `{{"report": {{"deeds": [{{"type": "couple", "bin": "bin_01"}}]}}}}`, or `{{"type": "uncouple"}}`. A deed is done once, in the step of the tick in which it
+arrives, with a velocity of 0; 'To couple' below says when it is possible. `hitch` in the next `pose` says whether it was done: it holds the bin, or nil. If not, an event `deed refused` says why. The sessions that hold agents send their deeds in the same way.
+Such a robot has no agent: nothing answers the calls of its bin or the offers of carriers, so a harvest waits for it. If that shall go on, leave the agent to the orchard, and send advice instead.
+
+**To advise a robot**, drive it while its agent goes on: the agent keeps its plan, mail and deeds, and another client gives the velocity. Publish `Advice` with the `run` and the `tick` of the newest pose on
+`{{prefix}}/picker_01/advice`. It replaces the velocity of the agent in the step of that tick, or of the present one if that is later, until newer advice comes, but at most in the {advice} steps from its `tick` on ({advice_seconds:g} s of simulated time, in lockstep and in realtime).
+Then the robot moves as its agent wants, as with ROS's `twist_mux`. For a robot that shall stand, send advice of 0 again and again.
+What the agent wants is on `{{prefix}}/picker_01/velocity` while a session subscribes to that: for the tick of the pose, some milliseconds after it. The agent's steps end at absolute places: a drive ends as soon as the robot is at or beyond its target along the
+drive, a turn when the robot faces exactly (to 1e-9 rad) where the agent wants. So advise what the agent wants, slower or later; or drive near the place, and leave the last turn and drive to the agent, by sending nothing.
+Deeds are done while the robot stands: advise 0 while the agent wants 0. Physics limits advice as it limits every velocity; collisions, the emergency stop and the bar between robot and bin are as always. Only the agent's own velocities look for obstacles: advice must look by itself.
+In a secured run only the role that may drive a robot may advise it.
+
+**Pause and step.** The states and queries are those of ROS's simulation_interfaces: query `{{prefix}}/simulation_state` (GetSimulationState), `{{prefix}}/set_simulation_state` (SetSimulationState) or `{{prefix}}/step_simulation` (StepSimulation); each reply is a
+SimulationState, which is also published when it changes. A pause is in force before the next step. While the run is paused, the present tick stays: its poses and scans are published, answers, velocities and advice to it are taken, sessions may join and robots may be stopped. No agent is
+missed or late, no velocity gets older, and `clock` is published again every {again} s, with the same time. The reply to `step_simulation` comes when its steps are done, the next tick is published, and the agents have answered it (after {again} s without news also if one has not).
+Another `set_simulation_state` or `step_simulation` ends the steps of a query before; then its reply comes at once. The hash of a run that was paused and stepped is that of the run without. A pause is not kept on the disk: physics that was killed plays when it is started again.
+In a secured run the operator and the emergency operator may pause and step, as for `stop`. There is no reset: end the run (`quitting`), and start it again with the same or another `seed` in its scenario.
 
 **To hold an agent in lockstep.** Physics waits for each held agent: it continues with tick k + 1 only when all held agents that are asked at tick k have answered.
 
@@ -309,7 +348,7 @@ A hold is a promise: asked in spite of it, the agent gives the same velocity, ne
 that the run has with holds, if all are right. In realtime all agents are asked at every tick.
 
 **In realtime** physics keeps to the wall clock. The answers to a tick have until the next tick is due ({slack} s longer if the machine is delayed for a moment; later ticks make up for it).
-Then physics continues without the missing answers. Of each held robot the newest velocity counts. Its `tick` must be the present one or an earlier one, newer than that of the last
+Then physics continues without the missing answers. It steps when the next tick is due, also if all answers are in before: a velocity, advice or a stop that arrives within a tick counts in it. Of each held robot the newest velocity counts. Its `tick` must be the present one or an earlier one, newer than that of the last
 velocity that counted, and no older than {watchdog} s and {ticks} ticks, whichever is later. It drives the robot until a newer one comes or it is older than that; then the robot stands, after
 one step more at most, as above.
 A velocity with `once` drives for one step only, and only if the robot has not moved since the pose of its `tick`. This is for agents that must end at an exact place; the orchard's own agents
@@ -318,7 +357,8 @@ may be up to {stale} apart: hold each request within that, hear it at your next 
 the tick in which the request was heard. Do not wait for `asked`; nothing is recalled, and digests are not needed. A velocity does not wait for mail. If the token of a robot's holder is gone, the robot stands at once.
 
 **The scan** is raw bytes: `ranges` holds 4 bytes per beam, little-endian float32, metres; +inf for a beam without a return within `range_max`. Beam i points to
-`angle_min + i * angle_increment`, radians, counter-clockwise; 0 is straight ahead. In Python: `numpy.frombuffer(scan["ranges"], "<f4")`. There is no `range_min`: it is 0. A laser is in the middle of its body's width, and as far ahead
+`angle_min + i * angle_increment`, radians, counter-clockwise; 0 is straight ahead. In Python: `numpy.frombuffer(scan["ranges"], "<f4")`. `range_min` is 0: the simulator casts each ray from the laser's centre and
+has no smallest range, so every range from 0 on is a return (a real laser has a blind zone of some centimetres). A laser is in the middle of its body's width, and as far ahead
 of the body's centre as the table of bodies says. The {around} beams of bins and weeds begin straight ahead and go around, {around_step:.6g} rad apart; all others have {front} beams from -pi/2 (right) to pi/2 (left),
 pi/{gaps} rad apart. `seen` has only the ranges. Those of a robot's bin are in `rear` and in `hitches`. They are in the frame of the bin, whose yaw is that of `hitch`:
 it may differ from the robot's by quarter turns.
@@ -370,6 +410,7 @@ key and reason. A refused query gets an error reply with the reason.
 | no such robot | a name without a body; in a stop: a name that is not that of a robot or a kind of robot |
 | no such agent | in the sender of a letter or in a liveliness token: a name that is not that of an agent of this run |
 | no such key | a key expression with wildcards, which does not name a single key |
+| not paused | steps for a run that plays |
 | not all | a `seen` without some bodies of the session |
 | too many | more than any run needs: {tokens} liveliness tokens, sessions that refused messages, events that wait at the logger |
 | out of bounds | `linear.y` other than 0 for a body that cannot move sideways, held or not; only a bin can. More than {requests} requests in the letters of one velocity |
@@ -398,6 +439,8 @@ def document() -> str:
         "ticks": WATCHDOG_TICKS,
         "slack": SLACK,
         "stale": STALE_TICKS,
+        "advice": ADVICE_TICKS,
+        "advice_seconds": ADVICE_TICKS * TIME_STEP,
     }
     times |= {"again": AGAIN_SECONDS, "doubt": DOUBT_SECONDS, "full_queue": FULL_QUEUE_US / 1e6, "goes": GOES_SECONDS}
     times |= {"connect": round(CONNECT_SECONDS * 1000), "lease": LEASE_MS, "get": GET_SECONDS, "join": JOIN_TRIES * ASK_SECONDS}

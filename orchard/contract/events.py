@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 import numpy as np
@@ -32,6 +32,9 @@ class Event(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 SELDOM = ("coupled", "fill", "alive", "row_picked")  # fields that a frame may leave out while they are unchanged
 
 
+Velocities = tuple[float, float, float, float, float, float]  # forward, left (m/s), turn (rad/s): done in the step, then those wanted
+
+
 @dataclass(slots=True)
 class Frame:
     """The orchard at one tick. n bodies in the order of `layout.starts`, r rows; SI units."""
@@ -48,6 +51,7 @@ class Frame:
     events: Sequence[Event] = ()
     figures: Mapping[str, float] = field(default_factory=dict)  # name -> value, shown under metrics/
     states: Mapping[str, State] = field(default_factory=dict)  # name -> state, for the names in `doing`
+    velocities: Mapping[str, Velocities] = field(default_factory=dict)  # name -> its own of the step; may hold changes only
     left_out: int = 0  # earlier frames that were merged into this one
     is_whole: bool = False  # whether all but the scans is complete: a viewer can begin with it
 
@@ -57,5 +61,7 @@ def merged(old: Frame, new: Frame) -> Frame:
     kept = {name: getattr(old, name) for name in SELDOM if getattr(new, name) is None}
     doing, states = {**old.doing, **new.doing}, {**old.states, **new.states}
     figures, events = {**old.figures, **new.figures}, [*old.events, *new.events]
+    velocities = {**old.velocities, **new.velocities}
     whole, left_out = old.is_whole or new.is_whole, old.left_out + new.left_out + 1
-    return replace(new, doing=doing, states=states, figures=figures, events=events, left_out=left_out, is_whole=whole, **kept)
+    news: dict[str, Any] = {"doing": doing, "states": states, "velocities": velocities, "figures": figures, "events": events}
+    return replace(new, left_out=left_out, is_whole=whole, **news, **kept)

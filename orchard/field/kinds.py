@@ -40,6 +40,7 @@ class Kind:
 
 
 LASER_RANGE = 10.0  # m
+LASER_NEAREST = 0.0  # m: a ray is cast from the laser's centre itself (orchard/sim/kernels/laser.py), so no return is too near
 
 
 def _front(length: float) -> Laser:

@@ -2,6 +2,7 @@
 
 orchard [SCENARIO.yaml] [--rows 5 --pickers 2 ...]
 orchard view [FILE.rrd] [--web 9090]
+orchard export [FILE.rrd] --mcap FILE.mcap
 orchard app [--port 8080]
 orchard stop [ROBOT ...]
 orchard reset [ROBOT ...]
@@ -77,6 +78,10 @@ def _request(chosen: HarvestOptions) -> RunRequest:
     request = RunRequest(chosen, scenario, runs.recording(chosen.record), runs.snapshots(chosen.resume), before, runs.folder)
     if chosen.summary is not None:
         check_writable(chosen.summary)
+    if chosen.table is not None:
+        from orchard.tables.folder import check_folder
+
+        check_folder(chosen.table, scenario, None if before is None else before.tick)
     if chosen.web is not None:
         check_ports(chosen.web)
     if request.recording is not None or chosen.is_live:
@@ -225,14 +230,33 @@ def study(chosen: StudyArguments) -> None:
 @app.command()
 def view(recording: options.Recording = None, web: options.Browser = None) -> None:
     """Open a recording, with all its parts, in the Rerun viewer."""
-    runs = Runs(runs_folder())
-    path = recording or runs.newest_recording()
-    if path is None or not path.is_file():
-        print_error(f"{path or runs.folder}: no recording there; a run without --record none makes one")
-        raise typer.Exit(BAD_INPUT)
+    path = _recording(recording)
     with exit_on_errors(BusError, OSError):
         code = open_window(parts_of(path)) if web is None else serve(parts_of(path), web)
     raise typer.Exit(code)
+
+
+@app.command()
+def export(
+    mcap: options.Mcap, recording: options.Recording = None, robots: options.Exported = None, with_scans: options.WithScans = False
+) -> None:
+    """Make a bag of ROS 2 from a recording, with all its parts: clock, transforms, odometry and velocities of the robots."""
+    try:
+        from orchard.launch.export import export_bag
+    except ModuleNotFoundError as missing:
+        print_error(f"A bag needs the package {missing.name}: pip install 'orchard-sim[ros2-export]'")
+        raise typer.Exit(BAD_INPUT) from None
+    raise typer.Exit(export_bag(_recording(recording), mcap, robots or [], with_scans))
+
+
+def _recording(path: Path | None) -> Path:
+    """The recording to read: the newest if none is given. Raises typer.Exit if there is none."""
+    runs = Runs(runs_folder())
+    found = path or runs.newest_recording()
+    if found is None or not found.is_file():
+        print_error(f"{found or runs.folder}: no recording there; a run without --record none makes one")
+        raise typer.Exit(BAD_INPUT)
+    return found
 
 
 def main() -> None:

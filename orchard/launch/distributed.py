@@ -165,6 +165,7 @@ class _Launched:
             patience=given.patience or PATIENCE,
             recorded=request.recording is not None or given.is_live,
             snapshots=str(request.snapshots.resolve()),
+            table=None if given.table is None else str(given.table.resolve()),
             result=str(folder / RESULT),
             resume=request.resumed is not None,
         )

@@ -25,6 +25,7 @@ from orchard.sim.frames import FrameBuilder, talk_of
 from orchard.sim.kernels.cache import COMPILING, are_compiled
 from orchard.sim.lookahead import HOLDS
 from orchard.sim.snapshot import Snapshot
+from orchard.tables import tables_of
 
 if TYPE_CHECKING:
     from orchard.view.recorder import Recorder
@@ -90,6 +91,7 @@ def run(
     local = Local(request.scenario, None, checks, holds) if request.resumed is None else Local.resume(request.resumed, checks, holds)
     engine, account = local.engine, RunFigures(local.engine, request.resumed.figures if request.resumed else {})
     frames, snapshot_writer = FrameBuilder(engine.world), SnapshotWriter(request.snapshots, SNAPSHOT_SECONDS)
+    tables = tables_of(request.options.table, engine)
     pacer, duration = Pacer(request.options.pace), request.options.duration
     ticks = math.inf if duration is None else round(duration / TIME_STEP)
     with sole(request.snapshots), interruptible(local) as is_stopped:
@@ -98,6 +100,8 @@ def run(
             account.begin()
             while not (why := _end(local, account, ticks, is_stopped())):
                 if snapshot_writer.is_due():
+                    if tables is not None:
+                        tables.flush()
                     snapshot_writer.keep(_snapshot(local, account, request.resumed))
                 if left := pacer.wait():
                     time.sleep(min(left, NAP_SECONDS))
@@ -105,6 +109,8 @@ def run(
                 pacer.begin()
                 events = local.tick()
                 account.update(events)
+                if tables is not None:
+                    tables.update(engine, events, local.post.written.get(engine.tick - 1, {}))
                 if look is not None:
                     look(_frame(frames, local, events))
                 if account.is_due():
@@ -115,6 +121,8 @@ def run(
             print_error(f"{thought}; the run ends before this tick")
             why = "stopped"
     snapshot_writer.finish()
+    if tables is not None:
+        tables.close()
     summary = {"hash": engine.hash, "mode": "local", "hosts": 1} | account.summary()
     return summary | {
         "messages_refused": {},
@@ -126,7 +134,7 @@ def run(
 
 
 def _frame(frames: FrameBuilder, local: Local, events: list[Event]) -> Frame:
-    frame = frames.frame(local.engine.scans, local.actions, events)
+    frame = frames.frame(local.engine.scans, local.actions, events, local.engine.lookahead.wanted)
     frame.events = [*frame.events, *_talk(local)]
     return frame
 

@@ -30,6 +30,7 @@ Mode = Literal["local", "lockstep", "realtime"]
 
 COMMANDS = {
     "view": "open a recording",
+    "export": "make a bag for ROS 2 from a recording",
     "app": "serve the page on which you set up, run and watch an orchard",
     "stop": "emergency stop: stop robots of the active runs",
     "reset": "let stopped robots go on",
@@ -209,6 +210,9 @@ class HarvestOptions:
     ] = False
     web: Web = None
     summary: Annotated[Path | None, Option(metavar="FILE.json", help="Write the summary to this file.", rich_help_panel=OUTPUT)] = None
+    table: Annotated[
+        Path | None, Option(metavar="DIR", help="Write tables (Parquet) to this folder: docs/tables.md.", rich_help_panel=OUTPUT)
+    ] = None
     progress: Style = "text"
     listen: Listen = None
     connect: Annotated[
@@ -326,6 +330,12 @@ Days = Annotated[float, Option(min=1, max=3650, help="Days for which the certifi
 Anew = Annotated[bool, Option("--anew", help="Replace the files of an earlier call.")]
 Browser = Annotated[int | None, Option("--web", min=1024, max=65534, metavar="PORT", help="Show it in a browser on this machine.")]
 Recording = Annotated[Path | None, Argument(metavar="FILE.rrd", show_default="the newest")]
+Mcap = Annotated[Path, Option(metavar="FILE.mcap", help="File of the bag.")]
+Exported = Annotated[
+    list[str] | None,
+    Option("--robots", metavar="KIND|NAME", help="Bodies that are in it (repeatable). Default: pickers, carriers and the tractor."),
+]
+WithScans = Annotated[bool, Option("--with-scans", help="The scans too, as they are recorded: every second beam, twice a second.")]
 
 # -- an orchard of one's own
 

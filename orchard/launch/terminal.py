@@ -124,6 +124,10 @@ def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str)
             write_summary(summary, result)
     except OSError as error:
         troubles.insert(0, f"{summary}: not written: {error.strerror}")
+    if request.options.table is not None:
+        from orchard.tables.summary import complete  # not at the top: pyarrow takes some time to load
+
+        troubles += complete(request.options.table, result)
     for trouble in troubles:
         print_error(trouble)
     return FAILED if troubles or (console.has_lost and errors.has_lost) else FINISHED

@@ -64,6 +64,7 @@ class UnheldCommands:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._recent = RecentTicks(clock)
         self._puts: dict[str, TimedVelocity] = {}
+        self._fresh: dict[str, Velocity] = {}  # velocities that no step has used
 
     def begin(self, tick: int) -> None:
         self._recent.begin(tick)
@@ -75,15 +76,18 @@ class UnheldCommands:
         newest_put = self._puts[name].velocity.tick if name in self._puts else 0
         refuse_other_tick(velocity.tick, max(self._recent.oldest, newest_put), self._recent.newest)
         self._puts[name] = TimedVelocity(velocity, self._recent.clock())
+        self._fresh[name] = _with_unused_report(self._fresh.get(name), velocity)
 
     def drives(self, name: str) -> bool:
         """Whether a client has driven this robot recently."""
         return name in self._puts
 
     def actions(self, tick: int) -> dict[str, Action]:
-        """Return the actions to apply at a tick, by name."""
+        """Return the actions to apply at a tick, by name; each deed is in them once."""
+        fresh, self._fresh = self._fresh, {}
         self._puts = {name: put for name, put in self._puts.items() if not self._recent.is_over(put.velocity.tick, put.at, tick)}
-        return {name: Action(action_of(put.velocity).twist) for name, put in self._puts.items()}
+        deeds = {name: action_of(velocity).deeds for name, velocity in fresh.items()}
+        return {name: Action(action_of(put.velocity).twist, deeds.get(name, [])) for name, put in self._puts.items()}
 
 
 class RealtimeBarrier(Barrier):

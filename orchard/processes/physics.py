@@ -124,6 +124,7 @@ def _arguments(argv: list[str] | None) -> dict[str, Any]:
     parser.add_argument("--absent", action="append", metavar="KIND|NAME", help="do not wait for these agents (repeatable)")
     parser.add_argument("--recorded", action="store_true", help="wait for a logger before the first tick, at most 10 s")
     parser.add_argument("--snapshots", metavar="DIR", help="folder for snapshots of the run")
+    parser.add_argument("--table", metavar="DIR", help="folder for tables of the run; those of the same run there go on")
     parser.add_argument("--snapshot-every", metavar="SECONDS", help="wall time between two snapshots; default: 2")
     parser.add_argument("--holds", choices=["on", "ignored", "checked"], help="ask agents that hold, and check them; default: on")
     parser.add_argument("--result", metavar="FILE", help="file for the end of the run, for the program that started this one")

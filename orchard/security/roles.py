@@ -70,6 +70,7 @@ class Right(NamedTuple):
 
 RIGHTS: dict[str, Right] = {
     "velocity": Right((OWN_HOST, THE_PHYSICS), (THE_PHYSICS, THE_LOGGER)),
+    "advice": Right((OWN_HOST,), (THE_PHYSICS,)),
     "velocities": Right((OWN_HOST,), (THE_PHYSICS,)),
     "pose": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER)),
     "truth": Right((THE_PHYSICS,), (THE_LOGGER,)),  # no agent can peep
@@ -86,10 +87,14 @@ RIGHTS: dict[str, Right] = {
     "figures": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
     "refused": Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),  # a count, which moves nothing
     "scenario": Right((*AUDIENCE, EMERGENCY), (THE_PHYSICS,)),
+    "layout": Right(AUDIENCE, (THE_PHYSICS,)),
     "join": Right((OWN_HOST,), (THE_PHYSICS,)),
     "lost": Right((THE_PHYSICS,), AUDIENCE),
     "command": Right((OPERATOR,), (THE_PHYSICS,)),
     "stop": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
+    "simulation_state": Right((THE_PHYSICS,), (*AUDIENCE, EMERGENCY)),
+    "set_simulation_state": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
+    "step_simulation": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
     "end": Right((THE_PHYSICS,), AUDIENCE),
     "alive": Right((OWN_HOST, LOGGER_ITSELF, ITS_TOKEN), ALL),
 }

@@ -1,19 +1,21 @@
 """Collects the velocities for each tick: those of sessions that hold agents, and those for robots that no session holds."""
 
-from collections.abc import Collection, Mapping, Sequence
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
 from typing import TYPE_CHECKING
 
 from orchard.contract.agent import MOST_REQUESTS, Action, Observations
 from orchard.field.kinds import KINDS
+from orchard.net.advice import Advised
 from orchard.net.lockstep import LockstepBarrier
 from orchard.net.realtime import RealtimeBarrier, UnheldCommands
 from orchard.net.refusals import Refused
 from orchard.net.roster import RecoveryLog, Roster
 from orchard.server.publisher import Publisher
 from orchard.wire.codec import velocity_of
-from orchard.wire.messages import Angular, Linear, Report, Velocities, Velocity
+from orchard.wire.messages import Advice, Angular, Linear, Report, Velocities, Velocity
 
 if TYPE_CHECKING:
     from orchard.sim.engine import Engine
@@ -25,10 +27,18 @@ class Drivers:
     """The physics side of each tick's exchange. `answers` is the barrier that decides when all answers to a tick are in."""
 
     def __init__(
-        self, engine: "Engine", roster: Roster, answers: LockstepBarrier | RealtimeBarrier, ledger: RecoveryLog, publisher: Publisher
+        self,
+        engine: "Engine",
+        roster: Roster,
+        answers: LockstepBarrier | RealtimeBarrier,
+        ledger: RecoveryLog,
+        publisher: Publisher,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        """`clock`: the clock of the run, s."""
         self._engine, self._publisher = engine, publisher
-        self.roster, self.answers, self.ledger, self.unheld = roster, answers, ledger, UnheldCommands()
+        self.roster, self.answers, self.ledger = roster, answers, ledger
+        self.unheld, self.advised = UnheldCommands(clock), Advised()
         self.lost: dict[str, int] = {}  # agent -> the first tick for which lockstep has not waited for it
         self.due: dict[str, list[str]] = {}  # session id -> its agents that are asked at this tick
         self._seen: Observations | None = None
@@ -116,15 +126,29 @@ class Drivers:
     def actions(self, tick: int) -> dict[str, Action]:
         """Return the actions for the step from this tick to the next. Memories and letters are kept for sessions that join later."""
         self.ledger.keep(tick, self.answers.velocities)
-        return self.answers.actions() | self.unheld.actions(tick)
+        own = self.answers.actions() | self.unheld.actions(tick)
+        advised = self.advised.actions(tick, own, self._engine.actions)
+        self._engine.wake(advised)
+        return own | advised
 
     # -- velocities
+
+    def advise(self, name: str, advice: Advice) -> None:
+        """Take a velocity that replaces that of a robot's agent. Raises Refused if it does not count."""
+        if name not in self._engine.layout.index:
+            raise Refused("no such robot", name)
+        self._refuse_sideways(name, advice.linear)
+        self.advised.take(name, advice, self._engine.tick)
+
+    def _refuse_sideways(self, name: str, linear: Linear) -> None:
+        layout = self._engine.layout
+        if linear.y and name in layout.index and not KINDS[kind := layout.starts[layout.index[name]].kind].sideways:
+            raise Refused("out of bounds", f"{name}: linear.y: a {kind} does not move sideways")
 
     def drive(self, name: str, velocity: Velocity) -> None:
         """Take a velocity for a robot. Raises Refused if it does not count."""
         layout = self._engine.layout
-        if velocity.linear.y and name in layout.index and not KINDS[kind := layout.starts[layout.index[name]].kind].sideways:
-            raise Refused("out of bounds", f"{name}: linear.y: a {kind} does not move sideways")
+        self._refuse_sideways(name, velocity.linear)
         if velocity.report and velocity.report.letters and len(velocity.report.letters.requests) > MOST_REQUESTS:
             raise Refused("out of bounds", f"{name}: {len(velocity.report.letters.requests)} requests; at most {MOST_REQUESTS}")
         if name in self.roster.holders:

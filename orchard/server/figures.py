@@ -1,7 +1,7 @@
 """The figures of a run, while it runs and for its summary."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
@@ -24,12 +24,12 @@ FIGURES_SECONDS = 0.5  # s of wall time between two messages with figures
 class RunFigures:
     """Counts the figures of one run, for observers and for the summary."""
 
-    def __init__(self, engine: "Engine", before: Mapping[str, Any] | None = None) -> None:
-        """`before`: what `as_data` returned, for a run that is resumed. Raises SnapshotError if it is malformed."""
+    def __init__(self, engine: "Engine", before: Mapping[str, Any] | None = None, clock: Callable[[], float] = time.monotonic) -> None:
+        """`before`: what `as_data` returned, for a run that is resumed; raises SnapshotError if it is malformed. `clock`: s, of the run."""
         from orchard.report.history import History
         from orchard.report.metrics import HarvestFigures
 
-        self._engine, self._world = engine, engine.world
+        self._engine, self._world, self._clock = engine, engine.world, clock
         before = before or {}
         try:
             self._figures = msgspec.convert(before.get("harvest", {}), HarvestFigures)
@@ -37,7 +37,7 @@ class RunFigures:
             self._wall_before = msgspec.convert(before.get("wall_seconds", 0.0), Seconds)
         except ValueError as error:
             raise SnapshotError(f"the figures in the snapshot are malformed: {error}") from error
-        self._begun = self._reported = time.monotonic()
+        self._begun = self._reported = self._clock()
 
     def as_data(self) -> dict[str, Any]:
         """Return the data that a resumed run needs."""
@@ -45,11 +45,11 @@ class RunFigures:
         return counted | {"wall_seconds": self._wall()} | self._engine.figures_as_data()
 
     def _wall(self) -> float:
-        return self._wall_before + time.monotonic() - self._begun
+        return self._wall_before + self._clock() - self._begun
 
     def begin(self) -> None:
         """Start the wall clock: the first tick begins now."""
-        self._begun = self._reported = time.monotonic()
+        self._begun = self._reported = self._clock()
 
     def update(self, events: "list[Event]") -> None:
         """Add the step that has just been done, with its events."""
@@ -107,7 +107,7 @@ class RunFigures:
 
     def is_due(self) -> bool:
         """Whether FIGURES_SECONDS have passed since this last returned True."""
-        now = time.monotonic()
+        now = self._clock()
         if now - self._reported < FIGURES_SECONDS:
             return False
         self._reported = now

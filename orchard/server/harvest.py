@@ -19,12 +19,14 @@ from orchard.net.lockstep import PATIENCE, LockstepBarrier
 from orchard.net.realtime import RealtimeBarrier
 from orchard.net.refusals import RefusalTotals, Refused, read_message
 from orchard.net.roster import RecoveryLog, Roster
+from orchard.server.control import SimulationControl
 from orchard.server.drivers import Drivers
 from orchard.server.figures import RunFigures
 from orchard.server.publisher import Publisher
 from orchard.server.snapshots import SNAPSHOT_SECONDS, SnapshotWriter
 from orchard.sim.frames import FrameBuilder
 from orchard.sim.snapshot import Snapshot
+from orchard.tables import tables_of
 from orchard.wire.codec import picture_of
 from orchard.wire.keys import PREFIX, Keys
 from orchard.wire.messages import End, Events, Letters, Mode
@@ -67,6 +69,7 @@ class RunOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     absent: list[str] = []  # agents for which the first tick does not wait
     recorded: bool = False  # the first tick waits for a logger, at most loop.LOGGER_SECONDS
     snapshots: str | None = None  # folder
+    table: str | None = None  # folder for tables; None: none are written
     snapshot_every: Positive = SNAPSHOT_SECONDS  # s of wall time
     result: str | None = None  # file for a copy of the last message, which may be lost on the network
     resume: bool = False  # continue from the newest snapshot in the folder
@@ -100,14 +103,17 @@ class Harvest:
         self.engine, self.frame_builder = engine, FrameBuilder(engine.world)
         self.refusal_totals = RefusalTotals(before.figures.get("refused") if before else None)
         self.snapshot_writer = SnapshotWriter(options.snapshot_folder, options.snapshot_every)
+        self.tables = tables_of(options.table, engine)
         self.run = options.run or (before.run if before else uuid.uuid4().hex[:16])
         roster, ledger = Roster(engine.layout.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
         is_paced = options.mode == "realtime"
-        answers = RealtimeBarrier(roster, TIME_STEP / options.pace) if is_paced else LockstepBarrier(roster, options.patience)
+        self.control = SimulationControl(lambda state: self.publisher.publish("simulation_state", state), self.run, lambda: engine.tick)
+        clock = self.control.clock
+        answers = RealtimeBarrier(roster, TIME_STEP / options.pace, clock) if is_paced else LockstepBarrier(roster, options.patience, clock)
         self.publisher = Publisher(bus, keys, self.run, engine.layout, answers.newest_wins)
-        self.drivers = Drivers(engine, roster, answers, ledger, self.publisher)
+        self.drivers = Drivers(engine, roster, answers, ledger, self.publisher, clock)
         self.drivers.lost |= before.lost if before else {}
-        self.account = RunFigures(engine, before.figures if before else {})
+        self.account = RunFigures(engine, before.figures if before else {}, clock)
         self._pending: tuple[int, list[Event]] | None = None  # a step that is not reported yet
 
     @property
@@ -117,6 +123,7 @@ class Harvest:
 
     def begin(self) -> None:
         """Start the figures' wall clock, and publish the first figures."""
+        self.control.begin()
         self.account.begin()
         self._publish_figures()
 
@@ -124,7 +131,11 @@ class Harvest:
         """Step with the velocities that have come. `report` reports the step later, while the agents think about the next one."""
         tick = self.engine.tick
         actions = self.drivers.actions(tick)
-        self._pending = tick, self.engine.step(actions, self.drivers.answers.digests())
+        events = self.engine.step(actions, self.drivers.answers.digests())
+        self._pending = tick, events
+        if self.tables is not None:
+            self.tables.update(self.engine, events, self.drivers.ledger.letters.get(tick, {}))
+        self.control.clock.count_step()
 
     def report(self) -> None:
         """Count and publish the results of the last step, unless that is done."""
@@ -137,7 +148,7 @@ class Harvest:
         if (letters := self.drivers.ledger.letters.get(tick)) and self.publisher.is_heard("letters"):
             self.publisher.publish("letters", Letters(self.run, tick, letters))
         if self.publisher.is_heard("picture"):
-            frame = self.frame_builder.frame(self.engine.scans, self.engine.actions, events)
+            frame = self.frame_builder.frame(self.engine.scans, self.engine.actions, events, self.engine.lookahead.wanted)
             self.publisher.publish("picture", picture_of(self.run, frame))
         if self.account.is_due():
             self._publish_figures()
@@ -146,7 +157,9 @@ class Harvest:
         self.publisher.publish("figures", self.account.message(self.run, self.refusal_totals.total()))
 
     def keep(self) -> None:
-        """Start to write a snapshot."""
+        """Write the tables so far, and start to write a snapshot."""
+        if self.tables is not None:
+            self.tables.flush()
         self.snapshot_writer.keep(self._snapshot())
 
     def _snapshot(self) -> Snapshot:

@@ -16,7 +16,7 @@ from orchard.server.harvest import Harvest, RunEnded
 from orchard.server.snapshots import KEPT_SECONDS
 from orchard.sim.stops import stopped
 from orchard.wire import messages as wire
-from orchard.wire.codec import velocities_of
+from orchard.wire.codec import orchard_of, velocities_of
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 
 OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run that appears later is the newer one, and must end itself
@@ -27,16 +27,26 @@ class Queries:
 
     def __init__(self, keys: Keys, harvest: Harvest) -> None:
         self._keys, self._harvest = keys, harvest
-        self.replies = {"scenario": self._scenario, "recall": self._recall, "stop": self._stop, "command": self._command}
+        self.replies = {
+            "scenario": self._scenario,
+            "layout": self._layout,
+            "recall": self._recall,
+            "stop": self._stop,
+            "command": self._command,
+            "simulation_state": self._simulation_state,
+            "set_simulation_state": self._set_simulation_state,
+            "step_simulation": self._step_simulation,
+        }
 
     def reply(self, query: Query) -> None:
-        """Reply to a query, and drop it. A query that is refused gets an error reply, and raises Refused."""
+        """Reply to a query, and drop it, or later if it is for steps. A query that is refused gets an error reply, and raises Refused."""
         try:
             self._reply_to(query.key)(query)
         except Refused as refusal:
             query.refuse(str(refusal))
             raise
-        query.drop()
+        if not self._harvest.control.keeps(query):
+            query.drop()
 
     def _reply_to(self, key: str) -> Callable[[Query], None]:
         """The method that replies on a key. Raises Refused for an unknown key, or one with a wildcard."""
@@ -53,6 +63,11 @@ class Queries:
         engine, drivers = self._harvest.engine, self._harvest.drivers
         scenario = engine.layout.scenario.model_dump()
         query.reply(pack(wire.RunInfo(self._harvest.run, engine.tick, drivers.answers.mode, list(drivers.roster.names), scenario)))
+
+    def _layout(self, query: Query) -> None:
+        if query.payload:
+            raise Refused("malformed", "the layout query has no payload")
+        query.reply(pack(orchard_of(self._harvest.run, self._harvest.engine.tick, self._harvest.engine.layout)))
 
     def _join(self, session: str, query: Query) -> None:
         """Let a host hold all the agents that it names, or none."""
@@ -90,6 +105,25 @@ class Queries:
         query.drop()
         raise RunEnded(f"{command.command}ped")
 
+    def _simulation_state(self, query: Query) -> None:
+        if query.payload:
+            raise Refused("malformed", "a query for the state has no payload; to change it: set_simulation_state")
+        query.reply(pack(self._harvest.control.state))
+
+    def _set_simulation_state(self, query: Query) -> None:
+        wanted, control = read_message(query.payload, wire.SetSimulationState, self._harvest.run), self._harvest.control
+        if wanted.state == "quitting":
+            control.end()
+        else:
+            control.set(wanted.state)
+        query.reply(pack(control.state))
+        query.drop()
+        if wanted.state == "quitting":
+            raise RunEnded("stopped")
+
+    def _step_simulation(self, query: Query) -> None:
+        self._harvest.control.step(query, read_message(query.payload, wire.StepSimulation, self._harvest.run).steps)
+
 
 class Inbound:
     """Passes on what arrives at physics, and counts what is refused."""
@@ -103,6 +137,7 @@ class Inbound:
         """Subscribe, and declare the queryables. The liveliness token comes last: it shows the others that physics is ready."""
         self._bus.subscribe(self._keys.of("velocities"), quietly=True)
         self._bus.subscribe(self._keys.of("velocity"), quietly=True)
+        self._bus.subscribe(self._keys.of("advice"))
         self._bus.subscribe(self._keys.of("refused"))
         for what in (*self._queries.replies, "join"):
             self._bus.answer(self._keys.of(what))
@@ -152,6 +187,8 @@ class Inbound:
                 self._harvest.refusal_totals.hear(_session(session), counts)
             case [name, "velocity"]:
                 self._harvest.drivers.drive(name, read_message(sample.payload, wire.Velocity, run))
+            case [name, "advice"]:
+                self._harvest.drivers.advise(name, read_message(sample.payload, wire.Advice, run))
             case ["hosts", session, "velocities"]:
                 for refusal in self._drive_all(sample.payload, session):
                     self._harvest.refusal_totals.note(sample.key, refusal)

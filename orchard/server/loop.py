@@ -34,7 +34,8 @@ class Physics:
         self.arrivals = Inbound(bus, keys, self.harvest)
         self._drivers = self.harvest.drivers
         self._held_before = before.held if before else None
-        self._pacer = Pacer(options.pace)
+        self._clock = self.harvest.control.clock
+        self._pacer = Pacer(options.pace, self._clock)
 
     def listen(self) -> None:
         """Subscribe, and declare the queryables and the liveliness token."""
@@ -55,10 +56,13 @@ class Physics:
                 self._tick()
         except RunEnded as ended:
             why = str(ended)
+        self.harvest.control.end()
         self.harvest.report()
         if why in ("stopped", "duration"):
             self.harvest.keep()
         self.harvest.snapshot_writer.finish()
+        if self.harvest.tables is not None:
+            self.harvest.tables.close()
         end = self.harvest.end(why)
         if self._options.result is not None:
             write_end(end, self._options.result)
@@ -103,34 +107,50 @@ class Physics:
         return self.harvest.account.fault
 
     def _tick(self) -> None:
-        """Publish the tick; account for the last one and report it while the agents think; take their answers; step."""
+        """Publish the tick; account for the last one and report it while the agents think; take what comes until it is due; step."""
         seen = self._engine.observe()
-        self._drivers.begin(seen, self._await_due())
+        self._drivers.begin(seen, self._pacer.begin())
         self._engine.account()
         self.harvest.report()
         if self.harvest.snapshot_writer.is_due():
             self.harvest.keep()
-        self._await_answers()
+        self._await_step()
         self.harvest.step()
 
-    def _await_due(self) -> float:
-        """Wait until the tick is due. Return the seconds that it begins late."""
-        while self.arrivals.take(self._pacer.wait()) or self._pacer.wait():
-            pass
-        return self._pacer.begin()
+    def _await_step(self) -> None:
+        """Wait until all answers are in or their time is over, the next tick is due, and the run plays.
+
+        What arrives until then counts in this step: a velocity, a stop, or a session that joins, for which the step waits.
+        """
+        self._await_answers()
+        while self._clock.is_paused or self.arrivals.take(self._pacer.wait()) or self._pacer.wait():
+            self._await_answers()
 
     def _await_answers(self) -> None:
         """Wait until all answers are in, or their time is over. Send the tick again to silent sessions: it may have been lost."""
-        drivers, answers, again = self._drivers, self._drivers.answers, time.monotonic() + AGAIN_SECONDS
+        self._stand_by()
+        drivers, answers, again = self._drivers, self._drivers.answers, self._clock() + AGAIN_SECONDS
         while answers.missing:
             until, enough = min(answers.deadline, again), 1 if len(self.bus.inbox) else len(drivers.silent())
-            self.arrivals.take(max(0.0, until - time.monotonic()), enough)
-            now = time.monotonic()
+            self.arrivals.take(max(0.0, until - self._clock()), enough)
+            now = self._clock()
             if now >= answers.deadline:
                 drivers.give_up()
             elif now >= again:
                 again = now + AGAIN_SECONDS
                 drivers.show(drivers.silent())
+            self._stand_by()
+
+    def _stand_by(self) -> None:
+        """While the run is paused, take what arrives: no agent is late, and the tick is published again and again."""
+        control = self.harvest.control
+        while self._clock.is_paused:
+            control.tell()
+            if not self._drivers.answers.missing:
+                control.finish_steps()
+            if not self.arrivals.take(AGAIN_SECONDS):
+                control.finish_steps()
+                self.harvest.publisher.publish_clock(self._engine.tick)
 
     def _await_leaving(self) -> None:
         """Wait until all tokens are gone, at most LEAVE_SECONDS, so that the last message reaches the other processes."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orchard.contract.agent import Action, State, state_of
-from orchard.contract.events import SCAN_TICKS, STOPPED, Event, Frame
+from orchard.contract.events import SCAN_TICKS, STOPPED, Event, Frame, Velocities
 from orchard.contract.messages import Answer, Call, Come, EmptyBin, Here, Offer, Request, type_of
 from orchard.field.problems import printable
 from orchard.sim.stops import as_shown
@@ -23,9 +23,13 @@ class FrameBuilder:
         self._world = world
         self._shown: dict[str, np.ndarray] = {}
         self._said: dict[str, tuple[str, State]] = {}
+        self._drove = np.zeros((0, 6))
 
-    def frame(self, scans: Sequence[np.ndarray], actions: Mapping[str, Action], events: Sequence[Event]) -> Frame:
-        """Return the frame of the world now, after the step with these actions and events."""
+    def frame(self, scans: Sequence[np.ndarray], actions: Mapping[str, Action], events: Sequence[Event], wanted: np.ndarray) -> Frame:
+        """Return the frame of the world now, after the step with these actions and events.
+
+        `wanted`: (n, 3) the velocities that the agents wanted in that step, m/s and rad/s.
+        """
         world = self._world
         if world.tick % WHOLE_TICKS == 0:
             self.forget()
@@ -44,17 +48,24 @@ class FrameBuilder:
             delivered=world.delivered,
             events=events,
             is_whole=is_whole,
+            velocities=self._new_velocities(np.hstack([world.twist, wanted])),
         )
 
     def forget(self) -> None:
         """Make the next frame a whole one."""
-        self._shown, self._said = {}, {}
+        self._shown, self._said, self._drove = {}, {}, np.zeros((0, 6))
 
     def _if_changed(self, what: str, now: np.ndarray) -> np.ndarray | None:
         if what in self._shown and (self._shown[what] == now).all():
             return None
         self._shown[what] = now.copy()
         return self._shown[what]
+
+    def _new_velocities(self, now: np.ndarray) -> dict[str, Velocities]:
+        """Return the velocities of the bodies whose velocities have changed."""
+        changed = (self._drove != now).any(axis=1) if len(self._drove) else np.ones(len(now), dtype=bool)
+        self._drove, names = now, self._world.layout.names
+        return {names[i]: tuple(now[i].tolist()) for i in np.flatnonzero(changed).tolist()}
 
     def _news_of(self, actions: Mapping[str, Action]) -> dict[str, tuple[str, State]]:
         """The text and the state of each body that does something new. A robot without an agent stands after a stop."""

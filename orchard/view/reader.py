@@ -117,7 +117,7 @@ def _read(path: Path) -> RecordingPart:
         said: dict[str, dict[str, Colour]] = {}
         for chunk in reader.stream().filter(content=[f"+ {POSES}", f"+ /{MISSING}", "+ /world/**"]):
             if chunk.entity_path == POSES:
-                last = max(last, *_ticks(chunk))
+                last = max(last, *ticks_of(chunk))
             elif chunk.is_static:
                 said.update((chunk.entity_path, words) for words in _words(chunk))
             elif chunk.entity_path == f"/{MISSING}":
@@ -126,7 +126,7 @@ def _read(path: Path) -> RecordingPart:
         return RecordingPart(reader.recordings()[0].recording_id, last, tuple(sorted(gaps)), left_out, said)
 
 
-def _ticks(chunk: Chunk) -> list[int]:
+def ticks_of(chunk: Chunk) -> list[int]:
     nanoseconds = chunk.to_record_batch()["sim_time"].cast("int64").to_pylist()
     return [round(time / 1e9 / TIME_STEP) for time in nanoseconds]
 
@@ -135,7 +135,7 @@ def _values(chunk: Chunk, name: str) -> Iterator[tuple[int, int]]:
     """Yield (value, tick) of one component of a chunk; nothing if the chunk lacks it."""
     batch = chunk.to_record_batch()
     if name in batch.schema.names:
-        for value, tick in zip(batch[name].to_pylist(), _ticks(chunk), strict=True):
+        for value, tick in zip(batch[name].to_pylist(), ticks_of(chunk), strict=True):
             if value:
                 yield int(value[0]), tick
 

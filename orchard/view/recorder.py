@@ -11,7 +11,7 @@ import numpy as np
 import rerun as rr
 
 from orchard.contract.agent import WAITING_STATES, State
-from orchard.contract.events import SCAN_TICKS, Event, Frame
+from orchard.contract.events import SCAN_TICKS, Event, Frame, Velocities
 from orchard.field.kinds import KINDS, LASER_RANGE, Laser, kind_of
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
@@ -19,6 +19,7 @@ from orchard.view import palette
 from orchard.view.blueprint import TIMELINE, blueprint
 from orchard.view.bodies import BodyView, RowView, indices
 from orchard.view.disk import RecordingFile
+from orchard.view.drives import SCENARIO, VELOCITIES
 from orchard.view.focus import FOCUS, Focus, log_focus
 from orchard.view.legend import log_legend
 from orchard.view.names import NameView
@@ -59,6 +60,7 @@ class Recorder:
         log_scenery(self.rec, layout)
         log_legend(self.rec)
         log_focus(self.rec)
+        self.rec.log(SCENARIO, rr.TextDocument(layout.scenario.model_dump_json(), media_type="application/json"), static=True)
         for series, (name, colour, width) in SERIES.items():
             style = rr.SeriesLines(names=[name], colors=[colour], widths=[width], interpolation_mode="StepAfter")
             self.rec.log(series, style, static=True)
@@ -71,6 +73,8 @@ class Recorder:
         self._poses: list[tuple[int, np.ndarray]] = []
         self._scans: list[tuple[int, Sequence[np.ndarray | None]]] = []
         self._events: list[tuple[int, str, str]] = []  # tick, line, level
+        self._velocities: list[tuple[int, str, Velocities]] = []
+        self._drove: dict[str, Velocities] = {}  # of each body, as they were recorded last
         self._last = np.full((len(self._frames), 3), np.nan)  # the poses that were last sent
         self._newest = 0  # tick
         self._doing: dict[str, tuple[str, State]] = {}
@@ -97,7 +101,7 @@ class Recorder:
     def _start_of(self, first: Frame) -> Frame:
         """Return the frame of tick 0. The agents already do then what the first frame says."""
         starts = np.array([start.pose for start in self.layout.starts])
-        return replace(first, tick=0, poses=starts, scans=None, delivered=0, events=(), left_out=0)
+        return replace(first, tick=0, poses=starts, scans=None, delivered=0, events=(), left_out=0, velocities={})
 
     def _record(self, frame: Frame) -> None:
         self.rec.set_time(TIMELINE, duration=frame.tick * TIME_STEP)
@@ -110,6 +114,7 @@ class Recorder:
         self._changes(frame)
         self._words(frame)
         self._figures(frame, is_due)
+        self._drives(frame)
         if is_due:
             self._send_chunk(frame.tick)
 
@@ -153,6 +158,7 @@ class Recorder:
             self.tell(Event(self._newest, "left out", "logger", "", words))
             self._left_out = 0
         self._send_events()
+        self._send_velocities()
         if scans:
             self._send_scans()
 
@@ -184,7 +190,20 @@ class Recorder:
             self.rec.send_columns("events", indexes=[_times(ticks)], columns=rr.TextLog.columns(text=texts, level=levels))
             self._events.clear()
 
+    def _send_velocities(self) -> None:
+        if self._velocities:
+            ticks, names, velocities = zip(*self._velocities, strict=True)
+            bodies = rr.AnyValues.columns(body=[self.layout.index[name] for name in names])
+            numbers = rr.AnyValues.columns(velocities=np.array(velocities).ravel()).partition([6] * len(names))
+            self.rec.send_columns(VELOCITIES, indexes=[_times(ticks)], columns=[*bodies, *numbers])
+            self._velocities.clear()
+
     # -- what changes rarely
+
+    def _drives(self, frame: Frame) -> None:
+        news = {name: velocities for name, velocities in frame.velocities.items() if self._drove.get(name) != velocities}
+        self._drove |= news
+        self._velocities += [(frame.tick, name, velocities) for name, velocities in news.items()]
 
     def _changes(self, frame: Frame) -> None:
         if frame.fill is not None:

@@ -12,10 +12,11 @@ from orchard.contract.agent import STATE, Action, Hitch, Observation, Observatio
 from orchard.contract.events import SELDOM, Frame
 from orchard.contract.mail import written_by
 from orchard.contract.messages import unpack
-from orchard.field.geometry import Twist
-from orchard.field.kinds import KINDS, LASER_RANGE, Laser, kind_of
-from orchard.field.layout import Layout
+from orchard.field.geometry import Pose, Twist
+from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, Kind, Laser, kind_of
+from orchard.field.layout import ROW_WEST, Layout
 from orchard.field.problems import printable
+from orchard.field.repeatable import sin_cos
 from orchard.wire import messages as wire
 from orchard.wire.messages import FARTHEST, MOST_BODIES
 from orchard.wire.types import read
@@ -38,9 +39,9 @@ def odometry_of(run: str, seen: Observation) -> wire.Odometry:
     return wire.Odometry(run, seen.tick, _pose(seen), _twist(seen.twist), hitch, float(seen.fill), bool(seen.full), seen.accuracy)
 
 
-def _sweep(laser: Laser, scan: np.ndarray | None) -> tuple[float, float, float, float, bytes]:
+def _sweep(laser: Laser, scan: np.ndarray | None) -> tuple[float, float, float, float, float, bytes]:
     last = laser.first + (laser.beams - 1) * laser.increment
-    return laser.first, last, laser.increment, LASER_RANGE, np.asarray(scan, dtype="<f4").tobytes()
+    return laser.first, last, laser.increment, LASER_NEAREST, LASER_RANGE, np.asarray(scan, dtype="<f4").tobytes()
 
 
 def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> wire.LaserScan:
@@ -127,13 +128,37 @@ def _slices(names: tuple[str, ...]) -> list[slice]:
     return [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
 
 
+def orchard_of(run: str, tick: int, layout: Layout) -> wire.Orchard:
+    """Return the message for a layout."""
+    rows = [(ROW_WEST, lane.y, layout.row_east, lane.y) for lane in layout.lanes]
+    bodies = [wire.Place(start.name, start.kind, _pose_of(start.pose), start.bin) for start in layout.starts]
+    kinds = {name: _kind_of_body(KINDS[name]) for name in sorted({start.kind for start in layout.starts})}
+    return wire.Orchard(run, tick, [tuple(wall) for wall in layout.walls.tolist()], rows, bodies, kinds)
+
+
+def _pose_of(pose: Pose) -> wire.PoseMessage:
+    sin, cos = sin_cos(pose.yaw / 2)
+    return wire.PoseMessage(wire.Point(pose.x, pose.y), wire.Quaternion(sin, cos))
+
+
+def _kind_of_body(kind: Kind) -> wire.KindOfBody:
+    laser = wire.LaserOfKind(kind.laser.ahead, kind.laser.beams, kind.laser.first, kind.laser.increment, LASER_NEAREST, LASER_RANGE)
+    return wire.KindOfBody(kind.length, kind.width, kind.height, kind.colour, kind.speed, kind.turn, kind.tows, kind.solid, laser)
+
+
 def picture_of(run: str, frame: Frame) -> wire.Picture:
     """Return the message for a frame, without its events."""
     scans = None if frame.scans is None else [np.asarray(scan, dtype="<f4").tobytes() for scan in frame.scans]
-    lists = {name: None if (array := getattr(frame, name)) is None else array.tolist() for name in SELDOM}
+    lists: dict[str, Any] = {name: None if (array := getattr(frame, name)) is None else array.tolist() for name in SELDOM}
     poses = np.asarray(frame.poses, dtype="<f8").tobytes()
     doing, states, whole = dict(frame.doing), dict(frame.states), frame.is_whole
-    return wire.Picture(run, frame.tick, poses, scans, doing, **lists, delivered=frame.delivered, states=states, whole=whole)
+    more: dict[str, Any] = {
+        "delivered": frame.delivered,
+        "states": states,
+        "whole": whole,
+        "velocities": {name: [*known] for name, known in frame.velocities.items()},
+    }
+    return wire.Picture(run, frame.tick, poses, scans, doing, **lists, **more)
 
 
 def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
@@ -150,7 +175,13 @@ def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
     if picture.scans is not None:
         scans = _sweeps_of(layout.names, [_fitting(sweep, [name]) for name, sweep in zip(layout.names, picture.scans, strict=True)])
     delivered, states, is_whole = picture.delivered, picture.states, picture.whole
-    return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=delivered, states=states, is_whole=is_whole)
+    more: dict[str, Any] = {
+        "delivered": delivered,
+        "states": states,
+        "is_whole": is_whole,
+        "velocities": {name: tuple(known) for name, known in picture.velocities.items()},
+    }
+    return Frame(picture.tick, poses, picture.doing, scans, **arrays, **more)
 
 
 def drive_of(action: Action, mail: bytes, memory: bytes | None) -> wire.Drive:

@@ -40,6 +40,9 @@ TABLE: dict[str, Key] = {
                     _EVERY_TICK, NEVER_LOST,
                     "The velocity of the robot in the step from this tick to the next. While a session subscribes, physics also "
                     "publishes here the velocities that it received in `velocities`."),
+    "advice": Key("{prefix}/{robot}/advice", wire.Advice, "a client that drives a robot whose agent goes on", _EVERY_TICK, NEVER_LOST,
+                  "The velocity of the robot in the step from this tick to the next, in place of that of its agent. See "
+                  "'To advise a robot' above."),
     "velocities": Key("{prefix}/hosts/{session}/velocities", wire.Velocities, "a session that holds agents", _ASKED, NEVER_LOST,
                       "The velocities of all agents of a session in one message: the answer to `seen`."),
     "pose": Key("{prefix}/{robot}/pose", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
@@ -81,6 +84,9 @@ TABLE: dict[str, Key] = {
     "scenario": Key("{prefix}/scenario", None, "any client", "when it connects", QUERY,
                     "The run's id and present tick, its agents and its scenario. The payload of the query is empty. Physics replies.",
                     (wire.RunInfo,)),
+    "layout": Key("{prefix}/layout", None, "any client", "when it connects", QUERY,
+                  "Fences, trunks, posts and rows; the bodies and where they start; the sizes, speeds and lasers of their kinds. The "
+                  "payload of the query is empty. Physics replies.", (wire.Orchard,)),
     "join": Key("{prefix}/hosts/{session}/join", wire.Join, "a session that wants to hold agents", "when it starts", QUERY,
                 "A request to hold agents. Physics replies with their memories, sends their poses and scans of the present tick "
                 "(again), and waits for their velocities from this tick on.", (wire.Joined,)),
@@ -89,6 +95,17 @@ TABLE: dict[str, Key] = {
                 "The session may join again."),
     "command": Key("{prefix}/command", wire.Command, "any client", "at a user's request", QUERY,
                    "End the run. Physics replies, then ends it.", (wire.Done,)),
+    "simulation_state": Key("{prefix}/simulation_state", wire.SimulationState, "physics", "when the state changes", NEVER_LOST,
+                            "Whether simulated time goes on. The key can also be queried, with an empty payload.", (wire.SimulationState,)),
+    "set_simulation_state": Key("{prefix}/set_simulation_state", wire.SetSimulationState, "a client that may control the run",
+                                "at a user's request", QUERY,
+                                "Pause the run, let it play, or end it. Physics replies with the new state. See 'Pause and step' above.",
+                                (wire.SimulationState,)),
+    "step_simulation": Key("{prefix}/step_simulation", wire.StepSimulation, "a client that may control the run", "at a user's request",
+                           QUERY,
+                           "Do some steps of a paused run. Physics replies when they are done and the tick after them is published. "
+                           "Refused unless the run is paused.",
+                           (wire.SimulationState,)),
     "stop": Key("{prefix}/stop", wire.Stop, "a client that may stop robots", "in an emergency", QUERY,
                 "Stop robots in an emergency, or reset them. A stop overrides all velocities and deeds of all senders, and stays in "
                 "force when agents end. A robot and the bin on its bar are stopped and reset together. People and animals keep walking; "

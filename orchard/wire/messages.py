@@ -24,10 +24,13 @@ DUE = "the agents that are asked at this tick: those of this session that do not
 HOLDER = "the session id in the sender's liveliness token; '' if the sender holds no agent"
 ONCE = "realtime; true: it drives for one step only, and only from the pose that it answers; false: until a newer velocity arrives"
 POSES = "x, y (m), yaw (rad) of each body, in the order of `agents` in the reply to `scenario`, little-endian float64"
+RANGE_MIN = "m, 0: the simulated laser has no blind zone, and every range down to 0 is valid"
 RANGES = "m, little-endian float32, 4 bytes per beam; +inf for a beam without a return (REP-117)"
 ACCURACY = "m, standard deviation of the measured x and y; 0: exact"
 ACCURACIES = "name -> the same as `accuracy` in `pose`; only bodies whose poses are not exact"
+SIMULATION = "'stopped': before the first tick, physics waits for agents; 'paused': simulated time stands; 'quitting': the run is over"
 SEVEN = "x, y (m); z, w of the quaternion; linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
+VELOCITIES = "name -> linear.x, linear.y (m/s), angular.z (rad/s) of the step, then those that its agent wanted; only if changed"
 
 Name = Annotated[str, Meta(max_length=64, pattern=r"^[a-z][a-z0-9_]*\Z")]
 KnownName = Annotated[str, Meta(max_length=64)]  # a name that is looked up; matching the pattern costs more time than reading the rest
@@ -36,12 +39,14 @@ Holder = Annotated[str, Meta(max_length=64, pattern=r"^[A-Za-z0-9_-]*\Z", descri
 Speed = Annotated[float, Meta(ge=-FASTEST, le=FASTEST)]
 Zero = Annotated[float, Meta(ge=0.0, le=0.0, description="0")]
 Unit = Annotated[float, Meta(ge=-1.001, le=1.001)]
+Box = tuple[Metres, Metres, Metres, Metres]
 Ranges = Annotated[bytes, Meta(max_length=4096, description=RANGES)]
 Fill = Annotated[float, Meta(ge=0.0, le=1e3)]
 Body = Annotated[int, Meta(ge=-1, lt=MOST_BODIES)]
 Once = Annotated[bool, Meta(description=ONCE)]
 Memory = Annotated[bytes, Meta(max_length=LARGEST_MEMORY)]
 Deeds = Annotated[list[Deed], Meta(max_length=MOST_DEEDS, description=DEEDS)]
+DoneAndWanted = Annotated[list[Speed], Meta(min_length=6, max_length=6)]
 States = Annotated[dict[Name, State], Meta(description="name -> its state; the same names as in `doing`")]
 
 
@@ -118,6 +123,7 @@ class Beams(SubMessage):
     angle_min: Annotated[Metres, Meta(description="rad, angle of the first beam; 0 is straight ahead")]
     angle_max: Annotated[Metres, Meta(description="rad, angle of the last beam")]
     angle_increment: Annotated[Metres, Meta(description="rad from one beam to the next")]
+    range_min: Annotated[Metres, Meta(description=RANGE_MIN)]
     range_max: Annotated[Metres, Meta(description="m, range of the laser")]
     ranges: Ranges
 
@@ -128,6 +134,7 @@ class LaserScan(Message):
     angle_min: Annotated[Metres, Meta(description="rad, angle of the first beam; 0 is straight ahead")]
     angle_max: Annotated[Metres, Meta(description="rad, angle of the last beam")]
     angle_increment: Annotated[Metres, Meta(description="rad from one beam to the next")]
+    range_min: Annotated[Metres, Meta(description=RANGE_MIN)]
     range_max: Annotated[Metres, Meta(description="m, range of the laser")]
     ranges: Ranges
     rear: Annotated[Beams | None, Meta(description="for a robot that tows: the scan of its bin, around the bin's centre; else nil")] = None
@@ -223,6 +230,13 @@ class Velocity(Message):
     report: Annotated[Report | None, Meta(description="the agent's report; a client that only drives leaves it out")] = None
 
 
+class Advice(Message):
+    """geometry_msgs/Twist, in the body's own frame: a velocity in place of that of the robot's agent."""
+
+    linear: Linear
+    angular: Angular
+
+
 class Letter(Message):
     """A request from one agent to another, stamped with the tick in which it is sent."""
 
@@ -270,6 +284,51 @@ class RunInfo(Message):
     scenario: Annotated[dict[str, Any], Meta(description="the scenario file as a map, with all default values")]
 
 
+class Place(SubMessage):
+    """A body at the start of the run."""
+
+    name: Annotated[Name, Meta(description="its name")]
+    kind: Annotated[Name, Meta(description="its kind, a name in `kinds`")]
+    pose: PoseMessage
+    bin: Annotated[str, Meta(description="the bin on its bar; '' for none")] = ""
+
+
+class LaserOfKind(SubMessage):
+    """The laser of a kind of body. Its frame has the directions of the body's."""
+
+    x: Annotated[Metres, Meta(description="m from the body's centre forward to the laser; it is in the middle of the width")]
+    beams: Annotated[int, Meta(ge=1, description="number of ranges of a scan")]
+    angle_min: Annotated[Metres, Meta(description="rad, as in `scan`")]
+    angle_increment: Annotated[Metres, Meta(description="rad, as in `scan`")]
+    range_min: Annotated[Metres, Meta(description="m, as in `scan`")]
+    range_max: Annotated[Metres, Meta(description="m, as in `scan`")]
+
+
+class KindOfBody(SubMessage):
+    """What all bodies of a kind have in common. A body is a box; `base_link` is at its centre, on the ground."""
+
+    length: Annotated[Metres, Meta(description="m, along x of `base_link`")]
+    width: Annotated[Metres, Meta(description="m, along y of `base_link`")]
+    height: Annotated[Metres, Meta(description="m")]
+    colour: Annotated[tuple[int, int, int], Meta(description="red, green, blue, 0 to 255 (sRGB)")]
+    max_linear: Annotated[Speed, Meta(description="m/s, the most forward and back")]
+    max_angular: Annotated[Speed, Meta(description="rad/s, the most to each side")]
+    tows: Annotated[Metres, Meta(description="m from its centre back to the centre of a coupled bin; 0: it tows nothing")]
+    solid: Annotated[bool, Meta(description="whether lasers see it and bodies collide with it")]
+    laser: LaserOfKind
+
+
+class Orchard(Message):
+    """The reply to the layout query: all that does not change during the run. Lengths in m, in the frame `map`."""
+
+    walls: Annotated[
+        list[Box], Meta(description="x, y of the centre, half the size along x, half along y: four fences, then trunks and posts")
+    ]
+    rows: Annotated[list[Box], Meta(description="from the north: x, y of the west end and x, y of the east end of the part that is picked")]
+    bodies: Annotated[list[Place], Meta(max_length=MOST_BODIES, description="all bodies, in the order of `agents`, as they start")]
+    kinds: Annotated[dict[Name, KindOfBody], Meta(description="kind -> what its bodies have in common")]
+
+
 class Join(RunMessage):
     """A request of a host to hold agents. The host declares its liveliness tokens, subscribers and queryables before it joins."""
 
@@ -297,6 +356,27 @@ class Command(RunMessage):
     command: Annotated[Literal["stop"], Meta(description="end the run now")]
 
 
+StateOfSimulation = Literal["stopped", "playing", "paused", "quitting"]
+
+
+class SimulationState(Message):
+    """The result of GetSimulationState in ROS's simulation_interfaces. The names are those of its constants without `STATE_`."""
+
+    state: Annotated[StateOfSimulation, Meta(description=SIMULATION)]
+
+
+class SetSimulationState(RunMessage):
+    """SetSimulationState in simulation_interfaces."""
+
+    state: Annotated[Literal["playing", "paused", "quitting"], Meta(description="'quitting' ends the run, as `command` does")]
+
+
+class StepSimulation(RunMessage):
+    """StepSimulation in simulation_interfaces."""
+
+    steps: Annotated[int, Meta(ge=1, le=MOST_STEPS, description="how many steps of 0.1 s; then the run is paused again")] = 1
+
+
 class Done(Message):
     """The command is accepted."""
 
@@ -320,7 +400,7 @@ class Stopped(Message):
 
 Reason = Literal[
     "malformed", "other run", "past tick", "future tick", "not the holder", "not held", "answered already",
-    "no such robot", "no such agent", "no such key", "out of bounds", "not all", "too many",
+    "no such robot", "no such agent", "no such key", "out of bounds", "not all", "too many", "not paused",
 ]  # fmt: skip
 
 
@@ -370,6 +450,7 @@ class Picture(Message):
     delivered: Annotated[int, Meta(ge=0, description="bins unloaded so far")]
     states: States = {}
     whole: Annotated[bool, Meta(description="whether all fields but `scans` are complete; else they hold changes")] = False
+    velocities: Annotated[dict[Name, DoneAndWanted], Meta(description=VELOCITIES)] = {}
 
 
 class Figures(Message):

@@ -56,11 +56,11 @@ def test_a_logger_begins_with_a_whole_picture_and_not_with_one_in_which_everythi
 
     def shown(tick):
         world.tick = tick
-        frame = builder.frame(local.engine.scans, local.actions, [])
+        frame = builder.frame(local.engine.scans, local.actions, [], local.engine.lookahead.wanted)
         bus.inbox.put(Sample(KEYS.of("picture"), pack(picture_of("run1", frame))))
         return frame
 
-    builder.frame(local.engine.scans, local.actions, [])
+    builder.frame(local.engine.scans, local.actions, [], local.engine.lookahead.wanted)
     for name in SELDOM:
         setattr(world, name, np.zeros_like(getattr(world, name)) if getattr(world, name).any() else getattr(world, name) + 1)
     changed = shown(101)

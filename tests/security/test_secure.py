@@ -293,11 +293,15 @@ def test_nobody_writes_what_is_anothers():
     roles = [*SERVANTS, Role("amy", "host", (MINE,)), Role("ben", "host", (HERS,))]
     rules = {rule["id"]: rule["key_exprs"] for rule in access_control(roles, KEYS)["rules"]}
     amy = roles[-2].session
-    written = {f"orchard/{MINE}/velocity", f"orchard/hosts/{amy}/velocities", f"orchard/hosts/{amy}/refused"}
+    written = {f"orchard/{MINE}/velocity", f"orchard/{MINE}/advice", f"orchard/hosts/{amy}/velocities", f"orchard/hosts/{amy}/refused"}
     assert set(rules["amy ingress put"]) == written
     asked = {f"orchard/hosts/{amy}/join", "orchard/*/mail", "orchard/*/state", "orchard/recall", "orchard/scenario"}
+    asked |= {"orchard/layout", "orchard/simulation_state"}
     assert set(rules["amy ingress query"]) == set(rules["amy egress reply"]) == asked
     assert rules["amy ingress liveliness_token"] == [f"orchard/alive/{MINE}/{amy}"]
     assert rules["logger ingress put"] == [f"orchard/hosts/{Role('logger', 'logger').session}/refused"]
     assert "operator ingress put" not in rules
+    control = {"orchard/set_simulation_state", "orchard/step_simulation"}
+    may = {role.name for role in roles if control.intersection(rules.get(f"{role.name} ingress query", ()))}
+    assert may == {"operator", "emergency-operator"}
     assert not [name for name in rules if "delete" in name]

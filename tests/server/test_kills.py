@@ -9,11 +9,13 @@ import time
 from contextlib import suppress
 
 import psutil
+import pyarrow.parquet as pq
 import pytest
 from alone import SMALL, local_hash
 from command_line import ROOT, line_with, orchard, running, starting, summary_of, wait_until_simulated
 from recordings import seconds_of
 
+from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, to_yaml
 from orchard.launch.supervisor import free_port
 
@@ -48,13 +50,16 @@ def end(run: subprocess.Popen) -> str:
 
 @pytest.mark.parametrize("word", ["physics", "agents", pytest.param("logger", marks=pytest.mark.soak)])
 def test_whatever_is_killed_the_same_run_goes_on(tmp_path, undisturbed, word):
-    path = tmp_path / "summary.json"
-    with running(*PACE, "--record", tmp_path / "run.rrd", "--summary", path) as run:
+    path, tables = tmp_path / "summary.json", tmp_path / "tables"
+    with running(*PACE, "--record", tmp_path / "run.rrd", "--summary", path, "--table", tables) as run:
         wait_until_simulated(run, 5.0)
         process_of(run, word).kill()
         printed = end(run)
     assert re.search(rf"{word}.* ended with code -9; starting it again", printed)
     assert summary_of(path)["hash"] == undisturbed
+    rows, bodies = pq.read_table(tables / "bodies.parquet"), lay_out(Scenario(rows=3)).names
+    assert rows["tick"].to_pylist() == [tick for tick in range(1, round(SECONDS * 10) + 1) for _ in bodies]
+    assert rows["name"].to_pylist() == [*bodies] * round(SECONDS * 10)
 
 
 def test_a_signal_that_run_py_has_not_sent_is_a_death_too(tmp_path, undisturbed):

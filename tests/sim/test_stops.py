@@ -116,12 +116,12 @@ def test_what_people_are_told_and_the_figures(driven):
     driven.run(2.0)
     assert {event.who for event in driven.happened("stopped")} == {"picker_01", "bin_01"}
     assert driven.account.message("", {}).doing["picker_01"] == "stopped"
-    assert camera.frame([], driven.local.actions, []).doing["picker_01"] == "stopped"
+    assert camera.frame([], driven.local.actions, [], driven.local.engine.lookahead.wanted).doing["picker_01"] == "stopped"
     assert driven.account.figures()["stopped_seconds"] == {"bin_01": 2.0, "picker_01": 2.0}
     driven.local.engine.reset()
     driven.run(1.0)
     assert {event.who for event in driven.happened("reset")} == {"picker_01", "bin_01"}
-    assert camera.frame([], driven.local.actions, []).doing["picker_01"] != "stopped"
+    assert camera.frame([], driven.local.actions, [], driven.local.engine.lookahead.wanted).doing["picker_01"] != "stopped"
     assert driven.account.figures()["stopped_seconds"] == {"bin_01": 2.0, "picker_01": 2.0}
     assert driven.account.figures()["state_seconds"]["picker"]["stopped"] == 2.0
 

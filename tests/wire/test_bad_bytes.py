@@ -32,11 +32,12 @@ from orchard.wire.messages import Angular, Linear, Velocity
 
 TICKS = 60
 MOST_MEMORY = 64 << 20  # bytes, that 100,000 messages may leave behind
-TO_PHYSICS = ("velocity", "velocities", "refused", "scenario", "join", "recall", "stop", "command")
+CONTROL = ("simulation_state", "set_simulation_state", "step_simulation")
+TO_PHYSICS = ("velocity", "velocities", "refused", "scenario", "join", "recall", "stop", "command", *CONTROL, "layout", "advice")
 TO_HOST = ("seen", "lost", "end", "mail", "state")
 TO_LOGGER = ("picture", "events", "letters", "lost", "end")
 TO_RUN_PY = ("figures", "end")
-ASKED = ("scenario", "join", "recall", "stop", "command", "mail", "state")
+ASKED = ("scenario", "join", "recall", "stop", "command", "mail", "state", "layout", *CONTROL)
 
 
 def impossible(what: str, tick: int, host: str = HOST):
@@ -209,7 +210,7 @@ def test_thousands_over_the_network_change_nothing(tmp_path, other):
         tokens = [
             someone.session.liveliness().declare_token(key) for key in ("orchard/**", "orchard/alive/*/x", "orchard/alive/picker_01/*")
         ]
-        for what in ("join", "recall", "stop", "command"):
+        for what in ("join", "recall", "stop", "command", *CONTROL[1:]):
             for key, payload in bad(other, what, 50, 7):
                 (error,) = someone.ask(key, payload)
                 assert isinstance(error, str) and error.split(":")[0] in ("malformed", "other run")

@@ -1,0 +1,54 @@
+"""`orchard-ros2`, or `python -m orchard_ros2`: the bridge, until the run is over. Parameters: docs/ros2.md."""
+
+import sys
+import time
+from threading import Thread
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+from orchard_ros2.bridge import Bridge
+from orchard_ros2.client import Refused, connected
+
+AGAIN_SECONDS = 1.0  # between two queries for a run that has not begun
+LOOK_SECONDS = 1.0  # between two looks at whether the run is over
+
+
+def main() -> int:
+    """Return the exit code: 0 after a run, 2 for a parameter that does not fit."""
+    rclpy.init()
+    try:
+        bridge = Bridge()
+        while (code := attempt(bridge)) is None:
+            time.sleep(AGAIN_SECONDS)
+        return code
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 0
+    finally:
+        rclpy.try_shutdown()
+
+
+def attempt(bridge: Bridge) -> int | None:
+    """Serve one run. Return the exit code, or None if there is no run yet: then it is to be tried again."""
+    if not rclpy.ok():
+        raise ExternalShutdownException
+    try:
+        with connected(bridge.endpoint, bridge.prefix) as client:
+            bridge.join(client, client.ask("layout"))
+            Thread(target=bridge.listen, daemon=True).start()
+            executor = SingleThreadedExecutor()
+            executor.add_node(bridge.node)
+            while not bridge.ended.done():
+                executor.spin_once(LOOK_SECONDS)
+            bridge.log.info(str(bridge.ended.result()))
+        return 0
+    except Refused as why:
+        bridge.log.info(f"waiting for a run: {why}")
+        return None
+    except ValueError as why:
+        bridge.log.error(str(why))
+        return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

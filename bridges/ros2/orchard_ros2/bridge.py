@@ -1,0 +1,257 @@
+"""The bridge, a ROS 2 node: it publishes what the Orchard sends, and sends the Orchard what ROS wants of its robots.
+
+Two threads. The executor's takes velocities and service calls. `listen` takes what the Orchard sends, in the order in which it comes.
+"""
+
+import importlib
+from collections.abc import Callable
+from functools import lru_cache, partial
+from math import isfinite
+from time import monotonic
+from typing import Any
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from orchard_ros2 import bodies, deeds, field, messages, topics, wire
+from orchard_ros2.client import Client, Heard, Refused
+from orchard_ros2.messages import Message
+from orchard_ros2.topics import QoS, Topic
+
+GOES_SECONDS = 3.0  # an `end` counts if the token of physics goes within this time
+NO_TF2 = "tf2_msgs cannot be imported: /tf and /tf_static are not published. Install ROS 2's package tf2_msgs, and source its setup"
+
+
+@lru_cache
+def type_of(name: str) -> Any:
+    """Return the class of a message type. Raises ImportError if its package is not installed."""
+    package, _, kind = name.partition("/msg/")
+    return getattr(importlib.import_module(f"{package}.msg"), kind)
+
+
+def profile(qos: QoS) -> QoSProfile:
+    """Return a quality of service as rclpy knows it."""
+    reliability = ReliabilityPolicy.RELIABLE if qos.reliable else ReliabilityPolicy.BEST_EFFORT
+    durability = DurabilityPolicy.TRANSIENT_LOCAL if qos.latched else DurabilityPolicy.VOLATILE
+    return QoSProfile(depth=qos.depth, reliability=reliability, durability=durability)
+
+
+class Bridge:
+    """One run of the Orchard, and the node for it. Parameters: docs/ros2.md. `ended` is done when the run is over; its result says why."""
+
+    def __init__(self) -> None:
+        self.node = Node("orchard")
+        self.log = self.node.get_logger()
+        self.ended: Future = Future()
+        self.endpoint = self._text("endpoint", "tcp/127.0.0.1:7447")
+        self.prefix = self._text("prefix", "orchard")
+        self._robots = self._texts("robots", list(bodies.ROBOTS))
+        self._driven, self._advised = self._texts("driven", []), self._texts("advised", [])
+        self._is_stamped = bool(self.node.declare_parameter("enable_stamped_cmd_vel", True).value)
+        self.node.declare_parameter("steps", 1)
+        self._out: dict[str, Publisher] = {}
+        self._services = ReentrantCallbackGroup()
+
+    def _text(self, name: str, default: str) -> str:
+        return str(self.node.declare_parameter(name, default).value)
+
+    def _texts(self, name: str, default: list[str]) -> list[str]:
+        self.node.declare_parameter(name, Parameter.Type.STRING_ARRAY)
+        return [str(word) for word in self.node.get_parameter_or(name, Parameter(name, Parameter.Type.STRING_ARRAY, default)).value]
+
+    # -- the beginning
+
+    def join(self, client: Client, layout: dict[str, Any]) -> None:
+        """Announce all topics and services of a run. `layout`: the reply to the layout query. Raises ValueError for an unknown robot."""
+        self.client, self.run, self.tick = client, str(layout["run"]), int(layout["tick"])
+        self._kinds = {body["name"]: layout["kinds"][body["kind"]] for body in layout["bodies"]}
+        self._names, self._driven, self._advised = (
+            bodies.selected(words, tuple(self._kinds)) for words in (self._robots, self._driven, self._advised)
+        )
+        if both := set(self._driven) & set(self._advised):
+            raise ValueError(f"driven and advised: {', '.join(sorted(both))}: a robot is driven, or its agent is advised")
+        self._poses: dict[str, deeds.Pose] = {}
+        self._handling: dict[str, tuple[deeds.Handling, Future]] = {}
+        self._over, self._over_since, self._is_up = "", 0.0, True
+        self._has_tf = self._can_publish_tf()
+        for name in self._names:
+            self._publish(topics.ROBOT_DESCRIPTION, messages.text(self._description(name)), name)
+        for name in (*self._driven, *self._advised):
+            self._take_orders(name)
+        for name in self._driven:
+            self._offer_deeds(name)
+        self._offer_control()
+        self._publish(topics.GRID, field.grid_of(layout["walls"]))
+        if self._has_tf:
+            lasers = [(name, self._kinds[name]["laser"]["x"]) for name in self._names]
+            self._publish(topics.TF_STATIC, messages.static_transforms(lasers))
+        self.client.watch(f"alive/physics/{self.run}")
+        for key in ("*/pose", "*/scan", "clock", "events", "end"):
+            self.client.hear(key)
+        for name in self._advised:
+            self.client.hear(f"{name}/velocity")
+        for name in self._driven:
+            self._stand(name, [])  # physics begins when all robots that are left to others are driven
+
+    def _description(self, name: str) -> str:
+        kind = self._kinds[name]
+        return bodies.description(name, (kind["length"], kind["width"], kind["height"]), kind["colour"], kind["laser"]["x"])
+
+    def _can_publish_tf(self) -> bool:
+        try:
+            type_of(topics.TF.type)
+        except ImportError:
+            self.log.warning(NO_TF2)
+            return False
+        return True
+
+    def _take_orders(self, name: str) -> None:
+        topic = topics.CMD_VEL if self._is_stamped else topics.CMD_VEL_UNSTAMPED
+        self.node.create_subscription(type_of(topic.type), topic.of(name), partial(self._order, name), profile(topic.qos))
+
+    def _offer_deeds(self, name: str) -> None:
+        for what in (deeds.COUPLE, deeds.UNCOUPLE) if self._kinds[name]["tows"] else ():
+            self._offer(f"{name}/{what}", partial(self._handle, name, what))
+
+    def _offer_control(self) -> None:
+        """Services as simulation_interfaces names them. A Trigger has no argument: the state is in the name, the steps are a parameter."""
+        self._offer("get_simulation_state", partial(self._control, "simulation_state", lambda: None))
+        self._offer("step_simulation", partial(self._control, "step_simulation", self._steps))
+        for state in ("playing", "paused", "quitting"):
+            wish = {"run": self.run, "state": state}
+            self._offer(f"set_simulation_state/{state}", partial(self._control, "set_simulation_state", wish.copy))
+
+    def _offer(self, service: str, callback: Callable[..., Any]) -> None:
+        """Offer a service. One that is waiting holds up neither velocities nor other services."""
+        self.node.create_service(Trigger, service, callback, callback_group=self._services)
+
+    def _steps(self) -> dict[str, Any]:
+        return {"run": self.run, "steps": self.node.get_parameter("steps").value}
+
+    # -- from the Orchard to ROS
+
+    def listen(self) -> None:
+        """Publish what arrives until the run is over. Then `ended` is done, with the error if there is one."""
+        try:
+            for heard in self.client.arrivals():
+                self._hear(heard)
+                if why := self._why_over(heard):
+                    self.ended.set_result(why)
+                    return
+        except Exception as error:
+            self.ended.set_exception(error)
+
+    def _hear(self, heard: Heard) -> None:
+        match heard:
+            case Heard(("alive", *_), {"up": up}):
+                self._note_physics(up)
+            case Heard(_, {"run": run}) if run != self.run:
+                pass
+            case Heard((name, "pose"), message):
+                self._hear_pose(name, message)
+            case Heard((name, "scan"), message) if name in self._names:
+                self._publish(topics.SCAN, wire.scan_of(name, message), name)
+            case Heard((name, "velocity"), message):
+                self._publish(topics.CMD_VEL_AGENT, wire.velocity_of(name, message), name)
+            case Heard(("clock",), message):
+                self._hear_clock(message["tick"])
+            case Heard(("events",), message):
+                self._hear_events(message["events"])
+            case Heard(("end",), message):
+                self._over, self._over_since = message["why"], monotonic()
+
+    def _hear_pose(self, name: str, pose: deeds.Pose) -> None:
+        self._poses[name] = pose
+        if name in self._names:
+            self._publish(topics.ODOM, wire.odometry_of(name, pose), name)
+        if name in self._handling:
+            self._go_on(*self._handling[name], pose)
+
+    def _hear_clock(self, tick: int) -> None:
+        """The clock comes after all poses and scans of its tick."""
+        self.tick = tick
+        self._publish(topics.CLOCK, messages.clock(tick))
+        if self._has_tf:
+            states = {name: wire.state_of(self._poses[name]) for name in self._names if name in self._poses}
+            self._publish(topics.TF, messages.transforms(tick, states))
+
+    def _hear_events(self, events: list[dict[str, Any]]) -> None:
+        for event in events:
+            if event["what"] == "deed refused" and event["who"] in self._handling:
+                self._finish(event["who"], f"{event['who']}: {event['detail']}")
+
+    def _publish(self, topic: Topic, message: Message, robot: str = "") -> None:
+        name = topic.of(robot)
+        if name not in self._out:
+            self._out[name] = self.node.create_publisher(type_of(topic.type), name, profile(topic.qos))
+        self._out[name].publish(messages.build(message, type_of))
+
+    # -- the end
+
+    def _note_physics(self, up: bool) -> None:
+        if up != self._is_up:
+            self.log.info("physics is back" if up else "physics has left")
+        self._is_up = up
+
+    def _why_over(self, heard: Heard) -> str:
+        """Why the run is over; '' while it is not. An `end` counts only with the token of physics, which only physics can take away."""
+        if heard.key == ("clock",) and heard.message.get("run", self.run) != self.run:
+            return "another run is under way"
+        is_recent = self._over and monotonic() - self._over_since < GOES_SECONDS
+        return f"the run is over: {self._over}" if is_recent and not self._is_up else ""
+
+    # -- from ROS to the Orchard
+
+    def _order(self, name: str, message: Any) -> None:
+        """A velocity from ROS. It counts for 0.5 s at most: then a driven robot stands, and an advised one does what its agent wants."""
+        twist = message.twist if self._is_stamped else message
+        forward, turn = float(twist.linear.x), float(twist.angular.z)
+        if not (isfinite(forward) and isfinite(turn)):
+            self.log.warning(f"{name}: cmd_vel is not finite: ignored", throttle_duration_sec=5.0)
+        elif name in self._advised:
+            self.client.put(f"{name}/advice", self._velocity(forward, turn))
+        elif name not in self._handling:
+            self.client.put(f"{name}/velocity", self._velocity(forward, turn))
+
+    def _velocity(self, forward: float, turn: float) -> dict[str, Any]:
+        return {"run": self.run, "tick": self.tick, "linear": {"x": forward}, "angular": {"z": turn}}
+
+    def _stand(self, name: str, wanted: list[dict[str, str]]) -> None:
+        self.client.put(f"{name}/velocity", self._velocity(0.0, 0.0) | {"report": {"deeds": wanted}})
+
+    def _control(self, key: str, wish: Callable[[], dict[str, Any] | None], _: Trigger.Request, response: Trigger.Response) -> Any:
+        try:
+            state = self.client.ask(key, wish())
+            response.success, response.message = True, f"{state['state']}, tick {state['tick']}"
+        except Refused as why:
+            response.message = str(why)
+        return response
+
+    async def _handle(self, robot: str, what: str, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Couple or uncouple: answer when physics has done it, has refused it, or has had its time."""
+        target = deeds.bin_behind(robot, self._kinds[robot]["tows"], self._poses) if robot in self._poses and what == deeds.COUPLE else ""
+        if robot not in self._poses or robot in self._handling or (what == deeds.COUPLE and not target):
+            response.message = f"{robot}: busy with a service call, or its pose or a bin is not known yet"
+            return response
+        future: Future = Future(executor=self.node.executor)
+        self._handling[robot] = deeds.Handling(robot, what, target, self.tick), future
+        why_not = await future
+        response.success, response.message = not why_not, why_not or f"{robot}: {what}d {target}".strip()
+        return response
+
+    def _go_on(self, handling: deeds.Handling, _: Future, pose: deeds.Pose) -> None:
+        if (outcome := handling.outcome(pose)) is None:
+            self._stand(handling.robot, handling.deeds(pose))
+        else:
+            self._finish(handling.robot, outcome)
+
+    def _finish(self, robot: str, why_not: str) -> None:
+        """End a couple or uncouple. `why_not`: '' if it is done."""
+        _, future = self._handling.pop(robot)
+        future.set_result(why_not)
+        self.node.executor.wake()  # a coroutine that awaits a future does not wake it

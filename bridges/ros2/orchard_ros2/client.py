@@ -1,0 +1,107 @@
+"""A client of the Orchard: Zenoh and msgpack, as keyspace.md describes. What arrives waits in one queue, in the order in which it came."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from queue import Queue
+from typing import Any, NamedTuple
+
+import msgpack
+import zenoh
+from zenoh.handlers import Callback
+
+CONNECT_MS = 2000  # how long it tries to connect
+LEASE_MS = 2000  # a neighbour that is silent for this long counts as gone
+ASK_SECONDS = 5.0  # how long a query waits for its reply
+TIMED_OUT = "Timeout"  # zenoh's error for a query without a reply in time
+WAITING = 1000  # messages; a run in lockstep waits for a client that is slower than it
+
+
+class Refused(Exception):
+    """The run is not there, or refuses a query. The text says why."""
+
+
+class Heard(NamedTuple):
+    """What has arrived: the parts of its key after the prefix, and its message. For a liveliness token the message is `{"up": bool}`."""
+
+    key: tuple[str, ...]
+    message: dict[str, Any]
+
+
+class Client:
+    """A session in the runs below a prefix."""
+
+    def __init__(self, session: "zenoh.Session", prefix: str) -> None:
+        self._session, self._prefix, self._declared = session, prefix, []  # type: ignore[var-annotated]
+        self._queue: Queue[tuple[str, bytes | bool]] = Queue(WAITING)
+
+    def hear(self, key: str) -> None:
+        """Subscribe to a key, in which * stands for any part, such as */pose."""
+        self._declared.append(self._session.declare_subscriber(f"{self._prefix}/{key}", Callback(self._arrived, indirect=False)))
+
+    def watch(self, key: str) -> None:
+        """Subscribe to a liveliness token."""
+        liveliness = self._session.liveliness()
+        self._declared.append(liveliness.declare_subscriber(f"{self._prefix}/{key}", Callback(self._changed, indirect=False), history=True))
+
+    def _arrived(self, sample: "zenoh.Sample") -> None:
+        self._queue.put((str(sample.key_expr), sample.payload.to_bytes()))
+
+    def _changed(self, sample: "zenoh.Sample") -> None:
+        self._queue.put((str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
+
+    def arrivals(self) -> Iterator[Heard]:
+        """Yield what arrives, without end. What is not msgpack is passed over."""
+        while True:
+            key, payload = self._queue.get()
+            message = {"up": payload} if isinstance(payload, bool) else unpacked(payload)
+            if isinstance(message, dict):
+                yield Heard(tuple(key.removeprefix(f"{self._prefix}/").split("/")), message)
+
+    def put(self, key: str, message: dict[str, Any]) -> None:
+        """Publish a message that must not be lost."""
+        payload = msgpack.packb(message)
+        self._session.put(f"{self._prefix}/{key}", payload, congestion_control=zenoh.CongestionControl.BLOCK)
+
+    def ask(self, key: str, message: dict[str, Any] | None = None) -> dict[str, Any]:
+        """Return the reply to a query. Raises Refused."""
+        payload = None if message is None else msgpack.packb(message)
+        replies = self._session.get(f"{self._prefix}/{key}", payload=payload, timeout=ASK_SECONDS, target=zenoh.QueryTarget.ALL)
+        reply = next(iter(replies), None)
+        if reply is None:
+            raise Refused(f"{self._prefix}/{key}: no reply: is the run under way?")
+        if reply.ok is not None:
+            return dict(unpacked(reply.ok.payload.to_bytes()))
+        why = reply.err.payload.to_string() if reply.err is not None else ""
+        raise Refused(f"{self._prefix}/{key}: no reply within {ASK_SECONDS:g} s" if why == TIMED_OUT else why)
+
+
+def unpacked(payload: bytes) -> Any:
+    """Return what is in a payload; nil if it is not msgpack."""
+    try:
+        return msgpack.unpackb(payload)
+    except ValueError:
+        return None
+
+
+@contextmanager
+def connected(endpoint: str, prefix: str) -> Iterator[Client]:
+    """Open a session with the physics process or the router that listens at an endpoint.
+
+    Raises Refused if none does (yet), ValueError if that is no endpoint.
+    """
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("connect/timeout_ms", str(CONNECT_MS))
+    config.insert_json5("transport/link/tx/lease", str(LEASE_MS))
+    try:
+        config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    except zenoh.ZError:
+        raise ValueError(f"endpoint {endpoint!r}: must be as tcp/127.0.0.1:7447") from None
+    try:
+        session = zenoh.open(config)
+    except zenoh.ZError:
+        raise Refused(f"nothing answers at {endpoint}") from None
+    with session:
+        yield Client(session, prefix)

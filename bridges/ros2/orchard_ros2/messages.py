@@ -1,0 +1,162 @@
+"""ROS 2 messages as plain data, from what the Orchard sends. No ROS is needed: a bridge builds rclpy's messages from them, a bag others.
+
+A state of a body is seven numbers, as in the Orchard's `seen`: x, y (m, in `map`); z, w of the quaternion; the velocity of the last step
+in the body's own frame: forward and to the left (m/s), turn (rad/s, counter-clockwise).
+"""
+
+from array import array
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from orchard_ros2 import topics
+
+TICKS_PER_SECOND = 10
+TICK_NANOSECONDS = 10**9 // TICKS_PER_SECOND
+
+EXACT = 1e-6  # m^2, rad^2: the simulator knows each pose, but filters such as robot_localization's want a variance above 0
+
+
+class Message(NamedTuple):
+    """A message: `type` is its name, as `nav_msgs/msg/Odometry`. A field is a number, a text, a `Message`, a list of them, or an array."""
+
+    type: str
+    fields: dict[str, Any]
+
+
+def build(message: Message, type_of: Callable[[str], Any], array_of: Callable[["array[Any]"], Any] = lambda numbers: numbers) -> Any:
+    """Return the message as an object. `type_of`: a type's name -> its class; `array_of` converts an array of numbers for that class."""
+
+    def built(value: Any) -> Any:
+        if isinstance(value, Message):
+            return type_of(value.type)(**{name: built(field) for name, field in value.fields.items()})
+        if isinstance(value, array):
+            return array_of(value)
+        return [built(item) for item in value] if isinstance(value, list) else value
+
+    return built(message)
+
+
+# what is inside others
+
+
+def stamp(tick: int) -> Message:
+    """Return the simulated time of a tick."""
+    second, ticks = divmod(tick, TICKS_PER_SECOND)
+    return Message("builtin_interfaces/msg/Time", {"sec": second, "nanosec": ticks * TICK_NANOSECONDS})
+
+
+def header(tick: int, frame: str) -> Message:
+    return Message("std_msgs/msg/Header", {"stamp": stamp(tick), "frame_id": frame})
+
+
+def vector(x: float, y: float, z: float) -> Message:
+    return Message("geometry_msgs/msg/Vector3", {"x": x, "y": y, "z": z})
+
+
+def quaternion(z: float, w: float) -> Message:
+    """Return a turn about the upward axis: z = sin(yaw / 2), w = cos(yaw / 2)."""
+    return Message("geometry_msgs/msg/Quaternion", {"x": 0.0, "y": 0.0, "z": z, "w": w})
+
+
+def pose(x: float, y: float, z: float = 0.0, w: float = 1.0) -> Message:
+    position = Message("geometry_msgs/msg/Point", {"x": x, "y": y, "z": 0.0})
+    return Message("geometry_msgs/msg/Pose", {"position": position, "orientation": quaternion(z, w)})
+
+
+def twist(forward: float, left: float, turn: float) -> Message:
+    return Message("geometry_msgs/msg/Twist", {"linear": vector(forward, left, 0.0), "angular": vector(0.0, 0.0, turn)})
+
+
+def covariance(variance: float) -> "array[float]":
+    """Return the covariance, 6 x 6, of six independent numbers of the same variance."""
+    return array("d", [variance if i % 7 == 0 else 0.0 for i in range(36)])
+
+
+# what is published
+
+
+def clock(tick: int) -> Message:
+    return Message("rosgraph_msgs/msg/Clock", {"clock": stamp(tick)})
+
+
+def odometry(robot: str, tick: int, state: Sequence[float], variance: float = EXACT) -> Message:
+    """Return the pose and the velocity of a robot at a tick."""
+    x, y, z, w, forward, left, turn = state
+    of_pose = {"pose": pose(x, y, z, w), "covariance": covariance(variance)}
+    of_twist = {"twist": twist(forward, left, turn), "covariance": covariance(variance)}
+    fields = {
+        "header": header(tick, topics.odom(robot)),
+        "child_frame_id": topics.base_link(robot),
+        "pose": Message("geometry_msgs/msg/PoseWithCovariance", of_pose),
+        "twist": Message("geometry_msgs/msg/TwistWithCovariance", of_twist),
+    }
+    return Message("nav_msgs/msg/Odometry", fields)
+
+
+def velocity(robot: str, tick: int, forward: float, turn: float, left: float = 0.0) -> Message:
+    """Return the velocity that a robot wants, in its own frame: m/s and rad/s."""
+    return Message("geometry_msgs/msg/TwistStamped", {"header": header(tick, topics.base_link(robot)), "twist": twist(forward, left, turn)})
+
+
+def scan(
+    robot: str, tick: int, ranges: "array[float]", angle_min: float, angle_increment: float, range_min: float, range_max: float
+) -> Message:
+    """Return what a laser measures at a tick. `ranges`: array("f"), m; +inf for a beam without a return (REP-117). Angles: rad."""
+    fields = {
+        "header": header(tick, topics.laser(robot)),
+        "angle_min": angle_min,
+        "angle_max": angle_min + (len(ranges) - 1) * angle_increment,
+        "angle_increment": angle_increment,
+        "time_increment": 0.0,  # all beams are measured at once
+        "scan_time": 1.0 / TICKS_PER_SECOND,
+        "range_min": range_min,
+        "range_max": range_max,
+        "ranges": ranges,
+        "intensities": array("f"),
+    }
+    return Message("sensor_msgs/msg/LaserScan", fields)
+
+
+def transform(tick: int, parent: str, child: str, place: Sequence[float], turned: Sequence[float] = (0.0, 1.0)) -> Message:
+    """Return where the frame `child` is in the frame `parent`. `place`: x, y, z, m; `turned`: z and w of the quaternion."""
+    fields = {
+        "header": header(tick, parent),
+        "child_frame_id": child,
+        "transform": Message("geometry_msgs/msg/Transform", {"translation": vector(*place), "rotation": quaternion(*turned)}),
+    }
+    return Message("geometry_msgs/msg/TransformStamped", fields)
+
+
+def transforms(tick: int, states: Mapping[str, Sequence[float]]) -> Message:
+    """Return for /tf where the bodies are at a tick. `states`: name -> state."""
+    moved = [transform(tick, topics.odom(name), topics.base_link(name), (*state[:2], 0.0), state[2:4]) for name, state in states.items()]
+    return Message("tf2_msgs/msg/TFMessage", {"transforms": moved})
+
+
+def static_transforms(lasers: Iterable[tuple[str, float]]) -> Message:
+    """Return for /tf_static what never moves. `lasers`: each body's name, and how far its laser is ahead of its centre, m."""
+    fixed = []
+    for name, ahead in lasers:
+        fixed.append(transform(0, topics.MAP, topics.odom(name), (0.0, 0.0, 0.0)))
+        fixed.append(transform(0, topics.base_link(name), topics.laser(name), (ahead, 0.0, topics.LASER_HEIGHT)))
+    return Message("tf2_msgs/msg/TFMessage", {"transforms": fixed})
+
+
+def occupancy(cells: "array[int]", width: int, resolution: float, x: float, y: float) -> Message:
+    """Return a map. `cells`: array("b"), 0 free, 100 occupied, by rows from the south-west; `width`: cells in a row; `resolution`: m.
+
+    `x`, `y`: the south-west corner in `map`, m.
+    """
+    info = {
+        "map_load_time": stamp(0),
+        "resolution": resolution,
+        "width": width,
+        "height": len(cells) // width,
+        "origin": pose(x, y),
+    }
+    fields = {"header": header(0, topics.MAP), "info": Message("nav_msgs/msg/MapMetaData", info), "data": cells}
+    return Message("nav_msgs/msg/OccupancyGrid", fields)
+
+
+def text(words: str) -> Message:
+    return Message("std_msgs/msg/String", {"data": words})

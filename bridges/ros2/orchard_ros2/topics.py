@@ -1,0 +1,63 @@
+"""Topics and frames: their names, types and qualities of service, in one place. Frames are those of REP-105.
+
+    map -> NAME/odom -> NAME/base_link -> NAME/laser
+
+The pose that the Orchard sends is in `map`, so NAME/odom lies on `map`.
+"""
+
+from dataclasses import dataclass
+
+MAP = "map"
+LASER_HEIGHT = 0.2  # m above the ground: the scan plane (docs/reference.md)
+
+
+@dataclass(frozen=True)
+class QoS:
+    """A quality of service. The last `depth` messages are kept; a `latched` topic (transient local) gives them to who comes later."""
+
+    depth: int
+    reliable: bool = True
+    latched: bool = False
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic: its name, in which {robot} stands for the name of a robot; the type of its messages; its quality of service."""
+
+    name: str
+    type: str
+    qos: QoS
+
+    def of(self, robot: str = "") -> str:
+        """Return the name of the topic for a robot."""
+        return self.name.format(robot=robot)
+
+
+SENSOR_DATA = QoS(5, reliable=False)  # as rmw_qos_profile_sensor_data
+LATCHED = QoS(1, latched=True)
+
+ODOM = Topic("{robot}/odom", "nav_msgs/msg/Odometry", QoS(10))
+SCAN = Topic("{robot}/scan", "sensor_msgs/msg/LaserScan", SENSOR_DATA)
+CMD_VEL = Topic("{robot}/cmd_vel", "geometry_msgs/msg/TwistStamped", QoS(1))
+CMD_VEL_UNSTAMPED = Topic("{robot}/cmd_vel", "geometry_msgs/msg/Twist", QoS(1))
+CMD_VEL_AGENT = Topic("{robot}/cmd_vel_agent", "geometry_msgs/msg/TwistStamped", QoS(1))  # what the agent of an advised robot wants
+ROBOT_DESCRIPTION = Topic("{robot}/robot_description", "std_msgs/msg/String", LATCHED)
+GRID = Topic("map", "nav_msgs/msg/OccupancyGrid", LATCHED)
+CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", QoS(1))  # reliable: that suits subscribers of both kinds
+TF = Topic("/tf", "tf2_msgs/msg/TFMessage", QoS(100))
+TF_STATIC = Topic("/tf_static", "tf2_msgs/msg/TFMessage", LATCHED)
+
+
+def odom(robot: str) -> str:
+    """Return the frame in which a robot's odometry is."""
+    return f"{robot}/odom"
+
+
+def base_link(robot: str) -> str:
+    """Return the frame of a robot's body: its centre, on the ground, x forward, y to the left."""
+    return f"{robot}/base_link"
+
+
+def laser(robot: str) -> str:
+    """Return the frame of a robot's laser."""
+    return f"{robot}/laser"

@@ -1,0 +1,100 @@
+"""An orchard, a bridge, and a user of ROS 2: three processes, on loopback only. The user is this one."""
+
+import os
+import shlex
+import socket
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+os.environ |= {"ROS_DOMAIN_ID": str(1 + os.getpid() % 100), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+
+FOLDER = Path(__file__).parents[1]
+BEGIN_SECONDS = 150.0  # the first start of an orchard on a machine compiles
+
+
+def free_port():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        return taken.getsockname()[1]
+
+
+@contextmanager
+def started(words, log, **options):
+    """A process that is ended by its id at the end."""
+    with open(log, "wb") as output, subprocess.Popen(words, stdout=output, stderr=subprocess.STDOUT, **options) as process:
+        try:
+            yield process
+        finally:
+            process.terminate()
+            try:
+                process.wait(20)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+class User:
+    """A node of ROS 2 with what it has heard. Every wait has a limit."""
+
+    def __init__(self, node, bridge):
+        self.bridge = bridge
+        self.node, self.executor, self.heard = node, SingleThreadedExecutor(), {}
+        self.executor.add_node(node)
+
+    def hear(self, topic, kind, qos):
+        """Keep each message of a topic."""
+        self.heard[topic] = []
+        self.node.create_subscription(kind, topic, self.heard[topic].append, qos)
+        return self.heard[topic]
+
+    def until(self, condition, seconds=20.0, needs_bridge=True):
+        """Spin until a condition is true."""
+        end = time.monotonic() + seconds
+        while not (found := condition()):
+            assert time.monotonic() < end, f"not within {seconds} s"
+            assert self.bridge.poll() is None or not needs_bridge, "the bridge has ended"
+            self.executor.spin_once(timeout_sec=0.02)
+        return found
+
+    def call(self, service, kind, seconds=20.0):
+        """Call a service that takes no argument."""
+        client = self.node.create_client(kind, service)
+        self.until(client.service_is_ready, seconds)
+        future = client.call_async(kind.Request())
+        self.until(future.done, seconds)
+        return future.result()
+
+
+class Scene:
+    """An orchard, with a bridge to it, and a user."""
+
+    def __init__(self, folder, orchard, bridge, user):
+        self.folder, self.orchard, self.bridge, self.user = folder, orchard, bridge, user
+
+
+@contextmanager
+def scene(folder, orchard_words, bridge_words):
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    words = [*shlex.split(os.environ["ORCHARD"]), *orchard_words, "--listen", endpoint, "--record", "none"]
+    bridge = [sys.executable, "-m", "orchard_ros2", "--ros-args", "-p", f"endpoint:={endpoint}", *bridge_words]
+    with (
+        started(words, folder / "orchard.log", cwd=folder, env=os.environ | {"ORCHARD_RUNS": str(folder / "runs")}) as orchard,
+        started(bridge, folder / "bridge.log", cwd=FOLDER) as bridging,
+    ):
+        rclpy.init()
+        try:
+            yield Scene(folder, orchard, bridging, User(rclpy.create_node("user"), bridging))
+        finally:
+            rclpy.shutdown()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def has_orchard():
+    if "ORCHARD" not in os.environ:
+        pytest.exit("ORCHARD: the command of the Orchard; ORCHARD_PYTHON: its Python. `make ecosystem` sets both", 2)

@@ -1,0 +1,46 @@
+"""A run is paused and stepped from ROS."""
+
+import pytest
+from conftest import BEGIN_SECONDS, scene
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    with scene(tmp_path_factory.mktemp("control"), ["--rows", "3", "--mode", "realtime"], []) as made:
+        made.clock = made.user.hear("clock", Clock, 10)
+        made.user.until(lambda: made.clock, BEGIN_SECONDS)
+        yield made
+
+
+def told(run, service):
+    answer = run.user.call(service, Trigger)
+    assert answer.success, answer.message
+    state, _, tick = answer.message.partition(", tick ")
+    return state, int(tick)
+
+
+def ticks(run):
+    return [stamp.clock.sec * 10 + stamp.clock.nanosec // 10**8 for stamp in run.clock]
+
+
+def test_a_paused_run_is_stepped_and_goes_on(run):
+    state, at = told(run, "set_simulation_state/paused")
+    assert state == "paused"
+    assert told(run, "step_simulation") == ("paused", at + 1)
+    assert told(run, "get_simulation_state") == ("paused", at + 1)
+    run.user.until(lambda: ticks(run)[-1] == at + 1)
+    assert told(run, "set_simulation_state/playing")[0] == "playing"
+    run.user.until(lambda: ticks(run)[-1] > at + 5)
+
+
+def test_a_run_that_plays_is_not_stepped(run):
+    refused = run.user.call("step_simulation", Trigger)
+    assert not refused.success and "pause" in refused.message
+
+
+def test_quitting_ends_the_run_and_the_bridge(run):
+    assert told(run, "set_simulation_state/quitting")[0] == "quitting"
+    assert run.bridge.wait(30) == 0
+    assert "the run is over: stopped" in (run.folder / "bridge.log").read_text()

@@ -1,0 +1,85 @@
+"""A bag of a run, read by the readers of others: Foxglove's for ROS 2 messages in MCAP files, and rosbags. Both must find the same."""
+
+import os
+import shlex
+import subprocess
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+
+ORCHARD = shlex.split(os.environ.get("ORCHARD", "orchard"))
+SECONDS = 300
+ROBOTS = ("carrier_01", "picker_01", "picker_02", "tractor_01")
+TICKS = 300
+
+
+def orchard(*words: object) -> str:
+    done = subprocess.run([*ORCHARD, *map(str, words)], capture_output=True, text=True, timeout=SECONDS)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bag")
+    orchard("--rows", 3, "--carriers", 1, "--duration", TICKS / 10, "--record", folder / "run.rrd")
+    orchard("export", folder / "run.rrd", "--mcap", folder / "run.mcap", "--with-scans")
+    return folder / "run.mcap"
+
+
+def read_by_foxglove(bag: Path) -> dict[str, list]:
+    """Topic -> [(nanoseconds, message)]."""
+    found: dict[str, list] = {}
+    with bag.open("rb") as file:
+        for _, channel, message, decoded in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            found.setdefault(channel.topic, []).append((message.log_time, decoded))
+    return found
+
+
+def read_by_rosbags(bag: Path) -> dict[str, list]:
+    """Topic -> [(nanoseconds, message)]."""
+    found: dict[str, list] = {}
+    with AnyReader([bag]) as reader:
+        for connection, stamp, data in reader.messages():
+            found.setdefault(connection.topic, []).append((stamp, reader.deserialize(data, connection.msgtype)))
+    return found
+
+
+def numbers(message: object) -> tuple:
+    """All that is in an odometry."""
+    pose, twist = message.pose.pose, message.twist.twist
+    place = (pose.position.x, pose.position.y, pose.orientation.z, pose.orientation.w)
+    return (*place, twist.linear.x, twist.linear.y, twist.angular.z, message.header.frame_id, message.child_frame_id)
+
+
+def test_both_readers_find_the_same(bag: Path) -> None:
+    foxglove, rosbags = read_by_foxglove(bag), read_by_rosbags(bag)
+    assert {topic: len(found) for topic, found in foxglove.items()} == {topic: len(found) for topic, found in rosbags.items()}
+    for name in ROBOTS:
+        one, other = foxglove[f"/{name}/odom"], rosbags[f"/{name}/odom"]
+        assert [(time, numbers(message)) for time, message in one] == [(time, numbers(message)) for time, message in other]
+
+
+def test_a_robot_is_where_its_velocities_lead_it(bag: Path) -> None:
+    """From the message alone, as a stranger reads it: the pose moves by the velocity in the message, in its own frame."""
+    found = read_by_foxglove(bag)
+    assert [time for time, _ in found["/clock"]] == [tick * 10**8 for tick in range(TICKS + 1)]
+    for name in ROBOTS:
+        poses = [(message.pose.pose, message.twist.twist) for _, message in found[f"/{name}/odom"]]
+        assert len(poses) == TICKS + 1
+        for (before, _), (after, twist) in pairwise(poses):
+            step = ((after.position.x - before.position.x) ** 2 + (after.position.y - before.position.y) ** 2) ** 0.5
+            assert step == pytest.approx(abs(twist.linear.x) * 0.1, abs=1e-3)
+        assert len(found[f"/{name}/cmd_vel"]) == TICKS
+        assert len(found[f"/{name}/scan"]) == TICKS // 5
+    assert any(message.twist.linear.x > 0.0 for _, message in found["/picker_01/cmd_vel"])
+
+
+def test_a_bag_is_compressed(bag: Path) -> None:
+    with bag.open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    assert {chunk.compression for chunk in chunks} == {"zstd"}

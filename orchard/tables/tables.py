@@ -1,0 +1,198 @@
+"""Writes the tables of a run into a folder while it runs, and finishes them at its end."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from orchard.contract.agent import AHEAD, IN_TURN, Action, state_of
+from orchard.contract.events import STOPPED, Event
+from orchard.contract.messages import Written, type_of
+from orchard.field.kinds import kind_of
+from orchard.field.layout import Layout
+from orchard.field.problems import printable
+from orchard.sim.engine import Engine
+from orchard.sim.obstacles import with_names
+from orchard.sim.world import World
+from orchard.tables.columns import BODIES, EVENTS, MESSAGES, TEXT
+from orchard.tables.exchanges import CALLING, Call, Exchange, calls, exchanges
+from orchard.tables.folder import AT_THE_END, GROWING, metadata_of, path_of
+from orchard.tables.parts import MOST_ROWS, GrowingTable, write_table
+
+SILENT = ("resting", "", "")  # of a body whose agent says nothing
+OF_A_CALL = [*CALLING, "come", "yes"]
+
+log = logging.getLogger("orchard")
+
+
+class Words:
+    """Texts as numbers: 0 is no text."""
+
+    def __init__(self) -> None:
+        self._texts = [""]
+        self._numbers = {"": 0}
+
+    def number(self, text: str) -> int:
+        if text not in self._numbers:
+            self._numbers[text] = len(self._texts)
+            self._texts.append(printable(text))
+        return self._numbers[text]
+
+    def column(self, numbers: np.ndarray) -> pa.Array:
+        """Return the texts of these numbers; null for no text."""
+        used = np.flatnonzero(np.bincount(numbers))
+        places = np.zeros(used[-1] + 1, dtype=np.int32)
+        places[used] = np.arange(len(used))
+        texts = pa.array([self._texts[number] or None for number in used.tolist()], TEXT)
+        return texts.take(pa.array(places[numbers]))
+
+
+class BodyRows:
+    """Collects the rows of all bodies, a tick at a time."""
+
+    def __init__(self, layout: Layout) -> None:
+        n = len(layout.names)
+        self._index, self._names = layout.index, pa.array([*layout.names, None], TEXT)  # index -1: none
+        self._is_bin = np.array([kind_of(name) == "bin" for name in layout.names], dtype=bool)
+        self._words = Words()
+        self._last = dict.fromkeys(layout.names, SILENT)  # state, doing and waits_for of each body
+        self._said = np.tile(self._numbers(SILENT), (n, 1))  # the same as numbers; never changed in place, because rows share it
+        self._stopped = self._numbers(("stopped", STOPPED, ""))
+        self._ticks: list[int] = []
+        self._kept: list[tuple[np.ndarray, ...]] = []
+
+    def __len__(self) -> int:
+        return len(self._ticks) * len(self._said)
+
+    def keep(self, engine: Engine) -> None:
+        """Keep a row of each body, after a step."""
+        world, said = engine.world, self._hear(engine.world, engine.answers)
+        if np.count_nonzero(world.stopped):
+            said = np.where(world.stopped[:, None], self._stopped, said)
+        self._ticks.append(world.tick)
+        wanted = engine.lookahead.wanted
+        self._kept.append((world.pose.copy(), world.twist.copy(), wanted.copy(), world.coupled.copy(), world.fill.copy(), said))
+
+    def _hear(self, world: World, answers: Mapping[str, Action | None]) -> np.ndarray:
+        """Return the numbers of what each body does after these answers."""
+        news = {}
+        for name, action in answers.items():
+            if name in self._last and (now := _words_of(world, name, action)) != self._last[name]:
+                news[name] = now
+        if news:
+            self._last |= news
+            self._said = self._said.copy()
+            for name, now in news.items():
+                self._said[self._index[name]] = self._numbers(now)
+        return self._said
+
+    def _numbers(self, texts: tuple[str, str, str]) -> np.ndarray:
+        return np.array([self._words.number(text) for text in texts], dtype=np.int32)
+
+    def take(self) -> pa.Table:
+        """Return the rows since the last call."""
+        if not self._ticks:
+            return BODIES.empty_table()
+        ticks, (poses, twists, wanted, coupled, fills, said) = self._ticks, map(np.array, zip(*self._kept, strict=True))
+        self._ticks, self._kept, n = [], [], len(self._said)
+        numbers = [part[:, :, i].ravel() for part in (poses, twists, wanted) for i in range(3)]
+        fill = pa.array(fills.ravel(), mask=~np.tile(self._is_bin, len(ticks)))
+        bodies, others = np.tile(np.arange(n), len(ticks)), np.where(coupled >= 0, coupled, n).ravel()
+        words = [self._words.column(said[:, :, i].ravel()) for i in range(3)]
+        columns = [np.repeat(np.array(ticks, dtype=np.int32), n), self._names.take(pa.array(bodies)), *numbers]
+        return pa.table([*columns, self._names.take(pa.array(others)), fill, *words], BODIES)
+
+
+def _words_of(world: World, name: str, action: Action | None) -> tuple[str, str, str]:
+    """What a body does: its state, the same in words, and what it waits for, obstacles by name."""
+    if action is None:
+        return SILENT
+    waits_for = action.waits_for
+    if waits_for in (AHEAD, IN_TURN):
+        waits_for = with_names(world, name, waits_for)
+    return state_of(action), action.doing, waits_for
+
+
+class Tables:
+    """The tables of one run. Call `update` after each step, `flush` before each snapshot, and `close` at the end.
+
+    If they cannot be written, as on a full disk, that is logged once, and the run goes on.
+    """
+
+    def __init__(self, folder: Path, layout: Layout, tick: int) -> None:
+        """`tick`: at which the run begins or goes on. Rows of later steps are removed: they come again."""
+        self._folder, self._bodies = folder, BodyRows(layout)
+        self._events: list[Event] = []
+        self._messages: list[tuple[int, str, str, str, str]] = []
+        self._metadata = metadata_of(layout.scenario)
+        self._growing: dict[str, GrowingTable] = {}
+        self._try(lambda: self._begin(tick))
+
+    def _begin(self, tick: int) -> None:
+        for name in (*AT_THE_END, "summary"):
+            path_of(self._folder, name).unlink(missing_ok=True)
+        for name, schema in GROWING.items():
+            until = tick + 1 if name == "bodies" else tick  # a body's row is of the step's end, the others are of its begin
+            self._growing[name] = GrowingTable(path_of(self._folder, name), schema.with_metadata(self._metadata), until)
+
+    def update(self, engine: Engine, events: Sequence[Event], letters: Mapping[str, Written]) -> None:
+        """Keep the rows of the step that has just been done, with its events and letters (sender -> what it wrote)."""
+        if not self._growing:
+            return
+        self._bodies.keep(engine)
+        self._events += events
+        for name, written in sorted(letters.items()):  # in lockstep they come in order of arrival
+            sent = [*written.requests, *((given.to, given.body) for given in written.answers)]
+            for to, body in sent:
+                self._messages.append((engine.tick - 1, name, to, type_of(body), msgspec.json.encode(body).decode()))
+        if len(self._bodies) >= MOST_ROWS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write all rows so far to the disk."""
+        self._try(self._flush)
+
+    def _flush(self) -> None:
+        events = [(e.tick, e.what, e.who, e.whom or None, e.detail or None) for e in self._events]
+        rows = {"bodies": self._bodies.take(), "events": _table(events, EVENTS), "messages": _table(self._messages, MESSAGES)}
+        self._events, self._messages = [], []
+        for name, table in self._growing.items():
+            table.add(rows[name].replace_schema_metadata(table.schema.metadata))
+
+    def close(self) -> None:
+        """Write the rest, and finish the tables. The summary is written by `orchard.tables.summary`."""
+        self.flush()
+        self._try(self._finish)
+
+    def _finish(self) -> None:
+        if not self._growing:
+            return
+        for table in self._growing.values():
+            table.finish()
+        events = pq.read_table(path_of(self._folder, "events")).to_pylist()
+        messages = pq.read_table(path_of(self._folder, "messages"), filters=[("type", "in", OF_A_CALL)]).to_pylist()
+        self._write("calls", calls(events, messages))
+        self._write("exchanges", exchanges(events))
+
+    def _write(self, name: str, rows: Sequence[Call] | Sequence[Exchange]) -> None:
+        schema = AT_THE_END[name].with_metadata(self._metadata)
+        table = pa.Table.from_pylist([msgspec.structs.asdict(row) for row in rows], schema)
+        write_table(path_of(self._folder, name), table)
+
+    def _try(self, write: Any) -> None:
+        try:
+            write()
+        except (OSError, pa.ArrowException) as error:
+            why = getattr(error, "strerror", None) or error
+            log.error("the tables in %s cannot be written: %s; the run goes on without them", self._folder, why)
+            self._growing = {}
+
+
+def _table(rows: Sequence[tuple[Any, ...]], schema: pa.Schema) -> pa.Table:
+    columns = list(zip(*rows, strict=True)) or [()] * len(schema)
+    return pa.table([pa.array(column, field.type) for column, field in zip(columns, schema, strict=True)], schema)

@@ -1,0 +1,206 @@
+"""A bag of a recording: the same bits where the recording has them, and in words what it lacks."""
+
+import math
+import sys
+
+import numpy as np
+import pytest
+from alone import SMALL
+from command_line import orchard
+from hypothesis import given
+from hypothesis import strategies as st
+from rosbags.highlevel import AnyReader
+
+from orchard.bags import bag as bags
+from orchard.bags.export import chosen, export
+from orchard.field.kinds import KINDS, LASER_RANGE
+from orchard.field.layout import lay_out
+from orchard.launch.commands import app
+from orchard.launch.export import check_bag, export_bag, lacks
+from orchard.local import Local
+from orchard.sim.frames import FrameBuilder
+from orchard.view.drives import RecordingError, ranges_of, read_drives
+from orchard.view.recorder import SCAN_BEAMS, Recorder, hits
+
+TICKS = 40
+NANOSECONDS = 10**8  # of a tick
+ROBOTS = ["carrier_01", "picker_01", "picker_02"]
+
+
+def record(file, ticks=range(1, TICKS + 1), run="one", known=None):
+    """Record these ticks of a run; return (pose, twist, wanted) of each tick."""
+    local, recorder = Local(SMALL), Recorder(lay_out(SMALL), run, file)
+    frames, was = FrameBuilder(local.engine.world), known if known is not None else {}
+    while local.engine.tick < max(ticks):
+        events = local.tick()
+        world, wanted = local.engine.world, local.engine.lookahead.wanted
+        if world.tick in ticks:
+            recorder.tick(frames.frame(local.engine.scans, local.actions, events, wanted))
+            was[world.tick] = world.pose.copy(), world.twist.copy(), wanted.copy()
+    assert recorder.close()
+    return was
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    file = tmp_path_factory.mktemp("recorded") / "run.rrd"
+    return file, record(file)
+
+
+def read(file):
+    """Return topic -> [(tick, message)]."""
+    found = {}
+    with AnyReader([file]) as reader:
+        for connection, stamp, data in reader.messages():
+            tick, rest = divmod(stamp, NANOSECONDS)
+            assert rest == 0
+            found.setdefault(connection.topic, []).append((tick, reader.deserialize(data, connection.msgtype)))
+    return found
+
+
+@pytest.fixture(scope="module")
+def exported(recorded, tmp_path_factory):
+    file = tmp_path_factory.mktemp("exported") / "run.mcap"
+    assert export_bag(recorded[0], file, [], True) == 0
+    return read(file)
+
+
+def test_the_velocities_in_a_bag_have_the_bits_of_the_run(recorded, exported):
+    index = lay_out(SMALL).index
+    for name in ROBOTS:
+        odometry, commands = dict(exported[f"/{name}/odom"]), dict(exported[f"/{name}/cmd_vel"])
+        assert [*odometry] == [*range(TICKS + 1)] and [*commands] == [*range(TICKS)]
+        for tick, (poses, twists, wanted) in recorded[1].items():
+            twist, told = odometry[tick].twist.twist, commands[tick - 1].twist
+            assert (twist.linear.x, twist.linear.y, twist.angular.z) == tuple(twists[index[name]])
+            assert (told.linear.x, told.linear.y, told.angular.z) == tuple(wanted[index[name]])
+            pose = odometry[tick].pose.pose
+            assert (pose.position.x, pose.position.y) == pytest.approx(poses[index[name], :2], abs=1e-5)
+            assert 2 * math.atan2(pose.orientation.z, pose.orientation.w) == pytest.approx(poses[index[name], 2], abs=1e-6)
+
+
+def test_a_bag_has_the_clock_the_frames_and_what_never_changes(exported):
+    assert [tick for tick, _ in exported["/clock"]] == [*range(TICKS + 1)]
+    for tick, message in exported["/tf"]:
+        assert [one.child_frame_id for one in message.transforms] == [f"{name}/base_link" for name in ROBOTS]
+        assert all(one.header.stamp.sec * 10 + one.header.stamp.nanosec // NANOSECONDS == tick for one in message.transforms)
+    ((_, fixed),) = exported["/tf_static"]
+    assert [one.child_frame_id for one in fixed.transforms] == [f"{name}/{frame}" for name in ROBOTS for frame in ("odom", "laser")]
+    ((_, map_),) = exported["/map"]
+    assert len(map_.data) == map_.info.width * map_.info.height
+    assert {f"/{name}/robot_description" for name in ROBOTS} <= exported.keys()
+
+
+def test_the_scans_in_a_bag_are_those_of_the_recording(exported):
+    scans = exported["/picker_01/scan"]
+    assert [tick for tick, _ in scans] == [*range(5, TICKS + 1, 5)]
+    laser = KINDS["picker"].laser
+    for _, scan in scans:
+        assert len(scan.ranges) == laser.beams // SCAN_BEAMS
+        assert scan.angle_increment == pytest.approx(laser.increment * SCAN_BEAMS) and scan.angle_min == pytest.approx(laser.first)
+        assert np.isfinite(scan.ranges).any() and np.isinf(scan.ranges).any()
+
+
+@given(st.lists(st.one_of(st.just(math.inf), st.floats(2.0, LASER_RANGE - 0.1)), min_size=180, max_size=180))
+def test_ranges_come_back_from_the_points_of_a_recording(ranges):
+    """From 2 m on the beams lie further apart than the grid on which points are recorded."""
+    laser, sweep = KINDS["picker"].laser, np.array(ranges, dtype=np.float32)
+    points, _ = hits(sweep[None], laser, SCAN_BEAMS)
+    found = ranges_of(points[:, :2].astype(float), laser, SCAN_BEAMS)
+    assert (np.isinf(found) == np.isinf(sweep[::SCAN_BEAMS])).all()
+    seen = np.isfinite(found)
+    assert np.abs(found[seen] - sweep[::SCAN_BEAMS][seen]).max(initial=0.0) < 1 / 32
+
+
+def test_the_robots_of_a_bag_are_chosen_by_name_or_kind(recorded):
+    drives = read_drives(recorded[0])
+    assert chosen(drives, []) == ROBOTS
+    assert chosen(drives, ["bin", "worker_01"]) == ["bin_01", "bin_02", "bin_03", "worker_01"]
+    with pytest.raises(ValueError, match="rocket"):
+        chosen(drives, ["rocket"])
+
+
+# -- what goes wrong
+
+
+def test_a_gap_is_told_and_is_a_gap_in_the_bag(tmp_path):
+    was = {}
+    record(tmp_path / "run.rrd", range(1, 11), known=was)
+    local, recorder = Local(SMALL), Recorder(lay_out(SMALL), "one", tmp_path / "run.part2.rrd")
+    frames = FrameBuilder(local.engine.world)
+    while local.engine.tick < 30:
+        events = local.tick()
+        if local.engine.tick == 21:
+            recorder.gap(10, 21, "the logger was away")
+        if local.engine.tick >= 21:
+            recorder.tick(frames.frame(local.engine.scans, local.actions, events, local.engine.lookahead.wanted))
+    recorder.close()
+    drives = read_drives(tmp_path / "run.rrd")
+    assert lacks(drives) == ["nothing recorded from 1.0 s to 2.1 s; the bag lacks that, too"]
+    export(drives, ROBOTS, tmp_path / "run.mcap", lambda ticks, _: ticks)
+    assert [tick for tick, _ in read(tmp_path / "run.mcap")["/picker_01/odom"]] == [*range(11), *range(21, 31)]
+
+
+def test_a_recording_that_a_kill_has_torn_gives_the_bag_of_what_is_left(recorded, tmp_path):
+    whole = recorded[0].read_bytes()
+    (tmp_path / "run.rrd").write_bytes(whole[: len(whole) * 3 // 4])
+    assert export_bag(tmp_path / "run.rrd", tmp_path / "run.mcap", [], False) == 0
+    assert len(read(tmp_path / "run.mcap")["/picker_01/odom"]) > 30
+    (tmp_path / "run.rrd").write_bytes(whole[: len(whole) // 8])
+    with pytest.raises(RecordingError, match=r"run.rrd: it has no|run.rrd: it cannot"):
+        read_drives(tmp_path / "run.rrd")
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [(b"RRF2 and nothing more", "it cannot be read"), (b"no recording", "it cannot be read"), (None, "no such recording")],
+)
+def test_what_is_no_recording_is_told(tmp_path, content, told):
+    if content is not None:
+        (tmp_path / "run.rrd").write_bytes(content)
+    with pytest.raises(RecordingError, match=f"run.rrd: {told}"):
+        read_drives(tmp_path / "run.rrd")
+
+
+def test_files_that_a_bag_must_not_replace_are_told(tmp_path):
+    (tmp_path / "notes.mcap").write_text("notes")
+    with pytest.raises(ValueError, match=r"notes.mcap: this is no bag, and is not replaced; expected another name"):
+        check_bag(tmp_path / "notes.mcap")
+    with pytest.raises(ValueError, match=r"run.bag: expected a name that ends in .mcap, as .*run.mcap"):
+        check_bag(tmp_path / "run.bag")
+    with pytest.raises(OSError, match="nowhere is no directory"):
+        check_bag(tmp_path / "nowhere" / "run.mcap")
+
+
+def test_a_bag_that_ends_with_an_error_leaves_no_file(recorded, tmp_path):
+    def broken(ticks, _):
+        yield next(iter(ticks))
+        raise OSError("disk full")
+
+    with pytest.raises(OSError, match="disk full"):
+        export(read_drives(recorded[0]), ROBOTS, tmp_path / "run.mcap", broken)
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_the_command_writes_a_bag_and_says_what_is_in_it(recorded, tmp_path):
+    done = orchard("export", recorded[0], "--mcap", tmp_path / "run.mcap", "--robots", "picker_01")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "run.mcap: 166 messages of picker_01, 0.0 MB" in done.stdout
+    assert len(read(tmp_path / "run.mcap")["/picker_01/odom"]) == TICKS + 1
+
+
+def test_a_bag_without_the_packages_of_its_extra_is_told(recorded, tmp_path, monkeypatch, capsys):
+    for name in [name for name in sys.modules if name.startswith(("rosbags", "orchard.bags", "orchard.launch.export"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "rosbags", None)
+    with pytest.raises(SystemExit) as end:
+        app(["export", str(recorded[0]), "--mcap", str(tmp_path / "run.mcap")])
+    assert end.value.code == 2
+    assert "pip install 'orchard-sim[ros2-export]'" in capsys.readouterr().err
+
+
+def test_the_quality_of_service_is_in_the_bag(recorded, tmp_path):
+    export(read_drives(recorded[0]), ["picker_01"], tmp_path / "run.mcap", lambda ticks, _: ticks)
+    with AnyReader([tmp_path / "run.mcap"]) as reader:
+        latched = {c.topic for c in reader.connections if c.ext.offered_qos_profiles[0].durability is bags.QosDurability.TRANSIENT_LOCAL}
+    assert latched == {"/map", "/tf_static", "/picker_01/robot_description"}

@@ -1,0 +1,307 @@
+"""The tables of a run: each row is what the run was, and a run that is resumed leaves each row once."""
+
+import os
+
+import msgspec
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import typer
+from alone import HARVEST_TICKS, SMALL
+from command_line import orchard
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from orchard.contract.agent import STATES
+from orchard.contract.messages import Fetch, pack, type_of, unpack
+from orchard.field.scenario import Scenario
+from orchard.launch.terminal import exit_on_errors
+from orchard.local import Local
+from orchard.report.metrics import HarvestFigures
+from orchard.sim.snapshot import Snapshot
+from orchard.sim.stops import STOPPED
+from orchard.tables import parts, tables_of
+from orchard.tables.columns import BODIES, CALLS, EVENTS, EXCHANGES, MESSAGES
+from orchard.tables.exchanges import calls, exchanges
+from orchard.tables.folder import check_folder, last_tick
+from orchard.tables.parts import GrowingTable
+from orchard.tables.summary import as_table, complete
+from orchard.tables.tables import Tables
+
+ALL = {"bodies": BODIES, "events": EVENTS, "messages": MESSAGES, "calls": CALLS, "exchanges": EXCHANGES}
+SHORT = ("--rows", 3, "--mode", "local", "--duration", 1, "--record", "none")
+TICKS = 60
+
+
+def tick(local: Local, tables: Tables) -> None:
+    events = local.tick()
+    tables.update(local.engine, events, local.post.written.get(local.engine.tick - 1, {}))
+
+
+def run(local: Local, folder, ticks: int) -> Tables:
+    """Run until a tick, with tables that are not closed yet."""
+    tables = tables_of(folder, local.engine)
+    while local.engine.tick < ticks:
+        tick(local, tables)
+    return tables
+
+
+def read(folder) -> dict:
+    return {name: pq.read_table(folder / f"{name}.parquet") for name in ALL}
+
+
+def rows_of(folder, name: str, body: str = "") -> list[dict]:
+    rows = pq.read_table(folder / f"{name}.parquet").to_pylist()
+    return [row for row in rows if not body or row["name"] == body]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The tables of a run of some exchanges, its agents' view of it, and its figures."""
+    local, folder = Local(Scenario(rows=3)), tmp_path_factory.mktemp("tables")
+    tables, figures, events, letters = tables_of(folder, local.engine), HarvestFigures(), [], []
+    poses, twists = [], []
+    while local.engine.tick < HARVEST_TICKS:
+        happened = local.tick()
+        written = local.post.written.get(local.engine.tick - 1, {})
+        tables.update(local.engine, happened, written)
+        figures.update(local.engine.world, happened, local.engine.answers)
+        events += happened
+        letters += [type_of(body) for one in written.values() for body in [*(r for _, r in one.requests), *(a.body for a in one.answers)]]
+        poses.append(local.engine.world.pose.copy())
+        twists.append(local.engine.world.twist.copy())
+    tables.close()
+    return folder, local, figures, events, letters, np.array(poses), np.array(twists)
+
+
+def test_each_body_has_a_row_for_each_tick_with_the_same_bits_as_in_the_world(whole):
+    folder, local, _, _, _, poses, twists = whole
+    table, names = pq.read_table(folder / "bodies.parquet"), local.engine.layout.names
+    assert table["tick"].to_pylist() == [t for t in range(1, HARVEST_TICKS + 1) for _ in names]
+    assert table["name"].to_pylist() == [*names] * HARVEST_TICKS
+    for columns, known in ((("x", "y", "yaw"), poses), (("linear_x", "linear_y", "angular_z"), twists)):
+        stored = np.stack([table[column].to_numpy() for column in columns], axis=1).reshape(known.shape)
+        assert stored.tobytes() == known.tobytes()
+
+
+def test_a_body_that_is_not_blocked_drives_as_it_wanted(whole):
+    table = pq.read_table(whole[0] / "bodies.parquet")
+    wanted, done = (np.stack([table[f"{before}{name}"].to_numpy() for name in ("linear_x", "angular_z")]) for before in ("cmd_", ""))
+    moved = (done != 0.0).any(axis=0)
+    assert moved.any() and (wanted != 0.0).any()
+    assert (wanted[:, moved] == done[:, moved]).all()
+
+
+def test_the_states_add_up_to_those_of_the_summary(whole):
+    folder, local, *_ = whole
+    table = pq.read_table(folder / "bodies.parquet", columns=["name", "state"])
+    counts = table.group_by(["name", "state"]).aggregate([([], "count_all")]).to_pylist()
+    counted = {(row["name"], row["state"]): row["count_all"] for row in counts}
+    for name, ticks in local.engine.states.counts.ticks.items():
+        assert [counted.get((name, state), 0) for state in STATES] == ticks
+
+
+def test_the_events_and_the_messages_are_those_of_the_run(whole):
+    folder, _, _, events, letters, *_ = whole
+    told = [(row["tick"], row["what"], row["who"], row["whom"] or "", row["detail"] or "") for row in rows_of(folder, "events")]
+    assert told == [(e.tick, e.what, e.who, e.whom, e.detail) for e in events]
+    messages = rows_of(folder, "messages")
+    assert sorted(row["type"] for row in messages) == sorted(letters)
+    assert [(row["tick"], row["sender"]) for row in messages] == sorted((row["tick"], row["sender"]) for row in messages)
+    fetch = next(row for row in messages if row["type"] == "fetch")
+    assert msgspec.json.decode(fetch["content"], type=Fetch).lane in (1, 2, 3)
+
+
+def test_the_exchanges_waited_as_long_as_the_summary_says(whole):
+    folder, _, figures, *_ = whole
+    found = rows_of(folder, "exchanges")
+    assert [row["waited_seconds"] for row in found if row["supplied"] is not None] == sorted(figures.waits, key=figures.waits.index)
+    first = found[0]
+    assert first["full"] < first["left"] < first["brought"] < first["supplied"] < first["fetched"]
+
+
+def test_each_call_is_followed_from_its_first_message_to_the_carrier(whole):
+    found = [row for row in rows_of(whole[0], "calls") if row["fetched"] is not None]
+    assert found
+    for row in found:
+        assert row["called"] < row["sent"] < row["agreed"] < row["fetched"] and row["asked"] >= 1
+
+
+def test_each_column_has_its_unit_in_the_file(whole):
+    for name, schema in ALL.items():
+        fields = pq.read_schema(whole[0] / f"{name}.parquet")
+        assert [field.metadata for field in fields] == [field.metadata for field in schema]
+        assert all(field.metadata.keys() == {b"unit", b"description"} for field in fields)
+
+
+# -- runs that are resumed
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("undisturbed")
+    run(Local(SMALL), folder, TICKS).close()
+    return read(folder)
+
+
+@pytest.mark.parametrize("most", [50, parts.MOST_ROWS])
+@pytest.mark.parametrize(("kept", "dead", "is_closed"), [(20, 33, False), (0, 9, False), (20, 20, False), (31, 31, True), (20, 45, True)])
+def test_a_run_that_is_resumed_leaves_each_row_once(tmp_path, undisturbed, monkeypatch, most, kept, dead, is_closed):
+    """The snapshot is of the tick `kept`; the rows reach until `dead`, at which the program is killed or the run stopped."""
+    monkeypatch.setattr(parts, "MOST_ROWS", most)
+    local = Local(SMALL)
+    tables = run(local, tmp_path, kept)
+    tables.flush()
+    snapshot = unpack(pack(local.snapshot()), Snapshot)
+    while local.engine.tick < dead:
+        tick(local, tables)
+        if local.engine.tick % 5 == 0:
+            tables.flush()
+    if is_closed:
+        tables.close()
+    run(Local.resume(snapshot), tmp_path, TICKS).close()
+    assert read(tmp_path) == undisturbed
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(f"{name}.parquet" for name in ALL)
+
+
+def test_a_program_that_is_killed_when_it_has_made_one_file_of_the_parts_doubles_no_row(tmp_path, undisturbed, monkeypatch):
+    local = Local(SMALL)
+    tables = run(local, tmp_path, 40)
+    monkeypatch.setattr(parts.shutil, "rmtree", lambda *_, **__: None)  # killed here
+    tables.close()
+    monkeypatch.undo()
+    assert list(tmp_path.glob("*.parts"))
+    run(Local.resume(local.snapshot()), tmp_path, TICKS).close()
+    assert read(tmp_path) == undisturbed
+
+
+@settings(max_examples=25)  # each waits for the disk
+@given(st.lists(st.integers(1, 4), max_size=12), st.integers(0, 12), st.integers(1, 9))
+def test_what_is_removed_from_a_growing_table_is_what_comes_again(tmp_path_factory, steps, until, most):
+    """Steps of some ticks are written one after another; then all from a tick on are written again."""
+    file = tmp_path_factory.mktemp("growing") / "events.parquet"
+    rows = [(t, "collision", f"dog_{t}", None, None) for t in range(sum(steps))]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parts, "MOST_ROWS", most)
+        for begin in (0, until):
+            table, left = GrowingTable(file, EVENTS, begin), [row for row in rows if row[0] >= begin]
+            for step in steps:
+                part, left = left[:step], left[step:]
+                table.add(EVENTS.empty_table().from_pylist([dict(zip(EVENTS.names, row, strict=True)) for row in part], EVENTS))
+        table.finish()
+    assert [row["tick"] for row in pq.read_table(file).to_pylist()] == [row[0] for row in rows]
+
+
+# -- what goes wrong
+
+
+def test_a_folder_with_tables_is_refused_and_kept(tmp_path):
+    assert orchard(*SHORT, "--table", tmp_path / "tables").returncode == 0
+    before = (tmp_path / "tables" / "bodies.parquet").read_bytes()
+    done = orchard(*SHORT, "--table", tmp_path / "tables")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"{tmp_path}/tables: tables of a run are there, and are not replaced; --table DIR names another folder\n"
+    assert (tmp_path / "tables" / "bodies.parquet").read_bytes() == before
+
+
+def test_a_file_in_place_of_the_folder_is_told(tmp_path):
+    (tmp_path / "tables").write_text("")
+    with pytest.raises(OSError, match="tables: tables cannot be written there: File exists; --table DIR names another folder"):
+        check_folder(tmp_path / "tables", SMALL)
+
+
+@pytest.mark.parametrize("fault", [13, 30])
+def test_a_folder_that_can_only_be_read_is_told_in_words(tmp_path, monkeypatch, capsys, fault):
+    def refuse(path, *_, **__):
+        raise OSError(fault, os.strerror(fault), str(path))
+
+    monkeypatch.setattr(type(tmp_path), "touch", refuse)
+    with pytest.raises(typer.Exit) as end, exit_on_errors(OSError):
+        check_folder(tmp_path / "new", SMALL)
+    assert end.value.exit_code == 2
+    why = f"tables cannot be written there: {os.strerror(fault)}; --table DIR names another folder"
+    assert capsys.readouterr().err == f"{tmp_path}/new: {why}\n"
+
+
+def test_tables_of_another_run_or_with_missing_rows_are_refused_when_a_run_is_resumed(tmp_path):
+    run(Local(SMALL), tmp_path, 5).close()
+    check_folder(tmp_path, SMALL, 5)
+    with pytest.raises(ValueError, match="the tables there end at tick 5, and the run goes on at tick 6: rows would be missing"):
+        check_folder(tmp_path, SMALL, 6)
+    with pytest.raises(ValueError, match="the tables there are of another scenario"):
+        check_folder(tmp_path, SMALL.model_copy(update={"seed": 7}), 5)
+    (tmp_path / "bodies.parquet").write_text("no table")
+    with pytest.raises(ValueError, match="the tables there cannot be read"):
+        check_folder(tmp_path, SMALL, 5)
+
+
+def test_a_disk_that_becomes_full_is_logged_once_and_told_at_the_end(tmp_path, monkeypatch, caplog):
+    local, tables = Local(SMALL), None
+    tables = run(local, tmp_path, 5)
+    tables.flush()
+
+    def refuse(*_):
+        raise OSError(28, os.strerror(28))
+
+    monkeypatch.setattr(parts, "write_whole", refuse)
+    tick(local, tables)
+    tables.flush()
+    tick(local, tables)
+    tables.close()
+    monkeypatch.undo()
+    (told,) = [record.getMessage() for record in caplog.records]
+    assert told == f"the tables in {tmp_path} cannot be written: No space left on device; the run goes on without them"
+    assert complete(tmp_path, {"ticks": 7, "scenario": {}}) == [f"{tmp_path}: the tables end at tick 5, and the run at tick 7"]
+    assert last_tick(tmp_path) == 5
+
+
+# -- the summary, the calls and the exchanges
+
+
+def test_a_summary_becomes_one_row():
+    summary = {"hash": "ab", "ticks": 5, "lost_seconds": {"traffic": 1.5}, "violations": []}
+    summary |= {"scenario": {"rows": 3}, "history": {"seconds": [1, 2]}}
+    table = as_table(summary)
+    (row,) = table.to_pylist()
+    assert row == {
+        "hash": "ab", "ticks": 5, "lost_seconds.traffic": 1.5, "violations": "[]", "scenario": '{"rows":3}', "history.seconds": [1.0, 2.0],
+    }  # fmt: skip
+    assert table.schema.field("lost_seconds.traffic").metadata == {b"unit": b"s, which add up to the harvest's length"}
+
+
+def message(tick, sender, recipient, type_, content="{}"):
+    return {"tick": tick, "sender": sender, "recipient": recipient, "type": type_, "content": content}
+
+
+def test_a_carrier_that_does_not_come_is_followed_by_the_next():
+    called = '{"type":"call","lane":2,"side":"west","since":3}'
+    said = [
+        message(3, "bin_01", "carrier_01", "call", called), message(23, "bin_01", "carrier_01", "call", called),
+        message(25, "bin_01", "carrier_01", "come"), message(26, "carrier_01", "bin_01", "yes"),
+        message(75, "bin_01", "carrier_02", "come"), message(76, "carrier_02", "bin_01", "yes"), message(86, "carrier_02", "bin_01", "yes"),
+    ]  # fmt: skip
+    coupled = {"tick": 90, "what": "coupled", "who": "carrier_02", "whom": "bin_01", "detail": None}
+    (call,) = calls([coupled], said)
+    assert msgspec.structs.astuple(call) == ("bin_01", None, 2, "west", 3, 2, "carrier_02", 75, 76, 90)
+    (open_,) = calls([], said[:3])
+    assert msgspec.structs.astuple(open_) == ("bin_01", None, 2, "west", 3, 2, "carrier_01", 25, None, None)
+
+
+def test_tables_that_begin_in_the_middle_of_an_exchange_have_no_false_rows():
+    coupled = {"tick": 90, "what": "coupled", "who": "picker_02", "whom": "bin_01", "detail": None}
+    assert exchanges([coupled, {**coupled, "what": "unloaded", "who": "bin_09"}]) == []
+
+
+def test_a_stopped_robot_is_stopped_in_the_rows_and_says_again_what_it_said_after_the_reset(tmp_path):
+    local = Local(SMALL)
+    tables = run(local, tmp_path, 3)
+    local.engine.stop(["picker_01"])
+    tick(local, tables)
+    local.engine.reset()
+    for _ in range(5):
+        tick(local, tables)
+    tables.close()
+    rows = rows_of(tmp_path, "bodies", "picker_01")
+    states = [row["state"] for row in rows]
+    assert [states.count(state) for state in STATES] == local.engine.states.counts.ticks["picker_01"]
+    assert [row["doing"] == STOPPED for row in rows] == [t == 3 for t in range(9)]

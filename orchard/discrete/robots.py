@@ -23,7 +23,7 @@ NEAR = 1e-6  # m
 COUPLE = 2  # ticks to couple a bin: the robot must have stood for one tick
 UNCOUPLE = 4  # ticks to uncouple a bin, which stands two ticks after its robot
 SWUNG_AWAY = 0.4  # of a quarter turn, after which a robot's bin is no longer in the way of the one behind it
-BESIDE = KINDS["carrier"].width / 2 + KINDS["bin"].width / 2 + SIDE_MARGIN  # m from a line at which a robot is in no other robot's way there
+BESIDE = KINDS["carrier"].width / 2 + KINDS["bin"].width / 2 + SIDE_MARGIN  # m from a line at which a robot is clear of it
 
 
 class Model(Protocol):

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
-from orchard.agents.carrier import Carrier
-from orchard.field.geometry import STILL, Twist
+from orchard.field.geometry import Twist
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.gym import REWARDS, parallel_env, single_env
@@ -76,14 +75,14 @@ class TestSameAsLocal:
             local.tick()
         assert env.local.engine.hash == local.engine.hash
 
-    def test_any_velocities_give_the_motion_that_they_give_in_local_mode(self):
-        velocities = np.random.default_rng(3).uniform((-0.2, -0.3), (1.2, 0.3), (150, 2))
-        env = single_env(SMALL, "carrier_01", is_hashed=True)
-        env.reset()
-        local = Local(SMALL)
-        local.play("carrier_01", Driven(local.engine.layout, [Twist(min(x, 1.0), 0.0, yaw) for x, yaw in velocities.tolist()]))
-        for velocity in velocities:
-            env.step(velocity)
+    @pytest.mark.parametrize("name", ["carrier_01", "picker_02"])
+    def test_other_velocities_give_the_motion_that_they_give_in_local_mode(self, name):
+        """In local mode an agent that is asked at every tick gives them."""
+        env, local = single_env(TINY, name, is_hashed=True), Local(TINY)
+        _, info = env.reset()
+        local.play(name, Driven(local.agents[name]))
+        for tick in range(900):
+            *_, info = env.step(command(tick, *info["scripted"].tolist()))
             local.tick()
         assert np.array_equal(env.local.engine.world.pose, local.engine.world.pose)
         assert env.local.engine.hash == local.engine.hash
@@ -98,17 +97,25 @@ class TestSameAsLocal:
         assert (len(envs[0].local.engine.hash), envs[1].local.engine.hash) == (64, "")
 
 
-class Driven(Carrier):
-    """A carrier that keeps plan, mail and deeds, but moves as it is told."""
+def command(tick, forward, turn):
+    """Our agent's velocity, and now and then standing, half of it, a little ahead, or a turn, which the agent has to put right."""
+    part = tick % 60
+    if part < 30 or turn:
+        return forward, turn
+    return (0.0, 0.0) if part < 36 else (forward / 2, 0.0) if part < 46 else (0.02, 0.0) if part < 49 else (forward, 0.01 * (part == 50))
 
-    def __init__(self, layout, velocities):
-        super().__init__(layout, "carrier_01")
-        self.velocities = velocities
+
+class Driven:
+    """An agent that keeps its plan, its mail and its deeds, but moves as it is told."""
+
+    def __init__(self, agent):
+        self.agent, self.Memory = agent, agent.Memory
 
     def tick(self, seen, mail, memory):
-        action, velocity = super().tick(seen, mail, memory), self.velocities[seen.tick]
-        action.memory.moving = velocity != STILL
-        return replace(action, twist=velocity)
+        action = self.agent.tick(seen, mail, memory)
+        forward, turn = command(seen.tick, action.twist.x, action.twist.yaw)
+        action.memory.moving = (forward, turn) != (0.0, 0.0)
+        return replace(action, twist=Twist(forward, 0.0, turn))
 
 
 class TestEpisodes:

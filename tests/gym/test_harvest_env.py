@@ -1,5 +1,7 @@
 """The environments in which bodies of a harvest learn: the interfaces' own checks, the same motion as local mode, rewards, mistakes."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import gymnasium
@@ -244,6 +246,15 @@ class TestMistakes:
         with pytest.raises(ScenarioError):
             env.reset(options={"scenario": {"rows": 400}})
 
+    def test_without_the_extra_the_import_says_what_to_install(self):
+        without = "import sys; sys.modules['pettingzoo'] = None; import orchard.gym"
+        done = subprocess.run([sys.executable, "-c", without], capture_output=True, text=True, timeout=60)
+        assert "orchard.gym needs the extra gym: pip install 'orchard-sim[gym]'" in done.stderr
+
+    def test_neither_zenoh_nor_rerun_is_loaded(self):
+        loaded = "import sys, orchard.gym; sys.exit(bool({'zenoh', 'rerun'} & set(sys.modules)))"
+        assert subprocess.run([sys.executable, "-c", loaded], timeout=60).returncode == 0
+
     def test_no_step_before_a_reset(self):
         with pytest.raises(ResetNeeded):
             single_env(SMALL, "carrier_01").step(np.zeros(2))
@@ -265,3 +276,17 @@ def test_gymnasium_wrappers_fit():
     observation, _ = env.reset(seed=1)
     assert observation.shape == (180 + 4 + 2 + 1 + 1 + 3 + 4,)
     env.step(np.zeros(2))
+
+
+def test_many_at_once_are_each_what_one_is():
+    seeds = [11, 12]
+    together = gymnasium.vector.SyncVectorEnv([lambda: single_env(TINY, "picker_01")] * 2)
+    observations, _ = together.reset(seed=seeds)
+    for _ in range(3):
+        observations, *_ = together.step(np.full((2, 2), 0.25, np.float32))
+    for number, seed in enumerate(seeds):
+        alone = single_env(TINY, "picker_01")
+        alone.reset(seed=seed)
+        for _ in range(3):
+            observation, *_ = alone.step(np.full(2, 0.25))
+        assert np.array_equal(observations["scan"][number], observation["scan"])

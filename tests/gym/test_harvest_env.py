@@ -20,7 +20,7 @@ from orchard.gym import REWARDS, parallel_env, single_env
 from orchard.local import Local
 
 SMALL = Scenario(rows=3, people={"workers": 1, "visitors": 0}, animals={"dogs": 1, "cats": 0}, weeds=2)
-TINY = Scenario(rows=3, pickers=3, row_length=30.0, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 1}, weeds=0)
+TINY = Scenario(rows=3, pickers=3, row_length=20.0, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 1}, weeds=0)
 LEARNED = ["carrier_01", "picker_02"]
 
 
@@ -45,7 +45,7 @@ class TestInterfaces:
     def test_observations_are_in_the_space_while_a_harvest_goes_on(self):
         env = parallel_env(TINY, [*LEARNED, "tractor_01"])
         observations, infos = env.reset()
-        for _ in range(500):
+        for _ in range(250):
             for name, observation in observations.items():
                 assert env.observation_space(name).contains(observation), (name, observation)
                 assert env.action_space(name).contains(infos[name]["scripted"].astype(np.float32))
@@ -66,13 +66,13 @@ class TestSameAsLocal:
         assert env.local.engine.hash == local.engine.hash
         of = {name: [moment for moment in earned if moment.after.name == name] for name in env.possible_agents}
         assert sum(map(REWARDS["delivery"], of["carrier_01"])) == 3.0
-        assert sum(map(REWARDS["picking"], of["picker_02"])) == pytest.approx(30.0)
+        assert sum(map(REWARDS["picking"], of["picker_02"])) == pytest.approx(20.0)
         assert sum(map(REWARDS["picking"], of["carrier_01"])) == 0.0  # a bin that is coupled full is not picked
 
     def test_bodies_without_an_action_follow_their_agents(self):
         env, local = parallel_env(SMALL, LEARNED, is_hashed=True), Local(SMALL)
         env.reset()
-        for _ in range(300):
+        for _ in range(100):
             env.step({})
             local.tick()
         assert env.local.engine.hash == local.engine.hash
@@ -83,7 +83,7 @@ class TestSameAsLocal:
         env, local = single_env(TINY, name, is_hashed=True), Local(TINY)
         _, info = env.reset()
         local.play(name, Driven(local.agents[name]))
-        for tick in range(900):
+        for tick in range(600):
             *_, info = env.step(command(tick, *info["scripted"].tolist()))
             local.tick()
         assert np.array_equal(env.local.engine.world.pose, local.engine.world.pose)

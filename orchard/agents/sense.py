@@ -98,10 +98,14 @@ def _returns(scan: np.ndarray, laser: Laser, chosen: np.ndarray) -> np.ndarray:
     """The chosen returns as points, (m, 2), in the frame of the body that carries the laser."""
     cosines, sines = beams(laser)
     ranges = scan[chosen].astype(np.float64)
-    return np.stack([laser.ahead + ranges * cosines[chosen], ranges * sines[chosen]], axis=1)
+    points = np.empty((len(ranges), 2))
+    points[:, 0], points[:, 1] = laser.ahead + ranges * cosines[chosen], ranges * sines[chosen]
+    return points
 
 
 def _not_on(points: np.ndarray, pose: Pose, boxes: list[Box]) -> np.ndarray:
+    if not boxes:
+        return points
     x, y = from_frame(pose, *points.T)
     keep = np.ones(len(points), dtype=bool)
     for box in boxes:

@@ -7,6 +7,12 @@
 It needs the extra `gym`. docs/gym.md tells how to use it.
 """
 
+try:
+    import gymnasium  # noqa: F401
+    import pettingzoo  # noqa: F401
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(f"orchard.gym needs the extra gym: pip install 'orchard-sim[gym]' ({error})", name=error.name) from None
+
 from orchard.gym.dispatch import DispatchEnv, Dispatching, dispatch_env
 from orchard.gym.harvest import HarvestEnv, parallel_env
 from orchard.gym.rewards import REWARDS, Moment

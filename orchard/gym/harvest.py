@@ -133,7 +133,7 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         seen = local.observed.get(name) or local.seen[name]
         action, bin_ = self._answers.get(name) or local.actions[name], int(world.coupled[world.index[name]])
         fill = float(world.fill[bin_]) if bin_ != NONE else 0.0
-        return Look(seen, action, action.twist, goal_of(seen.pose, action.memory), fill)
+        return Look(seen, action, action.twist, goal_of(seen, action.memory), fill)
 
     def _command(self, name: str, given: Any) -> Twist:
         """Put a given action in the place of what the body's own agent commands. Return its velocity.

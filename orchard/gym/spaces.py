@@ -12,15 +12,17 @@
 """  # noqa: E501 - a table
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
+from orchard.agents.robot import Gate
 from orchard.agents.steps import DriveTo, Face, Plan
 from orchard.contract.agent import Action, Observation
 from orchard.contract.messages import Couple, Deed, Uncouple
-from orchard.field.geometry import HEADINGS, Pose, Twist, angle_between, nearest_heading
+from orchard.field.geometry import HEADINGS, Twist, angle_between
 from orchard.field.kinds import KINDS, LASER_RANGE, kind_of
 from orchard.field.queue import LONGEST_ROW
 from orchard.sim.deeds import COUPLING_REACH
@@ -76,22 +78,28 @@ def scan_of(seen: Observation) -> np.ndarray:
     return np.asarray(np.minimum(seen.scan, np.float32(LASER_RANGE)))
 
 
-def goal_of(pose: Pose, memory: Any) -> Goal:
-    """Return what the present step of a plan still asks for: x, y (m, in the frame `map`), and the turn, rad.
+def goal_of(seen: Observation, memory: Any) -> Goal:
+    """Return what the present step of a plan still asks for.
 
     A drive's goal is its end, or the first place on the way that traffic has not granted. A step that is neither drive nor turn asks for
     nothing, and so does an agent without a plan.
     """
     step = memory.plan[0] if isinstance(memory, Plan) and memory.plan else None
     if isinstance(step, Face):
-        return pose.x, pose.y, angle_between(pose.yaw, HEADINGS[step.heading])
+        return seen.x, seen.y, angle_between(seen.pose.yaw, HEADINGS[step.heading])
     if not isinstance(step, DriveTo):
-        return pose.x, pose.y, 0.0
-    along_x, ahead = step.x is not None, 1.0 if nearest_heading(pose.yaw) in ("EAST", "NORTH") else -1.0
-    here, ends = pose.x if along_x else pose.y, [at for at in (step.x, step.y) if at is not None]
-    ends += [gate.at for gate in step.needs if ahead * (gate.at - here) >= 0.0 and not all(place in memory.held for place in gate.places)]
-    end = min(ends, key=lambda at: ahead * at)
-    return (end, pose.y, 0.0) if along_x else (pose.x, end, 0.0)
+        return seen.x, seen.y, 0.0
+    if step.x is not None:
+        return _way_end(seen.x, step.x, step.needs, memory.held), seen.y, 0.0
+    return seen.x, _way_end(seen.y, step.y or 0.0, step.needs, memory.held), 0.0
+
+
+def _way_end(here: float, end: float, gates: Sequence[Gate], held: Sequence[str]) -> float:
+    """The end of a way along an axis, or the first gate before it with places that are not held."""
+    for gate in gates:
+        if min(here, end) <= gate.at <= max(here, end) and any(place not in held for place in gate.places):
+            end = gate.at
+    return end
 
 
 def mail_of(action: Action) -> tuple[float, float, float, float]:

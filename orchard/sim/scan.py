@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from orchard.contract.agent import Hitch, Observations, Scans
+from orchard.contract.agent import STATE, Hitch, Observations, Scans
 from orchard.field import repeatable
 from orchard.field.geometry import Twist
 from orchard.field.kinds import AROUND, KINDS, LASER_RANGE, Laser
@@ -85,7 +85,8 @@ def _noise_key(seed: int, name: str) -> int:
 def observe(world: World, scans: Scans) -> Observations:
     """Return the observations of all bodies now, in body order; scans: as `Scanner.scan` returns them."""
     names = world.layout.names
-    states = np.concatenate((world.pose[:, :2], quaternions(world.pose), world.twist), axis=1)
+    states = np.empty((len(names), STATE))
+    states[:, :2], states[:, 2:4], states[:, 4:] = world.pose[:, :2], quaternions(world.pose), world.twist
     fills = {names[i]: float(world.fill[i]) for i in np.flatnonzero(world.fill).tolist()}
     full = {name for name, fill in fills.items() if fill >= world.fixed.bin_full}
     return Observations(world.tick, world.layout.index, states, scans, _Hitches(world, states, scans), fills, full)

@@ -1,5 +1,7 @@
 """The environments in which bodies of a harvest learn: the interfaces' own checks, the same motion as local mode, rewards, mistakes."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import gymnasium
@@ -11,15 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
-from orchard.agents.carrier import Carrier
-from orchard.field.geometry import STILL, Twist
+from orchard.field.geometry import Twist
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.gym import REWARDS, parallel_env, single_env
 from orchard.local import Local
 
 SMALL = Scenario(rows=3, people={"workers": 1, "visitors": 0}, animals={"dogs": 1, "cats": 0}, weeds=2)
-TINY = Scenario(rows=3, pickers=3, row_length=30.0, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 1}, weeds=0)
+TINY = Scenario(rows=3, pickers=3, row_length=20.0, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 1}, weeds=0)
 LEARNED = ["carrier_01", "picker_02"]
 
 
@@ -44,7 +45,7 @@ class TestInterfaces:
     def test_observations_are_in_the_space_while_a_harvest_goes_on(self):
         env = parallel_env(TINY, [*LEARNED, "tractor_01"])
         observations, infos = env.reset()
-        for _ in range(500):
+        for _ in range(250):
             for name, observation in observations.items():
                 assert env.observation_space(name).contains(observation), (name, observation)
                 assert env.action_space(name).contains(infos[name]["scripted"].astype(np.float32))
@@ -65,25 +66,25 @@ class TestSameAsLocal:
         assert env.local.engine.hash == local.engine.hash
         of = {name: [moment for moment in earned if moment.after.name == name] for name in env.possible_agents}
         assert sum(map(REWARDS["delivery"], of["carrier_01"])) == 3.0
-        assert sum(map(REWARDS["picking"], of["picker_02"])) == pytest.approx(30.0)
+        assert sum(map(REWARDS["picking"], of["picker_02"])) == pytest.approx(20.0)
         assert sum(map(REWARDS["picking"], of["carrier_01"])) == 0.0  # a bin that is coupled full is not picked
 
     def test_bodies_without_an_action_follow_their_agents(self):
         env, local = parallel_env(SMALL, LEARNED, is_hashed=True), Local(SMALL)
         env.reset()
-        for _ in range(300):
+        for _ in range(100):
             env.step({})
             local.tick()
         assert env.local.engine.hash == local.engine.hash
 
-    def test_any_velocities_give_the_motion_that_they_give_in_local_mode(self):
-        velocities = np.random.default_rng(3).uniform((-0.2, -0.3), (1.2, 0.3), (150, 2))
-        env = single_env(SMALL, "carrier_01", is_hashed=True)
-        env.reset()
-        local = Local(SMALL)
-        local.play("carrier_01", Driven(local.engine.layout, [Twist(min(x, 1.0), 0.0, yaw) for x, yaw in velocities.tolist()]))
-        for velocity in velocities:
-            env.step(velocity)
+    @pytest.mark.parametrize("name", ["carrier_01", "picker_02"])
+    def test_other_velocities_give_the_motion_that_they_give_in_local_mode(self, name):
+        """In local mode an agent that is asked at every tick gives them."""
+        env, local = single_env(TINY, name, is_hashed=True), Local(TINY)
+        _, info = env.reset()
+        local.play(name, Driven(local.agents[name]))
+        for tick in range(600):
+            *_, info = env.step(command(tick, *info["scripted"].tolist()))
             local.tick()
         assert np.array_equal(env.local.engine.world.pose, local.engine.world.pose)
         assert env.local.engine.hash == local.engine.hash
@@ -98,17 +99,25 @@ class TestSameAsLocal:
         assert (len(envs[0].local.engine.hash), envs[1].local.engine.hash) == (64, "")
 
 
-class Driven(Carrier):
-    """A carrier that keeps plan, mail and deeds, but moves as it is told."""
+def command(tick, forward, turn):
+    """Our agent's velocity, and now and then standing, half of it, a little ahead, or a turn, which the agent has to put right."""
+    part = tick % 60
+    if part < 30 or turn:
+        return forward, turn
+    return (0.0, 0.0) if part < 36 else (forward / 2, 0.0) if part < 46 else (0.02, 0.0) if part < 49 else (forward, 0.01 * (part == 50))
 
-    def __init__(self, layout, velocities):
-        super().__init__(layout, "carrier_01")
-        self.velocities = velocities
+
+class Driven:
+    """An agent that keeps its plan, its mail and its deeds, but moves as it is told."""
+
+    def __init__(self, agent):
+        self.agent, self.Memory = agent, agent.Memory
 
     def tick(self, seen, mail, memory):
-        action, velocity = super().tick(seen, mail, memory), self.velocities[seen.tick]
-        action.memory.moving = velocity != STILL
-        return replace(action, twist=velocity)
+        action = self.agent.tick(seen, mail, memory)
+        forward, turn = command(seen.tick, action.twist.x, action.twist.yaw)
+        action.memory.moving = (forward, turn) != (0.0, 0.0)
+        return replace(action, twist=Twist(forward, 0.0, turn))
 
 
 class TestEpisodes:
@@ -237,6 +246,15 @@ class TestMistakes:
         with pytest.raises(ScenarioError):
             env.reset(options={"scenario": {"rows": 400}})
 
+    def test_without_the_extra_the_import_says_what_to_install(self):
+        without = "import sys; sys.modules['pettingzoo'] = None; import orchard.gym"
+        done = subprocess.run([sys.executable, "-c", without], capture_output=True, text=True, timeout=60)
+        assert "orchard.gym needs the extra gym: pip install 'orchard-sim[gym]'" in done.stderr
+
+    def test_neither_zenoh_nor_rerun_is_loaded(self):
+        loaded = "import sys, orchard.gym; sys.exit(bool({'zenoh', 'rerun'} & set(sys.modules)))"
+        assert subprocess.run([sys.executable, "-c", loaded], timeout=60).returncode == 0
+
     def test_no_step_before_a_reset(self):
         with pytest.raises(ResetNeeded):
             single_env(SMALL, "carrier_01").step(np.zeros(2))
@@ -258,3 +276,17 @@ def test_gymnasium_wrappers_fit():
     observation, _ = env.reset(seed=1)
     assert observation.shape == (180 + 4 + 2 + 1 + 1 + 3 + 4,)
     env.step(np.zeros(2))
+
+
+def test_many_at_once_are_each_what_one_is():
+    seeds = [11, 12]
+    together = gymnasium.vector.SyncVectorEnv([lambda: single_env(TINY, "picker_01")] * 2)
+    observations, _ = together.reset(seed=seeds)
+    for _ in range(3):
+        observations, *_ = together.step(np.full((2, 2), 0.25, np.float32))
+    for number, seed in enumerate(seeds):
+        alone = single_env(TINY, "picker_01")
+        alone.reset(seed=seed)
+        for _ in range(3):
+            observation, *_ = alone.step(np.full(2, 0.25))
+        assert np.array_equal(observations["scan"][number], observation["scan"])

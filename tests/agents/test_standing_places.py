@@ -215,7 +215,7 @@ def in_a_turn(layout: Layout) -> list[tuple[Area, Area]]:
 @st.composite
 def surveyed(draw: st.DrawFn) -> Scenario:
     """Any legal orchard with unequal rows on either route."""
-    drawn, route = draw(rows(most=6)), draw(st.sampled_from([ONE_WAY, TWO_WAY]))
+    drawn, route = draw(rows(most=5)), draw(st.sampled_from([ONE_WAY, TWO_WAY]))
     ends = draw(st.sampled_from([*RULES, FROM_THE_EAST]))
     pickers, carriers = draw(st.integers(2, len(drawn))), draw(st.integers(1, 8))
     return orchard_of(drawn, pickers=pickers, carriers=carriers, route=route, rows_to_pickers=ends)
@@ -258,15 +258,23 @@ def test_what_stands_is_clear_of_every_drive_that_may_pass_it(scenario: Scenario
     assert too_near(lay_out(scenario)) == []
 
 
-CLOSE = [Row(round(CLOSEST * i, 2), 1.3 * (i % 3), 62.0 + 0.7 * i) for i in range(5)]
+ENDS = ((0.0, 64.0), (1.3, 63.1), (2.6, 62.6), (0.9, 63.9))  # the second one lies just before the place at which a picker holds
+CLOSE = [Row(round(CLOSEST * i, 2), start, round(end - start, 2)) for i, (start, end) in enumerate(ENDS)]
 
 
-@settings(max_examples=10)
+@settings(max_examples=2)
 @given(surveyed())
-@example(orchard_of(CLOSE, pickers=5, carriers=8))
-@example(orchard_of(CLOSE, pickers=5, carriers=8, route=TWO_WAY))
-@example(orchard_of(CLOSE, pickers=5, carriers=8, route=TWO_WAY, rows_to_pickers=FROM_THE_EAST))
+@example(orchard_of(CLOSE, pickers=4, carriers=4))
+@example(orchard_of(CLOSE, pickers=4, carriers=4, route=TWO_WAY, rows_to_pickers=FROM_THE_EAST))
 def test_what_stands_at_unequal_rows_is_clear_of_every_drive_and_every_turn(scenario: Scenario) -> None:
+    assert too_near(lay_out(scenario)) == []
+    assert in_a_turn(lay_out(scenario)) == []
+
+
+@pytest.mark.soak
+@settings(max_examples=100)
+@given(surveyed())
+def test_soak_what_stands_at_unequal_rows_is_clear_of_every_drive_and_every_turn(scenario: Scenario) -> None:
     assert too_near(lay_out(scenario)) == []
     assert in_a_turn(lay_out(scenario)) == []
 

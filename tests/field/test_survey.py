@@ -38,7 +38,7 @@ def test_equal_rows_by_survey_are_those_without_one():
     assert other.starts == one.starts and (other.walls == one.walls).all()
 
 
-@pytest.mark.parametrize(("route", "ends"), [(ONE_WAY, "balanced-ends"), (TWO_WAY, "balanced")])
+@pytest.mark.parametrize(("route", "ends"), [(ONE_WAY, "balanced"), (TWO_WAY, "balanced-ends")])
 def test_surveyed_rows_are_harvested_to_the_end(route: str, ends: str):
     stage = Stage(orchard_of(UNEQUAL, pickers=2, carriers=2, route=route, rows_to_pickers=ends))
     stage.run_until(lambda: stage.local.engine.over, 900)
@@ -47,7 +47,7 @@ def test_surveyed_rows_are_harvested_to_the_end(route: str, ends: str):
     assert stage.world.delivered == len(UNEQUAL)
     schedule, fast = Schedule(stage.world.layout).seconds(2), DiscreteHarvest(stage.world.layout).run().seconds
     assert schedule == pytest.approx(stage.seconds, rel=0.1)
-    assert fast == pytest.approx(stage.seconds, rel=0.03)
+    assert fast == pytest.approx(stage.seconds, rel=0.01)
 
 
 def test_a_short_row_fills_its_bin_and_takes_its_own_time():

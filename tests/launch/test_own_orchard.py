@@ -23,7 +23,7 @@ def test_the_commands_of_the_document_import_and_harvest_the_sample(tmp_path):
     pytest.importorskip("pyproj", reason=NEEDS)
     make, harvest = commands(block("docs/own-orchard.md", "own orchard"))
     make = [str(SAMPLE) if word.endswith(".geojson") else word for word in make]
-    short = [*harvest, "--mode", "local", "--record", "none", "--duration", "60"]  # as it stands it only takes longer
+    short = [*harvest, "--mode", "local", "--record", "none", "--duration", "2"]  # as it stands it only takes longer
     for words in (make, short):
         done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS)
         assert done.returncode == 0, done.stdout + done.stderr

@@ -108,18 +108,18 @@ def _lines(content: dict[str, Any], file: str) -> Iterator[Line | Problem]:
 
 def _name(feature: dict[str, Any], number: int) -> str:
     """A feature's id, or what its properties call it, or its number in the file."""
-    properties = feature.get("properties") if isinstance(feature.get("properties"), dict) else {}
-    known = [feature.get("id"), *(properties.get(name) for name in NAMES)]
+    properties = feature.get("properties")
+    known = [feature.get("id"), *(properties.get(name) for name in NAMES if isinstance(properties, dict))]
     return next((printable(str(name), 60) for name in known if isinstance(name, str | int) and str(name)), f"number {number}")
 
 
 def _points(geometry: Any) -> np.ndarray:
     """The points of a LineString, or of a MultiLineString with one part, as complex numbers. Raises ValueError."""
-    kind, given = (geometry.get("type"), geometry.get("coordinates")) if isinstance(geometry, dict) else (None, None)
+    kind, given = (geometry.get("type"), geometry.get("coordinates", ())) if isinstance(geometry, dict) else (None, ())
     if kind == "MultiLineString" and isinstance(given, list) and len(given) == 1:
         kind, given = "LineString", given[0]
     if kind != "LineString":
-        raise ValueError(f"is {show(kind)}; each feature must be a LineString, the centre line of a row")
+        raise ValueError(f"is {show(kind)}; each feature must be one LineString, the centre line of a row")
     try:
         points = np.array([complex(float(x), float(y)) for x, y, *_ in given])
     except (TypeError, ValueError, OverflowError):
@@ -240,7 +240,7 @@ def _rows(lines: Sequence[Line]) -> list[SurveyedRow]:
 def _scenario(lines: Sequence[Line], plane: Plane, yaw: float, file: str) -> Scenario:
     """Return the scenario with these lines, in the rows' frame and without faults, and with their place on the earth."""
     rows = tuple(_rows(lines))
-    survey = {"rows": [row.model_dump() for row in rows]}
+    survey: dict[str, Any] = {"rows": [row.model_dump() for row in rows]}
     length = round(max(row.start + row.length for row in rows), DIGITS)
     values = {"rows": len(rows), "row_length": length, "survey": survey}
     layout = lay_out(check(values, file))

@@ -156,7 +156,7 @@ def test_all_faults_are_told_at_once(file: Path):
             None,
             "number 2: has coordinates that are not",
         ),
-        ('{"features": [7]}', None, "feature number 1: is null; each feature must be a LineString, the centre line of a row"),
+        ('{"features": [7]}', None, "feature number 1: is null; each feature must be one LineString, the centre line of a row"),
         (SAMPLE.read_text(), "EPSG:4326", "(1892798, 5812275) of feature block-3/1 is no place in the coordinate system WGS 84"),
         (SAMPLE.read_text(), "nonsense", "the coordinate system nonsense cannot be used"),
     ],

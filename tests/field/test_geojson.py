@@ -9,13 +9,15 @@ import pytest
 from documents import ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stage import Stage
 from surveys import CIRCUIT, THERE, UNEQUAL, Row, points_of, rows, write_geojson
 from test_layout import overlapping
 
 from orchard.field.geojson import import_rows
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import parse, to_short_yaml
+from orchard.field.queue import ONE_WAY, TWO_WAY
+from orchard.field.scenario import parse, to_short_yaml, with_changes
 
 pyproj = pytest.importorskip("pyproj", reason="pyproj is missing: pip install 'orchard-sim[survey,dev]'")
 
@@ -164,3 +166,12 @@ def test_all_faults_are_told_at_once(file: Path):
 def test_a_file_that_cannot_be_used_is_told_in_words(text: str, crs: str | None, words: str, file: Path):
     file.write_text(text)
     assert words in told(file, crs)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
+def test_soak_the_sample_is_harvested_to_the_end(route: str):
+    stage = Stage(with_changes(import_rows(SAMPLE), pickers=4, route=route))
+    stage.run_until(lambda: stage.local.engine.over, 2000)
+    stage.assert_no_collisions()
+    assert stage.world.delivered == 8

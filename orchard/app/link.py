@@ -13,7 +13,7 @@ ON_OFF = {"true": True, "false": False}
 
 
 def query_of(scenario: Scenario) -> str:
-    """Return the query for a scenario; '' for the default. It does not hold the user's own classes, which are code."""
+    """Return the query for a scenario; '' for the default. It holds no own classes, which are code, and no survey."""
     default, own = flat(Scenario()), own_classes(scenario)
     return urlencode({path: _words(value) for path, value in flat(scenario).items() if value != default[path] and path not in own})
 

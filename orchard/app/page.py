@@ -131,7 +131,9 @@ class Page:
         """Show the link to this page with the scenario of the form, to be copied."""
         if self.draft.scenario is not None:
             here = await ui.run_javascript("location.origin + location.pathname")
-            show_link(f"{here}?{query_of(self.draft.scenario)}", bool(self.draft.classes))
+            lacks = ["Your own classes are not in the link, because they are code."] if self.draft.classes else []
+            lacks += ["The surveyed rows are not in the link: it opens rows that are alike."] if self.draft.scenario.survey else []
+            show_link(f"{here}?{query_of(self.draft.scenario)}", lacks)
 
     def _ask_how_many(self) -> None:
         """Turn to the study; on a phone it lies below the form."""
@@ -227,11 +229,11 @@ def complain(title: str, lines: list[str]) -> None:
         ui.button("OK", on_click=dialog.close).props("no-caps unelevated").classes("self-end")
 
 
-def show_link(link: str, has_classes: bool) -> None:
-    """Open a dialog with a link to copy. `has_classes`: whether the scenario names own classes, which no link holds."""
+def show_link(link: str, lacks: list[str]) -> None:
+    """Open a dialog with a link to copy. `lacks`: sentences on what of the scenario no link holds."""
     with ui.dialog(value=True).props('aria-label="A link to this orchard"'), ui.card().classes("complaint"):
         heading(2, "A link to this orchard")
         ui.input(value=link).props('readonly outlined dense data-view=link aria-label="Link"').classes("w-full")
-        if has_classes:
-            ui.label("Your own classes are not in the link, because they are code. A file holds them: Save.").classes("complaint-line")
+        for words in lacks:
+            ui.label(f"{words} A file holds them: Save.").classes("complaint-line")
         ui.button("Copy", on_click=lambda: ui.clipboard.write(link)).props("no-caps unelevated data-action=copy").classes("self-end")

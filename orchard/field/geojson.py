@@ -108,18 +108,18 @@ def _lines(content: dict[str, Any], file: str) -> Iterator[Line | Problem]:
 
 def _name(feature: dict[str, Any], number: int) -> str:
     """A feature's id, or what its properties call it, or its number in the file."""
-    properties = feature.get("properties") if isinstance(feature.get("properties"), dict) else {}
-    known = [feature.get("id"), *(properties.get(name) for name in NAMES)]
+    properties = feature.get("properties")
+    known = [feature.get("id"), *(properties.get(name) for name in NAMES if isinstance(properties, dict))]
     return next((printable(str(name), 60) for name in known if isinstance(name, str | int) and str(name)), f"number {number}")
 
 
 def _points(geometry: Any) -> np.ndarray:
     """The points of a LineString, or of a MultiLineString with one part, as complex numbers. Raises ValueError."""
-    kind, given = (geometry.get("type"), geometry.get("coordinates")) if isinstance(geometry, dict) else (None, None)
+    kind, given = (geometry.get("type"), geometry.get("coordinates", ())) if isinstance(geometry, dict) else (None, ())
     if kind == "MultiLineString" and isinstance(given, list) and len(given) == 1:
         kind, given = "LineString", given[0]
     if kind != "LineString":
-        raise ValueError(f"is {show(kind)}; each feature must be a LineString, the centre line of a row")
+        raise ValueError(f"is {show(kind)}; each feature must be one LineString, the centre line of a row")
     try:
         points = np.array([complex(float(x), float(y)) for x, y, *_ in given])
     except (TypeError, ValueError, OverflowError):
@@ -134,17 +134,17 @@ def _points(geometry: Any) -> np.ndarray:
 
 def _on_a_plane(lines: Sequence[Line], name: str) -> tuple[Plane, list[Line]]:
     """Return a plane at the lines, and the lines on it: m on the ground, east and north of its middle. Raises ValueError."""
-    from pyproj import CRS, Transformer
+    from pyproj import CRS
     from pyproj.exceptions import ProjError
 
     try:
         given = CRS.from_user_input(name)
-        globe = [_converted(Transformer.from_crs(given, given.geodetic_crs or given, always_xy=True), line) for line in lines]
+        globe = _converted(given, given.geodetic_crs or given, lines)
         crs, scale = given, _scale(given, _middle_of(lines)) if given.is_projected else 0.0
         if not scale:
             middle = _middle_of(globe)
             crs = CRS.from_epsg((32700 if middle.imag < 0 else 32600) + int((middle.real + 180.0) // 6.0) % 60 + 1)
-            lines = [_converted(Transformer.from_crs(given, crs, always_xy=True), line) for line in lines]
+            lines = _converted(given, crs, lines)
             scale = _scale(crs, _middle_of(lines))
     except ProjError as error:
         raise ValueError(f"the coordinate system {printable(name)} cannot be used: {printable(str(error))}") from None
@@ -152,16 +152,23 @@ def _on_a_plane(lines: Sequence[Line], name: str) -> tuple[Plane, list[Line]]:
     return plane, [Line(line.id, (line.points - plane.middle) / plane.scale) for line in lines]
 
 
-def _converted(transformer: Any, line: Line) -> Line:
-    """Return a line in another system. Raises ValueError if it is not in the first one."""
-    x, y = transformer.transform(line.points.real, line.points.imag)
-    points = np.asarray(x) + 1j * np.asarray(y)
-    is_globe = transformer.source_crs.is_geographic
-    if not np.isfinite(points).all() or (is_globe and max(np.abs(line.points.real).max() / 2, np.abs(line.points.imag).max()) > 90.0):
-        x, y = line.points[0].real, line.points[0].imag
-        words = f"({x:.10g}, {y:.10g}) of feature {line.id} is no place in the coordinate system {printable(transformer.source_crs.name)}"
-        raise ValueError(f"{words}; name that of the file: --crs EPSG:2193, for example")
-    return Line(line.id, points)
+def _converted(given: Any, wanted: Any, lines: Sequence[Line]) -> list[Line]:
+    """Return lines in another system. Raises ValueError if one is not in the given one."""
+    from pyproj import Transformer
+
+    transformer = Transformer.from_crs(given, wanted, always_xy=True)
+    most = complex(180.0, 90.0) if given.is_geographic else complex(math.inf, math.inf)
+    converted = []
+    for line in lines:
+        x, y = transformer.transform(line.points.real, line.points.imag)
+        points = np.asarray(x) + 1j * np.asarray(y)
+        is_there = (np.abs(line.points.real) <= most.real) & (np.abs(line.points.imag) <= most.imag) & np.isfinite(points)
+        if not is_there.all():
+            at = complex(line.points[~is_there][0])
+            words = f"({at.real:.10g}, {at.imag:.10g}) of feature {line.id} is no place in the coordinate system {printable(given.name)}"
+            raise ValueError(f"{words}; name that of the file: --crs EPSG:2193, for example")
+        converted.append(Line(line.id, points))
+    return converted
 
 
 def _scale(crs: Any, middle: complex) -> float:
@@ -233,7 +240,7 @@ def _rows(lines: Sequence[Line]) -> list[SurveyedRow]:
 def _scenario(lines: Sequence[Line], plane: Plane, yaw: float, file: str) -> Scenario:
     """Return the scenario with these lines, in the rows' frame and without faults, and with their place on the earth."""
     rows = tuple(_rows(lines))
-    survey = {"rows": [row.model_dump() for row in rows]}
+    survey: dict[str, Any] = {"rows": [row.model_dump() for row in rows]}
     length = round(max(row.start + row.length for row in rows), DIGITS)
     values = {"rows": len(rows), "row_length": length, "survey": survey}
     layout = lay_out(check(values, file))

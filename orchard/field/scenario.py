@@ -225,7 +225,7 @@ class Scenario(_Section):
         length = round(self.survey.length, 6)
         wanted = {"rows": len(self.survey.rows), "row_length": length, "row_width": NARROWEST_ROW}
         wrong = [name for name in SURVEYED if abs(getattr(self, name) - wanted[name]) > ROUNDING]
-        text = f"must be {' and '.join(f'{wanted[name]:.10g}' for name in wrong)} with this survey (row_width is not used)"
+        text = f"must be {' and '.join(f'{wanted[name]:.10g}' for name in wrong)} with this survey"
         self._demand(not wrong, text, *wrong)
 
 

@@ -22,8 +22,12 @@ def write_scenario(file: Path, out: Path | None, crs: str | None) -> None:
     if out is None:
         print_line(text.rstrip())
         return
-    with open(out, "x", encoding="utf-8") as new:
-        new.write(text)
+    try:
+        with open(out, "x", encoding="utf-8") as new:
+            new.write(text)
+    except FileExistsError:
+        print_error(f"{out}: there is such a file; --out must name a new one")
+        raise typer.Exit(BAD_INPUT) from None
     print_line(f"{out}: {_sizes(scenario)}")
 
 

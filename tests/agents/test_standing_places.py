@@ -8,6 +8,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from stage import Stage, Standing, empty_orchard
+from surveys import Row, orchard_of, rows
 from sweeps import outline, swept, train
 
 from orchard.agents.robot import Step
@@ -20,6 +21,7 @@ from orchard.field.layout import Layout, lay_out
 from orchard.field.queue import ONE_WAY, TWO_WAY, queue_of
 from orchard.field.rows import RULES
 from orchard.field.scenario import Scenario
+from orchard.field.survey import CLOSEST
 
 LEAST_GAP = 0.01  # m; a float32 of a range is exact to a micrometre
 UNIT = {"EAST": (1, 0), "NORTH": (0, 1), "WEST": (-1, 0), "SOUTH": (0, -1)}
@@ -211,6 +213,15 @@ def in_a_turn(layout: Layout) -> list[tuple[Area, Area]]:
 
 
 @st.composite
+def surveyed(draw: st.DrawFn) -> Scenario:
+    """Any legal orchard with unequal rows on either route."""
+    drawn, route = draw(rows(most=5)), draw(st.sampled_from([ONE_WAY, TWO_WAY]))
+    ends = draw(st.sampled_from([*RULES, FROM_THE_EAST]))
+    pickers, carriers = draw(st.integers(2, len(drawn))), draw(st.integers(1, 8))
+    return orchard_of(drawn, pickers=pickers, carriers=carriers, route=route, rows_to_pickers=ends)
+
+
+@st.composite
 def orchards(draw: st.DrawFn) -> Scenario:
     """Any legal orchard on either route."""
     rows, route = draw(st.integers(3, 20)), draw(st.sampled_from([ONE_WAY, TWO_WAY]))
@@ -245,6 +256,27 @@ LARGEST = {"rows": 20, "pickers": 20, "carriers": 40}
 @example(empty_orchard(carriers=2, row_length=20.0, route=TWO_WAY))
 def test_what_stands_is_clear_of_every_drive_that_may_pass_it(scenario: Scenario) -> None:
     assert too_near(lay_out(scenario)) == []
+
+
+ENDS = ((0.0, 64.0), (1.3, 63.1), (2.6, 62.6), (0.9, 63.9))  # the second one lies just before the place at which a picker holds
+CLOSE = [Row(round(CLOSEST * i, 2), start, round(end - start, 2)) for i, (start, end) in enumerate(ENDS)]
+
+
+@settings(max_examples=2)
+@given(surveyed())
+@example(orchard_of(CLOSE, pickers=4, carriers=4))
+@example(orchard_of(CLOSE, pickers=4, carriers=4, route=TWO_WAY, rows_to_pickers=FROM_THE_EAST))
+def test_what_stands_at_unequal_rows_is_clear_of_every_drive_and_every_turn(scenario: Scenario) -> None:
+    assert too_near(lay_out(scenario)) == []
+    assert in_a_turn(lay_out(scenario)) == []
+
+
+@pytest.mark.soak
+@settings(max_examples=100)
+@given(surveyed())
+def test_soak_what_stands_at_unequal_rows_is_clear_of_every_drive_and_every_turn(scenario: Scenario) -> None:
+    assert too_near(lay_out(scenario)) == []
+    assert in_a_turn(lay_out(scenario)) == []
 
 
 @settings(max_examples=5)

@@ -4,8 +4,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from surveys import UNEQUAL, orchard_of
 
-from orchard.app.draft import Draft, entries, flat
+from orchard.app.draft import Draft, entries, flat, title_of
 from orchard.app.link import draft_of, query_of
 from orchard.app.own_classes import from_elsewhere, own_classes
 from orchard.app.run_controls import Files, RunSettings, command
@@ -67,6 +68,17 @@ def test_the_classes_of_a_scenario_survive_changes():
     assert draft.scenario == Scenario(rows=7, agents={"picker": "tests.own_agents.Eastward"})
     draft.drop_classes()
     assert draft.scenario == Scenario(rows=7)
+
+
+def test_a_survey_survives_changes_and_refuses_another_number_of_rows():
+    surveyed = orchard_of(UNEQUAL, agents={"picker": "tests.own_agents.Eastward"})
+    draft = Draft(surveyed)
+    draft.set("seed", "7")
+    draft.drop_classes()
+    assert draft.scenario == orchard_of(UNEQUAL, seed=7)
+    assert "surveyed rows" in title_of(draft.scenario)
+    draft.set("rows", "7")
+    assert (draft.scenario, draft.problems) == (None, {"rows": "must be 4 with this survey"})
 
 
 def test_built_in_rules_are_chosen_on_the_page_and_a_class_of_a_file_stays_one_of_the_choices():

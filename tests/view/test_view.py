@@ -12,11 +12,12 @@ import pytest
 from recordings import Rows, chunks, entities_with, poses_at
 from rerun.chunk import RrdReader
 from scripted_orchard import ACTED_SECONDS
+from surveys import UNEQUAL, orchard_of
 
 from orchard.contract.agent import State
 from orchard.contract.events import Event, Frame
 from orchard.field.kinds import KINDS
-from orchard.field.layout import Layout
+from orchard.field.layout import Layout, lay_out
 from orchard.launch.supervisor import free_port
 from orchard.view.focus import FOCUS
 from orchard.view.palette import PAINT, SCANS, STATES, YELLOW
@@ -123,6 +124,29 @@ def test_a_bin_fills_and_its_bar_comes_and_goes(layout: Layout, tmp_path: Path) 
     flags = [scale[0][0] for _, scale in Rows(path, "/world/bins/bin_01/full").values("InstancePoses3D:scales")]
     assert [flag > 0.5 for flag in flags] == [False, False, True]
     assert [len(bars) for _, bars in Rows(path, "/world/pickers/picker_01/bar").values("LineStrips3D:strips")] == [1, 0]
+
+
+@pytest.fixture
+def surveyed(tmp_path: Path) -> tuple[Layout, Path]:
+    layout, path = lay_out(orchard_of(UNEQUAL)), tmp_path / "surveyed.rrd"
+    recorder, poses = Recorder(layout, "surveyed", path), np.array([start.pose for start in layout.starts])
+    recorder.tick(Frame(0, poses, row_picked=np.array([29.0, 10.0, 0.0, 0.0])))
+    recorder.close()
+    return layout, path
+
+
+def test_surveyed_rows_and_their_trees_are_drawn_where_they_are(surveyed: tuple[Layout, Path]) -> None:
+    layout, path = surveyed
+    trees = Rows(path, "/world/trees").static["InstancePoses3D:translations"]
+    assert np.array(trees)[:, :2] == pytest.approx(np.array([(x, line.y) for line in layout.lines for x in line.trees_x]), abs=1e-4)
+    for lane in layout.lanes:
+        ground = np.array(Rows(path, f"/world/rows/row_{lane.number:02d}").static["Mesh3D:vertex_positions"])
+        assert (ground[:, 0].min(), ground[:, 0].max()) == pytest.approx((lane.west, lane.east), abs=1e-4)
+        assert np.ptp(ground[:, 1]) == pytest.approx(lane.width - 1.2, abs=1e-4)
+    scales = np.array(Rows(path, "/canopy/pergola").static["InstancePoses3D:scales"])
+    assert scales[:, 1].max() == pytest.approx(max((lane.width - 0.5) / (layout.lane(1).width - 0.5) for lane in layout.lanes))
+    painted = [Rows(path, f"/world/rows/row_0{n}").values("Mesh3D:vertex_colors")[0][1] for n in (1, 2, 3)]
+    assert [len(set(colours)) for colours in painted] == [1, 2, 1] and painted[0][0] != painted[2][0]
 
 
 def test_a_flattened_weed_vanishes(recording: Path) -> None:

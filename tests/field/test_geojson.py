@@ -1,0 +1,177 @@
+"""Surveyed rows from GeoJSON: the same scenario from any coordinate system, and each line that does not fit is told with its id."""
+
+import cmath
+import json
+import math
+from pathlib import Path
+
+import pytest
+from documents import ROOT
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from stage import Stage
+from surveys import CIRCUIT, THERE, UNEQUAL, Row, points_of, rows, write_geojson
+from test_layout import overlapping
+
+from orchard.field.geojson import import_rows
+from orchard.field.layout import lay_out
+from orchard.field.problems import ScenarioError
+from orchard.field.queue import ONE_WAY, TWO_WAY
+from orchard.field.scenario import parse, to_short_yaml, with_changes
+
+pyproj = pytest.importorskip("pyproj", reason="pyproj is missing: pip install 'orchard-sim[survey,dev]'")
+
+SAMPLE = ROOT / "examples" / "te_puke.geojson"
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("survey") / "rows.geojson"
+
+
+def lines_of(drawn: list[Row] | tuple[Row, ...]) -> dict[str, list[complex]]:
+    """The lines of rows by id, every second one from east to west, as a surveyor walks."""
+    return {f"r{number}": points_of(row)[:: 1 if number % 2 else -1] for number, row in enumerate(drawn, start=1)}
+
+
+def told(file: Path, crs: str | None = None) -> str:
+    with pytest.raises(ScenarioError) as raised:
+        import_rows(file, crs)
+    return str(raised.value)
+
+
+# -- what fits
+
+
+@settings(max_examples=15)
+@given(drawn=rows(), yaw=st.floats(-1.57, 1.57), data=st.data())
+def test_any_survey_within_the_limits_is_imported_and_laid_out_without_overlaps(file: Path, drawn: list[Row], yaw: float, data):
+    order = data.draw(st.permutations(list(lines_of(drawn).items())))
+    scenario = import_rows(write_geojson(file, dict(order), yaw))
+    layout, survey = lay_out(scenario), scenario.survey
+    assert survey is not None and survey.origin is not None
+    assert [row.id for row in survey.rows] == list(lines_of(drawn))
+    for row, wanted in zip(survey.rows, drawn, strict=True):
+        assert (row.south, row.start, row.length) == pytest.approx(wanted, abs=0.002)
+    assert overlapping(layout) == []
+    assert survey.origin.crs == CIRCUIT
+    for row, lane in zip(drawn, layout.lanes, strict=True):
+        there = complex(row.start, -row.south) * cmath.exp(1j * yaw)
+        assert complex(*survey.origin.place(lane.west, lane.y)) - THERE == pytest.approx(there, abs=0.005)
+    assert parse(to_short_yaml(scenario)) == scenario
+
+
+@settings(max_examples=10)
+@given(noise=st.lists(st.floats(-0.2, 0.2), min_size=3, max_size=3), yaw=st.floats(-1.5, 1.5))
+def test_a_row_may_be_as_crooked_as_the_limit_says(file: Path, noise: list[float], yaw: float):
+    lines = lines_of([Row(7.0 * i, 0.0, 60.0) for i in range(4)])
+    lines["r2"] = [point + 0.99j * off for point, off in zip(lines["r2"], [0.0, *noise, 0.0], strict=True)]
+    assert import_rows(write_geojson(file, lines, yaw)).rows == 4
+
+
+@pytest.mark.parametrize("crs", ["OGC:CRS84", "EPSG:32760", "EPSG:27200", "EPSG:3857", "EPSG:2193"])
+def test_the_same_rows_come_from_any_coordinate_system(crs: str, file: Path):
+    survey = import_rows(SAMPLE).survey
+    content = json.loads(SAMPLE.read_text())
+    to = pyproj.Transformer.from_crs("EPSG:2193", crs, always_xy=True)
+    for feature in content["features"]:
+        feature["geometry"] = {"type": "MultiLineString", "coordinates": [[to.transform(*at) for at in feature["geometry"]["coordinates"]]]}
+    del content["crs"]
+    file.write_text(json.dumps(content))
+    other = import_rows(file, None if crs == "OGC:CRS84" else crs).survey
+    assert survey is not None and other is not None and survey.origin is not None and other.origin is not None
+    for one, same in zip(survey.rows, other.rows, strict=True):
+        assert (same.south, same.start, same.length) == pytest.approx((one.south, one.start, one.length), abs=0.003)
+    back = pyproj.Transformer.from_crs(other.origin.crs, "EPSG:2193", always_xy=True)
+    assert back.transform(*other.origin.place(40.0, -20.0)) == pytest.approx(survey.origin.place(40.0, -20.0), abs=0.02)
+
+
+def test_rows_from_south_to_north_are_turned_by_the_smaller_angle(file: Path):
+    scenario = import_rows(write_geojson(file, lines_of(UNEQUAL), math.radians(80.0)))
+    assert scenario.survey is not None and scenario.survey.origin is not None
+    assert scenario.survey.origin.yaw == pytest.approx(math.radians(80.0), abs=1e-6)
+    back = import_rows(write_geojson(file, lines_of(UNEQUAL), math.radians(100.0))).survey
+    assert back is not None and back.origin is not None and back.origin.yaw == pytest.approx(math.radians(-80.0), abs=1e-6)
+    assert [row.id for row in back.rows] == ["r4", "r3", "r2", "r1"], "the last one in the north"
+
+
+# -- what does not fit
+
+BROKEN = {
+    "bent": (lambda points: [*points[:2], points[2] + 0.5j, *points[3:]], "is bent: 0.25 m off a straight line; must be at most 0.2 m"),
+    "askew": (lambda points: [points[0] + (point - points[0]) * cmath.exp(0.02j) for point in points], "is not parallel:"),
+    "short": (lambda points: [points[0], points[0] + (points[-1] - points[0]) / abs(points[-1] - points[0]) * 19], "must be 20 to 200 m"),
+    "long": (lambda points: [points[0], points[0] + (points[-1] - points[0]) / abs(points[-1] - points[0]) * 201], "must be 20 to 200 m"),
+    "point": (lambda points: points[:1], "must have at least two different points"),
+    "same": (lambda points: [points[0], points[0]], "must have at least two different points"),
+}
+
+
+@settings(max_examples=20)
+@given(drawn=rows(most=5), what=st.sampled_from(sorted(BROKEN)), yaw=st.floats(-1.5, 1.5), data=st.data())
+def test_a_line_outside_the_limits_is_refused_with_its_id(file: Path, drawn: list[Row], what: str, yaw: float, data):
+    lines, broken = lines_of(drawn), data.draw(st.sampled_from(sorted(lines_of(drawn))))
+    breaks, words = BROKEN[what]
+    lines[broken] = breaks(lines[broken])
+    problems = told(write_geojson(file, lines, yaw)).splitlines()
+    assert any(problem.startswith(f"{file}: feature {broken}: ") and words in problem for problem in problems), problems
+
+
+@settings(max_examples=15)
+@given(drawn=rows(fewest=4), by=st.floats(0.05, 5.0), yaw=st.floats(-1.5, 1.5), data=st.data())
+def test_rows_too_near_or_too_far_are_refused_with_the_id(file: Path, drawn: list[Row], by: float, yaw: float, data):
+    number, sign = data.draw(st.integers(2, len(drawn))), data.draw(st.sampled_from([-1, 1]))
+    gap = drawn[number - 1].south - drawn[number - 2].south
+    off = (gap - 5.3 + by) * 1j if sign < 0 else (gap - 12.5 - by) * 1j  # the row, and all south of it, move
+    lines = {name: [p + (off if i >= number else 0) for p in points] for i, (name, points) in enumerate(lines_of(drawn).items(), start=1)}
+    words = "must be 5.3 to 12.5 m from centre line to centre line"
+    assert any(f"feature r{number}: " in problem and words in problem for problem in told(write_geojson(file, lines, yaw)).splitlines())
+
+
+def test_all_faults_are_told_at_once(file: Path):
+    lines = lines_of([Row(5.6 * i, 0.0, 60.0) for i in range(6)])
+    lines["r2"] = BROKEN["bent"][0](lines["r2"])
+    lines["r4"] = [lines["r4"][0], lines["r4"][0] - 15.0]
+    lines["r6"] = [point - 2.0j * 4.0 for point in lines["r6"]]
+    content = json.loads(write_geojson(file, lines).read_text())
+    content["features"].append({"type": "Feature", "properties": {"name": "shed"}, "geometry": {"type": "Point", "coordinates": [0, 0]}})
+    file.write_text(json.dumps(content))
+    problems = told(file)
+    for words in (
+        "r2: is bent",
+        "r4: is 15.00 m long",
+        "r4: its west end lies 45.00 m",
+        "r6: lies 13.60 m south of row r5",
+        "shed: is 'Point'",
+    ):
+        assert f"feature {words}" in problems
+
+
+@pytest.mark.parametrize(
+    ("text", "crs", "words"),
+    [
+        ("{", None, "is not JSON"),
+        ("[1, 2]", None, "must be a GeoJSON FeatureCollection"),
+        ('{"features": []}', None, "has 0 rows; must be 3 to 20 LineStrings"),
+        (
+            '{"features": [7, {"geometry": {"type": "LineString", "coordinates": [["a", 1]]}}]}',
+            None,
+            "number 2: has coordinates that are not",
+        ),
+        ('{"features": [7]}', None, "feature number 1: is null; each feature must be one LineString, the centre line of a row"),
+        (SAMPLE.read_text(), "EPSG:4326", "(1892798, 5812275) of feature block-3/1 is no place in the coordinate system WGS 84"),
+        (SAMPLE.read_text(), "nonsense", "the coordinate system nonsense cannot be used"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_told_in_words(text: str, crs: str | None, words: str, file: Path):
+    file.write_text(text)
+    assert words in told(file, crs)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
+def test_soak_the_sample_is_harvested_to_the_end(route: str):
+    stage = Stage(with_changes(import_rows(SAMPLE), pickers=4, route=route))
+    stage.run_until(lambda: stage.local.engine.over, 2000)
+    stage.assert_no_collisions()
+    assert stage.world.delivered == 8

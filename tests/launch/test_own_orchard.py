@@ -1,0 +1,68 @@
+"""The command `orchard layout import`: the document's commands run, and mistakes are told with exit code 2."""
+
+import subprocess
+import sys
+
+import pytest
+from documents import ROOT, block, commands
+from typer.testing import CliRunner
+
+from orchard.field.scenario import load, parse
+from orchard.launch.commands import app
+
+SAMPLE = ROOT / "examples" / "te_puke.geojson"
+NEEDS = "pyproj is missing: pip install 'orchard-sim[survey,dev]'"
+SECONDS = 240
+
+
+def imported(*words: object):
+    return CliRunner().invoke(app, ["layout", "import", *map(str, words)])
+
+
+def test_the_commands_of_the_document_import_and_harvest_the_sample(tmp_path):
+    pytest.importorskip("pyproj", reason=NEEDS)
+    make, harvest = commands(block("docs/own-orchard.md", "own orchard"))
+    make = [str(SAMPLE) if word.endswith(".geojson") else word for word in make]
+    short = [*harvest, "--mode", "local", "--record", "none", "--duration", "2"]  # as it stands it only takes longer
+    for words in (make, short):
+        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS)
+        assert done.returncode == 0, done.stdout + done.stderr
+    assert load(tmp_path / "te_puke.yaml").rows == 8
+    places = [sys.executable, "-c", block("docs/own-orchard.md", "places")]
+    done = subprocess.run(places, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS, env={"PYTHONPATH": str(ROOT)})
+    assert done.stdout.startswith("block-3/1 (1892797.98"), done.stderr
+
+
+def test_the_scenario_in_the_document_is_one():
+    scenario = parse(block("docs/own-orchard.md", "surveyed"))
+    assert scenario.survey is not None and [row.id for row in scenario.survey.rows] == ["A", "B", "C"]
+
+
+def test_a_file_is_not_overwritten_and_the_sizes_are_told(tmp_path):
+    pytest.importorskip("pyproj", reason=NEEDS)
+    out = tmp_path / "mine.yaml"
+    told = imported(SAMPLE, "--out", out)
+    assert (told.exit_code, told.stdout) == (
+        0,
+        f"{out}: 8 rows, 89.11 to 95.20 m long, 5.45 to 6.04 m apart; ends from west to east 99.32 m apart\n",
+    )
+    assert load(out).survey == parse(imported(SAMPLE).stdout).survey
+    out.write_text("rows: 3")
+    again = imported(SAMPLE, "--out", out)
+    assert (again.exit_code, again.stderr) == (2, f"{out}: there is such a file; --out must name a new one\n")
+    assert out.read_text() == "rows: 3"
+
+
+def test_what_is_wrong_is_told_on_stderr_with_exit_code_2(tmp_path):
+    told = imported(tmp_path / "none.geojson")
+    assert (told.exit_code, told.stdout, told.stderr) == (
+        2,
+        "",
+        f"{tmp_path / 'none.geojson'}: cannot be read: No such file or directory\n",
+    )
+
+
+def test_an_import_tells_how_to_get_what_it_needs(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    told = imported(SAMPLE)
+    assert (told.exit_code, told.stderr) == (2, "An import needs the package pyproj: pip install 'orchard-sim[survey]'\n")

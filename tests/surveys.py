@@ -1,0 +1,66 @@
+"""Surveys for tests: rows as drawn in a local frame, and the GeoJSON that a surveyor would write of them."""
+
+import cmath
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from hypothesis import strategies as st
+from stage import empty_orchard
+
+from orchard.field.scenario import Scenario
+from orchard.field.survey import CLOSEST, FURTHEST
+
+CIRCUIT, THERE = "EPSG:2107", complex(400_000.0, 800_000.0)  # Bay of Plenty 2000, and its middle: there its metres are those on the ground
+
+
+class Row(NamedTuple):
+    """A row in the frame of the rows, m."""
+
+    south: float
+    start: float
+    length: float
+
+
+UNEQUAL = (Row(0.0, 0.0, 29.0), Row(5.3, 3.5, 21.3), Row(13.1, 1.0, 30.2), Row(18.6, 6.0, 24.0))
+
+
+@st.composite
+def rows(draw: st.DrawFn, fewest: int = 3, most: int = 8) -> list[Row]:
+    """Rows within all limits, in whole centimetres."""
+    gaps = draw(st.lists(st.floats(CLOSEST, FURTHEST).map(lambda gap: round(gap, 2)), min_size=fewest - 1, max_size=most - 1))
+    shortest = draw(st.floats(50.0, 140.0))
+    ends = [(round(draw(st.floats(0.0, 29.0)), 2), round(shortest + draw(st.floats(0.0, 29.0)), 2)) for _ in range(len(gaps) + 1)]
+    souths = [round(sum(gaps[:i]), 2) for i in range(len(ends))]
+    west = min(start for start, _ in ends)
+    return [Row(south, round(start - west, 2), round(end - start, 2)) for south, (start, end) in zip(souths, ends, strict=True)]
+
+
+def orchard_of(rows: list[Row] | tuple[Row, ...], **changes: Any) -> Scenario:
+    """The scenario of rows, without people, animals, weeds and tractor."""
+    listed = [{"id": f"r{number}", **row._asdict()} for number, row in enumerate(rows, start=1)]
+    return empty_orchard(
+        rows=len(rows), row_length=round(max(row.start + row.length for row in rows), 6), survey={"rows": listed}, **changes
+    )
+
+
+def points_of(row: Row) -> list[complex]:
+    """Five points of a row, from west to east, in the frame of the rows."""
+    return [complex(row.start + row.length * share / 4, -row.south) for share in range(5)]
+
+
+def write_geojson(path: Path, lines: dict[str, list[complex]], yaw: float = 0.0, crs: str = CIRCUIT) -> Path:
+    """Write lines in the frame of the rows, turned by `yaw`, rad, and shifted there, as a GeoJSON file."""
+    turned = {name: [THERE + point * cmath.exp(1j * yaw) for point in points] for name, points in lines.items()}
+    features = [
+        {
+            "type": "Feature",
+            "id": name,
+            "properties": {},
+            "geometry": {"type": "LineString", "coordinates": [[p.real, p.imag] for p in points]},
+        }
+        for name, points in turned.items()
+    ]
+    named = {"type": "name", "properties": {"name": crs}}
+    path.write_text(json.dumps({"type": "FeatureCollection", "crs": named, "features": features}))
+    return path

@@ -214,7 +214,7 @@ def test_an_agent_that_is_silent_while_the_run_is_paused_is_not_missed(fleet):
     fleet.end()
 
 
-@pytest.mark.parametrize("seed", [None, 7])
+@pytest.mark.parametrize("seed", [pytest.param(None, marks=pytest.mark.soak), 7])
 def test_a_run_that_is_reset_begins_again_and_is_as_if_it_had_not_been(fleet, seed):
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
     someone = fleet.client()

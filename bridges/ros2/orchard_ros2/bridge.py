@@ -4,12 +4,14 @@ Two threads. The executor's takes velocities and service calls. `listen` takes w
 """
 
 import importlib
+from array import array
 from collections.abc import Callable
 from functools import lru_cache, partial
 from math import isfinite
 from time import monotonic
 from typing import Any
 
+import numpy
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -32,6 +34,11 @@ def type_of(name: str) -> Any:
     """Return the class of a message type. Raises ImportError if its package is not installed."""
     package, _, kind = name.partition("/msg/")
     return getattr(importlib.import_module(f"{package}.msg"), kind)
+
+
+def array_of(numbers: "array[Any]") -> Any:
+    """Return an array as rclpy takes it without a look at each number: an array of fixed length, which is of float64 here, as numpy's."""
+    return numpy.frombuffer(numbers) if numbers.typecode == "d" else numbers
 
 
 def profile(qos: QoS) -> QoSProfile:
@@ -61,8 +68,10 @@ class Bridge:
         return str(self.node.declare_parameter(name, default).value)
 
     def _texts(self, name: str, default: list[str]) -> list[str]:
+        """A list; '' in it stands for nothing, because ROS 2 has no empty list of texts."""
         self.node.declare_parameter(name, Parameter.Type.STRING_ARRAY)
-        return [str(word) for word in self.node.get_parameter_or(name, Parameter(name, Parameter.Type.STRING_ARRAY, default)).value]
+        given = self.node.get_parameter_or(name, Parameter(name, Parameter.Type.STRING_ARRAY, default)).value
+        return [word for word in given if word]
 
     # -- the beginning
 
@@ -189,7 +198,7 @@ class Bridge:
         name = topic.of(robot)
         if name not in self._out:
             self._out[name] = self.node.create_publisher(type_of(topic.type), name, profile(topic.qos))
-        self._out[name].publish(messages.build(message, type_of))
+        self._out[name].publish(messages.build(message, type_of, array_of))
 
     # -- the end
 

@@ -198,7 +198,8 @@ class Bridge:
         name = topic.of(robot)
         if name not in self._out:
             self._out[name] = self.node.create_publisher(type_of(topic.type), name, profile(topic.qos))
-        self._out[name].publish(messages.build(message, type_of, array_of))
+        if topic.qos.latched or self._out[name].get_subscription_count():
+            self._out[name].publish(messages.build(message, type_of, array_of))
 
     # -- the end
 

@@ -148,7 +148,7 @@ class Physics:
                 control.finish_steps()
             if not self.arrivals.take(AGAIN_SECONDS):
                 control.finish_steps()
-                self.harvest.publisher.publish_clock(self._engine.tick)
+                self._drivers.show(self._drivers.silent())
 
     def _await_leaving(self) -> None:
         """Wait until all tokens are gone, at most LEAVE_SECONDS, so that the last message reaches the other processes."""

@@ -153,7 +153,8 @@ class Bridge:
                     self.ended.set_result(why)
                     return
         except Exception as error:
-            self.ended.set_exception(error)
+            if self.node.context.ok():  # else ROS has been shut down meanwhile, as by Ctrl-C
+                self.ended.set_exception(error)
 
     def _hear(self, heard: Heard) -> None:
         match heard:
@@ -205,7 +206,7 @@ class Bridge:
 
     def _note_physics(self, up: bool) -> None:
         if up != self._is_up:
-            self.log.info("physics is back" if up else "physics has left")
+            self.log.info("physics is back" if up else "physics is away")
         self._is_up = up
 
     def _why_over(self, heard: Heard) -> str:

@@ -48,6 +48,10 @@ def profile(qos: QoS) -> QoSProfile:
     return QoSProfile(depth=qos.depth, reliability=reliability, durability=durability)
 
 
+def _within(value: float, limit: float) -> float:
+    return max(-limit, min(limit, value))
+
+
 class Bridge:
     """One run of the Orchard, and the node for it. Parameters: docs/ros2.md. `ended` is done when the run is over; its result says why."""
 
@@ -90,6 +94,7 @@ class Bridge:
         self._has_tf = self._can_publish_tf()
         for name in self._names:
             self._publish(topics.ROBOT_DESCRIPTION, messages.text(self._description(name)), name)
+            self._publisher(topics.ODOM, name), self._publisher(topics.SCAN, name)
         for name in (*self._driven, *self._advised):
             self._take_orders(name)
         for name in self._driven:
@@ -148,13 +153,20 @@ class Bridge:
         """Publish what arrives until the run is over. Then `ended` is done, with the error if there is one."""
         try:
             for heard in self.client.arrivals():
-                self._hear(heard)
+                self._check(heard)
                 if why := self._why_over(heard):
                     self.ended.set_result(why)
                     return
         except Exception as error:
             if self.node.context.ok():  # else ROS has been shut down meanwhile, as by Ctrl-C
                 self.ended.set_exception(error)
+
+    def _check(self, heard: Heard) -> None:
+        """In an open run any client may publish anything: a message that is not as it should be is told, and passed over."""
+        try:
+            self._hear(heard)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            self.log.warning(f"{'/'.join(heard.key)}: a malformed message is passed over: {error!r}", throttle_duration_sec=5.0)
 
     def _hear(self, heard: Heard) -> None:
         match heard:
@@ -196,11 +208,15 @@ class Bridge:
                 self._finish(event["who"], f"{event['who']}: {event['detail']}")
 
     def _publish(self, topic: Topic, message: Message, robot: str = "") -> None:
+        publisher = self._publisher(topic, robot)
+        if topic.qos.latched or publisher.get_subscription_count():
+            publisher.publish(messages.build(message, type_of, array_of))
+
+    def _publisher(self, topic: Topic, robot: str = "") -> Publisher:
         name = topic.of(robot)
         if name not in self._out:
             self._out[name] = self.node.create_publisher(type_of(topic.type), name, profile(topic.qos))
-        if topic.qos.latched or self._out[name].get_subscription_count():
-            self._out[name].publish(messages.build(message, type_of, array_of))
+        return self._out[name]
 
     # -- the end
 
@@ -221,8 +237,9 @@ class Bridge:
     def _order(self, name: str, message: Any) -> None:
         """A velocity from ROS. It counts for 0.5 s at most: then a driven robot stands, and an advised one does what its agent wants."""
         twist = message.twist if self._is_stamped else message
-        forward, turn = float(twist.linear.x), float(twist.angular.z)
-        if not (isfinite(forward) and isfinite(turn)):
+        kind, wanted = self._kinds[name], (float(twist.linear.x), float(twist.angular.z))
+        forward, turn = _within(wanted[0], kind["max_linear"]), _within(wanted[1], kind["max_angular"])
+        if not all(map(isfinite, wanted)):
             self.log.warning(f"{name}: cmd_vel is not finite: ignored", throttle_duration_sec=5.0)
         elif name in self._advised:
             self.client.put(f"{name}/advice", self._velocity(forward, turn))

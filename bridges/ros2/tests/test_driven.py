@@ -9,6 +9,7 @@ from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
 from orchard_ros2 import topics
 from orchard_ros2.bridge import profile
+from orchard_ros2.client import connected
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy, qos_profile_sensor_data
@@ -57,6 +58,34 @@ def test_the_robot_drives_as_it_is_told(run):
     after = next(odom for odom in run.odom if odom.twist.twist.linear.x == -0.25)
     assert after.pose.pose.position.x > before.pose.pose.position.x
     assert (after.header.frame_id, after.child_frame_id) == ("picker_01/odom", "picker_01/base_link")
+
+
+def test_a_velocity_is_limited_to_what_the_robot_can_do_and_none_at_all_is_ignored(run):
+    message = TwistStamped()
+
+    def told(forward, then):
+        message.twist.linear.x = forward
+        run.orders.publish(message)
+        return run.odom[-1].twist.twist.linear.x == then
+
+    run.user.until(lambda: told(-1e9, -1.0))
+    run.user.until(lambda: told(math.nan, 0.0))
+    assert "cmd_vel is not finite" in (run.folder / "bridge.log").read_text()
+
+
+def test_nonsense_on_the_keys_is_told_and_passed_over(run):
+    with connected(run.endpoint, "orchard") as client:
+        me = {"run": client.ask("layout")["run"]}
+        for key, message in (
+            ("picker_01/pose", me),
+            ("picker_01/scan", me | {"ranges": 3}),
+            ("clock", me),
+            ("events", me | {"events": [7]}),
+        ):
+            client.put(key, message)
+        run.user.until(lambda: "a malformed message is passed over" in (run.folder / "bridge.log").read_text())
+    before = len(run.odom)
+    run.user.until(lambda: len(run.odom) > before + 5)
 
 
 def test_a_robot_whose_commander_falls_silent_stands(run):

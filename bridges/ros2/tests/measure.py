@@ -7,13 +7,15 @@ import random
 import statistics
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
 from conftest import BEGIN_SECONDS, scene
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
-from orchard_ros2 import bodies
+from orchard_ros2 import bodies, topics
+from orchard_ros2.bridge import profile, type_of
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import LaserScan
 
@@ -45,6 +47,8 @@ def share_of_core(user, bridge, names):
     """The bridge's share of a core, while all topics of all bodies are heard; and the messages a second that were heard."""
     heard = [user.hear(f"{name}/odom", Odometry, 10) for name in names]
     heard += [user.hear(f"{name}/scan", LaserScan, qos_profile_sensor_data) for name in names]
+    with suppress(ImportError):
+        heard.append(user.hear("/tf", type_of(topics.TF.type), profile(topics.TF.qos)))
     user.until(lambda: all(heard))
     process, before = psutil.Process(bridge.pid), sum(map(len, heard))
     used = sum(process.cpu_times()[:2])
@@ -66,7 +70,7 @@ def main():
         share, rate = share_of_core(user, run.bridge, names)
     median, most = statistics.median(found), found[-1]
     print(f"changed cmd_vel until odom shows it: median {1e3 * median:.0f} ms, most {1e3 * most:.0f} ms, of {CHANGES}")
-    print(f"bridge: {100 * share:.1f} % of a core, {len(names)} bodies, {rate:.0f} messages of odom and scan a second")
+    print(f"bridge: {100 * share:.1f} % of a core, {len(names)} bodies, {rate:.0f} messages of odom, scan and, with tf2_msgs, tf a second")
     print(f"load of this machine: {psutil.getloadavg()[0]:.1f} on {psutil.cpu_count()} cores")
 
 

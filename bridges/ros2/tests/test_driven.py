@@ -114,6 +114,20 @@ def test_time_is_the_clocks(run):
     node.destroy_node()
 
 
+def test_frames_hang_below_map_where_odometry_has_them(run):
+    """tf2_msgs has no wheel: this is skipped where it is not installed."""
+    kind = pytest.importorskip("tf2_msgs.msg").TFMessage
+    fixed, moved = run.user.hear("/tf_static", kind, profile(topics.LATCHED)), run.user.hear("/tf", kind, profile(topics.TF.qos))
+    links = {link.child_frame_id: link for link in run.user.until(lambda: fixed and fixed[0].transforms)}
+    assert links["picker_01/odom"].header.frame_id == "map"
+    assert links["picker_01/laser"].header.frame_id == "picker_01/base_link" and links["picker_01/laser"].transform.translation.x == 1.25
+    link = next(link for link in run.user.until(lambda: moved and moved[-1].transforms) if link.child_frame_id == "picker_01/base_link")
+    odom = run.user.until(lambda: [odom for odom in run.odom if odom.header.stamp == link.header.stamp])[0]
+    place = odom.pose.pose.position
+    assert (link.transform.translation.x, link.transform.translation.y, link.header.frame_id) == (place.x, place.y, odom.header.frame_id)
+    assert link.transform.rotation == odom.pose.pose.orientation
+
+
 def test_who_comes_late_gets_the_map_and_the_description(run):
     maps = run.user.hear("map", OccupancyGrid, profile(topics.LATCHED))
     texts = run.user.hear("picker_01/robot_description", String, profile(topics.LATCHED))

@@ -2,6 +2,7 @@
 
 import time
 
+import callers
 import msgpack
 import pytest
 from alone import SMALL, TICKS, TOY, local_hash
@@ -210,4 +211,37 @@ def test_an_agent_that_is_silent_while_the_run_is_paused_is_not_missed(fleet):
     assert until(lost, lambda message: True)["names"] == ["traffic"]
     asked(someone, "set_simulation_state", state="quitting")
     token.undeclare()
+    fleet.end()
+
+
+@pytest.mark.parametrize("seed", [None, 7])
+def test_a_run_that_is_reset_begins_again_and_is_as_if_it_had_not_been(fleet, seed):
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    someone = fleet.client()
+    asked(someone, "set_simulation_state", state="paused")
+    alive = someone.tokens("orchard/alive/physics/*")
+    fleet.share(2, TOY)
+    assert asked(someone, "step_simulation", steps=20) == (20, "paused")
+    assert asked(someone, "reset_simulation", seed=seed) == (20, "paused")
+    until(alive, lambda up: not up)
+    until(alive, lambda up: up)
+    (info,) = someone.ask("orchard/scenario")
+    assert (info["run"], info["tick"], info["scenario"]["seed"]) == (fleet.run, 0, SMALL.seed if seed is None else seed)
+    assert asked(someone, "simulation_state") == (0, "paused")
+    asked(someone, "set_simulation_state", state="playing")
+    scenario = SMALL if seed is None else SMALL.model_copy(update={"seed": seed})
+    said = [fleet.world.line() for _ in range(2)]
+    assert said[0].startswith("reset: tick 20"), said
+    assert fleet.end() == local_hash(scenario, TICKS, callers.cast(lay_out(scenario)))
+
+
+def test_a_run_that_is_recorded_is_not_reset(fleet):
+    fleet.physics(SMALL)
+    someone = fleet.client()
+    token = someone.session.liveliness().declare_token("orchard/alive/logger/somebody")
+    assert asked(someone, "simulation_state") == (0, "stopped")
+    (error,) = someone.ask("orchard/reset_simulation", msgpack.packb({"run": someone.run}))
+    assert "--record none" in error
+    token.undeclare()
+    asked(someone, "set_simulation_state", state="quitting")
     fleet.end()

@@ -109,8 +109,12 @@ class Bridge:
             self.client.hear(key)
         for name in self._advised:
             self.client.hear(f"{name}/velocity")
+        self._begin()
+
+    def _begin(self) -> None:
+        """Physics begins when all robots that are left to others are driven."""
         for name in self._driven:
-            self._stand(name, [])  # physics begins when all robots that are left to others are driven
+            self._stand(name, [])
 
     def _description(self, name: str) -> str:
         kind = self._kinds[name]
@@ -135,6 +139,7 @@ class Bridge:
     def _offer_control(self) -> None:
         """Services as simulation_interfaces names them. A Trigger has no argument: the state is in the name, the steps are a parameter."""
         self._offer("get_simulation_state", partial(self._control, "simulation_state", lambda: None))
+        self._offer("reset_simulation", partial(self._control, "reset_simulation", {"run": self.run}.copy))
         self._offer("step_simulation", partial(self._control, "step_simulation", self._steps))
         for state in ("playing", "paused", "quitting"):
             wish = {"run": self.run, "state": state}
@@ -184,6 +189,8 @@ class Bridge:
                 self._hear_clock(message["tick"])
             case Heard(("events",), message):
                 self._hear_events(message["events"])
+            case Heard(("end",), {"why": "reset"}):
+                self.tick = 0
             case Heard(("end",), message):
                 self._over, self._over_since = message["why"], monotonic()
 
@@ -224,6 +231,8 @@ class Bridge:
         if up != self._is_up:
             self.log.info("physics is back" if up else "physics is away")
         self._is_up = up
+        if up and self.tick == 0:
+            self._begin()
 
     def _why_over(self, heard: Heard) -> str:
         """Why the run is over; '' while it is not. An `end` counts only with the token of physics, which only physics can take away."""

@@ -40,6 +40,13 @@ def test_a_run_that_plays_is_not_stepped(run):
     assert not refused.success and "pause" in refused.message
 
 
+def test_a_run_that_is_reset_begins_again(run):
+    run.user.until(lambda: ticks(run)[-1] > 20)
+    told(run, "reset_simulation")
+    run.user.until(lambda: ticks(run)[-1] < 15, 60)
+    run.user.until(lambda: ticks(run)[-1] > 15)
+
+
 def test_topics_are_in_the_namespace_and_the_clock_is_everybodys(run):
     names = {name for name, _ in run.user.node.get_topic_names_and_types()}
     assert {"/north/picker_01/odom", "/north/map", "/clock"} <= names and "/picker_01/odom" not in names

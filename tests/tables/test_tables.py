@@ -1,6 +1,7 @@
 """The tables of a run: each row is what the run was, and a run that is resumed leaves each row once."""
 
 import os
+import re
 
 import msgspec
 import numpy as np
@@ -8,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 import typer
 from alone import HARVEST_TICKS, SMALL
-from command_line import orchard
+from command_line import ROOT, orchard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -132,6 +133,15 @@ def test_each_column_has_its_unit_in_the_file(whole):
         fields = pq.read_schema(whole[0] / f"{name}.parquet")
         assert [field.metadata for field in fields] == [field.metadata for field in schema]
         assert all(field.metadata.keys() == {b"unit", b"description"} for field in fields)
+
+
+def test_the_page_names_each_column():
+    page = (ROOT / "docs" / "tables.md").read_text()
+    for name, schema in ALL.items():
+        told = {
+            word for line in re.findall(rf"(?<=^\| column of `{name}`)(?:.*\n\|.*)+", page, re.M) for word in re.findall(r"`(\w+)`", line)
+        }
+        assert told >= {*schema.names}, name
 
 
 # -- runs that are resumed

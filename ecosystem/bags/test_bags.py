@@ -21,13 +21,26 @@ PAGE = (Path(__file__).parents[2] / "docs" / "bags.md").read_text()
 BLOCKS = {name: text for name, text in re.findall(r"^```(?:python|sh) (\S+)\n(.*?)^```$", PAGE, re.M | re.S)}
 
 
-@pytest.fixture(scope="module")
-def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("bag")
-    for line in BLOCKS["bag"].splitlines():
+def orchard(block: str, folder: Path) -> list[str]:
+    """What the commands of a block of the page print."""
+    printed = []
+    for line in BLOCKS[block].splitlines():
         _, *words = shlex.split(line)
         done = subprocess.run([*ORCHARD, *words], cwd=folder, capture_output=True, text=True, timeout=SECONDS)
         assert done.returncode == 0, done.stdout + done.stderr
+        printed.append(done.stdout)
+    return printed
+
+
+def hash_in(printed: str) -> str:
+    return re.findall(r"^hash ([0-9a-f]{64})$", printed, re.M)[0]
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bag")
+    recorded, _ = orchard("bag", folder)
+    (folder / "hash").write_text(hash_in(recorded))
     return folder / "run.mcap"
 
 
@@ -61,6 +74,11 @@ def test_the_program_of_the_page_reads_the_bag(bag: Path) -> None:
     done = subprocess.run(program, cwd=bag.parent, capture_output=True, text=True, timeout=SECONDS)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(f"{TICKS / 10} ")
+
+
+def test_a_bag_drives_its_robots_to_the_same_hash_in_lockstep(bag: Path) -> None:
+    (printed,) = orchard("bag-replay", bag.parent)
+    assert hash_in(printed) == (bag.parent / "hash").read_text()
 
 
 def test_both_readers_find_the_same(bag: Path) -> None:

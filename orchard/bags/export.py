@@ -11,6 +11,7 @@ from orchard_ros2.bodies import description
 from orchard_ros2.field import grid_of
 
 from orchard.bags.bag import Bag
+from orchard.bags.replay import SCENARIO
 from orchard.contract.events import Velocities
 from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, kind_of, select_agents
 from orchard.field.layout import lay_out
@@ -46,6 +47,7 @@ def export(drives: Drives, robots: Sequence[str], file: Path, track: Track) -> i
 def _begin(bag: Bag, drives: Drives, robots: Sequence[str]) -> None:
     """Write what never changes, at the first tick: the map, the robots' shapes, and the transforms between their parts."""
     first = drives.first
+    bag.write(SCENARIO, "", first, messages.text(drives.scenario.model_dump_json()))
     bag.write(topics.GRID, "", first, grid_of(lay_out(drives.scenario).walls.tolist()))
     for name in robots:
         kind = KINDS[kind_of(name)]

@@ -38,7 +38,9 @@ def main(argv: list[str] | None = None) -> int:
     """
     arguments = _arguments(argv)
     file = arguments.pop("scenario_file", None)
-    return run_process("physics", lambda inbox: _run(inbox, _options(arguments), file), BusError, ScenarioError, SnapshotError, ValueError)
+    return run_process(
+        "physics", lambda inbox: _run(inbox, _options(arguments), file), BusError, ScenarioError, SnapshotError, ValueError, OSError
+    )
 
 
 def _run(inbox: Inbox, options: RunOptions, file: str | None) -> int:
@@ -63,6 +65,10 @@ def _simulate(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions
     from orchard.sim.lookahead import HOLDS, IgnoredHolds
 
     holds = IgnoredHolds if options.mode == "realtime" else HOLDS[options.holds]  # in realtime no robot drives on without a word
+    if options.table is not None and not options.resume:
+        from orchard.tables.folder import check_folder  # not at the top: pyarrow takes some time to load
+
+        check_folder(Path(options.table), check(options.scenario, "the scenario"))
     engine = Engine.begin(check(options.scenario, "the scenario"), holds) if before is None else Engine.resume(before, holds)
     absent = select_agents(engine.layout.agents, options.absent, []) if options.absent else []
     physics = Physics(bus, keys, engine, msgspec.structs.replace(options, absent=absent), before)

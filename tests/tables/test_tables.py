@@ -18,6 +18,7 @@ from orchard.contract.messages import Fetch, pack, type_of, unpack
 from orchard.field.scenario import Scenario
 from orchard.launch.terminal import exit_on_errors
 from orchard.local import Local
+from orchard.processes.physics import main as physics
 from orchard.report.metrics import HarvestFigures
 from orchard.sim.snapshot import Snapshot
 from orchard.sim.stops import STOPPED
@@ -202,6 +203,12 @@ def test_what_is_removed_from_a_growing_table_is_what_comes_again(tmp_path_facto
     assert [row["tick"] for row in pq.read_table(file).to_pylist()] == [row[0] for row in rows]
 
 
+def test_a_run_that_ends_before_its_first_tick_leaves_empty_tables(tmp_path):
+    run(Local(SMALL), tmp_path, 0).close()
+    assert [len(table) for table in read(tmp_path).values()] == [0] * len(ALL)
+    assert complete(tmp_path, {"ticks": 0, "scenario": {}}) == []
+
+
 # -- what goes wrong
 
 
@@ -212,6 +219,13 @@ def test_a_folder_with_tables_is_refused_and_kept(tmp_path):
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"{tmp_path}/tables: tables of a run are there, and are not replaced; --table DIR names another folder\n"
     assert (tmp_path / "tables" / "bodies.parquet").read_bytes() == before
+
+
+def test_physics_that_is_started_by_hand_does_not_replace_tables_either(tmp_path, caplog):
+    run(Local(SMALL), tmp_path, 5).close()
+    assert physics(["--table", str(tmp_path)]) == 2
+    assert "tables of a run are there, and are not replaced" in caplog.text
+    assert last_tick(tmp_path) == 5
 
 
 def test_a_file_in_place_of_the_folder_is_told(tmp_path):

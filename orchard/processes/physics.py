@@ -49,6 +49,10 @@ def _run(inbox: Inbox, options: RunOptions, file: str | None) -> int:
         before = last(snapshots, options.run) if options.resume and snapshots else None
         if before is None and file is not None:  # a snapshot holds the scenario, and the file may be gone
             options = msgspec.structs.replace(options, scenario=load(file).model_dump())
+        if options.table is not None and not options.resume:
+            from orchard.tables.folder import check_folder  # not at the top: pyarrow takes some time to load
+
+            check_folder(Path(options.table), check(options.scenario, "the scenario"))
         with _session(options, inbox, identity_in(options.secure, options.prefix)) as bus:
             return _simulate(bus, keys, before, options)
 
@@ -65,10 +69,6 @@ def _simulate(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions
     from orchard.sim.lookahead import HOLDS, IgnoredHolds
 
     holds = IgnoredHolds if options.mode == "realtime" else HOLDS[options.holds]  # in realtime no robot drives on without a word
-    if options.table is not None and not options.resume:
-        from orchard.tables.folder import check_folder  # not at the top: pyarrow takes some time to load
-
-        check_folder(Path(options.table), check(options.scenario, "the scenario"))
     engine = Engine.begin(check(options.scenario, "the scenario"), holds) if before is None else Engine.resume(before, holds)
     absent = select_agents(engine.layout.agents, options.absent, []) if options.absent else []
     physics = Physics(bus, keys, engine, msgspec.structs.replace(options, absent=absent), before)

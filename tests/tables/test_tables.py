@@ -2,6 +2,8 @@
 
 import os
 import re
+import subprocess
+import sys
 
 import msgspec
 import numpy as np
@@ -9,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 import typer
 from alone import HARVEST_TICKS, SMALL
-from command_line import ROOT, orchard
+from command_line import ROOT, SECONDS, orchard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,7 +20,6 @@ from orchard.contract.messages import Fetch, pack, type_of, unpack
 from orchard.field.scenario import Scenario
 from orchard.launch.terminal import exit_on_errors
 from orchard.local import Local
-from orchard.processes.physics import main as physics
 from orchard.report.metrics import HarvestFigures
 from orchard.sim.snapshot import Snapshot
 from orchard.sim.stops import STOPPED
@@ -221,10 +222,12 @@ def test_a_folder_with_tables_is_refused_and_kept(tmp_path):
     assert (tmp_path / "tables" / "bodies.parquet").read_bytes() == before
 
 
-def test_physics_that_is_started_by_hand_does_not_replace_tables_either(tmp_path, caplog):
+def test_physics_that_is_started_by_hand_does_not_replace_tables_either(tmp_path):
     run(Local(SMALL), tmp_path, 5).close()
-    assert physics(["--table", str(tmp_path)]) == 2
-    assert "tables of a run are there, and are not replaced" in caplog.text
+    command = [sys.executable, "-m", "orchard.processes.physics", "--table", str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=SECONDS)
+    assert done.returncode == 2
+    assert "tables of a run are there, and are not replaced" in done.stderr
     assert last_tick(tmp_path) == 5
 
 

@@ -59,6 +59,7 @@ from orchard.wire.messages import (
     Received,
     RefusedThere,
     Report,
+    ResetSimulation,
     RunInfo,
     SetSimulationState,
     SimulationState,
@@ -134,6 +135,7 @@ EXAMPLES: dict[type, SubMessage] = {
         SimulationState(RUN, TICK, "paused"),
         SetSimulationState(RUN, "paused"),
         StepSimulation(RUN, 10),
+        ResetSimulation(RUN, 7),
         Lost(RUN, TICK, ["picker_01"], SESSION),
         Command(RUN, "stop"),
         Done(RUN, TICK),
@@ -264,7 +266,7 @@ It publishes, subscribes, queries and replies on the keys below. `{{prefix}}` is
 - **Payloads** are msgpack: a map with text keys. `float` is float 64 (integers are accepted too). `bin` is msgpack's bin, not text. In the tables of fields, `*` stands for each name of a map, or for each place of an array.
   Optional fields may be left out. Unknown fields are refused. A client ignores fields that it does not know.
 - **Every message carries `run`**, the run's id, **and `tick`**, the number of the time step, from 0. A step is 0.1 s of simulated time.
-  The messages Join, Command, Stop, SetSimulationState, StepSimulation and RefusedThere carry only `run`.
+  The messages Join, Command, Stop, SetSimulationState, StepSimulation, ResetSimulation and RefusedThere carry only `run`.
 - **Frames** (REP-103, REP-105): in `map`, x points east, y north and z up, in metres. A yaw of 0 faces east; yaw grows counter-clockwise.
   In the frame of a body, `base_link`, x points forward and y to the left. Names and meanings of fields are those of ROS.
 - **Bodies** are the first names in `agents`, in the reply to the scenario query, in this order: robots by name, people and animals by name, weeds by name. All arrays "of each body" have this order.
@@ -296,16 +298,20 @@ Such a robot has no agent: nothing answers the calls of its bin or the offers of
 **To advise a robot**, drive it while its agent goes on: the agent keeps its plan, mail and deeds, and another client gives the velocity. Publish `Advice` with the `run` and the `tick` of the newest pose on
 `{{prefix}}/picker_01/advice`. It replaces the velocity of the agent in the step of that tick, or of the present one if that is later, until newer advice comes, but at most in the {advice} steps from its `tick` on ({advice_seconds:g} s of simulated time, in lockstep and in realtime).
 Then the robot moves as its agent wants, as with ROS's `twist_mux`. For a robot that shall stand, send advice of 0 again and again.
-What the agent wants is on `{{prefix}}/picker_01/velocity` while a session subscribes to that: for the tick of the pose, some milliseconds after it. The agent's steps end at absolute places: a drive ends as soon as the robot is at or beyond its target along the
+What the agent wants is on `{{prefix}}/picker_01/velocity` while a session subscribes to that: for the tick of the pose, some milliseconds after it. In lockstep an agent that holds publishes nothing: it wants what it wanted last; once advised, it is asked at every tick. The agent's steps end at absolute places: a drive ends as soon as the robot is at or beyond its target along the
 drive, a turn when the robot faces exactly (to 1e-9 rad) where the agent wants. So advise what the agent wants, slower or later; or drive near the place, and leave the last turn and drive to the agent, by sending nothing.
 Deeds are done while the robot stands: advise 0 while the agent wants 0. Physics limits advice as it limits every velocity; collisions, the emergency stop and the bar between robot and bin are as always. Only the agent's own velocities look for obstacles: advice must look by itself.
 In a secured run only the role that may drive a robot may advise it.
 
 **Pause and step.** The states and queries are those of ROS's simulation_interfaces: query `{{prefix}}/simulation_state` (GetSimulationState), `{{prefix}}/set_simulation_state` (SetSimulationState) or `{{prefix}}/step_simulation` (StepSimulation); each reply is a
 SimulationState, which is also published when it changes. A pause is in force before the next step. While the run is paused, the present tick stays: its poses and scans are published, answers, velocities and advice to it are taken, sessions may join and robots may be stopped. No agent is
-missed or late, no velocity gets older, and `clock` is published again every {again} s, with the same time. The reply to `step_simulation` comes when its steps are done, the next tick is published, and the agents have answered it (after {again} s without news also if one has not).
+missed or late, no velocity gets older, and pose, scan and `clock` of the tick are published again every {again} s. The reply to `step_simulation` comes when its steps are done, the next tick is published, and the agents have answered it (after {again} s without news also if one has not).
 Another `set_simulation_state` or `step_simulation` ends the steps of a query before; then its reply comes at once. The hash of a run that was paused and stepped is that of the run without. A pause is not kept on the disk: physics that was killed plays when it is started again.
-In a secured run the operator and the emergency operator may pause and step, as for `stop`. There is no reset: end the run (`quitting`), and start it again with the same or another `seed` in its scenario.
+In a secured run the operator and the emergency operator may pause and step, as for `stop`. 
+**Reset.** A query `{{prefix}}/reset_simulation` (ResetSimulation) begins the run again at tick 0, with the same id and scenario or with another `seed`. Physics replies, publishes `end` with `why` 'reset', removes its liveliness token, and
+waits until the sessions with agents have left. Then it opens its session again, at the same endpoint, and waits for the agents as at the start; a run that was paused is paused at tick 0. So to a client a reset is an end and a new begin: query `scenario` again when the token
+of physics is back, forget all memory, mail and ticks, and join again. The run's hash is then that of a run that was never reset. A session whose tokens stay longer than physics' patience must not send any more: requests of its old ticks could be heard again.
+Snapshots of the ticks before the reset are removed. While a logger is there, a reset is refused, because the recording would hold two runs: `orchard --record none`.
 
 **To hold an agent in lockstep.** Physics waits for each held agent: it continues with tick k + 1 only when all held agents that are asked at tick k have answered.
 
@@ -411,6 +417,7 @@ key and reason. A refused query gets an error reply with the reason.
 | no such agent | in the sender of a letter or in a liveliness token: a name that is not that of an agent of this run |
 | no such key | a key expression with wildcards, which does not name a single key |
 | not paused | steps for a run that plays |
+| recorded | a reset while a logger records the run |
 | not all | a `seen` without some bodies of the session |
 | too many | more than any run needs: {tokens} liveliness tokens, sessions that refused messages, events that wait at the logger |
 | out of bounds | `linear.y` other than 0 for a body that cannot move sideways, held or not; only a bin can. More than {requests} requests in the letters of one velocity |

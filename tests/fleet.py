@@ -172,6 +172,12 @@ class Client:
         self.session.declare_subscriber(key, put)
         return heard
 
+    def tokens(self, keys: str) -> queue.Queue:
+        """Whether a liveliness token appears, from now on."""
+        heard = queue.Queue()
+        self.session.liveliness().declare_subscriber(keys, lambda sample: heard.put(sample.kind == zenoh.SampleKind.PUT), history=True)
+        return heard
+
     def put(self, key: str, **message) -> None:
         self.session.put(key, msgpack.packb({"run": self.run} | message), congestion_control=zenoh.CongestionControl.BLOCK)
 

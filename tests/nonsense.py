@@ -10,6 +10,7 @@ from orchard.wire.keys import TABLE
 from orchard.wire.messages import VelocityParts
 
 RUN = "run1"
+EMPTY = ("state", "simulation_state", "scenario", "layout")  # queries without a payload
 
 
 def make_sense(what: str, payload: bytes) -> bool:
@@ -17,7 +18,7 @@ def make_sense(what: str, payload: bytes) -> bool:
     if what == "velocities" and not refusal_of(payload, VelocityParts, RUN):
         return True  # each part counts by itself
     types = [type_ for type_ in (TABLE[what].message, *TABLE[what].replies) if type_ is not None]
-    return any(not refusal_of(payload, type_, RUN) for type_ in types) or (what in ("state", "scenario") and not payload)
+    return any(not refusal_of(payload, type_, RUN) for type_ in types) or (what in EMPTY and not payload)
 
 
 def refusal_of(payload: bytes, type_: type, run: str) -> str:

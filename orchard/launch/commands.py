@@ -7,6 +7,7 @@ orchard replay FILE.mcap
 orchard app [--port 8080]
 orchard stop [ROBOT ...]
 orchard reset [ROBOT ...]
+orchard pause | resume | step [N]
 orchard secure DIR [SCENARIO.yaml]
 orchard study [SCENARIO.yaml] --vary carriers=1..20 [--vary dispatch=nearest,predictive]
 """
@@ -173,6 +174,33 @@ def reset(robots: options.Robots = None, connect: options.There = None, secure: 
     from orchard.launch.stopping import stop_or_reset
 
     raise typer.Exit(stop_or_reset(runs_folder(), robots or [], connect, secure, stop=False))
+
+
+# -- pause and step
+
+
+@app.command()
+def pause(connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
+    """Pause a run: simulated time stands, and no agent is late."""
+    from orchard.launch import pausing
+
+    raise typer.Exit(pausing.pause(runs_folder(), connect, secure))
+
+
+@app.command()
+def resume(connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
+    """Let a paused run go on."""
+    from orchard.launch import pausing
+
+    raise typer.Exit(pausing.resume(runs_folder(), connect, secure))
+
+
+@app.command()
+def step(steps: options.Steps = 1, connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
+    """Do some steps of a paused run, 0.1 s each."""
+    from orchard.launch import pausing
+
+    raise typer.Exit(pausing.step(runs_folder(), connect, secure, steps))
 
 
 # -- security

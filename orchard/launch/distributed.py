@@ -34,7 +34,7 @@ from orchard.report.summary import Outcome, write_summary
 from orchard.server.harvest import RunOptions, read_end
 from orchard.sim.kernels.cache import COMPILING, are_compiled
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
-from orchard.wire.messages import End, Figures
+from orchard.wire.messages import RESET, End, Figures
 
 STOP_SECONDS = 2.0  # that the processes may take to close their files and sessions after Ctrl-C
 POLL_SECONDS = 0.02  # between two checks whether the processes have ended
@@ -241,7 +241,7 @@ class _Launched:
                     ending.track(item.up)
             elif isinstance(item, Sample):
                 try:
-                    if said := _hear(item, self.run_id, self.progress):
+                    if (said := _hear(item, self.run_id, self.progress)) and said.why != RESET:
                         ending.hear(said)
                     begun = begun or said is None
                 except Refused as refusal:

@@ -1,4 +1,4 @@
-"""The emergency stop: find the runs on this machine, and stop or reset the robots of each.
+"""The emergency stop: find the runs on this machine, and stop or reset the robots of each; other queries to a run go the same way.
 
 Each run keeps a note of its endpoint in runs/ while it is active. The process that wrote a note holds a lock on it. The lock ends with
 the process, so a note without a lock is stale (`left_over.py`).
@@ -21,7 +21,7 @@ from orchard.net.requests import PhysicsRequest, ask
 from orchard.security.identity import Identity
 from orchard.wire.keys import Keys
 from orchard.wire.messages import RunInfo, Stop, Stopped
-from orchard.wire.types import read
+from orchard.wire.types import RunMessage, read
 
 
 class RunNote(msgspec.Struct):
@@ -97,25 +97,41 @@ def switch(note: RunNote, names: list[str], stop: bool, identity: Identity | Non
     `names`: names or kinds; empty for all robots. `stop`: False resets them. `say`: prints a line if physics does not answer soon.
     Raises BusError, with the reason, if physics does not answer or refuses.
     """
+    return control(note, "stop", lambda run: Stop(run, stop, names), Stopped, identity, say)
+
+
+def control(
+    note: RunNote,
+    what: str,
+    message: Callable[[str], RunMessage],
+    reply: type[M],
+    identity: Identity | None,
+    say: Callable[[str], None],
+    seconds: float = ANSWER_SECONDS,
+) -> M:
+    """Send a query to physics of a run, and return the reply. `what`: a key in `wire.keys.TABLE`; `message`: made of the run's id.
+
+    Raises BusError if physics does not answer within `seconds`, or refuses.
+    """
     keys = Keys()
     if note.run and not note.endpoint.startswith("tls/"):  # a run found here that is open: a role is needed for the others only
         identity = None
     with client(note.endpoint, seconds=LOOK_SECONDS, identity=identity) as bus:
         run = note.run or _ask(bus, keys.of("scenario"), b"", RunInfo, say).run
-        return _ask(bus, keys.of("stop"), pack(Stop(run, stop, names)), Stopped, say)
+        return _ask(bus, keys.of(what), pack(message(run)), reply, say, seconds)
 
 
-def _ask(bus: Bus, key: str, payload: bytes, type_: type[M], say: Callable[[str], None]) -> M:
-    """The reply of physics. Raises BusError after ANSWER_SECONDS without one."""
+def _ask(bus: Bus, key: str, payload: bytes, type_: type[M], say: Callable[[str], None], seconds: float = ANSWER_SECONDS) -> M:
+    """The reply of physics. Raises BusError after `seconds` without one."""
     begun, said = time.monotonic(), False
 
     def check_time() -> None:
         nonlocal said
         waited = time.monotonic() - begun
-        if waited >= ANSWER_SECONDS:
-            raise BusError(f"{bus.endpoint}: physics did not answer within {ANSWER_SECONDS:g} s; the command may have arrived: try again")
+        if waited >= seconds:
+            raise BusError(f"{bus.endpoint}: physics did not answer within {seconds:g} s; the command may have arrived: try again")
         if waited >= QUIET_SECONDS and not said:
             said = True
-            say(f"{bus.endpoint}: physics does not answer yet; waiting for up to {ANSWER_SECONDS:g} s")
+            say(f"{bus.endpoint}: physics does not answer yet; waiting for up to {seconds:g} s")
 
-    return ask(bus, PhysicsRequest(key, payload, lambda reply: read(reply, type_), ANSWER_SECONDS), meanwhile=check_time)
+    return ask(bus, PhysicsRequest(key, payload, lambda reply: read(reply, type_), seconds), meanwhile=check_time)

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from typer import Argument, BadParameter, Option
 
-from orchard.contract.agent import Holds
+from orchard.contract.agent import MOST_STEPS, Holds
 from orchard.contract.messages import LAST_TICK
 from orchard.field.queue import QUEUES
 from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, TIME_STEP
@@ -34,6 +34,9 @@ COMMANDS = {
     "app": "serve the page on which you set up, run and watch an orchard",
     "stop": "emergency stop: stop robots of the active runs",
     "reset": "let stopped robots go on",
+    "pause": "pause a run",
+    "resume": "let a paused run go on",
+    "step": "do some steps of a paused run",
     "secure": "make the certificates of a secured run",
     "study": "compare settings: how many carriers, which policy, which route",
 }
@@ -311,6 +314,7 @@ def with_options(kind: type[Chosen]) -> Callable[[Callable[[Chosen], None]], Cal
 
 Robots = Annotated[list[str] | None, Argument(metavar="[ROBOT|KIND]...", help="picker_01, carrier; default: all robots.")]
 There = Annotated[str | None, Option(metavar="ENDPOINT", help="A run elsewhere: tcp/192.168.1.10:7447. Default: here.")]
+Steps = Annotated[int, Argument(metavar="[N]", min=1, max=MOST_STEPS, help="Number of steps.")]
 EmergencyOperator = Annotated[
     Path | None, Option("--secure", metavar="DIR", help="For a secured run: the directory with the role emergency-operator.")
 ]

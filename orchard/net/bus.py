@@ -128,6 +128,12 @@ class Inbox:
             self._settled.add(thread)
             ctypes.pythonapi.PyGILState_Ensure()
 
+    def forget(self) -> None:
+        """Drop all that an earlier session has left here. Requests to end stay."""
+        for _ in range(len(self._items)):
+            if isinstance(item := self._items.popleft(), Signal):
+                self._items.append(item)
+
     def __len__(self) -> int:
         return len(self._items)
 

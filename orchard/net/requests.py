@@ -17,6 +17,7 @@ from orchard.wire.types import read
 M = TypeVar("M")
 
 ANSWER_SECONDS = 120.0  # how long physics may take to reply to a session that joins: it may be compiling
+FETCH_SECONDS = 3.0  # after which the question for the run is repeated: it may be lost where a run that is reset opens its session again
 LOOK_SECONDS = 1.0  # between two checks whether physics is gone, while nothing arrives
 AGAIN_SECONDS = 0.1  # between two tries, while no reply comes
 TRIES = 300  # 30 s in all: physics starts slowly on a busy machine
@@ -84,4 +85,4 @@ def _replies_to(bus: Bus, ticket: object, handle: Callable[[Item], None], meanwh
 
 def fetch_run(bus: Bus, keys: Keys, handle: Callable[[Item], None] = lambda item: None) -> RunInfo:
     """Return the run that physics simulates at this router. Raises BusError if there is none."""
-    return ask(bus, PhysicsRequest(keys.of("scenario"), b"", lambda reply: read(reply, RunInfo)), handle)
+    return ask(bus, PhysicsRequest(keys.of("scenario"), b"", lambda reply: read(reply, RunInfo), FETCH_SECONDS), handle)

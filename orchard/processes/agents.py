@@ -26,6 +26,7 @@ from orchard.net.process import monitor, run_process, settle
 from orchard.net.requests import fetch_run
 from orchard.security.identity import Identity, identity_in
 from orchard.wire.keys import PREFIX, Keys
+from orchard.wire.messages import RESET
 
 Factory = Callable[[Layout, Collection[str]], dict[str, Agent]]
 FACTORY = "orchard.agents.catalogue:make_agents"
@@ -60,8 +61,14 @@ def main(argv: list[str] | None = None) -> int:
 
     def run(inbox: Inbox) -> int:
         identity = identity_in(options.secure, options.prefix)
-        with client(options.connect, inbox, identity=identity) as bus:
-            _host(bus, options, identity).run()
+        while True:
+            try:
+                with client(options.connect, inbox, identity=identity) as bus:
+                    _host(bus, options, identity).run()
+            except HostEnded as end:
+                if str(end) != RESET:
+                    raise
+            inbox.forget()  # the run begins again: nothing of it is kept
 
     return run_process("agents", run, BusError, ValueError, ScenarioError)
 

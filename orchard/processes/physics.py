@@ -24,7 +24,7 @@ from orchard.security.identity import Identity, identity_in
 from orchard.server.harvest import RunOptions
 from orchard.server.loop import Physics
 from orchard.server.snapshots import last, sole
-from orchard.sim.snapshot import Snapshot, SnapshotError
+from orchard.sim.snapshot import Snapshot, SnapshotError, clear
 from orchard.wire.keys import Keys
 
 if TYPE_CHECKING:
@@ -53,8 +53,15 @@ def _run(inbox: Inbox, options: RunOptions, file: str | None) -> int:
             from orchard.tables.folder import check_folder  # not at the top: pyarrow takes some time to load
 
             check_folder(Path(options.table), check(options.scenario, "the scenario"))
-        with _session(options, inbox, identity_in(options.secure, options.prefix)) as bus:
-            return _simulate(bus, keys, before, options)
+        while True:
+            with _session(options, inbox, identity_in(options.secure, options.prefix)) as bus:
+                code, again = _simulate(bus, keys, before, options)
+            if again is None:
+                return code
+            inbox.forget()
+            if snapshots is not None:
+                clear(snapshots)
+            options, before = again, None
 
 
 def _session(options: RunOptions, inbox: Inbox, identity: Identity | None) -> AbstractContextManager[Bus]:
@@ -64,7 +71,8 @@ def _session(options: RunOptions, inbox: Inbox, identity: Identity | None) -> Ab
     return router(options.listen or (LOOPBACK if identity is None else SECURE_LOOPBACK), inbox, identity)
 
 
-def _simulate(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions) -> int:
+def _simulate(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions) -> tuple[int, RunOptions | None]:
+    """Run an orchard once. Return the exit code, and the options with which the run begins again, if it was reset."""
     from orchard.sim.engine import Engine  # not at the top: numba takes seconds to load, and meanwhile other processes can connect
     from orchard.sim.lookahead import HOLDS, IgnoredHolds
 
@@ -80,7 +88,7 @@ def _simulate(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions
     for violation in end.summary["violations"]:
         print(f"violated: {violation}", flush=True)
     is_bad = end.why == "jammed" or end.summary["violations"] or end.summary["broken_agents"]
-    return 1 if is_bad and options.result is None else 0
+    return 1 if is_bad and options.result is None else 0, physics.again
 
 
 def _get_ready(engine: "Engine") -> None:

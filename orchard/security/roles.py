@@ -93,6 +93,7 @@ RIGHTS: dict[str, Right] = {
     "simulation_state": Right((THE_PHYSICS,), (*AUDIENCE, EMERGENCY)),
     "set_simulation_state": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
     "step_simulation": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
+    "reset_simulation": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
     "end": Right((THE_PHYSICS,), AUDIENCE),
     "alive": Right((OWN_HOST, LOGGER_ITSELF, ITS_TOKEN), ALL),
 }

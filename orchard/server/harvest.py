@@ -29,7 +29,7 @@ from orchard.sim.snapshot import Snapshot
 from orchard.tables import tables_of
 from orchard.wire.codec import picture_of
 from orchard.wire.keys import PREFIX, Keys
-from orchard.wire.messages import End, Events, Letters, Mode
+from orchard.wire.messages import RESET, End, Events, Letters, Mode
 
 if TYPE_CHECKING:
     from orchard.sim.engine import Engine
@@ -73,6 +73,7 @@ class RunOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     snapshot_every: Positive = SNAPSHOT_SECONDS  # s of wall time
     result: str | None = None  # file for a copy of the last message, which may be lost on the network
     resume: bool = False  # continue from the newest snapshot in the folder
+    paused: bool = False  # the first tick waits until a client lets the run play, or does steps
     holds: Holds = "on"  # which agents are asked at a tick, see orchard.sim.lookahead; in realtime all are
 
     @property
@@ -95,6 +96,14 @@ class RunEnded(Exception):
     """A command or a signal ends the run; the text says why."""
 
 
+class RunReset(RunEnded):
+    """A command ends the run so that it begins again with `scenario`."""
+
+    def __init__(self, scenario: dict[str, Any]) -> None:
+        super().__init__(RESET)
+        self.scenario = scenario
+
+
 class Harvest:
     """The parts of one run, its steps and their reports. `Inbound` handles what arrives; `Physics` decides when each step is done."""
 
@@ -109,6 +118,8 @@ class Harvest:
         is_paced = options.mode == "realtime"
         self.control = SimulationControl(lambda state: self.publisher.publish("simulation_state", state), self.run, lambda: engine.tick)
         clock = self.control.clock
+        if options.paused:
+            clock.pause()
         answers = RealtimeBarrier(roster, TIME_STEP / options.pace, clock) if is_paced else LockstepBarrier(roster, options.patience, clock)
         self.publisher = Publisher(bus, keys, self.run, engine.layout, answers.newest_wins)
         self.drivers = Drivers(engine, roster, answers, ledger, self.publisher, clock)

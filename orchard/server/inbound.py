@@ -9,10 +9,12 @@ from functools import partial
 import msgspec
 
 from orchard.contract.messages import pack
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import check
 from orchard.net.bus import Alive, Bus, Item, Query, Sample, Signal
 from orchard.net.endpoints import BusError
 from orchard.net.refusals import Refused, read_message, refuse_other_run, refuse_other_tick
-from orchard.server.harvest import Harvest, RunEnded
+from orchard.server.harvest import Harvest, RunEnded, RunReset
 from orchard.server.snapshots import KEPT_SECONDS
 from orchard.sim.stops import stopped
 from orchard.wire import messages as wire
@@ -36,6 +38,7 @@ class Queries:
             "simulation_state": self._simulation_state,
             "set_simulation_state": self._set_simulation_state,
             "step_simulation": self._step_simulation,
+            "reset_simulation": self._reset_simulation,
         }
 
     def reply(self, query: Query) -> None:
@@ -120,6 +123,20 @@ class Queries:
         query.drop()
         if wanted.state == "quitting":
             raise RunEnded("stopped")
+
+    def _reset_simulation(self, query: Query) -> None:
+        harvest = self._harvest
+        wanted = read_message(query.payload, wire.ResetSimulation, harvest.run)
+        if any(name == LOGGER for name, _ in harvest.drivers.roster.tokens):
+            raise Refused("recorded", "the recording would hold two runs; start the run without one (--record none)")
+        scenario = harvest.engine.layout.scenario.model_dump() | ({} if wanted.seed is None else {"seed": wanted.seed})
+        try:
+            check(scenario, "the scenario")
+        except ScenarioError as error:
+            raise Refused("malformed", str(error)) from error
+        query.reply(pack(harvest.control.state))
+        query.drop()
+        raise RunReset(scenario)
 
     def _step_simulation(self, query: Query) -> None:
         self._harvest.control.step(query, read_message(query.payload, wire.StepSimulation, self._harvest.run).steps)

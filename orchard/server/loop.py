@@ -4,15 +4,17 @@ import logging
 import math
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import msgspec
 
 from orchard.net.bus import Bus
 from orchard.net.lockstep import AGAIN_SECONDS, Pacer
-from orchard.server.harvest import Harvest, RunEnded, RunOptions, write_end
+from orchard.server.harvest import Harvest, RunEnded, RunOptions, RunReset, write_end
 from orchard.server.inbound import Inbound
 from orchard.sim.snapshot import Snapshot
 from orchard.wire.keys import LOGGER, Keys
-from orchard.wire.messages import End
+from orchard.wire.messages import RESET, End
 
 if TYPE_CHECKING:
     from orchard.sim.engine import Engine
@@ -36,10 +38,20 @@ class Physics:
         self._held_before = before.held if before else None
         self._clock = self.harvest.control.clock
         self._pacer = Pacer(options.pace, self._clock)
+        self.reset_to: dict[str, Any] | None = None  # after the end: the scenario with which the run begins again
 
     def listen(self) -> None:
         """Subscribe, and declare the queryables and the liveliness token."""
         self.arrivals.listen()
+
+    @property
+    def again(self) -> RunOptions | None:
+        """After the end: the options with which the run begins again; None if it does not."""
+        if self.reset_to is None:
+            return None
+        options = msgspec.structs.replace(self._options, scenario=self.reset_to, run=self.harvest.run, resume=False)
+        where = {} if options.connect else {"listen": self.bus.endpoint}
+        return msgspec.structs.replace(options, paused=self._clock.is_paused, **where)
 
     def run(self, get_ready: Callable[[], None]) -> End:
         """Run all ticks, and publish the end. Return it.
@@ -54,6 +66,8 @@ class Physics:
             self.harvest.begin()
             while not (why := self._why_over()):
                 self._tick()
+        except RunReset as ended:
+            why, self.reset_to = str(ended), ended.scenario
         except RunEnded as ended:
             why = str(ended)
         self.harvest.control.end()
@@ -64,11 +78,11 @@ class Physics:
         if self.harvest.tables is not None:
             self.harvest.tables.close()
         end = self.harvest.end(why)
-        if self._options.result is not None:
+        if self._options.result is not None and why != RESET:
             write_end(end, self._options.result)
         self.harvest.publisher.publish("end", end)
         self.arrivals.leave()
-        self._await_leaving()
+        self._await_leaving(LEAVE_SECONDS if why != RESET else self._options.patience)
         return end
 
     def gather(self) -> None:
@@ -150,11 +164,11 @@ class Physics:
                 control.finish_steps()
             if not self.arrivals.take(AGAIN_SECONDS):
                 control.finish_steps()
-                self.harvest.publisher.publish_clock(self._engine.tick)
+                self._drivers.show(self._drivers.silent())
 
-    def _await_leaving(self) -> None:
-        """Wait until all tokens are gone, at most LEAVE_SECONDS, so that the last message reaches the other processes."""
-        deadline = time.monotonic() + LEAVE_SECONDS
+    def _await_leaving(self, seconds: float) -> None:
+        """Wait until all tokens are gone, at most so long, so that the last message reaches the other processes."""
+        deadline = time.monotonic() + seconds
         while self._drivers.roster.tokens and (left := deadline - time.monotonic()) > 0.0:
             if not self.arrivals.take_after_end(left):
                 return

@@ -47,13 +47,9 @@ class Publisher:
         for what in ("pose", "scan") if self.are_robots_heard() else ():
             for body, name in enumerate(seen.names):
                 self._put_single(what, seen, body, name)
-        self.publish_clock(seen.tick)
-
-    def publish_clock(self, tick: int) -> None:
-        """Publish the simulated time of a tick, if a session subscribes to it."""
         if self.is_heard("clock"):
-            sec, ticks = divmod(tick, TICKS_PER_SECOND)
-            self._put(self._keys.of("clock"), Clock(self.run, tick, Stamp(sec, ticks * (10**9 // TICKS_PER_SECOND))))
+            sec, ticks = divmod(seen.tick, TICKS_PER_SECOND)
+            self._put(self._keys.of("clock"), Clock(self.run, seen.tick, Stamp(sec, ticks * (10**9 // TICKS_PER_SECOND))))
 
     def retire(self, holders: Iterable[str]) -> None:
         """Remove the publishers of sessions that do not hold an agent any more."""

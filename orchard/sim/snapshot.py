@@ -97,6 +97,12 @@ def _opened(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK)  # of a pipe it would wait for a writer
 
 
+def clear(folder: Path) -> None:
+    """Remove all snapshots from a folder: the run begins again, and older ticks of it count no more."""
+    for path in _newest_first(folder):
+        path.unlink(missing_ok=True)
+
+
 def newest(folder: Path, refused: list[str], run: str = "", examine: Callable[[Snapshot], object] = lambda snapshot: snapshot) -> Snapshot:
     """Return the newest usable snapshot in a folder; append the faults of newer ones to `refused`. Raises SnapshotError if there is none.
 

@@ -98,6 +98,11 @@ TABLE: dict[str, Key] = {
                            "Do some steps of a paused run. Physics replies when they are done and the tick after them is published. "
                            "Refused unless the run is paused.",
                            (wire.SimulationState,)),
+    "reset_simulation": Key("{prefix}/reset_simulation", wire.ResetSimulation, "a client that may control the run", "at a user's request",
+                            QUERY,
+                            "Begin the run again at tick 0, with the same scenario or another seed. Physics replies when it begins to do "
+                            "so, see 'Reset' above. Refused while a logger is there.",
+                            (wire.SimulationState,)),
     "stop": Key("{prefix}/stop", wire.Stop, "a client that may stop robots", "in an emergency", QUERY,
                 "Stop robots in an emergency, or reset them. A stop overrides all velocities and deeds of all senders, and stays in "
                 "force when agents end. A robot and the bin on its bar are stopped and reset together. People and animals keep walking; "

@@ -372,6 +372,12 @@ class StepSimulation(RunMessage):
     steps: Annotated[int, Meta(ge=1, le=MOST_STEPS, description="how many steps of 0.1 s; then the run is paused again")] = 1
 
 
+class ResetSimulation(RunMessage):
+    """ResetSimulation in simulation_interfaces."""
+
+    seed: Annotated[int | None, Meta(description="of the scenario from now on, 0 or more; nil: as before")] = None
+
+
 class Done(Message):
     """The command is accepted."""
 
@@ -395,7 +401,7 @@ class Stopped(Message):
 
 Reason = Literal[
     "malformed", "other run", "past tick", "future tick", "not the holder", "not held", "answered already",
-    "no such robot", "no such agent", "no such key", "out of bounds", "not all", "too many", "not paused",
+    "no such robot", "no such agent", "no such key", "out of bounds", "not all", "too many", "not paused", "recorded",
 ]  # fmt: skip
 
 
@@ -408,11 +414,16 @@ class RefusedThere(RunMessage):
     counts: Annotated[Counts, Meta(description="reason -> how many since the session began")]
 
 
+RESET = "reset"  # why a run has ended that begins again
+
+
 class End(Message):
     """The last message of a run."""
 
     finished: Annotated[bool, Meta(description="whether the harvest is complete")]
-    why: Annotated[str, Meta(description="why the run ended: 'harvested', 'duration', 'stopped', 'jammed' or 'refused'")]
+    why: Annotated[
+        str, Meta(description="why it ended: 'harvested', 'duration', 'stopped', 'jammed' or 'refused'; 'reset': it begins again")
+    ]
     hash: Annotated[str, Meta(description="SHA-256 over all ticks, hexadecimal")]
     summary: Annotated[dict[str, Any], Meta(description="the figures of the whole run")]
 

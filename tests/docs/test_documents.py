@@ -68,8 +68,7 @@ def test_the_commands_in_the_documents_run(command, tmp_path):
 
 
 def test_each_block_with_a_name_has_a_test_that_names_it():
-    folders = ("tests", "bridges", "ecosystem")
-    tests = "".join(path.read_text() for folder in folders for path in (ROOT / folder).rglob("test_*.py"))
+    tests = "".join(path.read_text() for folder in ("tests", "bridges", "ecosystem") for path in (ROOT / folder).rglob("test_*.py"))
     named = [block.name for block in BLOCKS if block.name and block.name not in INSTALLING]
     assert [name for name in named if f'"{name}"' not in tests] == []
 

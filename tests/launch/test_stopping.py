@@ -1,4 +1,4 @@
-"""`run.py stop` and `run.py reset`: how they find the run that goes on, and what they tell of its answer."""
+"""`run.py stop`, `reset`, `pause`, `resume` and `step`: how they find the run that goes on, and what they tell of its answer."""
 
 import os
 import re
@@ -69,6 +69,9 @@ def test_the_command_line_stops_a_robot_of_the_run_that_goes_on_here(tmp_path, m
         for _, _, *words in commands(block("docs/how-to.md", "emergency stop")):
             assert run_py(tmp_path, *words).returncode == 0, words
         assert_goes_on(poses)
+        if "--mode" not in mode:
+            assert_pauses_and_steps(tmp_path)
+            assert_goes_on(poses)
         someone.ask("orchard/command", msgpack.packb({"run": going.run, "command": "stop"}))
         out, _ = run.communicate(timeout=120)
         assert run.returncode == 0, out
@@ -77,6 +80,15 @@ def test_the_command_line_stops_a_robot_of_the_run_that_goes_on_here(tmp_path, m
     assert summary["stopped_seconds"]["picker_01"] > 2.0
     assert running_here(tmp_path / "runs") == []
     assert not list((tmp_path / "runs").glob("*.going"))
+
+
+def assert_pauses_and_steps(folder: Path) -> None:
+    told = [run_py(folder, *words).stdout for _, _, *words in commands(block("docs/how-to.md", "pause and step"))]
+    first = int(told[0].removeprefix("paused: tick ").partition(",")[0])
+    then = [("paused", first), ("paused", first + 1), ("paused", first + 21), ("playing", first + 21)]
+    assert told == [f"{state}: tick {tick}, {tick / 10:.1f} s\n" for state, tick in then]
+    done = run_py(folder, "step")
+    assert (done.returncode, "pause it first" in done.stderr) == (2, True)
 
 
 def test_a_stop_without_a_run_is_told_so(tmp_path):

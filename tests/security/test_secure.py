@@ -301,7 +301,7 @@ def test_nobody_writes_what_is_anothers():
     assert rules["amy ingress liveliness_token"] == [f"orchard/alive/{MINE}/{amy}"]
     assert rules["logger ingress put"] == [f"orchard/hosts/{Role('logger', 'logger').session}/refused"]
     assert "operator ingress put" not in rules
-    control = {"orchard/set_simulation_state", "orchard/step_simulation"}
+    control = {"orchard/set_simulation_state", "orchard/step_simulation", "orchard/reset_simulation"}
     may = {role.name for role in roles if control.intersection(rules.get(f"{role.name} ingress query", ()))}
     assert may == {"operator", "emergency-operator"}
     assert not [name for name in rules if "delete" in name]

@@ -32,7 +32,7 @@ from orchard.wire.messages import Angular, Linear, Velocity
 
 TICKS = 60
 MOST_MEMORY = 64 << 20  # bytes, that 100,000 messages may leave behind
-CONTROL = ("simulation_state", "set_simulation_state", "step_simulation")
+CONTROL = ("simulation_state", "set_simulation_state", "step_simulation", "reset_simulation")
 TO_PHYSICS = ("velocity", "velocities", "refused", "scenario", "join", "recall", "stop", "command", *CONTROL, "layout", "advice")
 TO_HOST = ("seen", "lost", "end", "mail", "state")
 TO_LOGGER = ("picture", "events", "letters", "lost", "end")

@@ -5,6 +5,7 @@ import time
 from threading import Thread
 
 import rclpy
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from orchard_ros2.bridge import Bridge
@@ -24,6 +25,9 @@ def main() -> int:
         return code
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
+    except InvalidParameterTypeException as error:
+        print(f"orchard-ros2: {error}; a list of robots is as [picker_01, carrier]", file=sys.stderr)
+        return 2
     finally:
         rclpy.try_shutdown()
 

@@ -4,12 +4,14 @@ Two threads. The executor's takes velocities and service calls. `listen` takes w
 """
 
 import importlib
+from array import array
 from collections.abc import Callable
 from functools import lru_cache, partial
 from math import isfinite
 from time import monotonic
 from typing import Any
 
+import numpy
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -34,11 +36,20 @@ def type_of(name: str) -> Any:
     return getattr(importlib.import_module(f"{package}.msg"), kind)
 
 
+def array_of(numbers: "array[Any]") -> Any:
+    """Return an array as rclpy takes it without a look at each number: an array of fixed length, which is of float64 here, as numpy's."""
+    return numpy.frombuffer(numbers) if numbers.typecode == "d" else numbers
+
+
 def profile(qos: QoS) -> QoSProfile:
     """Return a quality of service as rclpy knows it."""
     reliability = ReliabilityPolicy.RELIABLE if qos.reliable else ReliabilityPolicy.BEST_EFFORT
     durability = DurabilityPolicy.TRANSIENT_LOCAL if qos.latched else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=qos.depth, reliability=reliability, durability=durability)
+
+
+def _within(value: float, limit: float) -> float:
+    return max(-limit, min(limit, value))
 
 
 class Bridge:
@@ -61,8 +72,10 @@ class Bridge:
         return str(self.node.declare_parameter(name, default).value)
 
     def _texts(self, name: str, default: list[str]) -> list[str]:
+        """A list; '' in it stands for nothing, because ROS 2 has no empty list of texts."""
         self.node.declare_parameter(name, Parameter.Type.STRING_ARRAY)
-        return [str(word) for word in self.node.get_parameter_or(name, Parameter(name, Parameter.Type.STRING_ARRAY, default)).value]
+        given = self.node.get_parameter_or(name, Parameter(name, Parameter.Type.STRING_ARRAY, default)).value
+        return [word for word in given if word]
 
     # -- the beginning
 
@@ -81,6 +94,7 @@ class Bridge:
         self._has_tf = self._can_publish_tf()
         for name in self._names:
             self._publish(topics.ROBOT_DESCRIPTION, messages.text(self._description(name)), name)
+            self._publisher(topics.ODOM, name), self._publisher(topics.SCAN, name)
         for name in (*self._driven, *self._advised):
             self._take_orders(name)
         for name in self._driven:
@@ -95,8 +109,12 @@ class Bridge:
             self.client.hear(key)
         for name in self._advised:
             self.client.hear(f"{name}/velocity")
+        self._begin()
+
+    def _begin(self) -> None:
+        """Physics begins when all robots that are left to others are driven."""
         for name in self._driven:
-            self._stand(name, [])  # physics begins when all robots that are left to others are driven
+            self._stand(name, [])
 
     def _description(self, name: str) -> str:
         kind = self._kinds[name]
@@ -121,6 +139,7 @@ class Bridge:
     def _offer_control(self) -> None:
         """Services as simulation_interfaces names them. A Trigger has no argument: the state is in the name, the steps are a parameter."""
         self._offer("get_simulation_state", partial(self._control, "simulation_state", lambda: None))
+        self._offer("reset_simulation", partial(self._control, "reset_simulation", {"run": self.run}.copy))
         self._offer("step_simulation", partial(self._control, "step_simulation", self._steps))
         for state in ("playing", "paused", "quitting"):
             wish = {"run": self.run, "state": state}
@@ -139,12 +158,20 @@ class Bridge:
         """Publish what arrives until the run is over. Then `ended` is done, with the error if there is one."""
         try:
             for heard in self.client.arrivals():
-                self._hear(heard)
+                self._check(heard)
                 if why := self._why_over(heard):
                     self.ended.set_result(why)
                     return
         except Exception as error:
-            self.ended.set_exception(error)
+            if self.node.context.ok():  # else ROS has been shut down meanwhile, as by Ctrl-C
+                self.ended.set_exception(error)
+
+    def _check(self, heard: Heard) -> None:
+        """In an open run any client may publish anything: a message that is not as it should be is told, and passed over."""
+        try:
+            self._hear(heard)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            self.log.warning(f"{'/'.join(heard.key)}: a malformed message is passed over: {error!r}", throttle_duration_sec=5.0)
 
     def _hear(self, heard: Heard) -> None:
         match heard:
@@ -162,6 +189,8 @@ class Bridge:
                 self._hear_clock(message["tick"])
             case Heard(("events",), message):
                 self._hear_events(message["events"])
+            case Heard(("end",), {"why": "reset"}):
+                self.tick = 0
             case Heard(("end",), message):
                 self._over, self._over_since = message["why"], monotonic()
 
@@ -186,17 +215,24 @@ class Bridge:
                 self._finish(event["who"], f"{event['who']}: {event['detail']}")
 
     def _publish(self, topic: Topic, message: Message, robot: str = "") -> None:
+        publisher = self._publisher(topic, robot)
+        if topic.qos.latched or publisher.get_subscription_count():
+            publisher.publish(messages.build(message, type_of, array_of))
+
+    def _publisher(self, topic: Topic, robot: str = "") -> Publisher:
         name = topic.of(robot)
         if name not in self._out:
             self._out[name] = self.node.create_publisher(type_of(topic.type), name, profile(topic.qos))
-        self._out[name].publish(messages.build(message, type_of))
+        return self._out[name]
 
     # -- the end
 
     def _note_physics(self, up: bool) -> None:
         if up != self._is_up:
-            self.log.info("physics is back" if up else "physics has left")
+            self.log.info("physics is back" if up else "physics is away")
         self._is_up = up
+        if up and self.tick == 0:
+            self._begin()
 
     def _why_over(self, heard: Heard) -> str:
         """Why the run is over; '' while it is not. An `end` counts only with the token of physics, which only physics can take away."""
@@ -210,8 +246,9 @@ class Bridge:
     def _order(self, name: str, message: Any) -> None:
         """A velocity from ROS. It counts for 0.5 s at most: then a driven robot stands, and an advised one does what its agent wants."""
         twist = message.twist if self._is_stamped else message
-        forward, turn = float(twist.linear.x), float(twist.angular.z)
-        if not (isfinite(forward) and isfinite(turn)):
+        kind, wanted = self._kinds[name], (float(twist.linear.x), float(twist.angular.z))
+        forward, turn = _within(wanted[0], kind["max_linear"]), _within(wanted[1], kind["max_angular"])
+        if not all(map(isfinite, wanted)):
             self.log.warning(f"{name}: cmd_vel is not finite: ignored", throttle_duration_sec=5.0)
         elif name in self._advised:
             self.client.put(f"{name}/advice", self._velocity(forward, turn))

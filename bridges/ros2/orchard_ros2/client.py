@@ -2,8 +2,8 @@
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
-from queue import Queue
+from contextlib import contextmanager, suppress
+from queue import Full, Queue
 from typing import Any, NamedTuple
 
 import msgpack
@@ -13,6 +13,7 @@ from zenoh.handlers import Callback
 CONNECT_MS = 2000  # how long it tries to connect
 LEASE_MS = 2000  # a neighbour that is silent for this long counts as gone
 ASK_SECONDS = 5.0  # how long a query waits for its reply
+ROOM_SECONDS = 0.5  # between two looks at whether the session closes
 TIMED_OUT = "Timeout"  # zenoh's error for a query without a reply in time
 WAITING = 1000  # messages; a run in lockstep waits for a client that is slower than it
 
@@ -34,6 +35,7 @@ class Client:
     def __init__(self, session: "zenoh.Session", prefix: str) -> None:
         self._session, self._prefix, self._declared = session, prefix, []  # type: ignore[var-annotated]
         self._queue: Queue[tuple[str, bytes | bool]] = Queue(WAITING)
+        self._is_gone = False
 
     def hear(self, key: str) -> None:
         """Subscribe to a key, in which * stands for any part, such as */pose."""
@@ -44,11 +46,21 @@ class Client:
         liveliness = self._session.liveliness()
         self._declared.append(liveliness.declare_subscriber(f"{self._prefix}/{key}", Callback(self._changed, indirect=False), history=True))
 
+    def leave(self) -> None:
+        """Take no more of what arrives."""
+        self._is_gone = True
+
     def _arrived(self, sample: "zenoh.Sample") -> None:
-        self._queue.put((str(sample.key_expr), sample.payload.to_bytes()))
+        self._keep((str(sample.key_expr), sample.payload.to_bytes()))
 
     def _changed(self, sample: "zenoh.Sample") -> None:
-        self._queue.put((str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
+        self._keep((str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
+
+    def _keep(self, item: tuple[str, bytes | bool]) -> None:
+        """Wait for room in the queue. Zenoh's thread is here: it must come free when the session closes."""
+        while not self._is_gone:
+            with suppress(Full):
+                return self._queue.put(item, timeout=ROOM_SECONDS)
 
     def arrivals(self) -> Iterator[Heard]:
         """Yield what arrives, without end. What is not msgpack is passed over."""
@@ -104,4 +116,8 @@ def connected(endpoint: str, prefix: str) -> Iterator[Client]:
     except zenoh.ZError:
         raise Refused(f"nothing answers at {endpoint}") from None
     with session:
-        yield Client(session, prefix)
+        client = Client(session, prefix)
+        try:
+            yield client
+        finally:
+            client.leave()

@@ -6,6 +6,7 @@ in the body's own frame: forward and to the left (m/s), turn (rad/s, counter-clo
 
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 from orchard_ros2 import topics
@@ -67,8 +68,9 @@ def twist(forward: float, left: float, turn: float) -> Message:
     return Message("geometry_msgs/msg/Twist", {"linear": vector(forward, left, 0.0), "angular": vector(0.0, 0.0, turn)})
 
 
+@cache
 def covariance(variance: float) -> "array[float]":
-    """Return the covariance, 6 x 6, of six independent numbers of the same variance."""
+    """Return the covariance, 6 x 6, of six independent numbers of the same variance. All messages share it: change none."""
     return array("d", [variance if i % 7 == 0 else 0.0 for i in range(36)])
 
 

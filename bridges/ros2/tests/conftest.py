@@ -74,8 +74,8 @@ class User:
 class Scene:
     """An orchard, with a bridge to it, and a user."""
 
-    def __init__(self, folder, orchard, bridge, user):
-        self.folder, self.orchard, self.bridge, self.user = folder, orchard, bridge, user
+    def __init__(self, folder, endpoint, orchard, bridge, user):
+        self.folder, self.endpoint, self.orchard, self.bridge, self.user = folder, endpoint, orchard, bridge, user
 
 
 @contextmanager
@@ -89,7 +89,7 @@ def scene(folder, orchard_words, bridge_words):
     ):
         rclpy.init()
         try:
-            yield Scene(folder, orchard, bridging, User(rclpy.create_node("user"), bridging))
+            yield Scene(folder, endpoint, orchard, bridging, User(rclpy.create_node("user"), bridging))
         finally:
             rclpy.shutdown()
 

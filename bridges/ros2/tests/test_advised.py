@@ -1,9 +1,9 @@
-"""A whole small harvest in which ROS drives picker_01, and its agent keeps plan, mail and deeds."""
+"""A whole small harvest in which ROS drives picker_01, and its agent keeps plan, mail and deeds. `cmd_vel` is a Twist."""
 
 import json
 
 from conftest import BEGIN_SECONDS, scene
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 
 SPEED = 8  # times real time
@@ -24,16 +24,16 @@ def test_a_harvest_finishes_with_a_picker_that_ros_drives(tmp_path):
     scenario, summary = tmp_path / "small.yaml", tmp_path / "summary.json"
     scenario.write_text(SMALL)
     words = [str(scenario), "--mode", "realtime", "--speed", str(SPEED), "--summary", str(summary)]
-    with scene(tmp_path, words, ["-p", "advised:=[picker_01]"]) as run:
+    with scene(tmp_path, words, ["-p", "advised:=[picker_01]", "-p", "enable_stamped_cmd_vel:=false"]) as run:
         user = run.user
         odometry = user.hear("picker_01/odom", Odometry, 10)
-        orders = user.node.create_publisher(TwistStamped, "picker_01/cmd_vel", 1)
+        orders = user.node.create_publisher(Twist, "picker_01/cmd_vel", 1)
 
         def advise(wanted):
             """Drive more slowly than the agent wants, in the rows."""
             if odometry and is_in_row(odometry[-1]) and not wanted.twist.angular.z:
                 wanted.twist.linear.x *= SHARE
-                orders.publish(wanted)
+                orders.publish(wanted.twist)
 
         user.node.create_subscription(TwistStamped, "picker_01/cmd_vel_agent", advise, 1)
         user.until(lambda: odometry, BEGIN_SECONDS)

@@ -1,4 +1,4 @@
-"""A run is paused and stepped from ROS."""
+"""A run is paused and stepped from ROS. Its bridge is in a namespace."""
 
 import pytest
 from conftest import BEGIN_SECONDS, scene
@@ -8,14 +8,14 @@ from std_srvs.srv import Trigger
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    with scene(tmp_path_factory.mktemp("control"), ["--rows", "3", "--mode", "realtime"], []) as made:
+    with scene(tmp_path_factory.mktemp("control"), ["--rows", "3", "--mode", "realtime"], ["-r", "__ns:=/north"]) as made:
         made.clock = made.user.hear("clock", Clock, 10)
         made.user.until(lambda: made.clock, BEGIN_SECONDS)
         yield made
 
 
 def told(run, service):
-    answer = run.user.call(service, Trigger)
+    answer = run.user.call(f"north/{service}", Trigger)
     assert answer.success, answer.message
     state, _, tick = answer.message.partition(", tick ")
     return state, int(tick)
@@ -36,8 +36,20 @@ def test_a_paused_run_is_stepped_and_goes_on(run):
 
 
 def test_a_run_that_plays_is_not_stepped(run):
-    refused = run.user.call("step_simulation", Trigger)
+    refused = run.user.call("north/step_simulation", Trigger)
     assert not refused.success and "pause" in refused.message
+
+
+def test_a_run_that_is_reset_begins_again(run):
+    run.user.until(lambda: ticks(run)[-1] > 20)
+    told(run, "reset_simulation")
+    run.user.until(lambda: ticks(run)[-1] < 15, 60)
+    run.user.until(lambda: ticks(run)[-1] > 15)
+
+
+def test_topics_are_in_the_namespace_and_the_clock_is_everybodys(run):
+    names = {name for name, _ in run.user.node.get_topic_names_and_types()}
+    assert {"/north/picker_01/odom", "/north/map", "/clock"} <= names and "/picker_01/odom" not in names
 
 
 def test_quitting_ends_the_run_and_the_bridge(run):

@@ -1,0 +1,181 @@
+"""A robot whose agent goes on while another client gives its velocity; and one that has no agent, and gets its deeds with its velocity."""
+
+import pytest
+from alone import SMALL
+from corpus import KEYS, Run
+from hypothesis import given
+from hypothesis import strategies as st
+from pretended import RUN, Clock
+
+from orchard.contract.agent import Action, Hold
+from orchard.contract.messages import Couple, Uncouple, pack
+from orchard.field.geometry import Twist
+from orchard.field.scenario import Animals, People, Scenario
+from orchard.net.advice import ADVICE_TICKS, Advised
+from orchard.net.bus import Sample
+from orchard.net.realtime import UnheldCommands
+from orchard.net.refusals import Refused
+from orchard.wire.messages import Advice, Angular, Linear, Odometry, Report, Velocity
+from orchard.wire.types import read
+
+NAME = "picker_01"
+
+
+def advice(tick: int, x: float = 0.3, turn: float = 0.0) -> Advice:
+    return Advice(RUN, tick, Linear(x), Angular(turn))
+
+
+def driving(tick: int, x: float = 0.0, deeds=()) -> Velocity:
+    return Velocity(RUN, tick, Linear(x), Angular(0.0), report=Report(deeds=list(deeds)))
+
+
+# -- advice, without a run
+
+
+def test_advice_counts_for_half_a_second_and_then_the_agent_again():
+    advised = Advised()
+    advised.take(NAME, advice(7), 7)
+    counts = [NAME in advised.actions(tick, {}, {}) for tick in range(7, 7 + ADVICE_TICKS + 2)]
+    assert counts == [True] * ADVICE_TICKS + [False] * 2
+
+
+@pytest.mark.parametrize(("tick", "reason"), [(7 - ADVICE_TICKS, "past tick"), (5, "past tick"), (8, "future tick")])
+def test_advice_that_is_old_or_overtaken_or_of_the_future_is_refused(tick, reason):
+    advised = Advised()
+    advised.take(NAME, advice(6), 6)
+    with pytest.raises(Refused, match=reason):
+        advised.take(NAME, advice(tick), 7)
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-0.3, 0.3))
+def test_all_of_the_agents_action_stays_but_its_velocity_and_its_hold(x, turn):
+    action = Action(Twist(1.0), [Couple("bin_01")], doing="picking row 1", state="picking", steps_done=3, hold=Hold(50))
+    advised = Advised()
+    advised.take(NAME, advice(3, x, turn), 3)
+    (got,) = advised.actions(3, {NAME: action}, {}).values()
+    assert (got.twist, got.hold) == (Twist(x, 0.0, turn), None)
+    assert (got.deeds, got.doing, got.state, got.steps_done) == (action.deeds, "picking row 1", "picking", 3)
+
+
+def test_the_deeds_of_an_agent_that_is_not_asked_are_not_done_again():
+    advised = Advised()
+    advised.take(NAME, advice(3), 3)
+    (got,) = advised.actions(3, {}, {NAME: Action(Twist(1.0), [Uncouple()], doing="leaving")}).values()
+    assert (got.deeds, got.doing) == ([], "leaving")
+
+
+# -- advice, in a run
+
+
+@pytest.fixture
+def run():
+    return Run(SMALL, RUN, 100)
+
+
+def one_tick(run, *samples: tuple[str, bytes]) -> list[str]:
+    """Do one step of physics, in which these samples arrive. Return the agents that were asked."""
+    harvest = run.physics.harvest
+    harvest.drivers.begin(harvest.engine.observe(), 0.0)
+    for key, payload in samples:
+        run.physics.bus.inbox.put(Sample(key, payload))
+        run.physics.arrivals.take(0.0)
+    asked = list(harvest.engine.lookahead._due)
+    harvest.step()
+    harvest.report()
+    return asked
+
+
+def speed(run) -> float:
+    world = run.physics.harvest.engine.world
+    return float(world.twist[world.index[NAME], 0])
+
+
+def test_advice_drives_a_robot_that_holds_and_its_agent_is_asked_again(run):
+    engine = run.physics.harvest.engine
+    one_tick(run)
+    engine.observe(), engine.due(())
+    engine.advance({NAME: Action(Twist(1.0), hold=Hold(90))}, {})
+    assert NAME not in one_tick(run)
+    assert speed(run) == 1.0
+    one_tick(run, (KEYS.of("advice", NAME), pack(advice(engine.tick))))
+    assert speed(run) == 0.3
+    assert NAME in one_tick(run), "it does not hold what it did not want"
+    assert run.physics.harvest.refusal_totals.counts == {}
+
+
+def test_a_robot_that_is_stopped_stands_whatever_is_advised(run):
+    run.physics.harvest.engine.stop([NAME])
+    one_tick(run, (KEYS.of("advice", NAME), pack(advice(0))))
+    assert speed(run) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("key", "message", "reason"),
+    [
+        (KEYS.of("advice", "nobody_01"), advice(0), "no such robot"),
+        (KEYS.of("advice", "traffic"), advice(0), "no such robot"),
+        (KEYS.of("advice", NAME), Advice(RUN, 0, Linear(0.0, 0.5), Angular(0.0)), "out of bounds"),
+        (KEYS.of("advice", NAME), Advice("other", 0, Linear(0.5), Angular(0.0)), "other run"),
+    ],
+)
+def test_advice_that_cannot_be_is_refused(run, key, message, reason):
+    one_tick(run, (key, pack(message)))
+    assert run.physics.harvest.refusal_totals.counts == {reason: 1}
+    assert speed(run) == 0.0
+
+
+ROWS = Scenario(
+    rows=3, carriers=1, row_length=30.0, people=People(workers=0, visitors=0), animals=Animals(dogs=0, cats=0), weeds=0, tractor=False
+)  # fmt: skip
+
+
+LETS_GO = 250  # ticks, of 300
+
+
+class Outside:
+    """Drives a picker from outside: it speeds up slowly to half of what the agent wants, and every now and then it lets go."""
+
+    def __init__(self, run: Run) -> None:
+        self._inbox, self._speed, self.speeds = run.physics.bus.inbox, 0.0, []
+        heard = ("orchard/*/*", KEYS.of("velocity", NAME), KEYS.of("pose", NAME))
+        run.physics.bus.is_heard = lambda keys: keys in heard
+        run.net.on_put = self.hear
+
+    def hear(self, key: str, payload: bytes) -> None:
+        if key == KEYS.of("pose", NAME):
+            self.speeds.append(read(payload, Odometry).twist.linear.x)
+        elif key == KEYS.of("velocity", NAME) and (wanted := read(payload, Velocity)).tick % 300 < LETS_GO:
+            self._speed = min(self._speed + 0.02, 0.5 * wanted.linear.x)
+            self._inbox.put(Sample(KEYS.of("advice", NAME), pack(advice(wanted.tick, self._speed, 0.5 * wanted.angular.z))))
+
+
+def test_a_harvest_finishes_while_a_pickers_velocity_comes_from_outside():
+    run = Run(ROWS, RUN, 20_000)
+    outside = Outside(run)
+    end = run.to_the_end()
+    assert (end.why, end.summary["rows_picked"], end.summary["bins_delivered"]) == ("harvested", 3, 3)
+    assert (end.summary["violations"], end.summary["messages_refused"], end.summary["collisions"]) == ([], {}, 0)
+    assert 0.4 < max(outside.speeds[:LETS_GO]) <= 0.5, "it speeds up to half of what the agent wants"
+    assert max(outside.speeds) == 1.0, "where it lets go, the agent drives"
+
+
+# -- a robot without an agent
+
+
+def test_a_deed_comes_with_the_velocity_of_a_robot_that_no_session_holds(run):
+    world = run.physics.harvest.engine.world
+    one_tick(run)
+    one_tick(run, (KEYS.of("velocity", NAME), pack(driving(1, deeds=[Uncouple()]))))
+    assert world.coupled[world.index[NAME]] == -1
+    bin_ = run.engine.layout.starts[world.index[NAME]].bin
+    one_tick(run, (KEYS.of("velocity", NAME), pack(driving(2, deeds=[Couple(bin_)]))))
+    assert world.coupled[world.index[NAME]] == world.index[bin_]
+
+
+def test_a_deed_is_done_once_though_a_bare_velocity_follows_in_the_same_tick():
+    unheld = UnheldCommands(Clock())
+    unheld.take(NAME, driving(0, deeds=[Uncouple()]))
+    unheld.take(NAME, driving(0, 0.5))
+    assert unheld.actions(0)[NAME] == Action(Twist(0.5), [Uncouple()])
+    unheld.begin(1)
+    assert unheld.actions(1)[NAME] == Action(Twist(0.5))

@@ -1,0 +1,247 @@
+"""A run that is paused, stepped and played; and what arrives within a tick."""
+
+import time
+
+import callers
+import msgpack
+import pytest
+from alone import SMALL, TICKS, TOY, local_hash
+from corpus import KEYS, Query, Run
+from fleet import SECONDS, until
+from pretended import RUN, Clock, roster
+
+from orchard.contract.messages import pack
+from orchard.field.layout import lay_out
+from orchard.net.bus import Inbox, Sample
+from orchard.net.lockstep import LockstepBarrier, Pacer
+from orchard.server.harvest import RunOptions
+from orchard.server.loop import Physics
+from orchard.server.run_clock import RunClock
+from orchard.sim.engine import Engine
+from orchard.wire.messages import Angular, Linear, Odometry, SetSimulationState, SimulationState, StepSimulation, Velocity
+from orchard.wire.types import read
+
+# -- the clock of a run
+
+
+def test_the_clock_stands_while_the_run_is_paused():
+    wall = Clock()
+    clock = RunClock(wall)
+    begun = clock()
+    wall.now += 1.0
+    clock.pause()
+    wall.now += 50.0
+    assert (clock() - begun, clock.is_paused) == (1.0, True)
+    clock.pause()
+    clock.play()
+    wall.now += 2.0
+    assert (clock() - begun, clock.is_paused) == (3.0, False)
+
+
+def test_it_stands_again_after_so_many_steps():
+    clock = RunClock(Clock())
+    clock.pause()
+    clock.play(2)
+    states = []
+    for _ in range(3):
+        states.append(clock.is_paused)
+        clock.count_step()
+    assert states == [False, False, True]
+
+
+def test_a_pause_makes_no_agent_late_and_no_tick():
+    wall = Clock()
+    clock = RunClock(wall)
+    barrier, pacer = LockstepBarrier(roster(("picker_01", "a")), 15.0, clock), Pacer(1.0, clock)
+    barrier.open(0)
+    pacer.begin()
+    clock.pause()
+    wall.now += 100.0
+    assert barrier.deadline - clock() == pytest.approx(15.0)
+    clock.play()
+    assert pacer.wait() == pytest.approx(0.1)
+
+
+# -- a run, without a network
+
+
+class Answers:
+    """Asks a run for something when the clock of a tick comes, and keeps what it replies."""
+
+    def __init__(self, run: Run, at: dict[int, list[tuple[str, bytes]]]) -> None:
+        self.run, self.at, self.queries, self.ticks, self.states = run, at, [], [], []
+        run.net.on_put = self.hear
+
+    def hear(self, key: str, payload: bytes) -> None:
+        if key == KEYS.of("simulation_state"):
+            self.states.append(read(payload, SimulationState))
+        elif key == KEYS.of("clock"):
+            self.ticks.append(tick := msgpack.unpackb(payload)["tick"])
+            for what, message in self.at.pop(tick, []):
+                self.queries.append(Query(KEYS.of(what), message))
+                self.run.physics.bus.inbox.put(self.queries[-1])
+
+    def replied(self) -> list[SimulationState | str]:
+        return [read(query.replies[0], SimulationState) if query.replies else query.errors[0] for query in self.queries]
+
+
+def wanted(state: str) -> tuple[str, bytes]:
+    return "set_simulation_state", pack(SetSimulationState(RUN, state))
+
+
+def steps(number: int) -> tuple[str, bytes]:
+    return "step_simulation", pack(StepSimulation(RUN, number))
+
+
+def test_a_paused_and_stepped_run_is_the_same_to_the_last_bit():
+    run = Run(SMALL, RUN, 60)
+    asks = Answers(run, {10: [wanted("paused"), steps(6)], 16: [wanted("playing")], 40: [wanted("paused"), wanted("playing")]})
+    end = run.to_the_end()
+    assert end.hash == local_hash(SMALL, 60)
+    replies = asks.replied()
+    assert [reply.tick for reply in replies] == [10, 16, 16, 40, 40], "the steps are done when tick 16 is published"
+    assert [reply.state for reply in (replies[0], *replies[2:])] == ["paused", "playing", "paused", "playing"]
+    assert (asks.states[0].state, asks.states[-1].state) == ("playing", "quitting")
+    assert all(query.dropped for query in asks.queries)
+    assert (run.physics.harvest.refusal_totals.total(), end.summary["messages_refused"]) == ({}, {})
+
+
+def test_a_run_that_plays_does_no_single_steps():
+    run = Run(SMALL, RUN, 30)
+    asks = Answers(run, {4: [steps(3)]})
+    end = run.to_the_end()
+    assert "not paused" in asks.replied()[0]
+    assert (end.tick, end.summary["messages_refused"]) == (30, {"not paused": 1})
+
+
+@pytest.mark.parametrize("state", ["paused", "playing"])
+def test_quitting_ends_a_run_also_while_it_is_paused(state):
+    run = Run(SMALL, RUN, 1000)
+    asks = Answers(run, {4: [wanted(state), wanted("quitting")]})
+    end = run.to_the_end()
+    assert (end.why, end.tick) == ("stopped", 4)
+    assert [reply.state for reply in asks.replied()] == [state, "quitting"]
+
+
+def test_the_end_of_a_run_ends_the_steps_of_a_query():
+    run = Run(SMALL, RUN, 30)
+    asks = Answers(run, {4: [wanted("paused"), steps(1000)]})
+    assert run.to_the_end().why == "duration"
+    assert (asks.replied()[-1].tick, asks.replied()[-1].state) == (30, "quitting")
+
+
+# -- what arrives within a tick
+
+
+class Late(Inbox):
+    """In it a velocity arrives while physics waits for the next tick to be due."""
+
+    def __init__(self, engine: Engine, tick: int) -> None:
+        super().__init__()
+        self._engine, self._from, self.at = engine, tick, -1
+
+    def take(self, seconds: float = 0.0, enough: int = 1):
+        tick = self._engine.tick
+        if self.at < 0 and tick >= self._from and seconds > 0.0:
+            self.at = tick
+            return Sample(KEYS.of("velocity", "picker_01"), pack(Velocity(RUN, tick, Linear(0.5), Angular(0.0))))
+        return super().take(seconds, enough)
+
+
+@pytest.mark.parametrize("mode", ["realtime", "lockstep"])
+def test_a_velocity_that_arrives_before_the_next_tick_is_due_counts_in_this_one(mode):
+    run = Run(SMALL, RUN, 20)
+    bus, engine = run.physics.bus, Engine.begin(SMALL)
+    names = list(engine.layout.agents)
+    physics = Physics(bus, KEYS, engine, RunOptions(run=RUN, mode=mode, speed=20.0, duration=2.0, absent=names))
+    bus.inbox, poses = Late(engine, 3), {}
+
+    def see(key: str, payload: bytes) -> None:
+        if key == KEYS.of("pose", "picker_01"):
+            pose = read(payload, Odometry)
+            poses[pose.tick] = pose.twist.linear.x
+
+    run.net.on_put = see
+    physics.run(lambda: None)
+    assert poses[bus.inbox.at] == 0.0
+    assert poses[bus.inbox.at + 1] == 0.5
+
+
+# -- real processes
+
+
+def asked(someone, what: str, **fields):
+    (reply,) = someone.ask(f"orchard/{what}", msgpack.packb({"run": someone.run} | fields) if fields else b"")
+    return reply["tick"], reply["state"]
+
+
+def test_a_run_is_paused_before_it_begins_stepped_and_played(fleet, undisturbed):
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    someone = fleet.client()
+    clock = someone.hear("orchard/clock")
+    assert asked(someone, "simulation_state") == (0, "stopped")
+    assert asked(someone, "set_simulation_state", state="paused") == (0, "paused")
+    fleet.share(2, TOY)
+    for _ in range(3):
+        assert until(clock, lambda message: True)["tick"] == 0, "it stands, and is told again and again"
+    for n in (1, 2, 10):
+        tick, state = asked(someone, "step_simulation", steps=n)
+        assert state == "paused"
+    assert (tick, asked(someone, "simulation_state")) == (13, (13, "paused"))
+    assert asked(someone, "set_simulation_state", state="playing") == (13, "playing")
+    assert fleet.end() == undisturbed
+
+
+def test_an_agent_that_is_silent_while_the_run_is_paused_is_not_missed(fleet):
+    """It may be silent for 0.2 s; between two clocks of a pause 0.5 s pass."""
+    others = [word for name in lay_out(SMALL).agents if name != "traffic" for word in ("--absent", name)]
+    fleet.physics(SMALL, "--patience", "0.2", *others)
+    someone = fleet.client()
+    clock, lost = (someone.hear(f"orchard/{what}") for what in ("clock", "lost"))
+    asked(someone, "set_simulation_state", state="paused")
+    deadline = time.monotonic() + SECONDS
+    token = someone.session.liveliness().declare_token("orchard/alive/traffic/silent")
+    join = msgpack.packb({"run": fleet.run, "holder": "silent", "names": ["traffic"]})
+    while someone.ask("orchard/hosts/silent/join", join)[0]["refused"]:  # its token may come later
+        assert time.monotonic() < deadline
+    for _ in range(4):
+        until(clock, lambda message: message["tick"] == 0)
+    assert lost.empty()
+    asked(someone, "set_simulation_state", state="playing")
+    assert until(lost, lambda message: True)["names"] == ["traffic"]
+    asked(someone, "set_simulation_state", state="quitting")
+    token.undeclare()
+    fleet.end()
+
+
+@pytest.mark.parametrize("seed", [None, 7])
+def test_a_run_that_is_reset_begins_again_and_is_as_if_it_had_not_been(fleet, seed):
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    someone = fleet.client()
+    asked(someone, "set_simulation_state", state="paused")
+    alive = someone.tokens("orchard/alive/physics/*")
+    fleet.share(2, TOY)
+    assert asked(someone, "step_simulation", steps=20) == (20, "paused")
+    assert asked(someone, "reset_simulation", seed=seed) == (20, "paused")
+    until(alive, lambda up: not up)
+    until(alive, lambda up: up)
+    (info,) = someone.ask("orchard/scenario")
+    assert (info["run"], info["tick"], info["scenario"]["seed"]) == (fleet.run, 0, SMALL.seed if seed is None else seed)
+    assert asked(someone, "simulation_state") == (0, "paused")
+    asked(someone, "set_simulation_state", state="playing")
+    scenario = SMALL if seed is None else SMALL.model_copy(update={"seed": seed})
+    said = [fleet.world.line() for _ in range(2)]
+    assert said[0].startswith("reset: tick 20"), said
+    assert fleet.end() == local_hash(scenario, TICKS, callers.cast(lay_out(scenario)))
+
+
+def test_a_run_that_is_recorded_is_not_reset(fleet):
+    fleet.physics(SMALL)
+    someone = fleet.client()
+    token = someone.session.liveliness().declare_token("orchard/alive/logger/somebody")
+    assert asked(someone, "simulation_state") == (0, "stopped")
+    (error,) = someone.ask("orchard/reset_simulation", msgpack.packb({"run": someone.run}))
+    assert "--record none" in error
+    token.undeclare()
+    asked(someone, "set_simulation_state", state="quitting")
+    fleet.end()

@@ -136,7 +136,7 @@ class Outside:
     """Drives a picker from outside: it speeds up slowly to half of what the agent wants, and every now and then it lets go."""
 
     def __init__(self, run: Run) -> None:
-        self._inbox, self._speed, self.speeds = run.physics.bus.inbox, 0.0, []
+        self._net, self._speed, self.speeds = run.net, 0.0, []
         heard = ("orchard/*/*", KEYS.of("velocity", NAME), KEYS.of("pose", NAME))
         run.physics.bus.is_heard = lambda keys: keys in heard
         run.net.on_put = self.hear
@@ -146,7 +146,7 @@ class Outside:
             self.speeds.append(read(payload, Odometry).twist.linear.x)
         elif key == KEYS.of("velocity", NAME) and (wanted := read(payload, Velocity)).tick % 300 < LETS_GO:
             self._speed = min(self._speed + 0.02, 0.5 * wanted.linear.x)
-            self._inbox.put(Sample(KEYS.of("advice", NAME), pack(advice(wanted.tick, self._speed, 0.5 * wanted.angular.z))))
+            self._net.put(None, KEYS.of("advice", NAME), pack(advice(wanted.tick, self._speed, 0.5 * wanted.angular.z)))
 
 
 def test_a_harvest_finishes_while_a_pickers_velocity_comes_from_outside():

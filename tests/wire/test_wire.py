@@ -6,18 +6,34 @@ import msgpack
 import msgspec
 import numpy as np
 import pytest
+from alone import SMALL
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from orchard.contract.agent import Action, Hitch, Observation, Observations
 from orchard.contract.messages import FASTEST, MAX_PAYLOAD, Call, Couple, Offer, Uncouple, pack
-from orchard.field.geometry import Twist
+from orchard.field.geometry import Twist, angle_between, yaw_of
 from orchard.field.kinds import AROUND, KINDS
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
 from orchard.net.refusals import Refused, read_message
 from orchard.wire import codec
-from orchard.wire.codec import action_of, drive_of, odometry_of, scan_of, seen_of, velocity_of
-from orchard.wire.messages import Answered, Command, Join, Letter, OtherSeen, Recall, Recalled, Received, Seen, Velocities, Velocity
+from orchard.wire.codec import action_of, drive_of, odometry_of, orchard_of, scan_of, seen_of, velocity_of
+from orchard.wire.messages import (
+    Answered,
+    Command,
+    Join,
+    Letter,
+    Orchard,
+    OtherSeen,
+    Recall,
+    Recalled,
+    Received,
+    Seen,
+    Velocities,
+    Velocity,
+)
 from orchard.wire.types import read
 
 RUN = "run1"
@@ -202,3 +218,21 @@ def test_a_damaged_velocity_is_refused_or_still_one(data):
     except Refused:
         return
     assert all(abs(part) <= FASTEST for part in action_of(velocity).twist)
+
+
+@pytest.mark.parametrize("scenario", [SMALL, Scenario(rows=20, pickers=16, carriers=36)], ids=["small", "large"])
+def test_the_layout_arrives_as_it_is(scenario):
+    layout = lay_out(scenario)
+    payload = pack(orchard_of("a", 0, layout))
+    told = read(payload, Orchard)
+    assert len(payload) < MAX_PAYLOAD
+    assert [list(wall) for wall in told.walls] == layout.walls.tolist()
+    assert [(body.name, body.kind, body.bin) for body in told.bodies] == [(start.name, start.kind, start.bin) for start in layout.starts]
+    for body, start in zip(told.bodies, layout.starts, strict=True):
+        at, turned = body.pose.position, body.pose.orientation
+        assert (at.x, at.y) == start.pose[:2]
+        assert abs(angle_between(yaw_of(turned.z, turned.w), start.pose.yaw)) < 1e-9
+    assert [row[1] for row in told.rows] == [row[3] for row in told.rows] == [lane.y for lane in layout.lanes]
+    assert {row[2] - row[0] for row in told.rows} == {layout.row_length}
+    carrier = told.kinds["carrier"]
+    assert (carrier.length, carrier.tows, carrier.laser.x, carrier.laser.range_min) == (1.8, 1.9, 0.9, 0.0)

@@ -1,8 +1,10 @@
 """A bag of a run, read by the readers of others: Foxglove's for ROS 2 messages in MCAP files, and rosbags. Both must find the same."""
 
 import os
+import re
 import shlex
 import subprocess
+import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,20 +16,31 @@ from rosbags.highlevel import AnyReader
 ORCHARD = shlex.split(os.environ.get("ORCHARD", "orchard"))
 SECONDS = 300
 ROBOTS = ("carrier_01", "picker_01", "picker_02", "tractor_01")
-TICKS = 300
+TICKS = 600  # of the run of docs/bags.md
+PAGE = (Path(__file__).parents[2] / "docs" / "bags.md").read_text()
+BLOCKS = {name: text for name, text in re.findall(r"^```(?:python|sh) (\S+)\n(.*?)^```$", PAGE, re.M | re.S)}
 
 
-def orchard(*words: object) -> str:
-    done = subprocess.run([*ORCHARD, *map(str, words)], capture_output=True, text=True, timeout=SECONDS)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+def orchard(block: str, folder: Path) -> list[str]:
+    """What the commands of a block of the page print."""
+    printed = []
+    for line in BLOCKS[block].splitlines():
+        _, *words = shlex.split(line)
+        done = subprocess.run([*ORCHARD, *words], cwd=folder, capture_output=True, text=True, timeout=SECONDS)
+        assert done.returncode == 0, done.stdout + done.stderr
+        printed.append(done.stdout)
+    return printed
+
+
+def hash_in(printed: str) -> str:
+    return re.findall(r"^hash ([0-9a-f]{64})$", printed, re.M)[0]
 
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bag")
-    orchard("--rows", 3, "--carriers", 1, "--duration", TICKS / 10, "--record", folder / "run.rrd")
-    orchard("export", folder / "run.rrd", "--mcap", folder / "run.mcap", "--with-scans")
+    recorded, _ = orchard("bag", folder)
+    (folder / "hash").write_text(hash_in(recorded))
     return folder / "run.mcap"
 
 
@@ -54,6 +67,18 @@ def numbers(message: object) -> tuple:
     pose, twist = message.pose.pose, message.twist.twist
     place = (pose.position.x, pose.position.y, pose.orientation.z, pose.orientation.w)
     return (*place, twist.linear.x, twist.linear.y, twist.angular.z, message.header.frame_id, message.child_frame_id)
+
+
+def test_the_program_of_the_page_reads_the_bag(bag: Path) -> None:
+    program = [sys.executable, "-W", "error", "-c", BLOCKS["bag-reader"]]
+    done = subprocess.run(program, cwd=bag.parent, capture_output=True, text=True, timeout=SECONDS)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(f"{TICKS / 10} ")
+
+
+def test_a_bag_drives_its_robots_to_the_same_hash_in_lockstep(bag: Path) -> None:
+    (printed,) = orchard("bag-replay", bag.parent)
+    assert hash_in(printed) == (bag.parent / "hash").read_text()
 
 
 def test_both_readers_find_the_same(bag: Path) -> None:

@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 from orchard_ros2 import messages, topics
 from orchard_ros2.bodies import description
-from orchard_ros2.field import grid_of, walls_of
+from orchard_ros2.field import grid_of
 
 from orchard.bags.bag import Bag
+from orchard.bags.replay import SCENARIO
 from orchard.contract.events import Velocities
 from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, kind_of, select_agents
+from orchard.field.layout import lay_out
 from orchard.view.drives import STILL, Drives, State, ranges_of
 from orchard.view.recorder import SCAN_BEAMS
 
@@ -45,9 +47,12 @@ def export(drives: Drives, robots: Sequence[str], file: Path, track: Track) -> i
 def _begin(bag: Bag, drives: Drives, robots: Sequence[str]) -> None:
     """Write what never changes, at the first tick: the map, the robots' shapes, and the transforms between their parts."""
     first = drives.first
-    bag.write(topics.GRID, "", first, grid_of(walls_of(drives.scenario.model_dump())))
+    bag.write(SCENARIO, "", first, messages.text(drives.scenario.model_dump_json()))
+    bag.write(topics.GRID, "", first, grid_of(lay_out(drives.scenario).walls.tolist()))
     for name in robots:
-        bag.write(topics.ROBOT_DESCRIPTION, name, first, messages.text(description(name)))
+        kind = KINDS[kind_of(name)]
+        shape = description(name, (kind.length, kind.width, kind.height), kind.colour, kind.laser.ahead)
+        bag.write(topics.ROBOT_DESCRIPTION, name, first, messages.text(shape))
     lasers = [(name, KINDS[kind_of(name)].laser.ahead) for name in robots]
     bag.write(topics.TF_STATIC, "", first, messages.static_transforms(lasers))
 

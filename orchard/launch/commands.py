@@ -3,6 +3,7 @@
 orchard [SCENARIO.yaml] [--rows 5 --pickers 2 ...]
 orchard view [FILE.rrd] [--web 9090]
 orchard export [FILE.rrd] --mcap FILE.mcap
+orchard replay FILE.mcap
 orchard app [--port 8080]
 orchard stop [ROBOT ...]
 orchard reset [ROBOT ...]
@@ -15,6 +16,8 @@ orchard layout import FILE.geojson [--out SCENARIO.yaml]
 import os
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +77,10 @@ def _request(chosen: HarvestOptions) -> RunRequest:
     """Check what a harvest reads and where it writes. Raises ScenarioError, SnapshotError, BusError, OSError or ValueError."""
     runs = Runs(runs_folder())
     before = None if chosen.resume is None else _snapshot(chosen, chosen.resume, runs)
-    scenario = check(before.scenario, "the snapshot's scenario") if before else _scenario(chosen.scenario, chosen.changes)
+    if before is not None:
+        scenario = check(before.scenario, "the snapshot's scenario")
+    else:
+        scenario = _scenario(chosen.scenario, chosen.changes) if chosen.replay is None else _replayed(chosen, chosen.replay)
     check_plugins(lay_out(scenario))
     request = RunRequest(chosen, scenario, runs.recording(chosen.record), runs.snapshots(chosen.resume), before, runs.folder)
     if chosen.summary is not None:
@@ -93,6 +99,17 @@ def _request(chosen: HarvestOptions) -> RunRequest:
 def _scenario(path: Path | None, changes: dict[str, Any]) -> Scenario:
     """The scenario of a file, or one that comes with the package, with the changes of the command line."""
     return with_changes(load_or_shipped(path), **{k: v for k, v in changes.items() if v is not None})
+
+
+def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:
+    """The scenario of a bag, unless a file is given. Raises ScenarioError, or ValueError if the bag cannot be used."""
+    with needs_extra("A bag", "ros2-export"):
+        from orchard.bags.replay import check_robots, read_commands
+    commands = read_commands(bag)
+    scenario = with_changes(commands.scenario, **chosen.changes) if commands.scenario and not chosen.scenario else None
+    scenario = scenario or _scenario(chosen.scenario, chosen.changes)
+    check_robots(bag, commands, lay_out(scenario).index)
+    return scenario
 
 
 def _snapshot(chosen: HarvestOptions, where: str, runs: Runs) -> Snapshot:
@@ -214,6 +231,16 @@ def secure(
         print_line(f"{folder / made_role.name}: {', '.join(made_role.names) or made_role.duty}")
 
 
+@contextmanager
+def needs_extra(what: str, extra: str, otherwise: str = "") -> Iterator[None]:
+    """In this context, modules are imported that need the packages of an extra. Raises typer.Exit if one is missing, and says so."""
+    try:
+        yield
+    except ModuleNotFoundError as missing:
+        print_error(f"{what} needs the package {missing.name}: pip install 'orchard-sim[{extra}]'{otherwise}")
+        raise typer.Exit(BAD_INPUT) from None
+
+
 # -- an orchard of one's own
 
 layout = typer.Typer(help="Import the rows of an orchard of your own.", add_completion=False, pretty_exceptions_enable=False)
@@ -241,11 +268,8 @@ def import_layout(file: options.GeoJson, out: options.NewScenario = None, crs: o
 @options.with_options(StudyArguments)
 def study(chosen: StudyArguments) -> None:
     """Compare settings of an orchard, and tell which is best, and with what confidence."""
-    try:
+    with needs_extra("A study", "study", ", or in a clone: make study"):
         from orchard.launch.study import run_study
-    except ModuleNotFoundError as missing:
-        print_error(f"A study needs the package {missing.name}: pip install 'orchard-sim[study]', or in a clone: make study")
-        raise typer.Exit(BAD_INPUT) from None
     chosen.check()
     with exit_on_errors(ScenarioError):
         scenario = _scenario(chosen.scenario, {})
@@ -269,11 +293,8 @@ def export(
     mcap: options.Mcap, recording: options.Recording = None, robots: options.Exported = None, with_scans: options.WithScans = False
 ) -> None:
     """Make a bag of ROS 2 from a recording, with all its parts: clock, transforms, odometry and velocities of the robots."""
-    try:
+    with needs_extra("A bag", "ros2-export"):
         from orchard.launch.export import export_bag
-    except ModuleNotFoundError as missing:
-        print_error(f"A bag needs the package {missing.name}: pip install 'orchard-sim[ros2-export]'")
-        raise typer.Exit(BAD_INPUT) from None
     raise typer.Exit(export_bag(_recording(recording), mcap, robots or [], with_scans))
 
 
@@ -295,6 +316,8 @@ def main() -> None:
         from orchard.app.__main__ import main as serve  # its packages are an extra
 
         raise SystemExit(serve(arguments[1:]))
+    if arguments[:1] == ["replay"]:  # a harvest with all its options
+        arguments = ["harvest", *(["--replay"] if not arguments[1:2] or arguments[1][:1] != "-" else []), *arguments[1:]]
     is_named = arguments[:1] and arguments[0] in ("harvest", *options.COMMANDS)
     try:
         app(arguments if is_named else ["harvest", *arguments])

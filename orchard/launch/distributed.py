@@ -127,7 +127,8 @@ def start_hosts(supervisor: Supervisor, endpoint: str, shares: Shares, credentia
     for name, share in shares:
         only = [word for agent in share for word in ("--only", agent)]
         checks = ["--check-agents"] if credentials.checks else []
-        order = ["--connect", endpoint, *credentials.option(name), *checks, *only]
+        replay = [] if credentials.replay is None else ["--replay", str(credentials.replay.resolve())]
+        order = ["--connect", endpoint, *credentials.option(name), *checks, *replay, *only]
         supervisor.start(ProcessSpec(name, "orchard.processes.agents", order, again=True, agents=share))
 
 

@@ -9,6 +9,8 @@ from contextlib import ExitStack, contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from orchard.agents.catalogue import make_agents
+from orchard.contract.agent import Agent
 from orchard.contract.events import Event, Frame
 from orchard.contract.guard import place_in_agent
 from orchard.field.layout import lay_out
@@ -88,7 +90,8 @@ def run(
     `look`: called with each frame. `show`: called every half second with the figures, robot -> what it does, robot -> what it waits for.
     """
     checks, holds = request.options.check_agents, HOLDS[request.options.holds]
-    local = Local(request.scenario, None, checks, holds) if request.resumed is None else Local.resume(request.resumed, checks, holds)
+    agents = _replayed(request)
+    local = Local(request.scenario, agents, checks, holds) if request.resumed is None else Local.resume(request.resumed, checks, holds)
     engine, account = local.engine, RunFigures(local.engine, request.resumed.figures if request.resumed else {})
     frames, snapshot_writer = FrameBuilder(engine.world), SnapshotWriter(request.snapshots, SNAPSHOT_SECONDS)
     tables = tables_of(request.options.table, engine)
@@ -131,6 +134,15 @@ def run(
         "violations": engine.violations(),
         "jam": account.jam,
     }, why
+
+
+def _replayed(request: RunRequest) -> dict[str, Agent] | None:
+    """All agents, those of a bag's robots with its velocities; None without a bag."""
+    if request.options.replay is None:
+        return None
+    from orchard.bags.replay import read_commands, replayed  # not at the top: its packages are an extra
+
+    return replayed(make_agents(lay_out(request.scenario)), read_commands(request.options.replay))
 
 
 def _frame(frames: FrameBuilder, local: Local, events: list[Event]) -> Frame:

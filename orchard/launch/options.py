@@ -31,6 +31,7 @@ Mode = Literal["local", "lockstep", "realtime"]
 COMMANDS = {
     "view": "open a recording",
     "export": "make a bag for ROS 2 from a recording",
+    "replay": "let the velocities in a bag drive its robots again",
     "app": "serve the page on which you set up, run and watch an orchard",
     "stop": "emergency stop: stop robots of the active runs",
     "reset": "let stopped robots go on",
@@ -234,6 +235,9 @@ class HarvestOptions:
         bool, Option("--ignore-holds", help="Ask all agents at every tick: same result, slower.", rich_help_panel=RUN)
     ] = False
     resume: Annotated[str | None, Option(metavar="DIR|last", help="Continue a run from its newest snapshot.", rich_help_panel=RUN)] = None
+    replay: Annotated[
+        Path | None, Option(metavar="FILE.mcap", help="Let the velocities in a bag drive its robots: docs/bags.md.", rich_help_panel=RUN)
+    ] = None
     secure: Secure = None
     verbose: Annotated[bool, Option("--verbose", help="Print all figures of the summary, not only the main ones.")] = False
 
@@ -283,6 +287,8 @@ class HarvestOptions:
             raise BadParameter("leave out --hosts: the roles say which process hosts which agents", param_hint="--secure")
         if self.only and (wrong := named(name for name in self.given() if name not in OF_ONLY)):
             raise BadParameter(f"leave out {wrong}: the run itself defines that", param_hint="--only")
+        if self.replay and self.resume:
+            raise BadParameter("a run that is resumed has its own velocities; leave out --replay", param_hint="--replay")
         if self.mode == "realtime" and self.speed == math.inf:
             why = "max: in realtime the wall clock sets the pace; expected a number, 1 for real time"
             raise BadParameter(why, param_hint="--speed")

@@ -53,11 +53,12 @@ class Credentials:
     keyring: Keyring | None
     hosts: int | None  # agent processes of an open run
     checks: bool = False  # whether agent processes check that own agents are repeatable
+    replay: Path | None = None  # a bag whose velocities drive its robots
 
     @classmethod
     def of(cls, options: HarvestOptions) -> "Credentials":
         """Return the credentials of a run. Raises ValueError if the directory of a secured run has no roles."""
-        return cls(Keyring.load(options.secure) if options.secure else None, options.hosts, options.check_agents)
+        return cls(Keyring.load(options.secure) if options.secure else None, options.hosts, options.check_agents, options.replay)
 
     def identity(self, role: str) -> Identity | None:
         return self.keyring.of(role) if self.keyring else None

@@ -10,6 +10,7 @@ import importlib
 import math
 import sys
 from collections.abc import Callable, Collection
+from pathlib import Path
 
 from orchard.contract.agent import Agent
 from orchard.contract.guard import checked
@@ -79,6 +80,10 @@ def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None) -> H
     allowed = run.agents if identity is None else set(run.agents) & set(identity.role.names)
     names = select_agents(sorted(allowed), options.only, options.without, options.share)
     agents = made(options.agents, layout, names)  # only these: a class that ends its process must not end other hosts
+    if options.replay is not None:
+        from orchard.bags.replay import read_commands, replayed  # not at the top: its packages are an extra
+
+        agents = replayed(agents, read_commands(options.replay))
     host = Host(bus, keys, run.run, run.mode, layout, checked(agents, layout.agents) if options.check_agents else agents, options.patience)
     host.listen()
     settle()
@@ -103,6 +108,7 @@ def _options(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--patience", type=_seconds, default=GONE_SECONDS, metavar="SECONDS", help="time that physics may be gone")
     parser.add_argument("--check-agents", action="store_true", help="check that own agents are repeatable")
     parser.add_argument("--agents", default=FACTORY, metavar="MODULE:FUNCTION", help="factory: (layout, names) -> {name: agent}")
+    parser.add_argument("--replay", type=Path, metavar="FILE.mcap", help="a bag whose velocities drive its robots")
     return parser.parse_args(argv)
 
 

@@ -38,7 +38,9 @@ def main(argv: list[str] | None = None) -> int:
     """
     arguments = _arguments(argv)
     file = arguments.pop("scenario_file", None)
-    return run_process("physics", lambda inbox: _run(inbox, _options(arguments), file), BusError, ScenarioError, SnapshotError, ValueError)
+    return run_process(
+        "physics", lambda inbox: _run(inbox, _options(arguments), file), BusError, ScenarioError, SnapshotError, ValueError, OSError
+    )
 
 
 def _run(inbox: Inbox, options: RunOptions, file: str | None) -> int:
@@ -47,6 +49,10 @@ def _run(inbox: Inbox, options: RunOptions, file: str | None) -> int:
         before = last(snapshots, options.run) if options.resume and snapshots else None
         if before is None and file is not None:  # a snapshot holds the scenario, and the file may be gone
             options = msgspec.structs.replace(options, scenario=load(file).model_dump())
+        if options.table is not None and not options.resume:
+            from orchard.tables.folder import check_folder  # not at the top: pyarrow takes some time to load
+
+            check_folder(Path(options.table), check(options.scenario, "the scenario"))
         while True:
             with _session(options, inbox, identity_in(options.secure, options.prefix)) as bus:
                 code, again = _simulate(bus, keys, before, options)

@@ -62,4 +62,5 @@ def _check_tables(folder: Path, scenario: Scenario, tick: int, instead: str) -> 
 def last_tick(folder: Path) -> int:
     """Return the last tick with rows; 0 if there is none. Raises OSError or ArrowException if it cannot be read."""
     files = files_of(path_of(folder, "bodies"))
-    return int(pq.read_table(files[-1], columns=["tick"])["tick"][-1].as_py()) if files else 0
+    ticks = pq.read_table(files[-1], columns=["tick"])["tick"] if files else []
+    return int(ticks[-1].as_py()) if len(ticks) else 0

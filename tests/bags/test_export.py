@@ -185,7 +185,7 @@ def test_a_bag_that_ends_with_an_error_leaves_no_file(recorded, tmp_path):
 def test_the_command_writes_a_bag_and_says_what_is_in_it(recorded, tmp_path):
     done = orchard("export", recorded[0], "--mcap", tmp_path / "run.mcap", "--robots", "picker_01")
     assert (done.returncode, done.stderr) == (0, "")
-    assert "run.mcap: 166 messages of picker_01, 0.0 MB" in done.stdout
+    assert "run.mcap: 167 messages of picker_01, 0.0 MB" in done.stdout
     assert len(read(tmp_path / "run.mcap")["/picker_01/odom"]) == TICKS + 1
 
 
@@ -203,4 +203,4 @@ def test_the_quality_of_service_is_in_the_bag(recorded, tmp_path):
     export(read_drives(recorded[0]), ["picker_01"], tmp_path / "run.mcap", lambda ticks, _: ticks)
     with AnyReader([tmp_path / "run.mcap"]) as reader:
         latched = {c.topic for c in reader.connections if c.ext.offered_qos_profiles[0].durability is bags.QosDurability.TRANSIENT_LOCAL}
-    assert latched == {"/map", "/tf_static", "/picker_01/robot_description"}
+    assert latched == {"/map", "/orchard/scenario", "/tf_static", "/picker_01/robot_description"}

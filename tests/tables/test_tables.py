@@ -1,6 +1,9 @@
 """The tables of a run: each row is what the run was, and a run that is resumed leaves each row once."""
 
 import os
+import re
+import subprocess
+import sys
 
 import msgspec
 import numpy as np
@@ -8,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 import typer
 from alone import HARVEST_TICKS, SMALL
-from command_line import orchard
+from command_line import ROOT, SECONDS, orchard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -134,6 +137,15 @@ def test_each_column_has_its_unit_in_the_file(whole):
         assert all(field.metadata.keys() == {b"unit", b"description"} for field in fields)
 
 
+def test_the_page_names_each_column():
+    page = (ROOT / "docs" / "tables.md").read_text()
+    for name, schema in ALL.items():
+        told = {
+            word for line in re.findall(rf"(?<=^\| column of `{name}`)(?:.*\n\|.*)+", page, re.M) for word in re.findall(r"`(\w+)`", line)
+        }
+        assert told >= {*schema.names}, name
+
+
 # -- runs that are resumed
 
 
@@ -192,6 +204,12 @@ def test_what_is_removed_from_a_growing_table_is_what_comes_again(tmp_path_facto
     assert [row["tick"] for row in pq.read_table(file).to_pylist()] == [row[0] for row in rows]
 
 
+def test_a_run_that_ends_before_its_first_tick_leaves_empty_tables(tmp_path):
+    run(Local(SMALL), tmp_path, 0).close()
+    assert [len(table) for table in read(tmp_path).values()] == [0] * len(ALL)
+    assert complete(tmp_path, {"ticks": 0, "scenario": {}}) == []
+
+
 # -- what goes wrong
 
 
@@ -202,6 +220,15 @@ def test_a_folder_with_tables_is_refused_and_kept(tmp_path):
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"{tmp_path}/tables: tables of a run are there, and are not replaced; --table DIR names another folder\n"
     assert (tmp_path / "tables" / "bodies.parquet").read_bytes() == before
+
+
+def test_physics_that_is_started_by_hand_does_not_replace_tables_either(tmp_path):
+    run(Local(SMALL), tmp_path, 5).close()
+    command = [sys.executable, "-m", "orchard.processes.physics", "--table", str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=SECONDS)
+    assert done.returncode == 2
+    assert "tables of a run are there, and are not replaced" in done.stderr
+    assert last_tick(tmp_path) == 5
 
 
 def test_a_file_in_place_of_the_folder_is_told(tmp_path):

@@ -24,7 +24,7 @@ from orchard.view.palette import PAINT, SCANS, STATES, YELLOW
 from orchard.view.reader import optimize
 from orchard.view.recorder import Recorder, hits
 
-LAYERS = {"world", "canopy", "scans", "pins", "plan", "metrics", "events", "talk", "legend", "focus", "tf"}
+LAYERS = {"recording", "world", "canopy", "scans", "pins", "plan", "metrics", "events", "talk", "legend", "focus", "tf"}
 
 
 def same_pose(seen: tuple[float, float, float], meant: np.ndarray) -> bool:

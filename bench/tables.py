@@ -1,0 +1,43 @@
+"""What the tables of the default harvest cost: the processor time of a run with and of its tables, and their size.
+
+python -m bench.tables
+"""
+
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from orchard.field.shipped import load_or_shipped
+from orchard.local import Local
+from orchard.tables.tables import Tables
+
+FLUSH_SECONDS = 2.0  # as between two snapshots
+
+
+def main() -> None:
+    with TemporaryDirectory() as folder:
+        local = Local(load_or_shipped(None))
+        local.engine.rehearse()
+        spent, total, due = 0.0, time.process_time(), time.monotonic() + FLUSH_SECONDS
+        tables = Tables(Path(folder), local.engine.layout, 0)
+        while not local.engine.over:
+            events = local.tick()
+            begun = time.process_time()
+            tables.update(local.engine, events, local.post.written.get(local.engine.tick - 1, {}))
+            if time.monotonic() >= due:
+                tables.flush()
+                due = time.monotonic() + FLUSH_SECONDS
+            spent += time.process_time() - begun
+        begun = time.process_time()
+        tables.close()
+        spent += time.process_time() - begun
+        total = time.process_time() - total
+        size = sum(file.stat().st_size for file in Path(folder).iterdir())
+        rows = local.engine.tick * len(local.engine.layout.names)
+        print(
+            f"{local.engine.tick} ticks, {rows} rows, {size / 1e6:.2f} MB: {spent:.2f} s for the tables, {total - spent:.2f} s for the run"
+        )
+
+
+if __name__ == "__main__":
+    main()

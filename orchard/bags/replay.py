@@ -1,0 +1,101 @@
+"""Lets the velocities in a bag drive its robots again. Their agents go on with plan, mail and deeds: a velocity couples no bin."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from orchard_ros2.messages import TICK_NANOSECONDS
+from orchard_ros2.topics import CMD_VEL, CMD_VEL_UNSTAMPED, LATCHED, Topic
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.rosbag2 import ReaderError
+
+from orchard.contract.agent import Action, Agent, Mail, Observation
+from orchard.contract.messages import FASTEST
+from orchard.field.geometry import Twist
+from orchard.field.scenario import Scenario, check
+
+SCENARIO = Topic("orchard/scenario", "std_msgs/msg/String", LATCHED)  # as JSON
+KEPT_TICKS = 5  # steps that one velocity drives a robot, as advice on the network: 0.5 s
+VELOCITIES = {CMD_VEL.type, CMD_VEL_UNSTAMPED.type}
+
+
+@dataclass(frozen=True)
+class Commands:
+    """What a bag holds to drive robots again."""
+
+    scenario: Scenario | None  #: of the run that was recorded; None if the bag does not say
+    velocities: Mapping[str, Mapping[int, Twist]]  #: robot -> tick at which the step begins -> the velocity for it
+
+
+class Replayed:
+    """An agent whose velocities come from a bag, while the bag has any."""
+
+    def __init__(self, agent: Agent, velocities: Mapping[int, Twist]) -> None:
+        self.Memory = agent.Memory
+        self._agent, self._velocities = agent, velocities
+
+    def tick(self, seen: Observation, mail: Mail, memory: Any) -> Action:
+        action = self._agent.tick(seen, mail, memory)
+        return replace(action, twist=self._velocity(seen.tick, action.twist), hold=None)
+
+    def _velocity(self, tick: int, otherwise: Twist) -> Twist:
+        """Return the newest velocity that is not older than KEPT_TICKS."""
+        newest = next((at for at in range(tick, tick - KEPT_TICKS, -1) if at in self._velocities), None)
+        return otherwise if newest is None else self._velocities[newest]
+
+
+def replayed(agents: Mapping[str, Agent], commands: Commands) -> dict[str, Agent]:
+    """Return the agents, those of the bag's robots with the bag's velocities."""
+    known = commands.velocities
+    return {name: Replayed(agent, known[name]) if name in known else agent for name, agent in agents.items()}
+
+
+def read_commands(bag: Path) -> Commands:
+    """Return what a bag holds on NAME/cmd_vel, TwistStamped or Twist, of each robot.
+
+    A velocity counts from the tick of its stamp on, or of the message's time if it has none. Raises ValueError for what cannot be used.
+    """
+    scenario, velocities = None, dict[str, dict[int, Twist]]()
+    try:
+        with AnyReader([bag]) as reader:
+            wanted = [one for one in reader.connections if one.topic == f"/{SCENARIO.name}" or _robot_of(one.topic, one.msgtype)]
+            for connection, time, data in reader.messages(wanted) if wanted else ():  # of no connections it would yield all
+                message: Any = reader.deserialize(data, connection.msgtype)
+                if robot := _robot_of(connection.topic, connection.msgtype):
+                    tick, twist = _velocity_of(message, time)
+                    velocities.setdefault(robot, {})[tick] = _checked(twist, f"{bag}: {connection.topic}, tick {tick}")
+                else:
+                    scenario = check(msgspec.json.decode(message.data), f"the scenario in {bag}")
+    except (AnyReaderError, ReaderError, OSError) as error:
+        raise ValueError(f"{bag}: it cannot be read as a bag: {error}") from error
+    if not velocities:
+        raise ValueError(f"{bag}: it has no velocity; expected the topic /NAME/cmd_vel of a robot, of type TwistStamped or Twist")
+    return Commands(scenario, velocities)
+
+
+def check_robots(bag: Path, commands: Commands, names: Mapping[str, int]) -> None:
+    """Raise ValueError if the bag drives bodies that are not in the orchard."""
+    if unknown := sorted(commands.velocities.keys() - names.keys()):
+        raise ValueError(f"{bag}: {', '.join(unknown)}: not in this orchard; there are {', '.join(names)}")
+
+
+def _robot_of(topic: str, kind: str) -> str:
+    """The robot whose velocities are on a topic; '' if it is another topic."""
+    robot, _, rest = topic.removeprefix("/").partition("/")
+    return robot if rest == "cmd_vel" and kind in VELOCITIES else ""
+
+
+def _velocity_of(message: Any, time: int) -> tuple[int, Twist]:
+    twist = getattr(message, "twist", message)
+    stamp = message.header.stamp if hasattr(message, "header") else None
+    nanoseconds = stamp.sec * 10**9 + stamp.nanosec if stamp is not None else time
+    return -(-nanoseconds // TICK_NANOSECONDS), Twist(twist.linear.x, twist.linear.y, twist.angular.z)
+
+
+def _checked(twist: Twist, where: str) -> Twist:
+    if not all(math.isfinite(part) and abs(part) <= FASTEST for part in twist):
+        raise ValueError(f"{where}: a velocity of {tuple(twist)}; expected numbers from {-FASTEST:g} to {FASTEST:g}")
+    return twist

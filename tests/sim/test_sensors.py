@@ -193,8 +193,6 @@ def test_on_the_wire_pose_is_what_is_measured_and_truth_what_is_so():
     assert len(set(xs.values())) == 3 and max(xs.values()) - min(xs.values()) < 0.5
     pictures = [read(payload, Picture) for key, payload in run.net.sent if key == KEYS.of("picture")]
     (picture,) = [picture for picture in pictures if picture.tick == 30]
-        read(payload, Picture) for key, payload in run.net.sent if key == KEYS.of("picture") and read(payload, Picture).tick == 30
-    ]
     assert np.frombuffer(picture.poses).reshape(-1, 3)[views["truth"].names["picker_01"], 0] == xs["truth"]
 
 

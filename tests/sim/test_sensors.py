@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stage import Stage, empty_orchard
 
+from orchard.agents.carrier import Job
 from orchard.agents.place import GAIN, place_of
 from orchard.agents.steps import DriveTo, Fill, LeaveBin, TakeBin
 from orchard.contract.agent import Observation, Scans
@@ -227,7 +228,7 @@ def test_our_agents_finish_harvests_with_rtk_on_each_route_with_many_policies_an
 
 
 def test_a_picker_that_stops_short_of_the_end_of_a_row_drives_on_until_its_bin_is_full():
-    stage = Stage(erring(**RTK))
+    stage = Stage(with_changes(erring(**RTK), dispatch="nearest"))
     stage.put("picker_01", 33.0, 10.75)
     stage.world.row_picked[0], stage.world.row_from[0] = 68.5, -1
     stage.world.fill[stage.world.index["bin_01"]] = 68.5
@@ -242,9 +243,8 @@ def test_a_robot_searches_for_a_coupling_point_that_it_misses(x, y):
     stage = Stage(erring(**{"sensors.gnss.white": 0.005}))
     name = stage.bin_of("carrier_01")
     bin_ = stage.world.index[name]
-    i = stage.world.index["carrier_01"]
-    stage.world.coupled[[i, bin_]] = NONE
+    stage.world.coupled[[stage.world.index["carrier_01"], bin_]] = NONE
     stage.world.pose[bin_, :2] += x, y
-    stage.give("carrier_01", [TakeBin(bin=name)])
+    stage.give("carrier_01", [TakeBin(bin=name)], job=Job(name, 1, "east", "picker_01"))  # so that no bin calls it away
     stage.run_until(lambda: stage.bin_of("carrier_01") == name, 60.0)
     assert stage.happened("deed refused", "carrier_01")

@@ -220,7 +220,7 @@ class Coupling(Step, frozen=True, kw_only=True):
         s, c = repeatable.sin_cos(yaw)
         here = Shift(x + c * ahead - s * left, y + s * ahead + c * left)
         aside = Shift(x + c * PULL - s * left, y + s * PULL + c * left)
-        slant = yaw + repeatable.atan2(left - before, PULL)
+        slant = repeatable.atan2(aside.y - robot.pose.y, aside.x - robot.pose.x)
         around = [Aim(slant), aside, Aim(yaw)] if left != before else []
         robot.next([*around, here, replace(self, tried=self.tried + 1, at=(x, y))])
         robot.action.deeds = []

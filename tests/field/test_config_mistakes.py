@@ -101,7 +101,7 @@ def test_an_unknown_key_tells_the_closest(text: str, path: str, guess: str) -> N
 def test_an_unknown_key_tells_the_known_ones() -> None:
     assert refusal("xyzzy: 1").endswith(
         "unknown key; known here: rows, pickers, row_length, row_width, carriers, picking_speed, picking, seed, people, animals, weeds, "
-        "tractor, laser, agents, agents_without_body, dispatch, dispatch_errors, rows_to_pickers, route, bay, prices, survey"
+        "tractor, laser, sensors, agents, agents_without_body, dispatch, dispatch_errors, rows_to_pickers, route, bay, prices, survey"
     )
 
 

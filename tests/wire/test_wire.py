@@ -53,7 +53,7 @@ def scans(beams):
 hitches = st.builds(Hitch, names, metres, metres, st.tuples(units, units), twists, st.none() | scans(60))
 seen = st.builds(
     Observation, st.just("picker_01"), st.integers(0, 2**35), metres, metres, st.tuples(units, units), twists, scans(180),
-    st.none() | hitches, st.floats(0, 70), st.booleans(),
+    st.none() | hitches, st.floats(0, 70), st.booleans(), st.just(0.0) | st.floats(0.001, 0.71),
 )  # fmt: skip
 
 
@@ -68,7 +68,8 @@ def sights_of(observations):
     fills = {seen.name: seen.fill for seen in observations if seen.fill}
     full = {seen.name for seen in observations if seen.fill and seen.full}
     names = {seen.name: row for row, seen in enumerate(observations)}
-    return Observations(7, names, states, [seen.scan for seen in observations], hitches, fills, full)
+    accuracies = {seen.name: seen.accuracy for seen in observations if seen.accuracy}
+    return Observations(7, names, states, [seen.scan for seen in observations], hitches, fills, full, accuracies)
 
 
 @given(st.lists(seen, min_size=1, max_size=4))
@@ -84,7 +85,7 @@ def test_what_is_seen_arrives_to_the_last_bit(several):
 
 
 def assert_same(heard, observation):
-    for field in ("name", "tick", "x", "y", "orientation", "twist", "fill", "full"):
+    for field in ("name", "tick", "x", "y", "orientation", "twist", "fill", "full", "accuracy"):
         assert repr(getattr(heard, field)) == repr(getattr(observation, field))  # repr tells -0.0 from 0.0
     assert same_scan(heard.scan, observation.scan)
     assert (heard.hitch is None) == (observation.hitch is None)
@@ -122,7 +123,7 @@ def test_pose_and_scan_of_one_robot_say_the_same(observation):
     position, orientation = pose["pose"]["position"], pose["pose"]["orientation"]
     assert (position["x"], position["y"], position["z"]) == (observation.x, observation.y, 0.0)
     assert (orientation["z"], orientation["w"]) == observation.orientation
-    assert pose["twist"]["linear"]["x"] == observation.twist.x
+    assert (pose["twist"]["linear"]["x"], pose["accuracy"]) == (observation.twist.x, observation.accuracy)
     assert scan["ranges"] == observation.scan.tobytes()
     assert (pose["hitch"] is None) == (observation.hitch is None)
     if observation.hitch is not None:

@@ -4,6 +4,7 @@ from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Literal
 from types import TracebackType
 
 import numpy as np
@@ -13,7 +14,7 @@ from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLi
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-VERSION = 9  # of a bag's metadata: that of ROS 2 Jazzy
+VERSION: Literal[9] = 9  # of a bag's metadata: that of ROS 2 Jazzy
 NEVER = QosTime(2**31 - 1, 2**32 - 1)  # no deadline, no end of life: what rosbag2 writes for infinity
 
 

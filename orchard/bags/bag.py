@@ -4,8 +4,8 @@ from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Literal
 from types import TracebackType
+from typing import Literal
 
 import numpy as np
 from orchard_ros2.messages import TICK_NANOSECONDS, Message, build

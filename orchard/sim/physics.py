@@ -22,13 +22,10 @@ UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
 FACING = 1e-6  # rad
 
 
+_CHANGING = "twist", "pose", "stopped", "coupled", "fill", "distance", "collisions", "held", "blocked", "row_picked", "row_from"
+_CONSTANT = [name for name in Fixed._fields if name not in ("carriers", "walls_in_sight")]
 _ARGUMENTS = attrgetter(  # of the kernel `advance`: each parameter's place in the world
-    *in_order(
-        advance,
-        {name: name for name in ("twist", "pose", "coupled", "fill", "distance", "collisions", "held", "blocked", "row_picked", "row_from")}
-        | {name: f"fixed.{name}" for name in Fixed._fields if name not in ("carriers", "walls_in_sight")},
-        skip=1,
-    )
+    *in_order(advance, {name: name for name in _CHANGING} | {name: f"fixed.{name}" for name in _CONSTANT}, skip=1)
 )
 
 
@@ -38,12 +35,12 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
     twists: (n, 3) float64, the wanted velocities, each in its body's frame, m/s and rad/s.
     deeds: (body index, deed), in body order. A stopped body does not move and does no deed.
     """
-    wanted = allowed(twists, world.stopped)
-    events = do_deeds(world, wanted, deeds)
-    begun, picked_from = advance(wanted, *_ARGUMENTS(world))
-    events += [_collision(world, *pair) for pair in begun.tolist()]
-    events += _picked(world, picked_from)
-    events += _unload(world)
+    events = do_deeds(world, allowed(twists, world.stopped), deeds) if deeds else []
+    begun, picked_from, is_eventful = advance(twists, *_ARGUMENTS(world))
+    if is_eventful:
+        events += [_collision(world, *pair) for pair in begun.tolist()]
+        events += _picked(world, picked_from)
+        events += _unload(world)
     world.tick += 1
     return events
 

@@ -34,16 +34,21 @@ def allowed(wanted, stopped):
     """Return a copy of twists, (n, 3), in which those of stopped bodies, (n,) bool, and those that are not finite are 0."""
     twists = wanted.copy()
     for i in range(len(twists)):
-        if stopped[i] or not (np.isfinite(twists[i, 0]) and np.isfinite(twists[i, 1]) and np.isfinite(twists[i, 2])):
+        if _must_stand(wanted[i], stopped[i]):
             twists[i, :] = 0.0
     return twists
 
 
+@inlined
+def _must_stand(twist, is_stopped):
+    return is_stopped or not (np.isfinite(twist[0]) and np.isfinite(twist[1]) and np.isfinite(twist[2]))
+
+
 @jit
-def limit(wanted, top, coupled, turn, sideways, twists):
+def limit(wanted, stopped, top, coupled, turn, sideways, twists):
     """Write into twists, (n, 3), the wanted twists, limited to what each body can do now; top (n,) m/s, turn (n,) rad/s: the limits."""
     for i in range(len(wanted)):
-        if sideways[i] and coupled[i] == NONE:
+        if _must_stand(wanted[i], stopped[i]) or (sideways[i] and coupled[i] == NONE):
             twists[i, :] = 0.0
             continue
         forward = min(max(wanted[i, 0], -top[i]), top[i])
@@ -67,18 +72,29 @@ def arc(x, y, yaw, forward, left, turn, seconds):
 
 @jit
 def advance(
-    wanted, twist, pose, coupled, fill, pickers, speed, turn, sideways, shapes, tows, solid, walls, wall_frame, wall_begin, wall_members,
-    body_frame, bin_full, row_west, row_length, row_y, row_pace, row_picked, row_from, distance, collisions, held, blocked,
+    wanted, twist, pose, stopped, coupled, fill, pickers, speed, turn, sideways, shapes, tows, solid, walls, wall_frame, wall_begin,
+    wall_members, body_frame, bin_full, row_west, row_length, row_y, row_pace, row_picked, row_from, distance, collisions, held, blocked,
 ):  # fmt: skip
     """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick.
 
-    Returns what `move_all` and `pick` return. It is one kernel because a call from Python takes longer than limiting thirty bodies.
+    Returns what `move_all` and `pick` return, and whether anything happened of which there may be an event: a collision began, a row is
+    picked, a bin is full. It is one kernel because a call from Python takes longer than limiting thirty bodies.
     """
     rows = Rows(bin_full, row_west, row_length, row_y, row_pace, row_picked, row_from)
-    limit(wanted, top_speeds(speed, pickers, pose, coupled, fill, rows), coupled, turn, sideways, twist)
+    limit(wanted, stopped, top_speeds(speed, pickers, pose, coupled, fill, rows), coupled, turn, sideways, twist)
     before, walls_near = pose.copy(), Grid(wall_frame, wall_begin, wall_members)
     begun = move_all(twist, pose, coupled, shapes, tows, solid, walls, walls_near, body_frame, distance, collisions, held, blocked)
-    return begun, pick(pickers, before, pose, coupled, rows, fill)
+    picked_from = pick(pickers, before, pose, coupled, rows, fill)
+    return begun, picked_from, len(begun) > 0 or _is_any_done(picked_from, rows) or bool(np.any(fill >= rows.full))
+
+
+@inlined
+def _is_any_done(picked_from, rows):
+    """Whether a row that was picked from is picked to its end."""
+    done = False
+    for r in picked_from:
+        done = done or (r != NONE and rows.picked[r] >= rows.length[r])
+    return done
 
 
 @jit

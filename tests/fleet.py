@@ -57,10 +57,16 @@ class Process:
 
     @staticmethod
     def _line(stream) -> str:
+        """Byte by byte: of two lines at once `readline` would take both from the pipe, and the selector would not see the second."""
+        said = b""
         with selectors.DefaultSelector() as selector:
             selector.register(stream, selectors.EVENT_READ)
-            assert selector.select(SECONDS), "the process says nothing"
-            return stream.readline()
+            while not said.endswith(b"\n"):
+                assert selector.select(SECONDS), f"the process says nothing more than {said!r}"
+                if not (byte := os.read(stream.fileno(), 1)):
+                    break
+                said += byte
+        return said.decode()
 
     def messages(self) -> queue.Queue:
         """What it prints from now on, as they come: a map in a line each. Instead of `line` and `end`."""

@@ -107,21 +107,21 @@ def control(
     reply: type[M],
     identity: Identity | None,
     say: Callable[[str], None],
-    seconds: float = ANSWER_SECONDS,
+    seconds: float | None = None,
 ) -> M:
     """Send a query to physics of a run, and return the reply. `what`: a key in `wire.keys.TABLE`; `message`: made of the run's id.
 
-    Raises BusError if physics does not answer within `seconds`, or refuses.
+    Raises BusError if physics does not answer within `seconds`, ANSWER_SECONDS unless given, or refuses.
     """
     keys = Keys()
     if note.run and not note.endpoint.startswith("tls/"):  # a run found here that is open: a role is needed for the others only
         identity = None
     with client(note.endpoint, seconds=LOOK_SECONDS, identity=identity) as bus:
-        run = note.run or _ask(bus, keys.of("scenario"), b"", RunInfo, say).run
-        return _ask(bus, keys.of(what), pack(message(run)), reply, say, seconds)
+        run = note.run or _ask(bus, keys.of("scenario"), b"", RunInfo, say, ANSWER_SECONDS).run
+        return _ask(bus, keys.of(what), pack(message(run)), reply, say, seconds or ANSWER_SECONDS)
 
 
-def _ask(bus: Bus, key: str, payload: bytes, type_: type[M], say: Callable[[str], None], seconds: float = ANSWER_SECONDS) -> M:
+def _ask(bus: Bus, key: str, payload: bytes, type_: type[M], say: Callable[[str], None], seconds: float) -> M:
     """The reply of physics. Raises BusError after `seconds` without one."""
     begun, said = time.monotonic(), False
 

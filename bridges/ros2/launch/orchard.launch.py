@@ -15,6 +15,7 @@ ARGUMENTS = {
     "driven": ("['']", "robots that ROS drives, and that no agent holds: those of `orchard --without`"),
     "advised": ("['']", "robots whose agents go on while ROS gives the velocity"),
     "enable_stamped_cmd_vel": ("true", "cmd_vel is a TwistStamped; false: a Twist"),
+    "ground_truth": ("false", "NAME/ground_truth is published"),
 }
 
 

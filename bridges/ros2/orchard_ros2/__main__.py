@@ -38,7 +38,7 @@ def attempt(bridge: Bridge) -> int | None:
         raise ExternalShutdownException
     try:
         with connected(bridge.endpoint, bridge.prefix) as client:
-            bridge.join(client, client.ask("layout"))
+            bridge.join(client, client.ask("layout"), client.ask("scenario")["scenario"])
             Thread(target=bridge.listen, daemon=True).start()
             executor = SingleThreadedExecutor()
             executor.add_node(bridge.node)

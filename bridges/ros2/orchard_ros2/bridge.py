@@ -64,6 +64,7 @@ class Bridge:
         self._robots = self._texts("robots", list(bodies.ROBOTS))
         self._driven, self._advised = self._texts("driven", []), self._texts("advised", [])
         self._is_stamped = bool(self.node.declare_parameter("enable_stamped_cmd_vel", True).value)
+        self._shows_truth = bool(self.node.declare_parameter("ground_truth", False).value)
         self.node.declare_parameter("steps", 1)
         self._out: dict[str, Publisher] = {}
         self._services = ReentrantCallbackGroup()
@@ -79,8 +80,11 @@ class Bridge:
 
     # -- the beginning
 
-    def join(self, client: Client, layout: dict[str, Any]) -> None:
-        """Announce all topics and services of a run. `layout`: the reply to the layout query. Raises ValueError for an unknown robot."""
+    def join(self, client: Client, layout: dict[str, Any], scenario: dict[str, Any]) -> None:
+        """Announce all topics and services of a run. `layout`, `scenario`: as in the replies to these queries.
+
+        Raises ValueError for an unknown robot.
+        """
         self.client, self.run, self.tick = client, str(layout["run"]), int(layout["tick"])
         self._kinds = {body["name"]: layout["kinds"][body["kind"]] for body in layout["bodies"]}
         self._names, self._driven, self._advised = (
@@ -88,13 +92,14 @@ class Bridge:
         )
         if both := set(self._driven) & set(self._advised):
             raise ValueError(f"driven and advised: {', '.join(sorted(both))}: a robot is driven, or its agent is advised")
-        self._poses: dict[str, deeds.Pose] = {}
+        self._errs = wire.has_errors(scenario)
+        self._views = wire.views_of(self._errs, self._shows_truth)
+        self._newest: dict[str, dict[str, dict[str, Any]]] = {key: {} for key in self._views}  # key -> body -> its newest message
         self._handling: dict[str, tuple[deeds.Handling, Future]] = {}
         self._over, self._over_since, self._is_up = "", 0.0, True
         self._has_tf = self._can_publish_tf()
         for name in self._names:
-            self._publish(topics.ROBOT_DESCRIPTION, messages.text(self._description(name)), name)
-            self._publisher(topics.ODOM, name), self._publisher(topics.SCAN, name)
+            self._announce(name)
         for name in (*self._driven, *self._advised):
             self._take_orders(name)
         for name in self._driven:
@@ -103,9 +108,9 @@ class Bridge:
         self._publish(topics.GRID, field.grid_of(layout["walls"]))
         if self._has_tf:
             lasers = [(name, self._kinds[name]["laser"]["x"]) for name in self._names]
-            self._publish(topics.TF_STATIC, messages.static_transforms(lasers))
+            self._publish(topics.TF_STATIC, messages.static_transforms(lasers, self._names if self._errs else ()))
         self.client.watch(f"alive/physics/{self.run}")
-        for key in ("*/pose", "*/scan", "clock", "events", "end"):
+        for key in (*(f"*/{key}" for key in self._views), "clock", "events", "end"):
             self.client.hear(key)
         for name in self._advised:
             self.client.hear(f"{name}/velocity")
@@ -115,6 +120,11 @@ class Bridge:
         """Physics begins when all robots that are left to others are driven."""
         for name in self._driven:
             self._stand(name, [])
+
+    def _announce(self, name: str) -> None:
+        self._publish(topics.ROBOT_DESCRIPTION, messages.text(self._description(name)), name)
+        for topic, _ in self._views.values():
+            self._publisher(topic, name)
 
     def _description(self, name: str) -> str:
         kind = self._kinds[name]
@@ -179,10 +189,8 @@ class Bridge:
                 self._note_physics(up)
             case Heard(_, {"run": run}) if run != self.run:
                 pass
-            case Heard((name, "pose"), message):
-                self._hear_pose(name, message)
-            case Heard((name, "scan"), message) if name in self._names:
-                self._publish(topics.SCAN, wire.scan_of(name, message), name)
+            case Heard((name, key), message) if key in self._views:
+                self._hear_of(name, key, message)
             case Heard((name, "velocity"), message):
                 self._publish(topics.CMD_VEL_AGENT, wire.velocity_of(name, message), name)
             case Heard(("clock",), message):
@@ -194,20 +202,28 @@ class Bridge:
             case Heard(("end",), message):
                 self._over, self._over_since = message["why"], monotonic()
 
-    def _hear_pose(self, name: str, pose: deeds.Pose) -> None:
-        self._poses[name] = pose
+    def _hear_of(self, name: str, key: str, message: dict[str, Any]) -> None:
+        self._newest[key][name] = message
         if name in self._names:
-            self._publish(topics.ODOM, wire.odometry_of(name, pose), name)
-        if name in self._handling:
-            self._go_on(*self._handling[name], pose)
+            topic, message_of = self._views[key]
+            self._publish(topic, message_of(name, message), name)
+        if key == "pose" and name in self._handling:
+            self._go_on(*self._handling[name], message)
 
     def _hear_clock(self, tick: int) -> None:
-        """The clock comes after all poses and scans of its tick."""
+        """The clock comes after all that is told of the bodies at its tick."""
         self.tick = tick
         self._publish(topics.CLOCK, messages.clock(tick))
         if self._has_tf:
-            states = {name: wire.state_of(self._poses[name]) for name in self._names if name in self._poses}
-            self._publish(topics.TF, messages.transforms(tick, states))
+            odometry = self._newest["odometry" if self._errs else "pose"]
+            states = {name: wire.state_of(odometry[name]) for name in self._names if name in odometry}
+            self._publish(topics.TF, messages.transforms(tick, states, self._measured() if self._errs else {}))
+
+    def _measured(self) -> dict[str, wire.State]:
+        """The states in `map` of the bodies of which pose and odometry are of the same tick: in real time one of them may be missing."""
+        poses, odometry = self._newest["pose"], self._newest["odometry"]
+        known = [name for name in self._names if name in poses and name in odometry]
+        return {name: wire.state_of(poses[name]) for name in known if poses[name]["tick"] == odometry[name]["tick"]}
 
     def _hear_events(self, events: list[dict[str, Any]]) -> None:
         for event in events:
@@ -271,8 +287,9 @@ class Bridge:
 
     async def _handle(self, robot: str, what: str, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Couple or uncouple: answer when physics has done it, has refused it, or has had its time."""
-        target = deeds.bin_behind(robot, self._kinds[robot]["tows"], self._poses) if robot in self._poses and what == deeds.COUPLE else ""
-        if robot not in self._poses or robot in self._handling or (what == deeds.COUPLE and not target):
+        poses = self._newest["pose"]
+        target = deeds.bin_behind(robot, self._kinds[robot]["tows"], poses) if robot in poses and what == deeds.COUPLE else ""
+        if robot not in poses or robot in self._handling or (what == deeds.COUPLE and not target):
             response.message = f"{robot}: busy with a service call, or its pose or a bin is not known yet"
             return response
         future: Future = Future(executor=self.node.executor)

@@ -1,11 +1,11 @@
 """ROS 2 messages as plain data, from what the Orchard sends. No ROS is needed: a bridge builds rclpy's messages from them, a bag others.
 
-A state of a body is seven numbers, as in the Orchard's `seen`: x, y (m, in `map`); z, w of the quaternion; the velocity of the last step
-in the body's own frame: forward and to the left (m/s), turn (rad/s, counter-clockwise).
+A state of a body is seven numbers, as in the Orchard's `seen`: x, y (m); z, w of the quaternion; the velocity of the last step in the
+body's own frame: forward and to the left (m/s), turn (rad/s, counter-clockwise).
 """
 
 from array import array
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from orchard_ros2 import topics
 TICKS_PER_SECOND = 10
 TICK_NANOSECONDS = 10**9 // TICKS_PER_SECOND
 
-EXACT = 1e-6  # m^2, rad^2: the simulator knows each pose, but filters such as robot_localization's want a variance above 0
+EXACT = 1e-6  # m^2, rad^2: the variance of what is exact, because filters such as robot_localization's want one above 0
 
 
 class Message(NamedTuple):
@@ -69,9 +69,17 @@ def twist(forward: float, left: float, turn: float) -> Message:
 
 
 @cache
-def covariance(variance: float) -> "array[float]":
-    """Return the covariance, 6 x 6, of six independent numbers of the same variance. All messages share it: change none."""
-    return array("d", [variance if i % 7 == 0 else 0.0 for i in range(36)])
+def covariance(accuracy: float = 0.0) -> "array[float]":
+    """Return the covariance, 6 x 6, of a pose or a twist. All messages share it: change none.
+
+    `accuracy`: the standard deviation of x and of y, m; 0: they are exact. The other four are exact.
+    """
+    variances = [max(EXACT, accuracy * accuracy)] * 2 + [EXACT] * 4
+    return array("d", [variances[row] if row == column else 0.0 for row in range(6) for column in range(6)])
+
+
+def pose_with_covariance(state: Sequence[float], accuracy: float = 0.0) -> Message:
+    return Message("geometry_msgs/msg/PoseWithCovariance", {"pose": pose(*state[:4]), "covariance": covariance(accuracy)})
 
 
 # what is published
@@ -81,18 +89,30 @@ def clock(tick: int) -> Message:
     return Message("rosgraph_msgs/msg/Clock", {"clock": stamp(tick)})
 
 
-def odometry(robot: str, tick: int, state: Sequence[float], variance: float = EXACT) -> Message:
-    """Return the pose and the velocity of a robot at a tick."""
-    x, y, z, w, forward, left, turn = state
-    of_pose = {"pose": pose(x, y, z, w), "covariance": covariance(variance)}
-    of_twist = {"twist": twist(forward, left, turn), "covariance": covariance(variance)}
+def odometry(robot: str, tick: int, state: Sequence[float]) -> Message:
+    """Return the pose of a robot at a tick in its frame NAME/odom, and its velocity."""
+    return _motion(robot, tick, state, topics.odom(robot))
+
+
+def ground_truth(robot: str, tick: int, state: Sequence[float]) -> Message:
+    """Return the true pose of a robot at a tick in `map`, and its velocity."""
+    return _motion(robot, tick, state, topics.MAP)
+
+
+def _motion(robot: str, tick: int, state: Sequence[float], frame: str) -> Message:
     fields = {
-        "header": header(tick, topics.odom(robot)),
+        "header": header(tick, frame),
         "child_frame_id": topics.base_link(robot),
-        "pose": Message("geometry_msgs/msg/PoseWithCovariance", of_pose),
-        "twist": Message("geometry_msgs/msg/TwistWithCovariance", of_twist),
+        "pose": pose_with_covariance(state),
+        "twist": Message("geometry_msgs/msg/TwistWithCovariance", {"twist": twist(*state[4:]), "covariance": covariance()}),
     }
     return Message("nav_msgs/msg/Odometry", fields)
+
+
+def measured_pose(tick: int, state: Sequence[float], accuracy: float) -> Message:
+    """Return a pose in `map` as it is measured. `accuracy`: the standard deviation of x and of y, m; 0: exact."""
+    fields = {"header": header(tick, topics.MAP), "pose": pose_with_covariance(state, accuracy)}
+    return Message("geometry_msgs/msg/PoseWithCovarianceStamped", fields)
 
 
 def velocity(robot: str, tick: int, forward: float, turn: float, left: float = 0.0) -> Message:
@@ -129,17 +149,37 @@ def transform(tick: int, parent: str, child: str, place: Sequence[float], turned
     return Message("geometry_msgs/msg/TransformStamped", fields)
 
 
-def transforms(tick: int, states: Mapping[str, Sequence[float]]) -> Message:
-    """Return for /tf where the bodies are at a tick. `states`: name -> state."""
-    moved = [transform(tick, topics.odom(name), topics.base_link(name), (*state[:2], 0.0), state[2:4]) for name, state in states.items()]
+def odom_in_map(pose: Sequence[float], odometry: Sequence[float]) -> tuple[float, float, float, float]:
+    """Return pose * odometry^-1: x, y, z, w of the frame NAME/odom in `map`, of two states of a body at the same tick."""
+    (x, y, z, w), (ahead, left, z_odom, w_odom) = pose[:4], odometry[:4]
+    z, w = z * w_odom - w * z_odom, w * w_odom + z * z_odom
+    sine, cosine = 2.0 * z * w, w * w - z * z
+    return x - (cosine * ahead - sine * left), y - (sine * ahead + cosine * left), z, w
+
+
+def transforms(tick: int, states: Mapping[str, Sequence[float]], poses: Mapping[str, Sequence[float]] | None = None) -> Message:
+    """Return for /tf where the bodies are at a tick.
+
+    `states`: name -> state in NAME/odom; `poses`: name -> state in `map`, of those whose NAME/odom moves in `map`.
+    """
+    moved = [_moved(tick, topics.odom(name), topics.base_link(name), state) for name, state in states.items()]
+    moved += [_moved(tick, topics.MAP, topics.odom(name), odom_in_map(pose, states[name])) for name, pose in (poses or {}).items()]
     return Message("tf2_msgs/msg/TFMessage", {"transforms": moved})
 
 
-def static_transforms(lasers: Iterable[tuple[str, float]]) -> Message:
-    """Return for /tf_static what never moves. `lasers`: each body's name, and how far its laser is ahead of its centre, m."""
+def _moved(tick: int, parent: str, child: str, state: Sequence[float]) -> Message:
+    return transform(tick, parent, child, (*state[:2], 0.0), state[2:4])
+
+
+def static_transforms(lasers: Iterable[tuple[str, float]], drifting: Container[str] = ()) -> Message:
+    """Return for /tf_static what never moves. `lasers`: each body's name, and how far its laser is ahead of its centre, m.
+
+    `drifting`: the bodies whose NAME/odom moves in `map`. That of others lies on `map`.
+    """
     fixed = []
     for name, ahead in lasers:
-        fixed.append(transform(0, topics.MAP, topics.odom(name), (0.0, 0.0, 0.0)))
+        if name not in drifting:
+            fixed.append(transform(0, topics.MAP, topics.odom(name), (0.0, 0.0, 0.0)))
         fixed.append(transform(0, topics.base_link(name), topics.laser(name), (ahead, 0.0, topics.LASER_HEIGHT)))
     return Message("tf2_msgs/msg/TFMessage", {"transforms": fixed})
 

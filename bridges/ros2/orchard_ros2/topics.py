@@ -2,7 +2,7 @@
 
     map -> NAME/odom -> NAME/base_link -> NAME/laser
 
-The pose that the Orchard sends is in `map`, so NAME/odom lies on `map`.
+NAME/odom lies on `map`, unless the sensors of the scenario have errors: then odometry drifts, and NAME/odom moves in `map`.
 """
 
 from dataclasses import dataclass
@@ -37,6 +37,8 @@ SENSOR_DATA = QoS(5, reliable=False)  # as rmw_qos_profile_sensor_data
 LATCHED = QoS(1, latched=True)
 
 ODOM = Topic("{robot}/odom", "nav_msgs/msg/Odometry", QoS(10))
+POSE = Topic("{robot}/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", QoS(10))  # if sensors have errors: as it is measured
+GROUND_TRUTH = Topic("{robot}/ground_truth", "nav_msgs/msg/Odometry", QoS(10))
 SCAN = Topic("{robot}/scan", "sensor_msgs/msg/LaserScan", SENSOR_DATA)
 CMD_VEL = Topic("{robot}/cmd_vel", "geometry_msgs/msg/TwistStamped", QoS(1))
 CMD_VEL_UNSTAMPED = Topic("{robot}/cmd_vel", "geometry_msgs/msg/Twist", QoS(1))

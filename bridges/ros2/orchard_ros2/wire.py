@@ -2,17 +2,19 @@
 
 import sys
 from array import array
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from orchard_ros2 import messages
+from orchard_ros2 import messages, topics
 from orchard_ros2.messages import Message
+from orchard_ros2.topics import Topic
 
 State = tuple[float, float, float, float, float, float, float]
+View = tuple[Topic, Callable[[str, Mapping[str, Any]], Message]]
 
 
 def state_of(pose: Mapping[str, Any]) -> State:
-    """Return the state of a body from its `pose`: see `messages`."""
+    """Return the state of a body from its `pose`, `odometry` or `truth`: see `messages`."""
     position, orientation = pose["pose"]["position"], pose["pose"]["orientation"]
     linear, angular = pose["twist"]["linear"], pose["twist"]["angular"]
     turned = (float(orientation["z"]), float(orientation["w"]))
@@ -34,9 +36,33 @@ def scan_of(robot: str, scan: Mapping[str, Any]) -> Message:
     return messages.scan(robot, scan["tick"], ranges_of(scan["ranges"]), *angles, *limits)
 
 
-def odometry_of(robot: str, pose: Mapping[str, Any]) -> Message:
-    """Return the `nav_msgs/msg/Odometry` of a `pose`."""
-    return messages.odometry(robot, pose["tick"], state_of(pose))
+def has_errors(scenario: Mapping[str, Any]) -> bool:
+    """Return whether robots of a scenario measure where they are with errors."""
+    gnss, odometry = scenario["sensors"]["gnss"], scenario["sensors"]["odometry"]
+    return any((gnss["white"], gnss["bias"], odometry["distance"], odometry["heading"]))
+
+
+def views_of(has_errors: bool, shows_truth: bool) -> dict[str, View]:
+    """Return what ROS sees of a body: the Orchard's key -> the topic, and what makes its messages. Exact poses are odometry too."""
+    views: dict[str, View] = {"pose": (topics.ODOM, odometry_of), "scan": (topics.SCAN, scan_of)}
+    if has_errors:
+        views |= {"pose": (topics.POSE, measured_pose_of), "odometry": (topics.ODOM, odometry_of)}
+    return views | {"truth": (topics.GROUND_TRUTH, ground_truth_of)} if shows_truth else views
+
+
+def odometry_of(robot: str, odometry: Mapping[str, Any]) -> Message:
+    """Return the `nav_msgs/msg/Odometry` of an `odometry`, or of a `pose` if sensors have no errors."""
+    return messages.odometry(robot, odometry["tick"], state_of(odometry))
+
+
+def ground_truth_of(robot: str, truth: Mapping[str, Any]) -> Message:
+    """Return the `nav_msgs/msg/Odometry`, in `map`, of a `truth`."""
+    return messages.ground_truth(robot, truth["tick"], state_of(truth))
+
+
+def measured_pose_of(_robot: str, pose: Mapping[str, Any]) -> Message:
+    """Return the `geometry_msgs/msg/PoseWithCovarianceStamped` of a `pose`."""
+    return messages.measured_pose(pose["tick"], state_of(pose), float(pose["accuracy"]))
 
 
 def velocity_of(robot: str, velocity: Mapping[str, Any]) -> Message:

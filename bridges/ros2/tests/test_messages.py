@@ -20,13 +20,24 @@ PACKAGE = Path(messages.__file__).parent
 
 ticks = st.integers(0, 10**9)
 metres = st.floats(-1e6, 1e6)
+near = st.floats(-1e3, 1e3)
 speeds = st.floats(-100.0, 100.0)
 yaws = st.floats(-math.pi, math.pi)
-states = st.tuples(metres, metres, yaws, speeds, speeds, speeds).map(lambda s: (s[0], s[1], math.sin(s[2] / 2), math.cos(s[2] / 2), *s[3:]))
+
+
+def states_within(places):
+    parts = st.tuples(places, places, yaws, speeds, speeds, speeds)
+    return parts.map(lambda s: (s[0], s[1], math.sin(s[2] / 2), math.cos(s[2] / 2), *s[3:]))
+
+
+states, near_states = states_within(metres), states_within(near)
+EAST = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 EXAMPLES = [
     messages.clock(7),
     messages.odometry("picker_01", 7, (1.0, 2.0, 0.0, 1.0, 0.5, 0.0, 0.1)),
+    messages.ground_truth("picker_01", 7, (1.0, 2.0, 0.0, 1.0, 0.5, 0.0, 0.1)),
+    messages.measured_pose(7, (1.0, 2.0, 0.0, 1.0, 0.5, 0.0, 0.1), 0.02),
     messages.velocity("picker_01", 7, 0.5, 0.1),
     messages.twist(0.5, 0.0, 0.1),
     messages.scan("picker_01", 7, array("f", [1.0, math.inf]), -1.0, 2.0, 0.0, 10.0),
@@ -67,16 +78,18 @@ def test_a_stamp_is_the_ticks_time(tick):
     assert fields["sec"] * 10**9 + fields["nanosec"] == tick * 10**8 and fields["nanosec"] < 10**9
 
 
-@given(tick=ticks, state=states)
-def test_odometry_and_the_transform_are_the_wires_pose(tick, state):
+def on_the_wire(tick, state, accuracy=0.0):
+    """What the Orchard sends as `pose`, `odometry` or `truth`."""
     x, y, z, w, forward, left, turn = state
     turned, linear = {"x": 0.0, "y": 0.0, "z": z, "w": w}, {"x": forward, "y": left, "z": 0.0}
-    sent = {
-        "tick": tick,
-        "pose": {"position": {"x": x, "y": y, "z": 0.0}, "orientation": turned},
-        "twist": {"linear": linear, "angular": {"z": turn}},
-    }
-    pose = msgpack.unpackb(msgpack.packb(sent))
+    place = {"position": {"x": x, "y": y, "z": 0.0}, "orientation": turned}
+    sent = {"tick": tick, "pose": place, "twist": {"linear": linear, "angular": {"z": turn}}, "accuracy": accuracy}
+    return msgpack.unpackb(msgpack.packb(sent))
+
+
+@given(tick=ticks, state=states)
+def test_odometry_and_the_transform_are_the_wires_pose(tick, state):
+    pose = on_the_wire(tick, state)
     odometry = in_bag(wire.odometry_of("picker_01", pose))
     (moved,) = in_bag(messages.transforms(tick, {"picker_01": wire.state_of(pose)})).transforms
     position, orientation = odometry.pose.pose.position, odometry.pose.pose.orientation
@@ -97,15 +110,72 @@ def test_a_scan_keeps_each_range(tick, ranges):
     assert scan.angle_max == 0.5 * (len(ranges) - 1)
 
 
-def test_a_covariance_has_variances_on_its_diagonal_only():
-    matrix = numpy.asarray(messages.covariance(4.0)).reshape(6, 6)
-    assert (matrix == 4.0 * numpy.eye(6)).all()
+@given(tick=ticks, state=states, accuracy=st.sampled_from([0.0, 1e-6, 0.02, 0.5]))
+def test_a_measured_pose_says_how_exact_it_is(tick, state, accuracy):
+    """x and y are: the heading is exact, and so are the odometry and the truth."""
+    wired = on_the_wire(tick, state, accuracy)
+    measured, truth, odometry = (in_bag(of("picker_01", wired)) for of in (wire.measured_pose_of, wire.ground_truth_of, wire.odometry_of))
+    expected = numpy.diag([max(accuracy**2, 1e-6)] * 2 + [1e-6] * 4)
+    assert (measured.pose.covariance.reshape(6, 6) == expected).all()
+    for exact in (truth.pose, truth.twist, odometry.pose, odometry.twist):
+        assert (exact.covariance.reshape(6, 6) == 1e-6 * numpy.eye(6)).all()
+    assert (measured.header, measured.pose.pose) == (truth.header, truth.pose.pose)
+    assert truth.header.frame_id == topics.MAP and (truth.child_frame_id, truth.twist.twist) == (
+        odometry.child_frame_id,
+        odometry.twist.twist,
+    )
 
 
-def test_frames_make_one_tree_below_map():
+def place_of(link):
+    turned, moved = link.transform.rotation, link.transform.translation
+    return moved.x, moved.y, 2.0 * math.atan2(turned.z, turned.w)
+
+
+@given(pose=near_states, odometry=near_states)
+def test_the_chain_of_frames_ends_at_the_measured_pose(pose, odometry):
+    """map -> NAME/odom -> NAME/base_link is pose * odometry^-1 * odometry."""
+    reckoned, drift = in_bag(messages.transforms(7, {"picker_01": odometry}, {"picker_01": pose})).transforms
+    assert (drift.header.frame_id, drift.child_frame_id) == ("map", "picker_01/odom") and drift.header.stamp == reckoned.header.stamp
+    (x, y, yaw), (ahead, left, turn) = place_of(drift), place_of(reckoned)
+    assert x + math.cos(yaw) * ahead - math.sin(yaw) * left == pytest.approx(pose[0], abs=1e-9)
+    assert y + math.sin(yaw) * ahead + math.cos(yaw) * left == pytest.approx(pose[1], abs=1e-9)
+    off = yaw + turn - 2.0 * math.atan2(pose[2], pose[3])
+    assert abs(math.remainder(off, math.tau)) < 1e-9
+
+
+@given(state=states)
+def test_a_frame_of_exact_odometry_lies_on_map(state):
+    x, y, z, w = messages.odom_in_map(state, state)
+    assert (x, y, z) == pytest.approx((0.0, 0.0, 0.0), abs=1e-8) and w == pytest.approx(1.0)
+
+
+NONE = {"gnss": {"white": 0.0, "bias": 0.0, "bias_time": 300.0}, "odometry": {"distance": 0.0, "heading": 0.0}}
+
+
+@pytest.mark.parametrize("error", ["gnss white", "gnss bias", "odometry distance", "odometry heading"])
+def test_any_error_of_a_sensor_counts(error):
+    sensor, what = error.split()
+    assert not wire.has_errors({"sensors": NONE})
+    assert wire.has_errors({"sensors": NONE | {sensor: NONE[sensor] | {what: 0.001}}})
+
+
+SCAN = {"angle_min": 0.0, "angle_increment": 0.5, "range_max": 10.0, "ranges": b""}
+
+
+def test_only_what_is_needed_is_heard():
+    assert list(wire.views_of(False, False)) == ["pose", "scan"]
+    assert [*wire.views_of(True, False)] == ["pose", "scan", "odometry"] and [*wire.views_of(False, True)] == ["pose", "scan", "truth"]
+    for has_errors in (False, True):
+        views = wire.views_of(has_errors, True).values()
+        assert len({topic for topic, _ in views}) == len(views)
+        assert all(of("picker_01", on_the_wire(7, EAST) | SCAN).type == topic.type for topic, of in views)
+
+
+@pytest.mark.parametrize("drifting", [(), ("picker_01",), ("picker_01", "bin_01")])
+def test_frames_make_one_tree_below_map(drifting):
     names = ["picker_01", "bin_01"]
-    links = messages.static_transforms([(name, 1.0) for name in names]).fields["transforms"]
-    links += messages.transforms(3, dict.fromkeys(names, (0.0,) * 7)).fields["transforms"]
+    links = messages.static_transforms([(name, 1.0) for name in names], drifting).fields["transforms"]
+    links += messages.transforms(3, dict.fromkeys(names, EAST), dict.fromkeys(drifting, EAST)).fields["transforms"]
     parents = {link.fields["child_frame_id"]: link.fields["header"].fields["frame_id"] for link in links}
     assert len(parents) == len(links)
     for name in names:

@@ -206,8 +206,8 @@ def in_a_turn(layout: Layout) -> list[tuple[Area, Area]]:
         near = np.flatnonzero(np.abs(boxes[:, :2] - (at.x, at.y)).max(axis=1) < 4.5)
         candidates = [int(j) for j in near if may_meet(at, stands[j]) and not is_on_its_road(at, heading, stands[j])]
         if candidates:
-            points = swept(shape, at.x, at.y, HEADINGS[at.heading], angle_between(HEADINGS[at.heading], HEADINGS[heading]))
-            apart = [(np.abs(points - boxes[j, :2]) - boxes[j, 2:]).max(axis=1).min() for j in candidates]
+            x, y = swept(shape, at.x, at.y, HEADINGS[at.heading], angle_between(HEADINGS[at.heading], HEADINGS[heading])).T.copy()
+            apart = [np.maximum(np.abs(x - bx) - half_x, np.abs(y - by) - half_y).min() for bx, by, half_x, half_y in boxes[candidates]]
             found += [(at, stands[j]) for j, gap in zip(candidates, apart, strict=True) if gap < TURN_MARGIN - 0.02]
     return found
 

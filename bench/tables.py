@@ -1,4 +1,4 @@
-"""What the tables of the default harvest cost: the processor time of a run with and of its tables, and their size.
+"""What the tables of the default harvest cost, with exact sensors and with errors: their processor time, that of the run, and their size.
 
 python -m bench.tables
 """
@@ -7,16 +7,30 @@ import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from orchard.field.scenario import Scenario, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.local import Local
 from orchard.tables.tables import Tables
 
+ERRORS = {  # as in docs/sensors.md
+    "sensors.gnss.white": 0.01,
+    "sensors.gnss.bias": 0.02,
+    "sensors.odometry.distance": 0.01,
+    "sensors.odometry.heading": 0.001,
+}
 FLUSH_SECONDS = 2.0  # as between two snapshots
 
 
 def main() -> None:
+    scenario = load_or_shipped(None)
+    measure("exact sensors", scenario)
+    measure("errors", with_changes(scenario, **ERRORS))
+
+
+def measure(name: str, scenario: Scenario) -> None:
+    """Print what the tables of a scenario's harvest cost."""
     with TemporaryDirectory() as folder:
-        local = Local(load_or_shipped(None))
+        local = Local(scenario)
         local.engine.rehearse()
         spent, total, due = 0.0, time.process_time(), time.monotonic() + FLUSH_SECONDS
         tables = Tables(Path(folder), local.engine.layout, 0)
@@ -35,7 +49,8 @@ def main() -> None:
         size = sum(file.stat().st_size for file in Path(folder).iterdir())
         rows = local.engine.tick * len(local.engine.layout.names)
         print(
-            f"{local.engine.tick} ticks, {rows} rows, {size / 1e6:.2f} MB: {spent:.2f} s for the tables, {total - spent:.2f} s for the run"
+            f"{name}: {local.engine.tick} ticks, {rows} rows, {size / 1e6:.2f} MB: {spent:.2f} s for the tables, "
+            f"{total - spent:.2f} s for the run"
         )
 
 

@@ -45,13 +45,14 @@ def ask(
     handle: Callable[[Item], None] = lambda item: None,
     refusals: Refusals | None = None,
     meanwhile: Callable[[], None] = lambda: None,
+    tries: int = TRIES,
 ) -> M:
-    """Return the first valid reply. Repeat the request while there is none.
+    """Return the first valid reply. Repeat the request while there is none, so many times.
 
     handle: takes all other items that arrive. refusals: counts invalid replies. meanwhile: called at least once a second.
     Any client may reply, so an error counts only if no valid reply comes. Raises BusError for an error, or if no reply comes.
     """
-    for _ in range(TRIES):
+    for _ in range(tries):
         ticket = object()
         bus.ask(request.key, request.payload, ticket, request.seconds)
         errors: list[str] = []
@@ -83,6 +84,6 @@ def _replies_to(bus: Bus, ticket: object, handle: Callable[[Item], None], meanwh
             handle(item)
 
 
-def fetch_run(bus: Bus, keys: Keys, handle: Callable[[Item], None] = lambda item: None) -> RunInfo:
+def fetch_run(bus: Bus, keys: Keys, handle: Callable[[Item], None] = lambda item: None, tries: int = TRIES) -> RunInfo:
     """Return the run that physics simulates at this router. Raises BusError if there is none."""
-    return ask(bus, PhysicsRequest(keys.of("scenario"), b"", lambda reply: read(reply, RunInfo), FETCH_SECONDS), handle)
+    return ask(bus, PhysicsRequest(keys.of("scenario"), b"", lambda reply: read(reply, RunInfo), FETCH_SECONDS), handle, tries=tries)

@@ -23,12 +23,13 @@ from orchard.net.bus import Bus, Inbox, Item, Signal, client
 from orchard.net.endpoints import BusError
 from orchard.net.host import GONE_SECONDS, Host, HostEnded
 from orchard.net.process import monitor, run_process, settle
-from orchard.net.requests import fetch_run
+from orchard.net.requests import TRIES, fetch_run
 from orchard.security.identity import Identity, identity_in
 from orchard.wire.keys import PREFIX, Keys
 from orchard.wire.messages import RESET
 
 Factory = Callable[[Layout, Collection[str]], dict[str, Agent]]
+SESSIONS = 6  # that are tried after a reset, all but the last one for a sixth of the tries
 FACTORY = "orchard.agents.catalogue:make_agents"
 
 
@@ -61,21 +62,27 @@ def main(argv: list[str] | None = None) -> int:
 
     def run(inbox: Inbox) -> int:
         identity = identity_in(options.secure, options.prefix)
+        sessions = 1  # that may still be opened: after a reset, one may be open at a router that closes just then, and find no other
         while True:
+            sessions -= 1
             try:
                 with client(options.connect, inbox, identity=identity) as bus:
-                    _host(bus, options, identity).run()
+                    _host(bus, options, identity, TRIES if sessions == 0 else TRIES // SESSIONS).run()
             except HostEnded as end:
                 if str(end) != RESET:
+                    raise
+                sessions = SESSIONS
+            except BusError:
+                if sessions == 0:
                     raise
             inbox.forget()  # the run begins again: nothing of it is kept
 
     return run_process("agents", run, BusError, ValueError, ScenarioError)
 
 
-def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None) -> Host:
+def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None, tries: int) -> Host:
     keys = Keys(options.prefix)
-    run = fetch_run(bus, keys, _only_signals)
+    run = fetch_run(bus, keys, _only_signals, tries)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     allowed = run.agents if identity is None else set(run.agents) & set(identity.role.names)
     names = select_agents(sorted(allowed), options.only, options.without, options.share)

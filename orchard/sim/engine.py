@@ -47,7 +47,7 @@ class Engine:
         `holds`: which agents are asked at a tick. `is_hashed`: False for a run of a study, of which only the figures are wanted.
         """
         self.world, self.layout, self.is_hashed = world, world.layout, is_hashed
-        self._scanner, self._sensors = Scanner(world), Sensors(world)
+        self._scanner, self.sensors = Scanner(world), Sensors(world)
         self.scans = Scans(np.zeros(0, dtype=np.float32), [0])  # at the last observed tick, m, float32, one array for each body
         self.actions: dict[str, Action] = {}  # the newest action of each agent that drives or holds
         self.answers: dict[str, Action | None] = {}  # of the agents that were asked at the last tick; None: it gave no action
@@ -123,7 +123,7 @@ class Engine:
     def observe(self) -> Observations:
         """Return what all bodies observe at this tick: poses and twists as their sensors measure them."""
         self.scans = self._scanner.scan(self.world)
-        return self._sensors.measured(self.truth())
+        return self.sensors.measured(self.truth())
 
     def truth(self) -> Observations:
         """Return what all bodies would observe at this tick with sensors without errors, with the scans of the last `observe()`.
@@ -134,7 +134,7 @@ class Engine:
 
     def odometry(self) -> Observations:
         """Return the same with the poses of odometry alone, in each robot's frame `odom`: its measured motion from its start on."""
-        return self._sensors.reckoned(self.truth())
+        return self.sensors.reckoned(self.truth())
 
     def due(self, mail: Collection[str]) -> list[str]:
         """Return the agents that are asked at this tick, in the layout's order. Call it once a tick, after `observe()`.
@@ -167,7 +167,7 @@ class Engine:
         self.answers = self.lookahead.hold(self.world, self.scans.ranges, actions)
         self._remember(self.answers)
         events, self._news = self._news + step(self.world, self.lookahead.wanted, self._deeds(actions)), []
-        self._sensors.advance()
+        self.sensors.advance()
         heard = {name: mail_digests[name] for name in self.layout.agents if mail_digests.get(name)} if mail_digests else {}
         self._stepped = self.scans.ranges, heard, events  # mail to unknown names is left out
         return events

@@ -63,7 +63,7 @@ class Sensors:
 
     def measured(self, truth: Observations) -> Observations:
         """Return what the bodies observe, for what they would observe without errors."""
-        if not self._accuracies and not self._drifts:
+        if self.is_exact:
             return truth
         states, errors = self._with_motion(truth), self._errors(truth.tick)
         for i, error in errors.items():
@@ -78,6 +78,23 @@ class Sensors:
             pose = self._world.reckoned[i]
             states[i, :4] = *pose[:2], *quaternions(pose[None])[0]
         return replace(truth, states=states, hitches={})
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether all of them measure the truth."""
+        return not self._accuracies and not self._drifts
+
+    def inexact(self) -> np.ndarray:
+        """Return the poses that are measured with errors now, (bodies, 5): x and y of the receiver, then x, y and yaw of odometry.
+
+        They have the bits of what `measured` and `reckoned` return. What is exact is NaN.
+        """
+        poses = np.full((len(self._world.pose), 5), np.nan)
+        for i, error in self._errors(self._world.tick).items():
+            poses[i, :2] = self._world.pose[i, X_Y] + error
+        for i in self._robots.values() if self._drifts else ():
+            poses[i, 2:] = self._world.reckoned[i]
+        return poses
 
     def _errors(self, tick: int) -> dict[int, np.ndarray]:
         """The error of each receiver at this tick, m in x and y."""

@@ -13,7 +13,8 @@ import pyarrow.parquet as pq
 from orchard.sim.disk import write_whole
 
 MOST_ROWS = 50_000  # of a part; the newest part is written again until it has as many
-PLANES = ("x", "y", "yaw")  # columns of numbers that seldom come again: their bytes compress better in planes
+# Columns of numbers that seldom come again: their bytes compress better in planes.
+PLANES = ("x", "y", "yaw", "measured_x", "measured_y", "odometry_x", "odometry_y", "odometry_yaw")
 
 
 def options(schema: pa.Schema) -> dict[str, object]:

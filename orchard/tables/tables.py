@@ -19,7 +19,7 @@ from orchard.field.problems import printable
 from orchard.sim.engine import Engine
 from orchard.sim.obstacles import with_names
 from orchard.sim.world import World
-from orchard.tables.columns import BODIES, EVENTS, MESSAGES, TEXT
+from orchard.tables.columns import BODIES, EVENTS, MESSAGES, NUMBER, TEXT
 from orchard.tables.exchanges import CALLING, Call, Exchange, calls, exchanges
 from orchard.tables.folder import AT_THE_END, GROWING, metadata_of, path_of
 from orchard.tables.parts import MOST_ROWS, GrowingTable, write_table
@@ -65,6 +65,7 @@ class BodyRows:
         self._stopped = self._numbers(("stopped", STOPPED, ""))
         self._ticks: list[int] = []
         self._kept: list[tuple[np.ndarray, ...]] = []
+        self._inexact: list[np.ndarray] = []  # of each tick the poses as measured; none if all are exact
 
     def __len__(self) -> int:
         return len(self._ticks) * len(self._said)
@@ -76,6 +77,8 @@ class BodyRows:
             said = np.where(world.stopped[:, None], self._stopped, said)
         self._ticks.append(world.tick)
         wanted = engine.lookahead.wanted
+        if not engine.sensors.is_exact:
+            self._inexact.append(engine.sensors.inexact())
         self._kept.append((world.pose.copy(), world.twist.copy(), wanted.copy(), world.coupled.copy(), world.fill.copy(), said))
 
     def _hear(self, world: World, answers: Mapping[str, Action | None]) -> np.ndarray:
@@ -99,13 +102,21 @@ class BodyRows:
         if not self._ticks:
             return BODIES.empty_table()
         ticks, (poses, twists, wanted, coupled, fills, said) = self._ticks, map(np.array, zip(*self._kept, strict=True))
-        self._ticks, self._kept, n = [], [], len(self._said)
-        numbers = [part[:, :, i].ravel() for part in (poses, twists, wanted) for i in range(3)]
+        measured, n = self._measured(), len(self._said)
+        self._ticks, self._kept, self._inexact = [], [], []
+        true, speeds, speeds_wanted = ([part[:, :, i].ravel() for i in range(3)] for part in (poses, twists, wanted))
         fill = pa.array(fills.ravel(), mask=~np.tile(self._is_bin, len(ticks)))
         bodies, others = np.tile(np.arange(n), len(ticks)), np.where(coupled >= 0, coupled, n).ravel()
         words = [self._words.column(said[:, :, i].ravel()) for i in range(3)]
-        columns = [np.repeat(np.array(ticks, dtype=np.int32), n), self._names.take(pa.array(bodies)), *numbers]
-        return pa.table([*columns, self._names.take(pa.array(others)), fill, *words], BODIES)
+        columns = [np.repeat(np.array(ticks, dtype=np.int32), n), self._names.take(pa.array(bodies)), *true, *measured]
+        return pa.table([*columns, *speeds, *speeds_wanted, self._names.take(pa.array(others)), fill, *words], BODIES)
+
+    def _measured(self) -> list[pa.Array]:
+        """The columns of measured poses; null where they are exact."""
+        if not self._inexact:
+            return [pa.nulls(len(self), NUMBER)] * 5
+        poses = np.array(self._inexact)
+        return [pa.array(poses[:, :, i].ravel(), from_pandas=True) for i in range(poses.shape[2])]  # NaN becomes null
 
 
 def _words_of(world: World, name: str, action: Action | None) -> tuple[str, str, str]:

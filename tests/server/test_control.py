@@ -4,6 +4,7 @@ import time
 
 import callers
 import msgpack
+import pyarrow.parquet as pq
 import pytest
 from alone import SMALL, TICKS, TOY, local_hash
 from corpus import KEYS, Query, Run
@@ -12,14 +13,19 @@ from pretended import RUN, Clock, roster
 
 from orchard.contract.messages import pack
 from orchard.field.layout import lay_out
+from orchard.field.scenario import with_changes
+from orchard.local import Local
 from orchard.net.bus import Inbox, Sample
 from orchard.net.lockstep import LockstepBarrier, Pacer
 from orchard.server.harvest import RunOptions
 from orchard.server.loop import Physics
 from orchard.server.run_clock import RunClock
 from orchard.sim.engine import Engine
+from orchard.tables import tables_of
 from orchard.wire.messages import Angular, Linear, Odometry, SetSimulationState, SimulationState, StepSimulation, Velocity
 from orchard.wire.types import read
+
+ERRING = with_changes(SMALL, **{"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02, "sensors.odometry.heading": 0.01})
 
 # -- the clock of a run
 
@@ -215,8 +221,8 @@ def test_an_agent_that_is_silent_while_the_run_is_paused_is_not_missed(fleet):
 
 
 @pytest.mark.parametrize("seed", [pytest.param(None, marks=pytest.mark.soak), 7])
-def test_a_run_that_is_reset_begins_again_and_is_as_if_it_had_not_been(fleet, seed):
-    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+def test_a_run_that_is_reset_begins_again_and_is_as_if_it_had_not_been(fleet, tmp_path, seed):
+    fleet.physics(ERRING, "--duration", str(TICKS / 10), "--table", str(tmp_path / "reset"))
     someone = fleet.client()
     asked(someone, "set_simulation_state", state="paused")
     alive = someone.tokens("orchard/alive/physics/*")
@@ -226,13 +232,27 @@ def test_a_run_that_is_reset_begins_again_and_is_as_if_it_had_not_been(fleet, se
     until(alive, lambda up: not up)
     until(alive, lambda up: up)
     (info,) = someone.ask("orchard/scenario")
-    assert (info["run"], info["tick"], info["scenario"]["seed"]) == (fleet.run, 0, SMALL.seed if seed is None else seed)
+    assert (info["run"], info["tick"], info["scenario"]["seed"]) == (fleet.run, 0, ERRING.seed if seed is None else seed)
     assert asked(someone, "simulation_state") == (0, "paused")
     asked(someone, "set_simulation_state", state="playing")
-    scenario = SMALL if seed is None else SMALL.model_copy(update={"seed": seed})
+    scenario = ERRING if seed is None else ERRING.model_copy(update={"seed": seed})
     said = [fleet.world.line() for _ in range(2)]
     assert said[0].startswith("reset: tick 20"), said
-    assert fleet.end() == local_hash(scenario, TICKS, callers.cast(lay_out(scenario)))
+    assert fleet.end() == leave_tables(scenario, tmp_path / "local")
+    for name in ("bodies", "events", "messages", "calls", "exchanges"):  # those of before the reset are gone
+        local, after = (pq.read_table(tmp_path / folder / f"{name}.parquet") for folder in ("local", "reset"))
+        assert after.equals(local, check_metadata=True), name
+
+
+def leave_tables(scenario, folder) -> str:
+    """Leave the tables of a run in local mode. Return its hash."""
+    local = Local(scenario, callers.cast(lay_out(scenario)))
+    tables = tables_of(folder, local.engine)
+    while local.engine.tick < TICKS:
+        events = local.tick()
+        tables.update(local.engine, events, local.post.written[local.engine.tick - 1])
+    tables.close()
+    return local.engine.hash
 
 
 def test_a_run_that_is_recorded_is_not_reset(fleet):

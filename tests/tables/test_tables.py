@@ -17,10 +17,12 @@ from hypothesis import strategies as st
 
 from orchard.contract.agent import STATES
 from orchard.contract.messages import Fetch, pack, type_of, unpack
-from orchard.field.scenario import Scenario
+from orchard.field.kinds import kind_of
+from orchard.field.scenario import Scenario, with_changes
 from orchard.launch.terminal import exit_on_errors
 from orchard.local import Local
 from orchard.report.metrics import HarvestFigures
+from orchard.sim.kernels.move import quaternions
 from orchard.sim.snapshot import Snapshot
 from orchard.sim.stops import STOPPED
 from orchard.tables import parts, tables_of
@@ -34,6 +36,11 @@ from orchard.tables.tables import Tables
 ALL = {"bodies": BODIES, "events": EVENTS, "messages": MESSAGES, "calls": CALLS, "exchanges": EXCHANGES}
 SHORT = ("--rows", 3, "--mode", "local", "--duration", 1, "--record", "none")
 TICKS = 60
+GNSS = {"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02}
+ODOMETRY = {"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.01}
+ERRING = with_changes(SMALL, **GNSS, **ODOMETRY)
+MEASURED = ("measured_x", "measured_y")
+RECKONED = ("odometry_x", "odometry_y", "odometry_yaw")
 
 
 def tick(local: Local, tables: Tables) -> None:
@@ -85,6 +92,39 @@ def test_each_body_has_a_row_for_each_tick_with_the_same_bits_as_in_the_world(wh
     for columns, known in ((("x", "y", "yaw"), poses), (("linear_x", "linear_y", "angular_z"), twists)):
         stored = np.stack([table[column].to_numpy() for column in columns], axis=1).reshape(known.shape)
         assert stored.tobytes() == known.tobytes()
+
+
+def test_the_measured_poses_have_the_same_bits_as_those_that_agents_observe(tmp_path):
+    local, measured, reckoned = Local(ERRING), [], []
+    tables = tables_of(tmp_path, local.engine)
+    for _ in range(TICKS):
+        tick(local, tables)
+        measured.append(local.seen.states[:, :2])  # at the begin of the step
+        reckoned.append(local.engine.odometry().states[:, :4])  # at its end
+    tables.close()
+    measured.append(local.engine.observe().states[:, :2])
+    robots = [i for i, name in enumerate(local.engine.layout.names) if kind_of(name) in ("picker", "carrier")]
+    stored = stored_poses(tmp_path, ("x", "y"), robots)
+    assert (stored_poses(tmp_path, MEASURED, robots) != stored).any(axis=1).all()
+    assert stored_poses(tmp_path, MEASURED, robots).tobytes() == np.concatenate([states[robots] for states in measured[1:]]).tobytes()
+    stored = stored_poses(tmp_path, RECKONED, robots)
+    known = np.concatenate([states[robots] for states in reckoned])
+    assert np.hstack([stored[:, :2], quaternions(stored)]).tobytes() == known.tobytes()
+
+
+def stored_poses(folder, columns: tuple[str, ...], bodies: list[int]) -> np.ndarray:
+    """The columns of these bodies, tick after tick."""
+    table = pq.read_table(folder / "bodies.parquet")
+    stored = np.stack([table[name].to_numpy() for name in columns], axis=1)
+    return stored.reshape(TICKS, -1, len(columns))[:, bodies].reshape(-1, len(columns))
+
+
+@pytest.mark.parametrize(("errors", "told"), [({}, ()), (GNSS, MEASURED), (ODOMETRY, RECKONED), (GNSS | ODOMETRY, MEASURED + RECKONED)])
+def test_what_is_measured_exactly_is_null(tmp_path, errors, told):
+    run(Local(with_changes(Scenario(rows=3), **errors)), tmp_path, 2).close()
+    for row in rows_of(tmp_path, "bodies"):
+        is_robot = kind_of(row["name"]) in ("picker", "carrier", "tractor")
+        assert {name for name in MEASURED + RECKONED if row[name] is not None} == {*(told if is_robot else ())}
 
 
 def test_a_body_that_is_not_blocked_drives_as_it_wanted(whole):
@@ -152,7 +192,7 @@ def test_the_page_names_each_column():
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("undisturbed")
-    run(Local(SMALL), folder, TICKS).close()
+    run(Local(ERRING), folder, TICKS).close()
     return read(folder)
 
 
@@ -161,7 +201,7 @@ def undisturbed(tmp_path_factory):
 def test_a_run_that_is_resumed_leaves_each_row_once(tmp_path, undisturbed, monkeypatch, most, kept, dead, is_closed):
     """The snapshot is of the tick `kept`; the rows reach until `dead`, at which the program is killed or the run stopped."""
     monkeypatch.setattr(parts, "MOST_ROWS", most)
-    local = Local(SMALL)
+    local = Local(ERRING)
     tables = run(local, tmp_path, kept)
     tables.flush()
     snapshot = unpack(pack(local.snapshot()), Snapshot)
@@ -177,7 +217,7 @@ def test_a_run_that_is_resumed_leaves_each_row_once(tmp_path, undisturbed, monke
 
 
 def test_a_program_that_is_killed_when_it_has_made_one_file_of_the_parts_doubles_no_row(tmp_path, undisturbed, monkeypatch):
-    local = Local(SMALL)
+    local = Local(ERRING)
     tables = run(local, tmp_path, 40)
     monkeypatch.setattr(parts.shutil, "rmtree", lambda *_, **__: None)  # killed here
     tables.close()

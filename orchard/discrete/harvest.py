@@ -29,8 +29,11 @@ class DiscreteHarvest:
     def __init__(self, layout: Layout, rounds: int = 1, calls: type[Calls] | None = None) -> None:
         """`rounds`: how often each picker picks its rows, for the long run. `calls`: what sends carriers; None: what the scenario says.
 
-        Raises ValueError for a scenario that the model cannot tell anything about: one with agents of the user's own."""
+        Raises ValueError for a scenario that the model cannot tell anything about: one with agents of the user's own, or with
+        sensors that are not exact."""
         scenario = layout.scenario
+        if not scenario.sensors.are_exact:
+            raise ValueError("the discrete-event model knows no errors of sensors; run the simulator")
         if own := {**scenario.agents, **scenario.agents_without_body}:
             raise ValueError(f"the discrete-event model knows built-in agents only, and not {', '.join(sorted(own))}; run the simulator")
         self.layout, self.route, self.env = layout, route_of(layout), simpy.Environment()

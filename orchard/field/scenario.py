@@ -122,6 +122,11 @@ class SensorSettings(_Section):
     gnss: Annotated[Gnss, Field(description="the receivers that measure where robots are")] = Gnss()
     odometry: Annotated[OdometrySettings, Field(description="what robots measure of their motion by their wheels")] = OdometrySettings()
 
+    @property
+    def are_exact(self) -> bool:
+        """Whether robots measure the truth."""
+        return not any((self.gnss.white, self.gnss.bias, self.odometry.distance, self.odometry.heading))
+
 
 HIGHEST_PRICE = 1e9  # in whatever currency
 

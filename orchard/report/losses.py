@@ -32,6 +32,6 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
 
 
 def undisturbed(scenario: Scenario) -> Scenario:
-    """Return a scenario without its people, animals and tractor."""
-    nobody = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "tractor": False}
-    return Scenario(**scenario.model_dump() | nobody)
+    """Return a scenario without its people, animals and tractor, with exact sensors."""
+    nothing = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "tractor": False, "sensors": {}}
+    return Scenario(**scenario.model_dump() | nothing)

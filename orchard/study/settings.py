@@ -42,9 +42,7 @@ class Setting:
         varies = picking.spread.distribution != "none" or picking.failure.mean_between is not None
         built_in = scenario.dispatch in DISPATCH_POLICIES and scenario.rows_to_pickers in ROW_RULES and scenario.route in QUEUES
         own = not built_in or bool(scenario.agents or scenario.agents_without_body)  # it may draw by the seed
-        gnss, odometry = scenario.sensors.gnss, scenario.sensors.odometry
-        noisy = any((scenario.laser.noise, gnss.white, gnss.bias, odometry.distance, odometry.heading))
-        return varies or any(guests) or noisy or own
+        return varies or any(guests) or scenario.laser.noise > 0.0 or not scenario.sensors.are_exact or own
 
     @property
     def has_prices(self) -> bool:

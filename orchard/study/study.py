@@ -96,6 +96,8 @@ def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list
     if options.model != "full" and (own := sorted({name for one in settings for name in _own_agents(one.scenario)})):
         text = f"only the full model knows agents of your own ({', '.join(own)}); choose --model full"
         problems.append(Problem(f"--model {options.model}", text, "agents"))
+    if options.model != "full" and not all(setting.scenario.sensors.are_exact for setting in settings):
+        problems.append(Problem(f"--model {options.model}", "only the full model knows errors of sensors; choose --model full", "sensors"))
     return problems
 
 

@@ -102,6 +102,8 @@ def test_what_a_study_cannot_answer_is_refused_all_at_once() -> None:
         "--goal cost_per_bin: prices: needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin",
         "--model fast: agents: only the full model knows agents of your own (picker); choose --model full",
     ]
+    (no_errors,) = problems(scenario=Scenario(sensors={"odometry": {"distance": 0.01}}))
+    assert no_errors == "--model both: sensors: only the full model knows errors of sensors; choose --model full"
     (no_end,) = problems(options=StudyOptions(goal="harvest_seconds", horizon="long"))
     assert "a long run has no end" in no_end
     (no_long_run,) = problems(options=StudyOptions(horizon="long", model="full"))

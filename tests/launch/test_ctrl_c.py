@@ -20,26 +20,38 @@ signal.pause()
 """
 
 
-def interrupted_after(module: str, *command: str) -> tuple[int, str]:
-    """Start a program, and press Ctrl-C when it has just imported a module; its exit code, and what it said."""
-    line = [sys.executable, "-X", "importtime", *command]
-    process = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    try:
-        assert process.stderr is not None
-        assert any(told.split("|")[-1].strip() == module for told in process.stderr), f"{module} was never imported"
-        process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=SECONDS)
-    finally:
-        process.kill()
-        process.communicate()
-    return process.returncode, "\n".join(told for told in said.splitlines() if not told.startswith("import time:"))
+INTERRUPTED = """
+import os, runpy, signal, sys
+
+class Interrupting:
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        if name == MODULE:
+            os.kill(os.getpid(), signal.SIGINT)
+
+MODULE = sys.argv.pop(1)
+del sys.argv[0]
+sys.meta_path.insert(0, Interrupting)
+if sys.argv[0] == "-m":
+    runpy.run_module(sys.argv.pop(1), run_name="__main__")
+else:
+    runpy.run_path(sys.argv[0], run_name="__main__")
+raise SystemExit(f"{MODULE} was never imported")
+"""
+
+
+def interrupted_at(module: str, *command: str) -> tuple[int, str]:
+    """Start a program, and press Ctrl-C when it is about to import a module; its exit code, and what it said."""
+    line = [sys.executable, "-c", INTERRUPTED, module, *command]
+    done = subprocess.run(line, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, timeout=SECONDS)
+    return done.returncode, done.stderr
 
 
 @pytest.mark.parametrize(
     "module", ["math", "typer", "rich.console", "numpy", "pydantic", "orchard.field.scenario", "orchard.launch.request", "zenoh"]
 )
 def test_ctrl_c_while_run_py_is_still_importing_ends_it_without_a_word(module):
-    code, said = interrupted_after(module, "run.py", *SHORT)
+    code, said = interrupted_at(module, "run.py", *SHORT)
     assert code in (-signal.SIGINT, 130), "what a shell shows as 130"
     assert said.strip() == ""
 
@@ -64,7 +76,7 @@ def test_ctrl_c_that_was_held_back_from_before_the_start_is_heard():
 @pytest.mark.parametrize("command", [("run.py", "app"), ("-m", "orchard.app")])
 def test_ctrl_c_while_the_page_is_still_importing_ends_it_without_a_word(command):
     pytest.importorskip("nicegui")
-    code, said = interrupted_after("nicegui.helpers", *command, "--quiet", "--port", "0")
+    code, said = interrupted_at("nicegui.helpers", *command, "--quiet", "--port", "0")
     assert code in (-signal.SIGINT, 130)
     assert said.strip() == ""
 

@@ -18,6 +18,7 @@ from orchard.discrete.harvest import JAM, LONGEST, DiscreteHarvest
 from orchard.field.layout import Layout, lay_out
 from orchard.field.repeatable import draw
 from orchard.field.scenario import TIME_STEP, Scenario, with_changes
+from orchard.gym.harvest import refuse_what_is_no_episode
 from orchard.gym.spaces import FAR, MOST_LANES, Arrays
 
 NOBODY = 0  # the action that sends no carrier, and ends the decision
@@ -73,18 +74,24 @@ class Dispatching:
             return NOBODY
         return 1 + self.bins.index(order.bin) * len(self.carriers) + self.carriers.index(order.carrier)
 
-    def order(self, action: int) -> Assignment | None:
-        """Return the order that an action is; None for 0. Raises ValueError for a number that is no action."""
-        if not self.action_space.contains(int(action)):
+    def number(self, action: Any) -> int:
+        """Return an action as a number: a whole one, or an array of one. Raises ValueError for what is no action."""
+        given = np.asarray(action)
+        if given.size != 1 or given.dtype.kind not in "iu" or not self.action_space.contains(int(given.item())):
             raise ValueError(f"action {action!r}: must be a number from 0 to {self.action_space.n - 1}")
-        bin_, carrier = divmod(int(action) - 1, len(self.carriers))
-        return None if action == NOBODY else Assignment(self.bins[bin_], self.carriers[carrier])
+        return int(given.item())
+
+    def order(self, action: Any) -> Assignment | None:
+        """Return the order that an action is; None for 0. Raises ValueError for what is no action."""
+        number = self.number(action)
+        bin_, carrier = divmod(number - 1, len(self.carriers))
+        return None if number == NOBODY else Assignment(self.bins[bin_], self.carriers[carrier])
 
     def orders(self, choose: Choose, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]) -> list[Assignment]:
         """Return the orders of something that has learned here: the body of a policy's `assign`. An action that cannot be sends nobody."""
         orders: list[Assignment] = []
         while (mask := self.mask(bins, carriers)).sum() > 1:
-            action = int(choose(self.observation(now, bins, carriers), mask))
+            action = self.number(choose(self.observation(now, bins, carriers), mask))
             order = self.order(action)
             if order is None or not mask[action]:
                 break
@@ -152,6 +159,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
 
     def __init__(self, scenario: Scenario, reward: Reward, longest: int) -> None:
         """As `dispatch_env`, which makes it."""
+        refuse_what_is_no_episode(scenario, longest)
         self.scenario, self._reward, self._longest = scenario, reward, longest
         self._seed, self._episode, self._is_over = scenario.seed, 0, True
         layout = lay_out(scenario)
@@ -163,6 +171,8 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Arrays, dict[str, Any]]:
         """Begin an episode, and return observation and info at its first decision. `seed`: that of the scenario, as for `parallel_env`."""
         super().reset(seed=seed)
+        if options:
+            raise ValueError(f"options {', '.join(map(str, options))}: unknown; a dispatch_env has none")
         if seed is not None:
             self._seed, self._episode = seed, 0
         chosen = self._seed if self._episode == 0 else int(draw(self._seed, "episode", self._episode)[0] * 2**53)
@@ -179,7 +189,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         if self._is_over:
             raise ResetNeeded("the episode is over, or none has begun: call reset()")
         before = self._so_far()
-        self._take(int(action))
+        self._take(self.dispatching.number(action))
         self._until_decision()
         now, self._is_over = self._so_far(), self._calls.pending is None
         reward = self._reward(Interval(now.seconds - before.seconds, now.waited - before.waited, now.delivered - before.delivered))

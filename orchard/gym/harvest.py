@@ -50,6 +50,14 @@ def parallel_env(
     return HarvestEnv(scenario, learned, reward_of(reward), deeds, longest, is_hashed)
 
 
+def refuse_what_is_no_episode(scenario: object, longest: int) -> None:
+    """Raise TypeError for what is no scenario, and ValueError for an episode without a tick."""
+    if not isinstance(scenario, Scenario):
+        raise TypeError(f"scenario = {scenario!r}: must be a Scenario, such as Scenario(rows=3) or load('my.yaml')")
+    if longest < 1:
+        raise ValueError(f"longest = {longest}: must be at least 1 tick")
+
+
 class Look(NamedTuple):
     """What is known of a learned body at one tick."""
 
@@ -69,6 +77,9 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
 
     def __init__(self, scenario: Scenario, learned: Sequence[str], reward: Reward, deeds: bool, longest: int, is_hashed: bool) -> None:
         """As `parallel_env`, which makes it."""
+        refuse_what_is_no_episode(scenario, longest)
+        if isinstance(learned, str):
+            raise ValueError(f"learned = {learned!r}: must be a list of names, such as ['carrier_01']")
         _refuse_what_cannot_learn(lay_out(scenario), learned)
         self.scenario, self.possible_agents = scenario, list(learned)
         self.agents: list[str] = []
@@ -94,10 +105,11 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         the one given last. `options["scenario"]`: changes of the scenario as for `with_changes`, for a curriculum. Raises ScenarioError or
         ValueError for changes that cannot be.
         """
+        changes = _changes_in(options or {})
         if seed is not None:
             self._seed, self._episode = seed, 0
         chosen = self._seed if self._episode == 0 else int(draw(self._seed, "episode", self._episode)[0] * 2**53)
-        scenario = with_changes(self.scenario, **(options or {}).get("scenario", {}) | {"seed": chosen})
+        scenario = with_changes(self.scenario, **changes | {"seed": chosen})
         _refuse_what_cannot_learn(lay_out(scenario), self.possible_agents)
         self._episode += 1
         self.local = Local(scenario, is_hashed=self._is_hashed, engine=Engine if self._is_hashed else Unaudited)
@@ -170,6 +182,14 @@ def _moment(before: Look, after: Look, velocity: Twist, events: list[Event]) -> 
 
 def _bin_of(look: Look) -> str:
     return look.seen.hitch.name if look.seen.hitch else ""
+
+
+def _changes_in(options: Mapping[str, Any]) -> dict[str, Any]:
+    """The changes of the scenario that are in the options of a reset. Other options are others' (PettingZoo's own test gives some)."""
+    changes = options.get("scenario", {})
+    if not isinstance(changes, Mapping):
+        raise ValueError(f"options: scenario = {changes!r}: must be a map of keys and values")
+    return dict(changes)
 
 
 def _refuse_what_cannot_learn(layout: Layout, learned: Sequence[str]) -> None:

@@ -86,6 +86,12 @@ def _share(text: str) -> float:
     return share
 
 
+def _folder(text: str) -> Path:
+    if not text.strip():
+        raise BadParameter("expected the name of a folder")
+    return Path(text)
+
+
 def _scheduler(text: str) -> str:
     """The address of a scheduler, as dask.distributed has it."""
     try:
@@ -215,7 +221,8 @@ class HarvestOptions:
     web: Web = None
     summary: Annotated[Path | None, Option(metavar="FILE.json", help="Write the summary to this file.", rich_help_panel=OUTPUT)] = None
     table: Annotated[
-        Path | None, Option(metavar="DIR", help="Write tables (Parquet) to this folder: docs/tables.md.", rich_help_panel=OUTPUT)
+        Path | None,
+        Option(parser=_folder, metavar="DIR", help="Write Parquet tables to this folder: docs/tables.md.", rich_help_panel=OUTPUT),
     ] = None
     progress: Style = "text"
     listen: Listen = None

@@ -42,12 +42,14 @@ class Runs:
         return _newest(itertools.filterfalse(is_further_part, self.folder.glob("*.rrd")))
 
     def snapshots(self, resume: str | None) -> Path:
-        """Return the folder for the snapshots of a new run, or of the run to `resume`. Raises SnapshotError if "last" finds no run."""
+        """Return the folder for the snapshots of a new run, or of the run to `resume`. Raises SnapshotError if there is none."""
         if resume is None:
             return self.folder / f"{_now()}-{os.getpid()}.snapshots"
         if resume != LAST:
+            if not Path(resume).is_dir():
+                raise SnapshotError(f"{resume}: no such folder; expected one with snapshots of a run, NAME.snapshots, or {LAST}")
             return Path(resume)
-        last = _newest(self.folder.glob("*.snapshots"))
+        last = _newest(path for path in self.folder.glob("*.snapshots") if any(path.glob("*.snapshot")))
         if last is None:
             raise SnapshotError(f"{self.folder}: no run there to resume; a run leaves its snapshots there when it is stopped")
         return last

@@ -53,6 +53,11 @@ def _check_tables(folder: Path, scenario: Scenario, tick: int, instead: str) -> 
         raise ValueError(f"{folder}: the tables there cannot be read: {error}{instead}") from error
     if msgspec.json.decode(told) != msgspec.json.decode(scenario.model_dump_json()):
         raise ValueError(f"{folder}: the tables there are of another scenario{instead}")
+    if last != tick and path_of(folder, "summary").exists():
+        raise ValueError(
+            f"{folder}: the tables there are of a run that ended at tick {last}, and this one goes on at tick {tick}: "
+            f"its rows would be lost{instead}"
+        )
     if last < tick:
         raise ValueError(
             f"{folder}: the tables there end at tick {last}, and the run goes on at tick {tick}: rows would be missing{instead}"

@@ -84,6 +84,14 @@ def test_mistakes():
     env.reset()
     with pytest.raises(ValueError, match=f"action 99: must be a number from 0 to {env.action_space.n - 1}"):
         env.step(99)
+    for wrong in (None, 1.5, True, "1", [0, 1]):
+        with pytest.raises(ValueError, match="must be a number from 0 to"):
+            env.step(wrong)
+    env.step(np.array([0]))
+    with pytest.raises(ValueError, match="options scenario: unknown"):
+        env.reset(options={"scenario": {"rows": 4}})
+    with pytest.raises(TypeError, match=r"scenario = 'my\.yaml': must be a Scenario"):
+        dispatch_env("my.yaml")
 
 
 class TestDispatching:

@@ -15,7 +15,7 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from orchard.field.geometry import Twist
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import Scenario, with_changes
 from orchard.gym import REWARDS, parallel_env, single_env
 from orchard.local import Local
 
@@ -208,6 +208,17 @@ class TestRewards:
         assert rewards == pytest.approx([0.1] * 10)
 
 
+def test_odometry_that_measures_too_much_is_within_the_space():
+    env = single_env(with_changes(SMALL, **{"sensors.odometry.distance": 0.1}), "picker_01")
+    _, info = env.reset()
+    measured = []
+    for _ in range(50):
+        observed, *_, info = env.step(info["scripted"])
+        assert env.observation_space["velocity"].contains(observed["velocity"])
+        measured.append(abs(float(observed["velocity"][0])))
+    assert max(measured) not in (0.0, 1.0)
+
+
 class TestMistakes:
     @pytest.mark.parametrize(
         ("learned", "words"),
@@ -245,6 +256,16 @@ class TestMistakes:
             env.reset(options={"scenario": {"carriers": 1}})
         with pytest.raises(ScenarioError):
             env.reset(options={"scenario": {"rows": 400}})
+        with pytest.raises(ValueError, match="options: scenario = 3: must be a map"):
+            env.reset(options={"scenario": 3})
+
+    def test_what_is_no_episode(self):
+        with pytest.raises(TypeError, match=r"scenario = 'my\.yaml': must be a Scenario"):
+            parallel_env("my.yaml", LEARNED)
+        with pytest.raises(ValueError, match="learned = 'picker_01': must be a list of names"):
+            parallel_env(SMALL, "picker_01")
+        with pytest.raises(ValueError, match="longest = 0: must be at least 1 tick"):
+            parallel_env(SMALL, LEARNED, longest=0)
 
     def test_without_the_extra_the_import_says_what_to_install(self):
         without = "import sys; sys.modules['pettingzoo'] = None; import orchard.gym"

@@ -16,6 +16,7 @@ from fleet import Process
 from orchard.launch.options import COMMANDS, NETWORK, ORCHARD, OUTPUT, RUN
 from orchard.launch.runs import Runs
 from orchard.launch.terminal import exit_on_errors
+from orchard.sim.snapshot import SnapshotError
 
 GROUPS = (ORCHARD, RUN, OUTPUT, NETWORK)
 SHORT = ("--rows", 3, "--mode", "local", "--duration", 1)
@@ -61,6 +62,21 @@ def test_a_summary_in_no_directory_is_told_before_the_harvest(tmp_path):
     done = orchard(*SHORT, "--record", "none", "--summary", tmp_path / "nowhere" / "summary.json")
     assert (done.returncode, done.stdout) == (2, "")
     assert "No such file or directory" in done.stderr
+
+
+def test_a_run_without_snapshots_is_not_the_last_one(tmp_path):
+    for name in ("first", "second"):
+        (tmp_path / f"{name}.snapshots").mkdir()
+    with pytest.raises(SnapshotError, match="no run there to resume"):
+        Runs(tmp_path).snapshots("last")
+    (tmp_path / "first.snapshots" / "tick-00000005.snapshot").touch()
+    assert Runs(tmp_path).snapshots("last") == tmp_path / "first.snapshots"
+
+
+def test_a_folder_to_resume_that_is_not_there_is_told_and_not_made(tmp_path):
+    with pytest.raises(SnapshotError, match="no such folder"):
+        Runs(tmp_path).snapshots(str(tmp_path / "typo"))
+    assert not (tmp_path / "typo").exists()
 
 
 def test_a_run_that_is_refused_leaves_what_was_there(tmp_path):

@@ -297,6 +297,10 @@ def test_tables_of_another_run_or_with_missing_rows_are_refused_when_a_run_is_re
         check_folder(tmp_path, SMALL, 6)
     with pytest.raises(ValueError, match="the tables there are of another scenario"):
         check_folder(tmp_path, SMALL.model_copy(update={"seed": 7}), 5)
+    complete(tmp_path, {"ticks": 5, "scenario": {}})
+    check_folder(tmp_path, SMALL, 5)
+    with pytest.raises(ValueError, match="are of a run that ended at tick 5, and this one goes on at tick 4: its rows would be lost"):
+        check_folder(tmp_path, SMALL, 4)
     (tmp_path / "bodies.parquet").write_text("no table")
     with pytest.raises(ValueError, match="the tables there cannot be read"):
         check_folder(tmp_path, SMALL, 5)

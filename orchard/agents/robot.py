@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from orchard.agents.place import Place, as_seen_from, place_of
+from orchard.agents.place import Estimate, as_seen_from, place_of
 from orchard.agents.sense import Box, Bystander, Sighting, doubts, something_ahead, stop_zone, sweep_radius, turn_is_free
 from orchard.contract.agent import AHEAD, IN_TURN, MOST_HOLD, Action, Hold, Mail, Observation, State, may_hold
 from orchard.contract.messages import Answer, BinState, Claim, Couple, Places, Position, Request, StateRequest, Uncouple, Where
@@ -39,7 +39,7 @@ class RobotMemory(msgspec.Struct):
     sighted: dict[str, Sighting] = {}  # person or animal -> its reported position
     asked: dict[str, int] = {}  # question -> tick at which the present step last asked it
     left: str = ""  # the bin that it has found left in its lane
-    place: Place | None = None  # where it takes itself to be, if its receiver is not exact
+    place: Estimate | None = None  # where it takes itself to be, if its receiver is not exact
 
 
 class Gate(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -38,7 +38,7 @@ class OpenCall:
 
 @dataclass
 class Decision:
-    """A time at which carriers can be sent to bins: what a policy is told, and whom that is about."""
+    """A time at which carriers can be sent to bins: what a policy is told, and the calls and robots that it is about."""
 
     now: int  # tick
     bins: list[BinReport]

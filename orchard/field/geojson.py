@@ -30,7 +30,7 @@ CONFORMAL = 1e-4  # share by which its scales along both axes may differ
 DIGITS = 3  # of metres, in the scenario
 
 
-class Line(NamedTuple):
+class SurveyedLine(NamedTuple):
     """A row as surveyed."""
 
     id: str
@@ -53,7 +53,7 @@ def import_rows(path: Path, crs: str | None = None) -> Scenario:
     file = key_text(str(path))
     content = _content(path, file)
     found = list(_lines(content, file))
-    lines, problems = [one for one in found if isinstance(one, Line)], [one for one in found if isinstance(one, Problem)]
+    lines, problems = [one for one in found if isinstance(one, SurveyedLine)], [one for one in found if isinstance(one, Problem)]
     if not FEWEST_ROWS <= len(lines) <= MOST_ROWS:
         problems.append(Problem(file, f"has {len(lines)} rows; must be {FEWEST_ROWS} to {MOST_ROWS} LineStrings"))
     if not lines:
@@ -63,7 +63,7 @@ def import_rows(path: Path, crs: str | None = None) -> Scenario:
     except ValueError as error:
         raise ScenarioError([*problems, Problem(file, str(error))]) from None
     yaw = _direction(lines)
-    lines = [Line(line.id, line.points * cmath.exp(-1j * yaw)) for line in lines]
+    lines = [SurveyedLine(line.id, line.points * cmath.exp(-1j * yaw)) for line in lines]
     lines.sort(key=lambda line: -_middle(line.points.imag))
     problems += [Problem(file, text, f"feature {name}") for name, text in _faults(lines, yaw)]
     if problems:
@@ -96,12 +96,12 @@ def _named_system(content: dict[str, Any]) -> str:
     return name if isinstance(name, str) else LONGITUDE_LATITUDE
 
 
-def _lines(content: dict[str, Any], file: str) -> Iterator[Line | Problem]:
+def _lines(content: dict[str, Any], file: str) -> Iterator[SurveyedLine | Problem]:
     for number, feature in enumerate(content["features"], start=1):
         feature = feature if isinstance(feature, dict) else {}
         name = _name(feature, number)
         try:
-            yield Line(name, _points(feature.get("geometry")))
+            yield SurveyedLine(name, _points(feature.get("geometry")))
         except ValueError as error:
             yield Problem(file, str(error), f"feature {name}")
 
@@ -132,7 +132,7 @@ def _points(geometry: Any) -> np.ndarray:
 # -- coordinate systems
 
 
-def _on_a_plane(lines: Sequence[Line], name: str) -> tuple[Plane, list[Line]]:
+def _on_a_plane(lines: Sequence[SurveyedLine], name: str) -> tuple[Plane, list[SurveyedLine]]:
     """Return a plane at the lines, and the lines on it: m on the ground, east and north of its middle. Raises ValueError."""
     from pyproj import CRS
     from pyproj.exceptions import ProjError
@@ -149,10 +149,10 @@ def _on_a_plane(lines: Sequence[Line], name: str) -> tuple[Plane, list[Line]]:
     except ProjError as error:
         raise ValueError(f"the coordinate system {printable(name)} cannot be used: {printable(str(error))}") from None
     plane = Plane(crs.to_string(), _middle_of(lines), scale)
-    return plane, [Line(line.id, (line.points - plane.middle) / plane.scale) for line in lines]
+    return plane, [SurveyedLine(line.id, (line.points - plane.middle) / plane.scale) for line in lines]
 
 
-def _converted(given: Any, wanted: Any, lines: Sequence[Line]) -> list[Line]:
+def _converted(given: Any, wanted: Any, lines: Sequence[SurveyedLine]) -> list[SurveyedLine]:
     """Return lines in another system. Raises ValueError if one is not in the given one."""
     from pyproj import Transformer
 
@@ -167,7 +167,7 @@ def _converted(given: Any, wanted: Any, lines: Sequence[Line]) -> list[Line]:
             at = complex(line.points[~is_there][0])
             words = f"({at.real:.10g}, {at.imag:.10g}) of feature {line.id} is no place in the coordinate system {printable(given.name)}"
             raise ValueError(f"{words}; name that of the file: --crs EPSG:2193, for example")
-        converted.append(Line(line.id, points))
+        converted.append(SurveyedLine(line.id, points))
     return converted
 
 
@@ -184,7 +184,7 @@ def _scale(crs: Any, middle: complex) -> float:
     return float(east) if abs(east / north - 1.0) <= CONFORMAL else 0.0
 
 
-def _middle_of(lines: Sequence[Line]) -> complex:
+def _middle_of(lines: Sequence[SurveyedLine]) -> complex:
     points = np.concatenate([line.points for line in lines])
     return complex(_middle(points.real), _middle(points.imag))
 
@@ -196,7 +196,7 @@ def _middle(values: np.ndarray) -> float:
 # -- lines -> rows
 
 
-def _direction(lines: Sequence[Line]) -> float:
+def _direction(lines: Sequence[SurveyedLine]) -> float:
     """Return the rows' direction, rad, in (-pi / 2, pi / 2]: the median, so that one line that is askew does not turn the others."""
     ways = [complex(line.points[-1] - line.points[0]) for line in lines]
     longest = max(ways, key=abs)
@@ -204,7 +204,7 @@ def _direction(lines: Sequence[Line]) -> float:
     return yaw - math.pi * math.ceil(yaw / math.pi - 0.5)
 
 
-def _faults(lines: Sequence[Line], yaw: float) -> Iterator[tuple[str, str]]:
+def _faults(lines: Sequence[SurveyedLine], yaw: float) -> Iterator[tuple[str, str]]:
     """Yield what is wrong with the lines, in the rows' frame and from north to south: (id, what is wrong and the limit)."""
     askew = False
     for line in lines:
@@ -226,7 +226,7 @@ def _bend(points: np.ndarray) -> float:
     return float(np.ptp(points.imag)) / 2
 
 
-def _rows(lines: Sequence[Line]) -> list[SurveyedRow]:
+def _rows(lines: Sequence[SurveyedLine]) -> list[SurveyedRow]:
     """Return the rows of lines in the rows' frame, from north to south. They are not checked."""
     first, west = _middle(lines[0].points.imag), min(float(line.points.real.min()) for line in lines)
     rows = []
@@ -237,7 +237,7 @@ def _rows(lines: Sequence[Line]) -> list[SurveyedRow]:
     return rows
 
 
-def _scenario(lines: Sequence[Line], plane: Plane, yaw: float, file: str) -> Scenario:
+def _scenario(lines: Sequence[SurveyedLine], plane: Plane, yaw: float, file: str) -> Scenario:
     """Return the scenario with these lines, in the rows' frame and without faults, and with their place on the earth."""
     rows = tuple(_rows(lines))
     survey: dict[str, Any] = {"rows": [row.model_dump() for row in rows]}

@@ -49,7 +49,7 @@ class _Guests(_Section):
 class People(_Guests):
     """Workers and visitors: at most 50 together."""
 
-    workers: Annotated[int, _count("number of workers, who wear yellow hats")] = 4
+    workers: Annotated[int, _count("number of workers, in yellow hats")] = 4
     visitors: Annotated[int, _count("number of visitors")] = 3
 
 

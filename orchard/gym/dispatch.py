@@ -21,7 +21,7 @@ from orchard.field.scenario import TIME_STEP, Scenario, with_changes
 from orchard.gym.harvest import refuse_what_is_no_episode
 from orchard.gym.spaces import FAR, MOST_LANES, Arrays
 
-NOBODY = 0  # the action that sends no carrier, and ends the decision
+NO_ORDER = 0  # the action that sends no carrier, and ends the decision
 LONG = 1e6  # s: no harvest takes so long
 
 Choose = Callable[[Arrays, np.ndarray], int]  # observation and mask -> action
@@ -30,7 +30,7 @@ Choose = Callable[[Arrays, np.ndarray], int]  # observation and mask -> action
 class Dispatching:
     """Dispatch in one orchard as arrays.
 
-    An action is 0, which sends nobody, or 1 + b * C + c: carrier c of C fetches bin b, both in the order of their names.
+    An action is 0, which sends no carrier, or 1 + b * C + c: carrier c of C fetches bin b, both in the order of their names.
 
     An observation holds `seconds` since the start, (1,); `bins`, six numbers for each bin: 1 if it needs a carrier, its lane, s since it
     began to call, s until it is full, s in which a carrier can be there, m by road to it, and all 0 if it needs none; `carriers`, two
@@ -65,13 +65,13 @@ class Dispatching:
         """Return which actions can be, (actions,) int8; 0 always can."""
         mask = np.zeros(self.action_space.n, dtype=np.int8)
         free = [carrier.name for carrier in carriers if carrier.is_next]
-        mask[[NOBODY, *(self.action(Assignment(one.name, name)) for one in bins for name in free)]] = 1
+        mask[[NO_ORDER, *(self.action(Assignment(one.name, name)) for one in bins for name in free)]] = 1
         return mask
 
     def action(self, order: Assignment | None) -> int:
         """Return the action that is an order; 0 for None."""
         if order is None:
-            return NOBODY
+            return NO_ORDER
         return 1 + self.bins.index(order.bin) * len(self.carriers) + self.carriers.index(order.carrier)
 
     def number(self, action: Any) -> int:
@@ -85,10 +85,10 @@ class Dispatching:
         """Return the order that an action is; None for 0. Raises ValueError for what is no action."""
         number = self.number(action)
         bin_, carrier = divmod(number - 1, len(self.carriers))
-        return None if number == NOBODY else Assignment(self.bins[bin_], self.carriers[carrier])
+        return None if number == NO_ORDER else Assignment(self.bins[bin_], self.carriers[carrier])
 
     def orders(self, choose: Choose, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]) -> list[Assignment]:
-        """Return the orders of something that has learned here: the body of a policy's `assign`. An action that cannot be sends nobody."""
+        """Return the orders of something that has learned here: the body of a policy's `assign`. What cannot be sends none."""
         orders: list[Assignment] = []
         while (mask := self.mask(bins, carriers)).sum() > 1:
             action = self.number(choose(self.observation(now, bins, carriers), mask))
@@ -109,7 +109,7 @@ def left(reports: Sequence[Any], name: str) -> list[Any]:
     return [report for report in reports if report.name != name]
 
 
-class Interval(NamedTuple):
+class Transition(NamedTuple):
     """What happened from one action to the next, for a reward."""
 
     seconds: float  #: that passed
@@ -117,22 +117,22 @@ class Interval(NamedTuple):
     delivered: int  #: bins unloaded
 
 
-Reward = Callable[[Interval], float]
+Reward = Callable[[Transition], float]
 REWARDS: Mapping[str, Reward] = {
-    "time": lambda interval: -interval.seconds,
-    "waiting": lambda interval: -interval.waited,
-    "delivery": lambda interval: float(interval.delivered),
+    "time": lambda happened: -happened.seconds,
+    "waiting": lambda happened: -happened.waited,
+    "delivery": lambda happened: float(happened.delivered),
 }
 
 
 def dispatch_env(scenario: Scenario, *, reward: str | Reward = "time", longest: int = LONGEST) -> "DispatchEnv":
     """Return the dispatch of a scenario as a Gymnasium Env, over the fast model: which carrier fetches which bin.
 
-    A step is an action at a decision: see `Dispatching`. A decision goes on until an action sends nobody, or nothing more can be sent. An
-    action that cannot be, by `info["action_mask"]`, sends nobody. `info["scripted"]` is what the scenario's own policy would do; if that is
-    `early`, bins report before they are full. `reward`: "time", "waiting", "delivery", or a function of an `Interval`. `longest`: ticks,
-    after which an episode is truncated, as it is when all robots wait for each other. Raises ValueError for an unknown reward, and for
-    a scenario with agents of one's own.
+    A step is an action at a decision: see `Dispatching`. A decision goes on until an action sends no carrier, or nothing more can be sent.
+    An action that cannot be, by `info["action_mask"]`, sends no carrier. `info["scripted"]` is what the scenario's own policy would do; if
+    that is `early`, bins report before they are full. `reward`: "time", "waiting", "delivery", or a function of a `Transition`. `longest`:
+    ticks, after which an episode is truncated, as it is when all robots wait for each other. Raises TypeError for what is no scenario, and
+    ValueError for an unknown reward, an episode without a tick, and for a scenario with agents of one's own or errors of sensors.
     """
     if isinstance(reward, str) and reward not in REWARDS:
         raise ValueError(f"reward {reward!r}: there is none of that name; there are {', '.join(REWARDS)}, and functions of your own")
@@ -192,7 +192,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         self._take(self.dispatching.number(action))
         self._until_decision()
         now, self._is_over = self._so_far(), self._calls.pending is None
-        reward = self._reward(Interval(now.seconds - before.seconds, now.waited - before.waited, now.delivered - before.delivered))
+        reward = self._reward(Transition(now.seconds - before.seconds, now.waited - before.waited, now.delivered - before.delivered))
         terminated = self._is_over and self.harvest.is_over
         return self._observed(), float(reward), terminated, self._is_over and not terminated, self._info()
 
@@ -233,10 +233,10 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         if harvest.is_over:
             harvest.run()  # the last robots drive home
 
-    def _so_far(self) -> Interval:
+    def _so_far(self) -> Transition:
         harvest = self.harvest
         seconds = harvest.seconds if harvest.is_over else harvest.env.now * TIME_STEP
-        return Interval(seconds, harvest.waited_seconds, harvest.delivered)
+        return Transition(seconds, harvest.waited_seconds, harvest.delivered)
 
     def _reports(self) -> tuple[Sequence[BinReport], Sequence[CarrierReport]]:
         """The bins and carriers of the present decision; none at the end."""
@@ -249,4 +249,4 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
     def _info(self) -> dict[str, Any]:
         mask = self.action_masks()
         scripted = (self.dispatching.action(order) for order in self._calls.scripted)
-        return {"action_mask": mask.astype(np.int8), "scripted": next((action for action in scripted if mask[action]), NOBODY)}
+        return {"action_mask": mask.astype(np.int8), "scripted": next((action for action in scripted if mask[action]), NO_ORDER)}

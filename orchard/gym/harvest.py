@@ -45,7 +45,8 @@ def parallel_env(
     harvest goes on; `info["scripted"]` is the velocity that this agent would have chosen. A body that gets no action follows its agent.
     `reward`: a name in `REWARDS`, or a function of your own. `deeds`: an action also names a deed, in place of its agent's; the info's
     `action_mask` says which can be. `longest`: ticks, after which an episode is truncated. `is_hashed`: whether the run has its hash, and
-    its invariants are checked: slower. Raises ValueError for a name that cannot learn, or for an unknown reward.
+    its invariants are checked: slower. Raises TypeError for what is no scenario, and
+    ValueError for a name that cannot learn, an unknown reward, or an episode without a tick.
     """
     return HarvestEnv(scenario, learned, reward_of(reward), deeds, longest, is_hashed)
 

@@ -1,4 +1,4 @@
-"""The report of a study: one HTML file that holds all of it, for a reader who has nothing else."""
+"""The report of a study: one HTML file that holds all of it, for a reader without anything else."""
 
 from pathlib import Path
 from typing import Any

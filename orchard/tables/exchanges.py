@@ -12,7 +12,7 @@ Row = Mapping[str, Any]  # of the tables events and messages
 CALLING = ("call", "fetch")  # messages of a bin that has no carrier yet
 
 
-class Call(msgspec.Struct):
+class CallRow(msgspec.Struct):
     """A row of the table calls."""
 
     bin: str
@@ -27,7 +27,7 @@ class Call(msgspec.Struct):
     fetched: int | None = None
 
 
-class Exchange(msgspec.Struct):
+class ExchangeRow(msgspec.Struct):
     """A row of the table exchanges."""
 
     row: int
@@ -44,10 +44,10 @@ class Exchange(msgspec.Struct):
     waited_seconds: float | None = None
 
 
-def calls(events: Iterable[Row], messages: Iterable[Row]) -> list[Call]:
+def calls(events: Iterable[Row], messages: Iterable[Row]) -> list[CallRow]:
     """Return the calls of all bins, in the order of their first messages. A call ends when a carrier couples the bin."""
-    made: list[Call] = []
-    open_: dict[str, Call] = {}
+    made: list[CallRow] = []
+    open_: dict[str, CallRow] = {}
     coupled = [event for event in events if event["what"] == "coupled" and kind_of(event["who"]) == "carrier"]
     for said in sorted([*messages, *coupled], key=lambda row: row["tick"]):
         if "what" in said:
@@ -62,25 +62,25 @@ def calls(events: Iterable[Row], messages: Iterable[Row]) -> list[Call]:
     return made
 
 
-def _calls(said: Row, made: list[Call], open_: dict[str, Call]) -> None:
+def _calls(said: Row, made: list[CallRow], open_: dict[str, CallRow]) -> None:
     """A bin asks for a carrier, for the first time or again; many carriers may hear it at once."""
     content, name = msgspec.json.decode(said["content"]), said["sender"]
     if name not in open_:
-        open_[name] = Call(name, content.get("picker"), content["lane"], content["side"], said["tick"])
+        open_[name] = CallRow(name, content.get("picker"), content["lane"], content["side"], said["tick"])
         made.append(open_[name])
     open_[name].asked += 1
 
 
-def exchanges(events: Iterable[Row]) -> list[Exchange]:
+def exchanges(events: Iterable[Row]) -> list[ExchangeRow]:
     """Return the exchanges of bins, in the order in which the rows were picked."""
-    made: list[Exchange] = []
-    waiting: dict[str, Exchange] = {}  # picker -> its exchange until it has an empty bin
-    filled: dict[str, Exchange] = {}  # full bin -> its exchange until it is unloaded
+    made: list[ExchangeRow] = []
+    waiting: dict[str, ExchangeRow] = {}  # picker -> its exchange until it has an empty bin
+    filled: dict[str, ExchangeRow] = {}  # full bin -> its exchange until it is unloaded
     brought: dict[str, tuple[str, int]] = {}  # empty bin -> the carrier that left it, and when
     for event in events:
         what, who, whom, tick = event["what"], event["who"], event["whom"], event["tick"]
         if what == "row picked" and whom is not None:
-            made.append(Exchange(int(event["detail"].removeprefix("row ")), who, whom, tick))
+            made.append(ExchangeRow(int(event["detail"].removeprefix("row ")), who, whom, tick))
             waiting[who] = filled[whom] = made[-1]
         elif what == "uncoupled" and kind_of(who) == "picker" and (one := filled.get(whom)):
             one.left = tick

@@ -20,7 +20,7 @@ from orchard.sim.engine import Engine
 from orchard.sim.obstacles import with_names
 from orchard.sim.world import World
 from orchard.tables.columns import BODIES, EVENTS, MESSAGES, NUMBER, TEXT
-from orchard.tables.exchanges import CALLING, Call, Exchange, calls, exchanges
+from orchard.tables.exchanges import CALLING, CallRow, ExchangeRow, calls, exchanges
 from orchard.tables.folder import AT_THE_END, GROWING, metadata_of, path_of
 from orchard.tables.parts import MOST_ROWS, GrowingTable, write_table
 
@@ -190,7 +190,7 @@ class Tables:
         self._write("calls", calls(events, messages))
         self._write("exchanges", exchanges(events))
 
-    def _write(self, name: str, rows: Sequence[Call] | Sequence[Exchange]) -> None:
+    def _write(self, name: str, rows: Sequence[CallRow] | Sequence[ExchangeRow]) -> None:
         schema = AT_THE_END[name].with_metadata(self._metadata)
         table = pa.Table.from_pylist([msgspec.structs.asdict(row) for row in rows], schema)
         write_table(path_of(self._folder, name), table)

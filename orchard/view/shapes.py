@@ -142,7 +142,7 @@ WHITE = (245, 245, 245)
 
 
 def _person(x: float, y: float, z: float, shirt: Colour | float, hat: Colour, height: float = 1.7) -> list[MeshPart]:
-    """Return a person who stands at x, y, z; `height` in m, without the hat."""
+    """Return a person standing at x, y, z; `height` in m, without the hat."""
     s = height / 1.7
     legs, arms, hands = ((y - aside * s, y + aside * s) for aside in (0.13, 0.36, 0.37))
     return [

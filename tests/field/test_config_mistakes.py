@@ -168,7 +168,7 @@ def test_all_broken_rules_are_told_at_once() -> None:
     assert refused("rows: 3\npickers: 4\nagents_without_body: {picker: a.B}\npeople: {workers: 51}\nanimals: {dogs: 30, cats: 30}") == [
         "my.yaml:2: pickers, rows = 4, 3: must be at most one picker a row",
         "my.yaml:3: agents_without_body = {'picker': 'a.B'}: must be names that no other agent has; not picker",
-        "my.yaml:4: people.workers = 51: must be a whole number from 0 to 50 (number of workers, who wear yellow hats)",
+        "my.yaml:4: people.workers = 51: must be a whole number from 0 to 50 (number of workers, in yellow hats)",
         "my.yaml:5: animals.dogs, animals.cats = 30, 30: must be at most 50 together",
     ]
 

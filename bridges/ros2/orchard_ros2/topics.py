@@ -13,7 +13,7 @@ LASER_HEIGHT = 0.2  # m above the ground: the scan plane (docs/reference.md)
 
 @dataclass(frozen=True)
 class QoS:
-    """A quality of service. The last `depth` messages are kept; a `latched` topic (transient local) gives them to who comes later."""
+    """A quality of service. The last `depth` messages are kept; a `latched` topic (transient local) gives them to late subscribers."""
 
     depth: int
     reliable: bool = True

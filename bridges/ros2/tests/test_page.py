@@ -73,7 +73,7 @@ def test_a_wrong_parameter_is_told_in_words(parameter, words):
 
 
 def test_a_robot_that_the_run_does_not_have_is_told_in_words(tmp_path):
-    with scene(tmp_path, ["--rows", "3", "--duration", "5"], ["-p", "robots:=[picker_77]"]) as run:
+    with scene(tmp_path, ["--rows", "3", "--mode", "realtime", "--duration", "100"], ["-p", "robots:=[picker_77]"]) as run:
         assert run.bridge.wait(BEGIN_SECONDS) == 2
     text = (tmp_path / "bridge.log").read_text()
     assert "picker_77: no such body or kind; there are bin_01" in text and "Traceback" not in text

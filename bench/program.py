@@ -141,7 +141,7 @@ def _session(program: psutil.Process):
         for child in program.children(recursive=True):
             command = _command(child)
             if "--connect" in command:  # a host; the router is in the physics process
-                with client(command[command.index("--connect") + 1], Inbox()) as bus:
+                with client(command[command.index("--connect") + 1], Inbox(), START_SECONDS) as bus:
                     yield bus
                 return
         time.sleep(0.02)

@@ -11,7 +11,7 @@ Points = list[list[float]]  # [simulated min, value]
 
 @dataclass(frozen=True)
 class Course:
-    """Figures of a run over time. `history`: those that are known; the names are those of the summary."""
+    """Figures of a run over time. `history`: as in the summary, as far as the run has got."""
 
     history: Mapping[str, Sequence[float]]
     scenario: Scenario
@@ -29,7 +29,7 @@ class Course:
         return self._shares("carriers_busy_seconds", self.scenario.carrier_count)
 
     def _shares(self, name: str, robots: int) -> Points:
-        return self._points([100.0 * share for share in shares(self.history, name, robots)]) if name in self.history else []
+        return self._points([100.0 * share for share in shares(self.history, name, robots)])
 
     def _points(self, values: Sequence[float]) -> Points:
         return [[round(s / 60.0, 2), round(value, 1)] for s, value in zip(self.history["seconds"], values, strict=True)]

@@ -15,6 +15,7 @@ from orchard.app.course import Course
 from orchard.app.run_controls import Files, RunSettings, command
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, to_yaml
+from orchard.report.history import NAMES
 from orchard.report.progress import Headline, headline_of
 from orchard.view.blueprint import for_page
 from orchard.view.files import parts_of
@@ -56,7 +57,7 @@ class Run(PageCommand):
         self.port, self.views_port = free_pair(), free_pair()
         self.headline: Headline | None = None
         self.summary: dict[str, Any] | None = None
-        self._course: dict[str, list[float]] = {"seconds": [], "bins_delivered": []}  # what the lines of progress say
+        self._course: dict[str, list[float]] = {name: [] for name in NAMES}  # what the lines of progress say
         files.scenario.write_text(to_yaml(scenario))
         for_page(lay_out(scenario)).save("orchard", files.views)
         self._servers = [serve_web(self.views_port, str(files.views))]  # of the views, and later of the recording
@@ -68,9 +69,14 @@ class Run(PageCommand):
         with contextlib.suppress(msgspec.DecodeError, KeyError):  # any other line
             self.headline = msgspec.json.decode(line, type=dict[str, Headline])["progress"]
             words, self.has_begun = str(self.headline), True
-            self._course["seconds"].append(self.headline.sim_seconds)
-            self._course["bins_delivered"].append(self.headline.bins_delivered)
+            self._add_to_course(self.headline)
         return words
+
+    def _add_to_course(self, now: Headline) -> None:
+        busy = now.carrier_utilisation * now.sim_seconds * self.scenario.carrier_count
+        sample = now.sim_seconds, now.bins_delivered, now.pickers_waited_seconds, busy
+        for name, value in zip(NAMES, sample, strict=True):
+            self._course[name].append(value)
 
     def finish(self) -> None:
         """Read the summary and serve the recording. Both are ready before `report` says that the run is over."""

@@ -13,6 +13,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from orchard.contract.agent import WAITING_STATES
 from orchard.contract.events import STOPPED
 from orchard.field.kinds import kind_of
 from orchard.report.sentence import clock, share_picked
@@ -36,6 +37,14 @@ class Headline(msgspec.Struct):
     metres_picked: float
     bins_delivered: int
     schedule_sim_seconds: float
+    carrier_utilisation: float
+    state_seconds: dict[str, dict[str, float]]  # kind of robot -> state -> s, all robots of the kind together
+
+    @property
+    def pickers_waited_seconds(self) -> float:
+        """How long pickers have waited, s of all pickers together."""
+        spent = self.state_seconds.get("picker", {})
+        return sum(spent.get(state, 0.0) for state in WAITING_STATES)
 
     @property
     def fraction(self) -> float:

@@ -8,6 +8,7 @@ from alone import local_hash
 from own_agents import Hostile
 from page import RUN_SECONDS, skip_without_packages
 
+from orchard.app.charts import FIGURES
 from orchard.field.scenario import Scenario, load
 
 skip_without_packages()
@@ -32,6 +33,12 @@ def small(browser):
 def is_locked(page):
     """Whether mode, speed and duration cannot be changed."""
     return bool(page.driver.find_elements("css selector", ".wishes[inert]"))
+
+
+def shown_charts(page):
+    """The titles of the charts that are seen."""
+    charts = page.driver.find_elements("css selector", "figure")
+    return [chart.find_element("css selector", "figcaption").text for chart in charts if chart.is_displayed()]
 
 
 def test_a_small_orchard_is_run_to_its_end(small, server):
@@ -62,8 +69,11 @@ def test_a_run_in_realtime_takes_numbers_only(small):
     small.tell_state("running")
     small.until(lambda: "% picked" in small.view("progress").text, "progress of a run of processes", RUN_SECONDS)
     assert small.view("state").text == "running"
+    small.turn_to("Picture")
+    small.until(lambda: shown_charts(small) == list(FIGURES), "all charts grow while it runs", RUN_SECONDS)
     small.press("stop")
     small.tell_state("stopped", RUN_SECONDS)
+    small.turn_to("Summary")
     summary = small.until(lambda: small.view("summary").text, "the summary")
     assert re.search(r"mode\s+realtime", summary)
 

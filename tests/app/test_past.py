@@ -72,5 +72,3 @@ def test_the_course_is_what_the_charts_show():
     assert course.bins() == [[0.17, 0], [0.33, 1]]
     assert course.waiting() == [[0.17, 0.0], [0.33, 50.0]]
     assert course.busy() == [[0.17, 100.0], [0.33, 50.0]]
-    live = Course({"seconds": [2.0], "bins_delivered": [0]}, course.scenario)
-    assert (live.bins(), live.waiting()) == ([[0.03, 0]], [])

@@ -12,7 +12,8 @@ from orchard.report.progress import Headline, Progress, headline_of, robots
 FIGURES = {
     "sim_seconds": 61.5, "times_real_time": 30.0, "rows_picked": 2, "rows": 20, "row_length": 70.0,
     "metres_picked": 525.0, "bins_delivered": 1,
-    "schedule_sim_seconds": 1411.5,
+    "schedule_sim_seconds": 1411.5, "carrier_utilisation": 0.5,
+    "state_seconds": {"picker": {"picking": 100.0, "waiting": 12.0, "calling": 3.5}, "carrier": {"waiting": 9.0}},
 }  # fmt: skip
 
 
@@ -115,4 +116,5 @@ def test_a_program_reads_progress_as_json():
         progress.show(FIGURES, {}, {})
     (line,) = out.getvalue().splitlines()
     assert json.loads(line) == {"progress": {name: FIGURES[name] for name in Headline.__struct_fields__}}
+    assert headline_of(FIGURES).pickers_waited_seconds == 15.5
     assert headline_of({**FIGURES, "metres_picked": 280.0, "bins_delivered": 2, "rows": 6}).fraction == 0.5

@@ -5,6 +5,8 @@ SECONDS := 600
 RUN := $(VENV)/bin/python
 INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
 
+unexport PYTHONDONTWRITEBYTECODE  # each of hundreds of processes would compile all its modules
+
 .PHONY: run app study lint test ecosystem pythons package soak chaos bench view docs site pictures clean
 .DEFAULT_GOAL := run
 

@@ -20,7 +20,7 @@ from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout, lay_out
 from orchard.field.queue import ONE_WAY, TWO_WAY, queue_of
 from orchard.field.rows import RULES
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import NEAREST, Scenario
 from orchard.field.survey import CLOSEST
 
 LEAST_GAP = 0.01  # m; a float32 of a range is exact to a micrometre
@@ -312,7 +312,8 @@ def test_soak_no_picker_that_stands_is_in_the_way_of_the_others(rows: int, picke
 
 @pytest.mark.soak
 def test_soak_half_of_the_pickers_of_the_largest_orchard_stand_in_no_way_of_the_others() -> None:
+    """Bins call when they are full. With an early policy carriers hold for the pickers that stand, in the way of others: docs/traffic.md."""
     pickers = [f"picker_{number:02d}" for number in range(1, 21)]
-    stage = Stage(empty_orchard(rows=20, pickers=20), **{picker: Standing() for picker in pickers[::2]})
+    stage = Stage(empty_orchard(rows=20, pickers=20, dispatch=NEAREST), **{picker: Standing() for picker in pickers[::2]})
     stage.run_until(lambda: stage.world.delivered == 10, 4000)
     stage.assert_no_collisions()

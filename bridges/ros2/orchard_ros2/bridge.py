@@ -19,8 +19,9 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from orchard_ros2 import bodies, cdr, deeds, field, messages, topics, wire
-from orchard_ros2.client import Client, Heard, Refused
+from orchard_ros2.client import PREFIX, Client, Heard, Refused
 from orchard_ros2.messages import Message
+from orchard_ros2.role import MADE_BY, role_in
 from orchard_ros2.topics import QoS, Topic
 
 GOES_SECONDS = 3.0  # an `end` counts if the token of physics goes within this time
@@ -46,14 +47,19 @@ def _within(value: float, limit: float) -> float:
 
 
 class Bridge:
-    """One run of the Orchard, and the node for it. Parameters: docs/ros2.md. `ended` is done when the run is over; its result says why."""
+    """One run of the Orchard, and the node for it. Parameters: docs/ros2.md. `ended` is done when the run is over; its result says why.
+
+    Raises ValueError for a directory without the role of a bridge.
+    """
 
     def __init__(self) -> None:
         self.node = Node("orchard")
         self.log = self.node.get_logger()
         self.ended: Future = Future()
         self.endpoint = self._text("endpoint", "tcp/127.0.0.1:7447")
-        self.prefix = self._text("prefix", "orchard")
+        self.prefix = self._text("prefix", PREFIX)
+        secure = self._text("secure", "")
+        self.role = role_in(secure) if secure else None
         self._robots = self._texts("robots", list(bodies.ROBOTS))
         self._driven, self._advised = self._texts("driven", []), self._texts("advised", [])
         self._is_stamped = bool(self.node.declare_parameter("enable_stamped_cmd_vel", True).value)
@@ -76,7 +82,7 @@ class Bridge:
     def join(self, client: Client, layout: dict[str, Any], scenario: dict[str, Any]) -> None:
         """Announce all topics and services of a run. `layout`, `scenario`: as in the replies to these queries.
 
-        Raises ValueError for an unknown robot.
+        Raises ValueError for an unknown robot, or one that the role may not drive.
         """
         self.client, self.run, self.tick = client, str(layout["run"]), int(layout["tick"])
         self._kinds = {body["name"]: layout["kinds"][body["kind"]] for body in layout["bodies"]}
@@ -85,6 +91,7 @@ class Bridge:
         )
         if both := set(self._driven) & set(self._advised):
             raise ValueError(f"driven and advised: {', '.join(sorted(both))}: a robot is driven, or its agent is advised")
+        self._check_rights()
         self._errs = wire.has_errors(scenario)
         self._views = wire.views_of(self._errs, self._shows_truth)
         self._newest: dict[str, dict[str, dict[str, Any]]] = {key: {} for key in self._views}  # key -> body -> its newest message
@@ -110,6 +117,13 @@ class Bridge:
         for name in self._advised:
             self.client.hear(f"{name}/velocity")
         self._begin()
+
+    def _check_rights(self) -> None:
+        """The router drops in silence what a role may not send."""
+        wanted = [name for name in (*self._driven, *self._advised) if self.role and name not in self.role.robots]
+        if self.role and wanted:
+            may = ", ".join(self.role.robots) or "none"
+            raise ValueError(f"{', '.join(wanted)}: the role {self.role.name} may drive {may}; {MADE_BY}")
 
     def _begin(self) -> None:
         """Physics begins when all robots that are left to others are driven."""
@@ -278,6 +292,10 @@ class Bridge:
 
     def _control(self, key: str, wish: Callable[[], dict[str, Any] | None], _: Trigger.Request, response: Trigger.Response) -> Any:
         try:
+            if key != "simulation_state" and self.role and not self.role.may_operate:
+                raise Refused(
+                    f"the role {self.role.name} may not control the run; `orchard secure --bridge NAME=simulation` makes one that may"
+                )
             state = self.client.ask(key, wish())
             response.success, response.message = True, f"{state['state']}, tick {state['tick']}"
         except Refused as why:

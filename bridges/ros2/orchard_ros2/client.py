@@ -16,6 +16,9 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
+from orchard_ros2.role import MADE_BY, Role
+
+PREFIX = "orchard"  # of the keys, if a run is not told another one
 CONNECT_MS = 2000  # how long it tries to connect
 LEASE_MS = 2000  # a neighbour that is silent for this long counts as gone
 ASK_SECONDS = 5.0  # how long a query waits for its reply
@@ -128,16 +131,22 @@ def unpacked(payload: bytes) -> Any:
 
 
 @contextmanager
-def connected(endpoint: str, prefix: str) -> Iterator[Client]:
-    """Open a session with the physics process or the router that listens at an endpoint.
+def connected(endpoint: str, prefix: str, role: Role | None = None) -> Iterator[Client]:
+    """Open a session with the physics process or the router that listens at an endpoint. `role`: for a secured run.
 
-    Raises Refused if none does (yet), ValueError if that is no endpoint.
+    Raises Refused if none does (yet), ValueError if that is no endpoint, or not one for this role.
     """
+    if role is None and endpoint.startswith("tls/"):
+        raise ValueError(f"{endpoint}: tls needs certificates: -p secure:=DIR/NAME; {MADE_BY}")
+    if role is not None and (not endpoint.startswith("tls/") or prefix != PREFIX):
+        raise ValueError(f"{endpoint}, prefix {prefix}: a secured run has an endpoint such as tls/127.0.0.1:7447, and the prefix {PREFIX}")
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("connect/timeout_ms", str(CONNECT_MS))
     config.insert_json5("transport/link/tx/lease", str(LEASE_MS))
+    for setting, value in (role.settings() if role else {}).items():
+        config.insert_json5(setting, json.dumps(value))
     try:
         config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     except zenoh.ZError:
@@ -145,6 +154,8 @@ def connected(endpoint: str, prefix: str) -> Iterator[Client]:
     try:
         session = zenoh.open(config)
     except zenoh.ZError:
+        if role and (why := role.why_no_trust(endpoint)):
+            raise ValueError(f"{endpoint}: {why}") from None
         raise Refused(f"nothing answers at {endpoint}") from None
     with session:
         client = Client(session, prefix)

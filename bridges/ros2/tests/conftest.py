@@ -78,18 +78,22 @@ class Scene:
         self.folder, self.endpoint, self.orchard, self.bridge, self.user = folder, endpoint, orchard, bridge, user
 
 
+def bridging(endpoint, words, log):
+    """A process that is a bridge."""
+    return started([sys.executable, "-m", "orchard_ros2", "--ros-args", "-p", f"endpoint:={endpoint}", *words], log, cwd=FOLDER)
+
+
 @contextmanager
 def scene(folder, orchard_words, bridge_words):
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    endpoint = f"{'tls' if '--secure' in orchard_words else 'tcp'}/127.0.0.1:{free_port()}"
     words = [*shlex.split(os.environ["ORCHARD"]), *orchard_words, "--listen", endpoint, "--record", "none"]
-    bridge = [sys.executable, "-m", "orchard_ros2", "--ros-args", "-p", f"endpoint:={endpoint}", *bridge_words]
     with (
         started(words, folder / "orchard.log", cwd=folder, env=os.environ | {"ORCHARD_RUNS": str(folder / "runs")}) as orchard,
-        started(bridge, folder / "bridge.log", cwd=FOLDER) as bridging,
+        bridging(endpoint, bridge_words, folder / "bridge.log") as bridge,
     ):
         rclpy.init()
         try:
-            yield Scene(folder, endpoint, orchard, bridging, User(rclpy.create_node("user"), bridging))
+            yield Scene(folder, endpoint, orchard, bridge, User(rclpy.create_node("user"), bridge))
         finally:
             rclpy.shutdown()
 

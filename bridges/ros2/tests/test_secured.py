@@ -2,10 +2,12 @@
 
 import json
 import os
+import re
 import shlex
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from conftest import BEGIN_SECONDS, FOLDER, bridging, scene
@@ -14,24 +16,32 @@ from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
+PAGE = Path(__file__).parents[3] / "docs" / "ros2.md"
 TICKS = 10  # of orders that must move nothing
 FIND_SECONDS = 60.0
 
 
+def page():
+    """The words of the page's commands: make roles, run, bridge."""
+    (text,) = re.findall(r"^```sh ros2 secured\n(.*?)^```$", PAGE.read_text(), re.M | re.S)
+    return [line.split()[1:] for line in text.splitlines()]
+
+
 def made_roles(folder):
-    """picker_01 has a role of its own, so that a run can leave it to a bridge."""
-    wishes = ["--role", "spare=picker_01", "--bridge", "ros2=picker_01,simulation", "--bridge", "looker"]
-    words = [*shlex.split(os.environ["ORCHARD"]), "secure", str(folder), "--rows", "3", *wishes]
-    subprocess.run(words, check=True, capture_output=True, timeout=FIND_SECONDS)
-    return folder
+    """The roles of the page, and one of a bridge that only looks."""
+    words = [*shlex.split(os.environ["ORCHARD"]), *page()[0], "--rows", "3", "--bridge", "looker"]
+    folder.mkdir(exist_ok=True)
+    subprocess.run(words, cwd=folder, check=True, capture_output=True, timeout=FIND_SECONDS)
+    return folder / "roles"
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("secured")
-    roles = made_roles(folder / "roles")
-    words = ["--rows", "3", "--mode", "realtime", "--without", "picker_01", "--secure", str(roles)]
-    with scene(folder, words, ["-p", f"secure:={roles / 'ros2'}", "-p", "driven:=[picker_01]"]) as made:
+    roles, (_, words, bridge) = made_roles(folder), page()
+    bridge = [word.replace("secure:=", f"secure:={folder}/") for word in bridge if word != "--ros-args"]
+    del words[words.index("--listen") :], bridge[: bridge.index("-p") + 2]  # the scene chooses a free port
+    with scene(folder, [*words, "--rows", "3"], bridge) as made:
         made.roles, made.odom, made.clock = roles, made.user.hear("picker_01/odom", Odometry, 10), made.user.hear("clock", Clock, 10)
         made.user.until(lambda: made.odom, BEGIN_SECONDS)
         yield made

@@ -1,6 +1,7 @@
 """An orchard, a bridge, and a user of ROS 2: three processes, on loopback only. The user is this one."""
 
 import os
+import re
 import shlex
 import socket
 import subprocess
@@ -16,7 +17,14 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 FOLDER = Path(__file__).parents[1]
+PAGE = (FOLDER.parents[1] / "docs" / "ros2.md").read_text()
 BEGIN_SECONDS = 150.0  # the first start of an orchard on a machine compiles
+
+
+def block(name):
+    """A block of the page that has a name."""
+    (text,) = re.findall(rf"^```\w+ {name}\n(.*?)^```$", PAGE, re.M | re.S)
+    return text
 
 
 def free_port():

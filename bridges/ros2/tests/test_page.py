@@ -6,21 +6,13 @@ import re
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import yaml
-from conftest import BEGIN_SECONDS, FOLDER, bridging, free_port, scene, started
+from conftest import BEGIN_SECONDS, FOLDER, PAGE, block, bridging, free_port, scene, started
 from nav_msgs.msg import Odometry
 from orchard_ros2 import topics
 from orchard_ros2.topics import Topic
-
-PAGE = (Path(__file__).parents[3] / "docs" / "ros2.md").read_text()
-
-
-def block(name):
-    (text,) = re.findall(rf"^```\w+ {name}\n(.*?)^```$", PAGE, re.M | re.S)
-    return text
 
 
 def test_the_commands_and_the_node_drive_the_robot(tmp_path):

@@ -2,29 +2,25 @@
 
 import json
 import os
-import re
 import shlex
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-from conftest import BEGIN_SECONDS, FOLDER, bridging, scene
+from conftest import BEGIN_SECONDS, FOLDER, block, bridging, scene
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-PAGE = Path(__file__).parents[3] / "docs" / "ros2.md"
 TICKS = 10  # of orders that must move nothing
 FIND_SECONDS = 60.0
 
 
 def page():
     """The words of the page's commands: make roles, run, bridge."""
-    (text,) = re.findall(r"^```sh ros2 secured\n(.*?)^```$", PAGE.read_text(), re.M | re.S)
-    return [line.split()[1:] for line in text.splitlines()]
+    return [line.split()[1:] for line in block("ros2 secured").splitlines()]
 
 
 def made_roles(folder):

@@ -1,14 +1,13 @@
 """Writes ROS 2 messages into a bag: one MCAP file, compressed with zstd, that is there whole or not at all."""
 
 from contextlib import AbstractContextManager
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Literal
 
-import numpy as np
-from orchard_ros2.messages import TICK_NANOSECONDS, Message, build
+from orchard_ros2.cdr import encoded
+from orchard_ros2.messages import TICK_NANOSECONDS, Message
 from orchard_ros2.topics import QoS, Topic
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
@@ -24,7 +23,6 @@ class Bag(AbstractContextManager["Bag"]):
     def __init__(self, file: Path) -> None:
         self._file, self.count = file, 0
         self._store = get_typestore(Stores.ROS2_JAZZY)
-        self._build = partial(build, type_of=self._store.types.__getitem__, array_of=np.asarray)
         self._folder = TemporaryDirectory(dir=file.parent, prefix=f".{file.name}.")
         self._writer = Writer(Path(self._folder.name) / "bag", version=VERSION, storage_plugin=StoragePlugin.MCAP)
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
@@ -34,8 +32,7 @@ class Bag(AbstractContextManager["Bag"]):
     def write(self, topic: Topic, robot: str, tick: int, message: Message) -> None:
         """Write a message at the time of a tick. `robot`: '' for a topic of no robot."""
         connection = self._connections.get((topic, robot)) or self._connect(topic, robot)
-        data = self._store.serialize_cdr(self._build(message), message.type)
-        self._writer.write(connection, tick * TICK_NANOSECONDS, data)
+        self._writer.write(connection, tick * TICK_NANOSECONDS, encoded(message))
         self.count += 1
 
     def _connect(self, topic: Topic, robot: str) -> Connection:

@@ -216,17 +216,20 @@ def secure(
     carriers: options.Carriers = None,
     hosts: options.Hosts = None,
     role: options.Role = None,
+    bridge: options.Bridge = None,
     address: options.Address = None,
     days: options.Days = 365,
     anew: options.Anew = False,
 ) -> None:
     """Make certificates and access rules, so that each process of a run can do only what its role allows."""
     from orchard.launch.distributed import agent_names
-    from orchard.security.identity import host_roles, make
+    from orchard.security.identity import bridge_roles, host_roles, make
 
     with exit_on_errors(ScenarioError, OSError, ValueError):
         chosen = _scenario(scenario, {"rows": rows, "pickers": pickers, "carriers": carriers})
-        roles = make(folder, host_roles(agent_names(chosen), role or (), lambda rest: shares(rest, hosts)), address or (), days, anew)
+        names = agent_names(chosen)
+        clients = host_roles(names, role or (), lambda rest: shares(rest, hosts)) + bridge_roles(names, bridge or ())
+        roles = make(folder, clients, address or (), days, anew)
     for made_role in roles:
         print_line(f"{folder / made_role.name}: {', '.join(made_role.names) or made_role.duty}")
 

@@ -342,6 +342,13 @@ EmergencyOperator = Annotated[
 Certificates = Annotated[Path, Argument(metavar="DIR", help="Directory for the certificates.")]
 Carriers = Annotated[int | None, Option(help="Carriers, 1 to 40.")]
 Role = Annotated[list[str] | None, Option(metavar="NAME=KIND|AGENT,...", help="One host for exactly these agents (repeatable).")]
+Bridge = Annotated[
+    list[str] | None,
+    Option(
+        metavar="NAME[=KIND|AGENT|simulation,...]",
+        help="A bridge to ROS 2 that may drive these robots; simulation: may pause, step, reset and end the run (repeatable).",
+    ),
+]
 Address = Annotated[list[str] | None, Option(metavar="NAME|IP", help="Address at which other machines reach this one (repeatable).")]
 Days = Annotated[float, Option(min=1, max=3650, help="Days for which the certificates are valid.")]
 Anew = Annotated[bool, Option("--anew", help="Replace the files of an earlier call.")]

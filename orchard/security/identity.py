@@ -13,10 +13,11 @@ from types import ModuleType
 from typing import Any
 
 from orchard.field.kinds import select_agents
-from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY, SERVANTS, Role, access_control
+from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY, SERVANTS, Duty, Role, access_control
 from orchard.wire.keys import PREFIX, Keys
 
 ROLE, ACCESS = "role.json", "access.json"  # a role's files
+SIMULATION = "simulation"  # what a bridge may control, beside robots
 HOME = "authority"  # the authority's own directory
 LOCAL = ("127.0.0.1", "::1", "localhost")  # addresses by which each machine reaches itself
 SECONDS = 3.0  # time that the other side has for each step, when a process finds out why it cannot connect
@@ -108,7 +109,10 @@ class Keyring:
         hosts = {name: its for name, its in hosts.items() if wanted & set(its)}
         for name, its in hosts.items():
             if not wanted >= set(its):
-                raise ValueError(f"{name} is the role of {', '.join(its)}: one process hosts them all, here or on another machine")
+                raise ValueError(
+                    f"{name} is the role of {', '.join(its)}: one process hosts them all, here or on another machine; "
+                    f"`orchard secure --role NAME={','.join(sorted(set(its) - wanted))}` gives the others a role of their own"
+                )
         if left := sorted(wanted.difference(*hosts.values())):
             raise ValueError(f"{self.folder}: no role for {', '.join(left)}; was it made for another scenario? See `orchard secure --help`")
         return hosts
@@ -138,13 +142,13 @@ def why_no_trust(endpoint: str, folder: Path) -> str:
     return ""
 
 
-def make(folder: Path, hosts: Iterable[Role], addresses: Sequence[str], days: float, anew: bool = False) -> list[Role]:
-    """Write the authority and all roles, valid for `days` days. Return the roles.
+def make(folder: Path, clients: Iterable[Role], addresses: Sequence[str], days: float, anew: bool = False) -> list[Role]:
+    """Write the authority and all roles, valid for `days` days. Return the roles. `clients`: hosts and bridges.
 
     Raises ValueError for a malformed name or address, for a directory with other files, and for one with an authority unless `anew`.
     """
     known = certificates()
-    roles = [*SERVANTS, *hosts]
+    roles = [*SERVANTS, *clients]
     _check_names(roles)
     for text in addresses:
         known.address(text)
@@ -180,6 +184,20 @@ def host_roles(names: Sequence[str], wishes: Iterable[str], shares: Shares) -> l
     return roles + [Role(title.replace(" ", "_"), "host", tuple(share)) for title, share in shares(rest) if share]
 
 
+def bridge_roles(names: Sequence[str], wishes: Iterable[str]) -> list[Role]:
+    """Return a role for each wish NAME or NAME=KIND|AGENT|simulation,...: a bridge sees all bodies, and may drive those that it names.
+
+    With `simulation` it may also pause, step, reset and end the run. Raises ValueError for an unknown agent or kind.
+    """
+    return [_bridge_role(names, name, words.split(",") if words else []) for name, _, words in (wish.partition("=") for wish in wishes)]
+
+
+def _bridge_role(names: Sequence[str], name: str, words: Sequence[str]) -> Role:
+    robots = [word for word in words if word != SIMULATION]
+    duty: Duty = "bridge" if robots == words else "operating-bridge"
+    return Role(name, duty, tuple(select_agents(names, robots, [])) if robots else ())
+
+
 def _check_names(roles: Sequence[Role]) -> None:
     """Raise ValueError unless each role has a unique name that is valid as a file's name, and each agent has one host."""
     for role in roles:
@@ -188,7 +206,7 @@ def _check_names(roles: Sequence[Role]) -> None:
         if role.name == HOME:
             raise ValueError(f"{HOME}: not a name for a role; the directory of this name is for the authority's own key")
     _refuse_repeats([role.name for role in roles], "is the name of two roles")
-    _refuse_repeats([name for role in roles for name in role.names], "is in two roles; an agent has one host")
+    _refuse_repeats([name for role in roles if role.duty == "host" for name in role.names], "is in two roles; an agent has one host")
 
 
 def _refuse_repeats(words: Sequence[str], why: str) -> None:

@@ -1,7 +1,7 @@
 """Roles and their rights on keys, as rules that a Zenoh router enforces. What is not allowed here is denied.
 
-A role is a kind of process of one run: physics, a host of some agents, the logger, the operator. The router knows a session's role by
-its certificate, and checks each message that comes from the session (ingress) or goes to it (egress).
+A role is a kind of process of one run: physics, a host of some agents, the logger, the operator, a bridge to other software. The router
+knows a session's role by its certificate, and checks each message that comes from the session (ingress) or goes to it (egress).
 """
 
 import hashlib
@@ -15,7 +15,7 @@ from orchard.wire.keys import LIVELINESS, LOGGER, PHYSICS, QUERY, TABLE, Keys
 
 CERTIFICATE, KEY, AUTHORITY = "certificate.pem", "key.pem", "authority.pem"  # a role's files
 
-Duty = Literal["physics", "router", "host", "logger", "operator", "emergency-operator"]
+Duty = Literal["physics", "router", "host", "logger", "operator", "emergency-operator", "bridge", "operating-bridge"]
 
 # -- roles
 
@@ -26,7 +26,7 @@ class Role:
 
     name: str
     duty: Duty
-    names: tuple[str, ...] = ()  # names in its liveliness tokens: for a host, those of its agents
+    names: tuple[str, ...] = ()  # in its liveliness tokens: for a host, those of its agents; for a bridge, the robots that it may drive
 
     @property
     def session(self) -> str:
@@ -57,8 +57,11 @@ THE_PHYSICS, ITS_TOKEN = Party("physics"), Party("physics", own=True)
 OWN_HOST, ANY_HOST = Party("host", own=True), Party("host")
 THE_LOGGER, LOGGER_ITSELF = Party("logger"), Party("logger", own=True)
 OPERATOR, EMERGENCY = Party("operator"), Party("emergency-operator")
-ALL = (THE_PHYSICS, ANY_HOST, THE_LOGGER, OPERATOR)
-AUDIENCE = (ANY_HOST, THE_LOGGER, OPERATOR)
+OPERATING_BRIDGE = Party("operating-bridge")
+BRIDGES = (Party("bridge"), OPERATING_BRIDGE)  # they see all bodies
+OWN_BRIDGES = (Party("bridge", own=True), Party("operating-bridge", own=True))
+AUDIENCE = (ANY_HOST, THE_LOGGER, OPERATOR, *BRIDGES)
+ALL = (THE_PHYSICS, *AUDIENCE)
 
 
 class Right(NamedTuple):
@@ -69,20 +72,20 @@ class Right(NamedTuple):
 
 
 RIGHTS: dict[str, Right] = {
-    "velocity": Right((OWN_HOST, THE_PHYSICS), (THE_PHYSICS, THE_LOGGER)),
-    "advice": Right((OWN_HOST,), (THE_PHYSICS,)),
+    "velocity": Right((OWN_HOST, *OWN_BRIDGES, THE_PHYSICS), (THE_PHYSICS, THE_LOGGER, *OWN_BRIDGES)),
+    "advice": Right((OWN_HOST, *OWN_BRIDGES), (THE_PHYSICS,)),
     "velocities": Right((OWN_HOST,), (THE_PHYSICS,)),
-    "pose": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER)),
-    "truth": Right((THE_PHYSICS,), (THE_LOGGER,)),  # no agent can peep
-    "odometry": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER)),
-    "scan": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER)),
+    "pose": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER, *BRIDGES)),
+    "truth": Right((THE_PHYSICS,), (THE_LOGGER, *BRIDGES)),  # no agent can peep
+    "odometry": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER, *BRIDGES)),
+    "scan": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER, *BRIDGES)),
     "clock": Right((THE_PHYSICS,), AUDIENCE),
     "seen": Right((THE_PHYSICS,), (OWN_HOST,)),
     "mail": Right((ANY_HOST,), (OWN_HOST,)),
     "letters": Right((THE_PHYSICS,), (THE_LOGGER,)),
     "recall": Right((ANY_HOST,), (THE_PHYSICS,)),
     "state": Right((OWN_HOST,), (ANY_HOST, THE_LOGGER)),
-    "events": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
+    "events": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR, *BRIDGES)),
     "picture": Right((THE_PHYSICS,), (THE_LOGGER,)),
     "figures": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
     "refused": Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),  # a count, which moves nothing
@@ -93,9 +96,9 @@ RIGHTS: dict[str, Right] = {
     "command": Right((OPERATOR,), (THE_PHYSICS,)),
     "stop": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
     "simulation_state": Right((THE_PHYSICS,), (*AUDIENCE, EMERGENCY)),
-    "set_simulation_state": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
-    "step_simulation": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
-    "reset_simulation": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
+    "set_simulation_state": Right((OPERATOR, EMERGENCY, OPERATING_BRIDGE), (THE_PHYSICS,)),
+    "step_simulation": Right((OPERATOR, EMERGENCY, OPERATING_BRIDGE), (THE_PHYSICS,)),
+    "reset_simulation": Right((OPERATOR, EMERGENCY, OPERATING_BRIDGE), (THE_PHYSICS,)),
     "end": Right((THE_PHYSICS,), AUDIENCE),
     "alive": Right((OWN_HOST, LOGGER_ITSELF, ITS_TOKEN), ALL),
 }
@@ -123,7 +126,7 @@ def access_control(roles: Iterable[Role], keys: Keys) -> dict[str, Any]:
     """Return Zenoh's `access_control` for the router of these roles. Only they have rights, each with its certificate and session id."""
     rules, subjects, policies = [], [], []
     for role in roles:
-        its = [_rule(role, passage, list(dict.fromkeys(exprs))) for passage, exprs in _allowed(role, keys).items()]
+        its = [_rule(role, passage, list(dict.fromkeys(exprs))) for passage, exprs in _allowed(role, keys).items() if exprs]
         if its:
             rules += its
             subjects.append({"id": role.name, "cert_common_names": [role.name], "zids": [role.session]})

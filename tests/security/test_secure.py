@@ -291,8 +291,9 @@ def test_every_key_has_somebody_who_may():
 
 def test_nobody_writes_what_is_anothers():
     roles = [*SERVANTS, Role("amy", "host", (MINE,)), Role("ben", "host", (HERS,))]
+    roles += [Role("eve", "bridge"), Role("ros2", "bridge", (MINE,)), Role("operating", "operating-bridge", (MINE,))]
     rules = {rule["id"]: rule["key_exprs"] for rule in access_control(roles, KEYS)["rules"]}
-    amy = roles[-2].session
+    amy = Role("amy", "host").session
     written = {f"orchard/{MINE}/velocity", f"orchard/{MINE}/advice", f"orchard/hosts/{amy}/velocities", f"orchard/hosts/{amy}/refused"}
     assert set(rules["amy ingress put"]) == written
     asked = {f"orchard/hosts/{amy}/join", "orchard/*/mail", "orchard/*/state", "orchard/recall", "orchard/scenario"}
@@ -303,5 +304,8 @@ def test_nobody_writes_what_is_anothers():
     assert "operator ingress put" not in rules
     control = {"orchard/set_simulation_state", "orchard/step_simulation", "orchard/reset_simulation"}
     may = {role.name for role in roles if control.intersection(rules.get(f"{role.name} ingress query", ()))}
-    assert may == {"operator", "emergency-operator"}
+    assert may == {"operator", "emergency-operator", "operating"}
+    assert "eve ingress put" not in rules and "eve ingress liveliness_token" not in rules
+    assert rules["ros2 ingress put"] == rules["operating ingress put"] == [f"orchard/{MINE}/velocity", f"orchard/{MINE}/advice"]
+    assert set(rules["ros2 ingress query"]) == {"orchard/scenario", "orchard/layout", "orchard/simulation_state"}
     assert not [name for name in rules if "delete" in name]

@@ -61,6 +61,8 @@ def test_each_agent_gets_a_role_however_long_its_name_is(tmp_path):
         (["--role", "physics=carrier"], "physics is the name of two roles"),
         (["--role", "shed=carier"], "carier: no such agent or kind"),
         (["--role", "shed=carrier", "--role", "barn=carrier_01"], "carrier_01 is in two roles"),
+        (["--bridge", "ros2=carier"], "carier: no such agent or kind"),
+        (["--bridge", "ROS 2"], "ROS 2: not a name for a role"),
         (["--address", "http://shed"], "http://shed: neither an address nor the name of a machine"),
     ],
 )
@@ -92,6 +94,7 @@ def test_another_directorys_things_are_left_alone(tmp_path):
         (["--secure", "{folder}", "--hosts", 2], "leave out --hosts"),
         (["--secure", "{folder}", "--mode", "local"], "local mode is one process"),
         (["--secure", "{folder}", "--without", "bin_01"], "ben is the role of bin_01, picker_02"),
+        (["--secure", "{folder}", "--without", "bin_01"], "`orchard secure --role NAME=bin_01` gives the others a role of their own"),
         (["--secure", "{folder}/shed"], "no role for bin_01"),
         (["--secure", "{folder}", "--connect", "tls/127.0.0.1:9", "--only", "carrier"], "with --only choose one of them: DIR/<role>"),
     ],

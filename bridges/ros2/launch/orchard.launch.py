@@ -11,6 +11,7 @@ RVIZ = Path(__file__).resolve().parents[1] / "rviz" / "orchard.rviz"
 ARGUMENTS = {
     "endpoint": ("tcp/127.0.0.1:7447", "where the Orchard listens"),
     "prefix": ("orchard", "the prefix of its keys"),
+    "secure": ("''", "for a secured run: the directory of the bridge's role"),
     "robots": ("[bin, carrier, picker, tractor]", "robots or kinds of robots that ROS sees"),
     "driven": ("['']", "robots that ROS drives, and that no agent holds: those of `orchard --without`"),
     "advised": ("['']", "robots whose agents go on while ROS gives the velocity"),

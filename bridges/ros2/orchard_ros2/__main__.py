@@ -25,6 +25,9 @@ def main() -> int:
         return code
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
+    except ValueError as error:
+        print(f"orchard-ros2: {error}", file=sys.stderr)
+        return 2
     except InvalidParameterTypeException as error:
         print(f"orchard-ros2: {error}; a list of robots is as [picker_01, carrier]", file=sys.stderr)
         return 2
@@ -37,7 +40,7 @@ def attempt(bridge: Bridge) -> int | None:
     if not rclpy.ok():
         raise ExternalShutdownException
     try:
-        with connected(bridge.endpoint, bridge.prefix) as client:
+        with connected(bridge.endpoint, bridge.prefix, bridge.role) as client:
             bridge.join(client, client.ask("layout"), client.ask("scenario")["scenario"])
             Thread(target=bridge.listen, daemon=True).start()
             executor = SingleThreadedExecutor()

@@ -4,14 +4,12 @@ Two threads. The executor's takes velocities and service calls. `listen` takes w
 """
 
 import importlib
-from array import array
 from collections.abc import Callable
 from functools import lru_cache, partial
 from math import isfinite
 from time import monotonic
 from typing import Any
 
-import numpy
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -20,9 +18,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from orchard_ros2 import bodies, deeds, field, messages, topics, wire
-from orchard_ros2.client import Client, Heard, Refused
+from orchard_ros2 import bodies, cdr, deeds, field, messages, topics, wire
+from orchard_ros2.client import PREFIX, Client, Heard, Refused
 from orchard_ros2.messages import Message
+from orchard_ros2.role import MADE_BY, role_in
 from orchard_ros2.topics import QoS, Topic
 
 GOES_SECONDS = 3.0  # an `end` counts if the token of physics goes within this time
@@ -34,11 +33,6 @@ def type_of(name: str) -> Any:
     """Return the class of a message type. Raises ImportError if its package is not installed."""
     package, _, kind = name.partition("/msg/")
     return getattr(importlib.import_module(f"{package}.msg"), kind)
-
-
-def array_of(numbers: "array[Any]") -> Any:
-    """Return an array as rclpy takes it without a look at each number: an array of fixed length, which is of float64 here, as numpy's."""
-    return numpy.frombuffer(numbers) if numbers.typecode == "d" else numbers
 
 
 def profile(qos: QoS) -> QoSProfile:
@@ -53,14 +47,19 @@ def _within(value: float, limit: float) -> float:
 
 
 class Bridge:
-    """One run of the Orchard, and the node for it. Parameters: docs/ros2.md. `ended` is done when the run is over; its result says why."""
+    """One run of the Orchard, and the node for it. Parameters: docs/ros2.md. `ended` is done when the run is over; its result says why.
+
+    Raises ValueError for a directory without the role of a bridge.
+    """
 
     def __init__(self) -> None:
         self.node = Node("orchard")
         self.log = self.node.get_logger()
         self.ended: Future = Future()
         self.endpoint = self._text("endpoint", "tcp/127.0.0.1:7447")
-        self.prefix = self._text("prefix", "orchard")
+        self.prefix = self._text("prefix", PREFIX)
+        secure = self._text("secure", "")
+        self.role = role_in(secure) if secure else None
         self._robots = self._texts("robots", list(bodies.ROBOTS))
         self._driven, self._advised = self._texts("driven", []), self._texts("advised", [])
         self._is_stamped = bool(self.node.declare_parameter("enable_stamped_cmd_vel", True).value)
@@ -83,7 +82,7 @@ class Bridge:
     def join(self, client: Client, layout: dict[str, Any], scenario: dict[str, Any]) -> None:
         """Announce all topics and services of a run. `layout`, `scenario`: as in the replies to these queries.
 
-        Raises ValueError for an unknown robot.
+        Raises ValueError for an unknown robot, or one that the role may not drive.
         """
         self.client, self.run, self.tick = client, str(layout["run"]), int(layout["tick"])
         self._kinds = {body["name"]: layout["kinds"][body["kind"]] for body in layout["bodies"]}
@@ -92,6 +91,7 @@ class Bridge:
         )
         if both := set(self._driven) & set(self._advised):
             raise ValueError(f"driven and advised: {', '.join(sorted(both))}: a robot is driven, or its agent is advised")
+        self._check_rights()
         self._errs = wire.has_errors(scenario)
         self._views = wire.views_of(self._errs, self._shows_truth)
         self._newest: dict[str, dict[str, dict[str, Any]]] = {key: {} for key in self._views}  # key -> body -> its newest message
@@ -105,16 +105,25 @@ class Bridge:
         for name in self._driven:
             self._offer_deeds(name)
         self._offer_control()
-        self._publish(topics.GRID, field.grid_of(layout["walls"]))
+        self._publish(topics.GRID, lambda: field.grid_of(layout["walls"]))
         if self._has_tf:
             lasers = [(name, self._kinds[name]["laser"]["x"]) for name in self._names]
-            self._publish(topics.TF_STATIC, messages.static_transforms(lasers, self._names if self._errs else ()))
+            self._publish(topics.TF_STATIC, lambda: messages.static_transforms(lasers, self._names if self._errs else ()))
         self.client.watch(f"alive/physics/{self.run}")
-        for key in (*(f"*/{key}" for key in self._views), "clock", "events", "end"):
+        for key in self._views:
+            self.client.hear(f"*/{key}", quietly=True)
+        for key in ("clock", "events", "end"):
             self.client.hear(key)
         for name in self._advised:
             self.client.hear(f"{name}/velocity")
         self._begin()
+
+    def _check_rights(self) -> None:
+        """The router drops in silence what a role may not send."""
+        wanted = [name for name in (*self._driven, *self._advised) if self.role and name not in self.role.robots]
+        if self.role and wanted:
+            may = ", ".join(self.role.robots) or "none"
+            raise ValueError(f"{', '.join(wanted)}: the role {self.role.name} may drive {may}; {MADE_BY}")
 
     def _begin(self) -> None:
         """Physics begins when all robots that are left to others are driven."""
@@ -122,7 +131,7 @@ class Bridge:
             self._stand(name, [])
 
     def _announce(self, name: str) -> None:
-        self._publish(topics.ROBOT_DESCRIPTION, messages.text(self._description(name)), name)
+        self._publish(topics.ROBOT_DESCRIPTION, lambda: messages.text(self._description(name)), name)
         for topic, _ in self._views.values():
             self._publisher(topic, name)
 
@@ -192,7 +201,7 @@ class Bridge:
             case Heard((name, key), message) if key in self._views:
                 self._hear_of(name, key, message)
             case Heard((name, "velocity"), message):
-                self._publish(topics.CMD_VEL_AGENT, wire.velocity_of(name, message), name)
+                self._publish(topics.CMD_VEL_AGENT, partial(wire.velocity_of, name, message), name)
             case Heard(("clock",), message):
                 self._hear_clock(message["tick"])
             case Heard(("events",), message):
@@ -206,18 +215,21 @@ class Bridge:
         self._newest[key][name] = message
         if name in self._names:
             topic, message_of = self._views[key]
-            self._publish(topic, message_of(name, message), name)
+            self._publish(topic, partial(message_of, name, message), name)
         if key == "pose" and name in self._handling:
             self._go_on(*self._handling[name], message)
 
     def _hear_clock(self, tick: int) -> None:
         """The clock comes after all that is told of the bodies at its tick."""
         self.tick = tick
-        self._publish(topics.CLOCK, messages.clock(tick))
+        self._publish(topics.CLOCK, partial(messages.clock, tick))
         if self._has_tf:
-            odometry = self._newest["odometry" if self._errs else "pose"]
-            states = {name: wire.state_of(odometry[name]) for name in self._names if name in odometry}
-            self._publish(topics.TF, messages.transforms(tick, states, self._measured() if self._errs else {}))
+            self._publish(topics.TF, partial(self._transforms, tick))
+
+    def _transforms(self, tick: int) -> Message:
+        odometry = self._newest["odometry" if self._errs else "pose"]
+        states = {name: wire.state_of(odometry[name]) for name in self._names if name in odometry}
+        return messages.transforms(tick, states, self._measured() if self._errs else {})
 
     def _measured(self) -> dict[str, wire.State]:
         """The states in `map` of the bodies of which pose and odometry are of the same tick: in real time one of them may be missing."""
@@ -230,10 +242,11 @@ class Bridge:
             if event["what"] == "deed refused" and event["who"] in self._handling:
                 self._finish(event["who"], f"{event['who']}: {event['detail']}")
 
-    def _publish(self, topic: Topic, message: Message, robot: str = "") -> None:
+    def _publish(self, topic: Topic, made: Callable[[], Message], robot: str = "") -> None:
+        """Publish a message, as bytes: rclpy's objects cost five times as much. One that nothing subscribes to is not made."""
         publisher = self._publisher(topic, robot)
         if topic.qos.latched or publisher.get_subscription_count():
-            publisher.publish(messages.build(message, type_of, array_of))
+            publisher.publish(cdr.encoded(made()))
 
     def _publisher(self, topic: Topic, robot: str = "") -> Publisher:
         name = topic.of(robot)
@@ -279,6 +292,10 @@ class Bridge:
 
     def _control(self, key: str, wish: Callable[[], dict[str, Any] | None], _: Trigger.Request, response: Trigger.Response) -> Any:
         try:
+            if key != "simulation_state" and self.role and not self.role.may_operate:
+                raise Refused(
+                    f"the role {self.role.name} may not control the run; `orchard secure --bridge NAME=simulation` makes one that may"
+                )
             state = self.client.ask(key, wish())
             response.success, response.message = True, f"{state['state']}, tick {state['tick']}"
         except Refused as why:

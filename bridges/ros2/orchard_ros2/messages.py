@@ -1,11 +1,12 @@
-"""ROS 2 messages as plain data, from what the Orchard sends. No ROS is needed: a bridge builds rclpy's messages from them, a bag others.
+"""ROS 2 messages as plain data, from what the Orchard sends. No ROS is needed. `cdr` makes of them the bytes that a
+bridge sends and a bag keeps.
 
 A state of a body is seven numbers, as in the Orchard's `seen`: x, y (m); z, w of the quaternion; the velocity of the last step in the
 body's own frame: forward and to the left (m/s), turn (rad/s, counter-clockwise).
 """
 
 from array import array
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -18,23 +19,13 @@ EXACT = 1e-6  # m^2, rad^2: the variance of what is exact, because filters such 
 
 
 class Message(NamedTuple):
-    """A message: `type` is its name, as `nav_msgs/msg/Odometry`. A field is a number, a text, a `Message`, a list of them, or an array."""
+    """A message: `type` is its name, as `nav_msgs/msg/Odometry`; `fields` has all fields, in their order.
+
+    A field is a number, a text, a `Message`, a list of them, or an array. A number with a point is a float, also where it is whole.
+    """
 
     type: str
     fields: dict[str, Any]
-
-
-def build(message: Message, type_of: Callable[[str], Any], array_of: Callable[["array[Any]"], Any] = lambda numbers: numbers) -> Any:
-    """Return the message as an object. `type_of`: a type's name -> its class; `array_of` converts an array of numbers for that class."""
-
-    def built(value: Any) -> Any:
-        if isinstance(value, Message):
-            return type_of(value.type)(**{name: built(field) for name, field in value.fields.items()})
-        if isinstance(value, array):
-            return array_of(value)
-        return [built(item) for item in value] if isinstance(value, list) else value
-
-    return built(message)
 
 
 # what is inside others

@@ -1,6 +1,7 @@
 """An orchard, a bridge, and a user of ROS 2: three processes, on loopback only. The user is this one."""
 
 import os
+import re
 import shlex
 import socket
 import subprocess
@@ -16,7 +17,14 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 FOLDER = Path(__file__).parents[1]
+PAGE = (FOLDER.parents[1] / "docs" / "ros2.md").read_text()
 BEGIN_SECONDS = 150.0  # the first start of an orchard on a machine compiles
+
+
+def block(name):
+    """A block of the page that has a name."""
+    (text,) = re.findall(rf"^```\w+ {name}\n(.*?)^```$", PAGE, re.M | re.S)
+    return text
 
 
 def free_port():
@@ -78,18 +86,22 @@ class Scene:
         self.folder, self.endpoint, self.orchard, self.bridge, self.user = folder, endpoint, orchard, bridge, user
 
 
+def bridging(endpoint, words, log):
+    """A process that is a bridge."""
+    return started([sys.executable, "-m", "orchard_ros2", "--ros-args", "-p", f"endpoint:={endpoint}", *words], log, cwd=FOLDER)
+
+
 @contextmanager
 def scene(folder, orchard_words, bridge_words):
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    endpoint = f"{'tls' if '--secure' in orchard_words else 'tcp'}/127.0.0.1:{free_port()}"
     words = [*shlex.split(os.environ["ORCHARD"]), *orchard_words, "--listen", endpoint, "--record", "none"]
-    bridge = [sys.executable, "-m", "orchard_ros2", "--ros-args", "-p", f"endpoint:={endpoint}", *bridge_words]
     with (
         started(words, folder / "orchard.log", cwd=folder, env=os.environ | {"ORCHARD_RUNS": str(folder / "runs")}) as orchard,
-        started(bridge, folder / "bridge.log", cwd=FOLDER) as bridging,
+        bridging(endpoint, bridge_words, folder / "bridge.log") as bridge,
     ):
         rclpy.init()
         try:
-            yield Scene(folder, endpoint, orchard, bridging, User(rclpy.create_node("user"), bridging))
+            yield Scene(folder, endpoint, orchard, bridge, User(rclpy.create_node("user"), bridge))
         finally:
             rclpy.shutdown()
 

@@ -1,25 +1,18 @@
 """docs/ros2.md tells the truth: its commands and its node run, its table of topics is the bridge's, and mistakes are told in words."""
 
+import ast
 import os
 import re
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import yaml
-from conftest import BEGIN_SECONDS, FOLDER, free_port, scene, started
+from conftest import BEGIN_SECONDS, FOLDER, PAGE, block, bridging, free_port, scene, started
 from nav_msgs.msg import Odometry
 from orchard_ros2 import topics
 from orchard_ros2.topics import Topic
-
-PAGE = (Path(__file__).parents[3] / "docs" / "ros2.md").read_text()
-
-
-def block(name):
-    (text,) = re.findall(rf"^```\w+ {name}\n(.*?)^```$", PAGE, re.M | re.S)
-    return text
 
 
 def test_the_commands_and_the_node_drive_the_robot(tmp_path):
@@ -46,6 +39,21 @@ def test_the_package_is_installed_with_its_command_its_launch_file_and_its_pictu
     share = tmp_path / "there" / "share" / "orchard_ros2"
     assert (tmp_path / "there" / "bin" / "orchard-ros2").exists()
     assert (share / "launch" / "orchard.launch.py").exists() and (share / "rviz" / "orchard.rviz").exists()
+
+
+def test_the_launch_file_gives_the_bridge_parameters_that_it_takes(tmp_path):
+    """`launch` has no wheel, so the file is read and not run: the bridge is started with its defaults, as the file writes them."""
+    text = (FOLDER / "launch" / "orchard.launch.py").read_text()
+    values = {node.targets[0].id: node.value for node in ast.parse(text).body if isinstance(node, ast.Assign)}
+    given = {name: value for name, (value, _) in ast.literal_eval(values["ARGUMENTS"]).items()}
+    rows = dict(re.findall(r"^\| `(\w+)` \| `?(.+?)`? \|", PAGE, re.M))
+    assert {name: value if value not in ("''", "['']") else "none" for name, value in given.items()} == {name: rows[name] for name in given}
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    words = [word for name, value in (given | {"endpoint": endpoint}).items() for word in ("-p", f"{name}:={value}")]
+    log = tmp_path / "bridge.log"
+    with bridging(endpoint, words, log) as bridge, pytest.raises(subprocess.TimeoutExpired):
+        bridge.wait(6)  # it waits for a run
+    assert f"nothing answers at {endpoint}" in log.read_text()
 
 
 def told(topic):

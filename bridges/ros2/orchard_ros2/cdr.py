@@ -1,0 +1,81 @@
+"""Messages as the bytes that ROS 2 sends and keeps in bags: CDR, version 1 of XCDR, plain, in the byte order of this machine.
+
+Each value begins at a multiple of its own size, counted from after the four bytes at the beginning. An array, here, is of fixed length if
+it is of float64, as the covariances are; all others have their length before them, as texts and lists do.
+"""
+
+import sys
+from array import array
+from collections.abc import Callable, Mapping
+from struct import Struct
+from typing import Any
+
+from orchard_ros2.messages import Message
+
+HEAD = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
+OF_FLOAT32 = {"sensor_msgs/msg/LaserScan", "nav_msgs/msg/MapMetaData"}  # the types whose numbers with a point are float32
+_INT32, _FLOAT32, _FLOAT64 = Struct("=i"), Struct("=f"), Struct("=d")
+
+
+def encoded(message: Message) -> bytes:
+    """Return a message as bytes."""
+    out = bytearray(HEAD)
+    _put_message(out, message)
+    return bytes(out)
+
+
+def _align(out: bytearray, size: int) -> None:
+    if (over := (len(out) - len(HEAD)) % size) != 0:
+        out += bytes(size - over)
+
+
+def _put_message(out: bytearray, message: Message) -> None:
+    put = _OF_FLOAT32 if message.type in OF_FLOAT32 else _OF_FLOAT64
+    for value in message.fields.values():
+        put[type(value)](out, value)
+
+
+def _put_int32(out: bytearray, value: int) -> None:
+    _align(out, 4)
+    out += _INT32.pack(value)
+
+
+def _put_float32(out: bytearray, value: float) -> None:
+    _align(out, 4)
+    out += _FLOAT32.pack(value)
+
+
+def _put_float64(out: bytearray, value: float) -> None:
+    _align(out, 8)
+    out += _FLOAT64.pack(value)
+
+
+def _put_text(out: bytearray, value: str) -> None:
+    data = value.encode() + b"\0"
+    _put_int32(out, len(data))
+    out += data
+
+
+def _put_array(out: bytearray, value: "array[Any]") -> None:
+    if value.typecode != "d":
+        _put_int32(out, len(value))
+    _align(out, value.itemsize)
+    out += value.tobytes()
+
+
+def _put_list(out: bytearray, value: list[Message]) -> None:
+    _put_int32(out, len(value))
+    for message in value:
+        _put_message(out, message)
+
+
+_Put = Mapping[type, Callable[[bytearray, Any], None]]
+_OF_FLOAT64: _Put = {
+    float: _put_float64,
+    int: _put_int32,
+    str: _put_text,
+    array: _put_array,
+    list: _put_list,
+    Message: _put_message,
+}
+_OF_FLOAT32: _Put = {**_OF_FLOAT64, float: _put_float32}

@@ -1,0 +1,129 @@
+"""Secured runs: a bridge drives, pauses and resets what its role allows, and no more, also if it claims to."""
+
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+
+import pytest
+from conftest import BEGIN_SECONDS, FOLDER, block, bridging, scene
+from geometry_msgs.msg import TwistStamped
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
+
+TICKS = 10  # of orders that must move nothing
+FIND_SECONDS = 60.0
+
+
+def page():
+    """The words of the page's commands: make roles, run, bridge."""
+    return [line.split()[1:] for line in block("ros2 secured").splitlines()]
+
+
+def made_roles(folder):
+    """The roles of the page, and one of a bridge that only looks."""
+    words = [*shlex.split(os.environ["ORCHARD"]), *page()[0], "--rows", "3", "--bridge", "looker"]
+    folder.mkdir(exist_ok=True)
+    subprocess.run(words, cwd=folder, check=True, capture_output=True, timeout=FIND_SECONDS)
+    return folder / "roles"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("secured")
+    roles, (_, words, bridge) = made_roles(folder), page()
+    bridge = [word.replace("secure:=", f"secure:={folder}/") for word in bridge if word != "--ros-args"]
+    del words[words.index("--listen") :], bridge[: bridge.index("-p") + 2]  # the scene chooses a free port
+    with scene(folder, [*words, "--rows", "3"], bridge) as made:
+        made.roles, made.odom, made.clock = roles, made.user.hear("picker_01/odom", Odometry, 10), made.user.hear("clock", Clock, 10)
+        made.user.until(lambda: made.odom, BEGIN_SECONDS)
+        yield made
+
+
+def forward(speed):
+    message = TwistStamped()
+    message.twist.linear.x = speed
+    return message
+
+
+def drives(run, speed):
+    orders = run.user.node.create_publisher(TwistStamped, "picker_01/cmd_vel", 10)
+    run.user.until(lambda: orders.publish(forward(speed)) or run.odom[-1].twist.twist.linear.x == speed)
+    run.user.until(lambda: run.odom[-1].twist.twist.linear.x == 0.0)  # nobody drives it any more
+
+
+def test_it_drives_its_robot_and_sees_all_others(run):
+    drives(run, 0.5)
+    other = run.user.hear("picker_02/odom", Odometry, 10)
+    run.user.until(lambda: other)
+
+
+def test_it_pauses_the_run_and_resets_it_and_drives_on(run):
+    assert run.user.call("set_simulation_state/paused", Trigger).success
+    assert run.user.call("set_simulation_state/playing", Trigger).success
+    run.user.until(lambda: run.clock[-1].clock.sec >= 2)
+    answer = run.user.call("reset_simulation", Trigger)
+    assert answer.success, answer.message
+    run.user.until(lambda: run.clock[-1].clock.sec < 1, FIND_SECONDS)
+    run.user.until(lambda: run.clock[-1].clock.sec > 1, FIND_SECONDS)
+    drives(run, 0.25)
+
+
+def test_one_that_claims_more_than_its_role_moves_nothing_and_controls_nothing(run):
+    """Its own files say that it may; the run's router says no."""
+    forged = shutil.copytree(run.roles / "looker", run.folder / "forged")
+    claimed = json.loads((forged / "role.json").read_text()) | {"names": ["picker_01"], "duty": "operating-bridge"}
+    (forged / "role.json").write_text(json.dumps(claimed))
+    words = ["-r", "__ns:=/forged", "-p", f"secure:={forged}", "-p", "driven:=[picker_01]"]
+    with bridging(run.endpoint, words, run.folder / "forged.log"):
+        seen = run.user.hear("forged/picker_01/odom", Odometry, 10)
+        orders = run.user.node.create_publisher(TwistStamped, "forged/picker_01/cmd_vel", 10)
+        run.user.until(lambda: seen and orders.get_subscription_count(), FIND_SECONDS)
+        begin = len(seen)
+        run.user.until(lambda: orders.publish(forward(1.0)) or len(seen) > begin + TICKS)
+        assert {odom.twist.twist.linear.x for odom in seen[begin:]} == {0.0}
+        assert not run.user.call("forged/set_simulation_state/paused", Trigger).success
+        assert "playing" in run.user.call("get_simulation_state", Trigger).message
+
+
+def test_one_that_may_only_look_is_told_so(run):
+    with bridging(run.endpoint, ["-r", "__ns:=/looker", "-p", f"secure:={run.roles / 'looker'}"], run.folder / "looker.log"):
+        refused = run.user.call("looker/reset_simulation", Trigger, FIND_SECONDS)
+        assert not refused.success and "the role looker may not control the run" in refused.message
+        assert run.user.call("looker/get_simulation_state", Trigger).success
+
+
+def test_a_robot_that_the_role_may_not_drive_is_named(run):
+    words = ["-p", f"secure:={run.roles / 'looker'}", "-p", "advised:=[picker]"]
+    with bridging(run.endpoint, words, run.folder / "greedy.log") as bridge:
+        assert bridge.wait(FIND_SECONDS) == 2
+    told = (run.folder / "greedy.log").read_text()
+    assert "the role looker may drive none" in told and "Traceback" not in told
+
+
+def test_certificates_of_another_authority_are_told(run, tmp_path):
+    others = made_roles(tmp_path / "others")
+    with bridging(run.endpoint, ["-p", f"secure:={others / 'ros2'}"], tmp_path / "other.log") as bridge:
+        assert bridge.wait(FIND_SECONDS) == 2
+    told = (tmp_path / "other.log").read_text()
+    assert "do not accept each other" in told and "Traceback" not in told
+
+
+@pytest.mark.parametrize(
+    ("role", "endpoint", "words"),
+    [
+        ("ros2", "tcp/127.0.0.1:7447", "a secured run has an endpoint such as tls/127.0.0.1:7447"),
+        ("spare", "tls/127.0.0.1:7447", "not the role of a bridge"),
+        ("nowhere", "tls/127.0.0.1:7447", "no role.json in it"),
+        ("", "tls/127.0.0.1:7447", "tls needs certificates"),
+    ],
+)
+def test_what_does_not_fit_is_told_in_words(role, endpoint, words, run):
+    given = ["-p", f"endpoint:={endpoint}", *(["-p", f"secure:={run.roles / role}"] if role else [])]
+    done = subprocess.run(
+        [sys.executable, "-m", "orchard_ros2", "--ros-args", *given], cwd=FOLDER, capture_output=True, text=True, timeout=FIND_SECONDS
+    )
+    assert done.returncode == 2 and words in done.stderr and "Traceback" not in done.stderr

@@ -68,6 +68,8 @@ def turn_is_free(seen: Observation, turn: float, blind_to: list[Box]) -> bool:
     if seen.hitch is not None and kind.tows:
         boxes.append((-kind.tows, _BIN_HALF, _BIN_HALF))
     points = _not_on(_points_around(seen, kind, max(-x + half for x, half, _ in boxes) + 1.0), seen.pose, blind_to)
+    reach = sweep_radius(kind, len(boxes) > 1) + 2 * TURN_MARGIN  # what lies farther no corner of a box reaches: sqrt(2) < 2
+    points = points[points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach]
     return not len(points) or not _swept(points, boxes, turn)
 
 
@@ -140,7 +142,7 @@ def freer_side(seen: Observation, reach: float) -> int:
     """Return +1 if there is more room to the left, -1 to the right: by the number of beams that return within a reach."""
     near = seen.scan < reach
     half = len(near) // 2
-    return 1 if int(near[half:].sum()) <= int(near[:half].sum()) else -1
+    return 1 if np.count_nonzero(near[half:]) <= np.count_nonzero(near[:half]) else -1
 
 
 SILENT_TICKS = 50  # ticks for which a bystander that did not answer is left to the lasers

@@ -107,7 +107,7 @@ class _Hitches(Mapping[str, Hitch]):
 
     def get(self, name: str, default: Any = None) -> Any:
         i = self._layout.index[name]
-        other = int(self._coupled[i])
+        other = self._coupled.item(i)
         if other == NONE:
             return default
         x, y, z, w, vx, vy, turn = self._states[other].tolist()

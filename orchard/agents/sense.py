@@ -68,9 +68,14 @@ def turn_is_free(seen: Observation, turn: float, blind_to: list[Box]) -> bool:
     if seen.hitch is not None and kind.tows:
         boxes.append((-kind.tows, _BIN_HALF, _BIN_HALF))
     points = _not_on(_points_around(seen, kind, max(-x + half for x, half, _ in boxes) + 1.0), seen.pose, blind_to)
-    reach = sweep_radius(kind, len(boxes) > 1) + 2 * TURN_MARGIN  # what lies farther no corner of a box reaches: sqrt(2) < 2
+    reach = _reach(kind, len(boxes) > 1)
     points = points[points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach]
     return not len(points) or not _swept(points, boxes, turn)
+
+
+def _reach(kind: Kind, towing: bool) -> float:
+    """How far from the centre a turn may sweep, m: a margin on both sides moves a corner by less than two margins."""
+    return sweep_radius(kind, towing) + 2 * TURN_MARGIN
 
 
 def _swept(points: np.ndarray, boxes: list[tuple[float, float, float]], turn: float) -> bool:

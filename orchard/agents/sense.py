@@ -98,7 +98,7 @@ def _points_around(seen: Observation, kind: Kind, radius: float) -> np.ndarray:
     bin_in_frame = Pose(*to_frame(seen.pose, bin_pose.x, bin_pose.y), bin_pose.yaw - seen.pose.yaw)
     ahead, left = from_frame(bin_in_frame, *_returns(scan, AROUND, scan < radius).T)
     other = (np.abs(ahead) > kind.length / 2 + 0.1) | (np.abs(left) > kind.width / 2 + 0.1)
-    return np.concatenate([own, np.stack([ahead[other], left[other]], axis=1)])
+    return np.concatenate([own, np.array([ahead[other], left[other]]).T])
 
 
 def _returns(scan: np.ndarray, laser: Laser, chosen: np.ndarray) -> np.ndarray:

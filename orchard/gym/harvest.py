@@ -23,7 +23,7 @@ from orchard.gym.spaces import Arrays, Goal, action_space, deed_mask, deeds_of, 
 from orchard.local import Local
 from orchard.sim.engine import Engine, Unaudited
 
-LONGEST = 20_000  # ticks of an episode, 2000 s; the default orchard's harvest takes 9,559
+LONGEST = 20_000  # ticks of an episode, 2000 s; the default orchard's harvest takes 9,315
 LEARNERS = ("picker", "carrier", "tractor", "worker", "visitor", "dog", "cat")  # kinds that move by themselves
 
 Infos = dict[str, dict[str, Any]]

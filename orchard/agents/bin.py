@@ -179,7 +179,7 @@ def along(hitch: Hitch, yaw: float) -> Twist:
 
 def is_near(one: Twist, other: Twist, much: float) -> bool:
     """Whether no component of two velocities differs by `much`, m/s or rad/s."""
-    return all(abs(a - b) < much for a, b in zip(one, other, strict=True))
+    return abs(one.x - other.x) < much and abs(one.y - other.y) < much and abs(one.yaw - other.yaw) < much
 
 
 def quarter_turn(robot: float, yaw: float) -> float:

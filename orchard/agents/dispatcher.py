@@ -5,7 +5,7 @@ import logging
 import msgspec
 from msgspec.structs import replace
 
-from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, dispatch_of
+from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, Dispatch, dispatch_of
 from orchard.agents.policies.nearest import Nearest
 from orchard.agents.routes import route_of
 from orchard.agents.timing import approach_seconds
@@ -121,10 +121,8 @@ class Dispatcher:
         """Count a decision that cannot be; log the first one, with its place in the user's file."""
         reraise_ctrl_c(error)
         if not memory.refused:
-            fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
-            place = place_of_error(error) or place_of_class(type(self.policy))
-            name = self.layout.scenario.dispatch
-            log.error("dispatch policy %s, tick %d: %s%s; its orders are refused, and nearest decides", name, tick, fault, place)
+            fault = fault_of(self.policy, self.layout.scenario.dispatch, error, tick)
+            log.error("%s; its orders are refused, and nearest decides", fault)
         memory.refused += 1
 
     def forget(self, memory: DispatcherMemory, tick: int) -> None:
@@ -140,6 +138,12 @@ class Dispatcher:
 def aged(report: BinReport, ticks: int) -> BinReport:
     """Return a report that is some ticks old as it would be now."""
     return replace(report, seconds_to_full=max(0.0, report.seconds_to_full - ticks * TIME_STEP))
+
+
+def fault_of(policy: Dispatch, path: str, error: BaseException, tick: int) -> str:
+    """Return what is wrong with a decision of a policy, and where in the user's file. `path`: the policy's name in the scenario."""
+    fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
+    return f"dispatch policy {path}, tick {tick}: {fault}{place_of_error(error) or place_of_class(type(policy))}"
 
 
 def checked(assignments: object, bins: list[BinReport], carriers: list[CarrierReport]) -> list[Assignment]:

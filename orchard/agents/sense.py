@@ -68,7 +68,14 @@ def turn_is_free(seen: Observation, turn: float, blind_to: list[Box]) -> bool:
     if seen.hitch is not None and kind.tows:
         boxes.append((-kind.tows, _BIN_HALF, _BIN_HALF))
     points = _not_on(_points_around(seen, kind, max(-x + half for x, half, _ in boxes) + 1.0), seen.pose, blind_to)
+    reach = _reach(kind, len(boxes) > 1)
+    points = points[points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach]
     return not len(points) or not _swept(points, boxes, turn)
+
+
+def _reach(kind: Kind, towing: bool) -> float:
+    """How far from the centre a turn may sweep, m: a margin on both sides moves a corner by less than two margins."""
+    return sweep_radius(kind, towing) + 2 * TURN_MARGIN
 
 
 def _swept(points: np.ndarray, boxes: list[tuple[float, float, float]], turn: float) -> bool:
@@ -91,7 +98,7 @@ def _points_around(seen: Observation, kind: Kind, radius: float) -> np.ndarray:
     bin_in_frame = Pose(*to_frame(seen.pose, bin_pose.x, bin_pose.y), bin_pose.yaw - seen.pose.yaw)
     ahead, left = from_frame(bin_in_frame, *_returns(scan, AROUND, scan < radius).T)
     other = (np.abs(ahead) > kind.length / 2 + 0.1) | (np.abs(left) > kind.width / 2 + 0.1)
-    return np.concatenate([own, np.stack([ahead[other], left[other]], axis=1)])
+    return np.concatenate([own, np.array([ahead[other], left[other]]).T])
 
 
 def _returns(scan: np.ndarray, laser: Laser, chosen: np.ndarray) -> np.ndarray:
@@ -140,7 +147,7 @@ def freer_side(seen: Observation, reach: float) -> int:
     """Return +1 if there is more room to the left, -1 to the right: by the number of beams that return within a reach."""
     near = seen.scan < reach
     half = len(near) // 2
-    return 1 if int(near[half:].sum()) <= int(near[:half].sum()) else -1
+    return 1 if np.count_nonzero(near[half:]) <= np.count_nonzero(near[:half]) else -1
 
 
 SILENT_TICKS = 50  # ticks for which a bystander that did not answer is left to the lasers

@@ -155,10 +155,10 @@ def hold_of(seen: Observation, memory: WalkerMemory, twist: Twist, evading: str,
     """Return how long a walker keeps its velocity: while it recovers, turns, or has a free path. `until`: when its whim ends."""
     if seen.tick < memory.recovers_until:
         return Hold(min(until, memory.recovers_until))
+    if evading and not memory.turning:
+        return None
     until = min(until, memory.since + LINGER_TICKS, seen.tick + ticks_within(seen, memory, twist))
-    if memory.turning:
-        return Hold(until, watch=(path(seen, 2 * TURN_WITHIN),))
-    return None if evading else Hold(until, watch=(path(seen, STEER_WITHIN),))
+    return Hold(until, watch=(path(seen, 2 * TURN_WITHIN if memory.turning else STEER_WITHIN),))
 
 
 def ticks_within(seen: Observation, memory: WalkerMemory, twist: Twist) -> int:

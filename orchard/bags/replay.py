@@ -15,9 +15,12 @@ from rosbags.rosbag2 import ReaderError
 from orchard.contract.agent import Action, Agent, Mail, Observation
 from orchard.contract.messages import FASTEST
 from orchard.field.geometry import Twist
+from orchard.field.kinds import KINDS, kind_of
+from orchard.field.problems import printable
 from orchard.field.scenario import Scenario, check
 
 SCENARIO = Topic("orchard/scenario", "std_msgs/msg/String", LATCHED)  # as JSON
+A_BAG = "a bag of ROS 2: an .mcap file, or the folder of a bag with its metadata.yaml"
 KEPT_TICKS = 5  # steps that one velocity drives a robot, as advice on the network: 0.5 s
 VELOCITIES = {CMD_VEL.type, CMD_VEL_UNSTAMPED.type}
 
@@ -58,9 +61,10 @@ def read_commands(bag: Path) -> Commands:
 
     A velocity counts from the tick of its stamp on, or of the message's time if it has none. Raises ValueError for what cannot be used.
     """
-    scenario, velocities = None, dict[str, dict[int, Twist]]()
+    scenario, velocities, topics = None, dict[str, dict[int, Twist]](), list[str]()
     try:
         with AnyReader([bag]) as reader:
+            topics = sorted({f"{one.topic} ({one.msgtype})" for one in reader.connections})
             wanted = [one for one in reader.connections if one.topic == f"/{SCENARIO.name}" or _robot_of(one.topic, one.msgtype)]
             for connection, time, data in reader.messages(wanted) if wanted else ():  # of no connections it would yield all
                 message: Any = reader.deserialize(data, connection.msgtype)
@@ -70,16 +74,21 @@ def read_commands(bag: Path) -> Commands:
                 else:
                     scenario = check(msgspec.json.decode(message.data), f"the scenario in {bag}")
     except (AnyReaderError, ReaderError, OSError) as error:
-        raise ValueError(f"{bag}: it cannot be read as a bag: {error}") from error
+        why = f"it cannot be read as a bag: {error}" if bag.exists() else "no such file or folder"
+        raise ValueError(f"{bag}: {why}; expected {A_BAG}") from error
     if not velocities:
-        raise ValueError(f"{bag}: it has no velocity; expected the topic /NAME/cmd_vel of a robot, of type TwistStamped or Twist")
+        wanted_topic = "the topic /NAME/cmd_vel of a robot, of type TwistStamped or Twist"
+        there = f"its topics are {printable(', '.join(topics), 500)}" if topics else "it has no topics"
+        raise ValueError(f"{bag}: it has no velocity; expected {wanted_topic}; {there}")
     return Commands(scenario, velocities)
 
 
 def check_robots(bag: Path, commands: Commands, names: Mapping[str, int]) -> None:
     """Raise ValueError if the bag drives bodies that are not in the orchard."""
     if unknown := sorted(commands.velocities.keys() - names.keys()):
-        raise ValueError(f"{bag}: {', '.join(unknown)}: not in this orchard; there are {', '.join(names)}")
+        robots = [name for name in names if KINDS[kind_of(name)].robot and kind_of(name) != "bin"]
+        drives = f"it drives {printable(', '.join(unknown), 500)}, not in this orchard, whose robots are {', '.join(robots)}"
+        raise ValueError(f"{bag}: {drives}; expected the orchard of the bag: its scenario, or --pickers and --carriers as there")
 
 
 def _robot_of(topic: str, kind: str) -> str:

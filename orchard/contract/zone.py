@@ -43,10 +43,15 @@ def beams(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
 
 @lru_cache(maxsize=256)  # there are a few for each kind of body
 def spans(laser: Laser, zone: Zone) -> np.ndarray:
-    """Return the ranges at which each beam enters and leaves a zone, (2, beams), m. A beam that misses it leaves before it enters."""
+    """Return the ranges at which each beam enters and leaves a zone, (2, beams) float32, m. A beam that misses it leaves before it enters.
+
+    They are rounded up: so a range, which is float32, compares with each as with the exact number.
+    """
     cosines, sines = beams(laser)
     along, across = _slab(cosines, zone.x_min, zone.x_max), _slab(sines, zone.y_min, zone.y_max)
-    return np.stack([np.maximum(np.maximum(along[0], across[0]), 0.0), np.minimum(along[1], across[1])])
+    exact = np.stack([np.maximum(np.maximum(along[0], across[0]), 0.0), np.minimum(along[1], across[1])])
+    nearest = exact.astype(np.float32)
+    return np.where(nearest < exact, np.nextafter(nearest, np.float32(np.inf)), nearest)
 
 
 def _slab(direction: np.ndarray, least: float, most: float) -> tuple[np.ndarray, np.ndarray]:

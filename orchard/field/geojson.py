@@ -24,6 +24,7 @@ from orchard.field.survey import CLOSEST, FEWEST_ROWS, MOST_ROWS, Origin, Survey
 STRAIGHT = 0.2  # m, at most, from a point of a row to its straight line, and to the direction of all rows
 LARGEST_FILE = 10_000_000  # bytes
 LONGITUDE_LATITUDE = "OGC:CRS84"  # of a GeoJSON file that names no system (RFC 7946)
+RIGHT_SYSTEM = "name that of the file, geographic or projected: --crs EPSG:2193, for example"
 NAMES = ("id", "fid", "name", "row")  # properties that name a feature without an id
 STEP = 100.0  # m along each axis, in which the scale of a system is measured
 CONFORMAL = 1e-4  # share by which its scales along both axes may differ
@@ -59,7 +60,7 @@ def import_rows(path: Path, crs: str | None = None) -> Scenario:
     if not lines:
         raise ScenarioError(problems)
     try:
-        plane, lines = _on_a_plane(lines, crs or _named_system(content))
+        plane, lines = _on_a_plane(lines, _named_system(content) if crs is None else crs)
     except ValueError as error:
         raise ScenarioError([*problems, Problem(file, str(error))]) from None
     yaw = _direction(lines)
@@ -120,13 +121,23 @@ def _points(geometry: Any) -> np.ndarray:
         kind, given = "LineString", given[0]
     if kind != "LineString":
         raise ValueError(f"is {show(kind)}; each feature must be one LineString, the centre line of a row")
-    try:
-        points = np.array([complex(float(x), float(y)) for x, y, *_ in given])
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError("has coordinates that are not numbers") from None
-    if len(points) < 2 or not np.isfinite(points).all() or np.abs(points - points[0]).max() == 0.0:
+    points = np.array([_point(number, one) for number, one in enumerate(given if isinstance(given, list) else [], start=1)])
+    if len(points) < 2 or np.abs(points - points[0]).max() == 0.0:
         raise ValueError("must have at least two different points")
     return points
+
+
+def _point(number: int, given: Any) -> complex:
+    """A point of a line, the number-th, as a complex number. Raises ValueError."""
+    try:
+        x, y, *_ = given
+        point = complex(float(x), float(y))
+    except (TypeError, ValueError, OverflowError):
+        point = complex(math.nan)
+    if not cmath.isfinite(point):
+        told = printable(json.dumps(given), 60)
+        raise ValueError(f"its point {number} is {told}; each point must be two finite numbers, such as [176.3, -37.8]")
+    return point
 
 
 # -- coordinate systems
@@ -139,6 +150,8 @@ def _on_a_plane(lines: Sequence[SurveyedLine], name: str) -> tuple[Plane, list[S
 
     try:
         given = CRS.from_user_input(name)
+        if not (given.is_geographic or given.is_projected):
+            raise ValueError(f"{_words(name)} has no places on a map: it is {given.type_name}; {RIGHT_SYSTEM}")
         globe = _converted(given, given.geodetic_crs or given, lines)
         crs, scale = given, _scale(given, _middle_of(lines)) if given.is_projected else 0.0
         if not scale:
@@ -147,9 +160,14 @@ def _on_a_plane(lines: Sequence[SurveyedLine], name: str) -> tuple[Plane, list[S
             lines = _converted(given, crs, lines)
             scale = _scale(crs, _middle_of(lines))
     except ProjError as error:
-        raise ValueError(f"the coordinate system {printable(name)} cannot be used: {printable(str(error))}") from None
+        fault = str(error).rpartition("proj_create: ")[2].rstrip(")")
+        raise ValueError(f"{_words(name)} cannot be used: {printable(fault)}; {RIGHT_SYSTEM}") from None
     plane = Plane(crs.to_string(), _middle_of(lines), scale)
     return plane, [SurveyedLine(line.id, (line.points - plane.middle) / plane.scale) for line in lines]
+
+
+def _words(name: str) -> str:
+    return f"the coordinate system {printable(name)!r}"
 
 
 def _converted(given: Any, wanted: Any, lines: Sequence[SurveyedLine]) -> list[SurveyedLine]:
@@ -166,7 +184,7 @@ def _converted(given: Any, wanted: Any, lines: Sequence[SurveyedLine]) -> list[S
         if not is_there.all():
             at = complex(line.points[~is_there][0])
             words = f"({at.real:.10g}, {at.imag:.10g}) of feature {line.id} is no place in the coordinate system {printable(given.name)}"
-            raise ValueError(f"{words}; name that of the file: --crs EPSG:2193, for example")
+            raise ValueError(f"{words}; {RIGHT_SYSTEM}")
         converted.append(SurveyedLine(line.id, points))
     return converted
 

@@ -13,9 +13,11 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport
+from orchard.agents.dispatcher import checked, fault_of
 from orchard.discrete.calls import Decision, Dispatched
 from orchard.discrete.harvest import JAM, LONGEST, DiscreteHarvest
 from orchard.field.layout import Layout, lay_out
+from orchard.field.plugins import MISTAKES, reraise_ctrl_c
 from orchard.field.repeatable import draw
 from orchard.field.scenario import TIME_STEP, Scenario, with_changes
 from orchard.gym.harvest import refuse_what_is_no_episode
@@ -146,8 +148,13 @@ class Paused(Dispatched):
     scripted: Sequence[Assignment] = ()
 
     def decide(self, decision: Decision) -> None:
-        """Keep a decision, unless nothing can be sent, and what the scenario's policy decides."""
-        self.scripted = self.policy.assign(decision.now, decision.bins, decision.carriers, self.memory)
+        """Keep a decision, unless nothing can be sent, and what the scenario's policy decides. Raises RuntimeError for a fault of it."""
+        now, bins, carriers = decision.now, decision.bins, decision.carriers
+        try:
+            self.scripted = checked(self.policy.assign(now, list(bins), list(carriers), self.memory), bins, carriers)
+        except MISTAKES as error:
+            reraise_ctrl_c(error)
+            raise RuntimeError(fault_of(self.policy, self.layout.scenario.dispatch, error, now)) from error
         self.pending = decision if decision.bins and decision.carriers else None
 
 
@@ -184,7 +191,8 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
     def step(self, action: Any) -> tuple[Arrays, float, bool, bool, dict[str, Any]]:
         """Do an action, and move on to the next decision if this one is taken. Return observation, reward, terminated, truncated and info.
 
-        Raises ResetNeeded before the first reset and after the end of an episode, ValueError for what is no action.
+        Raises ResetNeeded before the first reset and after the end of an episode, ValueError for what is no action. This and `reset` raise
+        RuntimeError, which says what and where, if the scenario's own policy raises an error or decides what cannot be.
         """
         if self._is_over:
             raise ResetNeeded("the episode is over, or none has begun: call reset()")

@@ -22,9 +22,8 @@ from orchard.gym.rewards import Moment, Reward, reward_of
 from orchard.gym.spaces import Arrays, Goal, action_space, deed_mask, deeds_of, goal_of, observation_space, observed, velocity_of
 from orchard.local import Local
 from orchard.sim.engine import Engine, Unaudited
-from orchard.sim.world import NONE
 
-LONGEST = 20_000  # ticks of an episode, 2000 s; the default orchard's harvest takes 9,559
+LONGEST = 20_000  # ticks of an episode, 2000 s; the default orchard's harvest takes 9,315
 LEARNERS = ("picker", "carrier", "tractor", "worker", "visitor", "dog", "cat")  # kinds that move by themselves
 
 Infos = dict[str, dict[str, Any]]
@@ -131,10 +130,11 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         before, events = self._looks, self.local.act(self._answers)
         self._look()
         rewards = {name: float(self._reward(_moment(before[name], self._looks[name], velocities[name], events))) for name in self.agents}
-        observed, infos, over = self._observed(), self._infos(), self.local.engine.over
-        ends = dict.fromkeys(self.agents, over), dict.fromkeys(self.agents, not over and self.local.engine.tick >= self._longest)
-        self.agents = [] if over or self.local.engine.tick >= self._longest else self.agents
-        return observed, rewards, *ends, infos
+        over = self.local.engine.over
+        too_long = not over and self.local.engine.tick >= self._longest
+        ends = dict.fromkeys(self.agents, over), dict.fromkeys(self.agents, too_long)
+        self.agents = [] if over or too_long else self.agents
+        return self._observed(), rewards, *ends, self._infos()
 
     def _look(self) -> None:
         """Ask our agents, those of the learned bodies too."""
@@ -142,10 +142,10 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         self._looks = {name: self._look_at(name) for name in self.agents}
 
     def _look_at(self, name: str) -> Look:
-        local, world = self.local, self.local.engine.world
+        local = self.local
         seen = local.observed.get(name) or local.seen[name]
-        action, bin_ = self._answers.get(name) or local.actions[name], int(world.coupled[world.index[name]])
-        fill = float(world.fill[bin_]) if bin_ != NONE else 0.0
+        action = self._answers.get(name) or local.actions[name]
+        fill = local.seen.fills.get(seen.hitch.name, 0.0) if seen.hitch else 0.0
         return Look(seen, action, action.twist, goal_of(seen, action.memory), fill)
 
     def _command(self, name: str, given: Any) -> Twist:

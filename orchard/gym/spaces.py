@@ -36,6 +36,7 @@ Arrays = dict[str, np.ndarray]
 Goal = tuple[float, float, float]  # x, y (m, in the frame `map`), rad that are left to turn
 
 
+_NO_RETURN = np.array(LASER_RANGE, dtype=np.float32)
 _SIZES = {"pose": 4, "velocity": 2, "bar": 1, "fill": 1, "goal": 3, "mail": 4}  # of all but the scan
 _ENDS = np.cumsum(list(_SIZES.values())).tolist()
 _PARTS = {key: slice(end - size, end) for (key, size), end in zip(_SIZES.items(), _ENDS, strict=True)}
@@ -75,7 +76,8 @@ def action_space(name: str, deeds: bool) -> spaces.Space[Any]:
 
 def scan_of(seen: Observation) -> np.ndarray:
     """Return a body's ranges, (beams,) float32 m, with the laser's range where there is no return."""
-    return np.asarray(np.minimum(seen.scan, np.float32(LASER_RANGE)))
+    ranges: np.ndarray = np.minimum(seen.scan, _NO_RETURN)
+    return ranges
 
 
 def goal_of(seen: Observation, memory: Any) -> Goal:
@@ -97,7 +99,7 @@ def goal_of(seen: Observation, memory: Any) -> Goal:
 def _way_end(here: float, end: float, gates: Sequence[Gate], held: Sequence[str]) -> float:
     """The end of a way along an axis, or the first gate before it with places that are not held."""
     for gate in gates:
-        if min(here, end) <= gate.at <= max(here, end) and any(place not in held for place in gate.places):
+        if (here <= gate.at <= end or end <= gate.at <= here) and any(place not in held for place in gate.places):
             end = gate.at
     return end
 
@@ -113,19 +115,21 @@ def mail_of(action: Action) -> tuple[float, float, float, float]:
 
 def observed(seen: Observation, fill: float, goal: Goal, action: Action) -> Arrays:
     """Return what a body observes: see the table above. `fill`: m in its bin; `action`: the newest one of its own agent."""
-    z, w = seen.orientation
+    (z, w), (forward, _, turn) = seen.orientation, seen.twist
     cosine, sine = w * w - z * z, 2.0 * z * w
     dx, dy, left = goal[0] - seen.x, goal[1] - seen.y, goal[2]
-    pose, velocity = (seen.x, seen.y, cosine, sine), (seen.twist.x, seen.twist.yaw)
-    towards = (cosine * dx + sine * dy, cosine * dy - sine * dx, left)
-    numbers = np.array((*pose, *velocity, float(seen.hitch is not None), fill, *towards, *mail_of(action)), dtype=np.float32)
-    return {"scan": scan_of(seen)} | {key: numbers[part] for key, part in _PARTS.items()}
+    towards = cosine * dx + sine * dy, cosine * dy - sine * dx, left
+    told = seen.x, seen.y, cosine, sine, forward, turn, float(seen.hitch is not None), fill, *towards, *mail_of(action)
+    numbers = np.array(told, np.float32)
+    arrays = {key: numbers[part] for key, part in _PARTS.items()}
+    arrays["scan"] = scan_of(seen)
+    return arrays
 
 
 def velocity_of(name: str, given: Any) -> Twist:
     """Return an action's velocity, within the limits of the body. Raises ValueError for one that is not two finite numbers."""
     try:
-        forward, turn = (float(number) for number in given)
+        forward, turn = map(float, np.asarray(given, np.float64).tolist())
     except (TypeError, ValueError):
         raise ValueError(f"{name}: action {given!r}; it must be two numbers, m/s forward and rad/s counter-clockwise") from None
     if not (math.isfinite(forward) and math.isfinite(turn)):

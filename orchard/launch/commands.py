@@ -30,7 +30,7 @@ from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
 from orchard.launch import options
-from orchard.launch.options import HarvestOptions, StudyArguments, named
+from orchard.launch.options import HarvestOptions, StudyArguments
 from orchard.launch.request import Credentials, RunRequest, shares
 from orchard.launch.runs import Runs, check_writable
 from orchard.launch.terminal import BAD_INPUT, console, errors, exit_on_errors, print_error, print_line, report
@@ -119,8 +119,8 @@ def _snapshot(chosen: HarvestOptions, where: str, runs: Runs) -> Snapshot:
     """
     from orchard.launch.left_over import end_left_over
 
-    if given := named(name for name in chosen.given() if name in (*options.CHANGES, "scenario")):
-        raise ValueError(f"--resume: leave out {given}: that is in the snapshot")
+    if given := chosen.typed(name for name in chosen.given() if name in (*options.CHANGES, "scenario")):
+        raise ValueError(f"--resume: leave out {given}: the snapshot has its scenario")
     refused: list[str] = []
     end_left_over(runs.folder, print_error)
     with sole(runs.snapshots(where)):
@@ -196,8 +196,12 @@ def resume(connect: options.There = None, secure: options.EmergencyOperator = No
     raise typer.Exit(pausing.resume(runs_folder(), connect, secure))
 
 
-@app.command()
-def step(steps: options.Steps = 1, connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
+@app.command(context_settings={"ignore_unknown_options": True})  # -3 is a wrong number, and no option
+def step(
+    steps: options.Steps = "1",  # type: ignore[assignment]  # Typer parses defaults too
+    connect: options.There = None,
+    secure: options.EmergencyOperator = None,
+) -> None:
     """Do some steps of a paused run, 0.1 s each."""
     from orchard.launch import pausing
 

@@ -37,6 +37,7 @@ from orchard.wire.keys import LOGGER, PHYSICS, Keys
 from orchard.wire.messages import RESET, End, Figures
 
 STOP_SECONDS = 2.0  # that the processes may take to close their files and sessions after Ctrl-C
+LOAD_SECONDS = 20.0  # the same before the first tick, at the first Ctrl-C: physics may still load its modules, on a busy machine
 POLL_SECONDS = 0.02  # between two checks whether the processes have ended
 THINK_SECONDS = 5.0  # that an agent may still think after a run has ended by itself
 PACK_SECONDS = 60.0  # that the logger may take to pack its recording after a run has ended by itself
@@ -211,20 +212,26 @@ class _Launched:
             return None, str(error)
 
     def _reach(self, inbox: Inbox, stack: ExitStack) -> Bus | None:
-        """A session with physics, once it listens; None after Ctrl-C. Processes that die meanwhile are restarted.
+        """A session with physics, once it listens; None after a second Ctrl-C. Processes that die meanwhile are restarted.
 
-        Raises BusError if physics does not listen within BEGIN_SECONDS, or has ended or been given up.
+        After the first one physics is asked to stop as soon as it listens: it gives the summary of a run without a tick. Raises BusError if
+        physics does not listen within BEGIN_SECONDS, or has ended or been given up.
         """
-        deadline, identity = time.monotonic() + BEGIN_SECONDS, self.credentials.identity("operator")
+        deadline, identity, asked = time.monotonic() + BEGIN_SECONDS, self.credentials.identity("operator"), None
         while True:
             try:
-                return stack.enter_context(client(self.endpoint, inbox, TRY_SECONDS, identity))
+                bus = stack.enter_context(client(self.endpoint, inbox, TRY_SECONDS, identity))
+                if asked is not None:
+                    inbox.put(asked)
+                return bus
             except BusError:
                 self.supervisor.watch()
                 if self._why_over(True) or time.monotonic() >= deadline:
                     raise
-            if isinstance(inbox.take(0.0), Signal):
-                return None
+            if isinstance(item := inbox.take(0.0), Signal):
+                if asked is not None:
+                    return None
+                asked = item
 
     def _listen(self, bus: Bus, keys: Keys) -> tuple[dict[str, Any] | None, str]:
         deadline, refusals, begun, ending = math.inf, Refusals(), False, Ending()
@@ -232,7 +239,8 @@ class _Launched:
             item = bus.inbox.take(0.2)
             if isinstance(item, Signal):
                 self.supervisor.terminate(PHYSICS)
-                deadline = min(deadline, time.monotonic() + STOP_SECONDS)
+                is_loading = not begun and deadline == math.inf
+                deadline = min(deadline, time.monotonic() + (LOAD_SECONDS if is_loading else STOP_SECONDS))
             elif isinstance(item, Alive):
                 if item.key == keys.of("alive", LOGGER, self.run_id):
                     self.watchdog.hear(item.up)
@@ -253,6 +261,8 @@ class _Launched:
             self.watchdog.look()
             if deadline == math.inf:  # what ends after a request to stop is not restarted
                 self.supervisor.watch()
+            elif self.supervisor.exit_code(PHYSICS) is not None:
+                deadline = min(deadline, time.monotonic() + STOP_SECONDS)
         return None, "stopped"
 
     def _why_over(self, begun: bool) -> str:

@@ -129,13 +129,31 @@ def _patience(value: float | None) -> float | None:
     return value
 
 
+def _steps(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= MOST_STEPS:
+        raise BadParameter(f"{text}: neither a number of steps, from 1 on, nor an option")
+    return int(text)
+
+
+def _store(text: str) -> Path:
+    path = Path(text)
+    if text.endswith("/") or path.is_dir():
+        raise BadParameter(f"{text}: a folder; expected a file, such as {path / 'studies.db'}")
+    if not path.parent.is_dir():
+        raise BadParameter(f"{text}: there is no folder {path.parent}; expected a file in a folder that exists")
+    return path
+
+
 def _scenario(path: Path | None) -> Path | None:
-    """Refuse a recording, and a word that is no file but resembles a command."""
+    """Refuse a recording, and a word that is no file, no scenario of the package and no command."""
     if path is not None and path.suffix == ".rrd":
         raise BadParameter(f"{path}: a recording, not a scenario; did you mean the command view?")
     near = get_close_matches(str(path).lower(), [*COMMANDS, "harvest"], n=1)
     if path is not None and near and not path.exists():
         raise BadParameter(f"{path}: no such file; did you mean the command {near[0]}?")
+    if path is not None and str(path).isalpha() and not path.exists() and str(path) not in names():
+        known = ", ".join(names())
+        raise BadParameter(f"{path}: no such file, and no such command (see --help); expected a scenario's file, or one of {known}")
     return path
 
 
@@ -274,6 +292,10 @@ class HarvestOptions:
         """Return the names of the options that are not at their defaults."""
         return [field.name for field in fields(self) if getattr(self, field.name) != field.default]
 
+    def typed(self, parameters: Iterable[str]) -> str:
+        """Return what was given as a user types it: --rows, mine.yaml."""
+        return ", ".join(str(self.scenario) if name == "scenario" else named([name]) for name in parameters)
+
     def check(self) -> None:
         """Check which options are together. Raises BadParameter."""
         if self.mode == "local" and (self.listen or self.connect or self.without or self.only):
@@ -292,7 +314,7 @@ class HarvestOptions:
             raise BadParameter("local mode is one process, and has no network to secure", param_hint="--secure")
         if self.secure and self.hosts is not None:
             raise BadParameter("leave out --hosts: the roles say which process hosts which agents", param_hint="--secure")
-        if self.only and (wrong := named(name for name in self.given() if name not in OF_ONLY)):
+        if self.only and (wrong := self.typed(name for name in self.given() if name not in OF_ONLY)):
             raise BadParameter(f"leave out {wrong}: the run itself defines that", param_hint="--only")
         if self.replay and self.resume:
             raise BadParameter("a run that is resumed has its own velocities; leave out --replay", param_hint="--replay")
@@ -335,7 +357,7 @@ def with_options(kind: type[Chosen]) -> Callable[[Callable[[Chosen], None]], Cal
 
 Robots = Annotated[list[str] | None, Argument(metavar="[ROBOT|KIND]...", help="picker_01, carrier; default: all robots.")]
 There = Annotated[str | None, Option(metavar="ENDPOINT", help="A run elsewhere: tcp/192.168.1.10:7447. Default: here.")]
-Steps = Annotated[int, Argument(metavar="[N]", min=1, max=MOST_STEPS, help="Number of steps.")]
+Steps = Annotated[int, Argument(metavar="[N]", parser=_steps, help="Number of steps.")]
 EmergencyOperator = Annotated[
     Path | None, Option("--secure", metavar="DIR", help="For a secured run: the directory with the role emergency-operator.")
 ]
@@ -417,7 +439,12 @@ class StudyArguments:
     ] = None
     out: Annotated[
         Path | None,
-        Option(metavar="STORE", help="File that keeps all runs. Default: studies.db beside the recordings.", rich_help_panel=RUNS),
+        Option(
+            parser=_store,
+            metavar="STORE",
+            help="File that keeps all runs. Default: studies.db beside the recordings.",
+            rich_help_panel=RUNS,
+        ),
     ] = None
     anew: Annotated[bool, Option("--anew", help="Forget the runs of a store of another version.", rich_help_panel=RUNS)] = False
     summary: Annotated[Path | None, Option(metavar="FILE.json", help="Write the whole answer to this file.", rich_help_panel=FILES)] = None

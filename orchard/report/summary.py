@@ -35,6 +35,7 @@ UNUSUAL = (
     "messages_dropped",
     "recording_gaps",
 )  # shown if they are not zero
+OF_NONE = {"lost_seconds": "known of a complete harvest only, with built-in agents, policy and route"}  # what an empty figure says
 NOT_IN_TABLE = ("scenario", "history")  # for programs; the page shows them in its own way
 
 
@@ -84,7 +85,7 @@ def as_table(summary: dict[str, Any]) -> Table:
 def _words(key: str, value: Any) -> str:
     unit = f" {UNITS[key]}" if key in UNITS else ""
     if isinstance(value, dict):
-        return ", ".join(f"{name} {_words('', part)}" for name, part in value.items()) + unit if value else "none"
+        return ", ".join(f"{name} {_words('', part)}" for name, part in value.items()) + unit if value else OF_NONE.get(key, "none")
     if isinstance(value, list):
         return "\n".join(map(str, value)) or "none"
     if key == "carrier_utilisation":

@@ -17,7 +17,6 @@ from orchard.contract.agent import MOST_HOLD, MOST_ZONES, Action, Hold, Holds
 from orchard.contract.difference import difference
 from orchard.contract.messages import Tick
 from orchard.contract.zone import Zone, spans
-from orchard.field.geometry import STILL
 from orchard.field.kinds import KINDS, Laser
 from orchard.sim.kernels.holds import begin_holds, end_holds
 from orchard.sim.world import NONE, World
@@ -58,7 +57,7 @@ class Lookahead:
         )  # fmt: skip
         self._before = ranges
         self.wake(mail)
-        names, bodies = self._agents, np.flatnonzero(self._until == 0).tolist()
+        names, bodies = self._agents, (self._until == 0).nonzero()[0].tolist()
         self._due = [names[i] for i in bodies] + [name for name, until in self._bodiless.items() if until <= world.tick]
         self.asked += len(self._due)
         return self._due
@@ -76,7 +75,7 @@ class Lookahead:
 
         Return the answers of the agents that were asked: name -> its action, or None if it gave none.
         """
-        self.wanted[self._until == 0] = STILL
+        self.wanted[self._until == 0] = 0.0
         holding: list[int] = []
         for name, action in actions.items():
             if (i := self._index.get(name)) is None:

@@ -87,7 +87,7 @@ def observe(world: World, scans: Scans) -> Observations:
     names = world.layout.names
     states = np.empty((len(names), STATE))
     states[:, :2], states[:, 2:4], states[:, 4:] = world.pose[:, :2], quaternions(world.pose), world.twist
-    fills = {names[i]: float(world.fill[i]) for i in np.flatnonzero(world.fill).tolist()}
+    fills = {names[i]: float(world.fill[i]) for i in world.fill.nonzero()[0].tolist()}
     full = {name for name, fill in fills.items() if fill >= world.fixed.bin_full}
     return Observations(world.tick, world.layout.index, states, scans, _Hitches(world, states, scans), fills, full)
 
@@ -107,7 +107,7 @@ class _Hitches(Mapping[str, Hitch]):
 
     def get(self, name: str, default: Any = None) -> Any:
         i = self._layout.index[name]
-        other = int(self._coupled[i])
+        other = self._coupled.item(i)
         if other == NONE:
             return default
         x, y, z, w, vx, vy, turn = self._states[other].tolist()

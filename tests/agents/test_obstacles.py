@@ -1,5 +1,7 @@
 """The obstacles of a body: walls, other bodies, and the bar to its bin."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,9 +9,11 @@ from hypothesis import strategies as st
 from raycaster import world_of
 from yard import AHEAD, TURN_LEFT, picker_with_bin, train, yard
 
+from orchard.agents import sense
 from orchard.field.geometry import EAST, Pose, Twist
-from orchard.field.kinds import ANIMALS, PEOPLE
+from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
 from orchard.field.layout import ROW_WEST
+from orchard.field.repeatable import PI
 from orchard.report.metrics import collisions
 from orchard.sim.kernels.boxes import overlap, place
 from orchard.sim.physics import step
@@ -111,3 +115,14 @@ def test_without_a_bin_the_bar_holds_nobody():
     free = yard(("picker", Pose(0, 0, EAST)), ("bin", Pose(-2.25, 0, EAST)))
     free.drive(10, picker_01=AHEAD)
     assert free.pose("picker_01").x == pytest.approx(1.0)
+
+
+@given(st.sampled_from(["picker", "carrier", "tractor"]), st.floats(-PI, PI), st.floats(-PI, PI))
+def test_a_turn_sweeps_nothing_beyond_its_reach_but_nearly_all_within(name, angle, turn):
+    kind = KINDS[name]
+    boxes = [(0.0, kind.length / 2, kind.width / 2), *([(-kind.tows, 0.5, 0.5)] if kind.tows else [])]
+    reach = sense._reach(kind, bool(kind.tows))
+    for metres, may_be_swept in ((reach, False), (reach - 3 * sense.TURN_MARGIN, True)):
+        points = np.array([[metres * math.cos(angle), metres * math.sin(angle)]])
+        assert may_be_swept or not sense._swept(points, boxes, turn)
+        assert not may_be_swept or sense._swept(points, boxes, 2.0 * PI)

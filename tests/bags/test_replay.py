@@ -79,15 +79,15 @@ def test_bags_that_cannot_be_used_are_told(tmp_path):
     (tmp_path / "notes.mcap").write_text("notes")
     with pytest.raises(ValueError, match=r"notes.mcap: it cannot be read as a bag"):
         read_commands(tmp_path / "notes.mcap")
-    with pytest.raises(ValueError, match=r"none.mcap: it cannot be read as a bag"):
+    with pytest.raises(ValueError, match=r"none.mcap: no such file or folder; expected a bag of ROS 2: an .mcap file, or the folder"):
         read_commands(tmp_path / "none.mcap")
     path = written(tmp_path / "clock.mcap", (topics.CLOCK, "", 1, messages.clock(1)))
-    with pytest.raises(ValueError, match="it has no velocity; expected the topic /NAME/cmd_vel"):
+    with pytest.raises(ValueError, match=r"it has no velocity; expected the topic /NAME/cmd_vel .*; its topics are /clock \(rosgraph_"):
         read_commands(path)
     path = written(tmp_path / "nan.mcap", (topics.CMD_VEL, "picker_01", 3, messages.velocity("picker_01", 3, math.nan, 0.0)))
     with pytest.raises(ValueError, match=r"/picker_01/cmd_vel, tick 3: a velocity of \(nan, 0.0, 0.0\); expected numbers from -100 to 100"):
         read_commands(path)
-    with pytest.raises(ValueError, match="rocket: not in this orchard; there are bin_01"):
+    with pytest.raises(ValueError, match="it drives rocket, not in this orchard, whose robots are carrier_01, picker_01, "):
         check_robots(path, Commands(None, {"rocket": {}}), LAYOUT.index)
 
 
@@ -95,4 +95,5 @@ def test_a_bag_of_another_orchard_is_refused_before_the_run(tmp_path):
     path = written(tmp_path / "run.mcap", (topics.CMD_VEL, "picker_09", 3, messages.velocity("picker_09", 3, 1.0, 0.0)))
     done = orchard("replay", path, "--mode", "local", "--rows", 3, "--record", "none")
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith(f"{path}: picker_09: not in this orchard; there are bin_01, ")
+    assert done.stderr.startswith(f"{path}: it drives picker_09, not in this orchard, whose robots are carrier_01, ")
+    assert done.stderr.endswith("; expected the orchard of the bag: its scenario, or --pickers and --carriers as there\n")

@@ -1,5 +1,7 @@
 """The environment in which dispatch is learned: the interface's checks, the same harvest as the fast model, use in the simulator."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
@@ -9,8 +11,9 @@ from orchard.agents.dispatch import BinReport, CarrierReport
 from orchard.agents.policies.predictive import Predictive
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import Scenario, with_changes
 from orchard.gym import Dispatching, dispatch_env
+from tests import own_policies
 
 SMALL = Scenario(rows=4, pickers=2)
 BIN = BinReport("bin_02", 3, "east", "picker_02", 20, 50.0, 4.0, 60.0)
@@ -92,6 +95,21 @@ def test_mistakes():
         env.reset(options={"scenario": {"rows": 4}})
     with pytest.raises(TypeError, match=r"scenario = 'my\.yaml': must be a Scenario"):
         dispatch_env("my.yaml")
+
+
+@pytest.mark.parametrize(
+    ("policy", "fault", "line"),
+    [("Raising", "LookupError: no such bin here", 'raise LookupError("no such bin here")'),
+     ("Inventing", "ValueError: the dispatch policy assigns bin bin_77, which is not available", "class Inventing(Bad):"),
+     ("Silent", "TypeError: assign returned None", "class Silent(Bad):")],
+)  # fmt: skip
+def test_a_fault_of_an_own_policy_is_told_with_its_place(policy, fault, line):
+    number = 1 + [text.strip() for text in Path(own_policies.__file__).read_text().splitlines()].index(line)
+    with pytest.raises(RuntimeError) as told:
+        dispatch_env(with_changes(SMALL, dispatch=f"tests.own_policies.{policy}")).reset()
+    words = str(told.value)
+    assert words.startswith(f"dispatch policy tests.own_policies.{policy}, tick ") and fault in words
+    assert words.endswith(f"({own_policies.__file__}, line {number})")
 
 
 class TestDispatching:

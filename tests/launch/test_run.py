@@ -14,6 +14,7 @@ from recordings import seconds_of
 
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, to_yaml
+from orchard.launch import commands
 
 FIRST_CALLS = 90  # s, simulated: two bins are full by 83 s, and carriers are under way
 FIRST_UNLOADING = 300  # s, simulated: the first bin of 3 rows and 2 pickers is unloaded before, with seeds 1 to 5
@@ -193,6 +194,26 @@ def test_bad_input_is_named_with_exit_code_2_and_no_traceback(arguments, named):
     assert done.returncode == 2
     assert named in done.stderr
     assert "Traceback" not in done.stderr + done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["step", "-3"], "-3: neither a number of steps, from 1 on, nor an option"),
+        (["step", "0"], "0: neither a number of steps"),
+        (["step", "2.5"], "2.5: neither a number of steps"),
+        (["step", "--conect"], "--conect: neither a number of steps, from 1 on, nor an option"),
+        (["run", "--resume", "last"], "run: no such file, and no such command (see --help); expected a scenario's file, or one of hand"),
+        (["--resume", "last", "mine.yaml", "--rows", "3"], "--resume: leave out mine.yaml, --rows: the snapshot has its scenario"),
+        (["mine.yaml", "--only", "picker", "--connect", "tcp/127.0.0.1:9"], "leave out mine.yaml: the run itself defines that"),
+    ],
+)
+def test_what_is_wrong_is_called_as_the_user_typed_it(arguments, named, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr("sys.argv", ["orchard", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        commands.main()
+    assert (ended.value.code, named in " ".join(capsys.readouterr().err.split())) == (2, True)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,9 @@
 
 import io
 import signal
+from contextlib import ExitStack, nullcontext
+from types import SimpleNamespace
+from typing import ClassVar
 
 import msgspec
 import pytest
@@ -15,13 +18,15 @@ from orchard.contract.messages import pack
 from orchard.field.scenario import to_yaml
 from orchard.launch import distributed
 from orchard.launch.supervisor import ProcessSpec, Supervisor, free_port
-from orchard.net.bus import Inbox, Sample, Signal
+from orchard.net.bus import Alive, Inbox, Sample, Signal
 from orchard.net.ending import Ending
+from orchard.net.endpoints import BusError
 from orchard.net.refusals import Refused
 from orchard.report.progress import Progress
 from orchard.server.snapshots import sole
 from orchard.sim.snapshot import SnapshotError
 from orchard.view.reader import missing
+from orchard.wire.keys import Keys
 from orchard.wire.messages import End
 
 DEAF = """\
@@ -108,6 +113,65 @@ def test_ctrl_c_ends_the_waiting_for_those_who_have_not_ended(deaf, monkeypatch)
     distributed._await_exits(fleet, ["agents 1"], inbox, 60.0)
     assert fleet.exit_code("agents 1") == -signal.SIGKILL
     assert said == []
+
+
+# -- Ctrl-C before the first tick
+
+
+class Loading:
+    """The supervisor of a physics process that still loads its modules."""
+
+    given_up: ClassVar[dict] = {}
+
+    def __init__(self):
+        self.asked_to_end = []
+
+    def terminate(self, name):
+        self.asked_to_end.append(name)
+
+    def watch(self):
+        pass
+
+    def exit_code(self, name):
+        return None
+
+    def is_over(self, name):
+        return bool(self.asked_to_end)
+
+
+@pytest.fixture
+def loading():
+    credentials = SimpleNamespace(identity=lambda role: None)
+    return distributed._Launched(None, credentials, "tcp/127.0.0.1:1", "run1", Loading(), PROGRESS)
+
+
+@pytest.mark.parametrize(("signals", "ended"), [(1, "stopped: tick 0"), (2, "stopped")])
+def test_the_summary_of_a_run_that_is_stopped_before_its_first_tick_is_waited_for(loading, monkeypatch, signals, ended):
+    monkeypatch.setattr(distributed, "STOP_SECONDS", 0.0)
+    keys, inbox = Keys(), Inbox()
+    summary = SUMMARY | {"ticks": 0, "ended": "stopped"}
+    end = Sample("orchard/end", pack(End("run1", 0, False, "stopped: tick 0", "0" * 64, summary)))
+    for item in [*[Signal(signal.SIGINT)] * signals, end, Alive(keys.of("alive", distributed.PHYSICS, "run1"), False)]:
+        inbox.put(item)
+    assert loading._listen(SimpleNamespace(inbox=inbox), keys) == (summary if signals == 1 else None, ended)
+    assert loading.supervisor.asked_to_end == [distributed.PHYSICS] * signals
+
+
+@pytest.mark.parametrize(("signals", "is_reached"), [(1, True), (2, False)])
+def test_a_run_that_is_stopped_before_physics_listens_is_stopped_when_it_does(loading, monkeypatch, signals, is_reached):
+    inbox, tries = Inbox(), []
+
+    def client(*_):
+        tries.append(len(tries))
+        if len(tries) <= 2:
+            raise BusError("nothing listens")
+        return nullcontext("a session")
+
+    monkeypatch.setattr(distributed, "client", client)
+    for _ in range(signals):
+        inbox.put(Signal(signal.SIGINT))
+    assert loading._reach(inbox, ExitStack()) == ("a session" if is_reached else None)
+    assert len(inbox) == is_reached, "it is told to physics next"
 
 
 # -- snapshots

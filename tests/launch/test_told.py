@@ -53,4 +53,5 @@ def test_ten_figures_are_shown_and_what_is_unusual():
          "bottleneck", "picker_waiting_seconds", "carrier_utilisation", "collisions", "weeds_flattened"), 0)  # fmt: skip
     assert len(main_figures(summary)) == 10
     assert list(main_figures(summary | {"messages_refused": {}, "stopped_seconds": {"picker_01": 3.0}}))[10:] == ["stopped_seconds"]
+    assert next(iter(as_table({"lost_seconds": {}}).columns[1].cells)).startswith("known of a complete harvest only")
     assert list(as_table({"carrier_utilisation": 0.64}).columns[1].cells) == ["64 % of the time, outside the queue"]

@@ -111,6 +111,8 @@ def test_a_program_reads_partial_results(folder, undisturbed):
         (["--vary", "carriers=0..5", "--vary", "dispach=x"], ["--vary carriers=0..5: carriers = 0: must be", "did you mean dispatch?"]),
         (["--goal", "cost_per_bin"], ["--goal cost_per_bin: prices: needs a price"]),
         (["--out", "README.md"], ["README.md: is no store of a study; it stays as it is"]),
+        (["--out", "nodir/"], ["nodir/: a folder; expected a file, such as nodir/studies.db"]),
+        (["--out", "nodir/my.db"], ["nodir/my.db: there is no folder nodir"]),
         (["--within", "3"], ["3: expected a share above 0 and below 1"]),
         (["--confidence", "10%"], ["10%: expected a share from 0.5 to 0.9999"]),
         (["--budget", "soon"], ["soon: expected a time of at least 1 s"]),

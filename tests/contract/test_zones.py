@@ -1,0 +1,41 @@
+"""Zones in front of a laser: that they compare in float32 changes no result."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from orchard.contract.zone import Zone, beams, in_zone, spans
+from orchard.field.kinds import AROUND, KINDS
+
+LASERS = [AROUND, KINDS["picker"].laser]
+METRES = st.floats(-12.0, 12.0)
+
+
+@st.composite
+def zones(draw) -> Zone:
+    (west, east), (south, north) = (sorted((draw(METRES), draw(METRES))) for _ in range(2))
+    return Zone(west, east, south, north)
+
+
+def exact(laser, zone: Zone) -> tuple[np.ndarray, np.ndarray]:
+    """The ranges between which each beam is in a zone, float64: along each axis by itself, where the beam is not across it."""
+    enter, leave = np.zeros(laser.beams), np.full(laser.beams, np.inf)
+    for direction, least, most in zip(beams(laser), (zone.x_min, zone.y_min), (zone.x_max, zone.y_max), strict=True):
+        for k, slope in enumerate(direction.tolist()):
+            ends = sorted((least / slope, most / slope)) if abs(slope) >= 1e-12 else (-np.inf, np.inf if least <= 0.0 <= most else -np.inf)
+            enter[k], leave[k] = max(enter[k], ends[0]), min(leave[k], ends[1])
+    return enter, leave
+
+
+@given(st.sampled_from(LASERS), zones(), st.data())
+def test_a_return_is_in_a_zone_as_if_it_were_compared_exactly(laser, zone, data):
+    """At the very ranges where a beam enters and leaves, and their neighbours, too."""
+    enter, leave = exact(laser, zone)
+    some = data.draw(arrays(np.float32, laser.beams, elements=st.floats(0.0, 11.0, width=32)))
+    for edge in (enter, leave):
+        with np.errstate(over="ignore"):
+            near = edge.astype(np.float32)
+        for scan in (some, near, np.nextafter(near, np.float32(np.inf)), np.nextafter(near, np.float32(-np.inf))):
+            assert np.array_equal(in_zone(scan, laser, zone), (scan >= enter) & (scan < leave))
+    assert spans(laser, zone).dtype == np.float32

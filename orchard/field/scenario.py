@@ -281,11 +281,12 @@ def check(values: Any, source: str = "scenario", lines: Lines | None = None, kno
     """Return the scenario with these values. Raises a `ScenarioError` with all problems, including those in `known`."""
     if not isinstance(values, Mapping | BaseModel):
         raise ScenarioError([*(known or []), Problem(source, f"must be a map of keys and values, and not {show(values)}")])
-    plain = _plain(values)
-    problems = list(known or []) + [problem_of(error, Scenario, source, lines or {}) for error in _errors(plain)]
+    errors, right = _errors(_plain(values))
+    problems = list(known or []) + [problem_of(error, Scenario, source, lines or {}) for error in errors]
+    scenario = Scenario.model_validate(right)
     if problems:
-        raise ScenarioError(problems)
-    return Scenario.model_validate(plain)
+        raise ScenarioError(problems, scenario)
+    return scenario
 
 
 def _plain(values: Any, levels: int = 3) -> Any:
@@ -297,16 +298,19 @@ def _plain(values: Any, levels: int = 3) -> Any:
     return {key_text(key): _plain(value, levels - 1) for key, value in values.items()}
 
 
-def _errors(values: dict[str, Any]) -> list[dict[str, Any]]:
-    """Find all errors. Pydantic checks a rule about several fields only if each field is valid, and ends at the first broken rule. So the
-    fields of all errors are set to their defaults, which break no rule, and all is checked again, until every rule has been checked."""
+def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Return all errors, and the values without the fields of these errors.
+
+    Pydantic checks a rule about several fields only if each field is valid, and ends at the first broken rule. So the fields of all
+    errors are set to their defaults, which break no rule, and all is checked again, until every rule has been checked.
+    """
     found: list[dict[str, Any]] = []
     wrong: set[tuple[str, ...]] = set()
     while errors := _failures(values):
         found += [error for error in errors if wrong.isdisjoint(error["fields"])]
         paths = {path for error in errors for field in error["fields"] for path in _with_defaults(field)}
         wrong, values = wrong | paths, _without(values, paths)
-    return found
+    return found, values
 
 
 def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:

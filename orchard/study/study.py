@@ -14,10 +14,11 @@ from orchard.folders import runs_folder
 from orchard.report.losses import lost_seconds
 from orchard.study.answer import sentence
 from orchard.study.confirmation import Confirmation
+from orchard.study.own_source import own_classes
 from orchard.study.racing import LOOKS, Race, StoppedBy
 from orchard.study.replications import Replications
 from orchard.study.result import Check, Comparison, Goal, Model, Row, StudyResult
-from orchard.study.runs import Horizon, RunRecord, own_classes, software
+from orchard.study.runs import Horizon, RunRecord, software
 from orchard.study.settings import Setting, settings_of
 from orchard.study.statistics import interval
 from orchard.study.store import Store

@@ -17,8 +17,9 @@ from orchard.app.study_run import Studies
 from orchard.app.views import ProgressView, Stage
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import LARGEST_FILE, Scenario, parse, to_yaml
+from orchard.field.scenario import Scenario, parse, to_yaml
 from orchard.field.shipped import DEFAULT, shipped
+from orchard.field.yaml_file import LARGEST_FILE
 
 STYLE = Path(__file__).with_name("style.css")
 REDRAW_SECONDS = 0.1  # s between two checks for changed input

@@ -68,7 +68,7 @@ class Drawn(NamedTuple):
     until: int  # tick
     start: int  # body
     end: int  # body
-    look: palette.Line
+    look: palette.Arc
 
 
 class Talk:

@@ -57,7 +57,7 @@ class LocalMail:
                 mail.setdefault(to, Mail()).requests.append(Heard(sender, tick - 1, number, request))
         for heard_by_one in mail.values():
             heard_by_one.requests = in_hearing_order(heard_by_one.requests)
-        # with the agent that answers in the key, no agent can answer in another's place
+        # the key names the agent that answers, so no other agent can answer for it
         answered = {(name, to, at, number): body for name, letters in last for to, at, number, body in letters.answers}
         for sender, letters in self.written.get(tick - 2, {}).items():
             if letters.requests:

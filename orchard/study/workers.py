@@ -101,7 +101,7 @@ def _exit_after(alive: Connection) -> None:
 
 
 class Scheduler:
-    """The workers of a dask.distributed scheduler, which replaces those that die. Each has this software, and the user's own modules."""
+    """The workers of a dask.distributed scheduler, which replaces those that die. Each must have this software, and the user's modules."""
 
     def __init__(self, address: str) -> None:
         """Raises WorkersError if no scheduler answers there, it has no workers, or their clocks are wrong."""

@@ -82,7 +82,7 @@ class Talk:
         self._said: dict[tuple[str, str, str, str], int] = {}  # message -> tick in which it was last sent
 
     def is_news(self, tick: int, event: Event) -> bool:
-        """Return whether an event did not occur in the last 30 s: agents repeat a request until it is answered."""
+        """Return whether an event is new: the same one did not occur in the last 30 s. Agents repeat a request until it is answered."""
         if len(self._said) >= MOST_SAID:
             self._said = {}
         said = event.what, event.who, event.whom, event.detail

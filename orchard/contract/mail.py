@@ -1,4 +1,4 @@
-"""Mail between agents. It is repeatable because a tick is a superstep.
+"""Mail between agents. It is repeatable: what is sent in a tick is heard only in a later one, in a fixed order.
 
 A request of tick k is heard in tick k + 1, sorted by kind, sender and number. It is answered in that tick or never. The sender receives
 the reply in tick k + 2, with an answer or without. Physics does not interpret mail.

@@ -21,7 +21,7 @@ from orchard.launch.terminal import FAILED, FINISHED, console, exit_on_errors, p
 from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
 from orchard.study.settings import Varied, varied_of
-from orchard.study.store import StoreError
+from orchard.study.store import StoreError, fault_of
 from orchard.study.study import StudyOptions, checked_settings, study
 from orchard.study.table import as_table, save_csv
 from orchard.study.workers import WorkersError
@@ -51,8 +51,10 @@ def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
     """Return the scenario, and what varies. Raises ScenarioError with all that is wrong with the options, the file, and both together."""
     varied, problems = varied_of(chosen.vary or [])
     scenario, faults = _read(chosen.scenario)
-    of_settings = checked_settings(scenario, varied, _options(chosen))[1]
-    problems = [*chosen.problems(), *problems, *_unwritable(chosen.files), *(one for one in of_settings if not _may_follow(one, faults))]
+    options = _options(chosen)
+    of_settings = checked_settings(scenario, varied, options)[1]
+    files = [*_unwritable(chosen.files), *_unusable(options.store_file, options.anew)]
+    problems = [*chosen.problems(), *problems, *files, *(one for one in of_settings if not _may_follow(one, faults))]
     if problems or faults:
         raise ScenarioError([*problems, *faults])
     return scenario, varied
@@ -80,6 +82,11 @@ def _unwritable(paths: Iterable[Path]) -> Iterator[Problem]:
         except OSError as error:
             name, _, why = str(error).partition(": ")
             yield Problem(name, why)
+
+
+def _unusable(store: Path, anew: bool) -> Iterator[Problem]:
+    if store.exists() and (fault := fault_of(store, anew)):
+        yield Problem(str(store), fault)
 
 
 def _options(chosen: StudyArguments) -> StudyOptions:

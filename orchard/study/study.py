@@ -47,6 +47,11 @@ class StudyOptions:
     store: Path | None = None  # None: studies.db in the folder of runs
     anew: bool = False  # forget what a store of another version holds
 
+    @property
+    def store_file(self) -> Path:
+        """The file of the store."""
+        return self.store or runs_folder() / STORE
+
 
 def study(
     scenario: Scenario,
@@ -68,7 +73,7 @@ def study(
     settings, problems = checked_settings(scenario, varied, options)
     if problems:
         raise ScenarioError(problems)
-    with Store(options.store or runs_folder() / STORE, options.anew) as store, _workers(options) as workers:
+    with Store(options.store_file, options.anew) as store, _workers(options) as workers:
         return _Study(scenario, varied, settings, options, store, workers, tell, is_stopped).run()
 
 

@@ -141,7 +141,20 @@ def test_faults_of_the_file_the_options_and_the_ranges_are_told_at_once(capsys, 
     from orchard.launch import commands
 
     (tmp_path / "bad.yaml").write_text("rows: 99\nprices: {per_bin: -1}\n")
-    options = ["--goal", "cost_per_bin", "--model", "slow", "--within", "3", "--workers", "0", "--csv", "/no/such/folder/file.csv"]
+    options = [
+        "--goal",
+        "cost_per_bin",
+        "--model",
+        "slow",
+        "--within",
+        "3",
+        "--workers",
+        "0",
+        "--csv",
+        "/no/such/folder/file.csv",
+        "--out",
+        "README.md",
+    ]
     varied = ["--vary", "carriers=0..5", "--vary", "pickers=20"]
     monkeypatch.setattr("sys.argv", ["orchard", "study", str(tmp_path / "bad.yaml"), *varied, *options])
     with pytest.raises(SystemExit) as ended:
@@ -152,6 +165,7 @@ def test_faults_of_the_file_the_options_and_the_ranges_are_told_at_once(capsys, 
         "--model: slow: expecte",
         "--workers: 0: expected",
         "/no/such/folder/file.c",
+        "README.md: is no store",
         "--vary carriers=0..5: ",
         "/bad.yaml:1: rows = 99",
         "/bad.yaml:2: prices.pe",

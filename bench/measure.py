@@ -13,7 +13,7 @@ import numpy as np
 from bench import core, floor, peer_simulators, program
 from bench.field import field, growing
 
-REALTIME_SECONDS = 60
+REALTIME_SECONDS = 60  # of a realtime run
 ROBOTS = (10, 30, 100, 300, 1000)
 SECONDS = 3.0  # of measurement for one figure
 FLOOR_SECONDS = 2.0

@@ -44,8 +44,8 @@ QUALITY = 60  # of WebP, up to 100
 def record(path: Path, seconds: float) -> None:
     """Harvest for a while. `seconds`: simulated."""
     recorder = Recorder(lay_out(SCENARIO), "8 rows, 4 pickers", path)
-    wish = RunRequest(HarvestOptions(mode="local", duration=seconds), SCENARIO, path, path.with_suffix(""))
-    run(wish, recorder.tick, lambda *_: None)
+    request = RunRequest(HarvestOptions(mode="local", duration=seconds), SCENARIO, path, path.with_suffix(""))
+    run(request, recorder.tick, lambda *_: None)
     recorder.close()
 
 

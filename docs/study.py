@@ -136,14 +136,16 @@ has a button that sets the form to it: run it, and watch it.
 
 Each run is kept in a store, the file `studies.db` beside the recordings (`--out` names another one). What is there is never run
 again. After Ctrl-C, or a power cut, the same command goes on from there and comes to the same table. A store of another version of
-the program is named, and kept until you say `--anew`.
+the program is named, and kept until you say `--anew`. If you change a policy of your own, or a file of yours that it imports, its runs
+are done again. Other files that it reads, such as a table of data, are not looked at: after a change there, name another store.
 
 ## Many machines
 
 `--workers` sets the number of processes here, one for each core if you leave it out. A study can also give its runs to a scheduler of
 [Dask](https://distributed.dask.org): start `dask scheduler` on one machine and `dask worker tcp://192.168.1.10:8786 --nthreads 1` on
-each, all with the same version of the Orchard, and add `--scheduler tcp://192.168.1.10:8786`. The table is the same whatever the
-workers and their order. A worker that dies loses nothing.
+each, all with the same version of the Orchard, and add `--scheduler tcp://192.168.1.10:8786`. The clocks of the machines must agree
+within 2 s: this is checked when the study begins. The table is the same whatever the workers and their order. A worker that dies loses
+nothing.
 
 ## In Python
 

@@ -39,7 +39,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(autouse=True)
 def invariants_hold(monkeypatch):
-    """Whoever runs an engine in this process: the first tick after which an invariant is broken fails the test."""
+    """For all engines that run in this process: the first tick after which an invariant is broken fails the test."""
     account = Engine.account
 
     def account_and_look(self):

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import msgpack
 
-from docs.keyspace import EXAMPLES
+from docs.message_examples import EXAMPLES
 from orchard.agents.catalogue import make_agents
 from orchard.contract.messages import MAX_PAYLOAD, pack
 from orchard.net.bus import Alive, Final, Inbox, Query, Replied, Sample

@@ -1,4 +1,4 @@
-"""A secured run for tests, and those who come to it: sessions with one role's certificate each, which try this and that."""
+"""A secured run for tests, and sessions that join it, each with the certificate of one role, which try this and that."""
 
 import time
 from contextlib import ExitStack
@@ -68,7 +68,7 @@ class Somebody:
         return read(self.wait(Sample, lambda sample: sample.key == KEYS.of("pose", name)).payload, Odometry)
 
     def sees_it_move(self, name: str, driving) -> Odometry:
-        """The first pose of a robot that is not the next one, while somebody drives."""
+        """The first pose of a robot that is not the next one, while a session drives it."""
         deadline, first = time.monotonic() + SECONDS, self.pose(name)
         while (pose := self.pose(name)).pose == first.pose:
             assert time.monotonic() < deadline, f"{name} does not move"
@@ -77,7 +77,7 @@ class Somebody:
 
 
 class Farm:
-    """A secured run, of which nobody holds an agent, and those who come to it."""
+    """A secured run in which no session holds an agent, and the sessions that join it."""
 
     def __init__(self, folder: Path, endpoint: str, run: str, stack: ExitStack) -> None:
         self.keyring, self.endpoint, self.run, self._stack = Keyring.load(folder), endpoint, run, stack

@@ -90,7 +90,7 @@ class Process:
     def kill(self) -> None:
         if self._popen.poll() is None:
             self._popen.kill()
-        with suppress(ValueError):  # somebody else reads what it prints
+        with suppress(ValueError):  # another thread reads what it prints
             self._popen.communicate()
 
 
@@ -152,7 +152,7 @@ class Fleet:
 
 
 class Client:
-    """Someone who has only Zenoh, msgpack and keyspace.md."""
+    """A client that has only Zenoh, msgpack and keyspace.md."""
 
     def __init__(self, session: zenoh.Session, run: str) -> None:
         self.session, self.run, self.keys = session, run, Keys()

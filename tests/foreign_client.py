@@ -1,4 +1,4 @@
-"""What anybody can write who has read only keyspace.md: zenoh and msgpack, and nothing of this program.
+"""A client as one can write it from keyspace.md alone: zenoh and msgpack, and nothing of this program.
 
     python foreign_client.py ENDPOINT NAME
 

@@ -15,7 +15,7 @@ def meadow(**changes) -> Stage:
 
 
 def one_guest(kind: str, x: float, y: float, heading: str = "EAST") -> Stage:
-    """An orchard with nobody about but one worker, visitor, dog or cat, and nobody working."""
+    """An orchard with one worker, visitor, dog or cat, no other person or animal, and no robot at work."""
     people = People(workers=int(kind == "worker"), visitors=int(kind == "visitor"))
     animals = Animals(dogs=int(kind == "dog"), cats=int(kind == "cat"))
     stage = meadow(people=people, animals=animals)

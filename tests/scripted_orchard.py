@@ -21,7 +21,7 @@ WAIT = 25.0  # s that a picker waits at the end of a row
 
 
 def acted_layout(**scenario: object) -> Layout:
-    """A layout with its guests, also while nobody places them yet."""
+    """A layout with its guests, also while no code places them yet."""
     layout = lay_out(Scenario(**scenario))
     if any(start.kind == "worker" for start in layout.starts):
         return layout

@@ -39,7 +39,7 @@ class RobotMemory(msgspec.Struct):
     sighted: dict[str, Sighting] = {}  # person or animal -> its reported position
     asked: dict[str, int] = {}  # question -> tick at which the present step last asked it
     left: str = ""  # the bin that it has found left in its lane
-    place: Estimate | None = None  # where it takes itself to be, if its receiver is not exact
+    place: Estimate | None = None  # its estimate of its own pose; None if its receiver is exact
 
 
 class Gate(msgspec.Struct, frozen=True, omit_defaults=True):

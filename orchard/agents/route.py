@@ -117,7 +117,7 @@ class OneWay:
     # -- what plans, bounds and dispatch ask for
 
     def side(self, count: int, start: End = "west") -> Side:
-        """The side at which a picker's row number `count` (from 0, in its order) ends, if it starts at this end of its first row."""
+        """Return the side at which a picker leaves its row number `count`, from 0 in its order. `start`: where it begins its first row."""
         return self.east if (count % 2 == 0) == (start == "west") else self.west
 
     def harvest(self, block: Block) -> list[Step]:

@@ -312,7 +312,7 @@ class FetchEmpty(Coupling, frozen=True):
 
 
 class MayFail(Step, frozen=True):
-    """For pickers, before the drive along a row: fail on the way, where so much was picked as is drawn, and go on once repaired."""
+    """Decide, before a picker drives along a row, whether it fails on the way: after the drawn time of picking. Then add its repair."""
 
     seed: int
     mean_between: float  #: s of picking

@@ -19,11 +19,11 @@ except ModuleNotFoundError as missing:
     raise SystemExit(2) from None
 
 from orchard.app.desks import Desks
+from orchard.app.harvest_run import Harvests, Run
 from orchard.app.link import draft_of
 from orchard.app.own_address import only_own_address
 from orchard.app.page import Page, complain
-from orchard.app.runner import Runner
-from orchard.app.study_run import Studies
+from orchard.app.study_run import Studies, StudyRun
 from orchard.folders import runs_folder
 
 ICON = "🥝"
@@ -38,23 +38,23 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--runs", type=Path, default=runs_folder(), metavar="DIRECTORY", help="directory of recordings and summaries")
     parser.add_argument("--quiet", action="store_true", help="do not open a browser")
     arguments = parser.parse_args(argv)
-    host, port, runner = arguments.host, arguments.port, Runner(arguments.runs)
+    host, port = arguments.host, arguments.port
     if problem := _problem(host, port):
         print(problem, file=sys.stderr)
         return 2
-    desks, studies = Desks(), Studies(arguments.runs)
+    desks, runs, studies = Desks(), Harvests(arguments.runs, "harvest", Run), Studies(arguments.runs, "study", StudyRun)
 
     def page() -> None:
         desk, query = desks.of(app.storage.browser["id"]), ui.context.client.request.query_params.multi_items()
         desk.draft, unknown = draft_of(query) if query else (desk.draft, [])
         if query:
             ui.navigate.history.replace("/")  # or a reload would bring the link's scenario back
-        Page(runner, studies, desk)
+        Page(runs, studies, desk)
         if unknown:
             complain("Not all of the link was understood", unknown)
 
     only_own_address(app, host)
-    app.on_shutdown(runner.close)
+    app.on_shutdown(runs.close)
     app.on_shutdown(studies.close)
     print(f"The page is at http://{host}:{port}  (Ctrl-C stops the server)", flush=True)
     with contextlib.suppress(KeyboardInterrupt):

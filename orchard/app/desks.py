@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from orchard.app.draft import Draft
 from orchard.app.run_controls import RunSettings
+from orchard.app.study_run import StudySettings
 from orchard.field.scenario import Scenario
 
 MOST = 200  # browsers
@@ -15,6 +16,7 @@ class Desk:
 
     draft: Draft = field(default_factory=lambda: Draft(Scenario()))
     settings: RunSettings | None = None  # None: as they are at first
+    study: StudySettings = field(default_factory=StudySettings)
     dark: bool | None = None  # None: as the browser prefers
 
 

@@ -13,9 +13,10 @@ def heading(level: int, words: str = "") -> ui.label:
 
 
 def table(lines: Iterable[Sequence[str]], head: Sequence[str] = (), act: Callable[[int], Any] | None = None) -> None:
-    """Add a table. The first cell of each line is the line's name; `head`: the names of the columns, '' above those of the lines.
+    """Add a table. The first cell of each line is the line's name. `head`: the names of the columns; the first one may be ''.
 
-    `act`: adds what one can do with a line, by its number, in a cell before its name."""
+    `act(number)` adds buttons for a line, in a cell before its name.
+    """
     with ui.element("table"):
         if head:
             with ui.element("tr"):

@@ -8,17 +8,18 @@ from nicegui import events, run, ui
 from orchard.app.desks import Desk
 from orchard.app.elements import heading
 from orchard.app.form import Form
+from orchard.app.harvest_run import Harvests, RunReport
 from orchard.app.link import query_of
 from orchard.app.own_classes import from_elsewhere, may_run, own_classes
 from orchard.app.preview import FiguresView
 from orchard.app.run_controls import RunControls
-from orchard.app.runner import Run, Runner, RunReport
 from orchard.app.study_run import Studies
 from orchard.app.views import ProgressView, Stage
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import LARGEST_FILE, Scenario, parse, to_yaml
+from orchard.field.scenario import Scenario, parse, to_yaml
 from orchard.field.shipped import DEFAULT, shipped
+from orchard.field.yaml_file import LARGEST_FILE
 
 STYLE = Path(__file__).with_name("style.css")
 REDRAW_SECONDS = 0.1  # s between two checks for changed input
@@ -28,8 +29,8 @@ WATCH_SECONDS = 0.3  # s between two updates of the run
 class Page:
     """A page in one browser. All pages share one run and one study; those of one browser begin with what was entered there last."""
 
-    def __init__(self, runner: Runner, studies: Studies, desk: Desk) -> None:
-        self.runner, self.studies, self.desk, self.draft = runner, studies, desk, desk.draft.copy()
+    def __init__(self, runs: Harvests, studies: Studies, desk: Desk) -> None:
+        self.runs, self.studies, self.desk, self.draft = runs, studies, desk, desk.draft.copy()
         self._changed = True
         self._seen: RunReport | None = None  # the report on the stage
         self._build()
@@ -52,7 +53,7 @@ class Page:
             with ui.element("section").classes("form").props('aria-label="Settings of the orchard"'):
                 self.form = Form(self._set, self._drop_classes)
             with ui.element("div").classes("middle"):
-                self.stage = Stage(self.runner.folder, self.studies, lambda: self.draft.scenario, self._offer)
+                self.stage = Stage(self.runs.folder, self.studies, self.desk, lambda: self.draft.scenario, self._offer)
                 with ui.element("section").classes("figures").props('aria-label="Figures before the run"'):
                     self.figures = FiguresView()
 
@@ -152,14 +153,13 @@ class Page:
         if self.draft.scenario is None:
             return
         try:
-            self.runner.start(self.draft.scenario, self.wishes.settings)
+            self.runs.start(self.draft.scenario, self.wishes.settings)
         except (OSError, RuntimeError, ValueError) as error:
             complain("The harvest was not started", [str(error)])
         self._watch()
 
     def _stop(self) -> None:
-        if self.runner.run is not None:
-            self.runner.run.stop()
+        self.runs.stop()
         self._watch()
 
     # -- updates
@@ -170,7 +170,7 @@ class Page:
             return
         self._changed = False
         self.desk.draft, self.desk.settings = self.draft, self.wishes.settings
-        self.form.follow(self.draft, self.going.scenario if self.going else None)
+        self.form.follow(self.draft, going.scenario if (going := self.runs.going) else None)
         self._update_buttons()
         if (scenario := self.draft.scenario) is None:
             self.stage.plan.fade()
@@ -185,7 +185,7 @@ class Page:
         wrong = len(self.draft.problems) + len(self.wishes.settings.problems)
         self.trouble.set_text(f"{wrong} field{'s have' if wrong > 1 else ' has'} an invalid value")
         self.trouble.set_visibility(wrong > 0)
-        going = self.going
+        going = self.runs.going
         self.wishes.lock(going is not None)
         self.start_button.set_visibility(going is None)
         self.start_button.set_enabled(not wrong)
@@ -194,17 +194,12 @@ class Page:
         for button in (self._save, self._link):
             button.set_enabled(self.draft.scenario is not None)
 
-    @property
-    def going(self) -> Run | None:
-        """The run that has not ended."""
-        return self.runner.run if self.runner.is_busy else None
-
     def _watch(self) -> None:
         """Update the views of the run."""
         self._update_buttons()
-        if self.runner.run is None:
+        if self.runs.command is None:
             return
-        now, before = self.runner.run.report(), self._seen
+        now, before = self.runs.command.report(), self._seen
         if before is None or before.run is not now.run or now.is_over != before.is_over:
             self.stage.turn_to_run(now)
             self._mark()  # the marks in the form

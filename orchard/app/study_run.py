@@ -4,14 +4,14 @@ import contextlib
 import sys
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import msgspec
 
 from orchard.app.command import PageCommand
 from orchard.app.draft import hint, number_of, shown
+from orchard.app.harvest_run import RunState
+from orchard.app.latest import Latest
 from orchard.app.run_controls import Files
-from orchard.app.runner import RunState, fresh_files
 from orchard.field.queue import MOST_CARRIERS
 from orchard.field.scenario import Scenario, to_yaml
 from orchard.study.result import Goal, StudyResult
@@ -106,23 +106,4 @@ class StudyRun(PageCommand):
         return RunState.stopped if self.asked_to_stop else RunState.failed
 
 
-class Studies:
-    """Holds the current study, or the last one. All pages share it. `folder`: of the runs."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.study: StudyRun | None = None
-
-    @property
-    def is_busy(self) -> bool:
-        return self.study is not None and not self.study.is_over
-
-    def start(self, scenario: Scenario, settings: StudySettings) -> None:
-        """Start a study. Raises OSError if its files cannot be written, or RuntimeError while another study is in progress."""
-        if self.is_busy:
-            raise RuntimeError("another study is in progress; stop it first")
-        self.study = StudyRun(scenario, settings, fresh_files(self.folder, "study"))
-
-    def close(self) -> None:
-        if self.study is not None:
-            self.study.close()
+Studies = Latest[StudyRun, StudySettings]

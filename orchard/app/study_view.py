@@ -5,9 +5,10 @@ from typing import Any
 
 from nicegui import run, ui
 
+from orchard.app.desks import Desk
 from orchard.app.elements import heading, table
+from orchard.app.harvest_run import STATE_COLOURS
 from orchard.app.own_classes import CHOICES
-from orchard.app.runner import STATE_COLOURS
 from orchard.app.study_run import GOALS, Studies, StudyRun, StudySettings, lacks_prices
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.study.answer import sentence
@@ -27,9 +28,12 @@ LAST_WORDS = 12  # lines of a study that failed
 class StudyView:
     """The fields, Start and Stop, and what the study has found. All pages share one study at a time."""
 
-    def __init__(self, studies: Studies, drafted: Callable[[], Scenario | None], take: Take) -> None:
-        """`drafted`: gives the form's scenario, None if it is invalid. `take`: sets the form to a scenario; it is given its name, too."""
-        self._studies, self._drafted, self._take = studies, drafted, take
+    def __init__(self, studies: Studies, desk: Desk, drafted: Callable[[], Scenario | None], take: Take) -> None:
+        """`desk`: keeps what is entered. `drafted`: gives the form's scenario, None if it is invalid.
+
+        `take`: sets the form to a scenario; it is given its name, too.
+        """
+        self._studies, self._desk, self._drafted, self._take = studies, desk, drafted, take
         self._shown: tuple[StudyRun, StudyResult | None, bool] | None = None
         with ui.element("div").props("data-view=study"):
             ui.label(HINT).classes("study-hint")
@@ -56,16 +60,16 @@ class StudyView:
     # -- the fields
 
     def _build_fields(self) -> None:
-        first = StudySettings()
-        self._first = self._text("Carriers from", "study-first", first.first)
-        self._last = self._text("to", "study-last", first.last)
-        self._dispatch = self._choice("Dispatch policies", "study-dispatch", CHOICES["dispatch"])
-        self._route = self._choice("Routes", "study-route", CHOICES["route"])
+        last = self._desk.study
+        self._first = self._text("Carriers from", "study-first", last.first)
+        self._last = self._text("to", "study-last", last.last)
+        self._dispatch = self._choice("Dispatch policies", "study-dispatch", CHOICES["dispatch"], last.dispatch)
+        self._route = self._choice("Routes", "study-route", CHOICES["route"], last.route)
         with self._labelled("Goal"):
-            self._goal: Any = ui.select(dict(GOALS), value=first.goal, on_change=self._entered)
+            self._goal: Any = ui.select(dict(GOALS), value=last.goal, on_change=self._entered)
             self._goal.props('dense outlined options-dense data-field=study-goal aria-label="Goal"')
-        self._budget = self._text("Time to take, s", "study-budget", first.budget)
-        self._is_checked = ui.switch("Check the best two with the simulator", value=first.is_checked, on_change=self._entered)
+        self._budget = self._text("Time to take, s", "study-budget", last.budget)
+        self._is_checked = ui.switch("Check the best two with the simulator", value=last.is_checked, on_change=self._entered)
         self._is_checked.props("dense data-field=study-check")
 
     def _labelled(self, name: str) -> ui.element:
@@ -81,10 +85,10 @@ class StudyView:
                 f'dense outlined autocomplete=off inputmode=decimal input-class=figure data-field={path} aria-label="{label}"'
             )
 
-    def _choice(self, name: str, path: str, choices: list[str]) -> Any:
+    def _choice(self, name: str, path: str, choices: list[str], last: tuple[str, ...]) -> Any:
         """Several of some names. None of them: as in the form."""
         with self._labelled(name):
-            chosen = ui.select(choices, value=[], multiple=True, on_change=self._entered).classes("study-choice")
+            chosen = ui.select(choices, value=list(last), multiple=True, on_change=self._entered).classes("study-choice")
             return chosen.props(f'dense outlined options-dense display-value-html=false data-field={path} aria-label="{name}"')
 
     @property
@@ -103,9 +107,10 @@ class StudyView:
     # -- user actions
 
     def _entered(self) -> None:
-        """Show what is wrong."""
+        """Keep what is entered, for a reload of the page, and show what is wrong with it."""
+        self._desk.study = settings = self.settings
         names = {"first": "Carriers from", "last": "Carriers to", "budget": "Time to take"}
-        told = [f"{names[name]}: {problem}" for name, problem in self.settings.problems.items()]
+        told = [f"{names[name]}: {problem}" for name, problem in settings.problems.items()]
         self._trouble.set_text("; ".join(told))
         self._trouble.set_visibility(bool(told))
         self._start_button.set_enabled(not told)
@@ -118,21 +123,20 @@ class StudyView:
         if scenario is not None and not why:
             try:
                 self._studies.start(scenario, self.settings)
-            except (OSError, RuntimeError) as error:
+            except (OSError, RuntimeError, ValueError) as error:
                 why = f"The study was not started: {error}"
         self._trouble.set_text(why)
         self._trouble.set_visibility(bool(why))
         self._update_buttons()
 
     def _stop(self) -> None:
-        if self._studies.study is not None:
-            self._studies.study.stop()
+        self._studies.stop()
         self._update_buttons()
 
     def _download(self) -> None:
         from orchard.study.report import document  # its packages are an extra
 
-        if self._studies.study is not None and (result := self._studies.study.result) is not None:
+        if (study := self._studies.command) is not None and (result := study.result) is not None:
             ui.download.content(document(result), "study.html", "text/html")
 
     async def _use(self, result: StudyResult, number: int) -> None:
@@ -142,8 +146,7 @@ class StudyView:
     # -- updates
 
     def _update_buttons(self) -> None:
-        study = self._studies.study
-        busy = study is not None and not study.is_over
+        study, busy = self._studies.command, self._studies.going is not None
         self._fields.props(add="inert" if busy else "", remove="" if busy else "inert")
         self._start_button.set_visibility(not busy)
         self._stop_button.set_visibility(busy)
@@ -157,7 +160,7 @@ class StudyView:
     async def _watch(self) -> None:
         """Show what is new of the study. Whether it is over is read first: if it is, the result is the last one."""
         self._update_buttons()
-        if (study := self._studies.study) is None:
+        if (study := self._studies.command) is None:
             return
         is_over, result = study.is_over, study.result
         if self._shown == (study, result, is_over):

@@ -8,10 +8,11 @@ from typing import Any, TypeVar
 from nicegui import ui
 
 from orchard.app.charts import Charts
+from orchard.app.desks import Desk
 from orchard.app.draft import title_of
 from orchard.app.elements import heading, table
+from orchard.app.harvest_run import STATE_COLOURS, Run, RunReport, RunState
 from orchard.app.preview import PlanView
-from orchard.app.runner import STATE_COLOURS, Run, RunReport, RunState
 from orchard.app.runs_view import RunsView
 from orchard.app.study_run import Studies
 from orchard.app.study_view import StudyView, Take
@@ -179,8 +180,11 @@ View = TypeVar("View")
 class Stage:
     """The large part of the page. All views stay loaded; one is visible."""
 
-    def __init__(self, folder: Path, studies: Studies, drafted: Callable[[], Scenario | None], take: Take) -> None:
-        """`folder`: of the runs. `drafted`: gives the form's scenario. `take`: sets the form to one of a past run or a study."""
+    def __init__(self, folder: Path, studies: Studies, desk: Desk, drafted: Callable[[], Scenario | None], take: Take) -> None:
+        """`folder`: of the runs. `desk`: keeps what is entered for a study. `drafted`: gives the form's scenario.
+
+        `take`: sets the form to the scenario of a past run or a study.
+        """
         with ui.element("section").classes("stage").props('aria-label="Plan, picture and results"'):
             self._choice = ui.toggle(VIEWS, value="Plan", on_change=self._turned).classes("stage-choice")
             self._choice.props("dense no-caps unelevated data-field=stage")
@@ -189,7 +193,7 @@ class Stage:
             self._summary = self._panel("Summary", SummaryView)
             self._messages = self._panel("Messages", MessagesView)
             self._past = self._panel("Runs", lambda: RunsView(folder, take))
-            self._panel("Study", lambda: StudyView(studies, drafted, take))
+            self._panel("Study", lambda: StudyView(studies, desk, drafted, take))
 
     def _panel(self, name: str, build: Callable[[], View]) -> View:
         with ui.element("div").classes("panel") as panel:

@@ -1,4 +1,4 @@
-"""Mail between agents. It is repeatable because a tick is a superstep.
+"""Mail between agents. It is repeatable: what is sent in a tick is heard only in a later one, in a fixed order.
 
 A request of tick k is heard in tick k + 1, sorted by kind, sender and number. It is answered in that tick or never. The sender receives
 the reply in tick k + 2, with an answer or without. Physics does not interpret mail.
@@ -57,7 +57,7 @@ class LocalMail:
                 mail.setdefault(to, Mail()).requests.append(Heard(sender, tick - 1, number, request))
         for heard_by_one in mail.values():
             heard_by_one.requests = in_hearing_order(heard_by_one.requests)
-        # with the agent that answers in the key, no agent can answer in another's place
+        # the key names the agent that answers, so no other agent can answer for it
         answered = {(name, to, at, number): body for name, letters in last for to, at, number, body in letters.answers}
         for sender, letters in self.written.get(tick - 2, {}).items():
             if letters.requests:

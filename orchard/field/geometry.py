@@ -9,7 +9,7 @@ import numpy as np
 
 from orchard.field import repeatable
 
-EAST = 0.0
+EAST = 0.0  # rad, as the next three: headings in the frame `map`, counter-clockwise
 NORTH = repeatable.QUARTER
 WEST = repeatable.PI
 SOUTH = -repeatable.QUARTER

@@ -22,12 +22,14 @@ from orchard.field.rows import Block, rows_to_pickers
 from orchard.field.scenario import Scenario
 from orchard.field.survey import TRUNK, Survey, SurveyedRow
 
-KEPT_LAYOUTS = 8
-X_WEST, X_EAST = -50.0, 50.0  # the fences' centre lines; the eastern one with rows of the usual length
-TOP = 34.0  # the top fence's centre line
+KEPT_LAYOUTS = 8  # in the cache
+
+# metres, in the frame `map`
+X_WEST, X_EAST = -50.0, 50.0  # x of the fences' centre lines; the eastern one with rows of the usual length
+TOP = 34.0  # y of the top fence's centre line
 FENCE_THICKNESS = 1.0
 FENCE_HEIGHT = 2.5
-TREE_TOP_LINE = 13.5
+TREE_TOP_LINE = 13.5  # y of the northernmost line of trees
 FIRST_TREE, TREE_PITCH, LAST_TREE = -34.5, 6.0, 3.0  # x of the first; from tree to tree; the last is at least so far from the row's end
 BELOW_ROWS = 21.0  # m from the last tree line to the bottom fence's centre line
 ROW_WEST = -35.5  # x of the west end of the picked part of a row

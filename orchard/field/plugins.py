@@ -89,6 +89,11 @@ def place_of_error(error: BaseException) -> str:
     return "".join(f" ({frame.filename}, line {frame.lineno})" for frame in last)
 
 
+def is_own(file: str) -> bool:
+    """Return whether a file of Python is the user's own: neither of this package nor of a library."""
+    return file.endswith(".py") and not file.startswith((_PACKAGE, *_LIBRARIES))
+
+
 def place_of_class(class_: type) -> str:
     """Return the place where a class begins, as ' (FILE, line N)'; '' if it is unknown."""
     try:

@@ -46,10 +46,13 @@ class Problem:
 
 
 class ScenarioError(Exception):
-    """A scenario cannot be used. `problems` holds all its faults in file order; the message names the first MOST_TOLD of them."""
+    """A scenario cannot be used. `problems` holds all its faults in file order; the message names the first MOST_TOLD of them.
 
-    def __init__(self, problems: list[Problem]) -> None:
-        self.problems = sorted(problems, key=lambda problem: problem.line)
+    `rest`: the scenario with the defaults in place of all that is wrong; None if nothing of it can be read.
+    """
+
+    def __init__(self, problems: list[Problem], rest: Any = None) -> None:
+        self.problems, self.rest = sorted(problems, key=lambda problem: problem.line), rest
         more = len(problems) - MOST_TOLD
         super().__init__("\n".join([*map(str, self.problems[:MOST_TOLD]), *([f"and {more} more problems"] if more > 0 else [])]))
 

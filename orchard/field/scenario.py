@@ -1,32 +1,29 @@
-"""The scenario: what a user can set, with its limits, and how it is read. Only this module uses YAML."""
+"""The scenario: what a user can set, with its limits, and how its values are checked."""
 
 import json
 import math
-import re
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from functools import reduce
 from pathlib import Path
 from typing import Annotated, Any
 
-import yaml
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from orchard.field.kinds import BODILESS, DISPATCH, KINDS, TRAFFIC, kind_of
-from orchard.field.problems import Lines, Problem, ScenarioError, dotted, key_text, problem_of, show
+from orchard.field.problems import Lines, Problem, ScenarioError, key_text, problem_of, show
 from orchard.field.queue import LONGEST_ROW, MOST_CARRIERS, ONE_WAY, QUEUES, SHORTEST_ROW, USUAL_ROW, lack_of_room
 from orchard.field.section import Section as _Section
 from orchard.field.survey import FEWEST_ROWS, MOST_ROWS, NARROWEST_ROW, ROUNDING, WIDEST_ROW, Survey
+from orchard.field.yaml_file import dump, read, values_of
 
 TICKS_PER_SECOND = 10
 TIME_STEP = 1 / TICKS_PER_SECOND  # s
 MOST_GUESTS = 50  # people together, animals together, weeds
-LARGEST_FILE = 65536  # bytes; a whole scenario needs less than 2,000
 NEAREST, PREDICTIVE, END = "nearest", "predictive", "end"
 DISPATCH_POLICIES = (NEAREST, "farthest-first", "longest-waiting", PREDICTIVE, "predictive-farthest", "assignment")  # the built-in ones
 ROW_RULES = BALANCED, BALANCED_ENDS, MANUAL = "balanced", "balanced-ends", "manual"  # the built-in rules for rows
 RESERVED = (*BODILESS, "physics", "logger")  # names that a user's agent without a body cannot have
-DEEPEST = 8  # levels in a file; a scenario needs 3
 
 
 def _choice(names: Sequence[str], what: str) -> Any:
@@ -237,12 +234,12 @@ class Scenario(_Section):
 def load(path: str | Path) -> Scenario:
     """Return the scenario in a YAML file. Values that the file leaves out keep their defaults. Raises `ScenarioError`."""
     source = key_text(str(path))
-    return parse(_read(path, source), source)
+    return parse(read(path, source), source)
 
 
 def parse(text: str, source: str = "scenario") -> Scenario:
     """Return the scenario in a YAML text. `source` names the text in errors. Raises `ScenarioError`."""
-    values, lines, repeated = _parse(text, source)
+    values, lines, repeated = values_of(text, source)
     return check({} if values is None else values, source, lines, repeated)
 
 
@@ -260,12 +257,12 @@ def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
 
 def to_yaml(scenario: Scenario) -> str:
     """Return all values of a scenario as YAML. `parse` reads it back to an equal scenario."""
-    return yaml.safe_dump(scenario.model_dump(), sort_keys=False)
+    return dump(scenario.model_dump())
 
 
 def to_short_yaml(scenario: Scenario) -> str:
     """Return the values of a scenario that differ from their defaults as YAML, a line for each surveyed row."""
-    return yaml.safe_dump(scenario.model_dump(exclude_defaults=True), sort_keys=False, default_flow_style=None, width=200)
+    return dump(scenario.model_dump(exclude_defaults=True), default_flow_style=None, width=200)
 
 
 def schema_text() -> str:
@@ -281,11 +278,12 @@ def check(values: Any, source: str = "scenario", lines: Lines | None = None, kno
     """Return the scenario with these values. Raises a `ScenarioError` with all problems, including those in `known`."""
     if not isinstance(values, Mapping | BaseModel):
         raise ScenarioError([*(known or []), Problem(source, f"must be a map of keys and values, and not {show(values)}")])
-    plain = _plain(values)
-    problems = list(known or []) + [problem_of(error, Scenario, source, lines or {}) for error in _errors(plain)]
+    errors, right = _errors(_plain(values))
+    problems = list(known or []) + [problem_of(error, Scenario, source, lines or {}) for error in errors]
+    scenario = Scenario.model_validate(right)
     if problems:
-        raise ScenarioError(problems)
-    return Scenario.model_validate(plain)
+        raise ScenarioError(problems, scenario)
+    return scenario
 
 
 def _plain(values: Any, levels: int = 3) -> Any:
@@ -297,16 +295,19 @@ def _plain(values: Any, levels: int = 3) -> Any:
     return {key_text(key): _plain(value, levels - 1) for key, value in values.items()}
 
 
-def _errors(values: dict[str, Any]) -> list[dict[str, Any]]:
-    """Find all errors. Pydantic checks a rule about several fields only if each field is valid, and ends at the first broken rule. So the
-    fields of all errors are set to their defaults, which break no rule, and all is checked again, until every rule has been checked."""
+def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Return all errors, and the values without the fields of these errors.
+
+    Pydantic checks a rule about several fields only if each field is valid, and ends at the first broken rule. So the fields of all
+    errors are set to their defaults, which break no rule, and all is checked again, until every rule has been checked.
+    """
     found: list[dict[str, Any]] = []
     wrong: set[tuple[str, ...]] = set()
     while errors := _failures(values):
         found += [error for error in errors if wrong.isdisjoint(error["fields"])]
         paths = {path for error in errors for field in error["fields"] for path in _with_defaults(field)}
         wrong, values = wrong | paths, _without(values, paths)
-    return found
+    return found, values
 
 
 def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:
@@ -347,91 +348,3 @@ def _merge(values: dict[str, Any], changes: dict[str, Any]) -> None:
             _merge(values[key], change)
         else:
             values[key] = deepcopy(change)
-
-
-# --- file -> values ---
-
-
-def _read(path: str | Path, source: str) -> str:
-    try:
-        with open(path, "rb") as file:
-            content = file.read(LARGEST_FILE + 1)
-    except FileNotFoundError:
-        raise ScenarioError([Problem(source, "no such file")]) from None
-    except (OSError, ValueError) as error:
-        raise ScenarioError([Problem(source, f"cannot be read: {getattr(error, 'strerror', None) or error}")]) from None
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = content[: error.start].count(b"\n") + 1
-        raise ScenarioError([Problem(source, "is not UTF-8 text", line=line)]) from None
-
-
-class _Loader(yaml.SafeLoader):
-    """Plain data only, after YAML 1.2: 010 is not 8, 1:30 is not 90, `on` is not true, 1e-1 is a number."""
-
-    yaml_implicit_resolvers: dict[str, Any] = {}
-
-
-for _tag, _pattern, _first in (
-    ("null", r"(~|null|Null|NULL|)$", ["~", "n", "N", ""]),
-    ("bool", r"(true|True|TRUE|false|False|FALSE)$", list("tTfF")),
-    ("int", r"[-+]?(0|[1-9][0-9]{0,18})$", list("-+0123456789")),
-    ("float", r"[-+]?(0|[1-9][0-9]*)?(\.[0-9]+|(?<=[0-9])\.?)([eE][-+]?[0-9]+)?$", list("-+.0123456789")),
-    ("float", r"([-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN))$", list("-+.")),
-):
-    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), _first)
-
-
-def _parse(text: str, source: str) -> tuple[Any, Lines, list[Problem]]:
-    """Return the values of a YAML text, the line of each key, and a problem for each repeated key."""
-    if len(text.encode("utf-8", "replace")) > LARGEST_FILE:
-        raise ScenarioError([Problem(source, f"is larger than {LARGEST_FILE} bytes; a scenario needs less than 2000")])
-    try:
-        _refuse_what_is_not_plain(text, source)
-        loader = _Loader(text)
-        node = loader.get_single_node()
-        lines: Lines = {}
-        repeated = _walk(node, source, lines)
-        return (loader.construct_document(node) if node else None), lines, repeated
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        raise ScenarioError([_at(mark, source, f"is not YAML: {error.problem or error.context}")]) from None
-    except (yaml.YAMLError, ValueError, OverflowError) as error:
-        raise ScenarioError([Problem(source, f"is not YAML: {' '.join(str(error).split())}")]) from None
-
-
-def _refuse_what_is_not_plain(text: str, source: str) -> None:
-    """Refuse, before anything is built: aliases (a few lines of them fill the memory), tags (they name types), deep nesting."""
-    depth = 0
-    for event in yaml.parse(text, Loader=_Loader):
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        what = "nested too deeply" if depth > DEEPEST else "aliases (*name)" if isinstance(event, yaml.AliasEvent) else ""
-        what = what or ("tags (!name)" if getattr(event, "tag", None) else "")
-        if what:
-            raise ScenarioError([_at(event.start_mark, source, f"{what}: not allowed in a scenario")])
-
-
-def _at(mark: Any, source: str, text: str) -> Problem:
-    """Return a problem with its place in the text."""
-    if mark is None:
-        return Problem(source, text)
-    return Problem(source, f"{text} (line {mark.line + 1}, column {mark.column + 1})", line=mark.line + 1)
-
-
-def _walk(node: yaml.Node | None, source: str, lines: Lines, at: tuple[str, ...] = ()) -> list[Problem]:
-    """Note the line of each key, and return a problem for each repeated key."""
-    repeated = []
-    for number, item in enumerate(node.value) if isinstance(node, yaml.SequenceNode) else ():
-        lines[(*at, str(number))] = item.start_mark.line + 1
-        repeated += _walk(item, source, lines, (*at, str(number)))
-    for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
-        if not isinstance(key, yaml.ScalarNode):
-            continue
-        path, line = (*at, key_text(key.value)), key.start_mark.line + 1
-        if path in lines:
-            text = f"given twice, in lines {lines[path]} and {line}; once is allowed"
-            repeated.append(Problem(source, text, dotted(path), value.value[:60] if isinstance(value, yaml.ScalarNode) else "...", line))
-        lines[path] = line
-        repeated += _walk(value, source, lines, path)
-    return repeated

@@ -30,9 +30,10 @@ from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
 from orchard.launch import options
-from orchard.launch.options import HarvestOptions, StudyArguments
+from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest, shares
 from orchard.launch.runs import Runs, check_writable
+from orchard.launch.study_options import StudyArguments
 from orchard.launch.terminal import BAD_INPUT, console, errors, exit_on_errors, print_error, print_line, report
 from orchard.launch.watch import check_ports, open_window, serve
 from orchard.net.endpoints import BusError
@@ -277,10 +278,7 @@ def study(chosen: StudyArguments) -> None:
     """Compare settings of an orchard, and tell which is best, and with what confidence."""
     with needs_extra("A study", "study", ", or in a clone: make study"):
         from orchard.launch.study import run_study
-    chosen.check()
-    with exit_on_errors(ScenarioError):
-        scenario = _scenario(chosen.scenario, {})
-    raise typer.Exit(run_study(scenario, chosen))
+    raise typer.Exit(run_study(chosen))
 
 
 # -- recordings and the page

@@ -43,7 +43,7 @@ class StillThinks(BaseException):
 
 
 class _Interruption:
-    """SIGINT and SIGTERM as a wish to stop. An agent that does not end its tick meanwhile gets StillThinks; then the process is ended."""
+    """SIGINT and SIGTERM ask the run to stop. An agent that does not end its tick meanwhile gets StillThinks; then the process is ended."""
 
     def __init__(self, local: Local) -> None:
         self.is_asked = False

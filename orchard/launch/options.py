@@ -8,7 +8,6 @@ from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
-from urllib.parse import urlsplit
 
 from typer import Argument, BadParameter, Option
 
@@ -21,9 +20,6 @@ from orchard.field.shipped import DEFAULT, names
 LIVE_SPEED = 4.0  # simulated s per s, with --view or --web, if no speed is given
 LONGEST = LAST_TICK * TIME_STEP  # s, simulated: the time of the last tick that fits on the wire
 LEAST_PATIENCE = 3.0  # s; more than twice mailbox.DOUBT_SECONDS, else the agents that write to a silent agent would be given up with it
-LEAST_CONFIDENCE, MOST_CONFIDENCE = 0.5, 0.9999
-BUDGET_UNITS = {"min": 60.0, "h": 3600.0, "s": 1.0}
-LEAST_BUDGET = 1.0  # s
 Mode = Literal["local", "lockstep", "realtime"]
 
 # -- the other commands, and the groups of options in --help
@@ -75,52 +71,10 @@ def _seconds(value: float | None) -> float | None:
     return value
 
 
-def _share(text: str) -> float:
-    """A share below 1: 0.01 or 1%."""
-    try:
-        share = float(text[:-1]) / 100.0 if text.endswith("%") else float(text)
-    except ValueError:
-        share = math.nan
-    if not 0.0 < share < 1.0:
-        raise BadParameter(f"{text}: expected a share above 0 and below 1, such as 0.01 or 1%")
-    return share
-
-
 def _folder(text: str) -> Path:
     if not text.strip():
         raise BadParameter("expected the name of a folder")
     return Path(text)
-
-
-def _scheduler(text: str) -> str:
-    """The address of a scheduler, as dask.distributed has it."""
-    try:
-        url = urlsplit(text if "://" in text else f"tcp://{text}")
-        is_right = bool(url.scheme and url.hostname and url.port)
-    except ValueError:
-        is_right = False
-    if not is_right:
-        raise BadParameter(f"{text}: expected an address with its port, such as tcp://192.168.1.10:8786")
-    return text
-
-
-def _confidence(text: str) -> float:
-    confidence = _share(text)
-    if not LEAST_CONFIDENCE <= confidence <= MOST_CONFIDENCE:
-        raise BadParameter(f"{text}: expected a share from {LEAST_CONFIDENCE:g} to {MOST_CONFIDENCE:g}, such as 0.95 or 95%")
-    return confidence
-
-
-def _budget(text: str) -> float:
-    """A time of some s: 60, 60s, 5min or 2h."""
-    unit = next((unit for unit in BUDGET_UNITS if text.endswith(unit)), "")
-    try:
-        seconds = float(text.removesuffix(unit)) * BUDGET_UNITS.get(unit, 1.0)
-    except ValueError:
-        seconds = math.nan
-    if not LEAST_BUDGET <= seconds < math.inf:
-        raise BadParameter(f"{text}: expected a time of at least {LEAST_BUDGET:g} s, such as 60s, 5min or 2h")
-    return seconds
 
 
 def _patience(value: float | None) -> float | None:
@@ -133,15 +87,6 @@ def _steps(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= MOST_STEPS:
         raise BadParameter(f"{text}: neither a number of steps, from 1 on, nor an option")
     return int(text)
-
-
-def _store(text: str) -> Path:
-    path = Path(text)
-    if text.endswith("/") or path.is_dir():
-        raise BadParameter(f"{text}: a folder; expected a file, such as {path / 'studies.db'}")
-    if not path.parent.is_dir():
-        raise BadParameter(f"{text}: there is no folder {path.parent}; expected a file in a folder that exists")
-    return path
 
 
 def _scenario(path: Path | None) -> Path | None:
@@ -390,75 +335,3 @@ System = Annotated[
     str | None, Option("--crs", metavar="NAME", help="Their coordinate system, such as EPSG:2193. Default: the one that the file names.")
 ]
 NewScenario = Annotated[Path | None, Option("--out", metavar="SCENARIO.yaml", help="A new file for the scenario. Default: stdout.")]
-
-# -- a study
-
-PICTURES = (".svg", ".png")
-QUESTION, RUNS, FILES = "The question", "The runs", "What it shows and writes"
-Share = Annotated[
-    float,
-    Option(
-        parser=_share, metavar="SHARE", help="Half an interval, as a share of its mean, that is narrow enough.", rich_help_panel=QUESTION
-    ),
-]
-Confidence = Annotated[float, Option(parser=_confidence, metavar="SHARE", help="Confidence of the answer.", rich_help_panel=QUESTION)]
-Budget = Annotated[float, Option(parser=_budget, metavar="TIME", help="Wall time: 60s, 5min, 2h.", rich_help_panel=QUESTION)]
-
-
-@dataclass(frozen=True, kw_only=True)
-class StudyArguments:
-    """The options of a study, in the order of --help."""
-
-    scenario: File = None
-    vary: Annotated[
-        list[str] | None,
-        Option(
-            metavar="KEY=VALUES", help="What varies: carriers=1..20, dispatch=nearest,predictive (repeatable).", rich_help_panel=QUESTION
-        ),
-    ] = None
-    goal: Annotated[
-        Literal["bins_per_hour", "cost_per_bin", "harvest_seconds"],
-        Option(help="What is best. Costs need prices in the scenario.", rich_help_panel=QUESTION),
-    ] = "bins_per_hour"
-    horizon: Annotated[Literal["harvest", "long"], Option(help="One harvest, or the rate of a long run.", rich_help_panel=QUESTION)] = (
-        "harvest"
-    )
-    confidence: Confidence = "0.95"  # type: ignore[assignment]  # Typer parses defaults too
-    within: Share = "1%"  # type: ignore[assignment]
-    budget: Budget = "60s"  # type: ignore[assignment]
-    model: Annotated[
-        Literal["fast", "full", "both"],
-        Option(help="fast: the discrete-event model; full: the simulator; both: it checks the best two.", rich_help_panel=RUNS),
-    ] = "both"
-    workers: Annotated[int | None, Option(min=1, max=1000, help="Processes here. Default: one per core.", rich_help_panel=RUNS)] = None
-    scheduler: Annotated[
-        str | None,
-        Option(
-            parser=_scheduler, metavar="ENDPOINT", help="A scheduler of dask.distributed: tcp://192.168.1.10:8786.", rich_help_panel=RUNS
-        ),
-    ] = None
-    out: Annotated[
-        Path | None,
-        Option(
-            parser=_store,
-            metavar="STORE",
-            help="File that keeps all runs. Default: studies.db beside the recordings.",
-            rich_help_panel=RUNS,
-        ),
-    ] = None
-    anew: Annotated[bool, Option("--anew", help="Forget the runs of a store of another version.", rich_help_panel=RUNS)] = False
-    summary: Annotated[Path | None, Option(metavar="FILE.json", help="Write the whole answer to this file.", rich_help_panel=FILES)] = None
-    csv: Annotated[Path | None, Option(metavar="FILE.csv", help="Write the table to this file.", rich_help_panel=FILES)] = None
-    picture: Annotated[Path | None, Option(metavar="FILE.svg|png", help="Draw the table.", rich_help_panel=FILES)] = None
-    report: Annotated[Path | None, Option(metavar="FILE.html", help="Write a report.", rich_help_panel=FILES)] = None
-    progress: Style = "text"
-
-    def check(self) -> None:
-        """Check which options are together, and the picture's name. Raises BadParameter."""
-        if self.scheduler and self.workers:
-            raise BadParameter("the scheduler has its own workers; leave out --workers", param_hint="--workers")
-        if self.picture and self.picture.suffix.lower() not in PICTURES:
-            raise BadParameter(f"{self.picture}: a picture's name ends in {' or '.join(PICTURES)}", param_hint="--picture")
-        files = [path for path in (self.summary, self.csv, self.picture, self.report) if path is not None]
-        if len(set(files)) < len(files):
-            raise BadParameter(f"{', '.join(map(str, files))}: two of these are one file", param_hint="--summary")

@@ -2,9 +2,9 @@
 
 import json
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -12,31 +12,28 @@ from typing import Any
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from orchard.field.problems import ScenarioError
+from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
-from orchard.launch.options import StudyArguments
+from orchard.field.shipped import load_or_shipped
 from orchard.launch.runs import check_writable
+from orchard.launch.study_options import StudyArguments
 from orchard.launch.terminal import FAILED, FINISHED, console, exit_on_errors, print_error, print_line
 from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
-from orchard.study.settings import varied_of
-from orchard.study.store import StoreError
+from orchard.study.settings import Varied, varied_of
+from orchard.study.store import StoreError, fault_of
 from orchard.study.study import StudyOptions, checked_settings, study
 from orchard.study.table import as_table, save_csv
 from orchard.study.workers import WorkersError
 
+NAMES = {"budget": "budget_seconds", "out": "store"}  # options whose fields in StudyOptions have other names
 STOPPED = "stopped; the runs so far are kept, and the same command goes on from there"
 
 
-def run_study(scenario: Scenario, chosen: StudyArguments) -> int:
+def run_study(chosen: StudyArguments) -> int:
     """Do a study, and print and write its answer. Return the exit code: 1 if an invariant is violated, or a run or a file fails."""
-    files = _files(chosen)
     with exit_on_errors(ScenarioError, StoreError, OSError):
-        varied, problems = varied_of(chosen.vary or [])
-        if problems:
-            raise ScenarioError([*problems, *checked_settings(scenario, varied, _options(chosen))[1]])
-        for path in files:
-            check_writable(path)
+        scenario, varied = _question(chosen)
         try:
             with _stoppable() as is_stopped, _progress(chosen) as tell:
                 result = study(scenario, varied, _options(chosen), tell, is_stopped)
@@ -47,22 +44,55 @@ def run_study(scenario: Scenario, chosen: StudyArguments) -> int:
     if not result.table and result.stopped_by == "budget":
         print_error("the budget is too short for one run: --budget")
         return FAILED
-    return FAILED if [*map(print_error, result.violations), *_unwritten(files, result)] else FINISHED
+    return FAILED if [*map(print_error, result.violations), *_unwritten(_files(chosen), result)] else FINISHED
+
+
+def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
+    """Return the scenario, and what varies. Raises ScenarioError with all that is wrong with the options, the file, and both together."""
+    varied, problems = varied_of(chosen.vary or [])
+    scenario, faults = _read(chosen.scenario)
+    options = _options(chosen)
+    of_settings = checked_settings(scenario, varied, options)[1]
+    files = [*_unwritable(chosen.files), *_unusable(options.store_file, options.anew)]
+    problems = [*chosen.problems(), *problems, *files, *(one for one in of_settings if not _may_follow(one, faults))]
+    if problems or faults:
+        raise ScenarioError([*problems, *faults])
+    return scenario, varied
+
+
+def _read(path: Path | None) -> tuple[Scenario, list[Problem]]:
+    """Return the scenario of a file, and its faults: what is faulty has its default."""
+    try:
+        return load_or_shipped(path), []
+    except ScenarioError as error:
+        return error.rest or Scenario(), error.problems
+
+
+def _may_follow(problem: Problem, faults: Sequence[Problem]) -> bool:
+    """Whether a problem of a setting may be there only because of a fault in the file: it names the same value, or a part of it."""
+    wrong = [path for fault in faults for path in fault.path.split(", ")]
+    named = [] if problem.file.startswith("--vary") else [path for path in problem.path.split(", ") if path]
+    return any(not one or f"{one}.".startswith(f"{path}.") or f"{path}.".startswith(f"{one}.") for one in wrong for path in named)
+
+
+def _unwritable(paths: Iterable[Path]) -> Iterator[Problem]:
+    for path in paths:
+        try:
+            check_writable(path)
+        except OSError as error:
+            name, _, why = str(error).partition(": ")
+            yield Problem(name, why)
+
+
+def _unusable(store: Path, anew: bool) -> Iterator[Problem]:
+    if store.exists() and (fault := fault_of(store, anew)):
+        yield Problem(str(store), fault)
 
 
 def _options(chosen: StudyArguments) -> StudyOptions:
-    return StudyOptions(
-        horizon=chosen.horizon,
-        goal=chosen.goal,
-        confidence=chosen.confidence,
-        within=chosen.within,
-        budget_seconds=chosen.budget,
-        model=chosen.model,
-        workers=chosen.workers,
-        scheduler=chosen.scheduler,
-        store=chosen.out,
-        anew=chosen.anew,
-    )
+    """The options of the study, with defaults in place of those that have a problem."""
+    values = {NAMES.get(name, name): value for name, value in vars(chosen).items() if not isinstance(value, Problem)}
+    return StudyOptions(**{field.name: values[field.name] for field in fields(StudyOptions) if field.name in values})
 
 
 def _files(chosen: StudyArguments) -> dict[Path, Callable[[StudyResult, Path], None]]:

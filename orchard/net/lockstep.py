@@ -86,7 +86,7 @@ class LockstepBarrier(Barrier):
         self._last: dict[str, list[Velocity]] = {}  # the last two velocities of each agent
 
     def open(self, tick: int, lag: float = 0.0, due: Iterable[str] | None = None) -> None:
-        """Open a tick and wait for the agents that are due, None: all that are held. `lag`: seconds that the tick begins late."""
+        """Open a tick, and wait for the agents that are `due`; None means all that are held. `lag`: how late the tick begins, s."""
         self.tick, self.missing, self.velocities = tick, set(self._roster.holders if due is None else due), {}
         self._actions, self._back = {}, set()
         self.deadline = self._clock() + self._patience

@@ -95,7 +95,7 @@ def _paint(kind: str) -> str:
 
 
 def _present_body(drawing: Drawing, name: str, pose: Pose, share: float) -> None:
-    """Draw a body where it is. `share`: of a bin that is full. An empty bin is pale. A picker and a carrier have a label: P1, C2."""
+    """Draw a body where it is. `share`: how full a bin is, 0 to 1; an empty one is pale. Pickers and carriers have labels: P1, C2."""
     kind = kind_of(name)
     pale = f";fill-opacity:{0.15 + 0.85 * share:.2f}" if kind == "bin" else ""
     drawing.box(pose.x, pose.y, *_half_sizes(kind), _paint(kind) + pale, name, pose.yaw)

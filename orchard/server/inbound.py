@@ -163,7 +163,7 @@ class Inbound:
         self._bus.declare_alive(self._keys.of("alive", PHYSICS, self._harvest.run))
 
     def leave(self) -> None:
-        """Remove the liveliness token: only then do the others believe the end of the run."""
+        """Remove the liveliness token: only then does the end count for the other processes."""
         self._bus.withdraw(self._keys.of("alive", PHYSICS, self._harvest.run))
 
     def take(self, seconds: float, enough: int = 1) -> bool:

@@ -43,7 +43,7 @@ class Publisher:
     def publish_tick(self, seen: Observations, others: Mapping[str, Callable[[], Observations]]) -> None:
         """Publish the pose and the scan of each body, and then the clock, if a session subscribes to them.
 
-        `others`: `truth` and `odometry`, which are published like `pose`; each is asked for what it shows if a session subscribes to it.
+        `others`: functions for `truth` and `odometry`, published like `pose`. Each is called only if a session subscribes to that.
         """
         if time.monotonic() >= self._recheck_at:
             self.refresh_subscribers()

@@ -71,7 +71,7 @@ class Lookahead:
                 self._bodiless[name] = 0
 
     def hold(self, world: World, ranges: np.ndarray, actions: Mapping[str, Action]) -> dict[str, Action | None]:
-        """Take the actions of this tick: `wanted` becomes their velocities, 0 for a body without an action that does not hold.
+        """Take the actions of this tick: `wanted` gets their velocities. A body that holds keeps its velocity; any other gets 0.
 
         Return the answers of the agents that were asked: name -> its action, or None if it gave none.
         """

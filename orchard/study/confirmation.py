@@ -41,7 +41,7 @@ class Confirmation:
             self._compare_order(*two)
 
     def _runner_up(self) -> list[int]:
-        """The setting that is best after the best one: of those that cannot be told apart the cheapest if there are prices."""
+        """The second best setting. If some cannot be told apart from the best, and there are prices, it is the cheapest of these."""
         race, mean = self.race, self.replications.mean
         left = [i for i in race.left if i != race.best]
         others = left or [i for i in race.out if i not in race.jammed]

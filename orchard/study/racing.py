@@ -7,7 +7,7 @@ The chance that the setting that is truly best leaves is at most 1 - confidence.
 equal part of it, which is Bonferroni's rule: simple, and valid whatever the looks have in common. At each look Holm's rule corrects
 for the number of comparisons. Five looks cost little: the t quantile of the last one, of 79 degrees of freedom, is 2.6 instead of 2.0.
 
-The setting with the best mean of many that are alike had luck. So its interval must be wider than that of a setting that was chosen
+If many settings are alike, the one with the best mean had luck. So its interval must be wider than that of a setting that was chosen
 before: the intervals of all settings that are left hold together, by Bonferroni's rule.
 """
 

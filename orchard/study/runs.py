@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import Any, Literal
 
 import orchard
-from orchard.agents.dispatch import POLICIES
-from orchard.agents.routes import ROUTES
 from orchard.discrete.harvest import DiscreteHarvest, long_run_bins_per_hour
 from orchard.field.layout import lay_out
-from orchard.field.plugins import load_plugin, place_of_error, text_of
-from orchard.field.scenario import ROW_RULES, Scenario
+from orchard.field.plugins import place_of_error, text_of
+from orchard.field.scenario import Scenario
 from orchard.local import Local
 from orchard.report.bounds import Bounds
 from orchard.report.metrics import HarvestFigures, harvest_figures
+from orchard.study.own_source import own_classes, own_source
 from orchard.study.result import Model
 
 Horizon = Literal["harvest", "long"]
@@ -52,9 +51,13 @@ class PlannedRun:
     @cached_property
     def key(self) -> str:
         """The digest of all that decides what the run gives: scenario, seed, model, horizon, this software, the user's own classes."""
-        return digest(
-            self.scenario_digest, self.scenario.seed, self.model, self.horizon, software(), own_source(own_classes(self.scenario))
-        )
+        return digest(self.scenario_digest, self.scenario.seed, self.model, self.horizon, software(), self.own_source)
+
+    @cached_property
+    def own_source(self) -> str:
+        """The digest of the files of the user's own classes, with those that they import; '' if there are none. Raises ScenarioError."""
+        classes = own_classes(self.scenario)
+        return digest(*own_source(classes)) if classes else ""
 
     @cached_property
     def scenario_digest(self) -> str:
@@ -67,7 +70,6 @@ class PlannedRun:
         outcome = _full(self.scenario, until) if self.model == "full" else _fast(self.scenario, self.horizon)
         if outcome is None:
             return None
-        classes = own_classes(self.scenario)
         return RunRecord(
             key=self.key,
             scenario=self.scenario_digest,
@@ -75,7 +77,7 @@ class PlannedRun:
             model=self.model,
             horizon=self.horizon,
             policy=self.scenario.dispatch,
-            own_source=own_source(classes),
+            own_source=self.own_source,
             version=software(),
             wall_seconds=time.perf_counter() - begun,
             **vars(outcome),
@@ -108,7 +110,7 @@ class RunRecord(RunResult):
     model: Model
     horizon: Horizon
     policy: str
-    own_source: str  # digest of the files of the user's own classes; '' if there are none
+    own_source: str  # digest of the files of the user's own classes, with those that they import; '' if there are none
     version: str
     wall_seconds: float
 
@@ -138,34 +140,6 @@ def software() -> str:
     files = [root / "local.py", Path(__file__), *(path for package in DECIDING for path in sorted((root / package).rglob("*.py")))]
     content = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
     return f"{version('orchard-sim')}+{content[:8]}"
-
-
-def own_classes(scenario: Scenario) -> tuple[tuple[str, str], ...]:
-    """Return the keys of a scenario that name classes or functions of the user's own, each with what it names."""
-    rules = [
-        ("dispatch", scenario.dispatch, POLICIES),
-        ("route", scenario.route, ROUTES),
-        ("rows_to_pickers", scenario.rows_to_pickers, ROW_RULES),
-    ]
-    named = [(key, path) for key, path, builtin in rules if path not in builtin]
-    return (*named, *sorted((f"agents.{name}", path) for name, path in (scenario.agents | scenario.agents_without_body).items()))
-
-
-@cache
-def own_source(classes: tuple[tuple[str, str], ...]) -> str:
-    """Return the digest of the files in which a user's own classes are; '' if there are none. Raises ScenarioError.
-
-    What these files import is not in it: after a change there, take another store.
-    """
-    return digest(*(_source(load_plugin(key, path)) for key, path in classes)) if classes else ""
-
-
-def _source(own: object) -> str:
-    try:
-        file = inspect.getsourcefile(own)  # type: ignore[arg-type]  # whatever the user has named
-    except TypeError:
-        file = None
-    return Path(file).read_text() if file else repr(own)
 
 
 # -- the two models

@@ -37,13 +37,9 @@ class Store:
         if not self.path.exists():
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._make(self._link)
-        if (other := _version(self.path)) is None:
-            raise StoreError(f"{self.path}: is no store of a study; it stays as it is; name another file with --out")
-        if other != software() and not anew:
-            raise StoreError(
-                f"{self.path}: is a store of version {other}, and this is {software()}; --anew forgets its runs, --out names another file"
-            )
-        if other != software():
+        if fault := fault_of(self.path, anew):
+            raise StoreError(f"{self.path}: {fault}")
+        if _version(self.path) != software():
             self._make(self._replace)
 
     def _link(self, made: Path) -> None:
@@ -94,6 +90,15 @@ class Store:
             )
         except sqlite3.Error as error:
             raise StoreError(f"{self.path}: a run cannot be kept: {error}") from None
+
+
+def fault_of(path: Path, anew: bool) -> str:
+    """Return why a file cannot be the store of a study; '' if it can. The file is only read."""
+    if (other := _version(path)) is None:
+        return "is no store of a study; it stays as it is; name another file with --out"
+    if other != software() and not anew:
+        return f"is a store of version {other}, and this is {software()}; --anew forgets its runs, --out names another file"
+    return ""
 
 
 def _column(name: str, type_: object) -> str:

@@ -14,10 +14,11 @@ from orchard.folders import runs_folder
 from orchard.report.losses import lost_seconds
 from orchard.study.answer import sentence
 from orchard.study.confirmation import Confirmation
+from orchard.study.own_source import own_classes
 from orchard.study.racing import LOOKS, Race, StoppedBy
 from orchard.study.replications import Replications
 from orchard.study.result import Check, Comparison, Goal, Model, Row, StudyResult
-from orchard.study.runs import Horizon, RunRecord, own_classes, software
+from orchard.study.runs import Horizon, RunRecord, software
 from orchard.study.settings import Setting, settings_of
 from orchard.study.statistics import interval
 from orchard.study.store import Store
@@ -46,6 +47,11 @@ class StudyOptions:
     store: Path | None = None  # None: studies.db in the folder of runs
     anew: bool = False  # forget what a store of another version holds
 
+    @property
+    def store_file(self) -> Path:
+        """The file of the store."""
+        return self.store or runs_folder() / STORE
+
 
 def study(
     scenario: Scenario,
@@ -67,7 +73,7 @@ def study(
     settings, problems = checked_settings(scenario, varied, options)
     if problems:
         raise ScenarioError(problems)
-    with Store(options.store or runs_folder() / STORE, options.anew) as store, _workers(options) as workers:
+    with Store(options.store_file, options.anew) as store, _workers(options) as workers:
         return _Study(scenario, varied, settings, options, store, workers, tell, is_stopped).run()
 
 

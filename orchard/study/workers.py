@@ -4,6 +4,7 @@ Both do work in any order and lose none of it when a worker dies. So what a stud
 """
 
 import os
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -16,6 +17,7 @@ from typing import Any, Protocol, Self, TypeVar, cast
 GLANCE = 0.2  # s between two looks whether to stop
 MOST_DEATHS = 3  # of workers, one after another, without any work done between: then the work itself kills them
 CONNECTING = 10.0  # s to wait for a scheduler
+APART = 2.0  # s that the clocks of two machines may be apart: a worker gives up a run of the simulator by its own clock
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -99,10 +101,10 @@ def _exit_after(alive: Connection) -> None:
 
 
 class Scheduler:
-    """The workers of a dask.distributed scheduler, which replaces those that die. Each has this software, and the user's own modules."""
+    """The workers of a dask.distributed scheduler, which replaces those that die. Each must have this software, and the user's modules."""
 
     def __init__(self, address: str) -> None:
-        """Raises WorkersError if no scheduler answers there, or it has no workers."""
+        """Raises WorkersError if no scheduler answers there, it has no workers, or their clocks are wrong."""
         import distributed
 
         self.address, self._dask = address, cast(Any, distributed)  # it has no types
@@ -111,9 +113,17 @@ class Scheduler:
         except (OSError, ValueError) as error:
             raise WorkersError(f"{address}: no scheduler of dask.distributed answers: {error}") from None
         self.count = len(self._client.scheduler_info()["workers"])
-        if not self.count:
+        if trouble := self._trouble():
             self._client.close()
-            raise WorkersError(f"{address}: this scheduler has no workers; start some: dask worker {address}")
+            raise WorkersError(f"{address}: {trouble}")
+
+    def _trouble(self) -> str:
+        """Why these workers cannot do the work; '' if they can."""
+        if not self.count:
+            return f"this scheduler has no workers; start some: dask worker {self.address}"
+        asked, clocks, now = time.time(), self._client.run(time.time, on_error="ignore"), time.time()
+        wrong = [f"{worker} by {clock - now:+.0f} s" for worker, clock in clocks.items() if not asked - APART < clock < now + APART]
+        return f"clocks of workers differ from that of this machine: {', '.join(wrong)}; set them, as by NTP" if wrong else ""
 
     def __enter__(self) -> Self:
         return self

@@ -14,7 +14,7 @@ RENEWED_TICKS = 5  # interval at which the names follow the robots
 NAME_Z, ROW_Z = 4.4, 4.0  # m
 HIGH_PLAN, WIDE_PLAN = (730.0, 470.0), (330.0, 560.0)  # height and width of the plan in a usual window, screen points
 LETTER, PADDING, HEIGHT = 6.5, 10.0, 22.0  # screen points: of a letter, and of a name's frame
-DROP = 3.0 + HEIGHT / 2  # screen points from a point down to the middle of its name, where Rerun writes it
+DROP = 3.0 + HEIGHT / 2  # screen points: Rerun writes a name with its middle so far below its point
 PIN = 6.0  # screen points: radius of a pin
 COVERS_NAME, COVERS_PIN, MOVES, RANK = 10.0, 3.0, 0.5, 0.1  # what speaks against a place. The first of PLACES has rank 0
 

@@ -21,8 +21,8 @@ STATES: dict[State, Colour] = {
 }
 
 
-class Line(NamedTuple):
-    """The look of the arc that shows a message between two bodies."""
+class Arc(NamedTuple):
+    """The look of an arc, which shows a message between two bodies."""
 
     colour: Colour
     seconds: float  # for which it is shown
@@ -30,9 +30,9 @@ class Line(NamedTuple):
     rank: int  # if there are too many arcs, those of lower rank are left out
 
 
-_ASKED, _OFFERED = Line((255, 90, 170), 1.5, 1.0, 1), Line((255, 200, 60), 1.5, 1.0, 0)
-_SENT, _TOLD = Line((60, 220, 120), 5.0, 2.5, 3), Line((60, 200, 255), 4.0, 2.0, 2)
-TALK: dict[str, Line] = {
+_ASKED, _OFFERED = Arc((255, 90, 170), 1.5, 1.0, 1), Arc((255, 200, 60), 1.5, 1.0, 0)
+_SENT, _TOLD = Arc((60, 220, 120), 5.0, 2.5, 3), Arc((60, 200, 255), 4.0, 2.0, 2)
+TALK: dict[str, Arc] = {
     "call": _ASKED,
     "emptybin": _ASKED,
     "offer": _OFFERED,
@@ -40,7 +40,7 @@ TALK: dict[str, Line] = {
     "yes": _SENT,
     "carrier": _TOLD,
     "here": _TOLD,
-    "no": Line((170, 170, 170), 1.0, 1.0, 0),
+    "no": Arc((170, 170, 170), 1.0, 1.0, 0),
 }
 QUIET = frozenset({"claim", "places", "state", "binstate", "confirm", "where", "position", "no", "deedrefused"})  # logged as DEBUG
 

@@ -17,7 +17,7 @@ RENEWED_TICKS = 5  # interval at which the arcs follow the robots
 REPEAT_TICKS = 300  # within it, a repeated message is not news
 MOST_NAMES = 3  # in one line of the log
 MOST_SAID = 10_000  # messages that are remembered, to find repeats
-BEADS = 9
+ARC_POINTS = 9  # of the line that draws an arc
 WARNINGS, ERRORS = ("collision", "refused", "stopped", "nothing recorded", "left out"), ("lost", "jam")
 ALARMS = dict.fromkeys(map(palette.plain, WARNINGS), "WARN") | dict.fromkeys(map(palette.plain, ERRORS), "ERROR")
 
@@ -68,7 +68,7 @@ class Drawn(NamedTuple):
     until: int  # tick
     start: int  # body
     end: int  # body
-    look: palette.Line
+    look: palette.Arc
 
 
 class Talk:
@@ -82,7 +82,7 @@ class Talk:
         self._said: dict[tuple[str, str, str, str], int] = {}  # message -> tick in which it was last sent
 
     def is_news(self, tick: int, event: Event) -> bool:
-        """Return whether an event did not occur in the last 30 s: agents repeat a request until it is answered."""
+        """Return whether an event is new: the same one did not occur in the last 30 s. Agents repeat a request until it is answered."""
         if len(self._said) >= MOST_SAID:
             self._said = {}
         said = event.what, event.who, event.whom, event.detail
@@ -114,8 +114,8 @@ class Talk:
 
 
 def _arc(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return the points of an arc between two bodies, (BEADS, 3), m. It is higher the further they are apart."""
-    along = np.linspace(0.0, 1.0, BEADS)[:, None]
+    """Return the points of an arc between two bodies, (ARC_POINTS, 3), m. It is higher the further they are apart."""
+    along = np.linspace(0.0, 1.0, ARC_POINTS)[:, None]
     flat = start[:2] + along * (end[:2] - start[:2])
     rise = 0.05 * float(np.hypot(*(end[:2] - start[:2]))) + 1.0
     return np.concatenate([flat, 1.6 + 4 * rise * along * (1 - along)], axis=1).astype(np.float32)

@@ -120,7 +120,7 @@ TABLE: dict[str, Key] = {
                 "stopped.", (wire.Stopped,)),
     "end": Key("{prefix}/end", wire.End, "physics", "once", NEVER_LOST,
                "The run is over. Physics removes its liveliness token, and waits until all others are gone, at most two seconds. In an "
-               "open run any client may publish here: believe it only if the token of physics goes within 3 s of it."),
+               "open run any client may publish here: it counts only if the token of physics goes within 3 s of it."),
     "alive": Key("{prefix}/alive/{name}/{session}", None, "each host, one for each of its agents; physics and the logger, one each",
                  "while the process lives", LIVELINESS,
                  "The process is present. `session` is a text of letters and digits that no other process uses: the id of the holder."),

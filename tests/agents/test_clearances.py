@@ -43,5 +43,5 @@ def test_a_carriers_turns_on_its_loop_stay_clear_of_both_bins(x, y, start, least
 
 def test_a_carrier_that_leaves_with_the_full_bin_stays_off_the_road_of_deliveries_but_for_its_own_place():
     turn = swept(train("carrier"), F_ROAD, 0.0, EAST, -QUARTER)
-    assert turn[:, 1].max() < 2.8, "nobody waits nearer than that"
+    assert turn[:, 1].max() < 2.8, "no robot waits nearer than that"
     assert turn[:, 0].max() < D_ROAD - 0.75 - 0.1

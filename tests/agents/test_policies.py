@@ -252,7 +252,7 @@ def test_a_mistake_ends_the_harvest_if_the_scenario_says_so_in_lockstep_at_the_s
 @pytest.mark.soak
 @pytest.mark.parametrize("seed", range(40))
 def test_soak_carriers_that_leave_much_too_early_never_lock_each_other(seed):
-    """Random orchards. Some robots are stopped for a while: whoever waits then goes on afterwards."""
+    """Random orchards. Some robots are stopped for a while: the others that wait then go on afterwards."""
 
     def some(name: str, low: int, high: int) -> int:
         return low + int(draw(seed, f"early carriers, {name}", 0)[0] * (high + 1 - low))

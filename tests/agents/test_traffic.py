@@ -66,7 +66,7 @@ def test_a_partner_joins_at_once_although_others_stand_in_line():
     assert ledger.holds == {"carrier": ["D/1"], "other": [], "picker": ["D/1"]}
 
 
-# -- whole harvests, with nobody about and with everybody
+# -- whole harvests, without people and animals, and with them
 
 
 @pytest.mark.parametrize(
@@ -247,7 +247,7 @@ def test_a_carrier_on_a_road_holds_every_place_that_it_or_its_bin_is_in(rows, pi
 
 
 def test_a_two_way_carrier_asks_for_one_place_after_the_other():
-    """So a place that a robot only waits for keeps nobody from another place: the proof in docs/traffic.md rests on it."""
+    """So a place that a robot only waits for keeps no robot from another place: the proof in docs/traffic.md rests on it."""
     layout = lay_out(empty_orchard(rows=6, pickers=3, carriers=40, route=TWO_WAY))
     route, claims = route_of(layout), []
     for count, row in enumerate(range(1, 6)):

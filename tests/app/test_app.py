@@ -37,7 +37,7 @@ def test_the_web_viewer_is_on_the_loopback_only():
         viewer.communicate(timeout=10)
 
 
-# -- who may ask it
+# -- from where it may be asked
 
 WEBSOCKET = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
              "Sec-WebSocket-Key": "b3JjaGFyZCBvcmNoYXJkIQ=="}  # fmt: skip

@@ -16,7 +16,7 @@ skip_without_packages()
 
 @pytest.fixture
 def small(browser):
-    """The page with a small orchard, in one process, eight times as fast as life, to its end, and nobody watches.
+    """The page with a small orchard, in one process, eight times as fast as life, to its end, without a live picture.
 
     The page keeps what the test before has set.
     """

@@ -27,6 +27,12 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     page.fill("study-last", 3)
     page.switch("study-check", False)
     page.pick("study-goal", "least cost of a bin")
+    page.until(lambda: "least cost" in page.field("study-goal").find_element("xpath", "./ancestor-or-self::label").text, "a goal")
+    page.driver.refresh()
+    page.press("how-many")
+    page.until(lambda: page.field("study-last").get_attribute("value") == "3", "a reload keeps what was entered")
+    assert "least cost" in page.field("study-goal").find_element("xpath", "./ancestor-or-self::label").text
+    assert page.field("study-check").get_attribute("aria-checked") == "false"
     page.press("study-start")
     page.until(lambda: "needs a price" in page.problem("study"), "costs need prices")
     page.switch("prices.carrier_per_hour-automatic", False)

@@ -7,10 +7,10 @@ import pytest
 from surveys import UNEQUAL, orchard_of
 
 from orchard.app.draft import Draft, entries, flat, title_of
+from orchard.app.latest import fresh_files
 from orchard.app.link import draft_of, query_of
 from orchard.app.own_classes import from_elsewhere, own_classes
 from orchard.app.run_controls import Files, RunSettings, command
-from orchard.app.runner import fresh_files
 from orchard.field.scenario import DISPATCH_POLICIES, Scenario, with_changes
 
 

@@ -7,7 +7,8 @@ from contextlib import suppress
 import pytest
 
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import LARGEST_FILE, load
+from orchard.field.scenario import load
+from orchard.field.yaml_file import LARGEST_FILE
 
 BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
     f"{c}: &{c} [{','.join('*' + p for _ in range(9))}]\n" for p, c in itertools.pairwise("abcdefghi")

@@ -8,7 +8,8 @@ import pytest
 from mistakes import refusal
 
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import LARGEST_FILE, Scenario, load, parse
+from orchard.field.scenario import Scenario, load, parse
+from orchard.field.yaml_file import LARGEST_FILE
 
 
 def unreadable(path: Path | str) -> str:

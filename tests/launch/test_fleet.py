@@ -1,4 +1,4 @@
-"""Who dies is started again: at once, then ever later, and not for ever. In virtual time, with processes that are only said to die."""
+"""A process that dies is started again: at once, then ever later, and not for ever. In virtual time, with pretended processes."""
 
 import io
 import os
@@ -184,9 +184,9 @@ def test_deaths_that_are_far_apart_are_not_in_a_row(fleet, clock):
 
 @pytest.mark.skipif(not hasattr(os, "SCHED_BATCH"), reason="only Linux knows of it")
 def test_processes_take_turns():
-    """Whoever wakes up does not interrupt another."""
+    """A process that wakes up does not interrupt another."""
     child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     take_turns(child.pid)
     assert os.sched_getscheduler(child.pid) == os.SCHED_BATCH
     child.communicate(b"\n", timeout=20)
-    take_turns(child.pid)  # who has ended takes no turn, and that is no mistake
+    take_turns(child.pid)  # a process that has ended takes no turn, and that is no mistake

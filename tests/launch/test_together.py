@@ -1,4 +1,4 @@
-"""What run.py does about a run of many processes: whom it believes its end, for whom it waits then, and whose snapshots it takes."""
+"""What run.py does about a run of many processes: which end counts, for which processes it waits then, which snapshots it takes."""
 
 import io
 import signal

@@ -40,4 +40,4 @@ def test_a_process_is_ended_when_its_token_is_gone_for_too_long_and_not_while_it
     watchdog.look()
     assert fleet.killed == [1], "the next one starts"
     watchdog.end()
-    assert fleet.killed == [1, 2], "who is away at the end is not waited for"
+    assert fleet.killed == [1, 2], "a process that is away at the end is not waited for"

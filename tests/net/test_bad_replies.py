@@ -1,4 +1,4 @@
-"""Who asks among strangers takes the reply that makes sense, and refuses all others."""
+"""A query that unknown clients answer too takes the reply that makes sense, and refuses all others."""
 
 import math
 
@@ -31,7 +31,7 @@ def test_replies_to_requests_are_refused_unless_they_are_answers(other):
 
 
 class Crowd(StandIn):
-    """Of all who reply to a get the last is physics."""
+    """Of all sessions that reply to a get the last is physics."""
 
     def __init__(self, replies) -> None:
         super().__init__(Net(), "crowd")

@@ -1,4 +1,4 @@
-"""What a stranger could fill is bounded: what is told, what is counted, who is there."""
+"""What an unknown client could fill is bounded: log lines, counts of refusals, liveliness tokens."""
 
 import socket
 from contextlib import ExitStack

@@ -1,4 +1,4 @@
-"""What arrives: nothing is lost, and nobody waits longer than he said."""
+"""What arrives: nothing is lost, and no thread waits longer than it said."""
 
 import threading
 

@@ -1,4 +1,4 @@
-"""Whoever started a process is gone: it ends, even if what runs in it does not heed that."""
+"""A process ends when the one that started it is gone, even if what runs in it does not heed that."""
 
 import os
 import subprocess

@@ -70,7 +70,7 @@ def test_another_seed_is_another_run():
     assert local_hash(Scenario(rows=3), 50) != local_hash(Scenario(rows=3, seed=2), 50)
 
 
-# -- who drives
+# -- which session drives
 
 
 def stop(fleet, someone):

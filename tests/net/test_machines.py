@@ -1,4 +1,4 @@
-"""Several machines: the hash is that of local mode, whoever runs where; and the commands that a document has for it, as they stand."""
+"""Several machines: the hash is that of local mode, wherever the agents run; and the commands that a document has for it, as they stand."""
 
 import os
 import re

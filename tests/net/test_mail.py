@@ -1,4 +1,4 @@
-"""The rules of lockstep without a network: mail, who holds what, and velocities that nobody waits for."""
+"""The rules of lockstep without a network: mail, which session holds which agent, and velocities that physics does not wait for."""
 
 import pytest
 from pretended import RUN, Clock, Query, heard_at, letter, roster
@@ -30,7 +30,7 @@ def settled(tick):
     return box
 
 
-# -- rules 3, 5 and 7: who is asked
+# -- rules 3, 5 and 7: the agent that is asked
 
 
 def test_a_request_is_received_at_once_heard_at_the_next_tick_and_answered_then():
@@ -95,7 +95,7 @@ def test_an_answer_to_what_was_heard_earlier_goes_nowhere():
     assert query.replies[1:] == [Answered(RUN, 5, None)]
 
 
-# -- rules 2, 4, 6 and 8: who asks
+# -- rules 2, 4, 6 and 8: the agent that asks
 
 
 def ask(box, tick=5):
@@ -167,7 +167,7 @@ def test_who_joins_again_forgets_all_mail():
     assert box.deliver(7) == {}
 
 
-# -- who holds what
+# -- which session holds which agent
 
 
 def test_an_agent_has_one_holder_until_that_one_is_gone():
@@ -276,7 +276,7 @@ def test_answers_are_applied_in_one_order():
     assert list(answers.actions()) == ["bin_01", "picker_01"]
 
 
-# -- velocities that nobody waits for
+# -- velocities that physics does not wait for
 
 
 def loose(ticks):

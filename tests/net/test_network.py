@@ -98,7 +98,7 @@ def test_in_realtime_robots_stand_while_their_link_is_down_and_drive_again(fleet
 
 
 def is_at(speed):
-    """Whether a pose is of one who goes at that speed, m/s."""
+    """Whether a pose is of a body that goes at that speed, m/s."""
     return lambda pose: pose["twist"]["linear"]["x"] == speed
 
 
@@ -199,7 +199,7 @@ def test_realtime_goes_on_whatever_a_relay_does(fleet):
         until(poses, lambda pose: poses.empty() and is_at(0.0)(pose))
         bad.heal()
         until(poses, is_at(0.5))
-        bad.calm()  # whoever is cut off at the very end is told nothing of it
+        bad.calm()  # a host that is cut off at the very end is told nothing of it
         fleet.end()
         assert bad.cuts > 0
 

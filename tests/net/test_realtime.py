@@ -1,4 +1,4 @@
-"""Realtime: the clock goes on, the newest velocity counts, and who falls silent stands. The rules without a network, and real processes."""
+"""Realtime: the clock goes on, the newest velocity counts, and a robot without new ones stands. The rules alone, and real processes."""
 
 import re
 import signal

@@ -1,4 +1,4 @@
-"""The logger in a real run: killed it goes on in a further part of the recording, slow it holds nobody up."""
+"""The logger in a real run: killed it goes on in a further part of the recording, slow it holds up no other process."""
 
 import copy
 import re

@@ -1,4 +1,4 @@
-"""Who may do what, by effect: real certificates, real sessions, a real physics process, and those who try what is not theirs."""
+"""Which role may do what, by effect: real certificates, real sessions, a real physics process, and sessions that try what is not theirs."""
 
 import json
 import shutil
@@ -40,7 +40,7 @@ def farm(folder, tmp_path):
 
 @pytest.fixture
 def meeting(folder):
-    """A router with physics' rules, and nobody at it yet."""
+    """A router with physics' rules, and no session yet."""
     with ExitStack() as stack, router("tls/127.0.0.1:0", identity=Keyring.load(folder).of("physics")) as bus:
         farm = Farm(folder, bus.endpoint, "", stack)
         farm.bus = bus
@@ -132,10 +132,10 @@ def test_an_agent_hears_its_own_mail_and_no_other(meeting):
 
 
 def who_answers(asker: Somebody, name: str, others: list[Somebody]) -> list[Somebody]:
-    """All of them whom a request to a robot's agent reaches. It is asked again until there is one."""
+    """All of them that a request to a robot's agent reaches. It is asked again until there is one."""
     deadline, heard = time.monotonic() + SECONDS, []
     while not heard:
-        assert time.monotonic() < deadline, f"nobody answers for {name}"
+        assert time.monotonic() < deadline, f"no session answers for {name}"
         asker.bus.ask(KEYS.of("mail", name), b"", name, SECONDS)
         while not isinstance(asker.bus.inbox.take(0.01), Final):
             for other in others:
@@ -161,7 +161,7 @@ def test_an_agent_sees_its_own_robot_and_no_other(farm):
 
 
 def test_another_session_with_a_roles_certificate_may_nothing(meeting):
-    """The rules name the session as well: nobody is alive under another's id."""
+    """The rules name the session as well: no session is alive under another's id."""
     meeting.bus.subscribe(KEYS.of("velocity"))
     amy = meeting.keyring.of("amy")
     with client(meeting.endpoint, identity=replace(amy, role=replace(amy.role, name="amys_sister"))) as sister:
@@ -236,7 +236,7 @@ def test_another_authoritys_certificate_is_worth_nothing(meeting, stranger):
 
 
 def test_a_router_believes_no_other_authority_either(meeting, stranger, tmp_path):
-    """A stranger who knows whom to trust is still a stranger."""
+    """A client that trusts the right authority, but has a certificate of another one, is still refused."""
     own = shutil.copytree(stranger / "amy", tmp_path / "amy")
     shutil.copy(meeting.keyring.folder / "amy" / AUTHORITY, own / AUTHORITY)
     identity = Identity(meeting.keyring.of("amy").role, own)

@@ -1,4 +1,4 @@
-"""The directory of roles: who may read it, what `orchard secure` does not make, and what a user may get wrong."""
+"""The directory of roles: which user may read it, what `orchard secure` does not make, and what a user may get wrong."""
 
 import shutil
 from datetime import UTC, datetime, timedelta

@@ -1,4 +1,4 @@
-"""Physics' side of those who drive, without a network: what it keeps of sessions that come and go."""
+"""Physics' side of the sessions that drive, without a network: what it keeps of those that come and go."""
 
 from alone import SMALL
 from corpus import KEYS, Run

@@ -1,4 +1,4 @@
-"""Kill any process of run.py's, with nobody at hand: the same run goes on, and its hash is that of one that nothing happened to."""
+"""Kill any process of run.py's, without help by a person: the same run goes on, and its hash is that of one that nothing happened to."""
 
 import json
 import re

@@ -33,7 +33,7 @@ def wait_for_tick(fleet, tick):
 
 
 def end(process):
-    """Kill it, with nobody at hand."""
+    """Kill it, without help by a person."""
     process.signal(signal.SIGKILL)
     process.end()
 
@@ -96,7 +96,7 @@ def test_a_host_that_sleeps_for_a_while_changes_nothing(fleet, undisturbed):
 
 
 def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_it_wakes(fleet, tmp_path):
-    """3 s: those who had letters for it learn within two that it does not answer, and are in time."""
+    """3 s: the agents that had letters for it learn within 2 s that it does not answer, and are in time."""
     fleet.physics(SMALL, "--speed", "5", "--patience", "3", "--snapshots", str(tmp_path / "snapshots"))
     someone = fleet.client()
     lost, velocities, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "picker_01/velocity", "clock"))
@@ -112,7 +112,7 @@ def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_
     fleet.world.signal(signal.SIGTERM)
     fleet.end()
     assert "no answer" in fleet.world.complaints
-    assert newest(tmp_path / "snapshots", []).lost == {"picker_01": named["tick"]}, "and who resumes the run is told"
+    assert newest(tmp_path / "snapshots", []).lost == {"picker_01": named["tick"]}, "and the person that resumes the run is told"
 
 
 def test_what_one_says_late_who_was_given_up_is_refused_until_it_joins_again(fleet):
@@ -227,7 +227,7 @@ def test_a_router_that_is_killed_and_started_again_changes_nothing(fleet, undist
     assert fleet.end() == undisturbed
 
 
-# -- who comes back
+# -- what comes back
 
 
 class SlowStart:

@@ -138,6 +138,56 @@ def test_mistakes_are_told_with_exit_code_2(options, told, capsys, monkeypatch, 
     assert "Traceback" not in said.err
 
 
+def test_faults_of_the_file_the_options_and_the_ranges_are_told_at_once(capsys, monkeypatch, tmp_path):
+    """Nothing is told that may follow from a fault of the file: here a price, and the number of rows."""
+    from orchard.launch import commands
+
+    (tmp_path / "bad.yaml").write_text("rows: 99\nprices: {per_bin: -1}\n")
+    options = [
+        "--goal",
+        "cost_per_bin",
+        "--model",
+        "slow",
+        "--within",
+        "3",
+        "--workers",
+        "0",
+        "--csv",
+        "/no/such/folder/file.csv",
+        "--out",
+        "README.md",
+    ]
+    varied = ["--vary", "carriers=0..5", "--vary", "pickers=20"]
+    monkeypatch.setattr("sys.argv", ["orchard", "study", str(tmp_path / "bad.yaml"), *varied, *options])
+    with pytest.raises(SystemExit) as ended:
+        commands.main()
+    assert ended.value.code == 2
+    assert [line.removeprefix(str(tmp_path))[:22] for line in capsys.readouterr().err.splitlines()] == [
+        "--within: 3: expected ",
+        "--model: slow: expecte",
+        "--workers: 0: expected",
+        "/no/such/folder/file.c",
+        "README.md: is no store",
+        "--vary carriers=0..5: ",
+        "/bad.yaml:1: rows = 99",
+        "/bad.yaml:2: prices.pe",
+    ]
+
+
+def test_of_a_file_that_cannot_be_read_only_what_is_wrong_anyway_is_told(capsys, monkeypatch):
+    from orchard.launch import commands
+
+    words = ["no_such.yaml", "--vary", "seed=1,2", "--vary", "pickers=20", "--goal", "cost_per_bin"]
+    monkeypatch.setattr("sys.argv", ["orchard", "study", *words])
+    with pytest.raises(SystemExit) as ended:
+        commands.main()
+    assert ended.value.code == 2
+    assert [line.split(": ")[:2] for line in capsys.readouterr().err.splitlines()] == [
+        ["--vary seed=1,2", "seed"],
+        ["no_such.yaml", "no such file"],
+    ]
+
+
 def test_a_budget_too_short_for_one_run_is_exit_code_1(folder):
     run = orchard("study", "undisturbed", "--model", "full", "--budget", "1s", "--out", folder / "short.db", "--vary", "rows=20")
     assert run.returncode == 1

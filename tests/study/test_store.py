@@ -6,7 +6,7 @@ import time
 import pytest
 
 from orchard.field.scenario import Scenario, with_changes
-from orchard.study import runs, store
+from orchard.study import own_source, runs, store
 from orchard.study.runs import PlannedRun
 from orchard.study.store import Store, StoreError
 
@@ -88,9 +88,27 @@ def test_the_key_holds_the_source_of_a_policy_of_the_users_own(tmp_path, monkeyp
     keys = []
     for name, text in (("one", source), ("two", source), ("three", source + "    early = True\n")):
         (tmp_path / f"policy_{name}.py").write_text(text)
-        keys.append(runs.own_source((("dispatch", f"policy_{name}.Mine"),)))
+        keys.append(PlannedRun(with_changes(SCENARIO, dispatch=f"policy_{name}.Mine"), "fast").own_source)
     assert keys[0] == keys[1] != keys[2]
-    assert runs.own_source(()) == ""
+    assert PlannedRun(SCENARIO, "fast").own_source == ""
+
+
+def test_the_key_holds_the_users_files_that_a_policy_imports_and_no_library(tmp_path, monkeypatch):
+    """However they are imported: with their package, by a relative path, one by the other, in a function."""
+    monkeypatch.syspath_prepend(tmp_path)
+    files = {
+        "plot_policy.py": "import json, numpy\nimport plot.rules\nclass Mine: pass\ndef late():\n    from plot_late import MOST\n",
+        "plot/__init__.py": "",
+        "plot/rules.py": "from . import limits\nfrom .limits import MOST\nfrom orchard import Scenario\n",
+        "plot/limits.py": "import plot_policy\nMOST = 3\n",
+        "plot_late.py": "MOST = 3\n",
+        "plot_other.py": "MOST = 3\n",
+    }
+    (tmp_path / "plot").mkdir()
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    known = own_source.own_source((("dispatch", "plot_policy.Mine"),))
+    assert sorted(known) == sorted(text.encode() for name, text in files.items() if name != "plot_other.py")
 
 
 def test_a_store_that_another_study_makes_at_the_same_time_is_used(tmp_path, record, monkeypatch):

@@ -89,7 +89,7 @@ def dask_process(module: str, *arguments: object, before: tuple[str, ...] = ()) 
     return subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
 
 
-def test_a_scheduler_gives_the_same_table_though_a_worker_dies(tmp_path):
+def test_a_scheduler_gives_the_same_table_though_a_worker_dies_and_refuses_a_wrong_clock(tmp_path, monkeypatch):
     file = tmp_path / "scheduler.json"
     scenario = Scenario(rows=3, picking_speed=0.5, picking={"spread": {"distribution": "gamma"}})
     varied, common = {"carriers": [1, 2]}, {"model": "fast", "budget_seconds": 10_000.0, "within": 0.2}
@@ -111,6 +111,9 @@ def test_a_scheduler_gives_the_same_table_though_a_worker_dies(tmp_path):
         assert sorted(result for _, result in done) == [2 * number for number in NUMBERS]
         assert workers_at(address) == 1  # the other one died
         there = study(scenario, varied, StudyOptions(**common, scheduler=address, store=tmp_path / "there.db"))
+        monkeypatch.setattr("orchard.study.workers.APART", -600.0)  # so no two clocks agree
+        with pytest.raises(WorkersError, match=r"clocks of workers differ from that of this machine: tcp://\S+ by [+-]0 s; set them"):
+            Scheduler(address)
     here = study(scenario, varied, StudyOptions(**common, workers=1, store=tmp_path / "here.db"))
     assert there.table == here.table
 

@@ -7,7 +7,8 @@ import msgpack
 import pytest
 from msgspec import inspect
 
-from docs.keyspace import EXAMPLES, document
+from docs.keyspace import document
+from docs.message_examples import EXAMPLES
 from orchard.wire.keys import TABLE, Keys
 from orchard.wire.types import SubMessage, read
 

@@ -50,7 +50,7 @@ def _meet_along(a, b, dx, dy, cosine, sine):
 
 @jit
 def gap(a, b):
-    """Return the distance between two boxes, edge to edge, m; 0 if they overlap. If not, it is that of a corner of one from the other."""
+    """Return the distance between two boxes, edge to edge, m; 0 if they overlap. Else the nearest point of one of them is a corner."""
     return 0.0 if overlap(a, b) else min(_corner_gap(a, b), _corner_gap(b, a))
 
 

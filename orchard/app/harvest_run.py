@@ -1,17 +1,16 @@
-"""Start a run, read its output and stop it. All pages share one run at a time."""
+"""A harvest from the page: the command `orchard` that does it, what it says, and its picture."""
 
 import contextlib
 import json
 from dataclasses import dataclass
-from datetime import datetime
 from enum import StrEnum
-from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from orchard.app.command import PageCommand
 from orchard.app.course import Course
+from orchard.app.latest import Latest
 from orchard.app.run_controls import Files, RunSettings, command
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, to_yaml
@@ -117,38 +116,4 @@ class Run(PageCommand):
                 server.terminate()
 
 
-class Runner:
-    """Holds the current run, or the last one. `folder`: of the files of all runs."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.run: Run | None = None
-
-    @property
-    def is_busy(self) -> bool:
-        return self.run is not None and not self.run.is_over
-
-    def start(self, scenario: Scenario, settings: RunSettings) -> None:
-        """Start a run. Raises OSError if its files cannot be written, RuntimeError while another run is in progress, ValueError."""
-        if self.is_busy:
-            raise RuntimeError("another run is in progress; stop it first")
-        if settings.problems:
-            raise ValueError("; ".join(f"{name} {words}" for name, words in settings.problems.items()))
-        self.close()
-        self.run = Run(scenario, settings, fresh_files(self.folder, "harvest"))
-
-    def close(self) -> None:
-        if self.run is not None:
-            self.run.close()
-
-
-def fresh_files(folder: Path, what: str) -> Files:
-    """Return files named after the time, for a harvest or a study; the scenario's exists. Two within a second get different names."""
-    folder.mkdir(parents=True, exist_ok=True)
-    name = f"{what}-{datetime.now():%Y%m%d-%H%M%S}"
-    for more in ("", *(f"-{n}" for n in range(2, 100))):
-        files = Files(folder.resolve(), name + more)
-        with contextlib.suppress(FileExistsError):
-            files.scenario.touch(exist_ok=False)
-            return files
-    raise FileExistsError(f"{folder}: too many files named {name}")
+Harvests = Latest[Run, RunSettings]

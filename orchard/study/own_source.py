@@ -1,0 +1,76 @@
+"""The source of the classes and functions of a user's own that a scenario names: a run is known only as long as this stays the same."""
+
+import ast
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import cache
+from importlib.util import find_spec, resolve_name
+from itertools import accumulate
+from pathlib import Path
+
+from orchard.agents.dispatch import POLICIES
+from orchard.agents.routes import ROUTES
+from orchard.field.plugins import is_own, load_plugin
+from orchard.field.scenario import ROW_RULES, Scenario
+
+
+def own_classes(scenario: Scenario) -> tuple[tuple[str, str], ...]:
+    """Return the keys of a scenario that name classes or functions of the user's own, each with what it names."""
+    rules = [
+        ("dispatch", scenario.dispatch, POLICIES),
+        ("route", scenario.route, ROUTES),
+        ("rows_to_pickers", scenario.rows_to_pickers, ROW_RULES),
+    ]
+    named = [(key, path) for key, path, builtin in rules if path not in builtin]
+    return (*named, *sorted((f"agents.{name}", path) for name, path in (scenario.agents | scenario.agents_without_body).items()))
+
+
+@cache
+def own_source(classes: tuple[tuple[str, str], ...]) -> tuple[bytes, ...]:
+    """Return the files of a user's own classes, and the user's files that these import, each once. Raises ScenarioError.
+
+    What else the classes read, such as a table of data, is not in it: after a change there, take another store.
+    """
+    files: dict[str, bytes] = {}
+    for key, path in classes:
+        load_plugin(key, path)
+        files |= _files(path.replace(":", ".").rpartition(".")[0])
+    return tuple(files[name] for name in sorted(files))
+
+
+def _files(module: str) -> dict[str, bytes]:
+    """The content of the file of a module, and of the user's modules that it imports, by name: also of those imported in a function."""
+    files: dict[str, bytes] = {}
+    left, package = [module], module.partition(".")[0]  # one that is installed as a library is the user's too
+    while left:
+        name = left.pop()
+        file = _file(name, package)
+        if file is not None and name not in files:
+            files[name] = file.read_bytes()
+            left += _imported(files[name], name if file.stem == "__init__" else name.rpartition(".")[0])
+    return files
+
+
+def _file(name: str, package: str) -> Path | None:
+    """The file of a module if it is the user's. A library is not even looked into, because that would import it."""
+    whole, top = name.partition(".")[0], None
+    with suppress(ImportError, ValueError):
+        top = find_spec(whole)
+    if top is None or not (whole == package or top.origin is None or is_own(top.origin)):
+        return None
+    with suppress(ImportError, ValueError):
+        found = top if name == whole else find_spec(name)
+        return Path(found.origin) if found and found.origin and found.origin.endswith(".py") else None
+    return None
+
+
+def _imported(source: bytes, package: str) -> Iterator[str]:
+    """The dotted names that a file of a package may import, each with the packages that it is in."""
+    names: list[str] = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            whole = resolve_name("." * node.level + (node.module or ""), package)
+            names += [whole, *(f"{whole}.{alias.name}" for alias in node.names)]
+    return (part for name in names for part in accumulate(name.split("."), "{}.{}".format))

@@ -25,6 +25,7 @@ class Claimant:
         self.beside = ""
         self.claimed = -PATIENCE
         self._agreed: list[str] = []
+        self._told = self._claim()  # its last claim
         self._due = -1  # tick at which the next claim is sent
         self.changed = env.event()
         ledger.claimants[name] = self
@@ -38,6 +39,7 @@ class Claimant:
     def want(self, places: list[str], beside: str = "") -> None:
         """Claim places, unless this claim is on its way."""
         if places != self.wanted:
+            self.claimed = self._repeated()
             self.wanted, self.beside = places, beside
             self._plan()
 
@@ -45,13 +47,13 @@ class Claimant:
         """Give places back."""
         kept = [place for place in self.held if place not in places]
         if len(kept) != len(self.held):
-            self.held = kept
+            self.claimed, self.held = self._repeated(), kept
             self._plan()
 
     def _plan(self) -> None:
         """Send a claim at the first tick at which the robot would."""
         given_back = sorted(self._agreed) != sorted(self.held)
-        if not (self.wanted or given_back):
+        if not (self.wanted or given_back) or self._told == self._claim():
             return
         due = max(ceil(self.env.now), self.claimed + (GIVEN_BACK if given_back else PATIENCE))
         if self._due < self.env.now or due < self._due:
@@ -60,11 +62,24 @@ class Claimant:
 
     def _send(self, due: int) -> None:
         if due == self._due:
-            self._due, self.claimed = -1, due
-            self.ledger.post(self.name, Claim(keep=list(self.held), want=list(self.wanted), beside=self.beside))
+            self._due, self.claimed, self._told = -1, due, self._claim()
+            self.ledger.post(self.name, self._told)
+
+    def _claim(self) -> Claim:
+        return Claim(keep=self.held, want=self.wanted, beside=self.beside)
+
+    def _repeated(self) -> int:
+        """The tick of its last claim. While it waits, it repeats its claim every PATIENCE ticks; that changes nothing, so it is no event."""
+        now = ceil(self.env.now)
+        return now - (now - self.claimed) % PATIENCE if self.wanted else self.claimed
+
+    def ticks_to_answer(self) -> int:
+        """The ticks until it hears the next answer, while it waits."""
+        return 1 + (max(self.claimed, self._due) + 1 - ceil(self.env.now)) % PATIENCE
 
     def hear(self, held: list[str], alone: list[str], want: list[str]) -> None:
         """Hear the answer to a claim for `want`: the places that the robot holds, and those of them that it shares with no other one."""
+        self.claimed = self._repeated()
         self.held = self.held + [place for place in held if place in want and place not in self.held]
         self._agreed, self.alone = held, alone
         if self.wanted and self.holds(self.wanted):
@@ -103,12 +118,11 @@ class Ledger:
             self._reply(name, claim.want, now + 1)
         for name, places in waiting.items():
             if name not in claims and name not in self.table.wishes:
-                self._reply(name, places, self._next_claim(self.claimants[name], now) + 2)
+                self._reply(name, places, self._next_claim(self.claimants[name], now - 1) + 2)
 
     def _next_claim(self, claimant: Claimant, now: int) -> int:
         """The tick at which a robot that waits claims again; it does so every PATIENCE ticks."""
-        claimant.claimed += -(-(now - claimant.claimed) // PATIENCE) * PATIENCE
-        return claimant.claimed
+        return now + (claimant.claimed - now) % PATIENCE
 
     def _reply(self, name: str, want: list[str], heard: int) -> None:
         """Let a robot hear at a tick what it holds then."""

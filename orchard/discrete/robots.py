@@ -163,6 +163,8 @@ class Robot:
             ticks = min(ceil(left / pace - NEAR), ask)
             if not arrived:
                 ticks = min(ticks, ceil((left_at + CLEAR - here) / pace - NEAR))
+            if limit < goal and self.places.wanted:
+                ticks = min(ticks, self.places.ticks_to_answer())
             freed = next((gate_at for gate_at, places in frees if self.places.holds_any(places)), inf)
             if freed < limit:
                 ticks = min(ticks, ceil((freed - here) / pace - NEAR))
@@ -180,7 +182,8 @@ class Robot:
     def _what_lets_it_go_on(self, shut: simpy.Event | None, ahead: Follower | None) -> list[simpy.Event]:
         """What a robot that stands waits for: a place, a bin that is left in its lane, the robot right ahead of it."""
         places = [self.places.changed] if self.places.wanted else []
-        return [*places, *([shut] if shut is not None else []), *([ahead.moved] if ahead is not None else [])]
+        look = [self.env.timeout(self.places.ticks_to_answer())] if places and ahead is not None else []
+        return [*places, *look, *([shut] if shut is not None else []), *([ahead.moved] if ahead is not None else [])]
 
     def _note_exit(self, begun: int, was: float, here: float, pace: float) -> None:
         """Note the tick at which a carrier left the queue eastward. It drove from x = `was` to `here`, m, from `begun` on."""

@@ -1,6 +1,6 @@
 """Traffic in the discrete-event model: the ledger of the agent `traffic`, asked by letters that take a tick each way."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from math import ceil
 from typing import Any
 
@@ -15,7 +15,7 @@ GIVEN_BACK = 2  # ticks after a claim at which a robot may tell that it has give
 
 
 class Claimant:
-    """The places of one robot: what it holds and wants, and when it claims. `changed` happens when an answer is heard."""
+    """The places of one robot: what it holds and wants, and when it claims."""
 
     def __init__(self, env: simpy.Environment, ledger: "Ledger", name: str) -> None:
         self.env, self.ledger, self.name = env, ledger, name
@@ -27,7 +27,7 @@ class Claimant:
         self._agreed: list[str] = []
         self._told = self._claim()  # its last claim
         self._due = -1  # tick at which the next claim is sent
-        self.changed = env.event()
+        self._pause: simpy.Event | None = None  # what its robot waits for, unless it hears an answer before
         ledger.claimants[name] = self
 
     def holds(self, places: list[str]) -> bool:
@@ -85,9 +85,15 @@ class Claimant:
         if self.wanted and self.holds(self.wanted):
             self.wanted = []
         self._plan()
-        if self.changed.callbacks:
-            happened, self.changed = self.changed, self.env.event()
-            happened.succeed()
+        if self._pause is not None:
+            hasten(self._pause, self.env.timeout(ceil(self.env.now) - self.env.now))
+            self._pause = None
+
+    def answer_or(self, event: simpy.Event) -> Generator[simpy.Event, Any, None]:
+        """Wait for an event, or only until the tick after the next answer, if that is before."""
+        self._pause = event
+        yield event
+        self._pause = None
 
 
 class Ledger:
@@ -137,6 +143,13 @@ def at(env: simpy.Environment, time: float, act: Callable[[], Any]) -> None:
     """Do something at a time, in ticks."""
     event = env.timeout(time - env.now)
     event.callbacks.append(lambda _: act())
+
+
+def hasten(event: simpy.Event, sooner: simpy.Event) -> None:
+    """Let what waits for an event wait for another one."""
+    assert sooner.callbacks is not None and event.callbacks is not None
+    sooner.callbacks.extend(event.callbacks)
+    event.callbacks.clear()
 
 
 def first_of(env: simpy.Environment, events: Sequence[simpy.Event]) -> simpy.Event:

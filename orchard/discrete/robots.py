@@ -158,7 +158,7 @@ class Robot:
                 if target - here <= NEAR:
                     break
                 ahead = before if free_to <= here + NEAR else None
-                yield from self.wait(*self._what_lets_it_go_on(shut, ahead), *called)
+                yield from self._stand(shut, ahead, called)
                 continue
             ticks = min(ceil(left / pace - NEAR), ask)
             if not arrived:
@@ -170,7 +170,11 @@ class Robot:
                 ticks = min(ticks, ceil((freed - here) / pace - NEAR))
             begun, was = self.tick, here
             timeout, self._leg = self.env.timeout(ticks), (axis, begun, was, pace, sign, limit)
-            yield from self.wait(timeout, *([self.places.changed] if self.places.wanted else []), *called)
+            pause = first_of(self.env, [timeout, *called]) if called else timeout
+            if self.places.wanted:
+                yield from self.places.answer_or(pause)
+            else:
+                yield pause
             if before is not None and limit < goal:  # the one before it has driven on
                 limit = max(limit, min(goal, room(self, before)))
             here, self._leg = min(limit, was + (self.tick - begun) * pace), None
@@ -179,11 +183,14 @@ class Robot:
             self._put(axis, sign * here)
         self.clear = meeting - here
 
-    def _what_lets_it_go_on(self, shut: simpy.Event | None, ahead: Follower | None) -> list[simpy.Event]:
-        """What a robot that stands waits for: a place, a bin that is left in its lane, the robot right ahead of it."""
-        places = [self.places.changed] if self.places.wanted else []
-        look = [self.env.timeout(self.places.ticks_to_answer())] if places and ahead is not None else []
-        return [*places, *look, *([shut] if shut is not None else []), *([ahead.moved] if ahead is not None else [])]
+    def _stand(self, shut: simpy.Event | None, ahead: Follower | None, called: list[simpy.Event]) -> Events:
+        """Stand until a place is granted, a bin is left in its lane, or the robot right ahead of it drives on."""
+        events = [*([shut] if shut is not None else []), *([ahead.moved] if ahead is not None else []), *called]
+        if not self.places.wanted:
+            yield from self.wait(*events)
+        else:
+            look = [self.env.timeout(self.places.ticks_to_answer())] if ahead is not None else []
+            yield from self.places.answer_or(first_of(self.env, [*look, *events]))
 
     def _note_exit(self, begun: int, was: float, here: float, pace: float) -> None:
         """Note the tick at which a carrier left the queue eastward. It drove from x = `was` to `here`, m, from `begun` on."""
@@ -320,7 +327,7 @@ class Robot:
     def _(self, step: st.Need) -> Events:
         while not self.places.holds(step.places):
             self.places.want(step.places)
-            yield from self.wait(self.places.changed)
+            yield from self.places.answer_or(self.env.event())
 
     @do.register
     def _(self, step: st.Free) -> Events:
@@ -375,7 +382,7 @@ class Robot:
         self.model.couple(self)
         while not self.places.holds([step.place]):
             self.places.want([step.place], beside=self.carrier)
-            yield from self.wait(self.places.changed)
+            yield from self.places.answer_or(self.env.event())
         self.taken[self.offered] = self.tick
 
     @do.register

@@ -11,6 +11,7 @@ from orchard.agents.traffic import ReservationTable, grant, note
 from orchard.contract.messages import Claim
 
 MAIL = 0.5  # ticks: letters arrive between two ticks, so that a robot hears them before it acts
+ANSWERS = 0.75  # ticks before a robot acts, it hears answers of traffic: before traffic hears the claims of the last tick
 GIVEN_BACK = 2  # ticks after a claim at which a robot may tell that it has given places back
 
 
@@ -56,14 +57,16 @@ class Claimant:
         if not (self.wanted or given_back) or self._told == self._claim():
             return
         due = max(ceil(self.env.now), self.claimed + (GIVEN_BACK if given_back else PATIENCE))
-        if self._due < self.env.now or due < self._due:
+        if self._due < 0 or due < self._due:
             self._due = due
-            at(self.env, due, lambda: self._send(due))
+            self.ledger.expect(self, due)
 
-    def _send(self, due: int) -> None:
-        if due == self._due:
-            self._due, self.claimed, self._told = -1, due, self._claim()
-            self.ledger.post(self.name, self._told)
+    def claim(self, tick: int) -> Claim | None:
+        """Return the claim that the robot has sent at a tick, if any."""
+        if tick != self._due:
+            return None
+        self._due, self.claimed, self._told = -1, tick, self._claim()
+        return self._told
 
     def _claim(self) -> Claim:
         return Claim(keep=self.held, want=self.wanted, beside=self.beside)
@@ -102,41 +105,44 @@ class Ledger:
     def __init__(self, env: simpy.Environment) -> None:
         self.env, self.table = env, ReservationTable()
         self.claimants: dict[str, Claimant] = {}
-        self._inbox: dict[str, Claim] = {}
+        self._expected: dict[int, list[Claimant]] = {}  # tick -> those that will claim then
 
     def is_alone(self, name: str, place: str) -> bool:
         """Whether no other robot holds a place."""
         return sum([place in places for places in self.table.holds.values()]) == (place in self.table.holds[name])
 
-    def post(self, name: str, claim: Claim) -> None:
-        if not self._inbox:
-            at(self.env, self.env.now + MAIL, self._hear)
-        self._inbox[name] = claim
+    def expect(self, claimant: Claimant, tick: int) -> None:
+        """Hear the claim that a robot sends at a tick."""
+        if tick not in self._expected:
+            self._expected[tick] = []
+            at(self.env, tick + MAIL, lambda: self._hear(tick))
+        self._expected[tick].append(claimant)
 
-    def _hear(self) -> None:
-        claims, self._inbox, now = self._inbox, {}, ceil(self.env.now)
+    def _hear(self, tick: int) -> None:
+        sent, now = {claimant.name: claimant.claim(tick) for claimant in self._expected.pop(tick)}, tick + 1
+        claims = {name: claim for name, claim in sent.items() if claim is not None}
         for name in sorted(claims):
             note(self.table, name, claims[name], now)
         waiting = {name: wish.places for name, wish in self.table.wishes.items()}
         if self.table.wishes:
             grant(self.table)
-        for name, claim in claims.items():
-            self._reply(name, claim.want, now + 1)
+        self._reply({name: claim.want for name, claim in claims.items()}, now + 1)
         for name, places in waiting.items():
             if name not in claims and name not in self.table.wishes:
-                self._reply(name, places, self._next_claim(self.claimants[name], now - 1) + 2)
+                self._reply({name: places}, self._next_claim(self.claimants[name], tick) + 2)
 
     def _next_claim(self, claimant: Claimant, now: int) -> int:
         """The tick at which a robot that waits claims again; it does so every PATIENCE ticks."""
         return now + (claimant.claimed - now) % PATIENCE
 
-    def _reply(self, name: str, want: list[str], heard: int) -> None:
-        """Let a robot hear at a tick what it holds then."""
-        at(self.env, heard - MAIL, lambda: self._answer(name, want))
+    def _reply(self, wanted: dict[str, list[str]], heard: int) -> None:
+        """Let robots that wanted places hear at a tick what they hold then."""
+        at(self.env, heard - ANSWERS, lambda: self._answer(wanted))
 
-    def _answer(self, name: str, want: list[str]) -> None:
-        held = self.table.holds[name]
-        self.claimants[name].hear(held, [place for place in held if self.is_alone(name, place)], want)
+    def _answer(self, wanted: dict[str, list[str]]) -> None:
+        for name, places in wanted.items():
+            held = self.table.holds[name]
+            self.claimants[name].hear(held, [place for place in held if self.is_alone(name, place)], places)
 
 
 def at(env: simpy.Environment, time: float, act: Callable[[], Any]) -> None:

@@ -63,9 +63,9 @@ def note(ledger: ReservationTable, name: str, claim: Claim, tick: int) -> None:
 
 
 def owners_of(ledger: ReservationTable) -> dict[str, list[str]]:
-    """Return the robots that hold each place, by name."""
+    """Return the robots that hold each place."""
     owners: dict[str, list[str]] = {}
-    for name, places in sorted(ledger.holds.items()):
+    for name, places in ledger.holds.items():
         for place in places:
             owners.setdefault(place, []).append(name)
     return owners

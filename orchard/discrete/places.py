@@ -28,7 +28,8 @@ class Claimant:
         self._agreed: list[str] = []
         self._told = self._claim()  # its last claim
         self._due = -1  # tick at which the next claim is sent
-        self._pause: simpy.Event | None = None  # what its robot waits for, unless it hears an answer before
+        self._pause: simpy.Event | None = None  # what its robot waits for, unless it gets places before
+        self._is_curious = False  # it goes on after any answer
         ledger.claimants[name] = self
 
     def holds(self, places: list[str]) -> bool:
@@ -83,18 +84,19 @@ class Claimant:
     def hear(self, held: list[str], alone: list[str], want: list[str]) -> None:
         """Hear the answer to a claim for `want`: the places that the robot holds, and those of them that it shares with no other one."""
         self.claimed = self._repeated()
-        self.held = self.held + [place for place in held if place in want and place not in self.held]
+        granted = [place for place in held if place in want and place not in self.held]
+        self.held = self.held + granted
         self._agreed, self.alone = held, alone
         if self.wanted and self.holds(self.wanted):
             self.wanted = []
         self._plan()
-        if self._pause is not None:
+        if self._pause is not None and (granted or self._is_curious):
             hasten(self._pause, self.env.timeout(ceil(self.env.now) - self.env.now))
             self._pause = None
 
-    def answer_or(self, event: simpy.Event) -> Generator[simpy.Event, Any, None]:
-        """Wait for an event, or only until the tick after the next answer, if that is before."""
-        self._pause = event
+    def granted_or(self, event: simpy.Event, is_curious: bool = False) -> Generator[simpy.Event, Any, None]:
+        """Wait for an event, or only until places are granted, if that is before. Who is curious goes on after any answer."""
+        self._pause, self._is_curious = event, is_curious
         yield event
         self._pause = None
 

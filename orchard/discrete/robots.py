@@ -15,7 +15,7 @@ from orchard.discrete.bystanders import ASK, Bystanders
 from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Ledger, at, first_of
 from orchard.field.geometry import HEADINGS, Pose, angle_between, nearest_heading
-from orchard.field.kinds import EIGHTH, KINDS
+from orchard.field.kinds import EIGHTH, KINDS, kind_of
 from orchard.field.scenario import TIME_STEP
 
 Events = Generator[simpy.Event, Any, None]
@@ -52,7 +52,7 @@ class Robot:
     """A robot and its plan."""
 
     def __init__(self, model: "Model", name: str, pose: Pose, bin_name: str) -> None:
-        self.model, self.env, self.name = model, model.env, name
+        self.model, self.env, self.name, self.kind = model, model.env, name, KINDS[kind_of(name)]
         self.x, self.y, self.yaw = pose
         self.bin = bin_name
         self.places = Claimant(model.env, model.ledger, name)
@@ -172,7 +172,7 @@ class Robot:
             timeout, self._leg = self.env.timeout(ticks), (axis, begun, was, pace, sign, limit)
             pause = first_of(self.env, [timeout, *called]) if called else timeout
             if self.places.wanted:
-                yield from self.places.answer_or(pause)
+                yield from self.places.granted_or(pause, is_curious=limit < goal)
             else:
                 yield pause
             if before is not None and limit < goal:  # the one before it has driven on
@@ -190,7 +190,7 @@ class Robot:
             yield from self.wait(*events)
         else:
             look = [self.env.timeout(self.places.ticks_to_answer())] if ahead is not None else []
-            yield from self.places.answer_or(first_of(self.env, [*look, *events]))
+            yield from self.places.granted_or(first_of(self.env, [*look, *events]), is_curious=ahead is not None)
 
     def _note_exit(self, begun: int, was: float, here: float, pace: float) -> None:
         """Note the tick at which a carrier left the queue eastward. It drove from x = `was` to `here`, m, from `begun` on."""
@@ -327,7 +327,7 @@ class Robot:
     def _(self, step: st.Need) -> Events:
         while not self.places.holds(step.places):
             self.places.want(step.places)
-            yield from self.places.answer_or(self.env.event())
+            yield from self.places.granted_or(self.env.event())
 
     @do.register
     def _(self, step: st.Free) -> Events:
@@ -382,7 +382,7 @@ class Robot:
         self.model.couple(self)
         while not self.places.holds([step.place]):
             self.places.want([step.place], beside=self.carrier)
-            yield from self.places.answer_or(self.env.event())
+            yield from self.places.granted_or(self.env.event())
         self.taken[self.offered] = self.tick
 
     @do.register

@@ -78,8 +78,8 @@ def grant(ledger: ReservationTable) -> None:
     for name, wish in sorted(ledger.wishes.items(), key=lambda item: (item[1].since, item[0])):
         missing = [place for place in wish.places if place not in ledger.holds[name]]
         # a robot that only joins its partner need not wait in line: the partner could not leave otherwise
-        joins_partner = all(wish.beside in owners.get(place, []) for place in missing)
-        if (joins_partner or not waited_for.intersection(missing)) and not blockers(owners, name, wish):
+        is_next = waited_for.isdisjoint(missing) or all(wish.beside in owners.get(place, []) for place in missing)
+        if is_next and not blockers(owners, name, wish):
             ledger.holds[name] = ledger.holds[name] + missing
             for place in missing:
                 owners.setdefault(place, []).append(name)

@@ -143,45 +143,51 @@ class Robot:
             while frees and here > frees[0][0] - NEAR:
                 self.places.free(frees.pop(0)[1])
             gate_at, ask, shut = self._next_gate(needs, here, pace)
-            limit = min(target, gate_at)
             if not arrived and here - left_at >= CLEAR - NEAR:
                 arrived = self._arrive(line, here)
             before = self.model.lines.before(self, line, here)
             free_to = room(self, before) if before is not None else inf
-            goal = min(limit, meeting)
+            goal = min(target, gate_at, meeting)
             limit = min(goal, max(here, free_to))
             if arrived:
                 self._extend(limit)
-            left = limit - here
-            if left <= NEAR:
+            if limit - here <= NEAR:
                 self.stood = self.tick
                 if target - here <= NEAR:
                     break
-                ahead = before if free_to <= here + NEAR else None
-                yield from self._stand(shut, ahead, called)
+                yield from self._stand(shut, before if free_to <= here + NEAR else None, called)
                 continue
-            ticks = min(ceil(left / pace - NEAR), ask)
-            if not arrived:
-                ticks = min(ticks, ceil((left_at + CLEAR - here) / pace - NEAR))
-            if limit < goal and self.places.wanted:
-                ticks = min(ticks, self.places.ticks_to_answer())
-            freed = next((gate_at for gate_at, places in frees if self.places.holds_any(places)), inf)
-            if freed < limit:
-                ticks = min(ticks, ceil((freed - here) / pace - NEAR))
+            next_at = min(limit, self._next_freed(frees), inf if arrived else left_at + CLEAR)
+            ticks = min(ceil((next_at - here) / pace - NEAR), ask)
             begun, was = self.tick, here
-            timeout, self._leg = self.env.timeout(ticks), (axis, begun, was, pace, sign, limit)
-            pause = first_of(self.env, [timeout, *called]) if called else timeout
-            if self.places.wanted:
-                yield from self.places.granted_or(pause, is_curious=limit < goal)
-            else:
-                yield pause
+            self._leg = (axis, begun, was, pace, sign, limit)
+            yield from self._go_on(ticks, called, is_held_up=limit < goal)
             if before is not None and limit < goal:  # the one before it has driven on
                 limit = max(limit, min(goal, room(self, before)))
             here, self._leg = min(limit, was + (self.tick - begun) * pace), None
             if axis == "x":
                 self._note_exit(begun, was, here, pace)
-            self._put(axis, sign * here)
+                self.x = sign * here
+            else:
+                self.y = sign * here
         self.clear = meeting - here
+
+    def _next_freed(self, frees: list[tuple[float, list[str]]]) -> float:
+        """Return where it gives places back next, m."""
+        for at, places in frees:
+            if self.places.holds_any(places):
+                return at
+        return inf
+
+    def _go_on(self, ticks: int, called: list[simpy.Event], is_held_up: bool) -> Events:
+        """Drive for some ticks, or until it is called, or it has the places that it wants. One held up by the robot ahead looks often."""
+        waits = bool(self.places.wanted)
+        timeout = self.env.timeout(min(ticks, self.places.ticks_to_answer()) if waits and is_held_up else ticks)
+        pause = first_of(self.env, [timeout, *called]) if called else timeout
+        if waits:
+            yield from self.places.granted_or(pause, is_curious=is_held_up)
+        else:
+            yield pause
 
     def _stand(self, shut: simpy.Event | None, ahead: Follower | None, called: list[simpy.Event]) -> Events:
         """Stand until a place is granted, a bin is left in its lane, or the robot right ahead of it drives on."""
@@ -219,12 +225,6 @@ class Robot:
             return gate_at, inf, self.model.until_left(gate.bin)
         self.places.want(gate.places)
         return gate_at, inf, None
-
-    def _put(self, axis: str, value: float) -> None:
-        if axis == "x":
-            self.x = value
-        else:
-            self.y = value
 
     def _leave(self, line: Line, at: float) -> bool:
         """Begin a drive. Return whether the robot is on this line already; else its tail is still on the line before."""

@@ -5,8 +5,6 @@ they asked (ties by name): a place for which an earlier robot waits is not given
 partners in an exchange of bins. Each claim of a robot is complete, so claims that are lost or come twice do no harm.
 """
 
-from collections.abc import Mapping
-
 import msgspec
 
 from orchard.contract.agent import Action, Heard, Hold, Mail, Observation
@@ -62,40 +60,38 @@ def note(ledger: ReservationTable, name: str, claim: Claim, tick: int) -> None:
     ledger.wishes[name] = PendingClaim(claim.want, claim.beside, since, tick)
 
 
-def owners_of(ledger: ReservationTable) -> dict[str, list[str]]:
-    """Return the robots that hold each place."""
-    owners: dict[str, list[str]] = {}
-    for name, places in ledger.holds.items():
-        for place in places:
-            owners.setdefault(place, []).append(name)
-    return owners
+def owners_of(ledger: ReservationTable, place: str) -> list[str]:
+    """Return the robots that hold a place."""
+    return [name for name, places in ledger.holds.items() if place in places]
 
 
 def grant(ledger: ReservationTable) -> None:
     """Grant the waiting claims that can be granted, in the order in which they were made."""
     waited_for: set[str] = set()
-    owners = owners_of(ledger)
     for name, wish in sorted(ledger.wishes.items(), key=lambda item: (item[1].since, item[0])):
         missing = [place for place in wish.places if place not in ledger.holds[name]]
         # a robot that only joins its partner need not wait in line: the partner could not leave otherwise
-        is_next = waited_for.isdisjoint(missing) or all(wish.beside in owners.get(place, []) for place in missing)
-        if is_next and not blockers(owners, name, wish):
+        is_next = waited_for.isdisjoint(missing) or all(wish.beside in owners_of(ledger, place) for place in missing)
+        if is_next and not blockers(ledger, name, wish):
             ledger.holds[name] = ledger.holds[name] + missing
-            for place in missing:
-                owners.setdefault(place, []).append(name)
             del ledger.wishes[name]
         else:
             waited_for.update(missing)
 
 
-def blockers(owners: Mapping[str, list[str]], name: str, wish: PendingClaim) -> list[str]:
+def blockers(ledger: ReservationTable, name: str, wish: PendingClaim) -> list[str]:
     """Return the robots that hold places for which a robot waits."""
-    wanted = [owners.get(place, []) for place in wish.places]
+    wanted = [owners_of(ledger, place) for place in wish.places]
     return sorted({owner for names in wanted if name not in names for owner in names} - {wish.beside})
+
+
+def is_alone(ledger: ReservationTable, name: str, place: str) -> bool:
+    """Whether no robot but this one holds a place."""
+    return owners_of(ledger, place) in ([], [name])
 
 
 def answer(ledger: ReservationTable, name: str) -> Places:
     """Return the answer to a robot: its places, and the robots that are in the way of its claim."""
-    held, wish, owners = ledger.holds[name], ledger.wishes.get(name), owners_of(ledger)
-    in_the_way = (blockers(owners, name, wish) or sorted(set(ledger.wishes) - {name})) if wish else []
-    return Places(held=held, blockers=in_the_way, alone=[place for place in held if owners[place] == [name]])
+    held, wish = ledger.holds[name], ledger.wishes.get(name)
+    in_the_way = (blockers(ledger, name, wish) or sorted(set(ledger.wishes) - {name})) if wish else []
+    return Places(held=held, blockers=in_the_way, alone=[place for place in held if is_alone(ledger, name, place)])

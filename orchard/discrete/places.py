@@ -7,7 +7,7 @@ from typing import Any
 import simpy
 
 from orchard.agents.robot import PATIENCE
-from orchard.agents.traffic import ReservationTable, grant, note
+from orchard.agents.traffic import ReservationTable, grant, is_alone, note
 from orchard.contract.messages import Claim
 
 MAIL = 0.5  # ticks: letters arrive between two ticks, so that a robot hears them before it acts
@@ -29,14 +29,13 @@ class Claimant:
         self._told = self._claim()  # its last claim
         self._due = -1  # tick at which the next claim is sent
         self._pause: simpy.Event | None = None  # what its robot waits for, unless it gets places before
-        self._is_curious = False  # it goes on after any answer
         ledger.claimants[name] = self
 
     def holds(self, places: list[str]) -> bool:
-        return all([place in self.held for place in places])
+        return set(places).issubset(self.held)
 
     def holds_any(self, places: list[str]) -> bool:
-        return any([place in self.held for place in places])
+        return not set(places).isdisjoint(self.held)
 
     def want(self, places: list[str], beside: str = "") -> None:
         """Claim places, unless this claim is on its way."""
@@ -73,7 +72,7 @@ class Claimant:
         return Claim(keep=self.held, want=self.wanted, beside=self.beside)
 
     def _repeated(self) -> int:
-        """The tick of its last claim. While it waits, it repeats its claim every PATIENCE ticks; that changes nothing, so it is no event."""
+        """The tick of its last claim. While it waits it claims the same every PATIENCE ticks. That changes nothing, so it is no event."""
         now = ceil(self.env.now)
         return now - (now - self.claimed) % PATIENCE if self.wanted else self.claimed
 
@@ -90,13 +89,13 @@ class Claimant:
         if self.wanted and self.holds(self.wanted):
             self.wanted = []
         self._plan()
-        if self._pause is not None and (granted or self._is_curious):
+        if self._pause is not None and granted:
             hasten(self._pause, self.env.timeout(ceil(self.env.now) - self.env.now))
             self._pause = None
 
-    def granted_or(self, event: simpy.Event, is_curious: bool = False) -> Generator[simpy.Event, Any, None]:
-        """Wait for an event, or only until places are granted, if that is before. Who is curious goes on after any answer."""
-        self._pause, self._is_curious = event, is_curious
+    def granted_or(self, event: simpy.Event) -> Generator[simpy.Event, Any, None]:
+        """Wait for an event, or only until places are granted, if that is before."""
+        self._pause = event
         yield event
         self._pause = None
 
@@ -109,15 +108,11 @@ class Ledger:
         self.claimants: dict[str, Claimant] = {}
         self._expected: dict[int, list[Claimant]] = {}  # tick -> those that will claim then
 
-    def is_alone(self, name: str, place: str) -> bool:
-        """Whether no other robot holds a place."""
-        return sum([place in places for places in self.table.holds.values()]) == (place in self.table.holds[name])
-
     def expect(self, claimant: Claimant, tick: int) -> None:
         """Hear the claim that a robot sends at a tick."""
         if tick not in self._expected:
             self._expected[tick] = []
-            at(self.env, tick + MAIL, lambda: self._hear(tick))
+            at(self.env, tick + MAIL, self._hear, tick)
         self._expected[tick].append(claimant)
 
     def _hear(self, tick: int) -> None:
@@ -139,18 +134,18 @@ class Ledger:
 
     def _reply(self, wanted: dict[str, list[str]], heard: int) -> None:
         """Let robots that wanted places hear at a tick what they hold then."""
-        at(self.env, heard - ANSWERS, lambda: self._answer(wanted))
+        at(self.env, heard - ANSWERS, self._answer, wanted)
 
     def _answer(self, wanted: dict[str, list[str]]) -> None:
         for name, places in wanted.items():
             held = self.table.holds[name]
-            self.claimants[name].hear(held, [place for place in held if self.is_alone(name, place)], places)
+            self.claimants[name].hear(held, [place for place in held if is_alone(self.table, name, place)], places)
 
 
-def at(env: simpy.Environment, time: float, act: Callable[[], Any]) -> None:
+def at(env: simpy.Environment, time: float, act: Callable[..., Any], *words: Any) -> None:
     """Do something at a time, in ticks."""
     event = env.timeout(time - env.now)
-    event.callbacks.append(lambda _: act())
+    event.callbacks.append(lambda _: act(*words))
 
 
 def hasten(event: simpy.Event, sooner: simpy.Event) -> None:

@@ -11,6 +11,7 @@ import simpy
 from orchard.agents import steps as st
 from orchard.agents.robot import PATIENCE, Gate, Step
 from orchard.agents.sense import SIDE_MARGIN
+from orchard.agents.traffic import is_alone
 from orchard.discrete.bystanders import ASK, Bystanders
 from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Ledger, at, first_of
@@ -174,18 +175,18 @@ class Robot:
 
     def _next_freed(self, frees: list[tuple[float, list[str]]]) -> float:
         """Return where it gives places back next, m."""
-        for at, places in frees:
+        for gate_at, places in frees:
             if self.places.holds_any(places):
-                return at
+                return gate_at
         return inf
 
-    def _go_on(self, ticks: int, called: list[simpy.Event], is_held_up: bool) -> Events:
+    def _go_on(self, ticks: float, called: list[simpy.Event], is_held_up: bool) -> Events:
         """Drive for some ticks, or until it is called, or it has the places that it wants. One held up by the robot ahead looks often."""
         waits = bool(self.places.wanted)
         timeout = self.env.timeout(min(ticks, self.places.ticks_to_answer()) if waits and is_held_up else ticks)
         pause = first_of(self.env, [timeout, *called]) if called else timeout
         if waits:
-            yield from self.places.granted_or(pause, is_curious=is_held_up)
+            yield from self.places.granted_or(pause)
         else:
             yield pause
 
@@ -196,7 +197,7 @@ class Robot:
             yield from self.wait(*events)
         else:
             look = [self.env.timeout(self.places.ticks_to_answer())] if ahead is not None else []
-            yield from self.places.granted_or(first_of(self.env, [*look, *events]), is_curious=ahead is not None)
+            yield from self.places.granted_or(first_of(self.env, [*look, *events]))
 
     def _note_exit(self, begun: int, was: float, here: float, pace: float) -> None:
         """Note the tick at which a carrier left the queue eastward. It drove from x = `was` to `here`, m, from `begun` on."""
@@ -337,7 +338,7 @@ class Robot:
 
     @do.register
     def _(self, step: st.Alone) -> Events:
-        while not self.model.ledger.is_alone(self.name, step.place):
+        while not is_alone(self.model.ledger.table, self.name, step.place):
             yield self.env.timeout(PATIENCE)
         if step.place not in self.places.alone:
             yield self.env.timeout(ASK)

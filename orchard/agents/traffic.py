@@ -68,12 +68,14 @@ def owners_of(ledger: ReservationTable, place: str) -> list[str]:
 def grant(ledger: ReservationTable) -> None:
     """Grant the waiting claims that can be granted, in the order in which they were made."""
     waited_for: set[str] = set()
+    taken = set().union(*ledger.holds.values())
     for name, wish in sorted(ledger.wishes.items(), key=lambda item: (item[1].since, item[0])):
         missing = [place for place in wish.places if place not in ledger.holds[name]]
+        is_free = taken.isdisjoint(missing) or (wish.beside != "" and not blockers(ledger, name, wish))
         # a robot that only joins its partner need not wait in line: the partner could not leave otherwise
-        is_next = waited_for.isdisjoint(missing) or all(wish.beside in owners_of(ledger, place) for place in missing)
-        if is_next and not blockers(ledger, name, wish):
+        if is_free and (waited_for.isdisjoint(missing) or all(wish.beside in owners_of(ledger, place) for place in missing)):
             ledger.holds[name] = ledger.holds[name] + missing
+            taken.update(missing)
             del ledger.wishes[name]
         else:
             waited_for.update(missing)
@@ -86,8 +88,8 @@ def blockers(ledger: ReservationTable, name: str, wish: PendingClaim) -> list[st
 
 
 def is_alone(ledger: ReservationTable, name: str, place: str) -> bool:
-    """Whether no robot but this one holds a place."""
-    return owners_of(ledger, place) in ([], [name])
+    """Whether a robot holds a place, and no other one does."""
+    return owners_of(ledger, place) == [name]
 
 
 def answer(ledger: ReservationTable, name: str) -> Places:

@@ -7,7 +7,7 @@ from typing import Any
 import simpy
 
 from orchard.agents.robot import PATIENCE
-from orchard.agents.traffic import ReservationTable, grant, is_alone, note
+from orchard.agents.traffic import ReservationTable, grant, note
 from orchard.contract.messages import Claim
 
 MAIL = 0.5  # ticks: letters arrive between two ticks, so that a robot hears them before it acts
@@ -21,11 +21,10 @@ class Claimant:
     def __init__(self, env: simpy.Environment, ledger: "Ledger", name: str) -> None:
         self.env, self.ledger, self.name = env, ledger, name
         self.held: list[str] = []
-        self.alone: list[str] = []
         self.wanted: list[str] = []
         self.beside = ""
         self.claimed = -PATIENCE
-        self._agreed: list[str] = []
+        self.seen = ReservationTable({name: []})  # traffic's table, as it was when the robot last heard of it
         self._told = self._claim()  # its last claim
         self._due = -1  # tick at which the next claim is sent
         self._pause: simpy.Event | None = None  # what its robot waits for, unless it gets places before
@@ -53,7 +52,7 @@ class Claimant:
 
     def _plan(self) -> None:
         """Send a claim at the first tick at which the robot would."""
-        given_back = sorted(self._agreed) != sorted(self.held)
+        given_back = sorted(self.seen.holds[self.name]) != sorted(self.held)
         if not (self.wanted or given_back) or self._told == self._claim():
             return
         due = max(ceil(self.env.now), self.claimed + (GIVEN_BACK if given_back else PATIENCE))
@@ -80,12 +79,11 @@ class Claimant:
         """The ticks until it hears the next answer, while it waits."""
         return 1 + (max(self.claimed, self._due) + 1 - ceil(self.env.now)) % PATIENCE
 
-    def hear(self, held: list[str], alone: list[str], want: list[str]) -> None:
-        """Hear the answer to a claim for `want`: the places that the robot holds, and those of them that it shares with no other one."""
-        self.claimed = self._repeated()
-        granted = [place for place in held if place in want and place not in self.held]
+    def hear(self, table: ReservationTable, want: list[str]) -> None:
+        """Hear the answer to a claim for `want`: the places that the robot holds."""
+        self.claimed, self.seen = self._repeated(), table
+        granted = [place for place in table.holds[self.name] if place in want and place not in self.held]
         self.held = self.held + granted
-        self._agreed, self.alone = held, alone
         if self.wanted and self.holds(self.wanted):
             self.wanted = []
         self._plan()
@@ -137,9 +135,9 @@ class Ledger:
         at(self.env, heard - ANSWERS, self._answer, wanted)
 
     def _answer(self, wanted: dict[str, list[str]]) -> None:
+        table = ReservationTable(dict(self.table.holds))
         for name, places in wanted.items():
-            held = self.table.holds[name]
-            self.claimants[name].hear(held, [place for place in held if is_alone(self.table, name, place)], places)
+            self.claimants[name].hear(table, places)
 
 
 def at(env: simpy.Environment, time: float, act: Callable[..., Any], *words: Any) -> None:

@@ -340,7 +340,7 @@ class Robot:
     def _(self, step: st.Alone) -> Events:
         while not is_alone(self.model.ledger.table, self.name, step.place):
             yield self.env.timeout(PATIENCE)
-        if step.place not in self.places.alone:
+        if not is_alone(self.places.seen, self.name, step.place):
             yield self.env.timeout(ASK)
 
     # -- bins

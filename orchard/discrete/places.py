@@ -52,7 +52,7 @@ class Claimant:
 
     def _plan(self) -> None:
         """Send a claim at the first tick at which the robot would."""
-        given_back = sorted(self.seen.holds[self.name]) != sorted(self.held)
+        given_back = set(self.seen.holds[self.name]) != set(self.held)
         if not (self.wanted or given_back) or self._told == self._claim():
             return
         due = max(ceil(self.env.now), self.claimed + (GIVEN_BACK if given_back else PATIENCE))

@@ -1,6 +1,6 @@
 """Traffic in the discrete-event model: the ledger of the agent `traffic`, asked by letters that take a tick each way."""
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from math import ceil
 from typing import Any
 
@@ -31,7 +31,7 @@ class Claimant:
         ledger.claimants[name] = self
 
     def holds(self, places: list[str]) -> bool:
-        return set(places).issubset(self.held)
+        return places is not self.wanted and set(places).issubset(self.held)
 
     def holds_any(self, places: list[str]) -> bool:
         return not set(places).isdisjoint(self.held)
@@ -84,18 +84,16 @@ class Claimant:
         self.claimed, self.seen = self._repeated(), table
         granted = [place for place in table.holds[self.name] if place in want and place not in self.held]
         self.held = self.held + granted
-        if self.wanted and self.holds(self.wanted):
+        if set(self.wanted).issubset(self.held):
             self.wanted = []
         self._plan()
-        if self._pause is not None and granted:
+        if granted and self._pause is not None and self._pause.callbacks:
             hasten(self._pause, self.env.timeout(ceil(self.env.now) - self.env.now))
-            self._pause = None
 
-    def granted_or(self, event: simpy.Event) -> Generator[simpy.Event, Any, None]:
-        """Wait for an event, or only until places are granted, if that is before."""
+    def granted_or(self, event: simpy.Event) -> simpy.Event:
+        """Return an event for the robot to wait for: it waits only until the tick after it is granted places, if that is before."""
         self._pause = event
-        yield event
-        self._pause = None
+        return event
 
 
 class Ledger:

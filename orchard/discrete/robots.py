@@ -162,7 +162,7 @@ class Robot:
             ticks = min(ceil((next_at - here) / pace - NEAR), ask)
             begun, was = self.tick, here
             self._leg = (axis, begun, was, pace, sign, limit)
-            yield from self._go_on(ticks, called, is_held_up=limit < goal)
+            yield self._pause(ticks, called, is_held_up=limit < goal)
             if before is not None and limit < goal:  # the one before it has driven on
                 limit = max(limit, min(goal, room(self, before)))
             here, self._leg = min(limit, was + (self.tick - begun) * pace), None
@@ -180,15 +180,15 @@ class Robot:
                 return gate_at
         return inf
 
-    def _go_on(self, ticks: float, called: list[simpy.Event], is_held_up: bool) -> Events:
-        """Drive for some ticks, or until it is called, or it has the places that it wants. One held up by the robot ahead looks often."""
+    def _pause(self, ticks: float, called: list[simpy.Event], is_held_up: bool) -> simpy.Event:
+        """Return what ends a part of a drive: ticks pass, it is called, or it gets the places that it wants.
+
+        One that wants places and is held up by the robot ahead looks up whenever it is answered.
+        """
         waits = bool(self.places.wanted)
         timeout = self.env.timeout(min(ticks, self.places.ticks_to_answer()) if waits and is_held_up else ticks)
         pause = first_of(self.env, [timeout, *called]) if called else timeout
-        if waits:
-            yield from self.places.granted_or(pause)
-        else:
-            yield pause
+        return self.places.granted_or(pause) if waits else pause
 
     def _stand(self, shut: simpy.Event | None, ahead: Follower | None, called: list[simpy.Event]) -> Events:
         """Stand until a place is granted, a bin is left in its lane, or the robot right ahead of it drives on."""
@@ -197,7 +197,7 @@ class Robot:
             yield from self.wait(*events)
         else:
             look = [self.env.timeout(self.places.ticks_to_answer())] if ahead is not None else []
-            yield from self.places.granted_or(first_of(self.env, [*look, *events]))
+            yield self.places.granted_or(first_of(self.env, [*look, *events]))
 
     def _note_exit(self, begun: int, was: float, here: float, pace: float) -> None:
         """Note the tick at which a carrier left the queue eastward. It drove from x = `was` to `here`, m, from `begun` on."""
@@ -328,7 +328,7 @@ class Robot:
     def _(self, step: st.Need) -> Events:
         while not self.places.holds(step.places):
             self.places.want(step.places)
-            yield from self.places.granted_or(self.env.event())
+            yield self.places.granted_or(self.env.event())
 
     @do.register
     def _(self, step: st.Free) -> Events:
@@ -383,7 +383,7 @@ class Robot:
         self.model.couple(self)
         while not self.places.holds([step.place]):
             self.places.want([step.place], beside=self.carrier)
-            yield from self.places.granted_or(self.env.event())
+            yield self.places.granted_or(self.env.event())
         self.taken[self.offered] = self.tick
 
     @do.register

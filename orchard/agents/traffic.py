@@ -5,8 +5,6 @@ they asked (ties by name): a place for which an earlier robot waits is not given
 partners in an exchange of bins. Each claim of a robot is complete, so claims that are lost or come twice do no harm.
 """
 
-from collections.abc import Mapping
-
 import msgspec
 
 from orchard.contract.agent import Action, Heard, Hold, Mail, Observation
@@ -62,40 +60,40 @@ def note(ledger: ReservationTable, name: str, claim: Claim, tick: int) -> None:
     ledger.wishes[name] = PendingClaim(claim.want, claim.beside, since, tick)
 
 
-def owners_of(ledger: ReservationTable) -> dict[str, list[str]]:
-    """Return the robots that hold each place, by name."""
-    owners: dict[str, list[str]] = {}
-    for name, places in sorted(ledger.holds.items()):
-        for place in places:
-            owners.setdefault(place, []).append(name)
-    return owners
+def owners_of(ledger: ReservationTable, place: str) -> list[str]:
+    """Return the robots that hold a place."""
+    return [name for name, places in ledger.holds.items() if place in places]
 
 
 def grant(ledger: ReservationTable) -> None:
     """Grant the waiting claims that can be granted, in the order in which they were made."""
     waited_for: set[str] = set()
-    owners = owners_of(ledger)
+    taken = set().union(*ledger.holds.values())
     for name, wish in sorted(ledger.wishes.items(), key=lambda item: (item[1].since, item[0])):
         missing = [place for place in wish.places if place not in ledger.holds[name]]
+        is_free = taken.isdisjoint(missing) or (wish.beside != "" and not blockers(ledger, name, wish))
         # a robot that only joins its partner need not wait in line: the partner could not leave otherwise
-        joins_partner = all(wish.beside in owners.get(place, []) for place in missing)
-        if (joins_partner or not waited_for.intersection(missing)) and not blockers(owners, name, wish):
+        if is_free and (waited_for.isdisjoint(missing) or all(wish.beside in owners_of(ledger, place) for place in missing)):
             ledger.holds[name] = ledger.holds[name] + missing
-            for place in missing:
-                owners.setdefault(place, []).append(name)
+            taken.update(missing)
             del ledger.wishes[name]
         else:
             waited_for.update(missing)
 
 
-def blockers(owners: Mapping[str, list[str]], name: str, wish: PendingClaim) -> list[str]:
+def blockers(ledger: ReservationTable, name: str, wish: PendingClaim) -> list[str]:
     """Return the robots that hold places for which a robot waits."""
-    wanted = [owners.get(place, []) for place in wish.places]
+    wanted = [owners_of(ledger, place) for place in wish.places]
     return sorted({owner for names in wanted if name not in names for owner in names} - {wish.beside})
+
+
+def is_alone(ledger: ReservationTable, name: str, place: str) -> bool:
+    """Whether a robot holds a place, and no other one does."""
+    return owners_of(ledger, place) == [name]
 
 
 def answer(ledger: ReservationTable, name: str) -> Places:
     """Return the answer to a robot: its places, and the robots that are in the way of its claim."""
-    held, wish, owners = ledger.holds[name], ledger.wishes.get(name), owners_of(ledger)
-    in_the_way = (blockers(owners, name, wish) or sorted(set(ledger.wishes) - {name})) if wish else []
-    return Places(held=held, blockers=in_the_way, alone=[place for place in held if owners[place] == [name]])
+    held, wish = ledger.holds[name], ledger.wishes.get(name)
+    in_the_way = (blockers(ledger, name, wish) or sorted(set(ledger.wishes) - {name})) if wish else []
+    return Places(held=held, blockers=in_the_way, alone=[place for place in held if is_alone(ledger, name, place)])

@@ -196,12 +196,9 @@ class Dispatched(Calls):
         return Decision(now, bins, carriers, {call.bin: call for call in calls}, ready)
 
     def _report(self, call: OpenCall, now: int) -> BinReport:
-        (metres, reach), left = (
-            self._ways[call.lane, call.side.name],
-            max(0.0, (call.full - (now if call.failed < 0 else call.failed)) * TIME_STEP),
-        )
-        side = "east" if call.side is self.route.east else "west"
-        return BinReport(call.bin, call.lane, side, call.picker, call.since, metres, left, reach)
+        metres, reach = self._ways[call.lane, call.side.name]
+        left = max(0.0, (call.full - (now if call.failed < 0 else call.failed)) * TIME_STEP)
+        return BinReport(call.bin, call.lane, call.side.name, call.picker, call.since, metres, left, reach)
 
     def _way(self, lane: int, side: Side) -> tuple[float, float]:
         """The metres by road and the time from the queue's head to a lane's stop."""

@@ -5,7 +5,7 @@ from typing import Protocol
 import simpy
 
 from orchard.agents.sense import SIDE_MARGIN, STOP_DISTANCE
-from orchard.field.kinds import KINDS, kind_of
+from orchard.field.kinds import KINDS, Kind
 
 Line = tuple[str, float, int]  # the axis along which it runs, its other coordinate in m, and the direction, +1 or -1
 
@@ -13,7 +13,7 @@ Line = tuple[str, float, int]  # the axis along which it runs, its other coordin
 class Follower(Protocol):
     """What the lines know of a robot."""
 
-    name: str
+    kind: Kind
     bin: str  # coupled to it; '' for none
     line: Line | None  # on which it drives, or which its tail has not left
     end: float  # up to where it drives there, in the line's direction, m
@@ -55,6 +55,6 @@ def _number_before(on: list[Follower], at: float) -> int:
 
 def room(robot: Follower, before: Follower) -> float:
     """Return how far a robot may drive, in the direction of its line, m: up to where the one before it stands or will stand."""
-    kind, other = KINDS[kind_of(robot.name)], KINDS[kind_of(before.name)]
+    other = before.kind
     tail = other.width / 2 if before.is_across else other.tows + KINDS["bin"].length / 2 if before.bin else other.length / 2
-    return before.end - tail - STOP_DISTANCE - kind.length / 2
+    return before.end - tail - STOP_DISTANCE - robot.kind.length / 2

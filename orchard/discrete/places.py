@@ -11,33 +11,35 @@ from orchard.agents.traffic import ReservationTable, grant, note
 from orchard.contract.messages import Claim
 
 MAIL = 0.5  # ticks: letters arrive between two ticks, so that a robot hears them before it acts
+ANSWERS = 0.75  # ticks before a robot acts, it hears answers of traffic: before traffic hears the claims of the last tick
 GIVEN_BACK = 2  # ticks after a claim at which a robot may tell that it has given places back
 
 
 class Claimant:
-    """The places of one robot: what it holds and wants, and when it claims. `changed` happens when an answer is heard."""
+    """The places of one robot: what it holds and wants, and when it claims."""
 
     def __init__(self, env: simpy.Environment, ledger: "Ledger", name: str) -> None:
         self.env, self.ledger, self.name = env, ledger, name
         self.held: list[str] = []
-        self.alone: list[str] = []
         self.wanted: list[str] = []
         self.beside = ""
         self.claimed = -PATIENCE
-        self._agreed: list[str] = []
+        self.seen = ReservationTable({name: []})  # traffic's table, as it was when the robot last heard of it
+        self._told = self._claim()  # its last claim
         self._due = -1  # tick at which the next claim is sent
-        self.changed = env.event()
+        self._pause: simpy.Event | None = None  # what its robot waits for, unless it gets places before
         ledger.claimants[name] = self
 
     def holds(self, places: list[str]) -> bool:
-        return all([place in self.held for place in places])
+        return places is not self.wanted and set(places).issubset(self.held)
 
     def holds_any(self, places: list[str]) -> bool:
-        return any([place in self.held for place in places])
+        return not set(places).isdisjoint(self.held)
 
     def want(self, places: list[str], beside: str = "") -> None:
         """Claim places, unless this claim is on its way."""
         if places != self.wanted:
+            self.claimed = self._repeated()
             self.wanted, self.beside = places, beside
             self._plan()
 
@@ -45,34 +47,53 @@ class Claimant:
         """Give places back."""
         kept = [place for place in self.held if place not in places]
         if len(kept) != len(self.held):
-            self.held = kept
+            self.claimed, self.held = self._repeated(), kept
             self._plan()
 
     def _plan(self) -> None:
         """Send a claim at the first tick at which the robot would."""
-        given_back = sorted(self._agreed) != sorted(self.held)
-        if not (self.wanted or given_back):
+        given_back = set(self.seen.holds[self.name]) != set(self.held)
+        if not (self.wanted or given_back) or self._told == self._claim():
             return
         due = max(ceil(self.env.now), self.claimed + (GIVEN_BACK if given_back else PATIENCE))
-        if self._due < self.env.now or due < self._due:
+        if self._due < 0 or due < self._due:
             self._due = due
-            at(self.env, due, lambda: self._send(due))
+            self.ledger.expect(self, due)
 
-    def _send(self, due: int) -> None:
-        if due == self._due:
-            self._due, self.claimed = -1, due
-            self.ledger.post(self.name, Claim(keep=list(self.held), want=list(self.wanted), beside=self.beside))
+    def claim(self, tick: int) -> Claim | None:
+        """Return the claim that the robot has sent at a tick, if any."""
+        if tick != self._due:
+            return None
+        self._due, self.claimed, self._told = -1, tick, self._claim()
+        return self._told
 
-    def hear(self, held: list[str], alone: list[str], want: list[str]) -> None:
-        """Hear the answer to a claim for `want`: the places that the robot holds, and those of them that it shares with no other one."""
-        self.held = self.held + [place for place in held if place in want and place not in self.held]
-        self._agreed, self.alone = held, alone
-        if self.wanted and self.holds(self.wanted):
+    def _claim(self) -> Claim:
+        return Claim(keep=self.held, want=self.wanted, beside=self.beside)
+
+    def _repeated(self) -> int:
+        """The tick of its last claim. While it waits it claims the same every PATIENCE ticks. That changes nothing, so it is no event."""
+        now = ceil(self.env.now)
+        return now - (now - self.claimed) % PATIENCE if self.wanted else self.claimed
+
+    def ticks_to_answer(self) -> int:
+        """The ticks until it hears the next answer, while it waits."""
+        return 1 + (max(self.claimed, self._due) + 1 - ceil(self.env.now)) % PATIENCE
+
+    def hear(self, table: ReservationTable, want: list[str]) -> None:
+        """Hear the answer to a claim for `want`: the places that the robot holds."""
+        self.claimed, self.seen = self._repeated(), table
+        granted = [place for place in table.holds[self.name] if place in want and place not in self.held]
+        self.held = self.held + granted
+        if set(self.wanted).issubset(self.held):
             self.wanted = []
         self._plan()
-        if self.changed.callbacks:
-            happened, self.changed = self.changed, self.env.event()
-            happened.succeed()
+        if granted and self._pause is not None and self._pause.callbacks:
+            hasten(self._pause, self.env.timeout(ceil(self.env.now) - self.env.now))
+
+    def granted_or(self, event: simpy.Event) -> simpy.Event:
+        """Return an event for the robot to wait for: it waits only until the tick after it is granted places, if that is before."""
+        self._pause = event
+        return event
 
 
 class Ledger:
@@ -81,48 +102,53 @@ class Ledger:
     def __init__(self, env: simpy.Environment) -> None:
         self.env, self.table = env, ReservationTable()
         self.claimants: dict[str, Claimant] = {}
-        self._inbox: dict[str, Claim] = {}
+        self._expected: dict[int, list[Claimant]] = {}  # tick -> those that will claim then
 
-    def is_alone(self, name: str, place: str) -> bool:
-        """Whether no other robot holds a place."""
-        return sum([place in places for places in self.table.holds.values()]) == (place in self.table.holds[name])
+    def expect(self, claimant: Claimant, tick: int) -> None:
+        """Hear the claim that a robot sends at a tick."""
+        if tick not in self._expected:
+            self._expected[tick] = []
+            at(self.env, tick + MAIL, self._hear, tick)
+        self._expected[tick].append(claimant)
 
-    def post(self, name: str, claim: Claim) -> None:
-        if not self._inbox:
-            at(self.env, self.env.now + MAIL, self._hear)
-        self._inbox[name] = claim
-
-    def _hear(self) -> None:
-        claims, self._inbox, now = self._inbox, {}, ceil(self.env.now)
+    def _hear(self, tick: int) -> None:
+        sent, now = {claimant.name: claimant.claim(tick) for claimant in self._expected.pop(tick)}, tick + 1
+        claims = {name: claim for name, claim in sent.items() if claim is not None}
         for name in sorted(claims):
             note(self.table, name, claims[name], now)
         waiting = {name: wish.places for name, wish in self.table.wishes.items()}
         if self.table.wishes:
             grant(self.table)
-        for name, claim in claims.items():
-            self._reply(name, claim.want, now + 1)
+        self._reply({name: claim.want for name, claim in claims.items()}, now + 1)
         for name, places in waiting.items():
             if name not in claims and name not in self.table.wishes:
-                self._reply(name, places, self._next_claim(self.claimants[name], now) + 2)
+                self._reply({name: places}, self._next_claim(self.claimants[name], tick) + 2)
 
     def _next_claim(self, claimant: Claimant, now: int) -> int:
         """The tick at which a robot that waits claims again; it does so every PATIENCE ticks."""
-        claimant.claimed += -(-(now - claimant.claimed) // PATIENCE) * PATIENCE
-        return claimant.claimed
+        return now + (claimant.claimed - now) % PATIENCE
 
-    def _reply(self, name: str, want: list[str], heard: int) -> None:
-        """Let a robot hear at a tick what it holds then."""
-        at(self.env, heard - MAIL, lambda: self._answer(name, want))
+    def _reply(self, wanted: dict[str, list[str]], heard: int) -> None:
+        """Let robots that wanted places hear at a tick what they hold then."""
+        at(self.env, heard - ANSWERS, self._answer, wanted)
 
-    def _answer(self, name: str, want: list[str]) -> None:
-        held = self.table.holds[name]
-        self.claimants[name].hear(held, [place for place in held if self.is_alone(name, place)], want)
+    def _answer(self, wanted: dict[str, list[str]]) -> None:
+        table = ReservationTable(dict(self.table.holds))
+        for name, places in wanted.items():
+            self.claimants[name].hear(table, places)
 
 
-def at(env: simpy.Environment, time: float, act: Callable[[], Any]) -> None:
+def at(env: simpy.Environment, time: float, act: Callable[..., Any], *words: Any) -> None:
     """Do something at a time, in ticks."""
     event = env.timeout(time - env.now)
-    event.callbacks.append(lambda _: act())
+    event.callbacks.append(lambda _: act(*words))
+
+
+def hasten(event: simpy.Event, sooner: simpy.Event) -> None:
+    """Let what waits for an event wait for another one."""
+    assert sooner.callbacks is not None and event.callbacks is not None
+    sooner.callbacks.extend(event.callbacks)
+    event.callbacks.clear()
 
 
 def first_of(env: simpy.Environment, events: Sequence[simpy.Event]) -> simpy.Event:

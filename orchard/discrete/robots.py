@@ -11,11 +11,12 @@ import simpy
 from orchard.agents import steps as st
 from orchard.agents.robot import PATIENCE, Gate, Step
 from orchard.agents.sense import SIDE_MARGIN
+from orchard.agents.traffic import is_alone
 from orchard.discrete.bystanders import ASK, Bystanders
 from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Ledger, at, first_of
 from orchard.field.geometry import HEADINGS, Pose, angle_between, nearest_heading
-from orchard.field.kinds import EIGHTH, KINDS
+from orchard.field.kinds import EIGHTH, KINDS, kind_of
 from orchard.field.scenario import TIME_STEP
 
 Events = Generator[simpy.Event, Any, None]
@@ -52,7 +53,7 @@ class Robot:
     """A robot and its plan."""
 
     def __init__(self, model: "Model", name: str, pose: Pose, bin_name: str) -> None:
-        self.model, self.env, self.name = model, model.env, name
+        self.model, self.env, self.name, self.kind = model, model.env, name, KINDS[kind_of(name)]
         self.x, self.y, self.yaw = pose
         self.bin = bin_name
         self.places = Claimant(model.env, model.ledger, name)
@@ -143,44 +144,60 @@ class Robot:
             while frees and here > frees[0][0] - NEAR:
                 self.places.free(frees.pop(0)[1])
             gate_at, ask, shut = self._next_gate(needs, here, pace)
-            limit = min(target, gate_at)
             if not arrived and here - left_at >= CLEAR - NEAR:
                 arrived = self._arrive(line, here)
             before = self.model.lines.before(self, line, here)
             free_to = room(self, before) if before is not None else inf
-            goal = min(limit, meeting)
+            goal = min(target, gate_at, meeting)
             limit = min(goal, max(here, free_to))
             if arrived:
                 self._extend(limit)
-            left = limit - here
-            if left <= NEAR:
+            if limit - here <= NEAR:
                 self.stood = self.tick
                 if target - here <= NEAR:
                     break
-                ahead = before if free_to <= here + NEAR else None
-                yield from self.wait(*self._what_lets_it_go_on(shut, ahead), *called)
+                yield from self._stand(shut, before if free_to <= here + NEAR else None, called)
                 continue
-            ticks = min(ceil(left / pace - NEAR), ask)
-            if not arrived:
-                ticks = min(ticks, ceil((left_at + CLEAR - here) / pace - NEAR))
-            freed = next((gate_at for gate_at, places in frees if self.places.holds_any(places)), inf)
-            if freed < limit:
-                ticks = min(ticks, ceil((freed - here) / pace - NEAR))
+            next_at = min(limit, self._next_freed(frees), inf if arrived else left_at + CLEAR)
+            ticks = min(ceil((next_at - here) / pace - NEAR), ask)
             begun, was = self.tick, here
-            timeout, self._leg = self.env.timeout(ticks), (axis, begun, was, pace, sign, limit)
-            yield from self.wait(timeout, *([self.places.changed] if self.places.wanted else []), *called)
+            self._leg = (axis, begun, was, pace, sign, limit)
+            yield self._pause(ticks, called, is_held_up=limit < goal)
             if before is not None and limit < goal:  # the one before it has driven on
                 limit = max(limit, min(goal, room(self, before)))
             here, self._leg = min(limit, was + (self.tick - begun) * pace), None
             if axis == "x":
                 self._note_exit(begun, was, here, pace)
-            self._put(axis, sign * here)
+                self.x = sign * here
+            else:
+                self.y = sign * here
         self.clear = meeting - here
 
-    def _what_lets_it_go_on(self, shut: simpy.Event | None, ahead: Follower | None) -> list[simpy.Event]:
-        """What a robot that stands waits for: a place, a bin that is left in its lane, the robot right ahead of it."""
-        places = [self.places.changed] if self.places.wanted else []
-        return [*places, *([shut] if shut is not None else []), *([ahead.moved] if ahead is not None else [])]
+    def _next_freed(self, frees: list[tuple[float, list[str]]]) -> float:
+        """Return where it gives places back next, m."""
+        for gate_at, places in frees:
+            if self.places.holds_any(places):
+                return gate_at
+        return inf
+
+    def _pause(self, ticks: float, called: list[simpy.Event], is_held_up: bool) -> simpy.Event:
+        """Return what ends a part of a drive: ticks pass, it is called, or it gets the places that it wants.
+
+        One that wants places and is held up by the robot ahead looks up whenever it is answered.
+        """
+        waits = bool(self.places.wanted)
+        timeout = self.env.timeout(min(ticks, self.places.ticks_to_answer()) if waits and is_held_up else ticks)
+        pause = first_of(self.env, [timeout, *called]) if called else timeout
+        return self.places.granted_or(pause) if waits else pause
+
+    def _stand(self, shut: simpy.Event | None, ahead: Follower | None, called: list[simpy.Event]) -> Events:
+        """Stand until a place is granted, a bin is left in its lane, or the robot right ahead of it drives on."""
+        events = [*([shut] if shut is not None else []), *([ahead.moved] if ahead is not None else []), *called]
+        if not self.places.wanted:
+            yield from self.wait(*events)
+        else:
+            look = [self.env.timeout(self.places.ticks_to_answer())] if ahead is not None else []
+            yield self.places.granted_or(first_of(self.env, [*look, *events]))
 
     def _note_exit(self, begun: int, was: float, here: float, pace: float) -> None:
         """Note the tick at which a carrier left the queue eastward. It drove from x = `was` to `here`, m, from `begun` on."""
@@ -209,12 +226,6 @@ class Robot:
             return gate_at, inf, self.model.until_left(gate.bin)
         self.places.want(gate.places)
         return gate_at, inf, None
-
-    def _put(self, axis: str, value: float) -> None:
-        if axis == "x":
-            self.x = value
-        else:
-            self.y = value
 
     def _leave(self, line: Line, at: float) -> bool:
         """Begin a drive. Return whether the robot is on this line already; else its tail is still on the line before."""
@@ -317,7 +328,7 @@ class Robot:
     def _(self, step: st.Need) -> Events:
         while not self.places.holds(step.places):
             self.places.want(step.places)
-            yield from self.wait(self.places.changed)
+            yield self.places.granted_or(self.env.event())
 
     @do.register
     def _(self, step: st.Free) -> Events:
@@ -327,9 +338,9 @@ class Robot:
 
     @do.register
     def _(self, step: st.Alone) -> Events:
-        while not self.model.ledger.is_alone(self.name, step.place):
+        while not is_alone(self.model.ledger.table, self.name, step.place):
             yield self.env.timeout(PATIENCE)
-        if step.place not in self.places.alone:
+        if not is_alone(self.places.seen, self.name, step.place):
             yield self.env.timeout(ASK)
 
     # -- bins
@@ -372,7 +383,7 @@ class Robot:
         self.model.couple(self)
         while not self.places.holds([step.place]):
             self.places.want([step.place], beside=self.carrier)
-            yield from self.wait(self.places.changed)
+            yield self.places.granted_or(self.env.event())
         self.taken[self.offered] = self.tick
 
     @do.register

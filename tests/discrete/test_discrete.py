@@ -63,6 +63,14 @@ def test_with_people_and_animals_the_mean_over_seeds_is_that_of_the_simulator(ce
     assert abs(error([both(scenario_of(cell, seed)) for seed in range(1, 9)])) <= 0.02
 
 
+def test_robots_that_wait_for_places_cost_few_events() -> None:
+    harvest, events = DiscreteHarvest(lay_out(scenario_of("10/5/5:one-way:predictive", **NOBODY))), 0
+    while not harvest.is_over:
+        harvest.env.step()
+        events += 1
+    assert events < 350 * harvest.delivered  # twice as many if each claim that a robot repeats is an event
+
+
 def seconds_with(workers: int, seed: int) -> float:
     values = {"people": {"workers": workers, "visitors": 0}, "seed": seed}
     return DiscreteHarvest(lay_out(orchard(rows=4, pickers=2, carriers=2, **values))).run().seconds

@@ -36,8 +36,9 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
     deeds: (body index, deed), in body order. A stopped body does not move and does no deed.
     """
     events = do_deeds(world, allowed(twists, world.stopped), deeds) if deeds else []
-    begun, picked_from, is_eventful = advance(twists, *_ARGUMENTS(world))
-    if is_eventful:
+    happened = advance(twists, *_ARGUMENTS(world))
+    if happened is not None:
+        begun, picked_from = happened
         events += [_collision(world, *pair) for pair in begun.tolist()]
         events += _picked(world, picked_from)
         events += _unload(world)

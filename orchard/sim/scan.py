@@ -47,8 +47,9 @@ class Scanner:
             "round_beams": round_beams,
             "round_table": round_table,
         }
-        self._constant = in_order(cast_all, constant, skip=3)
-        self.begin, self._beams, self._begin = begin, int(begin[-1]), begin.tolist()
+        self._ranges, self._rounded = np.empty(begin[-1]), np.empty(begin[-1], dtype="<f4")
+        self._constant = in_order(cast_all, constant, skip=4)
+        self.begin, self._begin = begin, begin.tolist()
         self._noise = layout.scenario.laser.noise
         self._keys = np.array([_noise_key(layout.scenario.seed, name) for name in layout.names], dtype=np.uint64)
 
@@ -57,15 +58,15 @@ class Scanner:
 
         The arrays are new at each call. They are read-only views of bytes, as those that come over the network.
         """
-        return Scans(np.frombuffer(self.ranges(world).astype("<f4").tobytes(), "<f4"), self._begin)
+        self.ranges(world)
+        return Scans(np.frombuffer(self._rounded.tobytes(), "<f4"), self._begin)
 
     def ranges(self, world: World) -> np.ndarray:
-        """Return the ranges of all bodies in one array, (all beams,) float64, m, before `scan` rounds them."""
-        ranges = np.empty(self._beams)
-        cast_all(world.pose, world.alive, ranges, *self._constant)
+        """Return the ranges of all bodies in one array, (all beams,) float64, m, before they are rounded. The next call overwrites it."""
+        cast_all(world.pose, world.alive, self._ranges, self._rounded, *self._constant)
         if self._noise > 0.0:
-            add_noise(self._keys, world.tick, self._noise, self.begin, ranges)
-        return ranges
+            add_noise(self._keys, world.tick, self._noise, self.begin, self._ranges, self._rounded)
+        return self._ranges
 
 
 @cache

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchard.field.scenario import TIME_STEP
-from orchard.sim.kernels.boxes import COSINE, SINE, TOUCH, X, Y, circles_meet, gap, overlap, place
+from orchard.sim.kernels.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, TOUCH, X, Y, circles_meet, gap, overlap, place
 from orchard.sim.kernels.grid import ROWS, Grid, cell_of, column_and_row, sort_into_cells, strip
 from orchard.sim.kernels.jit import inlined, jit, sin_cos, wrap
 
@@ -77,15 +77,18 @@ def advance(
 ):  # fmt: skip
     """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick.
 
-    Returns what `move_all` and `pick` return, and whether anything happened of which there may be an event: a collision began, a row is
-    picked, a bin is full. It is one kernel because a call from Python takes longer than limiting thirty bodies.
+    Returns what `move_all` and `pick` return if anything happened of which there may be an event: a collision began, a row is picked, a
+    bin is full; else None, because numba takes a microsecond to hand arrays to Python. It is one kernel because a call from Python takes
+    longer than limiting thirty bodies.
     """
     rows = Rows(bin_full, row_west, row_length, row_y, row_pace, row_picked, row_from)
     limit(wanted, stopped, top_speeds(speed, pickers, pose, coupled, fill, rows), coupled, turn, sideways, twist)
     before, walls_near = pose.copy(), Grid(wall_frame, wall_begin, wall_members)
     begun = move_all(twist, pose, coupled, shapes, tows, solid, walls, walls_near, body_frame, distance, collisions, held, blocked)
     picked_from = pick(pickers, before, pose, coupled, rows, fill)
-    return begun, picked_from, len(begun) > 0 or _is_any_done(picked_from, rows) or bool(np.any(fill >= rows.full))
+    if len(begun) > 0 or _is_any_done(picked_from, rows) or _is_any_full(fill, rows):
+        return begun, picked_from
+    return None
 
 
 @inlined
@@ -95,6 +98,14 @@ def _is_any_done(picked_from, rows):
     for r in picked_from:
         done = done or (r != NONE and rows.picked[r] >= rows.length[r])
     return done
+
+
+@inlined
+def _is_any_full(fill, rows):
+    full = False
+    for filled in fill:
+        full = full or filled >= rows.full
+    return full
 
 
 @jit
@@ -108,9 +119,9 @@ def move_all(twist, pose, coupled, shapes, tows, solid, walls, wall_grid, body_f
     n, boxes = len(pose), shapes.copy()
     place(pose, boxes)
     body_grid = sort_into_cells(boxes, solid, body_frame)
-    begun, count, moved = np.empty((n, 2), np.int64), 0, np.empty(boxes.shape[1])
+    begun, count = np.empty((n, 2), np.int64), 0
     for i in range(n):
-        obstacle = _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, held, moved)
+        obstacle = _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, held)
         if obstacle != NONE and not blocked[i]:
             begun[count, 0], begun[count, 1] = i, obstacle
             count += 1
@@ -120,13 +131,13 @@ def move_all(twist, pose, coupled, shapes, tows, solid, walls, wall_grid, body_f
 
 
 @inlined
-def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, held, moved):
-    """Move one body, if it can; return its obstacle, or NONE. `moved`, (7,): scratch space for its box at the new pose."""
-    forward, left, turn = twist[i]
+def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, held):
+    """Move one body, if it can; return its obstacle, or NONE."""
+    forward, left, turn = twist[i, 0], twist[i, 1], twist[i, 2]
     if forward == 0.0 and left == 0.0 and turn == 0.0:
         return NONE
     x, y, yaw = arc(pose[i, 0], pose[i, 1], pose[i, 2], forward, left, turn, TIME_STEP)
-    _put(boxes[i], x, y, yaw, moved)
+    moved = _put(boxes[i], x, y, yaw)
     if _leaves_its_bin(moved, i, coupled, tows, boxes):
         held[i] += 1
         twist[i, :] = 0.0
@@ -135,18 +146,17 @@ def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid,
     if obstacle != NONE:
         twist[i, :] = 0.0
         return obstacle
-    boxes[i] = moved
+    boxes[i, X], boxes[i, Y], boxes[i, COSINE], boxes[i, SINE] = x, y, moved[COSINE], moved[SINE]
     pose[i, 0], pose[i, 1], pose[i, 2] = x, y, yaw
     distance[i] += np.sqrt(forward * forward + left * left) * TIME_STEP
     return NONE
 
 
 @inlined
-def _put(box, x, y, yaw, moved):
-    """Write a box into `moved` at another pose."""
-    moved[:] = box
+def _put(box, x, y, yaw):
+    """Return a box at another pose, as a tuple: it stays in the processor's registers."""
     s, c = sin_cos(yaw)
-    moved[X], moved[Y], moved[COSINE], moved[SINE] = x, y, c, s
+    return x, y, box[HALF_LENGTH], box[HALF_WIDTH], c, s, box[RADIUS]
 
 
 @inlined

@@ -54,7 +54,7 @@ def jit(function: Callable[..., Any], **options: Any) -> Any:
     return kernel
 
 
-inlined = partial(jit, forceinline=True)  # for functions called in inner loops: saves passing their arrays, seven words each
+inlined = partial(jit, forceinline=True, _nrt=False)  # for functions called in inner loops: saves passing their arrays, seven words each
 
 for _inner in (repeatable.sine_series, repeatable.cosine_series, repeatable.arctan_unit):
     register_jitable(_inner)

@@ -16,7 +16,7 @@ from orchard.field import repeatable
 from orchard.field.geometry import Twist
 from orchard.field.kinds import AROUND, KINDS, LASER_RANGE, Laser
 from orchard.sim.kernels.boxes import RADIUS
-from orchard.sim.kernels.grid import frame_of
+from orchard.sim.kernels.grid import frame_of, space_for
 from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.laser import STEPS, add_noise, cast_all
 from orchard.sim.kernels.move import quaternions
@@ -30,6 +30,8 @@ class Scanner:
 
     def __init__(self, world: World) -> None:
         layout, fixed, bodies = world.layout, world.fixed, world.fixed.shapes.copy()
+        frame = frame_of(fixed.walls, LASER_RANGE + float(bodies[:, RADIUS].max(initial=0.0)))
+        cells, cell_begin, cell_members = space_for(len(bodies), frame)
         lasers = [KINDS[start.kind].laser for start in layout.starts]
         begin = np.cumsum([0] + [laser.beams for laser in lasers], dtype=np.int64)
         (front_beams, front_table), (round_beams, round_table) = _fan(_FORWARD), _fan(AROUND)
@@ -38,7 +40,10 @@ class Scanner:
             "solid": fixed.solid,
             "walls": fixed.walls,
             **{f"wall_{name}": array for name, array in fixed.walls_in_sight._asdict().items()},
-            "body_frame": frame_of(fixed.walls, LASER_RANGE + float(bodies[:, RADIUS].max(initial=0.0))),
+            "body_frame": frame,
+            "cells": cells,
+            "cell_begin": cell_begin,
+            "cell_members": cell_members,
             "ahead": np.array([laser.ahead for laser in lasers], dtype=np.float64),
             "around": np.array([laser is AROUND for laser in lasers], dtype=np.bool_),
             "begin": begin,

@@ -47,21 +47,22 @@ class Fan(NamedTuple):
 @jit
 def cast_all(
     pose, sees, ranges, rounded, bodies, solid, walls, wall_frame, wall_begin, wall_members, body_frame,
-    ahead, around, begin, front_beams, front_table, round_beams, round_table,
+    cells, cell_begin, cell_members, ahead, around, begin, front_beams, front_table, round_beams, round_table,
 ):  # fmt: skip
     """Fill `ranges`, (all beams,) float64, with the distance to the nearest return of each beam, m; +inf without a return.
 
     rounded (all beams,): the same as float32.
     pose (n, 3): written into `bodies` first. bodies (n, 7) and walls (w, 7): boxes, columns as in boxes.py.
     solid (n,) bool: bodies that lasers see; sees (n,) bool: bodies that scan. wall_...: the fields of the walls' Grid.
-    body_frame: frame of the bodies' grid, with cells as large as a laser's range plus a body's radius.
+    body_frame: frame of the bodies' grid, with cells as large as a laser's range plus a body's radius. cells, cell_...: space for it.
     ahead (n,) m: distance of the laser ahead of the centre; around (n,) bool: whether the laser has the Fan round_ instead of front_.
     ..._beams: cosine and sine of the Fan's beams. begin (n + 1,) int64: the ranges of body i are begin[i] to begin[i + 1].
 
     The parameters are arrays because numba takes a quarter of a microsecond to unpack each field of a named tuple from Python.
     """
     place(pose, bodies)
-    wall_grid, body_grid = Grid(wall_frame, wall_begin, wall_members), sort_into_cells(bodies, solid, body_frame)
+    wall_grid = Grid(wall_frame, wall_begin, wall_members)
+    body_grid = sort_into_cells(bodies, solid, body_frame, cells, cell_begin, cell_members)
     front = Fan(front_beams[0], front_beams[1], front_table, front_table[4 * STEPS], True)
     round_ = Fan(round_beams[0], round_beams[1], round_table, round_table[4 * STEPS], False)
     for i in range(len(bodies)):

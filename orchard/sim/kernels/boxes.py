@@ -16,12 +16,6 @@ def boxes_of(centres: np.ndarray, halves: np.ndarray) -> np.ndarray:
 
 
 @inlined
-def box_at(boxes, k):
-    """Return boxes[k] as a tuple: it stays in the processor's registers, and numba counts no references to a view."""
-    return boxes[k, 0], boxes[k, 1], boxes[k, 2], boxes[k, 3], boxes[k, 4], boxes[k, 5], boxes[k, 6]
-
-
-@inlined
 def circles_meet(box, boxes, k):
     """Whether the circumscribed circles of `box` and boxes[k] overlap; if not, the boxes do not overlap either."""
     dx, dy = boxes[k, X] - box[X], boxes[k, Y] - box[Y]

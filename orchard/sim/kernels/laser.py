@@ -26,7 +26,7 @@ import numpy as np
 
 from orchard.field.kinds import LASER_RANGE
 from orchard.field.repeatable import TURN
-from orchard.sim.kernels.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, TOUCH, X, Y, box_at, place
+from orchard.sim.kernels.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, TOUCH, X, Y, place
 from orchard.sim.kernels.grid import ROWS, Grid, cell_of, column_and_row, sort_into_cells, strip
 from orchard.sim.kernels.jit import inlined, jit, log, sin_cos
 
@@ -86,14 +86,14 @@ def _cast(me, x, y, bodies, body_grid, walls, wall_grid, fan, inverse):
     for k in range(wall_grid.begin[cell], wall_grid.begin[cell + 1]):
         wall = wall_grid.members[k]
         if _in_view(walls, wall, x, y, c, s, fan.forward):
-            _paint_box(box_at(walls, wall), x, y, c, s, fan, inverse)
+            _paint_box(walls[wall], x, y, c, s, fan, inverse)
     column, row = column_and_row(body_grid.frame, x, y)
     for near in range(max(row - 1, 0), min(row + 2, int(body_grid.frame[ROWS]))):
         first, end = strip(body_grid, column, near)
         for k in range(first, end):
             j = body_grid.members[k]
             if j != me and _in_view(bodies, j, x, y, c, s, fan.forward):
-                _paint_box(box_at(bodies, j), x, y, c, s, fan, inverse)
+                _paint_box(bodies[j], x, y, c, s, fan, inverse)
 
 
 @inlined

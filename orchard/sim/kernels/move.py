@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchard.field.scenario import TIME_STEP
-from orchard.sim.kernels.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, TOUCH, X, Y, box_at, circles_meet, gap, overlap, place
+from orchard.sim.kernels.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, TOUCH, X, Y, circles_meet, gap, overlap, place
 from orchard.sim.kernels.grid import ROWS, Grid, cell_of, column_and_row, sort_into_cells, strip
 from orchard.sim.kernels.jit import allocating, inlined, jit, sin_cos, wrap
 
@@ -117,21 +117,24 @@ def move_all(twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, dis
 
 @inlined
 def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, held):
-    """Move one body, if it can; return its obstacle, or NONE. It has one exit: at others, numba counts references to all arrays."""
-    forward, left, turn, obstacle = twist[i, 0], twist[i, 1], twist[i, 2], NONE
-    if forward != 0.0 or left != 0.0 or turn != 0.0:
-        x, y, yaw = arc(pose[i, 0], pose[i, 1], pose[i, 2], forward, left, turn, TIME_STEP)
-        moved = _put(box_at(boxes, i), x, y, yaw)
-        is_held = _leaves_its_bin(moved, i, coupled, tows, boxes)
-        obstacle = NONE if is_held else _in_the_way(moved, i, boxes, body_grid, walls, wall_grid)
-        held[i] += is_held
-        if is_held or obstacle != NONE:
-            twist[i, 0], twist[i, 1], twist[i, 2] = 0.0, 0.0, 0.0
-        else:
-            boxes[i, X], boxes[i, Y], boxes[i, COSINE], boxes[i, SINE] = x, y, moved[COSINE], moved[SINE]
-            pose[i, 0], pose[i, 1], pose[i, 2] = x, y, yaw
-            distance[i] += np.sqrt(forward * forward + left * left) * TIME_STEP
-    return obstacle
+    """Move one body, if it can; return its obstacle, or NONE."""
+    forward, left, turn = twist[i, 0], twist[i, 1], twist[i, 2]
+    if forward == 0.0 and left == 0.0 and turn == 0.0:
+        return NONE
+    x, y, yaw = arc(pose[i, 0], pose[i, 1], pose[i, 2], forward, left, turn, TIME_STEP)
+    moved = _put(boxes[i], x, y, yaw)
+    if _leaves_its_bin(moved, i, coupled, tows, boxes):
+        held[i] += 1
+        twist[i, :] = 0.0
+        return NONE
+    obstacle = _in_the_way(moved, i, boxes, body_grid, walls, wall_grid)
+    if obstacle != NONE:
+        twist[i, :] = 0.0
+        return obstacle
+    boxes[i, X], boxes[i, Y], boxes[i, COSINE], boxes[i, SINE] = x, y, moved[COSINE], moved[SINE]
+    pose[i, 0], pose[i, 1], pose[i, 2] = x, y, yaw
+    distance[i] += np.sqrt(forward * forward + left * left) * TIME_STEP
+    return NONE
 
 
 @inlined
@@ -160,23 +163,22 @@ def _in_the_way(moved, me, boxes, body_grid, walls, wall_grid):
         begin, end = strip(body_grid, column, near)
         for k in range(begin, end):
             j = body_grid.members[k]
-            if j < first and j != me and circles_meet(moved, boxes, j) and overlap(moved, box_at(boxes, j)):
+            if j < first and j != me and circles_meet(moved, boxes, j) and overlap(moved, boxes[j]):
                 first = j
-    if first == len(boxes):
-        wall = _wall_at(moved, walls, wall_grid)
-        first = NONE if wall == NONE else first + wall
-    return first
+    if first < len(boxes):
+        return first
+    wall = _wall_at(moved, walls, wall_grid)
+    return NONE if wall == NONE else len(boxes) + wall
 
 
 @inlined
 def _wall_at(box, walls, grid):
     """Return the first wall that a box overlaps, or NONE."""
-    found, cell = NONE, cell_of(grid, box[X], box[Y])
-    for k in range(grid.begin[cell], grid.begin[cell + 1]):
-        wall = grid.members[k]
-        if found == NONE and circles_meet(box, walls, wall) and overlap(box, box_at(walls, wall)):
-            found = wall
-    return found
+    cell = cell_of(grid, box[X], box[Y])
+    for k in grid.members[grid.begin[cell] : grid.begin[cell + 1]]:
+        if circles_meet(box, walls, k) and overlap(box, walls[k]):
+            return k
+    return NONE
 
 
 @allocating

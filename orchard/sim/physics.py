@@ -16,7 +16,7 @@ from orchard.field.scenario import TIME_STEP
 from orchard.sim.deeds import do_deeds
 from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.move import advance, allowed
-from orchard.sim.world import NONE, Fixed, World
+from orchard.sim.world import NONE, Fixed, Space, World
 
 UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
 FACING = 1e-6  # rad
@@ -25,7 +25,13 @@ FACING = 1e-6  # rad
 _CHANGING = "twist", "pose", "stopped", "coupled", "fill", "distance", "collisions", "held", "blocked", "row_picked", "row_from"
 _CONSTANT = [name for name in Fixed._fields if name not in ("carriers", "walls_in_sight")]
 _ARGUMENTS = attrgetter(  # of the kernel `advance`: each parameter's place in the world
-    *in_order(advance, {name: name for name in _CHANGING} | {name: f"fixed.{name}" for name in _CONSTANT}, skip=1)
+    *in_order(
+        advance,
+        {name: name for name in _CHANGING}
+        | {name: f"fixed.{name}" for name in _CONSTANT}
+        | {name: f"space.{name}" for name in Space._fields},
+        skip=1,
+    )
 )
 
 
@@ -36,10 +42,9 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
     deeds: (body index, deed), in body order. A stopped body does not move and does no deed.
     """
     events = do_deeds(world, allowed(twists, world.stopped), deeds) if deeds else []
-    begun, picked_from, is_eventful = advance(twists, *_ARGUMENTS(world))
-    if is_eventful:
-        events += [_collision(world, *pair) for pair in begun.tolist()]
-        events += _picked(world, picked_from)
+    if advance(twists, *_ARGUMENTS(world)):
+        events += [_collision(world, i, obstacle) for i, obstacle in enumerate(world.space.met.tolist()) if obstacle != NONE]
+        events += _picked(world, world.space.picked_from)
         events += _unload(world)
     world.tick += 1
     return events

@@ -16,7 +16,7 @@ from orchard.field import repeatable
 from orchard.field.geometry import Twist
 from orchard.field.kinds import AROUND, KINDS, LASER_RANGE, Laser
 from orchard.sim.kernels.boxes import RADIUS
-from orchard.sim.kernels.grid import frame_of
+from orchard.sim.kernels.grid import frame_of, space_for
 from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.laser import STEPS, add_noise, cast_all
 from orchard.sim.kernels.move import quaternions
@@ -30,6 +30,8 @@ class Scanner:
 
     def __init__(self, world: World) -> None:
         layout, fixed, bodies = world.layout, world.fixed, world.fixed.shapes.copy()
+        frame = frame_of(fixed.walls, LASER_RANGE + float(bodies[:, RADIUS].max(initial=0.0)))
+        cells, cell_begin, cell_members = space_for(len(bodies), frame)
         lasers = [KINDS[start.kind].laser for start in layout.starts]
         begin = np.cumsum([0] + [laser.beams for laser in lasers], dtype=np.int64)
         (front_beams, front_table), (round_beams, round_table) = _fan(_FORWARD), _fan(AROUND)
@@ -38,7 +40,10 @@ class Scanner:
             "solid": fixed.solid,
             "walls": fixed.walls,
             **{f"wall_{name}": array for name, array in fixed.walls_in_sight._asdict().items()},
-            "body_frame": frame_of(fixed.walls, LASER_RANGE + float(bodies[:, RADIUS].max(initial=0.0))),
+            "body_frame": frame,
+            "cells": cells,
+            "cell_begin": cell_begin,
+            "cell_members": cell_members,
             "ahead": np.array([laser.ahead for laser in lasers], dtype=np.float64),
             "around": np.array([laser is AROUND for laser in lasers], dtype=np.bool_),
             "begin": begin,
@@ -47,8 +52,9 @@ class Scanner:
             "round_beams": round_beams,
             "round_table": round_table,
         }
-        self._constant = in_order(cast_all, constant, skip=3)
-        self.begin, self._beams, self._begin = begin, int(begin[-1]), begin.tolist()
+        self._ranges, self._rounded = np.empty(begin[-1]), np.empty(begin[-1], dtype="<f4")
+        self._constant = in_order(cast_all, constant, skip=4)
+        self.begin, self._begin = begin, begin.tolist()
         self._noise = layout.scenario.laser.noise
         self._keys = np.array([_noise_key(layout.scenario.seed, name) for name in layout.names], dtype=np.uint64)
 
@@ -57,15 +63,15 @@ class Scanner:
 
         The arrays are new at each call. They are read-only views of bytes, as those that come over the network.
         """
-        return Scans(np.frombuffer(self.ranges(world).astype("<f4").tobytes(), "<f4"), self._begin)
+        self.ranges(world)
+        return Scans(np.frombuffer(self._rounded.tobytes(), "<f4"), self._begin)
 
     def ranges(self, world: World) -> np.ndarray:
-        """Return the ranges of all bodies in one array, (all beams,) float64, m, before `scan` rounds them."""
-        ranges = np.empty(self._beams)
-        cast_all(world.pose, world.alive, ranges, *self._constant)
+        """Return the ranges of all bodies in one array, (all beams,) float64, m, before they are rounded. The next call overwrites it."""
+        cast_all(world.pose, world.alive, self._ranges, self._rounded, *self._constant)
         if self._noise > 0.0:
-            add_noise(self._keys, world.tick, self._noise, self.begin, ranges)
-        return ranges
+            add_noise(self._keys, world.tick, self._noise, self.begin, self._ranges, self._rounded)
+        return self._ranges
 
 
 @cache

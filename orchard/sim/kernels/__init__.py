@@ -1,1 +1,1 @@
-"""The inner loops, compiled by numba: movement, the laser, overlaps. A kernel takes and returns arrays."""
+"""The inner loops, compiled by numba: movement, the laser, overlaps. A kernel takes arrays, and most only write into them."""

@@ -54,23 +54,28 @@ def cell_of(grid, x, y):
     return row * int(grid.frame[COLUMNS]) + column
 
 
+def space_for(bodies: int, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the arrays in which `sort_into_cells` sorts so many bodies: `cells`, `begin` and `members`."""
+    begin = np.empty(int(frame[COLUMNS]) * int(frame[ROWS]) + 2, dtype=np.int64)
+    return np.empty(bodies, dtype=np.int64), begin, np.empty(bodies, dtype=np.int64)
+
+
 @jit
-def sort_into_cells(boxes, solid, frame):
+def sort_into_cells(boxes, solid, frame, cells, begin, members):
     """Return the Grid of the solid boxes by their centres, in ascending order within a cell (a counting sort).
 
-    boxes (n, 7); solid (n,) bool. A centre within one cell side of a point is in the point's cell or in one of the eight cells
-    around it. This also holds for points outside the grid: clamping to the nearest cell brings no two points further apart.
+    boxes (n, 7); solid (n,) bool; cells, begin, members: from `space_for`, written anew.
+    A centre within one cell side of a point is in the point's cell or in one of the eight cells around it. This also holds for points
+    outside the grid: clamping to the nearest cell brings no two points further apart.
     """
     columns = int(frame[COLUMNS])
-    cells = np.empty(len(boxes), np.int64)
-    begin = np.zeros(columns * int(frame[ROWS]) + 2, np.int64)
+    begin[:] = 0
     for i in range(len(boxes)):
         column, row = column_and_row(frame, boxes[i, X], boxes[i, Y])
         cells[i] = row * columns + column
         begin[cells[i] + 2] += solid[i]
     for cell in range(2, len(begin)):
         begin[cell] += begin[cell - 1]
-    members = np.empty(begin[-1], np.int64)
     for i in range(len(boxes)):
         if solid[i]:
             members[begin[cells[i] + 1]] = i

@@ -38,7 +38,8 @@ def begin_holds(ranges, bodies, twist, coupled, partner, partner_twist, full, wa
     for i in bodies:
         partner[i], was_full[i] = coupled[i], full[i]
         if coupled[i] != NONE:
-            partner_twist[i] = twist[coupled[i]]
+            for axis in range(3):
+                partner_twist[i, axis] = twist[coupled[i], axis]
         for z in range(watched.shape[1]):
             if watched[i, z] != NONE:
                 was_occupied[i, z] = occupied(ranges, begin[i], begin[i + 1], spans[watched[i, z]])

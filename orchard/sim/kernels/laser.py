@@ -46,25 +46,27 @@ class Fan(NamedTuple):
 
 @jit
 def cast_all(
-    pose, sees, ranges, bodies, solid, walls, wall_frame, wall_begin, wall_members, body_frame,
-    ahead, around, begin, front_beams, front_table, round_beams, round_table,
+    pose, sees, ranges, rounded, bodies, solid, walls, wall_frame, wall_begin, wall_members, body_frame,
+    cells, cell_begin, cell_members, ahead, around, begin, front_beams, front_table, round_beams, round_table,
 ):  # fmt: skip
     """Fill `ranges`, (all beams,) float64, with the distance to the nearest return of each beam, m; +inf without a return.
 
+    rounded (all beams,): the same as float32.
     pose (n, 3): written into `bodies` first. bodies (n, 7) and walls (w, 7): boxes, columns as in boxes.py.
     solid (n,) bool: bodies that lasers see; sees (n,) bool: bodies that scan. wall_...: the fields of the walls' Grid.
-    body_frame: frame of the bodies' grid, with cells as large as a laser's range plus a body's radius.
+    body_frame: frame of the bodies' grid, with cells as large as a laser's range plus a body's radius. cells, cell_...: space for it.
     ahead (n,) m: distance of the laser ahead of the centre; around (n,) bool: whether the laser has the Fan round_ instead of front_.
     ..._beams: cosine and sine of the Fan's beams. begin (n + 1,) int64: the ranges of body i are begin[i] to begin[i + 1].
 
     The parameters are arrays because numba takes a quarter of a microsecond to unpack each field of a named tuple from Python.
     """
     place(pose, bodies)
-    wall_grid, body_grid = Grid(wall_frame, wall_begin, wall_members), sort_into_cells(bodies, solid, body_frame)
+    wall_grid = Grid(wall_frame, wall_begin, wall_members)
+    body_grid = sort_into_cells(bodies, solid, body_frame, cells, cell_begin, cell_members)
     front = Fan(front_beams[0], front_beams[1], front_table, front_table[4 * STEPS], True)
     round_ = Fan(round_beams[0], round_beams[1], round_table, round_table[4 * STEPS], False)
     for i in range(len(bodies)):
-        inverse = ranges[begin[i] : begin[i + 1]]
+        inverse, nearest = ranges[begin[i] : begin[i + 1]], rounded[begin[i] : begin[i + 1]]
         inverse[:] = 0.0
         if sees[i]:
             x = bodies[i, X] + ahead[i] * bodies[i, COSINE]
@@ -73,6 +75,7 @@ def cast_all(
         for k in range(len(inverse)):
             inverse[k] = 1.0 / inverse[k]
             inverse[k] = inverse[k] if inverse[k] <= LASER_RANGE else np.inf
+            nearest[k] = inverse[k]
 
 
 @inlined
@@ -219,7 +222,7 @@ def _normal(key):
 
 
 @jit
-def add_noise(keys, tick, deviation, begin, ranges):
+def add_noise(keys, tick, deviation, begin, ranges, rounded):
     """Add Gaussian noise to every return; a range beyond 10 m is no return. keys (n,) uint64: one for each body; deviation: m."""
     for i in range(len(keys)):
         at_tick = _scramble(keys[i] + np.uint64(tick))
@@ -227,3 +230,4 @@ def add_noise(keys, tick, deviation, begin, ranges):
             if ranges[k] < np.inf:
                 noisy = ranges[k] + deviation * _normal(at_tick + np.uint64(k - begin[i]))
                 ranges[k] = max(noisy, 0.0) if noisy <= LASER_RANGE else np.inf
+                rounded[k] = ranges[k]

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from orchard.field.scenario import TIME_STEP
-from orchard.sim.kernels.boxes import COSINE, SINE, TOUCH, X, Y, circles_meet, gap, overlap, place
+from orchard.sim.kernels.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, TOUCH, X, Y, circles_meet, gap, overlap, place
 from orchard.sim.kernels.grid import ROWS, Grid, cell_of, column_and_row, sort_into_cells, strip
-from orchard.sim.kernels.jit import inlined, jit, sin_cos, wrap
+from orchard.sim.kernels.jit import allocating, inlined, jit, sin_cos, wrap
 
 NONE = -1  # as an index: none
 BAR = 0.3  # m; a robot cannot move to a pose where its coupled bin would be further than this from the coupling point
@@ -29,7 +29,7 @@ class Rows(NamedTuple):
     begun: np.ndarray  # (r,) int64: the end at which picking began: -1 west, +1 east, 0 not yet
 
 
-@jit
+@allocating
 def allowed(wanted, stopped):
     """Return a copy of twists, (n, 3), in which those of stopped bodies, (n,) bool, and those that are not finite are 0."""
     twists = wanted.copy()
@@ -44,17 +44,17 @@ def _must_stand(twist, is_stopped):
     return is_stopped or not (np.isfinite(twist[0]) and np.isfinite(twist[1]) and np.isfinite(twist[2]))
 
 
-@jit
-def limit(wanted, stopped, top, coupled, turn, sideways, twists):
-    """Write into twists, (n, 3), the wanted twists, limited to what each body can do now; top (n,) m/s, turn (n,) rad/s: the limits."""
+@inlined
+def limit(wanted, stopped, speed, coupled, turn, sideways, twists):
+    """Write into twists, (n, 3), the wanted twists within each body's limits: speed (n,) m/s, turn (n,) rad/s."""
     for i in range(len(wanted)):
         if _must_stand(wanted[i], stopped[i]) or (sideways[i] and coupled[i] == NONE):
             twists[i, :] = 0.0
             continue
-        forward = min(max(wanted[i, 0], -top[i]), top[i])
-        left = min(max(wanted[i, 1], -top[i]), top[i]) if sideways[i] else 0.0
-        speed = np.sqrt(forward * forward + left * left)
-        share = top[i] / speed if speed > top[i] else 1.0
+        forward = min(max(wanted[i, 0], -speed[i]), speed[i])
+        left = min(max(wanted[i, 1], -speed[i]), speed[i]) if sideways[i] else 0.0
+        together = np.sqrt(forward * forward + left * left)
+        share = speed[i] / together if together > speed[i] else 1.0
         twists[i, 0], twists[i, 1], twists[i, 2] = forward * share, left * share, min(max(wanted[i, 2], -turn[i]), turn[i])
 
 
@@ -74,59 +74,55 @@ def arc(x, y, yaw, forward, left, turn, seconds):
 def advance(
     wanted, twist, pose, stopped, coupled, fill, pickers, speed, turn, sideways, shapes, tows, solid, walls, wall_frame, wall_begin,
     wall_members, body_frame, bin_full, row_west, row_length, row_y, row_pace, row_picked, row_from, distance, collisions, held, blocked,
+    boxes, cells, cell_begin, cell_members, met, picked_from, before,
 ):  # fmt: skip
-    """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick.
+    """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick. It is one kernel to save calls.
 
-    Returns what `move_all` and `pick` return, and whether anything happened of which there may be an event: a collision began, a row is
-    picked, a bin is full. It is one kernel because a call from Python takes longer than limiting thirty bodies.
+    boxes, cells, cell_..., before: space to work in; `met` and `picked_from` are written by `move_all` and `pick`. Returns whether
+    anything happened of which there may be an event: a collision began, a row is picked, a bin is full.
     """
     rows = Rows(bin_full, row_west, row_length, row_y, row_pace, row_picked, row_from)
-    limit(wanted, stopped, top_speeds(speed, pickers, pose, coupled, fill, rows), coupled, turn, sideways, twist)
-    before, walls_near = pose.copy(), Grid(wall_frame, wall_begin, wall_members)
-    begun = move_all(twist, pose, coupled, shapes, tows, solid, walls, walls_near, body_frame, distance, collisions, held, blocked)
-    picked_from = pick(pickers, before, pose, coupled, rows, fill)
-    return begun, picked_from, len(begun) > 0 or _is_any_done(picked_from, rows) or bool(np.any(fill >= rows.full))
+    walls_near = Grid(wall_frame, wall_begin, wall_members)
+    limit(wanted, stopped, speed, coupled, turn, sideways, twist)
+    keep_pace(pickers, twist, pose, coupled, fill, rows)
+    for k in range(len(pickers)):
+        before[k] = pose[pickers[k], 0]
+    place(pose, boxes)
+    bodies_near = sort_into_cells(boxes, solid, body_frame, cells, cell_begin, cell_members)
+    is_eventful = move_all(twist, pose, coupled, tows, walls, walls_near, boxes, bodies_near, distance, collisions, held, blocked, met)
+    is_eventful |= pick(pickers, before, pose, coupled, rows, fill, picked_from)
+    for filled in fill:
+        is_eventful |= filled >= rows.full
+    return is_eventful
 
 
 @inlined
-def _is_any_done(picked_from, rows):
-    """Whether a row that was picked from is picked to its end."""
-    done = False
-    for r in picked_from:
-        done = done or (r != NONE and rows.picked[r] >= rows.length[r])
-    return done
-
-
-@jit
-def move_all(twist, pose, coupled, shapes, tows, solid, walls, wall_grid, body_frame, distance, collisions, held, blocked):
+def move_all(twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, collisions, held, blocked, met):
     """Move each body with its twist for one time step, one after another, if nothing solid is in the way.
 
-    shapes (n, 7) and walls (w, 7): boxes; wall_grid: the Grid of the walls; body_frame: the frame of a grid for the bodies.
+    boxes (n, 7) and walls (w, 7): the bodies at their poses, and the walls; body_grid, wall_grid: their Grids.
     A body that cannot move keeps its pose, and its twist becomes 0.
-    Returns the collisions that begin, (c, 2) int64: a body's index, and the index of its obstacle: a body, or n + a wall.
+    Writes into `met`, (n,) int64, the obstacle with which a body's collision begins: a body's index, n + a wall's index, or NONE; returns
+    whether any begins.
     """
-    n, boxes = len(pose), shapes.copy()
-    place(pose, boxes)
-    body_grid = sort_into_cells(boxes, solid, body_frame)
-    begun, count, moved = np.empty((n, 2), np.int64), 0, np.empty(boxes.shape[1])
-    for i in range(n):
-        obstacle = _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, held, moved)
-        if obstacle != NONE and not blocked[i]:
-            begun[count, 0], begun[count, 1] = i, obstacle
-            count += 1
-            collisions[i] += 1
+    begins = False
+    for i in range(len(pose)):
+        obstacle = _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, held)
+        met[i] = NONE if blocked[i] else obstacle
+        collisions[i] += met[i] != NONE
+        begins |= met[i] != NONE
         blocked[i] = obstacle != NONE
-    return begun[:count]
+    return begins
 
 
 @inlined
-def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, held, moved):
-    """Move one body, if it can; return its obstacle, or NONE. `moved`, (7,): scratch space for its box at the new pose."""
-    forward, left, turn = twist[i]
+def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, held):
+    """Move one body, if it can; return its obstacle, or NONE."""
+    forward, left, turn = twist[i, 0], twist[i, 1], twist[i, 2]
     if forward == 0.0 and left == 0.0 and turn == 0.0:
         return NONE
     x, y, yaw = arc(pose[i, 0], pose[i, 1], pose[i, 2], forward, left, turn, TIME_STEP)
-    _put(boxes[i], x, y, yaw, moved)
+    moved = _put(boxes[i], x, y, yaw)
     if _leaves_its_bin(moved, i, coupled, tows, boxes):
         held[i] += 1
         twist[i, :] = 0.0
@@ -135,18 +131,17 @@ def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid,
     if obstacle != NONE:
         twist[i, :] = 0.0
         return obstacle
-    boxes[i] = moved
+    boxes[i, X], boxes[i, Y], boxes[i, COSINE], boxes[i, SINE] = x, y, moved[COSINE], moved[SINE]
     pose[i, 0], pose[i, 1], pose[i, 2] = x, y, yaw
     distance[i] += np.sqrt(forward * forward + left * left) * TIME_STEP
     return NONE
 
 
 @inlined
-def _put(box, x, y, yaw, moved):
-    """Write a box into `moved` at another pose."""
-    moved[:] = box
+def _put(box, x, y, yaw):
+    """Return a box at another pose, as a tuple: it stays in the processor's registers."""
     s, c = sin_cos(yaw)
-    moved[X], moved[Y], moved[COSINE], moved[SINE] = x, y, c, s
+    return x, y, box[HALF_LENGTH], box[HALF_WIDTH], c, s, box[RADIUS]
 
 
 @inlined
@@ -186,7 +181,7 @@ def _wall_at(box, walls, grid):
     return NONE
 
 
-@jit
+@allocating
 def overlaps(pose, shapes, solid, walls, wall_frame, wall_begin, wall_members):
     """Return each solid body with the first later body and the first wall that it overlaps, (c, 2) int64: as `move_all` does."""
     n, boxes, count, found = len(pose), shapes.copy(), 0, np.empty((2 * len(pose), 2), np.int64)
@@ -214,7 +209,7 @@ def mover_near(me, reach, twist, boxes):
     return NONE
 
 
-@jit
+@inlined
 def row_at(y, rows):
     """Return the index of the row whose lane contains y, or NONE."""
     for r in range(len(rows.y)):
@@ -223,10 +218,9 @@ def row_at(y, rows):
     return NONE
 
 
-@jit
-def top_speeds(speed, pickers, pose, coupled, fill, rows):
-    """Return the speed limits, (n,) m/s: for a picker in an unpicked part of a row, with a bin that is not full, the row's pace."""
-    top = speed.copy()
+@inlined
+def keep_pace(pickers, twist, pose, coupled, fill, rows):
+    """Limit the twist of a picker in an unpicked part of a row, with a bin that is not full, to the row's pace."""
     for i in pickers:
         if coupled[i] == NONE or fill[coupled[i]] >= rows.full:
             continue
@@ -236,17 +230,19 @@ def top_speeds(speed, pickers, pose, coupled, fill, rows):
         from_west, from_east = pose[i, 0] - rows.west[r], rows.west[r] + rows.length[r] - pose[i, 0]
         done = from_west if rows.begun[r] < 0 else from_east
         if min(from_west, from_east) >= 0.0 and (rows.begun[r] == 0 or done >= rows.picked[r] - _FRONTIER):
-            top[i] = min(top[i], rows.pace[r])
-    return top
+            twist[i, 0] = min(max(twist[i, 0], -rows.pace[r]), rows.pace[r])
 
 
-@jit
-def pick(pickers, before, pose, coupled, rows, fill):
-    """Pick what the pickers drove over since the poses `before`, (n, 3). Return the row that each picked from, or NONE."""
-    picked_from = np.full(len(pickers), NONE)
+@inlined
+def pick(pickers, before, pose, coupled, rows, fill, picked_from):
+    """Pick what the pickers drove over since they were at x = before, (p,) m.
+
+    Writes into `picked_from`, (p,), the row that each picked from, or NONE; returns whether one is picked to its end.
+    """
+    is_any_done = False
     for k in range(len(pickers)):
-        i = pickers[k]
-        start, end, r = before[i, 0], pose[i, 0], row_at(pose[i, 1], rows)
+        i, picked_from[k] = pickers[k], NONE
+        start, end, r = before[k], pose[i, 0], row_at(pose[i, 1], rows)
         if coupled[i] == NONE or r == NONE:
             continue
         west, east = rows.west[r], rows.west[r] + rows.length[r]
@@ -254,10 +250,11 @@ def pick(pickers, before, pose, coupled, rows, fill):
             continue
         if _pick_row(r, min(max(end, west), east), coupled[i], rows, fill):
             picked_from[k] = r
-    return picked_from
+            is_any_done |= rows.picked[r] >= rows.length[r]
+    return is_any_done
 
 
-@jit
+@inlined
 def _pick_row(r, x, a_bin, rows, fill):
     """Pick a row up to x into a bin, if that continues the picked part of the row. Return whether anything was picked."""
     from_west, from_east = x - rows.west[r], rows.west[r] + rows.length[r] - x
@@ -278,7 +275,7 @@ def _or_full(metres, length, within):
     return length if metres >= length - within else metres
 
 
-@jit
+@allocating
 def quaternions(pose):
     """Return z and w of the quaternion of each pose, (n, 2); x and y are 0."""
     parts = np.empty((len(pose), 2))

@@ -312,7 +312,7 @@ def test_soak_no_picker_that_stands_is_in_the_way_of_the_others(rows: int, picke
 
 @pytest.mark.soak
 def test_soak_half_of_the_pickers_of_the_largest_orchard_stand_in_no_way_of_the_others() -> None:
-    """Bins call when they are full. With an early policy carriers would hold for the pickers that stand, in the way of others (traffic.md)."""
+    """Bins call when they are full. With an early policy carriers would hold for the pickers that stand, in the way of others."""
     pickers = [f"picker_{number:02d}" for number in range(1, 21)]
     stage = Stage(empty_orchard(rows=20, pickers=20, dispatch=NEAREST), **{picker: Standing() for picker in pickers[::2]})
     stage.run_until(lambda: stage.world.delivered == 10, 4000)

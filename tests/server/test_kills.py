@@ -20,7 +20,7 @@ from orchard.field.scenario import Scenario, to_yaml
 from orchard.launch.supervisor import free_port
 
 SECONDS = 30.0  # simulated
-PACE = ("--rows", 3, "--speed", 10, "--duration", SECONDS)
+PACE = ("--rows", 3, "--hosts", 1, "--speed", 10, "--duration", SECONDS)
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def end(run: subprocess.Popen) -> str:
 @pytest.mark.parametrize("word", ["physics", "agents", pytest.param("logger", marks=pytest.mark.soak)])
 def test_whatever_is_killed_the_same_run_goes_on(tmp_path, undisturbed, word):
     path, tables = tmp_path / "summary.json", tmp_path / "tables"
-    with running(*PACE, "--record", tmp_path / "run.rrd", "--summary", path, "--table", tables) as run:
+    with running(*PACE, "--hosts", 2, "--record", tmp_path / "run.rrd", "--summary", path, "--table", tables) as run:
         wait_until_simulated(run, 5.0)
         process_of(run, word).kill()
         printed = end(run)
@@ -111,7 +111,7 @@ def test_physics_whose_port_is_taken_is_tried_again_until_it_is_free(tmp_path, u
 
 def test_physics_that_is_killed_as_soon_as_it_is_there_is_started_again(tmp_path):
     path = tmp_path / "summary.json"
-    with starting("--rows", 3, "--duration", 10, "--record", "none", "--summary", path) as run:
+    with starting("--rows", 3, "--hosts", 1, "--duration", 10, "--record", "none", "--summary", path) as run:
         first_process(run, "physics").kill()
         printed = end(run)
     assert "physics ended with code -9; starting it again" in printed

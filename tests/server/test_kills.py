@@ -64,7 +64,7 @@ def test_whatever_is_killed_the_same_run_goes_on(tmp_path, undisturbed, word):
 
 def test_a_signal_that_run_py_has_not_sent_is_a_death_too(tmp_path, undisturbed):
     path = tmp_path / "summary.json"
-    with running(*PACE, "--speed", 5, "--record", tmp_path / "run.rrd", "--summary", path) as run:
+    with running(*PACE, "--hosts", 2, "--speed", 5, "--record", tmp_path / "run.rrd", "--summary", path) as run:
         wait_until_simulated(run, 2.0)
         for word, number in (("agents", signal.SIGTERM), ("logger", signal.SIGINT), ("physics", signal.SIGTERM)):
             process_of(run, word).send_signal(number)
@@ -131,7 +131,7 @@ def test_ctrl_c_while_physics_does_not_listen_yet_ends_the_run():
 
 
 def test_a_run_that_is_stopped_goes_on_where_it_was(tmp_path, undisturbed):
-    with running(*PACE, "--record", "none") as run:
+    with running(*PACE, "--speed", 5, "--record", "none") as run:
         wait_until_simulated(run, 5.0)
         run.send_signal(signal.SIGINT)
         printed = end(run)

@@ -1,24 +1,29 @@
 """Headless Chromium for tests of the page: find, fill in, wait. Every wait is bounded."""
 
 import re
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import wraps
 from pathlib import Path
 from typing import Any
 
 import psutil
 from selenium import webdriver
-from selenium.common.exceptions import ElementClickInterceptedException, ElementNotInteractableException, StaleElementReferenceException
+from selenium.common.exceptions import (
+    ElementClickInterceptedException,
+    ElementNotInteractableException,
+    NoSuchElementException,
+    StaleElementReferenceException,
+)
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
-from selenium.webdriver.support.ui import WebDriverWait
 
 SECONDS = 15.0  # that the page may take to follow
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-         "--disable-component-update", "--disable-sync")  # fmt: skip
+         "--disable-component-update", "--disable-sync", "--force-prefers-reduced-motion")  # fmt: skip
 
 
 def open_browser(chromium: str, driver: str, profile: str, downloads: str) -> webdriver.Chrome:
@@ -53,9 +58,15 @@ class Browser:
         self.driver = driver
 
     def until(self, holds: Callable[[], Any], what: str, seconds: float = SECONDS) -> Any:
-        """Wait until something holds."""
-        waiting = WebDriverWait(self.driver, seconds, poll_frequency=0.05, ignored_exceptions=(StaleElementReferenceException,))
-        return waiting.until(lambda _: holds(), what)
+        """Wait until something holds. Each look costs the browser a layout, so the pauses grow with the wait."""
+        begun = time.monotonic()
+        while True:
+            with suppress(StaleElementReferenceException, NoSuchElementException):
+                if found := holds():
+                    return found
+            waited = time.monotonic() - begun
+            assert waited < seconds, f"not within {seconds} s: {what}"
+            time.sleep(min(0.5, 0.05 + waited / 5))
 
     def one(self, css: str) -> WebElement:
         return self.until(lambda: next(iter(self.driver.find_elements(By.CSS_SELECTOR, css)), None), f"{css} is on the page")

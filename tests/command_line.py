@@ -1,13 +1,13 @@
-"""run.py for tests, as a person uses it."""
+"""run.py for tests, as a person uses it; what it imports is there already (`forks.py`). `tests/docs` starts it as it stands."""
 
 import json
 import os
 import subprocess
-import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
+from forks import Forked
 
 ROOT = Path(__file__).parent.parent
 SECONDS = 240.0  # that any one run may take on a busy machine
@@ -15,11 +15,13 @@ SECONDS = 240.0  # that any one run may take on a busy machine
 
 def orchard(*arguments: object, seconds: float = SECONDS) -> subprocess.CompletedProcess:
     """Run it to its end."""
-    command = [sys.executable, "run.py", *map(str, arguments)]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=seconds, env=os.environ | {"COLUMNS": "200"})
+    words = [*map(str, arguments)]
+    process = Forked("run", words, os.environ | {"COLUMNS": "200"})
+    out, err = process.communicate(timeout=seconds)
+    return subprocess.CompletedProcess(["run.py", *words], process.returncode, out, err)
 
 
-def line_with(words: str, process: subprocess.Popen) -> str:
+def line_with(words: str, process: subprocess.Popen | Forked) -> str:
     """The first line of what it prints that has these words; it says other things before, as that it compiles."""
     said = []
     for line in process.stdout:
@@ -40,18 +42,18 @@ def running(*arguments: object):
 @contextmanager
 def starting(*arguments: object):
     """Run it; nothing is left behind."""
-    command = [sys.executable, "-u", "run.py", *map(str, arguments)]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+    process = Forked("run", [*map(str, arguments)], {**os.environ}, leads=True)
     try:
         yield process
     finally:
         for child in [*psutil.Process(process.pid).children(recursive=True)] if process.poll() is None else []:
             child.kill()
         process.kill()
-        process.communicate()
+        with suppress(ValueError):  # the test has read it to its end
+            process.communicate()
 
 
-def wait_until_simulated(run: subprocess.Popen, seconds: float) -> None:
+def wait_until_simulated(run: subprocess.Popen | Forked, seconds: float) -> None:
     """Read its lines of progress until so much time has been simulated."""
     assert any(float(line.split(" s ")[0]) >= seconds for line in run.stdout if "real time" in line)
 

@@ -12,26 +12,18 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from functools import cache
 from pathlib import Path
 
 import msgpack
 import zenoh
-from forks import Forked, Server
+from forks import PATHS, Forked
 
 from orchard.field.scenario import Scenario, to_yaml
 from orchard.wire.keys import Keys
 
 ROOT = Path(__file__).parent.parent
 PHYSICS = ("orchard.processes.physics",)  # the program that owns the world, where a test has none of its own for it
-PATHS = [str(ROOT), str(ROOT / "tests")]
 SECONDS = 40.0  # that any one wait may take on a busy machine
-
-
-@cache
-def _server() -> Server:
-    """It ends with the tests of this process."""
-    return Server(PATHS)
 
 
 class Process:
@@ -45,7 +37,7 @@ class Process:
             pipe = subprocess.PIPE
             self._popen = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=pipe, stderr=pipe, text=True)
         else:
-            self._popen = Forked(_server(), module, arguments, environment)
+            self._popen = Forked(module, arguments, environment)
 
     def line(self) -> str:
         """The next line that it prints."""

@@ -18,22 +18,31 @@ import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import cache
+from pathlib import Path
 
 DOORS = (
     "orchard.processes.physics",
     "orchard.processes.agents",
     "orchard.processes.router",
 )  # each runs as a process; what they import is shared
+COMMAND_LINE = ("orchard.launch.commands", "orchard.launch.local_run", "orchard.launch.distributed")  # what run.py imports
+ROOT = Path(__file__).parent.parent
+PATHS = [str(ROOT), str(ROOT / "tests")]
 
 
 class Forked:
-    """A process that runs a module; the methods are those of subprocess.Popen."""
+    """A process that runs a module; the methods are those of subprocess.Popen.
 
-    def __init__(self, server: "Server", module: str, arguments: Sequence[str], environment: dict[str, str]) -> None:
-        self._module, ends = module, (os.pipe(), os.pipe())
-        self.stdout, self.stderr = (os.fdopen(read) for read, _ in ends)
+    `leads`: in a session of its own, with stderr in stdout, as someone sees it who types the command.
+    """
+
+    def __init__(self, module: str, arguments: Sequence[str], environment: dict[str, str], leads: bool = False) -> None:
+        self._module, ends = module, [os.pipe() for _ in range(1 if leads else 2)]
+        self.stdout, self.stderr = os.fdopen(ends[0][0]), os.fdopen(ends[-1][0], closefd=not leads)
         self.returncode: int | None = None
-        self.pid, self._exit = server.fork({"module": module, "arguments": arguments, "environment": environment}, [end for _, end in ends])
+        request = {"module": module, "arguments": arguments, "environment": environment, "leads": leads}
+        self.pid, self._exit = server().fork(request, [ends[0][1], ends[-1][1]])
         for _, end in ends:
             os.close(end)
 
@@ -77,8 +86,9 @@ class Server:
     def __init__(self, paths: Sequence[str]) -> None:
         """`paths`: folders of modules."""
         self._socket, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
-        self._process = subprocess.Popen([sys.executable, "-m", "forks", str(other.fileno())], env=environment, pass_fds=[other.fileno()])
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "200"}  # Rich reads its width when it is imported
+        command = [sys.executable, "-m", "forks", str(other.fileno())]
+        self._process = subprocess.Popen(command, cwd=ROOT, env=environment, pass_fds=[other.fileno()])
         other.close()
         atexit.register(self._close)
         self._born: queue.Queue[int] = queue.Queue()
@@ -105,6 +115,12 @@ class Server:
                 self._born.put(pid)
             else:
                 self._exits.pop(pid).put(code)
+
+
+@cache
+def server() -> Server:
+    """It ends with the tests of this process."""
+    return Server(PATHS)
 
 
 # -- in the server
@@ -148,13 +164,14 @@ def become(files: Sequence[int]) -> None:
     for file, number in zip(files, (1, 2), strict=True):
         os.dup2(file, number)
     os.closerange(3, 1024)
-    sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", buffering=1, closefd=False)
+    sys.stdout, sys.stderr = os.fdopen(1, "w", buffering=1, closefd=False), os.fdopen(2, "w", buffering=1, closefd=False)
 
 
 def preload() -> None:
     """Import what the processes import, and load the kernels."""
+    for module in (*DOORS, *COMMAND_LINE):
+        __import__(module)
     for door in DOORS:
-        __import__(door)
         del sys.modules[door]  # each process runs its own
     from orchard.field.scenario import Scenario
     from orchard.sim.engine import Engine
@@ -168,5 +185,7 @@ if __name__ == "__main__":
     if request is not None:
         os.environ.clear()
         os.environ.update(request["environment"])
+        if request["leads"]:
+            os.setsid()
         sys.argv = [request["module"], *request["arguments"]]
         runpy.run_module(request["module"], run_name="__main__", alter_sys=True)

@@ -16,10 +16,14 @@ def names() -> list[str]:
 
 def shipped() -> dict[str, Scenario]:
     """Return these scenarios by name."""
-    return {name: parse(_CONFIG.joinpath(f"{name}.yaml").read_text("utf-8"), f"{name}.yaml") for name in names()}
+    return {name: _one(name) for name in names()}
+
+
+def _one(name: str) -> Scenario:
+    return parse(_CONFIG.joinpath(f"{name}.yaml").read_text("utf-8"), f"{name}.yaml")
 
 
 def load_or_shipped(path: Path | None) -> Scenario:
     """Return the scenario of a file, or else the shipped one of this name; the default one for None. Raises `ScenarioError`."""
-    ready, name = shipped(), DEFAULT if path is None else str(path)
-    return ready[name] if name in ready and (path is None or not path.is_file()) else load(name)
+    name = DEFAULT if path is None else str(path)
+    return _one(name) if name in names() and (path is None or not path.is_file()) else load(name)

@@ -85,6 +85,8 @@ def test_the_plan_and_the_figures_follow_every_change(browser):
     assert browser.figure("Bins") == "14"
     assert browser.figure("Long-run rate") != before
     assert browser.field("carriers").get_attribute("value") == "6"
+    browser.click("[data-preset=default]")
+    browser.until(lambda: browser.tree_lines() == 6, "the default plan again")
 
 
 def test_a_slider_moves_its_field(browser):

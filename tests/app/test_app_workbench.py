@@ -67,7 +67,9 @@ def test_past_runs_are_listed_and_compared_side_by_side(listed):
     choose(listed, "3 rows, 2 pickers, 2 carriers, seed 1")
     listed.press("use-scenario")
     listed.until(lambda: listed.field("rows").get_attribute("value") == "4", "the form has the scenario of the run that is left")
-    next(cell for cell in listed.view("runs").find_elements("tag name", "th") if "Simulated" in cell.text).click()
+    simulated = next(cell for cell in listed.view("runs").find_elements("tag name", "th") if "Simulated" in cell.text)
+    listed.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", simulated)  # not under the bar on top
+    simulated.click()
     listed.until(lambda: re.findall("[0-9]+:[0-9]+ min", listed.view("runs").text) == ["0:30 min", "9:50 min", "10:24 min"], "sorted")
 
 
@@ -133,6 +135,7 @@ def violations(browser):
     from axe_core_python.selenium import Axe
 
     browser.until(lambda: not browser.driver.execute_script("return document.getAnimations().length"), "the page is at rest")
+    browser.until(lambda: browser.driver.execute_script("return document.fonts.status") == "loaded", "icons are icons, not their names")
     found = Axe().run(browser.driver, options={"iframes": 0})["violations"]
     return [f"{rule['id']}: {node['html']}" for rule in found for node in rule["nodes"]]
 

@@ -71,7 +71,7 @@ def test_who_only_drives_begins_with_a_velocity_for_tick_0(fleet):
 
 
 def test_a_name_that_is_taken_is_refused_to_an_own_agent_as_well(fleet):
-    fleet.physics(SMALL, "--speed", "10", "--duration", "60")
+    fleet.physics(SMALL, "--speed", "10")
     fleet.host()
     code = block("docs/how-to.md", "own agent").replace("tcp/127.0.0.1:7447", fleet.endpoint)
     clock = fleet.client().hear("orchard/clock")

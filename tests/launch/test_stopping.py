@@ -1,21 +1,17 @@
 """`run.py stop`, `reset`, `pause`, `resume` and `step`: how they find the run that goes on, and what they tell of its answer."""
 
-import os
 import re
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from queue import SimpleQueue
 
 import msgpack
-import psutil
 import pytest
 import typer
-from command_line import line_with, summary_of
+from command_line import orchard, running, summary_of
 from documents import block, commands
-from fleet import ROOT, Client, assert_goes_on, assert_stands, until
+from fleet import Client, assert_goes_on, assert_stands, until
 
 from orchard.contract.messages import pack
 from orchard.launch import emergency_stop
@@ -26,51 +22,38 @@ from orchard.net.endpoints import BusError
 from orchard.wire.messages import RunInfo, Stopped
 
 
-@contextmanager
-def running(folder: Path, *arguments: object):
-    """A run.py of its own, which leaves its notes in a folder of its own; nothing is left behind."""
-    (folder / "run.py").symlink_to(ROOT / "run.py")
-    command = [sys.executable, "-u", folder / "run.py", "--rows", 3, "--record", "none", *arguments]
-    process = subprocess.Popen(list(map(str, command)), cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    try:
-        line_with("real time", process)
-        yield process
-    finally:
-        for child in psutil.Process(process.pid).children(recursive=True) if process.poll() is None else []:
-            child.kill()
-        process.kill()
-        process.communicate()
-
-
-def run_py(folder: Path, *arguments: str) -> subprocess.CompletedProcess:
-    command = [sys.executable, str(folder / "run.py"), *arguments]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, env=os.environ | {"COLUMNS": "200"})
+@pytest.fixture(autouse=True)
+def runs(tmp_path, monkeypatch):
+    """The folder in which runs leave their notes."""
+    monkeypatch.setenv("ORCHARD_RUNS", str(tmp_path / "runs"))
+    return tmp_path / "runs"
 
 
 @pytest.mark.parametrize("mode", [("--mode", "realtime", "--speed", 5), ("--speed", 4)], ids=["realtime", "lockstep"])
-def test_the_command_line_stops_a_robot_of_the_run_that_goes_on_here(tmp_path, mode):
+def test_the_command_line_stops_a_robot_of_the_run_that_goes_on_here(tmp_path, runs, mode):
     path = tmp_path / "summary.json"
-    with running(tmp_path, *mode, "--duration", 3000, "--summary", path) as run, ExitStack() as stack:
-        (going,) = running_here(tmp_path / "runs")
+    order = ("--rows", 3, "--hosts", 1, "--record", "none", *mode, "--duration", 3000, "--summary", path)
+    with running(*order) as run, ExitStack() as stack:
+        (going,) = running_here(runs)
         someone = stack.enter_context(Client.open(going.endpoint, going.run))
         poses, velocities = someone.hear("orchard/picker_01/pose"), someone.hear("orchard/picker_01/velocity")
-        done = run_py(tmp_path, "stop", "picker_01")
+        done = orchard("stop", "picker_01")
         assert (done.returncode, done.stdout) == (0, "stopped: bin_01, picker_01\n"), done.stderr
         stands = assert_stands(poses)
         until(velocities, lambda velocity: velocity["tick"] > stands["tick"] and velocity["linear"]["x"] > 0.0)
         assert_stands(poses)
-        done = run_py(tmp_path, "stop", "carrier", "piker_01")
+        done = orchard("stop", "carrier", "piker_01")
         assert done.returncode == 2
         assert "piker_01: no such agent or kind" in done.stderr
-        done = run_py(tmp_path, "stop")
+        done = orchard("stop")
         assert re.fullmatch(r"stopped: bin_02, .*tractor_01\nstopped before: bin_01, picker_01\n", done.stdout), done.stdout
-        assert run_py(tmp_path, "reset", "picker_01").stdout.startswith("reset: bin_01, picker_01\nstill stopped: bin_02, ")
+        assert orchard("reset", "picker_01").stdout.startswith("reset: bin_01, picker_01\nstill stopped: bin_02, ")
         assert_goes_on(poses)
         for _, _, *words in commands(block("docs/how-to.md", "emergency stop")):
-            assert run_py(tmp_path, *words).returncode == 0, words
+            assert orchard(*words).returncode == 0, words
         assert_goes_on(poses)
         if "--mode" not in mode:
-            assert_pauses_and_steps(tmp_path)
+            assert_pauses_and_steps()
             assert_goes_on(poses)
         someone.ask("orchard/command", msgpack.packb({"run": going.run, "command": "stop"}))
         out, _ = run.communicate(timeout=120)
@@ -78,25 +61,24 @@ def test_the_command_line_stops_a_robot_of_the_run_that_goes_on_here(tmp_path, m
     summary = summary_of(path)
     assert summary["violations"] == []
     assert summary["stopped_seconds"]["picker_01"] > 2.0
-    assert running_here(tmp_path / "runs") == []
-    assert not list((tmp_path / "runs").glob("*.going"))
+    assert running_here(runs) == []
+    assert not list(runs.glob("*.going"))
 
 
-def assert_pauses_and_steps(folder: Path) -> None:
-    told = [run_py(folder, *words).stdout for _, _, *words in commands(block("docs/how-to.md", "pause and step"))]
+def assert_pauses_and_steps() -> None:
+    told = [orchard(*words).stdout for _, _, *words in commands(block("docs/how-to.md", "pause and step"))]
     first = int(told[0].removeprefix("paused: tick ").partition(",")[0])
     then = [("paused", first), ("paused", first + 1), ("paused", first + 21), ("playing", first + 21)]
     assert told == [f"{state}: tick {tick}, {tick / 10:.1f} s\n" for state, tick in then]
-    done = run_py(folder, "step")
+    done = orchard("step")
     assert (done.returncode, "pause it first" in done.stderr) == (2, True)
 
 
-def test_a_stop_without_a_run_is_told_so(tmp_path):
-    (tmp_path / "run.py").symlink_to(ROOT / "run.py")
-    done = run_py(tmp_path, "stop")
+def test_a_stop_without_a_run_is_told_so():
+    done = orchard("stop")
     assert done.returncode == 2
     assert "no run is active here" in done.stderr
-    done = run_py(tmp_path, "stop", "--connect", "tcp/127.0.0.1:9")
+    done = orchard("stop", "--connect", "tcp/127.0.0.1:9")
     assert done.returncode == 2
     assert "no router answers there" in done.stderr
     assert "Traceback" not in done.stderr

@@ -1,16 +1,14 @@
 """Several machines: the hash is that of local mode, wherever the agents run; and the commands that a document has for it, as they stand."""
 
-import os
 import re
 import shlex
 import signal
 import subprocess
-import sys
 from contextlib import ExitStack
 
 import pytest
 from alone import SMALL, local_hash
-from command_line import line_with, orchard, summary_of
+from command_line import line_with, orchard, starting, summary_of
 from documents import block, commands
 from fleet import ROOT, SECONDS, Process
 from machines import machines, needs_machines, within
@@ -93,17 +91,10 @@ def test_the_two_commands_of_the_document_run_the_carriers_on_another_machine(tm
 # -- on one machine
 
 
-def running(*arguments: str) -> subprocess.Popen:
-    command = [sys.executable, "-u", "run.py", *arguments]
-    wide = os.environ | {"COLUMNS": "200"}
-    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=wide)
-
-
 def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
     path = tmp_path / "summary.json"
     left = ["--without", "carrier", "--without", "picker_01"]
-    run = running("--rows", "3", *left, "--duration", "5", "--record", "none", "--summary", str(path))
-    try:
+    with starting("--rows", 3, *left, "--duration", 5, "--record", "none", "--summary", path) as run:
         typed = shlex.split(line_with("left to other processes: ", run).partition("processes: ")[2])
         said = line_with("waiting for", run)
         assert "carrier_01, carrier_02" in said
@@ -111,8 +102,6 @@ def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
         assert guest.returncode == 0, guest.stdout + guest.stderr
         assert "hosting carrier_01, carrier_02, picker_01" in guest.stdout
         out, _ = run.communicate(timeout=SECONDS)
-    finally:
-        run.kill()
     assert run.returncode == 0, out
     assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), 50)
 

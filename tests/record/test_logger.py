@@ -130,8 +130,8 @@ def battered(tmp_path_factory):
     """A run whose logger is killed, killed while it starts, and frozen; its recording, its summary, and what it printed."""
     folder = tmp_path_factory.mktemp("battered")
     file = folder / "run.rrd"
-    options = ["--rows", 3, "--speed", SPEED, "--duration", TICKS / 10, "--record", file, "--summary", folder / "summary.json"]
-    with running(*options) as run:
+    pace = ["--hosts", 1, "--speed", SPEED, "--duration", TICKS / 10]
+    with running("--rows", 3, *pace, "--record", file, "--summary", folder / "summary.json") as run:
         wait_for(lambda: has_begun(file))
         (first,) = loggers_of(run)
         first.kill()

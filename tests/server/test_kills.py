@@ -20,7 +20,7 @@ from orchard.field.scenario import Scenario, to_yaml
 from orchard.launch.supervisor import free_port
 
 SECONDS = 30.0  # simulated
-PACE = ("--rows", 3, "--speed", 10, "--duration", SECONDS)
+PACE = ("--rows", 3, "--hosts", 1, "--speed", 10, "--duration", SECONDS)
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def end(run: subprocess.Popen) -> str:
 @pytest.mark.parametrize("word", ["physics", "agents", pytest.param("logger", marks=pytest.mark.soak)])
 def test_whatever_is_killed_the_same_run_goes_on(tmp_path, undisturbed, word):
     path, tables = tmp_path / "summary.json", tmp_path / "tables"
-    with running(*PACE, "--record", tmp_path / "run.rrd", "--summary", path, "--table", tables) as run:
+    with running(*PACE, "--hosts", 2, "--record", tmp_path / "run.rrd", "--summary", path, "--table", tables) as run:
         wait_until_simulated(run, 5.0)
         process_of(run, word).kill()
         printed = end(run)
@@ -64,7 +64,7 @@ def test_whatever_is_killed_the_same_run_goes_on(tmp_path, undisturbed, word):
 
 def test_a_signal_that_run_py_has_not_sent_is_a_death_too(tmp_path, undisturbed):
     path = tmp_path / "summary.json"
-    with running(*PACE, "--speed", 5, "--record", tmp_path / "run.rrd", "--summary", path) as run:
+    with running(*PACE, "--hosts", 2, "--speed", 5, "--record", tmp_path / "run.rrd", "--summary", path) as run:
         wait_until_simulated(run, 2.0)
         for word, number in (("agents", signal.SIGTERM), ("logger", signal.SIGINT), ("physics", signal.SIGTERM)):
             process_of(run, word).send_signal(number)
@@ -111,7 +111,7 @@ def test_physics_whose_port_is_taken_is_tried_again_until_it_is_free(tmp_path, u
 
 def test_physics_that_is_killed_as_soon_as_it_is_there_is_started_again(tmp_path):
     path = tmp_path / "summary.json"
-    with starting("--rows", 3, "--duration", 10, "--record", "none", "--summary", path) as run:
+    with starting("--rows", 3, "--hosts", 1, "--duration", 10, "--record", "none", "--summary", path) as run:
         first_process(run, "physics").kill()
         printed = end(run)
     assert "physics ended with code -9; starting it again" in printed
@@ -131,7 +131,7 @@ def test_ctrl_c_while_physics_does_not_listen_yet_ends_the_run():
 
 
 def test_a_run_that_is_stopped_goes_on_where_it_was(tmp_path, undisturbed):
-    with running(*PACE, "--record", "none") as run:
+    with running(*PACE, "--speed", 5, "--record", "none") as run:
         wait_until_simulated(run, 5.0)
         run.send_signal(signal.SIGINT)
         printed = end(run)

@@ -104,9 +104,9 @@ class Bounds:
     def terms_at(self, rate: float) -> dict[str, float]:
         """Return the bins per second that each part allows, if robots wait for others as often as at a rate, bins/s."""
         waits = self._delays.at(rate)
-        wait = fmean(one.wait(self._early, delay) for one, delay in zip(self._each, waits[:, OUT], strict=True))
-        pickers = self.row_seconds + self.crossing_seconds + wait + waits[:, CROSSING].mean()
-        carriers = self.cycle_seconds + (waits[:, OUT] + waits[:, HOME]).mean()
+        wait = fmean(one.wait(self._early, float(delay)) for one, delay in zip(self._each, waits[:, OUT], strict=True))
+        pickers = self.row_seconds + self.crossing_seconds + wait + float(waits[:, CROSSING].mean())
+        carriers = self.cycle_seconds + float((waits[:, OUT] + waits[:, HOME]).mean())
         return {"pickers": self.pickers / pickers, "carriers": self.carriers / carriers, "unloading": 1.0 / self.bay_seconds}
 
     @property

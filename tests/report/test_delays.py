@@ -59,5 +59,5 @@ def test_the_form_is_within_three_per_cent_of_the_long_run(changes):
 def test_more_carriers_never_allow_less_and_traffic_never_more(route):
     forms = [Bounds(lay_out(empty_orchard(rows=8, pickers=4, carriers=carriers, route=route))) for carriers in range(1, 9)]
     rates = [form.bins_per_hour for form in forms]
-    assert rates == sorted(rates)
+    assert rates == sorted(rates) and {type(rate) for rate in rates} == {float}
     assert all(3600.0 * min(form.terms_at(0.0).values()) >= form.bins_per_hour > 0.0 for form in forms)

@@ -170,7 +170,7 @@ Along the bottom, D is {_ROUTE.D_BOTTOM:g} m and F is {_ROUTE.F_BOTTOM:g} m sout
 **A claim** goes to `traffic`: `keep`, all places that the carrier still holds, and `want`, the places that it waits for ([] for none). It gets all that it wants or none. The answer `places` has all that
 it holds now in `held`; `blockers` are the robots in the way, `alone` the places that it shares with no robot. A place is held when an answer has named it. `traffic` forgets no place until a
 claim of its holder leaves it out of both lists. So: send a claim when a place is given back, and every {PATIENCE} ticks while one is wanted (a wish that is not repeated for {traffic.FORGET} ticks is
-dropped). Send no claim before the last one is answered, 2 ticks later. Ask for a place {steps.LOOK_AHEAD:g} m before you must stop for it. `beside` is for pickers: it names the carrier
+dropped). Send no claim before the last one is answered, 2 ticks later. Ask for a place {steps.LOOK_AHEAD * steps.CRUISE:g} m before you must stop for it. `beside` is for pickers: it names the carrier
 whose place they share; carriers send ''.
 """  # noqa: E501
 
@@ -187,7 +187,7 @@ It waits in the queue with an empty bin. It accepts one full bin at a time. `tes
 3. Ask the bin by `confirm`. At `yes` leave; at `no` you have no job.
 4. Drive east to road D, turn south, and drive to {_ROUTE.STOP:g} m past the lane, holding places as above. To a lane in the west: on D past all lanes of the east to D's bottom road, turn west, on it to the west
    side's D, turn north, and past the lanes from the last one up. Ask for D's place at the lane itself only after the full bin is left there: the bin says so by `state` (`full`, and `coupled_to` is '').
-   Ask it {steps.LOOK_AHEAD:g} m before the hold. With an early dispatch policy a carrier may come while the picker still picks. If it took the place, the picker could not come out. Your bin stands now on the lane's centre line, on the coupling point of the picker.
+   Ask it {steps.LOOK_AHEAD * steps.CRUISE:g} m before the hold. With an early dispatch policy a carrier may come while the picker still picks. If it took the place, the picker could not come out. Your bin stands now on the lane's centre line, on the coupling point of the picker.
 5. Uncouple. Say `here` to the picker, with the name of the bin that you left, until it answers `yes`: then it has coupled the bin and shares your place on D, which you must hold until then. It answers `no`
    before that.
    In steps 6 and 7, up to road F, headings are those of the east side; on the west side they are turned about.
@@ -216,7 +216,7 @@ _LETTERS = f"""## When each letter is sent
 | `confirm` | carrier to its full bin | when it has agreed to come, before it leaves the queue | after {PATIENCE} ticks until it is answered | `yes`; `no`: another carrier comes |
 | `emptybin` | picker to its full bin | when it waits for an empty bin | after {steps.SELDOM} ticks | `carrier` |
 | `here` | carrier to the picker | when its bin is uncoupled | after {PATIENCE} ticks until `yes` | `yes`; `no`: not coupled yet, or the place is not shared yet |
-| `state` | carrier to its full bin | {steps.LOOK_AHEAD:g} m before it must hold for D's place at the lane | after {LOOK_AGAIN} ticks until the bin is full and not coupled | `binstate` |
+| `state` | carrier to its full bin | {steps.LOOK_AHEAD * steps.CRUISE:g} m before it must hold for D's place at the lane | after {LOOK_AGAIN} ticks until the bin is full and not coupled | `binstate` |
 | `state` | carrier to its bin in the bay; any agent to any bin | when it stands in the bay | after {PATIENCE} ticks until `full` is false | `binstate` |
 | `claim` | picker or carrier to `traffic` | see above | see above | `places` |
 | `where` | robot to a person or an animal | before it turns | while it turns | `position` |

@@ -258,7 +258,7 @@ def _places(route: OneWay) -> str:
     ]
     along = [
         ("stop of a delivering carrier", f"{route.STOP:g} m past the lane"),
-        ("carrier waits for a lane's place", f"{route.HOLD:g} m before the lane; it asks for the place {steps.LOOK_AHEAD:g} m before that"),
+        ("carrier waits for a lane's place", f"{route.HOLD:g} m before the lane; it asks for the place {steps.LOOK_AHEAD:g} s before that"),
         ("carrier's tail has left a lane's place", f"{route.CLEAR:g} m past the lane"),
         ("roads along the bottom", f"F {route.F_BOTTOM:g} m and D {route.D_BOTTOM:g} m south of the last tree line"),
         ("wait for the south-west corner, on D", f"x = {route.CORNER_HOLD_X:g}"),

@@ -34,7 +34,7 @@ TRIES = 5  # ticks for which it tries to couple in one place
 GRID = 0.14  # m from one place to the next: none of the area between is farther from a place than a bin can be coupled
 SEARCH = [(GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in (0, 1, -1, 2)]  # from the first, m
 LITTLE = 0.02  # m
-LOOK_AHEAD = 3.0  # m before a gate, from where the robot asks for its places
+LOOK_AHEAD = 3.0  # s before a robot is at a gate, at which it asks for its places: earlier would keep others off them for nothing
 
 
 class Say(Step, frozen=True):
@@ -73,12 +73,17 @@ class DriveTo(Step, frozen=True):
         robot.hold(self._ticks(robot, here, ahead, left))
         return False
 
+    @property
+    def asks_before(self) -> float:
+        """How far before a gate the robot asks for its places, m."""
+        return LOOK_AHEAD * self.speed
+
     def _ticks(self, robot: PlanExecutor, here: float, ahead: float, left: float) -> int:
         """The ticks until the drive may have to slow down, to give a place back or to ask for one; never too many."""
         if self.speed <= 0.0:
             return 1
         frees = [ahead * (gate.at - here) for gate in self.frees if any(place in robot.memory.held for place in gate.places)]
-        needs = [ahead * (gate.at - here) - LOOK_AHEAD for gate in self.needs if not robot.holds(gate.places)]
+        needs = [ahead * (gate.at - here) - self.asks_before for gate in self.needs if not robot.holds(gate.places)]
         rooms = [left - self.speed * TIME_STEP, *frees, *(room for room in needs if room >= 0.0)]
         return int(max(0.0, min(rooms) - SLACK) / (self.speed * TIME_STEP)) + 1
 
@@ -86,7 +91,7 @@ class DriveTo(Step, frozen=True):
         """The target, or the first gate before it with places that the robot does not hold."""
         for gate in self.needs:
             if ahead * (gate.at - here) >= -EXACT - robot.doubt and not robot.holds(gate.places):
-                if ahead * (gate.at - here) < LOOK_AHEAD and (not gate.bin or robot.is_left(gate.bin)):
+                if ahead * (gate.at - here) < self.asks_before and (not gate.bin or robot.is_left(gate.bin)):
                     robot.want(gate.places)
                 return gate.at if ahead * (target - gate.at) > 0 else target
         return target

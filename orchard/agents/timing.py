@@ -1,5 +1,7 @@
 """How long the drives and turns of a plan take without traffic."""
 
+from collections.abc import Iterator
+
 from orchard.agents.robot import Step
 from orchard.agents.route import OneWay, Side
 from orchard.agents.steps import DriveTo, Face
@@ -19,9 +21,14 @@ def approach_seconds(route: OneWay, lane: int, side: Side) -> float:
 
 def duration(steps: list[Step], start: Pose) -> float:
     """Return the time of a plan's drives and turns without obstacles, s."""
-    x, y, yaw = start
-    seconds = 0.0
+    return max((ends for _, _, _, ends in timetable(steps, start)), default=0.0)
+
+
+def timetable(steps: list[Step], start: Pose) -> Iterator[tuple[Step, Pose, float, float]]:
+    """Each step of a plan, the pose in which it begins, and when it begins and ends without obstacles, s. Drives and turns take time."""
+    (x, y, yaw), seconds = start, 0.0
     for step in steps:
+        pose, begins = Pose(x, y, yaw), seconds
         if isinstance(step, Face):
             seconds += abs(angle_between(yaw, HEADINGS[step.heading])) / EIGHTH
             yaw = HEADINGS[step.heading]
@@ -29,4 +36,4 @@ def duration(steps: list[Step], start: Pose) -> float:
             to_x, to_y = x if step.x is None else step.x, y if step.y is None else step.y
             seconds += (abs(to_x - x) + abs(to_y - y)) / step.speed
             x, y = to_x, to_y
-    return seconds
+        yield step, pose, begins, seconds

@@ -143,7 +143,7 @@ class Robot:
                 meeting = here + (yield from self._meet())
             while frees and here > frees[0][0] - NEAR:
                 self.places.free(frees.pop(0)[1])
-            gate_at, ask, shut = self._next_gate(needs, here, pace)
+            gate_at, ask, shut = self._next_gate(needs, here, step)
             if not arrived and here - left_at >= CLEAR - NEAR:
                 arrived = self._arrive(line, here)
             before = self.model.lines.before(self, line, here)
@@ -210,7 +210,7 @@ class Robot:
         self.meetings += 1
         return self.model.bystanders.metres_to(self.name, self.meetings)
 
-    def _next_gate(self, needs: list[tuple[float, Gate]], here: float, pace: float) -> tuple[float, float, simpy.Event | None]:
+    def _next_gate(self, needs: list[tuple[float, Gate]], here: float, step: st.DriveTo) -> tuple[float, float, simpy.Event | None]:
         """Drop the gates that it has passed, and those whose places it holds.
 
         Return where the next one is, m, in how many ticks the robot asks for its places, and what happens when a bin is left before that.
@@ -220,8 +220,8 @@ class Robot:
         if not needs:
             return inf, inf, None
         gate_at, gate = needs[0]
-        if gate_at - here >= st.LOOK_AHEAD - NEAR:
-            return gate_at, max(1, floor((gate_at - here - st.LOOK_AHEAD) / pace + NEAR) + 1), None
+        if (before := gate_at - here - step.asks_before) >= -NEAR:
+            return gate_at, max(1, floor(before / (step.speed * TIME_STEP) + NEAR) + 1), None
         if gate.bin and not self.model.is_left(gate.bin):
             return gate_at, inf, self.model.until_left(gate.bin)
         self.places.want(gate.places)

@@ -14,16 +14,16 @@ REFERENCE = "predictive"  # the policy with which a harvest loses least to dispa
 def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     """Split the length of a whole harvest, s, into parts that add up to it; {} if it has agents, a policy or a route of the user's own.
 
-    `long_run`: its bins at the long-run rate. `structure`: what is lost to its begin and its end. `traffic`: what robots lose to each
-    other. These three are of the policy `REFERENCE`. `dispatch`: what the scenario's own policy loses against it, negative if it is better.
-    `people_and_animals`: the rest.
+    `long_run`: its bins at the long-run rate without traffic. `structure`: what is lost to its begin and its end. `traffic`: what robots
+    lose to each other. These three are of the policy `REFERENCE`. `dispatch`: what the scenario's own policy loses against it, negative if
+    it is better. `people_and_animals`: the rest.
     """
     scenario = layout.scenario
     if scenario.agents or scenario.agents_without_body or scenario.dispatch not in POLICIES or scenario.route not in ROUTES:
         return {}
     alone = undisturbed(scenario)
     reference = lay_out(Scenario(**alone.model_dump() | {"dispatch": REFERENCE}))
-    long_run = 3600.0 * scenario.rows / Bounds(reference).bins_per_hour
+    long_run = scenario.rows / min(Bounds(reference).terms_at(0.0).values())
     schedule = Schedule(reference).seconds(scenario.carrier_count)
     best = DiscreteHarvest(reference).run().seconds
     own = seconds if alone == scenario else min(seconds, DiscreteHarvest(lay_out(alone)).run().seconds)

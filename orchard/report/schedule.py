@@ -42,7 +42,7 @@ class Schedule:
 
     def __init__(self, layout: Layout) -> None:
         self._layout, self._route = layout, route_of(layout)
-        self._rows = {name: exchanges(layout, block) for name, block in layout.blocks.items()}
+        self._rows = {name: exchanges(self._route, block) for name, block in layout.blocks.items()}
         self._begins = {name: self._come_in_seconds(block) for name, block in layout.blocks.items()}
         self._head, self._horizon = layout.queue.place(0), farthest(self._route) + EARLIER
 

@@ -4,6 +4,7 @@ import pytest
 from stage import Stage, Standing, empty_orchard
 
 from orchard.agents.route import OneWay
+from orchard.agents.routes import route_of
 from orchard.agents.steps import DriveTo, Face
 from orchard.agents.timing import duration
 from orchard.field.geometry import EAST, Pose
@@ -117,6 +118,16 @@ def test_one_carrier_less_than_enough_takes_longer_and_more_than_enough_take_as_
     assert schedule.enough_carriers == enough
     assert schedule.seconds(enough - 1) > 1.01 * schedule.seconds(scenario.rows)
     assert schedule.seconds(enough) <= 1.0102 * schedule.seconds(scenario.rows)
+
+
+@pytest.mark.parametrize("route", ["one-way", "two-way"])
+def test_the_schedule_tells_the_policy_at_which_end_a_bin_stands_and_how_far_that_is(route):
+    layout = lay_out(empty_orchard(rows=4, pickers=2, carriers=2, route=route))
+    schedule, roads, head = Schedule(layout), route_of(layout), layout.queue.place(0)
+    first, second = (schedule._report(schedule._call("picker_01", count, 0.0, False), 0.0) for count in (0, 1))
+    ways = [roads.approach(lane, roads.side(count)) for count, lane in enumerate((1, 2))]
+    assert (first.side, second.side) == ("east", "west")
+    assert [first.metres, second.metres] == pytest.approx([duration([s for s in way if isinstance(s, DriveTo)], head) for way in ways])
 
 
 def test_an_early_policy_shortens_the_wait_of_pickers_and_with_it_the_schedule():

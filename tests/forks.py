@@ -5,6 +5,7 @@ time would be imports otherwise.
 """
 
 import atexit
+import io
 import json
 import os
 import queue
@@ -39,7 +40,7 @@ class Forked:
 
     def __init__(self, module: str, arguments: Sequence[str], environment: dict[str, str], leads: bool = False) -> None:
         self._module, ends = module, [os.pipe() for _ in range(1 if leads else 2)]
-        self.stdout, self.stderr = os.fdopen(ends[0][0]), os.fdopen(ends[-1][0], closefd=not leads)
+        self.stdout, self.stderr = os.fdopen(ends[0][0]), io.StringIO() if leads else os.fdopen(ends[1][0])
         self.returncode: int | None = None
         request = {"module": module, "arguments": arguments, "environment": environment, "leads": leads}
         self.pid, self._exit = server().fork(request, [ends[0][1], ends[-1][1]])

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from orchard.agents.robot import Gate, Step
 from orchard.agents.route import OneWay, Road, Side
-from orchard.agents.steps import DriveTo, Face, Free, Need
+from orchard.agents.steps import LITTLE, DriveTo, Face, Free, Need
 from orchard.field.kinds import KINDS
 from orchard.field.queue import TOP_ROAD, TWO_WAY
 
@@ -36,6 +36,7 @@ class TwoWay(OneWay):
     LINE_HOLD = 3.5  # distance north of a line at which a carrier that comes from the north waits for the line's place
     TOP_CLEAR = 3.7  # distance south of a line at which it has left the place
     EXIT_CLEAR = 3.7  # distance east of the connector at which a carrier that drives straight on has left the line's place there
+    ENTRY_SIGHT = 36.25  # x beyond which a carrier may have to stop for one that stands on the delivery road
     ENTRY_HOLD = 36.6  # x at which a carrier waits to turn onto the delivery road
     F_HOLD = 3.85  # distance before a lane, from the south, at which a carrier with a full bin waits while the lane's place is taken
     F_CLEAR = 4.0  # distance north of a lane at which the tail of a full bin has left the place
@@ -109,12 +110,17 @@ class TwoWay(OneWay):
         side, exit_, entries = self.east, self._lines("exit", y)[:1], self._lines("entry", y)
         turn = [Gate([place], side.x(self.ENTRY_HOLD)) for place, _ in entries[:2]]
         straight = [Gate([place], self.queue.head) for place, _ in exit_]
-        passed = [Gate([place], self.connector + self.EXIT_CLEAR) for place, _ in exit_]
+        passed = [Gate([place], self._exit_clear(side)) for place, _ in exit_]
         onward = [Gate([place], line + self.LINE_HOLD) for place, line in entries[2:]]
         corner = [Gate([side.place("D", 1)], self.CORNER_HOLD), Gate([CORNER], self.CORNER_HOLD)]
         frees = [Gate([place], line - self.TOP_CLEAR) for place, line in entries] + [Gate([CORNER], self.CORNER_CLEAR)]
         drive = DriveTo(x=side.x(self.D_ROAD), needs=[*straight, *turn], frees=passed)
         return [drive, Face("SOUTH"), self._deliver(lane, side, [*onward, *corner], frees)]
+
+    def _exit_clear(self, side: Side) -> float:
+        """x at which a carrier that drives straight on gives its line's place back, m: before it may have to stop, or beyond its hold."""
+        clear, hold = self.connector + self.EXIT_CLEAR, side.x(self.ENTRY_HOLD)
+        return clear if clear <= side.x(self.ENTRY_SIGHT) else max(clear, hold + LITTLE)
 
     def _to_the_west(self, y: float, lane: int) -> list[Step]:
         """Drive south on the connector, over the roads of the lines south of it, and west over the full bins' way to the bay."""

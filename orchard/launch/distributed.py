@@ -212,10 +212,11 @@ class _Launched:
             return None, str(error)
 
     def _reach(self, inbox: Inbox, stack: ExitStack) -> Bus | None:
-        """A session with physics, once it listens; None after a second Ctrl-C. Processes that die meanwhile are restarted.
+        """A session with physics, once it listens. Processes that die meanwhile are restarted.
 
-        After the first one physics is asked to stop as soon as it listens: it gives the summary of a run without a tick. Raises BusError if
-        physics does not listen within BEGIN_SECONDS, or has ended or been given up.
+        After Ctrl-C physics is asked to stop as soon as it listens: it gives the summary of a run without a tick. None after a second
+        Ctrl-C, or if physics does not listen within LOAD_SECONDS of the first. Raises BusError if it does not listen within BEGIN_SECONDS,
+        or has ended or been given up.
         """
         deadline, identity, asked = time.monotonic() + BEGIN_SECONDS, self.credentials.identity("operator"), None
         while True:
@@ -226,12 +227,14 @@ class _Launched:
                 return bus
             except BusError:
                 self.supervisor.watch()
+                if asked is not None and time.monotonic() >= deadline:
+                    return None
                 if self._why_over(True) or time.monotonic() >= deadline:
                     raise
             if isinstance(item := inbox.take(0.0), Signal):
                 if asked is not None:
                     return None
-                asked = item
+                asked, deadline = item, min(deadline, time.monotonic() + LOAD_SECONDS)
 
     def _listen(self, bus: Bus, keys: Keys) -> tuple[dict[str, Any] | None, str]:
         deadline, refusals, begun, ending = math.inf, Refusals(), False, Ending()

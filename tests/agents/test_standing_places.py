@@ -254,6 +254,7 @@ LARGEST = {"rows": 20, "pickers": 20, "carriers": 40}
 @example(empty_orchard(**LARGEST, rows_to_pickers=FROM_THE_EAST))
 @example(empty_orchard(**LARGEST, route=TWO_WAY, rows_to_pickers=FROM_THE_EAST))
 @example(empty_orchard(carriers=2, row_length=20.0, route=TWO_WAY))
+@example(empty_orchard(carriers=3, route=TWO_WAY, bay=50.75))
 def test_what_stands_is_clear_of_every_drive_that_may_pass_it(scenario: Scenario) -> None:
     assert too_near(lay_out(scenario)) == []
 

@@ -16,7 +16,7 @@ from orchard.agents.timing import approach_seconds, duration, head
 from orchard.field.geometry import HEADINGS, Pose
 from orchard.field.layout import UNLOADING_SECONDS, Layout
 from orchard.field.rows import Block
-from orchard.report.delays import CROSSING, HOME, OUT, Delays, trip
+from orchard.report.delays import CROSSING, HOME, OUT, TrafficDelays, trip
 
 TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and the gap to the next one; at 1 m/s also the s in which the next one moves into the bay
 HALVINGS = 40  # of the range in which the rate is looked for
@@ -90,7 +90,7 @@ class Bounds:
         self.cycle_seconds = fmean(one.cycle for one in self._each)  # C, from the queue's head around the orchard and back
         self.bay_seconds = UNLOADING_SECONDS + TRAIN  # t_bay, for which one carrier occupies the bay
         made = {one: trip(route, one.lane, one.next_lane, one.side, one.approach, self.bay_seconds) for one in dict.fromkeys(self._each)}
-        self._delays = Delays([made[one] for one in self._each], self.carriers)
+        self._delays = TrafficDelays([made[one] for one in self._each], self.carriers)
 
     @cached_property
     def terms(self) -> dict[str, float]:

@@ -11,7 +11,7 @@ from orchard.agents.steps import DriveTo, Face, FetchEmpty, Free, Need
 from orchard.agents.timing import head, timetable
 from orchard.field.geometry import HEADINGS, Pose
 
-PICKER, WORKS, PASSES = range(3)  # who is in a place: a picker, a carrier that turns there, one that only drives through
+PICKER, WORKS, PASSES = range(3)  # what is in a place: a picker, a carrier that turns there, one that only drives through
 OUT, HOME, CROSSING = range(3)  # where a wait delays the harvest: the carrier before it delivers, the carrier after that, the picker
 
 
@@ -21,7 +21,7 @@ class Stay(NamedTuple):
     place: str
     begins: float  #: when it must have the place
     seconds: float
-    who: int  #: `PICKER`, `WORKS` or `PASSES`
+    kind: int  #: `PICKER`, `WORKS` or `PASSES`
 
 
 class Trip(NamedTuple):
@@ -44,7 +44,7 @@ def trip(route: OneWay, row: int, next_row: int, side: Side, delivered: float, b
     x = side.sign * min(side.sign * route.end(row, side), side.sign * route.hold(row, side))  # before the picker crosses the roads
     start = Pose(x, route.layout.lane(row).y, HEADINGS[side.heading("EAST")])
     carrier = [*stays(fetch, head(route)), Stay("bay", delivered, bay, WORKS)]
-    return Trip(row, delivered, carrier, [stay._replace(who=PICKER) for stay in stays(way, start)])
+    return Trip(row, delivered, carrier, [stay._replace(kind=PICKER) for stay in stays(way, start)])
 
 
 def stays(steps: list[Step], start: Pose) -> list[Stay]:
@@ -77,21 +77,23 @@ def _changes(step: Step, pose: Pose, begins: float) -> Iterator[tuple[float, boo
         yield begins, True, step.place
 
 
-class Delays:
+class TrafficDelays:
     """The mean waits at each of some exchanges, which follow each other at random, as a function of the rate of the harvest."""
 
     def __init__(self, trips: Sequence[Trip], carriers: int) -> None:
         rows = [(i, one.row, part, stay) for i, one in enumerate(trips) for part, stay in one.parts()]
-        trip, row, part, who = (np.array(column) for column in zip(*((i, row, part, stay.who) for i, row, part, stay in rows), strict=True))
+        trip, row, part, kind = (
+            np.array(column) for column in zip(*((i, row, part, stay.kind) for i, row, part, stay in rows), strict=True)
+        )
         place = np.unique([stay.place for *_, stay in rows], return_inverse=True)[1]
         seconds = np.array([stay.seconds for *_, stay in rows])
         moments = np.zeros((2, place.max() + 1, row.max() + 1, 3))  # means of the seconds of a bin in each place, and of their squares
         for power in (0, 1):
-            np.add.at(moments[power], (place, row, who), seconds ** (power + 1) / len(trips))
+            np.add.at(moments[power], (place, row, kind), seconds ** (power + 1) / len(trips))
         others = moments.sum(axis=2)[:, place] - moments[:, place, row]  # a robot does not wait for those of its own exchange
         met = 1.0 - 1.0 / carriers  # the share of the carriers that one of them can meet
         waits_for = np.array([[0.0, 1.0, 1.0], [1.0, met, met], [1.0, met, 0.0]])  # carriers that pass follow each other, and do not wait
-        self._busy, self._squares = (others * waits_for[who]).sum(axis=2)
+        self._busy, self._squares = (others * waits_for[kind]).sum(axis=2)
         self._trips, self._part = len(trips), 3 * trip + part
 
     def at(self, rate: float) -> np.ndarray:

@@ -12,6 +12,14 @@ def state(page, words, seconds=RUN_SECONDS):
     page.until(lambda: page.view("study-state").text.lower() == words, f"the study is {words}", seconds)
 
 
+def reload_keeps_what_was_entered(page):
+    page.driver.refresh()
+    page.press("how-many")
+    page.until(lambda: page.field("study-last").get_attribute("value") == "3", "a reload keeps what was entered")
+    assert "least cost" in page.field("study-goal").find_element("xpath", "./ancestor-or-self::label").text
+    assert page.field("study-check").get_attribute("aria-checked") == "false"
+
+
 def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     page = browser
     for path, value in {"rows": 3, **EMPTY}.items():
@@ -28,11 +36,7 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     page.switch("study-check", False)
     page.pick("study-goal", "least cost of a bin")
     page.until(lambda: "least cost" in page.field("study-goal").find_element("xpath", "./ancestor-or-self::label").text, "a goal")
-    page.driver.refresh()
-    page.press("how-many")
-    page.until(lambda: page.field("study-last").get_attribute("value") == "3", "a reload keeps what was entered")
-    assert "least cost" in page.field("study-goal").find_element("xpath", "./ancestor-or-self::label").text
-    assert page.field("study-check").get_attribute("aria-checked") == "false"
+    reload_keeps_what_was_entered(page)
     page.press("study-start")
     page.until(lambda: "needs a price" in page.problem("study"), "costs need prices")
     page.switch("prices.carrier_per_hour-automatic", False)

@@ -9,7 +9,7 @@ from orchard.discrete.harvest import long_run_bins_per_hour
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
 from orchard.report.bounds import Bounds
-from orchard.report.delays import CROSSING, HOME, OUT, PASSES, PICKER, WORKS, Delays, Stay, Trip, stays
+from orchard.report.delays import CROSSING, HOME, OUT, PASSES, PICKER, WORKS, Stay, TrafficDelays, Trip, stays
 
 
 def test_a_stay_begins_where_the_robot_must_have_the_place_and_ends_where_it_gives_it_back():
@@ -23,28 +23,28 @@ def test_a_stay_begins_where_the_robot_must_have_the_place_and_ends_where_it_giv
     assert stays(plan, Pose(0.0, 0.0, EAST)) == [Stay("a", 4.0, 5.0, PASSES), Stay("b", 8.0, 8.0, WORKS), Stay("c", 14.0, 12.0, PASSES)]
 
 
-def trips(who: int, seconds: float, rows: int = 4) -> list[Trip]:
+def trips(kind: int, seconds: float, rows: int = 4) -> list[Trip]:
     """An exchange for each row: its carrier passes a place before it delivers, and then is in the bay; a picker crosses another place."""
-    return [Trip(i, 50.0, [Stay("road", 10.0, seconds, who), Stay("bay", 60.0, 9.0, WORKS)], []) for i in range(rows)]
+    return [Trip(i, 50.0, [Stay("road", 10.0, seconds, kind), Stay("bay", 60.0, 9.0, WORKS)], []) for i in range(rows)]
 
 
 def test_robots_wait_as_in_a_queue_with_random_arrivals_and_a_fixed_service():
     """The mean wait of M/D/1 is X S^2 / 2 (1 - X S) (Pollaczek and Khinchine); here three of four exchanges and all carriers but one."""
     rate, share = 0.05, 0.75 * 0.9
-    waits = Delays(trips(WORKS, 8.0), carriers=10).at(rate)
+    waits = TrafficDelays(trips(WORKS, 8.0), carriers=10).at(rate)
     assert waits[:, OUT] == pytest.approx(4 * [rate * share * 64.0 / 2.0 / (1.0 - rate * share * 8.0)])
     assert waits[:, HOME] == pytest.approx(4 * [rate * share * 81.0 / 2.0 / (1.0 - rate * share * 9.0)])
     assert not waits[:, CROSSING].any()
 
 
 def test_carriers_that_pass_do_not_wait_for_each_other_and_one_carrier_meets_none():
-    assert not Delays(trips(PASSES, 8.0), carriers=10).at(0.05)[:, OUT].any()
-    assert not Delays(trips(WORKS, 8.0), carriers=1).at(0.05).any()
+    assert not TrafficDelays(trips(PASSES, 8.0), carriers=10).at(0.05)[:, OUT].any()
+    assert not TrafficDelays(trips(WORKS, 8.0), carriers=1).at(0.05).any()
 
 
 def test_a_picker_that_crosses_waits_for_all_carriers_and_they_for_it():
     crossed = [one._replace(picker=[Stay("road", 0.0, 5.0, PICKER)]) for one in trips(PASSES, 8.0)]
-    waits = Delays(crossed, carriers=1).at(0.04)
+    waits = TrafficDelays(crossed, carriers=1).at(0.04)
     assert waits[:, CROSSING] == pytest.approx(4 * [0.04 * 0.75 * 64.0 / 2.0 / (1.0 - 0.04 * 0.75 * 8.0)])
     assert waits[:, OUT] == pytest.approx(4 * [0.04 * 0.75 * 25.0 / 2.0 / (1.0 - 0.04 * 0.75 * 5.0)])
 

@@ -154,9 +154,11 @@ def connected(endpoint: str, prefix: str, role: Role | None = None) -> Iterator[
     try:
         session = zenoh.open(config)
     except zenoh.ZError:
-        if role and (why := role.why_no_trust(endpoint)):
+        if role is None:
+            raise Refused(f"nothing answers at {endpoint}") from None
+        if why := role.why_no_trust(endpoint):
             raise ValueError(f"{endpoint}: {why}") from None
-        raise Refused(f"nothing answers at {endpoint}") from None
+        raise Refused(f"nothing at {endpoint} accepts the role {role.name} yet; does another process use it?") from None
     with session:
         client = Client(session, prefix)
         try:

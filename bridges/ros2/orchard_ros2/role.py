@@ -33,7 +33,7 @@ class Role:
         return {"id": self.session} | {f"transport/link/tls/{setting}": value for setting, value in tls.items()}
 
     def why_no_trust(self, endpoint: str) -> str:
-        """Return why this role and the process at tls/host:port do not accept each other; '' if nothing listens there."""
+        """Return why this role and the process at tls/host:port refuse each other's certificates; '' if they do not, or nothing listens."""
         host, _, port = endpoint.partition("/")[2].rpartition(":")
         host = host.strip("[]")
         try:
@@ -41,8 +41,8 @@ class Role:
             trust.load_cert_chain(self.file("certificate"), self.file("key"))
             with socket.create_connection((host, int(port)), SECONDS) as plain, trust.wrap_socket(plain, server_hostname=host) as secured:
                 secured.recv(1)  # the other side reports on this certificate only after the handshake
-        except TimeoutError:
-            return f"it refuses the role {self.name}, although the certificates are valid; does another process use it already?"
+        except ssl.SSLEOFError:
+            pass  # that process begins, or ends
         except ssl.SSLError as error:
             return f"it and the certificates in {self.folder} do not accept each other: {error.reason or error}"
         except (OSError, ValueError):

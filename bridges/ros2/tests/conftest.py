@@ -50,8 +50,8 @@ def started(words, log, **options):
 class User:
     """A node of ROS 2 with what it has heard. Every wait has a limit."""
 
-    def __init__(self, node, bridge):
-        self.bridge = bridge
+    def __init__(self, node, bridge, log):
+        self.bridge, self.log = bridge, log
         self.node, self.executor, self.heard = node, SingleThreadedExecutor(), {}
         self.executor.add_node(node)
 
@@ -66,7 +66,7 @@ class User:
         end = time.monotonic() + seconds
         while not (found := condition()):
             assert time.monotonic() < end, f"not within {seconds} s"
-            assert self.bridge.poll() is None or not needs_bridge, "the bridge has ended"
+            assert self.bridge.poll() is None or not needs_bridge, f"the bridge has ended: {self.log.read_text()}"
             self.executor.spin_once(timeout_sec=0.02)
         return found
 
@@ -101,7 +101,7 @@ def scene(folder, orchard_words, bridge_words):
     ):
         rclpy.init()
         try:
-            yield Scene(folder, endpoint, orchard, bridge, User(rclpy.create_node("user"), bridge))
+            yield Scene(folder, endpoint, orchard, bridge, User(rclpy.create_node("user"), bridge, folder / "bridge.log"))
         finally:
             rclpy.shutdown()
 

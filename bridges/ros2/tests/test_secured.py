@@ -104,6 +104,15 @@ def test_a_robot_that_the_role_may_not_drive_is_named(run):
     assert "the role looker may drive none" in told and "Traceback" not in told
 
 
+def test_a_role_that_another_bridge_has_is_waited_for(run):
+    """A bridge that has just been killed has its role for some seconds more. A run that begins accepts none for as long."""
+    log = run.folder / "second.log"
+    with bridging(run.endpoint, ["-p", f"secure:={run.roles / 'ros2'}"], log) as second:
+        run.user.until(lambda: "accepts the role ros2 yet" in log.read_text() or second.poll() is not None, FIND_SECONDS)
+        assert second.poll() is None, log.read_text()
+    drives(run, 0.5)
+
+
 def test_certificates_of_another_authority_are_told(run, tmp_path):
     others = made_roles(tmp_path / "others")
     with bridging(run.endpoint, ["-p", f"secure:={others / 'ros2'}"], tmp_path / "other.log") as bridge:

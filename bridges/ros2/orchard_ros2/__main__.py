@@ -25,6 +25,10 @@ def main() -> int:
         return code
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
+    except RuntimeError:
+        if rclpy.ok():
+            raise
+        return 0  # a signal has shut rclpy down, and what was under way in it fails
     except ValueError as error:
         print(f"orchard-ros2: {error}", file=sys.stderr)
         return 2

@@ -47,6 +47,14 @@ def started(words, log, **options):
                 process.kill()
 
 
+def wait_until_it_says(words, log, process, seconds=BEGIN_SECONDS):
+    """Wait until a process has written some words to its log."""
+    end = time.monotonic() + seconds
+    while words not in (text := log.read_text()):
+        assert process.poll() is None and time.monotonic() < end, text
+        time.sleep(0.02)
+
+
 class User:
     """A node of ROS 2 with what it has heard. Every wait has a limit."""
 

@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 import pytest
-from conftest import BEGIN_SECONDS, FOLDER, block, bridging, scene
+from conftest import BEGIN_SECONDS, FOLDER, block, bridging, scene, wait_until_it_says
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
@@ -108,8 +108,7 @@ def test_a_role_that_another_bridge_has_is_waited_for(run):
     """A bridge that has just been killed has its role for some seconds more. A run that begins accepts none for as long."""
     log = run.folder / "second.log"
     with bridging(run.endpoint, ["-p", f"secure:={run.roles / 'ros2'}"], log) as second:
-        run.user.until(lambda: "accepts the role ros2 yet" in log.read_text() or second.poll() is not None, FIND_SECONDS)
-        assert second.poll() is None, log.read_text()
+        wait_until_it_says("accepts the role ros2 yet", log, second)
     drives(run, 0.5)
 
 

@@ -43,15 +43,15 @@ def hint(text: object) -> str:
 FROM_FILE = (*AGENTS, "survey")  # come from a file, and are not entered on the page
 NEEDED = ("laser", "odometry")  # sections whose names belong to the labels of their values
 LABELS = {  # where the words of the file are too short for a reader of the page
-    "dispatch_errors": "Policy for refused orders",
-    "picking.spread.distribution": "Picking times",
+    "dispatch_errors": "After a refused order",
+    "picking.spread.distribution": "Spread of times",
     "picking.spread.cv": "Deviation of times",
     "picking.failure.mean_between": "Time between failures",
     "picking.failure.mean_repair": "Time of a repair",
     "sensors.gnss.white": "GNSS error of a tick",
     "sensors.gnss.bias": "GNSS error, slow",
     "sensors.gnss.bias_time": "GNSS correlation time",
-    "bay": "Bay, moved east by",
+    "bay": "Bay moved east by",
 }
 WIDEST = 1e6  # the range of a slider; a value with a wider one gets a text field only
 

@@ -29,7 +29,7 @@ def test_limits_and_steps_come_from_the_model():
 def test_labels_are_words_of_a_reader():
     assert LABELS.keys() <= entries().keys(), "each of them is of a value that there is"
     scenario = with_changes(Scenario(), **{"sensors.gnss.white": 0.01, "dispatch_errors": "end"})
-    assert title_of(scenario).endswith("seed 1, GNSS error of a tick 0.01, policy for refused orders end")
+    assert title_of(scenario).endswith("seed 1, GNSS error of a tick 0.01, after a refused order end")
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,7 @@ The sentence is the answer: "{answer}" The lines of the table say why.
   reaches, and **limit** the part of the orchard that allows no more. In one harvest pickers wait at its start and carriers at its
   end, so it reaches less.
 - **lost to** is the largest part of what the harvest [loses](bounds.md#what-a-harvest-loses), s.
-- **checked** is what the simulator says, and how much that is more or less than the fast model, on the same seeds.
+- **checked** is the simulator's bins/h on the same seeds, and by how many percent they differ from those of the fast model.
 - In the picture the band is the interval, the dotted line the bound, and the ring the best setting. A dashed line marks the knee: the
   fewest carriers from which on more of them gain under 1 %. There is none if even the last carrier that was tried gains more, as it may
   where all pickers begin together. The cheapest number is often smaller: the last carriers gain less than they cost.

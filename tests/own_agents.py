@@ -32,6 +32,12 @@ class Forgetful:
         pass
 
 
+class Nameless:
+    """Is made without arguments."""
+
+    def tick(self, observation, mail, memory): ...
+
+
 class Unmakeable:
     """Raises an error when it is made."""
 

@@ -19,7 +19,7 @@ from orchard.contract.guard import Broken, Guarded
 from orchard.contract.messages import pack, unpack
 from orchard.field.kinds import DISPATCH, TRAFFIC, kind_of, select_agents
 from orchard.field.layout import Layout
-from orchard.field.plugins import MISTAKES, load_plugin, place_of_class, unusable
+from orchard.field.plugins import MISTAKES, load_plugin, made_of, place_of_class, unusable
 from orchard.field.problems import ScenarioError
 from orchard.field.queue import TOP_ROAD
 
@@ -95,7 +95,7 @@ def _make_own(path: str, layout: Layout, name: str) -> Agent:
     """Make an agent of a user's class. If that fails, log the error and return an agent that stands."""
     key = f"agents.{name}"
     try:
-        agent = load_plugin(key, path)(layout, name)
+        agent = made_of(load_plugin(key, path), layout, name)
         if not callable(getattr(agent, "tick", None)):
             raise TypeError(f"it has no method tick(observation, mail, memory){place_of_class(type(agent))}")
         return Guarded(name, agent, layout.agents)

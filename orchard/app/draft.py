@@ -41,7 +41,18 @@ def hint(text: object) -> str:
 
 
 FROM_FILE = (*AGENTS, "survey")  # come from a file, and are not entered on the page
-NEEDED = ("laser", "spread", "failure", "gnss", "odometry")  # sections whose names belong to the labels of their values
+NEEDED = ("laser", "odometry")  # sections whose names belong to the labels of their values
+LABELS = {  # where the words of the file are too short for a reader of the page
+    "dispatch_errors": "After a refused order",
+    "picking.spread.distribution": "Spread of times",
+    "picking.spread.cv": "Deviation of times",
+    "picking.failure.mean_between": "Time between failures",
+    "picking.failure.mean_repair": "Time of a repair",
+    "sensors.gnss.white": "GNSS error of a tick",
+    "sensors.gnss.bias": "GNSS error, slow",
+    "sensors.gnss.bias_time": "GNSS correlation time",
+    "bay": "Bay moved east by",
+}
 WIDEST = 1e6  # the range of a slider; a value with a wider one gets a text field only
 
 
@@ -62,7 +73,8 @@ class Entry:
         """The name on the page, such as 'Row width' or 'Laser noise'."""
         *_, section, name = ["", *self.path.split(".")]
         known = name.replace("_", " ")
-        return (f"{section} {known}" if section in NEEDED else known).capitalize()
+        words = f"{section} {known}" if section in NEEDED else known
+        return LABELS.get(self.path, words[0].upper() + words[1:])
 
     @property
     def none(self) -> str:
@@ -136,9 +148,14 @@ def title_of(scenario: Scenario) -> str:
     default, values = flat(Scenario()), flat(scenario)
     size = f"{scenario.rows} rows, {scenario.pickers} pickers, {scenario.carrier_count} carriers, seed {scenario.seed}"
     other = [path for path, value in values.items() if path not in IN_TITLE and value != default[path]]
-    more = [f"{entries()[path].label.lower()} {words_of(path, values[path])}" for path in other]
+    more = [f"{_inner(entries()[path].label)} {words_of(path, values[path])}" for path in other]
     surveyed = ["surveyed rows"] if scenario.survey else []
     return ", ".join([size, *more, *surveyed, *(["own classes"] if own_classes(scenario) else [])])
+
+
+def _inner(label: str) -> str:
+    """A label within a sentence: its first letter is small, unless it begins with an acronym."""
+    return label if label[:2].isupper() else label[0].lower() + label[1:]
 
 
 class Draft:
@@ -216,6 +233,6 @@ def _by_field(problems: list[Problem]) -> dict[str, str]:
     messages: dict[str, str] = {}
     for problem in problems:
         paths = problem.path.split(", ")
-        words = f"{problem.path} = {problem.value}: {problem.text}" if len(paths) > 1 else problem.text
+        words = f"{problem.what}: {problem.text}" if len(paths) > 1 else problem.text
         messages |= {path: f"{messages[path]}; {words}" if path in messages else words for path in paths}
     return messages

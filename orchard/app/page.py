@@ -24,6 +24,9 @@ from orchard.field.yaml_file import LARGEST_FILE
 STYLE = Path(__file__).with_name("style.css")
 REDRAW_SECONDS = 0.1  # s between two checks for changed input
 WATCH_SECONDS = 0.3  # s between two updates of the run
+FIRST = (
+    "Choose a scenario at the top, change what you like, and press Run. Watch the harvest under Picture; Summary tells how well it went."
+)
 
 
 class Page:
@@ -82,6 +85,7 @@ class Page:
                 self.start_button.props("no-caps unelevated data-action=run")
                 self.stop_button = ui.button("Stop", icon="stop", on_click=self._stop)
                 self.stop_button.props("no-caps unelevated color=negative data-action=stop")
+            self.first = ui.label(FIRST).classes("figure-line").props("data-view=first")
             self.trouble = ui.label().classes("field-problem").props("data-view=trouble role=alert")
             self.progress = ProgressView()
 
@@ -199,6 +203,7 @@ class Page:
         self._update_buttons()
         if self.runs.command is None:
             return
+        self.first.set_visibility(False)
         now, before = self.runs.command.report(), self._seen
         if before is None or before.run is not now.run or now.is_over != before.is_over:
             self.stage.turn_to_run(now)

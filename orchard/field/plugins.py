@@ -12,6 +12,7 @@ from typing import Any
 from orchard.field.problems import Problem, ScenarioError, printable
 
 MISTAKES = BaseException  # raised by a user's code: whatever it is, it must not end other agents or the run (see `reraise_ctrl_c`)
+IMPORTED = "modules are imported from the directory in which you run the program, or from PYTHONPATH"
 _RAISE = dis.opmap["RAISE_VARARGS"]
 _PACKAGE = __file__.removesuffix("field/plugins.py")
 _LIBRARIES = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")})
@@ -32,7 +33,7 @@ def make_plugin(
     """Return an object of the class that `path` names, built-in or a user's. Raises ScenarioError if that fails or a method is missing."""
     class_ = builtin[path] if path in builtin else load_plugin(key, path)
     try:
-        made = class_(*arguments)
+        made = made_of(class_, *arguments)
         if not isinstance(made, base):
             raise TypeError(f"it must be a class that is derived from {base.__name__}{place_of_class(type(made))}")
         if missing := [method for method in methods if not hasattr(made, method)]:
@@ -42,12 +43,29 @@ def make_plugin(
     return made
 
 
+def made_of(class_: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a user's class. Raises what it raises; a TypeError of the call itself says with what the program calls it."""
+    try:
+        return class_(*arguments)
+    except TypeError as error:
+        if error.__traceback__ is None or error.__traceback__.tb_next is not None:  # raised within the class
+            raise
+        names = ", ".join("name" if isinstance(one, str) else type(one).__name__.lower() for one in arguments)
+        raise TypeError(f"{error}; the program calls it with ({names}){place_of_class(class_)}") from None
+
+
 def unusable(key: str, path: str, error: BaseException, wanted: str = "") -> ScenarioError:
     """Return the error for a plug-in that cannot be used: the scenario's key, the fault, its place in the user's files, what is allowed."""
     reraise_ctrl_c(error)
     fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
-    words = f"cannot be used: {fault}{place_of_error(error)}" + (f"; it must be {wanted}" if wanted else "")
+    wanted = f"it must be {wanted}" if wanted else IMPORTED if _is_not_found(error, path) else ""
+    words = f"cannot be used: {fault}{place_of_error(error)}" + (f"; {wanted}" if wanted else "")
     return ScenarioError([Problem("scenario", words, key, path)])
+
+
+def _is_not_found(error: BaseException, path: str) -> bool:
+    """Whether the module of a path is missing itself, and not one that it imports."""
+    return isinstance(error, ModuleNotFoundError) and f"{path.replace(':', '.')}.".startswith(f"{error.name}.")
 
 
 def text_of(error: BaseException) -> str:
@@ -94,7 +112,7 @@ def is_own(file: str) -> bool:
     return file.endswith(".py") and not file.startswith((_PACKAGE, *_LIBRARIES))
 
 
-def place_of_class(class_: type) -> str:
+def place_of_class(class_: Callable[..., Any]) -> str:
     """Return the place where a class begins, as ' (FILE, line N)'; '' if it is unknown."""
     try:
         return f" ({inspect.getsourcefile(class_)}, line {inspect.getsourcelines(class_)[1]})"

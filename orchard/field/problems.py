@@ -35,14 +35,21 @@ class Problem:
 
     file: str  # or another source of the values
     text: str  # what is wrong, and what is allowed
-    path: str = ""  # dotted path in the file; empty: the whole file
-    value: str = ""  # as text; empty if the path itself is wrong
+    path: str = ""  # dotted path in the file, or several with commas; empty: the whole file
+    value: str = ""  # as text, one for each path; empty if the path itself is wrong
     line: int = 0  # from 1; 0: unknown
+
+    @property
+    def what(self) -> str:
+        """The place with its value: "rows = 2". A rule about several values has all of them: "pickers = 4, rows = 3"."""
+        paths, values = self.path.split(", "), self.value.split(", ")
+        if len(paths) != len(values):
+            paths, values = [self.path], [self.value]
+        return ", ".join(f"{path} = {value}" if value else path for path, value in zip(paths, values, strict=True))
 
     def __str__(self) -> str:
         where = f"{self.file}:{self.line}" if self.line else self.file
-        what = f"{self.path} = {self.value}" if self.value else self.path
-        return f"{where}: {what}: {self.text}" if what else f"{where}: {self.text}"
+        return f"{where}: {self.what}: {self.text}" if self.path else f"{where}: {self.text}"
 
 
 class ScenarioError(Exception):
@@ -66,7 +73,9 @@ def problem_of(error: dict[str, Any], model: type[BaseModel], source: str, lines
         return Problem(source, _NOT_A_NAME[loc[0]], dotted(loc), "", line)
     if error["type"] == "missing":
         return Problem(source, f"is missing: {_wanted(loc, model)}", dotted(loc), "", lines.get(loc[:-1], 0))
-    text = _unknown(loc, model) if error["type"] == "extra_forbidden" else f"must be {_wanted(loc, model)}"
+    text = (
+        _unknown(loc, model) if error["type"] == "extra_forbidden" else f"must be {_wanted(loc, model)}{_meant(loc, model, error['input'])}"
+    )
     return Problem(source, text, dotted(loc), show(error["input"]), line)
 
 
@@ -74,8 +83,7 @@ def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
     """The allowed values of a field: 'a number from 5.0 to 12.0 (width of a row between its trees, m)'."""
     if path[0] in _CLASSES:
         return _CLASSES[path[0]] if len(path) == 1 else "the class that drives it, such as my_package.MyPicker"
-    *section, name = [part for part in path if not part.isdecimal()]
-    field = _keys(tuple(section), model)[name]
+    field = _field(path, model)
     limits = {type(limit).__name__: limit for limit in field.metadata}
     if get_origin(field.annotation) is tuple and not path[-1].isdecimal():
         return f"a list of {limits['MinLen'].min_length} to {limits['MaxLen'].max_length} maps ({field.description})"
@@ -86,6 +94,19 @@ def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
     kind = kinds[field.annotation]
     span = f" from {limits['Ge'].ge} to {limits['Le'].le}" if "Ge" in limits else ""
     return f"{kind}{span} ({field.description})"
+
+
+def _field(path: tuple[str, ...], model: type[BaseModel]) -> FieldInfo:
+    """The field at a path, or the list that has the item there."""
+    *section, name = [part for part in path if not part.isdecimal()]
+    return _keys(tuple(section), model)[name]
+
+
+def _meant(path: tuple[str, ...], model: type[BaseModel], value: Any) -> str:
+    """The built-in name that a wrong name may stand for: '; did you mean nearest?'; '' if there is none."""
+    known = [] if path[0] in _CLASSES else _field(path, model).examples or []
+    near = difflib.get_close_matches(str(value)[:60], map(str, known), n=1)
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 def _unknown(path: tuple[str, ...], model: type[BaseModel]) -> str:

@@ -16,8 +16,9 @@ orchard layout import FILE.geojson [--out SCENARIO.yaml]
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ import typer
 
 from orchard.agents.catalogue import check_plugins
 from orchard.field.layout import lay_out
-from orchard.field.problems import ScenarioError
+from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
@@ -98,8 +99,22 @@ def _request(chosen: HarvestOptions) -> RunRequest:
 
 
 def _scenario(path: Path | None, changes: dict[str, Any]) -> Scenario:
-    """The scenario of a file, or one that comes with the package, with the changes of the command line."""
-    return with_changes(load_or_shipped(path), **{k: v for k, v in changes.items() if v is not None})
+    """The scenario of a file, or one that comes with the package, with the changes of the command line. Raises ScenarioError."""
+    return _changed(load_or_shipped(path), {name: value for name, value in changes.items() if value is not None})
+
+
+def _changed(scenario: Scenario, given: dict[str, Any]) -> Scenario:
+    """The scenario with the values of options. Raises ScenarioError."""
+    try:
+        return with_changes(scenario, **given)
+    except ScenarioError as error:
+        raise ScenarioError([_typed(problem, given) for problem in error.problems]) from None
+
+
+def _typed(problem: Problem, given: Collection[str]) -> Problem:
+    """A problem of the command line's values, with their names as a user types them: "command line: --rows = 2"."""
+    names = [options.named([path]) if path in given else path for path in problem.path.split(", ")]
+    return replace(problem, file="command line", path=", ".join(names))
 
 
 def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:
@@ -107,7 +122,7 @@ def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:
     with needs_extra("A bag", "ros2-export"):
         from orchard.bags.replay import check_robots, read_commands
     commands = read_commands(bag)
-    scenario = with_changes(commands.scenario, **chosen.changes) if commands.scenario and not chosen.scenario else None
+    scenario = _changed(commands.scenario, chosen.changes) if commands.scenario and not chosen.scenario else None
     scenario = scenario or _scenario(chosen.scenario, chosen.changes)
     check_robots(bag, commands, lay_out(scenario).index)
     return scenario

@@ -3,13 +3,15 @@
 import inspect
 import math
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from functools import wraps
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from typer import Argument, BadParameter, Option
+from typer import Argument, BadParameter, Exit, Option
 
 from orchard.contract.agent import MOST_STEPS, Holds
 from orchard.contract.messages import LAST_TICK
@@ -93,9 +95,10 @@ def _scenario(path: Path | None) -> Path | None:
     """Refuse a recording, and a word that is no file, no scenario of the package and no command."""
     if path is not None and path.suffix == ".rrd":
         raise BadParameter(f"{path}: a recording, not a scenario; did you mean the command view?")
-    near = get_close_matches(str(path).lower(), [*COMMANDS, "harvest"], n=1)
-    if path is not None and near and not path.exists():
-        raise BadParameter(f"{path}: no such file; did you mean the command {near[0]}?")
+    near = get_close_matches(str(path).lower(), [*COMMANDS, "harvest", *names()], n=1)
+    if path is not None and near and not path.exists() and str(path) not in names():
+        kind = "scenario" if near[0] in names() else "command"
+        raise BadParameter(f"{path}: no such file; did you mean the {kind} {near[0]}?")
     if path is not None and str(path).isalpha() and not path.exists() and str(path) not in names():
         known = ", ".join(names())
         raise BadParameter(f"{path}: no such file, and no such command (see --help); expected a scenario's file, or one of {known}")
@@ -105,6 +108,21 @@ def _scenario(path: Path | None) -> Path | None:
 def _named(builtin: Sequence[str], what: str) -> Any:
     """An option for a rule: a built-in one, or a user's."""
     return Option(metavar="NAME", help=f"{what}: {', '.join(builtin)}, or module.Class.", rich_help_panel=ORCHARD)
+
+
+def _print_version(is_wanted: bool) -> bool:
+    """Print the version of the installed package, and exit."""
+    if is_wanted:
+        with suppress(PackageNotFoundError):
+            print(f"orchard {version('orchard-sim')}")
+            raise Exit
+        raise BadParameter("unknown: this is a clone that is not installed; git describe --always tells its commit")
+    return is_wanted
+
+
+def _flag(name: str, words: str, panel: str | None = None) -> Any:
+    """An option without a value."""
+    return Option(name, metavar="", help=words, rich_help_panel=panel)
 
 
 # -- options of several commands
@@ -178,9 +196,7 @@ class HarvestOptions:
         float | None, Option(callback=_seconds, help="Simulated seconds after which the run stops.", rich_help_panel=RUN)
     ] = None
     record: Record = None
-    view: Annotated[
-        bool, Option("--view", help="Open the viewer and watch live. Its window stays; Ctrl-C closes it.", rich_help_panel=OUTPUT)
-    ] = False
+    view: Annotated[bool, _flag("--view", "Open the viewer and watch live. Its window stays; Ctrl-C closes it.", OUTPUT)] = False
     web: Web = None
     summary: Annotated[Path | None, Option(metavar="FILE.json", help="Write the summary to this file.", rich_help_panel=OUTPUT)] = None
     table: Annotated[
@@ -195,21 +211,18 @@ class HarvestOptions:
     without: Without = None
     only: Only = None
     patience: Patience = None
-    check_agents: Annotated[
-        bool, Option("--check-agents", help="Check that own agents are repeatable: docs/extending.md.", rich_help_panel=RUN)
-    ] = False
-    check_holds: Annotated[bool, Option("--check-holds", help="Check that no agent holds its velocity too long.", rich_help_panel=RUN)] = (
-        False
-    )
-    ignore_holds: Annotated[
-        bool, Option("--ignore-holds", help="Ask all agents at every tick: same result, slower.", rich_help_panel=RUN)
-    ] = False
+    check_agents: Annotated[bool, _flag("--check-agents", "Check that own agents are repeatable: docs/extending.md.", RUN)] = False
+    check_holds: Annotated[bool, _flag("--check-holds", "Check that no agent holds its velocity too long.", RUN)] = False
+    ignore_holds: Annotated[bool, _flag("--ignore-holds", "Ask all agents at every tick: same result, slower.", RUN)] = False
     resume: Annotated[str | None, Option(metavar="DIR|last", help="Continue a run from its newest snapshot.", rich_help_panel=RUN)] = None
     replay: Annotated[
         Path | None, Option(metavar="FILE.mcap", help="Let the velocities in a bag drive its robots: docs/bags.md.", rich_help_panel=RUN)
     ] = None
     secure: Secure = None
-    verbose: Annotated[bool, Option("--verbose", help="Print all figures of the summary, not only the main ones.")] = False
+    verbose: Annotated[bool, _flag("--verbose", "Print all figures of the summary, not only the main ones.")] = False
+    version: Annotated[bool, Option("--version", metavar="", help="Show the version and exit.", is_eager=True, callback=_print_version)] = (
+        False
+    )
 
     @property
     def is_live(self) -> bool:
@@ -300,9 +313,9 @@ def with_options(kind: type[Chosen]) -> Callable[[Callable[[Chosen], None]], Cal
 
 # -- other commands
 
-Robots = Annotated[list[str] | None, Argument(metavar="[ROBOT|KIND]...", help="picker_01, carrier; default: all robots.")]
+Robots = Annotated[list[str] | None, Argument(metavar="ROBOT|KIND", help="picker_01, carrier; default: all robots.")]
 There = Annotated[str | None, Option(metavar="ENDPOINT", help="A run elsewhere: tcp/192.168.1.10:7447. Default: here.")]
-Steps = Annotated[int, Argument(metavar="[N]", parser=_steps, help="Number of steps.")]
+Steps = Annotated[int, Argument(metavar="N", parser=_steps, help="Number of steps.")]
 EmergencyOperator = Annotated[
     Path | None, Option("--secure", metavar="DIR", help="For a secured run: the directory with the role emergency-operator.")
 ]
@@ -318,7 +331,7 @@ Bridge = Annotated[
 ]
 Address = Annotated[list[str] | None, Option(metavar="NAME|IP", help="Address at which other machines reach this one (repeatable).")]
 Days = Annotated[float, Option(min=1, max=3650, help="Days for which the certificates are valid.")]
-Anew = Annotated[bool, Option("--anew", help="Replace the files of an earlier call.")]
+Anew = Annotated[bool, _flag("--anew", "Replace the files of an earlier call.")]
 Browser = Annotated[int | None, Option("--web", min=1024, max=65534, metavar="PORT", help="Show it in a browser on this machine.")]
 Recording = Annotated[Path | None, Argument(metavar="FILE.rrd", show_default="the newest")]
 Mcap = Annotated[Path, Option(metavar="FILE.mcap", help="File of the bag.")]
@@ -326,7 +339,7 @@ Exported = Annotated[
     list[str] | None,
     Option("--robots", metavar="KIND|NAME", help="Bodies that are in it (repeatable). Default: pickers, carriers and the tractor."),
 ]
-WithScans = Annotated[bool, Option("--with-scans", help="The scans too, as they are recorded: every second beam, twice a second.")]
+WithScans = Annotated[bool, _flag("--with-scans", "The scans too, as they are recorded: every second beam, twice a second.")]
 
 # -- an orchard of one's own
 

@@ -136,7 +136,7 @@ class StudyArguments:
     out: Annotated[Path | None, _option(_store, "STORE", "File that keeps all runs. Default: studies.db beside the recordings.", RUNS)] = (
         None
     )
-    anew: Annotated[bool, Option("--anew", help="Forget the runs of a store of another version.", rich_help_panel=RUNS)] = False
+    anew: Annotated[bool, Option("--anew", metavar="", help="Forget the runs of a store of another version.", rich_help_panel=RUNS)] = False
     summary: Annotated[Path | None, Option(metavar="FILE.json", help="Write the whole answer to this file.", rich_help_panel=FILES)] = None
     csv: Annotated[Path | None, Option(metavar="FILE.csv", help="Write the table to this file.", rich_help_panel=FILES)] = None
     picture: Annotated[Path | None, Option(metavar="FILE.svg|png", help="Draw the table.", rich_help_panel=FILES)] = None

@@ -23,6 +23,7 @@ UNITS = {
     "distance_metres": "m",
     "state_seconds": "s",
     "stopped_seconds": "s",
+    "recording_gaps": "s, which no recording shows",
 }
 MAIN = ("rows_picked", "bins_delivered", "sim_seconds", "schedule_sim_seconds", "bins_per_hour", "long_run_bins_per_hour", "bottleneck",
         "lost_seconds", "picker_waiting_seconds", "carrier_utilisation", "collisions")  # fmt: skip
@@ -86,6 +87,8 @@ def _words(key: str, value: Any) -> str:
     unit = f" {UNITS[key]}" if key in UNITS else ""
     if isinstance(value, dict):
         return ", ".join(f"{name} {_words('', part)}" for name, part in value.items()) + unit if value else OF_NONE.get(key, "none")
+    if key == "recording_gaps" and value:
+        return ", ".join(f"{since} to {until}" for since, until in value) + unit
     if isinstance(value, list):
         return "\n".join(map(str, value)) or "none"
     if key == "carrier_utilisation":

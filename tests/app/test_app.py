@@ -74,6 +74,10 @@ def test_the_page_answers_its_own_address_only(server, what):
 # -- in the browser
 
 
+def test_a_new_page_says_what_to_do_first(browser):
+    assert "press Run" in browser.view("first").text
+
+
 def test_the_plan_and_the_figures_follow_every_change(browser):
     assert browser.figure("Trees") == "72"
     browser.fill("rows", 8)

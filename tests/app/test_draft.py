@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from surveys import UNEQUAL, orchard_of
 
-from orchard.app.draft import Draft, entries, flat, title_of
+from orchard.app.draft import LABELS, Draft, entries, flat, title_of
 from orchard.app.latest import fresh_files
 from orchard.app.link import draft_of, query_of
 from orchard.app.own_classes import from_elsewhere, own_classes
@@ -24,6 +24,12 @@ def test_limits_and_steps_come_from_the_model():
     assert (rows.low, rows.high, rows.step, rows.limits) == (3, 20, 1, "3 to 20")
     assert (noise.step, noise.limits, noise.label) == (0.0002, "0 to 0.02 m", "Laser noise")
     assert not seed.has_slider, "a browser's numbers do not hold it"
+
+
+def test_labels_are_words_of_a_reader():
+    assert LABELS.keys() <= entries().keys(), "each of them is of a value that there is"
+    scenario = with_changes(Scenario(), **{"sensors.gnss.white": 0.01, "dispatch_errors": "end"})
+    assert title_of(scenario).endswith("seed 1, GNSS error of a tick 0.01, after a refused order end")
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,7 @@ def changed(number: int, **values: float | str) -> dict:
     ("change", "words"),
     [
         ({"rows": 5}, "rows = 5: must be 4"),
-        ({"row_length": 70.0, "row_width": 6.0}, "row_length, row_width = 70.0, 6.0: must be 31.2 and 5"),
+        ({"row_length": 70.0, "row_width": 6.0}, "row_length = 70.0, row_width = 6.0: must be 31.2 and 5"),
         (changed(2, south=5.2), "r2: lies 5.20 m south of row r1; must be 5.3 to 12.5 m"),
         (changed(3, south=18.0), "r3: lies 12.70 m south of row r2; must be 5.3 to 12.5 m"),
         (changed(3, south=18.0), "r4: lies 0.60 m south of row r3"),

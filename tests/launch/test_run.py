@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import time
+from importlib import metadata
 
 import psutil
 import pytest
@@ -172,11 +173,12 @@ def test_a_run_without_its_logger_goes_on(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (["--rows", "21"], "rows = 21"),
-        (["--rows", "3", "--pickers", "4"], "pickers"),
+        (["--rows", "21"], "command line: --rows = 21"),
+        (["--rows", "3", "--pickers", "4"], "command line: --pickers = 4, --rows = 3: must be at most one picker a row"),
         (["--row-width", "4.9", "--carriers", "0"], "carriers = 0"),
         (["nothing.yaml"], "nothing.yaml: no such file"),
         (["veiw", "runs/harvest.rrd"], "veiw: no such file; did you mean the command view?"),
+        (["--dispatch", "nearst"], "did you mean nearest?"),
         (["runs/harvest.rrd"], "a recording, not a scenario; did you mean the command view?"),
         (["--speed", "0"], "--speed"),
         (["--hosts", "0"], "--hosts"),
@@ -204,6 +206,8 @@ def test_bad_input_is_named_with_exit_code_2_and_no_traceback(arguments, named):
         (["step", "2.5"], "2.5: neither a number of steps"),
         (["step", "--conect"], "--conect: neither a number of steps, from 1 on, nor an option"),
         (["run", "--resume", "last"], "run: no such file, and no such command (see --help); expected a scenario's file, or one of hand"),
+        (["realistik"], "realistik: no such file; did you mean the scenario realistic?"),
+        (["--pickers", "9"], "command line: --pickers = 9, rows = 5: must be at most one picker a row"),  # nobody typed --rows
         (["--resume", "last", "mine.yaml", "--rows", "3"], "--resume: leave out mine.yaml, --rows: the snapshot has its scenario"),
         (["mine.yaml", "--only", "picker", "--connect", "tcp/127.0.0.1:9"], "leave out mine.yaml: the run itself defines that"),
     ],
@@ -214,6 +218,17 @@ def test_what_is_wrong_is_called_as_the_user_typed_it(arguments, named, monkeypa
     with pytest.raises(SystemExit) as ended:
         commands.main()
     assert (ended.value.code, named in " ".join(capsys.readouterr().err.split())) == (2, True)
+
+
+def test_the_version_is_that_of_the_package_and_a_switch_takes_no_value(monkeypatch, capsys):
+    for arguments in (["--version"], ["--help"]):
+        monkeypatch.setattr("sys.argv", ["orchard", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            commands.main()
+        assert ended.value.code == 0
+    version, _, told = capsys.readouterr().out.partition("\n")
+    assert version == f"orchard {metadata.version('orchard-sim')}"
+    assert [line for line in told.splitlines() if "<bool>" in line and "--help" not in line] == []
 
 
 @pytest.mark.parametrize(

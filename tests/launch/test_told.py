@@ -54,4 +54,6 @@ def test_ten_figures_are_shown_and_what_is_unusual():
     assert len(main_figures(summary)) == 10
     assert list(main_figures(summary | {"messages_refused": {}, "stopped_seconds": {"picker_01": 3.0}}))[10:] == ["stopped_seconds"]
     assert next(iter(as_table({"lost_seconds": {}}).columns[1].cells)).startswith("known of a complete harvest only")
+    gaps = as_table({"recording_gaps": [[0.0, 5.1], [7.0, 7.3]]})
+    assert list(gaps.columns[1].cells) == ["0.0 to 5.1, 7.0 to 7.3 s, which no recording shows"]
     assert list(as_table({"carrier_utilisation": 0.64}).columns[1].cells) == ["64 % of the time, outside the queue"]

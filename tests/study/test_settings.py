@@ -67,7 +67,7 @@ def test_without_anything_that_varies_there_is_one_setting() -> None:
         (["picking_speed=NaN"], ["--vary picking_speed=nan: picking_speed = nan: must be a number from 0.02 to 1.0"]),
         (
             ["rows=3,4", "pickers=4", "dispatch=nearest,predictive"],
-            ["the setting rows=3, pickers=4, dispatch=nearest: pickers, rows = 4, 3: must be at most one picker a row"],
+            ["the setting rows=3, pickers=4, dispatch=nearest: pickers = 4, rows = 3: must be at most one picker a row"],
         ),
     ],
 )

@@ -1,6 +1,6 @@
 """The user's own classes that a scenario file names: they are code, so the page takes them from one directory only, and asks first."""
 
-from importlib.util import find_spec
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 from nicegui import ui
@@ -26,13 +26,18 @@ def from_elsewhere(classes: dict[str, str], folder: Path) -> list[str]:
 
 
 def _is_in(path: str, folder: Path) -> bool:
-    """Whether Python finds the first module of a dotted path in a directory. To look deeper would run that module."""
-    try:
-        spec = find_spec(path.replace(":", ".").partition(".")[0])
-    except ValueError:
-        return False
-    places = [] if spec is None else list(spec.submodule_search_locations or [spec.origin or ""])
-    return bool(places) and Path(places[0]).parent == folder
+    """Whether Python finds the module of a dotted path in a directory, not in one that lies in it, as .venv may. No module is run."""
+    module, _, _ = path.partition(":") if ":" in path else path.rpartition(".")
+    parts = module.split(".")
+    spec, places = None, None
+    for depth in range(len(parts)):
+        spec = PathFinder.find_spec(".".join(parts[: depth + 1]), places)
+        if spec is None:
+            return False
+        places = list(spec.submodule_search_locations or ())
+    origin = Path(spec.origin or "") if spec else Path()
+    file = origin.parent if origin.name == "__init__.py" else origin
+    return file.parents[len(parts) - 1 : len(parts)] == (folder,)
 
 
 async def may_run(classes: dict[str, str], file: str) -> bool:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchard.contract.agent import Observation
-from orchard.contract.zone import Zone, beams, in_zone
+from orchard.contract.zone import Zone, beams, in_zone, is_left_freer
 from orchard.field import repeatable
 from orchard.field.geometry import Pose, from_frame, to_frame
 from orchard.field.kinds import ANIMALS, AROUND, KINDS, PEOPLE, Kind, Laser, kind_of
@@ -145,9 +145,7 @@ def _in_path(points: np.ndarray, angle: float, half_width: float, reach: float) 
 
 def freer_side(seen: Observation, reach: float) -> int:
     """Return +1 if there is more room to the left, -1 to the right: by the number of beams that return within a reach."""
-    near = seen.scan < reach
-    half = len(near) // 2
-    return 1 if np.count_nonzero(near[half:]) <= np.count_nonzero(near[:half]) else -1
+    return 1 if is_left_freer(seen.scan, reach) else -1
 
 
 SILENT_TICKS = 50  # ticks for which a bystander that did not answer is left to the lasers

@@ -152,13 +152,15 @@ def break_out(seen: Observation, memory: WalkerMemory, seed: int, speed: float, 
 
 
 def hold_of(seen: Observation, memory: WalkerMemory, twist: Twist, evading: str, until: int = LAST_TICK) -> Hold | None:
-    """Return how long a walker keeps its velocity: while it recovers, turns, or has a free path. `until`: when its whim ends."""
+    """Return how long a walker keeps its velocity: while it recovers, turns, steers, or has a free path. `until`: when its whim ends."""
     if seen.tick < memory.recovers_until:
         return Hold(min(until, memory.recovers_until))
-    if evading and not memory.turning:
-        return None
-    until = min(until, memory.since + LINGER_TICKS, seen.tick + ticks_within(seen, memory, twist))
-    return Hold(until, watch=(path(seen, 2 * TURN_WITHIN if memory.turning else STEER_WITHIN),))
+    until = min(until, memory.since + LINGER_TICKS, seen.tick + ticks_within(seen, memory, twist) + 1)
+    if memory.turning:
+        return Hold(until, watch=(path(seen, 2 * TURN_WITHIN),))
+    if evading:
+        return Hold(until, watch=(path(seen, STEER_WITHIN), path(seen, TURN_WITHIN)), freer_within=STEER_WITHIN)
+    return Hold(until, watch=(path(seen, STEER_WITHIN),))
 
 
 def ticks_within(seen: Observation, memory: WalkerMemory, twist: Twist) -> int:

@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from orchard.contract.messages import MAX_PAYLOAD, Answer, Deed, Request, Tick
+from orchard.contract.messages import MAX_PAYLOAD, Answer, Deed, Metres, Request, Tick
 from orchard.contract.zone import Zone
 from orchard.field.geometry import STILL, Pose, Twist, yaw_of
 
@@ -129,6 +129,7 @@ class Hold(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     - its body was coupled or uncoupled, or is a bin that got full or empty; or the body at the other end of the bar changed its velocity;
     - whether a return lies in a zone of `watch` differs from when it answered;
     - a return in a zone of `still` has come, gone or changed since the tick before;
+    - with `freer_within`: the freer side differs from when it answered, left or right, of which fewer beams return within so many metres;
     - another process runs it.
 
     In realtime, and in a run with `--ignore-holds`, it is asked at every tick.
@@ -137,6 +138,7 @@ class Hold(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     until: Tick  # at most MOST_HOLD ticks ahead count
     watch: Annotated[tuple[Zone, ...], Meta(max_length=MOST_ZONES)] = ()
     still: Annotated[tuple[Zone, ...], Meta(max_length=MOST_ZONES)] = ()
+    freer_within: Metres = 0.0
 
 
 @dataclass(slots=True)

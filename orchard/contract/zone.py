@@ -1,4 +1,4 @@
-"""Zones in front of a laser: which of its beams end in a box. Agents and physics compute it by the same function, to the same bit."""
+"""What a laser sees: which of its beams end in a box, and which side is freer. Agents and physics compute both to the same bit."""
 
 from functools import lru_cache
 from typing import NamedTuple, Protocol
@@ -67,3 +67,10 @@ def in_zone(scan: np.ndarray, laser: Laser, zone: Zone) -> np.ndarray:
     enter, leave = spans(laser, zone)
     inside: np.ndarray = (scan >= enter) & (scan < leave)
     return inside
+
+
+def is_left_freer(scan: np.ndarray, reach: float) -> bool:
+    """Whether no more beams of the left half of a scan than of the right half return within a reach, m."""
+    near = scan < np.float32(reach)
+    half = len(near) // 2
+    return bool(np.count_nonzero(near[half:]) <= np.count_nonzero(near[:half]))

@@ -118,7 +118,7 @@ class Layout:
         """x of the middle between the roads of both sides, m."""
         return -1.5 + self.shift / 2
 
-    @property
+    @cached_property
     def bay(self) -> Rect:
         """The unloading bay."""
         return BAY._replace(west=BAY.west + self.scenario.bay, east=BAY.east + self.scenario.bay)

@@ -26,7 +26,9 @@ _NOT_A_NAME = {  # what is wrong with a key of it
 def printable(words: str, most: int = 200) -> str:
     """Return the text of an agent, a class or a client that may be faulty as one short line, harmless in a terminal, a log and a page."""
     short = words if len(words) <= most else words[: most - 3] + "..."
-    return "".join(short) if short.isprintable() else "".join(c if c.isprintable() else "?" for c in short)
+    if type(short) is str and short.isprintable():
+        return short
+    return "".join(c if c.isprintable() else "?" for c in short)
 
 
 @dataclass(frozen=True)

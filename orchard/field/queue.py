@@ -6,6 +6,7 @@ A route names its queue (`OneWay.QUEUE`). How long the lines are follows from th
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 from orchard.field.geometry import EAST, Pose, Rect
@@ -39,7 +40,7 @@ class Queue:
         """The number of carriers that it holds."""
         return len(self.lines) * self.places
 
-    @property
+    @cached_property
     def area(self) -> Rect:
         """What contains all carriers that wait, and those that drive up their lines."""
         return Rect(round(self.turn_off + 0.6, 3), min(self.lines) - BESIDE, self.head + 0.9, max(self.lines) + BESIDE)

@@ -30,7 +30,7 @@ class Advised:
         hold: it is asked at the next tick.
         """
         self._newest = {name: advice for name, advice in self._newest.items() if tick - advice.tick < ADVICE_TICKS}
-        quiet = {name: replace(action, deeds=[], requests=[], answers=[]) for name, action in held.items() if name in self._newest}
+        quiet = {name: replace(held[name], deeds=[], requests=[], answers=[]) for name in self._newest if name in held}
         known = {**quiet, **own}
         return {name: replace(known.get(name) or Action(), twist=_twist(advice), hold=None) for name, advice in self._newest.items()}
 

@@ -45,10 +45,8 @@ class HarvestFigures:
                 self.broken.setdefault(name, world.tick - 1)
             if name.startswith(PLANNERS):
                 self.steps[name] = 0 if action is None else action.steps_done
-        x, y, _ = world.pose[world.fixed.carriers].T
         queue = world.layout.queue.area
-        in_queue = (x >= queue.west) & (x <= queue.east) & (y >= queue.south) & (y <= queue.north)
-        self.busy_ticks += len(x) - int(np.count_nonzero(in_queue))
+        self.busy_ticks += sum(not queue.contains(x, y) for x, y, _ in world.pose[world.fixed.carriers].tolist())
         progress = sum(self.steps.values()) + sum(world.row_picked.tolist())
         if progress != self.progress or np.count_nonzero(world.stopped):
             self.progress, self.progress_tick = progress, world.tick

@@ -70,12 +70,14 @@ class RunFigures:
     @property
     def fault(self) -> str:
         """Why the run must end before the harvest is over: 'jammed', or 'refused' if the scenario says so; '' if it goes on."""
+        if self._world.layout.scenario.dispatch_errors == END and self._has_refused_order():
+            return "refused"
+        return "jammed" if self._figures.jammed(self._world) else ""
+
+    def _has_refused_order(self) -> bool:
         from orchard.report.metrics import orders_refused
 
-        is_refused = self._figures.orders_refused or orders_refused(self._engine.answers)  # the last step may not be counted yet
-        if is_refused and self._world.layout.scenario.dispatch_errors == END:
-            return "refused"
-        return "jammed" if self.jam else ""
+        return bool(self._figures.orders_refused or orders_refused(self._engine.answers))  # the last step may not be counted yet
 
     def figures(self) -> dict[str, Any]:
         """Return the figures so far, as the summary has them."""

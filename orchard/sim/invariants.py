@@ -7,6 +7,7 @@ Checked at the end of a finished harvest: that each call ended in an exchange.
 """
 
 from collections.abc import Iterator
+from operator import mul
 from typing import Any
 
 import msgspec
@@ -39,9 +40,9 @@ class Invariants:
         self.known = _known_of(world) if data is None else msgspec.convert(data, Known)
         self._rows = world.row_picked.tolist()
         self._coupled: list[int] = []
-        self._shares = world.layout.row_length / world.fixed.row_length  # of a bin that is in a metre of each row: all rows fill one
+        self._shares = (world.layout.row_length / world.fixed.row_length).tolist()  # of a bin, in a metre of each row
         self._tolerance = 2.0 * FULL_WITHIN * (len(self._rows) + len(world.layout.names))  # m: full rows and bins are rounded up
-        self._tolerance *= float(self._shares.max())
+        self._tolerance *= max(self._shares)
 
     @property
     def violations(self) -> list[str]:
@@ -90,7 +91,7 @@ class Invariants:
         if min(fills) < 0.0 or max(fills) > length:
             wrong = [(name, fill) for name, fill in zip(world.layout.names, fills, strict=True) if not 0.0 <= fill <= length]
             yield from ((f"fill {name}", f"{name} holds {fill:g} m; a bin holds 0 to {length:g} m") for name, fill in wrong)
-        picked, kept = float(sum(world.row_picked * self._shares)), sum(fills) + world.delivered * length
+        picked, kept = sum(map(mul, rows, self._shares)), sum(fills) + world.delivered * length
         if abs(picked - kept) > self._tolerance:
             yield "metres", f"{picked:.3f} m are picked, but {kept:.3f} m are in bins or delivered"
         if world.delivered != self.known.delivered:

@@ -42,6 +42,7 @@ class Lookahead:
         self._partner, self._partner_twist = np.full(n, NONE, dtype=np.int64), np.zeros((n, 3))
         self._was_full, self._was_occupied = np.zeros(n, dtype=bool), np.zeros((n, MOST_ZONES), dtype=bool)
         self._watched, self._still = (np.full((n, MOST_ZONES), NONE, dtype=np.int64) for _ in range(2))
+        self._freer_within, self._was_left_freer = np.zeros(n, dtype=np.float32), np.zeros(n, dtype=bool)
         self._spans, self._numbers = np.zeros((MOST_SPANS, 2, _BEAMS)), dict[tuple[Laser, Zone], int]()
         self._before = np.frombuffer(bytes(4 * int(begin[-1])), "<f4")  # the ranges of the tick before; read-only, as all ranges
         self._due: list[str] = list(self._agents)  # the agents that are asked at this tick
@@ -53,7 +54,8 @@ class Lookahead:
         """
         end_holds(
             ranges, self._before, world.tick, self._until, self.wanted, world.twist, world.coupled, self._partner, self._partner_twist,
-            world.full, self._was_full, self._watched, self._was_occupied, self._still, self._spans, self._begin,
+            world.full, self._was_full, self._watched, self._was_occupied, self._still,
+            self._freer_within, self._was_left_freer, self._spans, self._begin,
         )  # fmt: skip
         self._before = ranges
         self.wake(mail)
@@ -89,7 +91,7 @@ class Lookahead:
         if holding:
             begin_holds(
                 ranges, np.array(holding), world.twist, world.coupled, self._partner, self._partner_twist, world.full, self._was_full,
-                self._watched, self._was_occupied, self._spans, self._begin,
+                self._watched, self._was_occupied, self._freer_within, self._was_left_freer, self._spans, self._begin,
             )  # fmt: skip
         return dict.fromkeys(self._due) | dict(actions)
 
@@ -98,7 +100,7 @@ class Lookahead:
             self._bodiless[name] = 0 if action.hold is None else min(action.hold.until, tick + MOST_HOLD)
 
     def _begin_hold(self, i: int, tick: int, hold: Hold) -> None:
-        self._until[i] = min(hold.until, tick + MOST_HOLD)
+        self._until[i], self._freer_within[i] = min(hold.until, tick + MOST_HOLD), hold.freer_within
         for numbers, zones in ((self._watched, hold.watch), (self._still, hold.still)):
             numbers[i] = NONE
             for z, zone in enumerate(zones):

@@ -1,10 +1,9 @@
 """The time that each robot spends in each state. A robot has one state in each tick, so its states add up to the run."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from orchard.contract.agent import STATES, Action, state_of
 from orchard.field.kinds import kind_of
@@ -31,30 +30,43 @@ class StateTimes:
         robots = [name for name in world.layout.names if kind_of(name) in ROBOTS]
         new = StateCounts(world.tick, {name: [0] * len(STATES) for name in robots})
         known = new if data is None else msgspec.convert(data, StateCounts)
-        self._known = StateCounts(known.since, {name: known.ticks[name] for name in robots}, known.stopped)
+        stopped = {name: known.stopped.get(name, 0) for name in robots}
+        self._known = StateCounts(known.since, {name: known.ticks[name] for name in robots}, stopped)
         if any(len(ticks) != len(STATES) for ticks in self._known.ticks.values()):
             raise ValueError(f"states: each robot must have {len(STATES)} numbers")
-        self._row = {name: row for row, name in enumerate(robots)}
-        self._body = np.array([world.layout.index[name] for name in robots], dtype=np.int64)
-        self._ticks = np.array(list(self._known.ticks.values()), dtype=np.int64).reshape(-1, len(STATES))
-        self._stopped = np.array([self._known.stopped.get(name, 0) for name in robots], dtype=np.int64)
-        self._now = np.full(len(robots), _NUMBER["resting"])  # the number of each robot's state
-        self._rows = np.arange(len(robots))
+        self._body = {name: world.layout.index[name] for name in robots}
+        self._now = dict.fromkeys(robots, _NUMBER["resting"])  # robot -> the number of its state
+        self._latched = bytes(len(world.stopped))  # whether each body is stopped
+        self._tick = known.since + max((sum(ticks) for ticks in self._known.ticks.values()), default=0)  # at which the last update ended
+        self._from = dict.fromkeys(robots, self._tick)  # robot -> the tick up to which its ticks are counted
 
     @property
     def counts(self) -> StateCounts:
         """The ticks so far, as plain data."""
-        stopped = {name: ticks for name, ticks in zip(self._row, self._stopped.tolist(), strict=True) if ticks}
-        return StateCounts(self._known.since, dict(zip(self._row, self._ticks.tolist(), strict=True)), stopped)
+        self._count(self._body, self._tick)
+        return self._known
 
     def update(self, world: World, answers: Mapping[str, Action | None]) -> None:
-        """Count the tick that has just ended. `answers`: of the agents that were asked. A robot without an action rests."""
+        """Take the tick that has just ended. `answers`: of the agents that were asked. A robot without an action rests."""
+        begun, self._tick = self._tick, world.tick
+        if (latched := world.stopped.tobytes()) != self._latched:
+            self._count(self._body, begun)
+            self._latched = latched
         for name, action in answers.items():
-            if (row := self._row.get(name)) is not None:
-                self._now[row] = _NUMBER["resting" if action is None else state_of(action)]
-        stopped = world.stopped[self._body]
-        self._ticks[self._rows, np.where(stopped, _NUMBER["stopped"], self._now)] += 1
-        self._stopped += stopped
+            state = _NUMBER["resting" if action is None else state_of(action)]
+            if self._now.get(name, state) != state:
+                self._count([name], begun)
+                self._now[name] = state
+
+    def _count(self, names: Iterable[str], until: int) -> None:
+        """Add the ticks of robots in their present states: only when a state changes, because most states last for many ticks."""
+        for name in names:
+            ticks, self._from[name] = until - self._from[name], until
+            if self._latched[self._body[name]]:
+                self._known.ticks[name][_NUMBER["stopped"]] += ticks
+                self._known.stopped[name] += ticks
+            else:
+                self._known.ticks[name][self._now[name]] += ticks
 
     def faults(self, world: World) -> list[str]:
         """Return a sentence for each robot if its states do not add up to the run."""
@@ -69,7 +81,7 @@ class StateTimes:
             of_kind = [ticks for name, ticks in counts.ticks.items() if kind_of(name) == kind]
             spent = {state: _seconds(sum(ticks[number] for ticks in of_kind)) for state, number in _NUMBER.items()}
             kinds |= {kind: {state: seconds for state, seconds in spent.items() if seconds}} if of_kind else {}
-        return {"state_seconds": kinds, "stopped_seconds": {name: _seconds(ticks) for name, ticks in counts.stopped.items()}}
+        return {"state_seconds": kinds, "stopped_seconds": {name: _seconds(ticks) for name, ticks in counts.stopped.items() if ticks}}
 
 
 def _seconds(ticks: int) -> float:

@@ -88,9 +88,10 @@ def _states_of(states: bytes) -> list[tuple[float, ...]]:
     """The seven numbers of each body. Raises ValueError for NaN, infinity and numbers out of bounds."""
     if len(states) % _SEVEN.size:
         raise ValueError(f"states: {len(states)} bytes are not a multiple of {_SEVEN.size}")
-    if not np.abs(np.frombuffer(states, "<f8")).max(initial=0.0) <= FARTHEST:
+    bodies = [*_SEVEN.iter_unpack(states)]
+    if not all(-FARTHEST <= number <= FARTHEST for body in bodies for number in body):
         raise ValueError("states: not a number, or out of bounds")
-    return [*_SEVEN.iter_unpack(states)]
+    return bodies
 
 
 @lru_cache(maxsize=MOST_BODIES)

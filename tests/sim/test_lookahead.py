@@ -7,18 +7,21 @@ import pytest
 from alone import SMALL, local_hash
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from stage import Stage, empty_orchard
 
 from orchard.agents.carrier import HeardCall, hear_calls
 from orchard.agents.picker import Picker
+from orchard.agents.sense import freer_side
 from orchard.agents.steps import DriveTo, Face
 from orchard.agents.walker import Person, WalkerMemory, ticks_within
 from orchard.contract.agent import MOST_HOLD, Action, Heard, Hold, Mail, Observation
 from orchard.contract.messages import LAST_TICK, Call, No, StateRequest, Uncouple
-from orchard.contract.zone import Zone
+from orchard.contract.zone import Zone, is_left_freer
 from orchard.field.geometry import STILL, Twist
 from orchard.field.scenario import Animals, LaserSettings, People, Scenario
 from orchard.local import Local
+from orchard.sim.kernels.holds import begin_holds
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
 
 FOREVER = 10**9
@@ -223,6 +226,47 @@ def test_a_still_zone_ends_a_hold_at_each_change_in_it():
         stage.tick()
     assert len(watcher.asked) > 20
     assert watcher.asked[1:] == list(range(watcher.asked[1], watcher.asked[-1] + 1))
+
+
+def test_another_freer_side_ends_a_hold_a_change_on_one_side_does_not():
+    scenario = empty_orchard(people=People(workers=1, visitors=1))
+    walker, watcher = Holder(Twist(0.5), until=FOREVER), Holder(freer_within=3.0)
+    stage = stage_of(scenario, worker_01=watcher, visitor_01=walker)
+    stage.put("worker_01", 0.0, -30.0), stage.put("visitor_01", 1.5, -32.5, "NORTH")  # on its right, and on its way to the left
+    sides = []
+    for _ in range(110):
+        sides.append(freer_side(stage.local.engine.observe()["worker_01"], 3.0))
+        stage.tick()
+    changes = [tick for tick in range(1, 110) if sides[tick] != sides[tick - 1]]
+    assert sides[0] == 1 and changes
+    assert watcher.asked == [0, *changes]
+
+
+scans = arrays(np.float32, st.sampled_from([60, 180]), elements=st.one_of(st.just(np.inf), st.floats(0.0, 10.0, width=32)))
+
+
+@given(scans, st.floats(0.1, 10.0))
+def test_agents_and_physics_see_the_same_freer_side(ranges, reach):
+    was = np.zeros(1, dtype=bool)
+    one, none = np.zeros(1, dtype=np.int64), np.full((1, 1), -1)
+    begin_holds(
+        ranges, one, np.zeros((1, 3)), np.full(1, -1), one, np.zeros((1, 3)), was, was.copy(),
+        none, np.zeros((1, 1), dtype=bool), np.full(1, reach, dtype=np.float32), was, np.zeros((1, 2, 180)), np.array([0, len(ranges)]),
+    )  # fmt: skip
+    assert was[0] == is_left_freer(ranges, reach)
+
+
+def test_a_walker_that_steers_past_something_is_asked_only_when_that_changes():
+    stage = Stage(empty_orchard(people=People(workers=1, visitors=1)))
+    stage.put("worker_01", 0.0, -30.0, "EAST"), stage.put("visitor_01", 3.9, -30.3)
+    stage.local.agents["visitor_01"] = Holder()
+    asked, does = [], []
+    for _ in range(12):
+        stage.tick()
+        asked.append("worker_01" in stage.local.answers)
+        does.append(stage.local.actions["worker_01"].doing)
+    assert does.count("turning away") > 4
+    assert sum(asked) < 4
 
 
 def test_who_takes_over_is_asked_at_once():

@@ -76,7 +76,7 @@ class Calls:
     def ready(self) -> list[Robot]:
         """The carriers that can leave now: at the head of their lines, or driving up to it."""
         head = self.layout.queue.head
-        return [r for r in self.free if head - r.x_now < 0.1 or (r.is_moving and head - r.x_now < PITCH + 0.2)]
+        return [robot for robot in self.free if head - robot.x_now < (PITCH + 0.2 if robot.is_moving else 0.1)]
 
     def _call(self, call: OpenCall, tick: int) -> None:
         """Let a bin ask all carriers at a tick."""

@@ -88,11 +88,11 @@ class Calls:
     def _hear(self, tick: int) -> None:
         """Let the carriers hear the bins that called at a tick. Each of them offers itself to the one that has called for longest."""
         calls, now = {call.bin: call for call in self._calling.pop(tick)}, tick + 1
-        self._heard = {name: heard for name, heard in self._heard.items() if now - heard.tick <= REMEMBERED}
         self._heard |= {call.bin: HeardCall(call.since, now) for call in calls.values()}
         offers: dict[str, list[Robot]] = {}
         for robot in self.ready():
             offered = self._offered[robot.name]
+            self._heard = {name: heard for name, heard in self._heard.items() if now - heard.tick <= REMEMBERED}
             first = first_call(self._heard, offered, now)
             if first in calls:
                 offered.setdefault(first, now)

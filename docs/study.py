@@ -107,7 +107,7 @@ varies, `--within 3%` - `python examples/coverage.py` counts it. In brackets is 
 | the same race: the setting that is truly best is not left out | 100.0 (98.2 to 100.0) |
 
 A study that ends as soon as an interval is narrow ends a little too often when the interval is narrow by luck: here that costs about 1 of
-100 intervals. What a race says is not less sure than it says, because its corrections leave a reserve.
+100 intervals. The figures of a race agree with 95 %, or are higher because its corrections leave a reserve.
 
 A setting in which a harvest jams is out, and told: robots that wait for each other for ever do not harvest.
 

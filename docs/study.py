@@ -95,6 +95,20 @@ It ends when the best is certain, when all intervals are within 1 % of their mea
 (`--budget`). If nothing is random - no people, no animals, no spread of picking - one run of each setting stands for all seeds, and
 there are no intervals.
 
+How often do intervals of 95 % hold the truth? In 200 small studies by the fast model - 4 rows, 2 pickers, 1 to 3 carriers, picking that
+varies, `--within 3%` - `python examples/coverage.py` counts it. In brackets is the 95 % interval of the count. Measured on 2026-11-23.
+
+| interval | holds the truth, % |
+| --- | --- |
+| one setting, 5 replications | 93.7 (91.4 to 95.5) |
+| one setting, replications until its interval is within 3 % | 92.7 (90.3 to 94.6) |
+| a race of three settings: the best one's own interval | 94.0 (89.8 to 96.9) |
+| the same race: all differences from the best one together | 98.0 (95.0 to 99.5) |
+| the same race: the setting that is truly best is not left out | 100.0 (98.2 to 100.0) |
+
+A study that ends as soon as an interval is narrow ends a little too often when the interval is narrow by luck: here that costs about 1 of
+100 intervals. The figures of a race agree with 95 %, or are higher because its corrections leave a reserve.
+
 A setting in which a harvest jams is out, and told: robots that wait for each other for ever do not harvest.
 
 ## What it cannot know

@@ -76,7 +76,7 @@ class Calls:
     def ready(self) -> list[Robot]:
         """The carriers that can leave now: at the head of their lines, or driving up to it."""
         head = self.layout.queue.head
-        return [r for r in self.free if head - r.x_now < 0.1 or (r.is_moving and head - r.x_now < PITCH + 0.2)]
+        return [robot for robot in self.free if head - robot.x_now < (PITCH + 0.2 if robot.is_moving else 0.1)]
 
     def _call(self, call: OpenCall, tick: int) -> None:
         """Let a bin ask all carriers at a tick."""
@@ -88,11 +88,11 @@ class Calls:
     def _hear(self, tick: int) -> None:
         """Let the carriers hear the bins that called at a tick. Each of them offers itself to the one that has called for longest."""
         calls, now = {call.bin: call for call in self._calling.pop(tick)}, tick + 1
-        self._heard = {name: heard for name, heard in self._heard.items() if now - heard.tick <= REMEMBERED}
         self._heard |= {call.bin: HeardCall(call.since, now) for call in calls.values()}
         offers: dict[str, list[Robot]] = {}
         for robot in self.ready():
             offered = self._offered[robot.name]
+            self._heard = {name: heard for name, heard in self._heard.items() if now - heard.tick <= REMEMBERED}
             first = first_call(self._heard, offered, now)
             if first in calls:
                 offered.setdefault(first, now)

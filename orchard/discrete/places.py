@@ -1,5 +1,6 @@
 """Traffic in the discrete-event model: the ledger of the agent `traffic`, asked by letters that take a tick each way."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from math import ceil
 from typing import Any
@@ -24,7 +25,7 @@ class Claimant:
         self.wanted: list[str] = []
         self.beside = ""
         self.claimed = -PATIENCE
-        self.seen = ReservationTable({name: []})  # traffic's table, as it was when the robot last heard of it
+        self._answers = deque([(0.0, ReservationTable({name: []}))])  # of traffic: when it is heard, and the table
         self._told = self._claim()  # its last claim
         self._due = -1  # tick at which the next claim is sent
         self._pause: simpy.Event | None = None  # what its robot waits for, unless it gets places before
@@ -79,10 +80,22 @@ class Claimant:
         """The ticks until it hears the next answer, while it waits."""
         return 1 + (max(self.claimed, self._due) + 1 - ceil(self.env.now)) % PATIENCE
 
-    def hear(self, table: ReservationTable, want: list[str]) -> None:
-        """Hear the answer to a claim for `want`: the places that the robot holds."""
-        self.claimed, self.seen = self._repeated(), table
-        granted = [place for place in table.holds[self.name] if place in want and place not in self.held]
+    @property
+    def seen(self) -> ReservationTable:
+        """Traffic's table, as it was when the robot last heard of it."""
+        while len(self._answers) > 1 and self._answers[1][0] <= self.env.now:
+            self._answers.popleft()
+        return self._answers[0][1]
+
+    def is_answered(self, heard: float, table: ReservationTable) -> None:
+        """Hear traffic's table at a time, in ticks. A robot that is granted nothing goes on as before."""
+        self._answers.append((heard, table))
+
+    def is_granted(self, places: list[str]) -> None:
+        """Hear that a claim for these places is granted."""
+        self.claimed, held = self._repeated(), self.ledger.table.holds
+        self.is_answered(self.env.now, ReservationTable(dict(held)))
+        granted = [place for place in held[self.name] if place in places and place not in self.held]
         self.held = self.held + granted
         if set(self.wanted).issubset(self.held):
             self.wanted = []
@@ -112,30 +125,21 @@ class Ledger:
         self._expected[tick].append(claimant)
 
     def _hear(self, tick: int) -> None:
-        sent, now = {claimant.name: claimant.claim(tick) for claimant in self._expected.pop(tick)}, tick + 1
-        claims = {name: claim for name, claim in sent.items() if claim is not None}
-        for name in sorted(claims):
-            note(self.table, name, claims[name], now)
-        waiting = {name: wish.places for name, wish in self.table.wishes.items()}
-        if self.table.wishes:
+        claims = {claimant.name: claim for claimant in self._expected.pop(tick) if (claim := claimant.claim(tick)) is not None}
+        for name, claim in claims.items():
+            note(self.table, name, claim, tick + 1)
+        wanted = {name: wish.places for name, wish in self.table.wishes.items()}
+        if wanted:
             grant(self.table)
-        self._reply({name: claim.want for name, claim in claims.items()}, now + 1)
-        for name, places in waiting.items():
-            if name not in claims and name not in self.table.wishes:
-                self._reply({name: places}, self._next_claim(self.claimants[name], tick) + 2)
-
-    def _next_claim(self, claimant: Claimant, now: int) -> int:
-        """The tick at which a robot that waits claims again; it does so every PATIENCE ticks."""
-        return now + (claimant.claimed - now) % PATIENCE
-
-    def _reply(self, wanted: dict[str, list[str]], heard: int) -> None:
-        """Let robots that wanted places hear at a tick what they hold then."""
-        at(self.env, heard - ANSWERS, self._answer, wanted)
-
-    def _answer(self, wanted: dict[str, list[str]]) -> None:
         table = ReservationTable(dict(self.table.holds))
-        for name, places in wanted.items():
-            self.claimants[name].hear(table, places)
+        for name in claims:
+            self.claimants[name].is_answered(tick + 2 - ANSWERS, table)
+        for name in sorted(wanted.keys() - self.table.wishes.keys()):
+            at(self.env, self._next_claim(name, tick) + 2 - ANSWERS, self.claimants[name].is_granted, wanted[name])
+
+    def _next_claim(self, name: str, now: int) -> int:
+        """The tick at which a robot that waits claims, now or again; it does so every PATIENCE ticks."""
+        return now + (self.claimants[name].claimed - now) % PATIENCE
 
 
 def at(env: simpy.Environment, time: float, act: Callable[..., Any], *words: Any) -> None:

@@ -84,9 +84,10 @@ class Robot:
 
     def run(self) -> Events:
         """Walk through the plan, and through each new one."""
+        do = self.do  # each look-up of a method with many forms costs as much as a short step
         while True:
             while self.plan:
-                yield from self.do(self.plan.pop(0))
+                yield from do(self.plan.pop(0))
                 self.done += 1
             yield self.new_plan
 

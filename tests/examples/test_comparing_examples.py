@@ -1,4 +1,4 @@
-"""The examples that compare: the closed form with the long run, and the fast model with the simulator."""
+"""The examples that compare: the closed form with the long run, the fast model with the simulator, intervals with the truth."""
 
 import re
 import subprocess
@@ -22,3 +22,9 @@ def test_the_fast_model_stands_beside_the_simulator():
     said = printed("examples/fast_and_full.py", "3/2/1:one-way:nearest:1.0:20.0")
     assert re.search(r"3/2/1:one-way:nearest:1.0:20.0 .* [+-]0\.\d\d ", said)
     assert re.search(r"1 cells: mean error 0\.\d\d %, worst 0\.\d\d %", said)
+
+
+def test_intervals_stand_beside_the_truth():
+    said = printed("examples/coverage.py", "--truth", "3", "1")
+    assert re.findall(r"(\d+\.\d) % of (\d+) \(95 %: \d+\.\d to \d+\.\d\)", said)
+    assert [int(count) for count in re.findall(r"% of (\d+)", said)] == [3, 3, 1, 1, 1]

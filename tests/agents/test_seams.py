@@ -112,6 +112,12 @@ class Raising:
         raise LookupError("no map")
 
 
+class WithoutArguments:
+    """A policy that cannot be made with the layout."""
+
+    Memory = dict
+
+
 class Forgetful:
     """A policy without `assign`."""
 
@@ -181,6 +187,7 @@ def one_row_each(scenario):
         ({"dispatch": "nowhere.Mine"}, "dispatch = nowhere.Mine: cannot be used: ModuleNotFoundError"),
         ({"dispatch": "test_seams.Raising"}, r"LookupError: no map \(.*test_seams.py, line \d+"),
         ({"dispatch": "test_seams.Forgetful"}, r"it has no assign \(.*test_seams.py, line \d+"),
+        ({"dispatch": "test_seams.WithoutArguments"}, r"takes no arguments \(.*test_seams.py, line \d+"),
         ({"route": "test_seams.Forgetful"}, "must be a class that is derived from OneWay"),
         ({"route": "test_seams.Unregistered"}, "Detour is not in `Steps`"),
         ({"route": "test_seams.SameName"}, "Wait"),

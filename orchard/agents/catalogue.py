@@ -81,7 +81,7 @@ def _check_route(layout: Layout) -> None:
                 of_known_steps(route.crossing(row, row + 1, side) if row < layout.scenario.rows else [], route.Steps)
         route.roads(), route.holds(), route.distance(layout.queue.head, TOP_ROAD, 1, route.east)
     except MISTAKES as error:
-        raise unusable("route", path, error) from error
+        raise unusable("route", path, error, place=place_of_class(type(route))) from error
 
 
 def _make_ours(layout: Layout, name: str) -> Agent:

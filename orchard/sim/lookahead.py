@@ -6,7 +6,7 @@ hold gives the velocity that it holds. So it does no harm to ask more agents tha
 """
 
 import logging
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
@@ -29,6 +29,8 @@ _BEAMS = max(kind.laser.beams for kind in KINDS.values())
 
 class Lookahead:
     """The holds of one run."""
+
+    wrong: Sequence[str] = ()  # a sentence for each agent that is known to hold wrongly
 
     def __init__(self, world: World, begin: np.ndarray, asked: Any = None) -> None:
         """`begin`: (n + 1,) the index of each body's first range among those of all bodies. `asked`: `asked` of a run that is resumed."""
@@ -127,11 +129,12 @@ class IgnoredHolds(Lookahead):
 
 
 class CheckedHolds(Lookahead):
-    """Asks all agents at every tick, and logs how the answer of an agent that holds differs from its last one. The hold counts."""
+    """Asks all agents at every tick, and tells how the answer of an agent that holds differs from its last one. The hold counts."""
 
     def __init__(self, world: World, begin: np.ndarray, asked: Any = None) -> None:
         super().__init__(world, begin, asked)
         self._last: dict[str, Action] = {}
+        self.wrong: list[str] = []
         self._told: set[str] = set()
 
     def due(self, world: World, ranges: np.ndarray, mail: Collection[str]) -> list[str]:
@@ -148,7 +151,8 @@ class CheckedHolds(Lookahead):
         for name, action in actions.items():
             if name not in due and name in self._last and (wrong := _broken_promise(self._last[name], action)) and name not in self._told:
                 self._told.add(name)
-                log.error("%s holds wrongly, tick %d: %s", name, world.tick, wrong)
+                self.wrong.append(f"{name} holds wrongly, tick {world.tick}: {wrong}")
+                log.error("%s", self.wrong[-1])
         asked = {name: action for name, action in actions.items() if name in due}
         self._last |= asked
         return super().hold(world, ranges, asked)

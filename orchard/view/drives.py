@@ -72,9 +72,7 @@ def read_drives(recording: Path, with_scans: bool = False) -> Drives:
         for chunk in chunks:
             _take(drives, chunk)
     if drives is None or not drives.poses:
-        raise RecordingError(
-            f"{recording}: it has no pose of any body: the run ended within its first second, or too much is missing"
-        )
+        raise RecordingError(f"{recording}: it has no pose of any body: the run ended within its first second, or too much is missing")
     drives.first, drives.last = min(drives.poses), max(drives.poses)
     return drives
 

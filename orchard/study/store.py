@@ -20,6 +20,10 @@ class StoreError(ValueError):
     """A store that cannot be used: the text names the file, and says what would be right."""
 
 
+class StoreFailed(Exception):
+    """A store that failed while it was used, as on a full disk: the text names the file, and says why."""
+
+
 class Store:
     """The runs that are known, by key. Only the parent process of a study writes; several studies may share a store."""
 
@@ -73,7 +77,7 @@ class Store:
         self._database.close()
 
     def known(self, keys: Iterable[str]) -> dict[str, RunRecord]:
-        """Return those of these runs that are there, by key. Raises StoreError if that fails, as on a broken disk."""
+        """Return those of these runs that are there, by key. Raises StoreFailed."""
         wanted = list(keys)
         found: dict[str, RunRecord] = {}
         for begin in range(0, len(wanted), 500):  # SQLite allows so many parameters everywhere
@@ -83,15 +87,15 @@ class Store:
         return found
 
     def keep(self, record: RunRecord) -> None:
-        """Keep a run; one that is there already stays as it is. Raises StoreError if that fails, as on a full disk."""
+        """Keep a run; one that is there already stays as it is. Raises StoreFailed, as on a full disk."""
         self._do("INSERT OR IGNORE INTO runs ({}) VALUES ({})", [getattr(record, name) for name in COLUMNS], "a run cannot be kept")
 
     def _do(self, statement: str, values: list[Any], fault: str) -> list[tuple[Any, ...]]:
-        """Execute a statement about all columns and these values, and return its rows. Raises StoreError."""
+        """Execute a statement about all columns and these values, and return its rows. Raises StoreFailed."""
         try:
             return self._database.execute(statement.format(", ".join(COLUMNS), ", ".join("?" * len(values))), values).fetchall()
         except sqlite3.Error as error:
-            raise StoreError(f"{self.path}: {fault}: {error}") from None
+            raise StoreFailed(f"{self.path}: {fault}: {error}") from None
 
 
 def fault_of(path: Path, anew: bool) -> str:

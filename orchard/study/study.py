@@ -69,7 +69,7 @@ def study(
     The same study gives the same table, whatever the workers, their number and their order, and whatever the store knows already; only
     what the budget allows depends on the machine.
 
-    Raises ScenarioError or StoreError for what a user can correct; WorkersError or RunFailed if the runs cannot be done.
+    Raises ScenarioError or StoreError for what a user can correct; WorkersError, RunFailed or StoreFailed if runs cannot be done or kept.
     """
     settings, problems = checked_settings(scenario, varied, options)
     if problems:

@@ -36,7 +36,7 @@ class Lookahead:
         """`begin`: (n + 1,) the index of each body's first range among those of all bodies. `asked`: `asked` of a run that is resumed."""
         self.asked = 0 if asked is None else msgspec.convert(asked, Tick)  # agents asked, added up over all ticks
         n, layout = len(world.layout.names), world.layout
-        self._agents, self._index, self._begin = layout.agents, layout.index, begin
+        self._agents, self._layout, self._begin = layout.agents, layout, begin
         self._lasers: list[Laser] = [KINDS[start.kind].laser for start in layout.starts]
         self.wanted = np.zeros((n, 3))  # the velocity of each body's last action
         self._until = np.zeros(n, dtype=np.int64)  # tick at which it is asked again; 0: it does not hold
@@ -67,8 +67,8 @@ class Lookahead:
     def wake(self, names: Iterable[str]) -> None:
         """End the holds of these agents. Without a further action their bodies stand."""
         for name in names:
-            if name in self._index:
-                self._until[self._index[name]] = 0
+            if name in self._layout.index:
+                self._until[self._layout.index[name]] = 0
             elif name in self._bodiless:
                 self._bodiless[name] = 0
 
@@ -79,8 +79,9 @@ class Lookahead:
         """
         self.wanted[self._until == 0] = 0.0
         holding: list[int] = []
+        index = self._layout.index
         for name, action in actions.items():
-            if (i := self._index.get(name)) is None:
+            if (i := index.get(name)) is None:
                 self._hold_bodiless(world.tick, name, action)
                 continue
             self.wanted[i] = action.twist

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from copy import deepcopy
 from dataclasses import replace
 
 import gymnasium
@@ -300,6 +301,22 @@ def test_whatever_is_commanded_a_body_keeps_its_limits(velocities):
     for velocity in velocities:
         observation, reward, *_ = env.step(np.array(velocity))
         assert env.observation_space.contains(observation) and np.isfinite(reward)
+
+
+def test_a_copy_goes_on_as_the_environment_does_and_neither_changes_the_other():
+    env = single_env(TINY, "carrier_01", is_hashed=True)
+    env.reset(seed=3)
+
+    def drive(env, ticks):
+        for number in range(ticks):
+            env.step([0.5, 0.1 * (number % 5)])
+        return env.local.engine.hash
+
+    drive(env, 60)
+    copy = deepcopy(env)
+    assert drive(deepcopy(env), 10) != (after := drive(copy, 100))
+    assert drive(env, 100) == after
+    assert copy.local.engine.asked_share == env.local.engine.asked_share
 
 
 def test_gymnasium_wrappers_fit():

@@ -127,7 +127,7 @@ def test_own_classes_are_of_the_directory_of_the_start_and_none_runs_when_it_is_
     outside = {"tractor": "subprocess.Popen", "dog": "sys.exit", "cat": "numpy.load", "worker": "no.A", "weed": "tests.own_agents.Rude"}
     refused = from_elsewhere(own_classes(Scenario(agents=inside | outside)), tmp_path)
     assert [words.partition(":")[0] for words in refused] == list(outside)
-    assert from_elsewhere({"weed": "tests.own_agents.Rude"}, Path.cwd()) == []
+    assert from_elsewhere({"weed": "bench.field.Weed"}, Path.cwd()) == []
 
 
 @pytest.mark.parametrize(

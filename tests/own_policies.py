@@ -40,6 +40,17 @@ class Overworking(Bad):
         return [Assignment(report.name, "carrier_01") for report in bins] * 2
 
 
+class Leaving(Bad):
+    def assign(self, now, bins, carriers, memory):
+        raise SystemExit(0)
+
+
+class Hoarding(Bad):
+    def assign(self, now, bins, carriers, memory):
+        memory["past"] = "x" * 20_000
+        return []
+
+
 class Silent(Bad):
     def assign(self, now, bins, carriers, memory):
         memory["bins"] = set(bins)

@@ -81,7 +81,7 @@ def _check_route(layout: Layout) -> None:
                 of_known_steps(route.crossing(row, row + 1, side) if row < layout.scenario.rows else [], route.Steps)
         route.roads(), route.holds(), route.distance(layout.queue.head, TOP_ROAD, 1, route.east)
     except MISTAKES as error:
-        raise unusable("route", path, error) from error
+        raise unusable("route", path, error, place=place_of_class(type(route))) from error
 
 
 def _make_ours(layout: Layout, name: str) -> Agent:
@@ -93,12 +93,14 @@ def _make_ours(layout: Layout, name: str) -> Agent:
 
 def _make_own(path: str, layout: Layout, name: str) -> Agent:
     """Make an agent of a user's class. If that fails, log the error and return an agent that stands."""
-    key = f"agents.{name}"
+    key, place = f"agents.{name}", ""
     try:
-        agent = made_of(load_plugin(key, path), layout, name)
+        class_ = load_plugin(key, path)
+        place = place_of_class(class_)
+        agent = made_of(class_, layout, name)
         if not callable(getattr(agent, "tick", None)):
-            raise TypeError(f"it has no method tick(observation, mail, memory){place_of_class(type(agent))}")
+            raise TypeError("it has no method tick(observation, mail, memory)")
         return Guarded(name, agent, layout.agents)
     except MISTAKES as error:
-        log.error("%s stands: %s", name, error if isinstance(error, ScenarioError) else unusable(key, path, error))
+        log.error("%s stands: %s", name, error if isinstance(error, ScenarioError) else unusable(key, path, error, place=place))
         return Guarded(name, Broken(), layout.agents)

@@ -9,7 +9,7 @@ from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, Dispat
 from orchard.agents.policies.nearest import Nearest
 from orchard.agents.routes import route_of
 from orchard.agents.timing import approach_seconds
-from orchard.contract.agent import Action, Heard, Hold, Mail, Observation
+from orchard.contract.agent import LARGEST_MEMORY, Action, Heard, Hold, Mail, Observation
 from orchard.contract.messages import LAST_TICK, Answer, CarrierComing, CarrierQuery, CarrierStatus, Fetch, No, pack, unpack
 from orchard.field.layout import Layout
 from orchard.field.plugins import MISTAKES, place_of_class, place_of_error, reraise_ctrl_c, text_of
@@ -20,7 +20,12 @@ log = logging.getLogger("orchard")
 
 POLL_TICKS = 10  # ticks between two questions to the carriers
 FORGET_TICKS = 60  # ticks after which a bin that does not report again is dropped: a bin reports every 20 ticks
+LARGEST_POLICY_MEMORY = LARGEST_MEMORY // 2  # bytes: it is sent in the dispatcher's memory, with the bins and the bookings
 BOOKED_TICKS = 10  # ticks for which a carrier counts as taken after its bin was answered: its status shows the job 4 ticks later
+
+
+class PolicyFault(RuntimeError):
+    """Raised where a decision of a policy that cannot be ends a run: the text says what is wrong, and where in the user's file."""
 
 
 class Booking(msgspec.Struct):
@@ -109,10 +114,12 @@ class Dispatcher:
         memory.bookings |= {assignment.bin: Booking(assignment.carrier) for assignment in assignments}
 
     def orders(self, memory: DispatcherMemory, bins: list[BinReport], free: list[CarrierReport], tick: int) -> list[Assignment]:
-        """Return the policy's decision. Raises what the policy raises, and TypeError or ValueError for a decision that cannot be."""
+        """Return the policy's decision. Raises what the policy raises, and TypeError or ValueError for what cannot be."""
         remembered = unpack(memory.policy, self.policy.Memory) if memory.policy else self.policy.Memory()
         assignments = checked(self.policy.assign(tick, list(bins), list(free), remembered), bins, free)
         packed = pack(remembered)
+        if len(packed) > LARGEST_POLICY_MEMORY:
+            raise ValueError(f"the policy's memory takes {len(packed)} bytes; at most {LARGEST_POLICY_MEMORY}")
         unpack(packed, self.policy.Memory)
         memory.policy = packed
         return assignments
@@ -147,14 +154,15 @@ def fault_of(policy: Dispatch, path: str, error: BaseException, tick: int) -> st
 
 
 def checked(assignments: object, bins: list[BinReport], carriers: list[CarrierReport]) -> list[Assignment]:
-    """Return a policy's decision. Raises TypeError if it is no list of assignments, ValueError if one of them cannot be: its bin does not
-    wait, its carrier is not free to leave, or either of them comes twice."""
+    """Return a policy's decision, its names as plain text. Raises TypeError if it is no list of assignments, ValueError if one of them
+    cannot be: its bin does not wait, its carrier is not free to leave, or either of them comes twice."""
     if not isinstance(assignments, list | tuple) or not all(isinstance(one, Assignment) for one in assignments):
         raise TypeError(f"assign returned {assignments!r}; it must return a list of Assignment(bin, carrier)")
+    orders = [Assignment(str(one.bin), str(one.carrier)) for one in assignments]
     waiting, free = [report.name for report in bins], [carrier.name for carrier in carriers if carrier.is_next]
-    for what, names, known in (("bin", [one.bin for one in assignments], waiting), ("carrier", [one.carrier for one in assignments], free)):
+    for what, names, known in (("bin", [one.bin for one in orders], waiting), ("carrier", [one.carrier for one in orders], free)):
         for name in names:
             if name not in known or names.count(name) > 1:
                 fault = " twice" if name in known else f", which is not available; available: {', '.join(known) or 'none'}"
                 raise ValueError(f"the dispatch policy assigns {what} {name}{fault}")
-    return list(assignments)
+    return orders

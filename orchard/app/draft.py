@@ -1,6 +1,7 @@
 """What a user has entered: the entries of a scenario, their values, and what is wrong with each."""
 
 import re
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import cache, reduce
@@ -180,7 +181,11 @@ class Draft:
 
     def set(self, path: str, value: Any) -> None:
         """Set one value."""
-        self.values[path] = _typed(path, value)
+        self.enter({path: value})
+
+    def enter(self, values: Mapping[str, Any]) -> None:
+        """Set some values, by path."""
+        self.values |= {path: _typed(path, value) for path, value in values.items()}
         self._check()
 
     @property

@@ -61,6 +61,8 @@ class Control:
             self._automatic.set_value(value is None)
         if self.entry.choices:
             self._value.set_options([*dict.fromkeys([*self.entry.choices, value])], value=value)
+        elif self.entry.kind is bool:
+            self._value.set_value(value is True)  # what is neither true nor false stays in the draft, whose problem is shown
         elif value is not None:
             self._value.set_value(shown(value) if self.entry.kind in (int, float) else value)
 

@@ -24,11 +24,12 @@ def _words(value: Any) -> str:
 
 def draft_of(query: Iterable[tuple[str, str]]) -> tuple[Draft, list[str]]:
     """Return the draft that a link holds, and a message for each name that is no setting. The draft tells which values are wrong."""
-    draft, unknown = Draft(Scenario()), []
+    draft, values, unknown = Draft(Scenario()), {}, []
     for path, text in query:
         if path in entries():
-            draft.set(path, ON_OFF.get(text, text) if entries()[path].kind is bool else text)
+            values[path] = ON_OFF.get(text, text) if entries()[path].kind is bool else text
         else:
             close = get_close_matches(path, entries(), 1)
             unknown.append(f"{path}: no such setting" + (f"; did you mean {close[0]}?" if close else ""))
+    draft.enter(values)
     return draft, unknown

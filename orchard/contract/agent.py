@@ -8,6 +8,7 @@ lists, maps). It is sent with the velocity, and the process that runs the agent 
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from itertools import pairwise
@@ -231,6 +232,10 @@ class Observations:
         state, hitch, fill = self.states[body].tolist(), self.hitches.get(name), self.fills.get(name, 0.0)
         accuracy = self.accuracies.get(name, 0.0)
         return observation_of(name, self.tick, state, self.scans[body], hitch, fill, name in self.full, accuracy)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Observations":
+        parts = self.states, self.scans, self.hitches, self.fills, self.full, self.accuracies
+        return Observations(self.tick, self.names, *deepcopy(parts, memo))  # the names are the layout's, and read-only
 
     def of(self, names: Iterable[str]) -> dict[str, Observation]:
         """Return the observations of these agents, by name; an agent without a body observes the tick only."""

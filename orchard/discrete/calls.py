@@ -9,13 +9,14 @@ import simpy
 from orchard.agents.bin import CALL_AGAIN
 from orchard.agents.carrier import REMEMBERED, HeardCall, first_call
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, dispatch_of, is_early
-from orchard.agents.dispatcher import POLL_TICKS
+from orchard.agents.dispatcher import POLL_TICKS, PolicyFault, checked, fault_of
 from orchard.agents.forecast import EARLIER
 from orchard.agents.route import OneWay, Side
 from orchard.agents.timing import approach_seconds
 from orchard.discrete.places import at
 from orchard.discrete.robots import Events, Robot
 from orchard.field.kinds import number_of
+from orchard.field.plugins import MISTAKES, reraise_ctrl_c
 from orchard.field.queue import PITCH
 from orchard.field.scenario import TIME_STEP
 
@@ -181,7 +182,16 @@ class Dispatched(Calls):
 
     def decide(self, decision: Decision) -> None:
         """Let the policy decide, and send the carriers."""
-        self.send(decision, self.policy.assign(decision.now, decision.bins, decision.carriers, self.memory))
+        self.send(decision, self.orders(decision))
+
+    def orders(self, decision: Decision) -> list[Assignment]:
+        """Return what the policy decides. Raises PolicyFault."""
+        now, bins, carriers = decision.now, decision.bins, decision.carriers
+        try:
+            return checked(self.policy.assign(now, list(bins), list(carriers), self.memory), bins, carriers)
+        except MISTAKES as error:
+            reraise_ctrl_c(error)
+            raise PolicyFault(fault_of(self.policy, self.layout.scenario.dispatch, error, now)) from error
 
     def send(self, decision: Decision, orders: Iterable[Assignment]) -> None:
         """Send carriers to bins, at the time of the decision."""

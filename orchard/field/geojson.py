@@ -19,7 +19,7 @@ from orchard.field.layout import ROW_WEST, lay_out
 from orchard.field.problems import Problem, ScenarioError, key_text, printable, show
 from orchard.field.queue import LONGEST_ROW, SHORTEST_ROW
 from orchard.field.scenario import Scenario, check
-from orchard.field.survey import CLOSEST, FEWEST_ROWS, MOST_ROWS, Origin, SurveyedRow, faults_of
+from orchard.field.survey import CLOSEST, FEWEST_ROWS, MOST_ROWS, SurveyedRow, faults_of
 
 STRAIGHT = 0.2  # m, at most, from a point of a row to its straight line, and to the direction of all rows
 LARGEST_FILE = 10_000_000  # bytes
@@ -159,7 +159,7 @@ def _on_a_plane(lines: Sequence[SurveyedLine], name: str) -> tuple[Plane, list[S
             crs = CRS.from_epsg((32700 if middle.imag < 0 else 32600) + int((middle.real + 180.0) // 6.0) % 60 + 1)
             lines = _converted(given, crs, lines)
             scale = _scale(crs, _middle_of(lines))
-    except ProjError as error:
+    except (ProjError, UnicodeError) as error:
         fault = str(error).rpartition("proj_create: ")[2].rstrip(")")
         raise ValueError(f"{_words(name)} cannot be used: {printable(fault)}; {RIGHT_SYSTEM}") from None
     plane = Plane(crs.to_string(), _middle_of(lines), scale)
@@ -167,7 +167,7 @@ def _on_a_plane(lines: Sequence[SurveyedLine], name: str) -> tuple[Plane, list[S
 
 
 def _words(name: str) -> str:
-    return f"the coordinate system {printable(name)!r}"
+    return f"the coordinate system {printable(name, 60)!r}"
 
 
 def _converted(given: Any, wanted: Any, lines: Sequence[SurveyedLine]) -> list[SurveyedLine]:
@@ -190,9 +190,12 @@ def _converted(given: Any, wanted: Any, lines: Sequence[SurveyedLine]) -> list[S
 
 
 def _scale(crs: Any, middle: complex) -> float:
-    """Return a projected system's units in a metre on the ground; 0 if they are not the same along both axes: it does not keep angles."""
+    """Return a projected system's units in a metre on the ground; 0 if the orchard would not have its shape there: the units are not the
+    same along both axes, or these are not east and north, as in a system that counts to the south."""
     from pyproj import Transformer
 
+    if {axis.direction for axis in crs.axis_info[:2]} != {"east", "north"}:
+        return 0.0
     to_globe = Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True)
     units = STEP / crs.axis_info[0].unit_conversion_factor
     ends = [middle + units * side * axis / 2 for axis in (1, 1j) for side in (-1, 1)]
@@ -216,10 +219,16 @@ def _middle(values: np.ndarray) -> float:
 
 def _direction(lines: Sequence[SurveyedLine]) -> float:
     """Return the rows' direction, rad, in (-pi / 2, pi / 2]: the median, so that one line that is askew does not turn the others."""
-    ways = [complex(line.points[-1] - line.points[0]) for line in lines]
+    ways = [_way(line.points) for line in lines]
     longest = max(ways, key=abs)
     yaw = cmath.phase(longest) + median(cmath.phase((way / longest) ** 2) / 2 for way in ways)
     return yaw - math.pi * math.ceil(yaw / math.pi - 0.5)
+
+
+def _way(points: np.ndarray) -> complex:
+    """Return the way from a line's first point to its last one; to the farthest one, if the line comes back to where it began."""
+    ways = points - points[0]
+    return complex(ways[-1] or ways[np.abs(ways).argmax()])
 
 
 def _faults(lines: Sequence[SurveyedLine], yaw: float) -> Iterator[tuple[str, str]]:
@@ -227,7 +236,7 @@ def _faults(lines: Sequence[SurveyedLine], yaw: float) -> Iterator[tuple[str, st
     askew = False
     for line in lines:
         length = float(np.ptp(line.points.real))
-        own, off = _bend(line.points * cmath.exp(-1j * cmath.phase(line.points[-1] - line.points[0]))), _bend(line.points)
+        own, off = _bend(line.points * cmath.exp(-1j * cmath.phase(_way(line.points)))), _bend(line.points)
         askew |= off > CLOSEST / 2
         if own > STRAIGHT:
             yield line.id, f"is bent: {own:.2f} m off a straight line; must be at most {STRAIGHT:g} m"
@@ -265,5 +274,5 @@ def _scenario(lines: Sequence[SurveyedLine], plane: Plane, yaw: float, file: str
     here = complex(min(float(line.points.real.min()) for line in lines), _middle(lines[0].points.imag))  # the corner from which rows count
     origin = plane.middle + plane.scale * cmath.exp(1j * yaw) * (here - complex(ROW_WEST, layout.lane(1).y))
     x, y = round(origin.real, DIGITS), round(origin.imag, DIGITS)
-    survey["origin"] = Origin(crs=plane.crs, x=x, y=y, yaw=round(yaw, 8), scale=round(plane.scale, 8)).model_dump()
+    survey["origin"] = {"crs": plane.crs, "x": x, "y": y, "yaw": round(yaw, 8), "scale": round(plane.scale, 8)}
     return check(values, file)

@@ -133,6 +133,8 @@ class Layout:
         """Where carriers wait: the queue of the scenario's route. Raises ScenarioError if there is no room for it."""
         scenario = self.scenario
         name = scenario.route if scenario.route in QUEUES else getattr(load_plugin("route", scenario.route), "QUEUE", ONE_WAY)
+        if name not in [*QUEUES]:
+            raise ScenarioError([Problem("scenario", f"its QUEUE is {name!r}; must be {' or '.join(QUEUES)}", "route", scenario.route)])
         queue = queue_of(name, scenario.row_length, scenario.bay, scenario.carrier_count)
         if queue is None:
             text = lack_of_room(name, scenario.row_length, scenario.bay, scenario.carrier_count)

@@ -35,11 +35,11 @@ def make_plugin(
     try:
         made = made_of(class_, *arguments)
         if not isinstance(made, base):
-            raise TypeError(f"it must be a class that is derived from {base.__name__}{place_of_class(type(made))}")
+            raise TypeError(f"it must be a class that is derived from {base.__name__}")
         if missing := [method for method in methods if not hasattr(made, method)]:
-            raise TypeError(f"it has no {' and no '.join(missing)}{place_of_class(type(made))}")
+            raise TypeError(f"it has no {' and no '.join(missing)}")
     except MISTAKES as error:
-        raise unusable(key, path, error) from error
+        raise unusable(key, path, error, place=place_of_class(class_)) from error
     return made
 
 
@@ -51,15 +51,18 @@ def made_of(class_: Callable[..., Any], *arguments: Any) -> Any:
         if error.__traceback__ is None or error.__traceback__.tb_next is not None:  # raised within the class
             raise
         names = ", ".join("name" if isinstance(one, str) else type(one).__name__.lower() for one in arguments)
-        raise TypeError(f"{error}; the program calls it with ({names}){place_of_class(class_)}") from None
+        raise TypeError(f"{error}; the program calls it with ({names})") from None
 
 
-def unusable(key: str, path: str, error: BaseException, wanted: str = "") -> ScenarioError:
-    """Return the error for a plug-in that cannot be used: the scenario's key, the fault, its place in the user's files, what is allowed."""
+def unusable(key: str, path: str, error: BaseException, wanted: str = "", place: str = "") -> ScenarioError:
+    """Return the error for a plug-in that cannot be used: the scenario's key, the fault, its place in the user's files, what is allowed.
+
+    `place`: where the plug-in begins, for an error that was not raised in the user's files.
+    """
     reraise_ctrl_c(error)
     fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
     wanted = f"it must be {wanted}" if wanted else IMPORTED if _is_not_found(error, path) else ""
-    words = f"cannot be used: {fault}{place_of_error(error)}" + (f"; {wanted}" if wanted else "")
+    words = f"cannot be used: {fault}{place_of_error(error) or place}" + (f"; {wanted}" if wanted else "")
     return ScenarioError([Problem("scenario", words, key, path)])
 
 
@@ -113,7 +116,7 @@ def is_own(file: str) -> bool:
 
 
 def place_of_class(class_: Callable[..., Any]) -> str:
-    """Return the place where a class begins, as ' (FILE, line N)'; '' if it is unknown."""
+    """Return the place where a class or a function begins, as ' (FILE, line N)'; '' if it is unknown."""
     try:
         return f" ({inspect.getsourcefile(class_)}, line {inspect.getsourcelines(class_)[1]})"
     except (OSError, TypeError):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from orchard.field.kinds import name_of
-from orchard.field.plugins import MISTAKES, load_plugin, unusable
+from orchard.field.plugins import MISTAKES, load_plugin, place_of_class, unusable
 from orchard.field.scenario import BALANCED, BALANCED_ENDS, MANUAL, Scenario
 
 End = Literal["west", "east"]
@@ -54,10 +54,13 @@ def rows_to_pickers(scenario: Scenario) -> dict[str, Block]:
     try:
         return _checked(rule(scenario), scenario)
     except MISTAKES as error:
-        raise unusable(key, path, error, "a function of the scenario that returns {picker: Block or rows}") from error
+        wanted = "a function of the scenario that returns {picker: Block or rows}"
+        raise unusable(key, path, error, wanted, place_of_class(rule)) from error
 
 
 def _checked(given: Mapping[str, Any], scenario: Scenario) -> dict[str, Block]:
+    if not isinstance(given, Mapping) or any(name not in given for name in _pickers(scenario)):
+        raise TypeError(f"it returned {given!r}; it must return a map with the keys {', '.join(_pickers(scenario))}")
     blocks = {name: _block(given[name]) for name in _pickers(scenario)}
     shown = {name: block.rows for name, block in blocks.items()}
     if sorted(row for rows in shown.values() for row in rows) != list(range(1, scenario.rows + 1)) or not all(shown.values()):

@@ -14,7 +14,7 @@ DEEPEST = 8  # levels in a file; a scenario needs 3
 
 def dump(values: dict[str, Any], **layout: Any) -> str:
     """Return values as YAML, in their order. `layout`: as of `yaml.safe_dump`."""
-    text: str = yaml.safe_dump(values, sort_keys=False, **layout)
+    text: str = yaml.dump(values, Dumper=_Dumper, sort_keys=False, **layout)
     return text
 
 
@@ -40,6 +40,10 @@ class _Loader(yaml.SafeLoader):
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  # as its base class has it
 
 
+class _Dumper(yaml.SafeDumper):
+    """Quotes each text that YAML 1.1 or the loader takes for something else: 1e3 is a number for the loader only."""
+
+
 for _tag, _pattern, _first in (
     ("null", r"(~|null|Null|NULL|)$", ["~", "n", "N", ""]),
     ("bool", r"(true|True|TRUE|false|False|FALSE)$", list("tTfF")),
@@ -47,7 +51,8 @@ for _tag, _pattern, _first in (
     ("float", r"[-+]?(0|[1-9][0-9]*)?(\.[0-9]+|(?<=[0-9])\.?)([eE][-+]?[0-9]+)?$", list("-+.0123456789")),
     ("float", r"([-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN))$", list("-+.")),
 ):
-    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), _first)
+    for _class in (_Loader, _Dumper):
+        _class.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), _first)
 
 
 def values_of(text: str, source: str) -> tuple[Any, Lines, list[Problem]]:

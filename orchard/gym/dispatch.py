@@ -13,11 +13,9 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport
-from orchard.agents.dispatcher import checked, fault_of
 from orchard.discrete.calls import Decision, Dispatched
 from orchard.discrete.harvest import JAM, LONGEST, DiscreteHarvest
 from orchard.field.layout import Layout, lay_out
-from orchard.field.plugins import MISTAKES, reraise_ctrl_c
 from orchard.field.repeatable import draw
 from orchard.field.scenario import TIME_STEP, Scenario, with_changes
 from orchard.gym.harvest import refuse_what_is_no_episode
@@ -148,13 +146,8 @@ class Paused(Dispatched):
     scripted: Sequence[Assignment] = ()
 
     def decide(self, decision: Decision) -> None:
-        """Keep a decision, unless nothing can be sent, and what the scenario's policy decides. Raises RuntimeError for a fault of it."""
-        now, bins, carriers = decision.now, decision.bins, decision.carriers
-        try:
-            self.scripted = checked(self.policy.assign(now, list(bins), list(carriers), self.memory), bins, carriers)
-        except MISTAKES as error:
-            reraise_ctrl_c(error)
-            raise RuntimeError(fault_of(self.policy, self.layout.scenario.dispatch, error, now)) from error
+        """Keep a decision, unless nothing can be sent, and what the scenario's policy decides. Raises PolicyFault for a fault of it."""
+        self.scripted = self.orders(decision)
         self.pending = decision if decision.bins and decision.carriers else None
 
 

@@ -19,7 +19,19 @@ from orchard.field.layout import Layout, lay_out
 from orchard.field.repeatable import draw
 from orchard.field.scenario import Scenario, with_changes
 from orchard.gym.rewards import Moment, Reward, reward_of
-from orchard.gym.spaces import Arrays, Goal, action_space, deed_mask, deeds_of, goal_of, observation_space, observed, velocity_of
+from orchard.gym.spaces import (
+    NOTHING,
+    Arrays,
+    Goal,
+    action_space,
+    deed_mask,
+    deeds_of,
+    goal_of,
+    observation_space,
+    observed,
+    velocity_of,
+    with_deed,
+)
 from orchard.local import Local
 from orchard.sim.engine import Engine, Unaudited
 
@@ -78,7 +90,7 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
     def __init__(self, scenario: Scenario, learned: Sequence[str], reward: Reward, deeds: bool, longest: int, is_hashed: bool) -> None:
         """As `parallel_env`, which makes it."""
         refuse_what_is_no_episode(scenario, longest)
-        if isinstance(learned, str):
+        if isinstance(learned, str) or not isinstance(learned, Sequence):
             raise ValueError(f"learned = {learned!r}: must be a list of names, such as ['carrier_01']")
         _refuse_what_cannot_learn(lay_out(scenario), learned)
         self.scenario, self.possible_agents = scenario, list(learned)
@@ -155,11 +167,12 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         without that, it would take a body that was told to stand for one that collided.
         """
         look, world = self._looks[name], self.local.engine.world
-        velocity = velocity_of(name, given["velocity"] if self._deeds else given)
+        given, deed = with_deed(name, given) if self._deeds else (given, NOTHING)
+        velocity = velocity_of(name, given)
         if velocity == look.scripted and not self._deeds:
             return velocity
         action = self._answers.get(name) or replace(look.action, deeds=[], requests=[], answers=[])
-        deeds = deeds_of(world, name, int(given["deed"])) if self._deeds else action.deeds
+        deeds = deeds_of(world, name, deed) if self._deeds else action.deeds
         self._answers[name] = replace(action, twist=velocity, deeds=deeds, hold=None)
         if isinstance(action.memory, RobotMemory):
             action.memory.moving = velocity != STILL

@@ -138,6 +138,16 @@ def velocity_of(name: str, given: Any) -> Twist:
     return Twist(min(max(forward, -kind.speed), kind.speed), 0.0, min(max(turn, -kind.turn), kind.turn))
 
 
+def with_deed(name: str, given: Any) -> tuple[Any, int]:
+    """Return the two parts of an action with a deed: its velocity, as given, and the number of the deed. Raises ValueError."""
+    try:
+        velocity, deed = given["velocity"], np.asarray(given["deed"]).item()
+        return velocity, (NOTHING, COUPLE, UNCOUPLE).index(deed)
+    except (TypeError, ValueError, LookupError):
+        words = "it must be {'velocity': two numbers, 'deed': 0, 1 to couple, or 2 to uncouple}"
+        raise ValueError(f"{name}: action {given!r}; {words}") from None
+
+
 def deeds_of(world: World, name: str, deed: int) -> list[Deed]:
     """Return the deeds for the number in an action. A deed that cannot be is left out: see `deed_mask`."""
     robot = world.index[name]

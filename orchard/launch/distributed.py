@@ -225,12 +225,15 @@ class _Launched:
                 if asked is not None:
                     inbox.put(asked)
                 return bus
-            except BusError:
+            except BusError as error:
                 self.supervisor.watch()
                 if asked is not None and time.monotonic() >= deadline:
                     return None
-                if self._why_over(True) or time.monotonic() >= deadline:
+                if self._why_over(True):
                     raise
+                if time.monotonic() >= deadline:
+                    late = f"physics does not listen {BEGIN_SECONDS:g} s after its start; is the machine too busy?"
+                    raise BusError(f"{self.endpoint}: {late}") from error
             if isinstance(item := inbox.take(0.0), Signal):
                 if asked is not None:
                     return None

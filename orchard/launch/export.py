@@ -47,5 +47,6 @@ def lacks(drives: Drives) -> list[str]:
     """Return what is not in the recording, and so not in its bag."""
     gaps = [f"nothing recorded from {since * TIME_STEP:.1f} s to {until * TIME_STEP:.1f} s" for since, until in drives.gaps]
     late = [f"the recording begins at {drives.first * TIME_STEP:.1f} s"] if drives.first > 1 else []
+    torn = [f"its end is torn off, and it is repaired; it ends at {drives.last * TIME_STEP:.1f} s"] if drives.is_torn else []
     left_out = [f"{drives.left_out} ticks are not recorded: the poses before them stand for them"] if drives.left_out else []
-    return [f"{words}; the bag lacks that, too" for words in (*late, *gaps)] + left_out
+    return [f"{words}; the bag lacks that, too" for words in (*late, *gaps, *torn)] + left_out

@@ -6,6 +6,7 @@ from pathlib import Path
 import typer
 
 from orchard.field.geojson import import_rows
+from orchard.field.problems import printable
 from orchard.field.scenario import Scenario, to_short_yaml
 from orchard.field.survey import Survey
 from orchard.launch.terminal import BAD_INPUT, print_error, print_line
@@ -18,7 +19,7 @@ def write_scenario(file: Path, out: Path | None, crs: str | None) -> None:
     except ModuleNotFoundError as missing:
         print_error(f"An import needs the package {missing.name}: pip install 'orchard-sim[survey]'")
         raise typer.Exit(BAD_INPUT) from None
-    text = f"# The rows of {file.name}; `orchard layout import` made this scenario.\n{to_short_yaml(scenario)}"
+    text = f"# The rows of {printable(file.name)}; `orchard layout import` made this scenario.\n{to_short_yaml(scenario)}"
     if out is None:
         print_line(text.rstrip())
         return

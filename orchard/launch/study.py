@@ -21,7 +21,7 @@ from orchard.launch.terminal import FAILED, FINISHED, console, exit_on_errors, p
 from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
 from orchard.study.settings import Varied, varied_of
-from orchard.study.store import StoreError, fault_of
+from orchard.study.store import StoreError, StoreFailed, fault_of
 from orchard.study.study import StudyOptions, checked_settings, study
 from orchard.study.table import as_table, save_csv
 from orchard.study.workers import WorkersError
@@ -37,7 +37,7 @@ def run_study(chosen: StudyArguments) -> int:
         try:
             with _stoppable() as is_stopped, _progress(chosen) as tell:
                 result = study(scenario, varied, _options(chosen), tell, is_stopped)
-        except (WorkersError, RunFailed) as error:
+        except (WorkersError, RunFailed, StoreFailed) as error:
             print_error(error)
             return FAILED
     _print(result, chosen.progress == "json")

@@ -192,8 +192,8 @@ class Engine:
             self._states.update(self.world, self.answers)
 
     def violations(self) -> list[str]:
-        """Return a sentence for each invariant that the run has broken. Call it at the end of a run."""
-        return self.invariants.end(self.world, self.over) + self.states.faults(self.world)
+        """Return a sentence for each invariant that the run has broken, and each agent that holds wrongly. Call it at the end of a run."""
+        return [*self.invariants.end(self.world, self.over), *self.states.faults(self.world), *self.lookahead.wrong]
 
     def stop(self, words: Sequence[str] = ()) -> list[str]:
         """Stop the robots with these names or kinds, or all, until they are reset. Return those that were not stopped before.

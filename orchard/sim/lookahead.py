@@ -6,7 +6,7 @@ hold gives the velocity that it holds. So it does no harm to ask more agents tha
 """
 
 import logging
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
@@ -30,11 +30,13 @@ _BEAMS = max(kind.laser.beams for kind in KINDS.values())
 class Lookahead:
     """The holds of one run."""
 
+    wrong: Sequence[str] = ()  # a sentence for each agent that is known to hold wrongly
+
     def __init__(self, world: World, begin: np.ndarray, asked: Any = None) -> None:
         """`begin`: (n + 1,) the index of each body's first range among those of all bodies. `asked`: `asked` of a run that is resumed."""
         self.asked = 0 if asked is None else msgspec.convert(asked, Tick)  # agents asked, added up over all ticks
         n, layout = len(world.layout.names), world.layout
-        self._agents, self._index, self._begin = layout.agents, layout.index, begin
+        self._agents, self._layout, self._begin = layout.agents, layout, begin
         self._lasers: list[Laser] = [KINDS[start.kind].laser for start in layout.starts]
         self.wanted = np.zeros((n, 3))  # the velocity of each body's last action
         self._until = np.zeros(n, dtype=np.int64)  # tick at which it is asked again; 0: it does not hold
@@ -67,8 +69,8 @@ class Lookahead:
     def wake(self, names: Iterable[str]) -> None:
         """End the holds of these agents. Without a further action their bodies stand."""
         for name in names:
-            if name in self._index:
-                self._until[self._index[name]] = 0
+            if name in self._layout.index:
+                self._until[self._layout.index[name]] = 0
             elif name in self._bodiless:
                 self._bodiless[name] = 0
 
@@ -79,8 +81,9 @@ class Lookahead:
         """
         self.wanted[self._until == 0] = 0.0
         holding: list[int] = []
+        index = self._layout.index
         for name, action in actions.items():
-            if (i := self._index.get(name)) is None:
+            if (i := index.get(name)) is None:
                 self._hold_bodiless(world.tick, name, action)
                 continue
             self.wanted[i] = action.twist
@@ -129,11 +132,12 @@ class IgnoredHolds(Lookahead):
 
 
 class CheckedHolds(Lookahead):
-    """Asks all agents at every tick, and logs how the answer of an agent that holds differs from its last one. The hold counts."""
+    """Asks all agents at every tick, and tells how the answer of an agent that holds differs from its last one. The hold counts."""
 
     def __init__(self, world: World, begin: np.ndarray, asked: Any = None) -> None:
         super().__init__(world, begin, asked)
         self._last: dict[str, Action] = {}
+        self.wrong: list[str] = []
         self._told: set[str] = set()
 
     def due(self, world: World, ranges: np.ndarray, mail: Collection[str]) -> list[str]:
@@ -150,7 +154,8 @@ class CheckedHolds(Lookahead):
         for name, action in actions.items():
             if name not in due and name in self._last and (wrong := _broken_promise(self._last[name], action)) and name not in self._told:
                 self._told.add(name)
-                log.error("%s holds wrongly, tick %d: %s", name, world.tick, wrong)
+                self.wrong.append(f"{name} holds wrongly, tick {world.tick}: {wrong}")
+                log.error("%s", self.wrong[-1])
         asked = {name: action for name, action in actions.items() if name in due}
         self._last |= asked
         return super().hold(world, ranges, asked)

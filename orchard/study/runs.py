@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import orchard
+from orchard.agents.dispatcher import PolicyFault
 from orchard.discrete.harvest import DiscreteHarvest, long_run_bins_per_hour
 from orchard.field.layout import lay_out
-from orchard.field.plugins import place_of_error, text_of
+from orchard.field.plugins import MISTAKES, place_of_error, reraise_ctrl_c, text_of
 from orchard.field.scenario import Scenario
 from orchard.local import Local
 from orchard.report.bounds import Bounds
@@ -121,11 +122,14 @@ class RunFailed(Exception):
 
 def do(run: PlannedRun, until: float) -> RunRecord | None:
     """Do a run in a worker: see `Run.do`. Raises RunFailed."""
+    which = f"seed {run.scenario.seed}, {run.model} model, {run.scenario.dispatch}"
     try:
         return run.do(until)
-    except Exception as error:
-        words = f"seed {run.scenario.seed}, {run.model} model, {run.scenario.dispatch}: {type(error).__name__}: {text_of(error)}"
-        raise RunFailed(words + place_of_error(error)) from None
+    except PolicyFault as fault:
+        raise RunFailed(f"{which}: {fault}") from None
+    except MISTAKES as error:  # SystemExit too: it would end the study, and say nothing
+        reraise_ctrl_c(error)
+        raise RunFailed(f"{which}: {type(error).__name__}: {text_of(error)}{place_of_error(error)}") from None
 
 
 def digest(*parts: object) -> str:

@@ -105,7 +105,7 @@ def _value(text: str) -> Any:
     """Return a number, true, false or null, or else the text itself."""
     try:
         return json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         return text
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from contextlib import closing, suppress
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 from orchard.study.runs import RunRecord, software
 
@@ -17,6 +18,10 @@ COLUMNS = [field.name for field in fields(RunRecord)]
 
 class StoreError(ValueError):
     """A store that cannot be used: the text names the file, and says what would be right."""
+
+
+class StoreFailed(Exception):
+    """A store that failed while it was used, as on a full disk: the text names the file, and says why."""
 
 
 class Store:
@@ -72,24 +77,25 @@ class Store:
         self._database.close()
 
     def known(self, keys: Iterable[str]) -> dict[str, RunRecord]:
-        """Return those of these runs that are there, by key."""
+        """Return those of these runs that are there, by key. Raises StoreFailed."""
         wanted = list(keys)
         found: dict[str, RunRecord] = {}
         for begin in range(0, len(wanted), 500):  # SQLite allows so many parameters everywhere
             some = wanted[begin : begin + 500]
-            rows = self._database.execute(f"SELECT {', '.join(COLUMNS)} FROM runs WHERE key IN ({', '.join('?' * len(some))})", some)
+            rows = self._do("SELECT {} FROM runs WHERE key IN ({})", some, "the runs in it cannot be read")
             found |= {record.key: record for record in (RunRecord(**dict(zip(COLUMNS, row, strict=True))) for row in rows)}
         return found
 
     def keep(self, record: RunRecord) -> None:
-        """Keep a run; one that is there already stays as it is. Raises StoreError if that fails, as on a full disk."""
+        """Keep a run; one that is there already stays as it is. Raises StoreFailed, as on a full disk."""
+        self._do("INSERT OR IGNORE INTO runs ({}) VALUES ({})", [getattr(record, name) for name in COLUMNS], "a run cannot be kept")
+
+    def _do(self, statement: str, values: list[Any], fault: str) -> list[tuple[Any, ...]]:
+        """Execute a statement about all columns and these values, and return its rows. Raises StoreFailed."""
         try:
-            self._database.execute(
-                f"INSERT OR IGNORE INTO runs ({', '.join(COLUMNS)}) VALUES ({', '.join('?' * len(COLUMNS))})",
-                [getattr(record, name) for name in COLUMNS],
-            )
+            return self._database.execute(statement.format(", ".join(COLUMNS), ", ".join("?" * len(values))), values).fetchall()
         except sqlite3.Error as error:
-            raise StoreError(f"{self.path}: a run cannot be kept: {error}") from None
+            raise StoreFailed(f"{self.path}: {fault}: {error}") from None
 
 
 def fault_of(path: Path, anew: bool) -> str:
@@ -111,7 +117,7 @@ def _version(path: Path) -> str | None:
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
             if database.execute("PRAGMA application_id").fetchone() != (APPLICATION,):
                 return None
-            (version,) = database.execute("SELECT version FROM software").fetchone()
-            return str(version)
+            found = database.execute("SELECT version FROM software").fetchone()
+            return None if found is None else str(found[0])
     except sqlite3.Error:
         return None

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from orchard.agents.catalogue import check_plugins
+from orchard.agents.routes import route_of
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
@@ -68,7 +69,7 @@ def study(
     The same study gives the same table, whatever the workers, their number and their order, and whatever the store knows already; only
     what the budget allows depends on the machine.
 
-    Raises ScenarioError or StoreError for what a user can correct; WorkersError or RunFailed if the runs cannot be done.
+    Raises ScenarioError or StoreError for what a user can correct; WorkersError, RunFailed or StoreFailed if runs cannot be done or kept.
     """
     settings, problems = checked_settings(scenario, varied, options)
     if problems:
@@ -85,7 +86,7 @@ def checked_settings(scenario: Scenario, varied: Mapping[str, Sequence[Any]], op
     """Return the settings of a study, and all that is wrong with them, with what the options ask of them, and with own classes."""
     settings, problems = settings_of(scenario, varied)
     asked = settings or [Setting({}, scenario)]
-    return settings, [*problems, *_option_problems(asked, options), *_plugin_problems(asked)]
+    return settings, [*problems, *_option_problems(asked, options), *_plugin_problems(asked, options.model)]
 
 
 def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list[Problem]:
@@ -107,18 +108,21 @@ def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list
     return problems
 
 
-def _plugin_problems(settings: Sequence[Setting]) -> list[Problem]:
-    """What is wrong with the classes of the user's own that settings name."""
+def _plugin_problems(settings: Sequence[Setting], model: Models) -> list[Problem]:
+    """What is wrong with the classes of the user's own that settings name, for this model."""
     with_own = {classes: setting for setting in settings if (classes := own_classes(setting.scenario))}
-    return [problem for setting in with_own.values() for problem in _plugin_problems_of(setting)]
+    return [problem for setting in with_own.values() for problem in _plugin_problems_of(setting, model)]
 
 
-def _plugin_problems_of(setting: Setting) -> list[Problem]:
+def _plugin_problems_of(setting: Setting, model: Models) -> list[Problem]:
     try:
-        check_plugins(lay_out(setting.scenario))
+        layout = lay_out(setting.scenario)
+        check_plugins(layout)
+        steps = [step.__name__ for step in route_of(layout).Steps]
     except ScenarioError as error:
         return [replace(problem, file=setting.words or problem.file) for problem in error.problems]
-    return []
+    text = f"only the full model knows steps of your own ({', '.join(steps)}); choose --model full"
+    return [Problem(f"--model {model}", text, "route", setting.scenario.route)] if steps and model != "full" else []
 
 
 def _own_agents(scenario: Scenario) -> list[str]:

@@ -40,6 +40,7 @@ class Drives:
     last: int = 0  #: the newest tick
     gaps: list[tuple[int, int]] = field(default_factory=list)  #: (last tick before, first tick after) of what is not recorded
     left_out: int = 0  #: ticks that are not recorded besides, because the logger was too slow
+    is_torn: bool = False  #: whether the end of a part is missing
     poses: dict[int, dict[str, State]] = field(default_factory=dict)  #: tick -> body -> its pose
     velocities: dict[int, dict[str, Velocities]] = field(default_factory=dict)  #: tick of the step's end -> body -> done and wanted
     points: dict[int, dict[str, np.ndarray]] = field(default_factory=dict)  #: tick -> body -> (m, 2) m, what its laser hit, in its frame
@@ -67,10 +68,11 @@ def read_drives(recording: Path, with_scans: bool = False) -> Drives:
         drives = drives or _begun(_scenario_in(part, chunks))
         drives.gaps += known.gaps
         drives.left_out += known.left_out
+        drives.is_torn |= known.is_torn
         for chunk in chunks:
             _take(drives, chunk)
     if drives is None or not drives.poses:
-        raise RecordingError(f"{recording}: it has no pose of any body; the run ended before its first second was recorded")
+        raise RecordingError(f"{recording}: it has no pose of any body: the run ended within its first second, or too much is missing")
     drives.first, drives.last = min(drives.poses), max(drives.poses)
     return drives
 

@@ -35,6 +35,7 @@ class RecordingPart(NamedTuple):
     gaps: tuple[tuple[int, int], ...]  # (last tick before, first tick after)
     left_out: int  # frames missing besides, because the writer was too slow
     said: dict[str, dict[str, Colour]]  # entity -> its state texts and their colours
+    is_torn: bool = False  # whether its end was missing, and it had to be repaired
 
 
 class Before(NamedTuple):
@@ -69,7 +70,7 @@ def read_part(path: Path) -> RecordingPart | None:
     except OSError as error:
         log.warning("%s", error)
     with suppress(*UNREADABLE):
-        return _read(path)
+        return _read(path)._replace(is_torn=True)
     return None
 
 

@@ -5,15 +5,17 @@ import sys
 from functools import cache
 from importlib.util import find_spec
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stage import Stage, Standing, empty_orchard
 
-from orchard import BinReport, CarrierReport, Local, Scenario, ScenarioError, draw, lay_out
+from orchard import Assignment, BinReport, CarrierReport, Local, Scenario, ScenarioError, draw, lay_out
 from orchard.agents import route
 from orchard.agents.catalogue import check_plugins, make_agents
 from orchard.agents.dispatch import Dispatch, dispatch_of
+from orchard.agents.dispatcher import checked
 from orchard.agents.forecast import Forecast
 from orchard.contract.messages import pack, unpack
 from orchard.field.scenario import DISPATCH_POLICIES
@@ -220,8 +222,14 @@ MISTAKES = {
     "Raising": r"LookupError: no such bin here \(.*own_policies.py, line \d+\)",
     "Inventing": r"assigns bin bin_77, which is not available; .* \(.*own_policies.py, line \d+\)",
     "Overworking": r"assigns bin bin_0\d twice \(.*own_policies.py, line \d+\)",
+    "Hoarding": r"the policy's memory takes 20009 bytes; at most 16384 \(.*own_policies.py",
     "Silent": r"assign returned None; it must return a list of Assignment\(bin, carrier\) \(.*own_policies.py",
 }
+
+
+def test_names_in_a_decision_may_be_of_a_text_type_of_a_library():
+    (order,) = checked([Assignment(np.str_("bin_01"), np.str_("carrier_02"))], [NEAR], [HEAD])
+    assert [type(name) for name in order] == [str, str], "the dispatcher keeps them in its memory, which takes plain text only"
 
 
 @pytest.mark.parametrize("name", MISTAKES)

@@ -112,6 +112,12 @@ class Raising:
         raise LookupError("no map")
 
 
+class WithoutArguments:
+    """A policy that cannot be made with the layout."""
+
+    Memory = dict
+
+
 class Forgetful:
     """A policy without `assign`."""
 
@@ -155,6 +161,14 @@ class Failing(OneWay):
         raise LookupError("no road")
 
 
+class NoSuchQueue(OneWay):
+    QUEUE = "nowhere"
+
+
+def no_rows(scenario):
+    return None
+
+
 def plain_rows(scenario):
     return {"picker_01": [1, 2, 3], "picker_02": [4]}
 
@@ -181,11 +195,14 @@ def one_row_each(scenario):
         ({"dispatch": "nowhere.Mine"}, "dispatch = nowhere.Mine: cannot be used: ModuleNotFoundError"),
         ({"dispatch": "test_seams.Raising"}, r"LookupError: no map \(.*test_seams.py, line \d+"),
         ({"dispatch": "test_seams.Forgetful"}, r"it has no assign \(.*test_seams.py, line \d+"),
+        ({"dispatch": "test_seams.WithoutArguments"}, r"takes no arguments \(.*test_seams.py, line \d+"),
         ({"route": "test_seams.Forgetful"}, "must be a class that is derived from OneWay"),
         ({"route": "test_seams.Unregistered"}, "Detour is not in `Steps`"),
         ({"route": "test_seams.SameName"}, "Wait"),
         ({"route": "test_seams.Nested"}, "Detour is not in `Steps`, or is within a step"),
         ({"route": "test_seams.Failing"}, r"LookupError: no road \(.*test_seams.py, line \d+"),
+        ({"route": "test_seams.NoSuchQueue"}, "its QUEUE is 'nowhere'; must be one-way or two-way"),
+        ({"rows_to_pickers": "test_seams.no_rows"}, r"it returned None; .* with the keys picker_01, picker_02 \(.*test_seams.py, line \d+"),
         ({"rows_to_pickers": "test_seams.odd_and_even"}, "must be neighbours"),
         ({"rows_to_pickers": "test_seams.upwards"}, "in their order from north to south"),
         ({"rows_to_pickers": "test_seams.from_the_north"}, "starts at the end 'west' or 'east', and not picker_02 at 'north'"),

@@ -108,6 +108,14 @@ def test_a_link_chooses_a_built_in_rule_and_runs_no_class():
     assert query_of(Scenario(dispatch="nearest")) == "dispatch=nearest"
 
 
+def test_a_link_is_checked_once_however_long_it_is(monkeypatch):
+    checks = []
+    monkeypatch.setattr("orchard.app.draft.with_changes", lambda base, **values: checks.append(values) or with_changes(base, **values))
+    draft, _ = draft_of([("rows", "3"), ("tractor", "maybe")] * 1000)
+    assert len(checks) == 2, "of the default, and of the link"
+    assert [*draft.problems] == ["tractor"]
+
+
 def test_a_class_for_a_robot_that_is_gone_is_told():
     draft = Draft(Scenario(pickers=3, agents={"picker_03": "tests.own_agents.Eastward"}))
     assert draft.scenario is not None
@@ -125,7 +133,7 @@ def test_own_classes_are_of_the_directory_of_the_start_and_none_runs_when_it_is_
     outside = {"tractor": "subprocess.Popen", "dog": "sys.exit", "cat": "numpy.load", "worker": "no.A", "weed": "tests.own_agents.Rude"}
     refused = from_elsewhere(own_classes(Scenario(agents=inside | outside)), tmp_path)
     assert [words.partition(":")[0] for words in refused] == list(outside)
-    assert from_elsewhere({"weed": "tests.own_agents.Rude"}, Path.cwd()) == []
+    assert from_elsewhere({"weed": "bench.field.Weed"}, Path.cwd()) == []
 
 
 @pytest.mark.parametrize(

@@ -141,11 +141,13 @@ def test_a_gap_is_told_and_is_a_gap_in_the_bag(tmp_path):
     assert [tick for tick, _ in read(tmp_path / "run.mcap")["/picker_01/odom"]] == [*range(11), *range(21, 31)]
 
 
-def test_a_recording_that_a_kill_has_torn_gives_the_bag_of_what_is_left(recorded, tmp_path):
+def test_a_recording_that_a_kill_has_torn_gives_the_bag_of_what_is_left(recorded, tmp_path, capfd):
     whole = recorded[0].read_bytes()
     (tmp_path / "run.rrd").write_bytes(whole[: len(whole) * 3 // 4])
     assert export_bag(tmp_path / "run.rrd", tmp_path / "run.mcap", [], False) == 0
-    assert len(read(tmp_path / "run.mcap")["/picker_01/odom"]) > 30
+    ticks = len(read(tmp_path / "run.mcap")["/picker_01/odom"])
+    assert ticks > 30
+    assert f"its end is torn off, and it is repaired; it ends at {(ticks - 1) / 10} s; the bag lacks that, too" in capfd.readouterr().err
     (tmp_path / "run.rrd").write_bytes(whole[: len(whole) // 8])
     with pytest.raises(RecordingError, match=r"run.rrd: it has no|run.rrd: it cannot"):
         read_drives(tmp_path / "run.rrd")

@@ -22,6 +22,7 @@ from orchard.field.scenario import parse, to_short_yaml, with_changes
 pyproj = pytest.importorskip("pyproj", reason="pyproj is missing: pip install 'orchard-sim[survey,dev]'")
 
 SAMPLE = ROOT / "examples" / "te_puke.geojson"
+WKT = pyproj.CRS("EPSG:2193").to_wkt().replace('ID["EPSG",2193]', 'REMARK["mine"]').replace("New Zealand Transverse", "My")  # nameless
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +94,42 @@ def test_rows_from_south_to_north_are_turned_by_the_smaller_angle(file: Path):
     back = import_rows(write_geojson(file, lines_of(UNEQUAL), math.radians(100.0))).survey
     assert back is not None and back.origin is not None and back.origin.yaw == pytest.approx(math.radians(-80.0), abs=1e-6)
     assert [row.id for row in back.rows] == ["r4", "r3", "r2", "r1"], "the last one in the north"
+
+
+@pytest.mark.parametrize("crs", ["EPSG:5513", "EPSG:2053"])
+def test_a_system_that_counts_to_the_south_does_not_mirror_or_turn_the_rows(crs: str, file: Path):
+    """EPSG:5513 counts to the south and the west, in this order, and 2053 to the west and the south."""
+    utm = {"EPSG:5513": "EPSG:32633", "EPSG:2053": "EPSG:32735"}[crs]
+    there = {"EPSG:5513": complex(500_000.0, 5_538_000.0), "EPSG:2053": complex(700_000.0, 7_123_000.0)}[crs]
+    to = pyproj.Transformer.from_crs(utm, crs, always_xy=True)
+    lines = {name: [there + p * cmath.exp(0.3j) for p in points] for name, points in lines_of(UNEQUAL).items()}
+    features = [
+        {"id": name, "geometry": {"type": "LineString", "coordinates": [to.transform(p.real, p.imag) for p in points]}}
+        for name, points in lines.items()
+    ]
+    file.write_text(json.dumps({"features": features}))
+    survey = import_rows(file, crs).survey
+    assert survey is not None and survey.origin is not None
+    assert survey.origin.crs == utm and survey.origin.yaw == pytest.approx(0.3, abs=1e-5)
+    for row, wanted in zip(survey.rows, UNEQUAL, strict=True):
+        assert (row.south, row.start, row.length) == pytest.approx(wanted, abs=0.03)
+
+
+def test_lines_that_go_there_and_back_are_rows(file: Path):
+    there_and_back = {name: [*points, *points[-2::-1]] for name, points in lines_of(UNEQUAL).items()}
+    survey, other = (
+        import_rows(write_geojson(file, there_and_back, 0.3)).survey,
+        import_rows(write_geojson(file, lines_of(UNEQUAL), 0.3)).survey,
+    )
+    assert survey == other
+
+
+@pytest.mark.parametrize("name", ["1e3", "12E4", "1.5e3", "010", "on", "null", "0x1F", "2001-01-01", "a: b # c"])
+def test_a_name_that_looks_like_something_else_stays_the_name_in_the_scenario_file(name: str, file: Path):
+    lines = lines_of(UNEQUAL)
+    scenario = import_rows(write_geojson(file, {name if old == "r1" else old: points for old, points in lines.items()}))
+    assert scenario.survey is not None and scenario.survey.rows[0].id == name
+    assert parse(to_short_yaml(scenario)) == scenario
 
 
 # -- what does not fit
@@ -182,6 +219,8 @@ def test_all_faults_are_told_at_once(file: Path):
             "'EPSG:999999' cannot be used: crs not found: EPSG:999999; name that of the file, geographic or",
         ),
         (SAMPLE.read_text(), "", "the coordinate system '' cannot be used"),
+        (SAMPLE.read_text(), "\ud800", "the coordinate system '?' cannot be used: 'utf-8' codec"),
+        (SAMPLE.read_text(), WKT, "survey.origin.crs = 'PROJCRS["),
         (SAMPLE.read_text(), "EPSG:5773", "'EPSG:5773' has no places on a map: it is Vertical CRS; name that of the file"),
     ],
 )

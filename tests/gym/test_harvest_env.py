@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from copy import deepcopy
 from dataclasses import replace
 
 import gymnasium
@@ -219,6 +220,9 @@ def test_odometry_that_measures_too_much_is_within_the_space():
     assert max(measured) not in (0.0, 1.0)
 
 
+HALF = {"velocity": np.zeros(2)}  # of an action with a deed
+
+
 class TestMistakes:
     @pytest.mark.parametrize(
         ("learned", "words"),
@@ -244,6 +248,13 @@ class TestMistakes:
         with pytest.raises(ValueError, match="carrier_01: action"):
             env.step(action)
 
+    @pytest.mark.parametrize("action", [np.zeros(2), HALF, {"deed": 0}, *(HALF | {"deed": deed} for deed in (3, -1, 0.5, "x", None))])
+    def test_an_action_that_is_no_deed(self, action):
+        env = single_env(TINY, "carrier_01", deeds=True)
+        env.reset()
+        with pytest.raises(ValueError, match=r"carrier_01: action .*; it must be {'velocity': two numbers, 'deed': 0, 1 to couple"):
+            env.step(action)
+
     def test_an_action_for_another_body(self):
         env = parallel_env(SMALL, LEARNED)
         env.reset()
@@ -262,8 +273,9 @@ class TestMistakes:
     def test_what_is_no_episode(self):
         with pytest.raises(TypeError, match=r"scenario = 'my\.yaml': must be a Scenario"):
             parallel_env("my.yaml", LEARNED)
-        with pytest.raises(ValueError, match="learned = 'picker_01': must be a list of names"):
-            parallel_env(SMALL, "picker_01")
+        for learned in ("picker_01", {"picker_01"}, None):
+            with pytest.raises(ValueError, match=r"learned = .*: must be a list of names"):
+                parallel_env(SMALL, learned)
         with pytest.raises(ValueError, match="longest = 0: must be at least 1 tick"):
             parallel_env(SMALL, LEARNED, longest=0)
 
@@ -289,6 +301,22 @@ def test_whatever_is_commanded_a_body_keeps_its_limits(velocities):
     for velocity in velocities:
         observation, reward, *_ = env.step(np.array(velocity))
         assert env.observation_space.contains(observation) and np.isfinite(reward)
+
+
+def test_a_copy_goes_on_as_the_environment_does_and_neither_changes_the_other():
+    env = single_env(TINY, "carrier_01", is_hashed=True)
+    env.reset(seed=3)
+
+    def drive(env, ticks):
+        for number in range(ticks):
+            env.step([0.5, 0.1 * (number % 5)])
+        return env.local.engine.hash
+
+    drive(env, 60)
+    copy = deepcopy(env)
+    assert drive(deepcopy(env), 10) != (after := drive(copy, 100))
+    assert drive(env, 100) == after
+    assert copy.local.engine.asked_share == env.local.engine.asked_share
 
 
 def test_gymnasium_wrappers_fit():

@@ -12,10 +12,12 @@ from fleet import until
 from rich.console import Console
 
 from orchard.field.scenario import Scenario
+from orchard.launch import distributed
 from orchard.launch.distributed import _Launched
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest
 from orchard.launch.supervisor import BAD_ORDER, DEATHS, QUICK_SECONDS, REFUSALS, ProcessSpec, Supervisor, take_turns
+from orchard.net.bus import Inbox
 from orchard.net.lifeline import OVER
 from orchard.report.progress import Progress
 from orchard.wire.keys import PHYSICS
@@ -107,16 +109,29 @@ def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
     assert alive == []
 
 
+def launched_by(fleet, folder):
+    """A run without processes, at an address where no router answers."""
+    request = RunRequest(HarvestOptions(), Scenario(), None, folder)
+    return _Launched(request, Credentials.of(request.options), "tcp/127.0.0.1:9", "run1", fleet, Progress(Console(file=io.StringIO())))
+
+
 @pytest.mark.parametrize(("code", "words"), [(OVER, "its result is lost"), (BAD_ORDER, "could not start"), (-9, "ended with code -9")])
 def test_why_physics_is_gone_is_told_in_words(fleet, tmp_path, code, words):
     """A killed one only while it is asked to end: else it is started again."""
-    request = RunRequest(HarvestOptions(), Scenario(), None, tmp_path)
-    launched = _Launched(request, Credentials.of(request.options), "tcp/127.0.0.1:9", "run1", fleet, Progress(Console(file=io.StringIO())))
+    launched = launched_by(fleet, tmp_path)
     fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, may_refuse=False))
     fleet.children[-1].die(code)
     fleet.terminate(PHYSICS)
     assert words in launched._why_over(True)
     assert "100" not in launched._why_over(True)
+
+
+def test_physics_that_never_listens_is_told_with_the_whole_time_that_it_had(fleet, tmp_path, monkeypatch):
+    monkeypatch.setattr(distributed, "BEGIN_SECONDS", 0.5)
+    fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, may_refuse=False))
+    summary, why = launched_by(fleet, tmp_path).follow(Inbox())
+    assert summary is None
+    assert why == "tcp/127.0.0.1:9: physics does not listen 0.5 s after its start; is the machine too busy?"
 
 
 def test_whose_run_is_over_or_who_need_not_live_is_left_alone(fleet):

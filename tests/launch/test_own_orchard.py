@@ -1,5 +1,6 @@
 """The command `orchard layout import`: the document's commands run, and mistakes are told with exit code 2."""
 
+import os
 import subprocess
 import sys
 
@@ -51,6 +52,16 @@ def test_a_file_is_not_overwritten_and_the_sizes_are_told(tmp_path):
     again = imported(SAMPLE, "--out", out)
     assert (again.exit_code, again.stderr) == (2, f"{out}: there is such a file; --out must name a new one\n")
     assert out.read_text() == "rows: 3"
+
+
+def test_a_file_name_stays_within_the_comment_of_the_scenario(tmp_path):
+    pytest.importorskip("pyproj", reason=NEEDS)
+    strange = tmp_path / os.fsdecode(b"a\nrows: 3\xff.geojson")
+    strange.write_bytes(SAMPLE.read_bytes())
+    out = tmp_path / "mine.yaml"
+    assert imported(strange, "--out", out).exit_code == 0
+    assert out.read_text().startswith("# The rows of a?rows: 3?.geojson; ")
+    assert load(out).rows == 8
 
 
 def test_what_is_wrong_is_told_on_stderr_with_exit_code_2(tmp_path):

@@ -12,10 +12,12 @@ from pathlib import Path
 import psutil
 import pytest
 from command_line import SECONDS, orchard, starting
+from typer.testing import CliRunner
 
 from orchard.field.scenario import load
+from orchard.launch.commands import app
 from orchard.study.runs import PlannedRun
-from orchard.study.store import Store
+from orchard.study.store import Store, StoreFailed
 
 SCENARIO = """\
 rows: 3
@@ -202,3 +204,12 @@ def test_a_violated_invariant_is_exit_code_1_and_named(folder):
     run = orchard("study", folder / "my.yaml", "--model", "full", "--workers", "1", "--budget", "1s", "--out", folder / "violated.db")
     assert run.returncode == 1
     assert "bin_01: is in two places" in run.stderr
+
+
+def test_a_store_that_fails_is_a_failure_and_no_bad_input(folder, monkeypatch):
+    def fail(*_):
+        raise StoreFailed("full.db: a run cannot be kept: disk I/O error")
+
+    monkeypatch.setattr("orchard.launch.study.study", fail)
+    done = CliRunner().invoke(app, ["study", "--vary", "carriers=1,2", "--out", str(folder / "full.db")])
+    assert (done.exit_code, done.stderr) == (1, "full.db: a run cannot be kept: disk I/O error\n")

@@ -40,9 +40,28 @@ def test_an_error_in_a_run_is_told_with_the_run(monkeypatch):
         do(PlannedRun(SCENARIO, "fast"), time.time())
 
 
-def test_the_place_of_an_error_is_in_the_users_own_file_and_not_in_a_library():
-    with pytest.raises(RunFailed, match=r"LookupError: no such bin here \(.*own_policies\.py, line \d+\)$"):
-        do(PlannedRun(with_changes(SCENARIO, dispatch="own_policies.Raising"), "fast"), time.time())
+@pytest.mark.parametrize(
+    ("policy", "words"),
+    [
+        ("Raising", "LookupError: no such bin here"),
+        ("Inventing", "ValueError: the dispatch policy assigns bin bin_77, which is not available; .*"),
+        ("Silent", "TypeError: assign returned None; .*"),
+        ("Leaving", "SystemExit: 0"),
+    ],
+)
+def test_what_is_wrong_with_a_policy_is_told_with_its_place_in_the_users_own_file_and_not_in_a_library(policy, words):
+    fault = rf"dispatch policy own_policies\.{policy}, tick \d+: {words} \([^()]*own_policies\.py, line \d+\)$"
+    with pytest.raises(RunFailed, match=fault):
+        do(PlannedRun(with_changes(SCENARIO, dispatch=f"own_policies.{policy}"), "fast"), time.time())
+
+
+def test_a_run_that_would_end_the_program_is_told_as_failed(monkeypatch):
+    def leave(*_):
+        raise SystemExit(0)
+
+    monkeypatch.setattr("orchard.study.runs._fast", leave)
+    with pytest.raises(RunFailed, match="SystemExit: 0"):
+        do(PlannedRun(SCENARIO, "fast"), time.time())
 
 
 def test_a_full_run_tells_what_failed_in_a_policy_of_the_users_own():

@@ -104,6 +104,11 @@ def test_what_a_study_cannot_answer_is_refused_all_at_once() -> None:
     ]
     (no_errors,) = problems(scenario=Scenario(sensors={"odometry": {"distance": 0.01}}))
     assert no_errors == "--model both: sensors: only the full model knows errors of sensors; choose --model full"
+    own_step = problems(scenario=Scenario(route="examples.seams.signalled_route.SignalledRoute"))
+    assert own_step == [
+        "--model both: route = examples.seams.signalled_route.SignalledRoute: only the full model knows steps of your own (Signal); "
+        "choose --model full"
+    ]
     (no_end,) = problems(options=StudyOptions(goal="harvest_seconds", horizon="long"))
     assert "a long run has no end" in no_end
     (no_long_run,) = problems(options=StudyOptions(horizon="long", model="full"))

@@ -2,13 +2,14 @@
 
 import sqlite3
 import time
+from contextlib import closing
 
 import pytest
 
 from orchard.field.scenario import Scenario, with_changes
 from orchard.study import own_source, runs, store
 from orchard.study.runs import PlannedRun
-from orchard.study.store import Store, StoreError
+from orchard.study.store import Store, StoreError, StoreFailed
 
 SCENARIO = Scenario(rows=3, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 0})
 
@@ -64,6 +65,19 @@ def test_a_file_that_is_no_store_stays_as_it_is(tmp_path, content):
             Store(path, anew)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("broken_by", "told"),
+    [("DELETE FROM software", "is no store of a study"), ("DROP TABLE runs", "the runs in it cannot be read: no such table")],
+)
+def test_a_store_that_another_program_has_changed_is_told(tmp_path, record, broken_by, told):
+    path = tmp_path / "studies.db"
+    Store(path).__exit__()
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute(broken_by)
+    with pytest.raises((StoreError, StoreFailed), match=rf"studies\.db: {told}"), Store(path) as again:
+        again.known([record.key])
 
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):

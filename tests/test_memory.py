@@ -6,7 +6,7 @@ import sys
 
 def test_what_was_there_before_a_process_settled_is_there_afterwards():
     program = """
-from orchard.net.process import settle
+from orchard.memory import settle
 kept = [bytes([n % 256]) * 1000 for n in range(20_000)]
 settle()
 assert all(each == bytes([n % 256]) * 1000 for n, each in enumerate(kept))

@@ -1,5 +1,6 @@
 """What tests share; helpers (`stage`, `fleet`) are imported by name. Whatever test runs an orchard, its invariants hold at every tick."""
 
+import gc
 import os
 import sys
 from contextlib import ExitStack
@@ -12,12 +13,14 @@ from hypothesis import settings
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import QUICK_START
+from orchard.memory import collect_seldom
 from orchard.sim.engine import Engine
 from orchard.sim.kernels.cache import are_compiled
 from orchard.view.recorder import Recorder
 
 sys.path.insert(0, str(Path(__file__).parent))
 os.environ |= QUICK_START | os.environ  # hundreds of processes follow
+collect_seldom()  # the imports of all files of tests follow
 
 import callers
 from alone import SMALL, TICKS, local_hash
@@ -35,6 +38,11 @@ def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels once, before several workers and hundreds of processes would each do it."""
     if not hasattr(config, "workerinput") and not are_compiled():
         Engine.begin(Scenario(rows=3, laser={"noise": 0.01})).rehearse()
+
+
+def pytest_collection_finish() -> None:
+    """What is imported by now stays: the collector does not visit it again."""
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)

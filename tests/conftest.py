@@ -20,7 +20,6 @@ from orchard.view.recorder import Recorder
 
 sys.path.insert(0, str(Path(__file__).parent))
 os.environ |= QUICK_START | os.environ  # hundreds of processes follow
-collect_seldom()  # the imports of all files of tests follow
 
 import callers
 from alone import SMALL, TICKS, local_hash
@@ -35,7 +34,8 @@ settings.load_profile("orchard")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile the kernels once, before several workers and hundreds of processes would each do it."""
+    """Compile the kernels once, before several workers and hundreds of processes would each do it; the imports of all tests follow."""
+    collect_seldom()
     if not hasattr(config, "workerinput") and not are_compiled():
         Engine.begin(Scenario(rows=3, laser={"noise": 0.01})).rehearse()
 

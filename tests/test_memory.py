@@ -12,3 +12,8 @@ settle()
 assert all(each == bytes([n % 256]) * 1000 for n, each in enumerate(kept))
 """
     subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+
+
+def test_the_collector_runs_seldom_from_the_first_import_of_a_process_on():
+    program = "import orchard.processes, gc, orchard.memory; assert gc.get_threshold()[0] == orchard.memory.YOUNG"
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)

@@ -2,11 +2,14 @@
 
 import signal
 
+from orchard.memory import collect_seldom
+
 
 def main() -> None:
     """Run the command line."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C during the imports ends the process silently: nothing runs yet
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # a program that starts this one may block the signal until here
+    collect_seldom()
     from orchard.launch import commands
 
     commands.main()

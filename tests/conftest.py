@@ -1,5 +1,6 @@
 """What tests share; helpers (`stage`, `fleet`) are imported by name. Whatever test runs an orchard, its invariants hold at every tick."""
 
+import gc
 import os
 import sys
 from contextlib import ExitStack
@@ -12,6 +13,7 @@ from hypothesis import settings
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import QUICK_START
+from orchard.memory import collect_seldom
 from orchard.sim.engine import Engine
 from orchard.sim.kernels.cache import are_compiled
 from orchard.view.recorder import Recorder
@@ -32,9 +34,15 @@ settings.load_profile("orchard")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile the kernels once, before several workers and hundreds of processes would each do it."""
+    """Compile the kernels once, before several workers and hundreds of processes would each do it; the imports of all tests follow."""
+    collect_seldom()
     if not hasattr(config, "workerinput") and not are_compiled():
         Engine.begin(Scenario(rows=3, laser={"noise": 0.01})).rehearse()
+
+
+def pytest_collection_finish() -> None:
+    """What is imported by now stays: the collector does not visit it again."""
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)

@@ -17,9 +17,10 @@ import msgspec
 from orchard.field.kinds import select_agents
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check, load
+from orchard.memory import settle
 from orchard.net.bus import Bus, Inbox, client, router
 from orchard.net.endpoints import LOOPBACK, SECURE_LOOPBACK, BusError
-from orchard.net.process import run_process, settle
+from orchard.net.process import run_process
 from orchard.security.identity import Identity, identity_in
 from orchard.server.harvest import RunOptions
 from orchard.server.loop import Physics

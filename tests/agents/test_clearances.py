@@ -16,8 +16,19 @@ QUARTER = np.pi / 2
 
 def gap(one: np.ndarray, other: np.ndarray) -> float:
     """Return the least distance between two sets of points, m."""
-    near = one[np.abs(one[:, None, :2].mean(axis=1) - other.mean(axis=0)).max(axis=1) < 8.0]
-    return float(min(np.hypot(*(other - point).T).min() for point in near[:: max(1, len(near) // 4000)]))
+    most = least(one[::20], other[::20])
+    return least(facing(one, other, most), facing(other, one, most))
+
+
+def facing(points: np.ndarray, others: np.ndarray, most: float) -> np.ndarray:
+    """Return those that may be as near as `most` to others, which are all in a circle."""
+    centre = (others.min(axis=0) + others.max(axis=0)) / 2
+    radius = np.hypot(*(others - centre).T).max()
+    return points[np.hypot(*(points - centre).T) <= radius + most]
+
+
+def least(one: np.ndarray, other: np.ndarray) -> float:
+    return float(min(np.hypot(*(other - point).T).min() for point in one))
 
 
 def test_what_turns_sweep_is_what_the_plan_says():

@@ -184,9 +184,9 @@ def follows(drive: Area, stand: Area) -> bool:
 def too_near(layout: Layout) -> list[tuple[Area, Area]]:
     walks = list(walks_of(layout))
     drives, stands = [area for walk in walks for area in walk.drives], [area for walk in walks for area in walk.stands]
-    a, b = np.array([area[:4] for area in drives])[:, None], np.array([area[:4] for area in stands])[None]
-    gaps = np.abs(a[..., :2] - b[..., :2]) - a[..., 2:] - b[..., 2:]
-    near = np.argwhere(gaps.max(axis=2) < LEAST_GAP)
+    a, b = np.array([area[:4] for area in drives]).T[..., None], np.array([area[:4] for area in stands]).T[:, None]
+    along_x, along_y = (np.abs(a[axis] - b[axis]) - a[axis + 2] - b[axis + 2] < LEAST_GAP for axis in (0, 1))
+    near = np.argwhere(along_x & along_y)
     return [(drives[i], stands[j]) for i, j in near if may_meet(drives[i], stands[j])]
 
 

@@ -14,11 +14,9 @@ from orchard.agents.forecast import EARLIER, farthest
 from orchard.agents.routes import route_of
 from orchard.agents.timing import duration
 from orchard.contract.messages import End
-from orchard.field.geometry import WEST, Pose
 from orchard.field.kinds import name_of
-from orchard.field.layout import EAST_START, Layout
+from orchard.field.layout import Layout
 from orchard.field.queue import PITCH
-from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
 from orchard.report.bounds import Exchange, exchanges
 
@@ -43,7 +41,8 @@ class Schedule:
     def __init__(self, layout: Layout) -> None:
         self._layout, self._route = layout, route_of(layout)
         self._rows = {name: exchanges(self._route, block) for name, block in layout.blocks.items()}
-        self._begins = {name: self._come_in_seconds(block) for name, block in layout.blocks.items()}
+        starts = {start.name: start.pose for start in layout.starts}
+        self._begins = {name: duration(self._route.come_in(block), starts[name]) for name, block in layout.blocks.items()}
         self._head, self._horizon = layout.queue.place(0), farthest(self._route) + EARLIER
 
     def seconds(self, carriers: int) -> float:
@@ -87,8 +86,3 @@ class Schedule:
         metres = self._route.distance(self._head.x, self._head.y, one.lane, one.side)
         since = ceil(call.begun / TIME_STEP)
         return BinReport(call.picker, one.lane, end, call.picker, since, metres, max(0.0, call.full - now), one.approach)
-
-    def _come_in_seconds(self, block: Block) -> float:
-        """The time until a picker has come from its start to its first row, s."""
-        start = Pose(EAST_START, self._route.layout.lane(block.rows[0]).y, WEST)  # of those that do not start at the head of the row
-        return duration(self._route.come_in(block), start)

@@ -7,6 +7,7 @@ from orchard.agents.route import OneWay
 from orchard.agents.routes import route_of
 from orchard.agents.steps import DriveTo, Face
 from orchard.agents.timing import duration
+from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, People, Scenario, load
@@ -103,6 +104,14 @@ def test_a_harvest_takes_as_long_as_its_schedule_and_its_traffic(pickers, carrie
     stage = Stage(empty_orchard(rows=4, pickers=pickers, carriers=carriers))
     scheduled = Schedule(stage.world.layout).seconds(carriers)
     assert scheduled <= stage.run_to_the_end() <= (1 + traffic) * scheduled
+
+
+@pytest.mark.parametrize("row_length", [20.0, 70.0, 200.0])
+def test_the_schedule_is_no_longer_than_the_harvest_if_pickers_start_in_the_east_of_rows_of_any_length(row_length):
+    values = {"rows": 4, "pickers": 2, "carriers": 2, "dispatch": NEAREST, "rows_to_pickers": "balanced-ends"}
+    layout = lay_out(empty_orchard(**values, row_length=row_length))
+    scheduled = Schedule(layout).seconds(2)
+    assert scheduled <= DiscreteHarvest(layout).run().seconds <= 1.1 * scheduled
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ It is an ideal to compare a harvest with, for the policy and the route of the sc
 """
 
 import heapq
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 
 from orchard.agents.dispatch import POLICIES, BinReport, CarrierReport, Dispatch, is_early
@@ -16,7 +16,9 @@ from orchard.agents.timing import duration
 from orchard.contract.messages import End
 from orchard.field.kinds import name_of
 from orchard.field.layout import Layout
+from orchard.field.picking import repairs
 from orchard.field.queue import PITCH
+from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
 from orchard.report.bounds import Exchange, exchanges
 
@@ -40,7 +42,7 @@ class Schedule:
 
     def __init__(self, layout: Layout) -> None:
         self._layout, self._route = layout, route_of(layout)
-        self._rows = {name: exchanges(self._route, block) for name, block in layout.blocks.items()}
+        self._rows = {name: self._exchanges(name, block) for name, block in layout.blocks.items()}
         starts = {start.name: start.pose for start in layout.starts}
         self._begins = {name: duration(self._route.come_in(block), starts[name]) for name, block in layout.blocks.items()}
         self._head, self._horizon = layout.queue.place(0), farthest(self._route) + EARLIER
@@ -73,6 +75,13 @@ class Schedule:
         """The number of carriers beyond which more shorten this harvest by at most 1 % (`WORTH`). It is never above the number of bins."""
         times = [self.seconds(carriers) for carriers in range(1, self._layout.scenario.rows + 1)]
         return next(number for number, time in enumerate(times, start=1) if time * (1.0 - WORTH) <= min(times))
+
+    def _exchanges(self, picker: str, block: Block) -> list[Exchange]:
+        """A picker's exchanges, with the failures that its seed draws for it in place of their mean."""
+        works = [lane.length / lane.pace for lane in map(self._layout.lane, block.rows)]
+        stands = repairs(self._layout.scenario, picker, works)
+        each = zip(exchanges(self._route, block), works, stands, strict=True)
+        return [replace(exchange, picking=work + stand) for exchange, work, stand in each]
 
     def _call(self, picker: str, count: int, begins: float, early: bool) -> ScheduledCall:
         """Return the call for the bin of a picker that begins a row at a time, s."""

@@ -114,6 +114,14 @@ def test_the_schedule_is_no_longer_than_the_harvest_if_pickers_start_in_the_east
     assert scheduled <= DiscreteHarvest(layout).run().seconds <= 1.1 * scheduled
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_schedule_has_the_failures_of_this_harvest(seed):
+    failure = {"mean_between": 60.0, "mean_repair": 300.0}
+    layout = lay_out(empty_orchard(rows=4, pickers=2, carriers=2, seed=seed, picking_speed=0.5, picking={"failure": failure}))
+    scheduled = Schedule(layout).seconds(2)
+    assert scheduled <= DiscreteHarvest(layout).run().seconds <= 1.05 * scheduled
+
+
 @pytest.mark.parametrize(
     ("scenario", "enough"),
     [

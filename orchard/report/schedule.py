@@ -12,6 +12,7 @@ from orchard.agents.dispatch import POLICIES, BinReport, CarrierReport, Dispatch
 from orchard.agents.dispatcher import POLL_TICKS
 from orchard.agents.forecast import EARLIER, farthest
 from orchard.agents.routes import route_of
+from orchard.agents.steps import CRUISE
 from orchard.agents.timing import duration
 from orchard.contract.messages import End
 from orchard.field.kinds import name_of
@@ -87,7 +88,15 @@ class Schedule:
         """Return the call for the bin of a picker that begins a row at a time, s."""
         exchange = self._rows[picker][count]
         full = begins + exchange.picking + exchange.leaving
-        return ScheduledCall(picker, count, max(begins, full - self._horizon) if early else full, full, exchange)
+        seen = begins - self._drive_in(self._layout.blocks[picker], count)
+        return ScheduledCall(picker, count, max(seen, full - self._horizon) if early else full, full, exchange)
+
+    def _drive_in(self, block: Block, count: int) -> float:
+        """For how long a picker drives to the head of a row, in its direction, s: its bin can call from then on."""
+        if count == 0 and block.start == "west":
+            return 0.0
+        side = self._route.east if self._route.side(count, block.start) is self._route.west else self._route.west
+        return abs(side.x(self._route.WAITING) - self._route.end(block.rows[count], side)) / CRUISE
 
     def _report(self, call: ScheduledCall, now: float) -> BinReport:
         one = call.exchange

@@ -99,7 +99,7 @@ def test_a_carrier_that_nothing_holds_up_takes_as_long_as_the_closed_form_says()
     assert bounds.cycle_seconds - 20 < took < bounds.cycle_seconds + 20
 
 
-@pytest.mark.parametrize(("pickers", "carriers", "traffic"), [(2, 1, 0.02), (4, 4, 0.25), (2, 6, 0.05)])
+@pytest.mark.parametrize(("pickers", "carriers", "traffic"), [(2, 1, 0.02), (4, 4, 0.15), (2, 6, 0.07)])
 def test_a_harvest_takes_as_long_as_its_schedule_and_its_traffic(pickers, carriers, traffic):
     stage = Stage(empty_orchard(rows=4, pickers=pickers, carriers=carriers))
     scheduled = Schedule(stage.world.layout).seconds(carriers)
@@ -112,6 +112,13 @@ def test_the_schedule_is_no_longer_than_the_harvest_if_pickers_start_in_the_east
     layout = lay_out(empty_orchard(**values, row_length=row_length))
     scheduled = Schedule(layout).seconds(2)
     assert scheduled <= DiscreteHarvest(layout).run().seconds <= 1.1 * scheduled
+
+
+def test_in_the_schedule_bins_call_when_their_pickers_drive_into_a_row():
+    values = {"rows": 4, "pickers": 2, "carriers": 3, "route": "two-way", "rows_to_pickers": "balanced-ends"}
+    layout = lay_out(empty_orchard(**values))
+    scheduled = Schedule(layout).seconds(3)
+    assert scheduled <= DiscreteHarvest(layout).run().seconds <= 1.05 * scheduled
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

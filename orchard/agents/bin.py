@@ -48,6 +48,7 @@ class BinMemory(msgspec.Struct):
     since: int = -1  # tick at which the call began; -1: no call is open
     done: int = 0  # calls that ended in an exchange
     pace: float = 0.0  # m/s at which the picker picks the present row
+    speed: float = 0.0  # m/s at which the picker drove when the bin last looked
 
 
 class Bin:
@@ -105,10 +106,13 @@ class Bin:
 
     def foresee(self, forecast: Forecast, seen: Observation, picker: Hitch, mail: Mail, memory: BinMemory, action: Action) -> None:
         """Call while the picker still fills the bin, from the time at which a carrier for the farthest lane would have to leave."""
+        is_steady, memory.speed = abs(picker.twist.x - memory.speed) < KEEPS, picker.twist.x
+        if not is_steady:
+            action.hold = None  # the last step before a picker stands is shorter, and no pace: the next tick tells
         if not seen.fill:
             memory.pace = self.layout.scenario.picking_speed
-        elif picker.twist.x >= LEAST_PACE:
-            memory.pace = picker.twist.x
+        elif is_steady and memory.speed >= LEAST_PACE:
+            memory.pace = memory.speed
         ripening = forecast.of(seen, picker, memory.pace)
         is_time = ripening is not None and ripening.seconds < forecast.horizon
         if ripening is not None and (is_time or memory.carrier):

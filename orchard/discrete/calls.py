@@ -57,8 +57,8 @@ class Calls:
         self._heard: dict[str, HeardCall] = {}  # bin -> its call, as all carriers heard it
         self._offered: dict[str, dict[str, int]] = {robot.name: {} for robot in carriers}  # carrier -> bin -> tick of its first offer
 
-    def begins(self, robot: Robot, lane: int, side: Side, seconds: float) -> None:
-        """Hear that a picker begins a row, and when its bin will be full."""
+    def begins(self, robot: Robot, lane: int, side: Side, seconds: float, seen: int) -> None:
+        """Hear that a picker begins a row, or to drive into it; when its bin sees that, a tick; and in how many seconds it will be full."""
 
     def fails(self, robot: Robot) -> None:
         """Hear that a picker stands in its row because it failed."""
@@ -136,11 +136,14 @@ class Dispatched(Calls):
         self._asked = -POLL_TICKS
         env.process(self.run())
 
-    def begins(self, robot: Robot, lane: int, side: Side, seconds: float) -> None:
+    def begins(self, robot: Robot, lane: int, side: Side, seconds: float, seen: int) -> None:
         if not is_early(self.policy):
             return
-        full = robot.tick + seconds / TIME_STEP
-        call = OpenCall(robot.bin, robot.name, lane, side, max(robot.tick, ceil(full - self.horizon)), full)
+        full, call = robot.tick + seconds / TIME_STEP, self._ripening.get(robot.name)
+        if call is not None and call.bin == robot.bin:
+            call.full = full
+            return
+        call = OpenCall(robot.bin, robot.name, lane, side, max(seen, ceil(full - self.horizon)), full)
         self._ripening[robot.name] = call
         self.env.process(self._later(call))
 

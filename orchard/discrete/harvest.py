@@ -74,14 +74,18 @@ class DiscreteHarvest:
     def _ends(self, block: Block) -> list[tuple[int, Side]]:
         return [(row, self.route.side(count, block.start)) for count, row in enumerate(block.rows)]
 
-    def begin_row(self, picker: Robot) -> None:
-        """Hear that a picker begins its next row."""
+    def begin_row(self, picker: Robot, before: float = 0.0) -> None:
+        """Hear that a picker begins its next row, or begins to drive into it from so many metres before it."""
         row, side = self._rows[picker.name][0]
-        if picker.bin in self._left and not self._left[picker.bin].triggered:
-            return self.calls.goes_on(picker)  # with the same row, after a failure
-        self._left[picker.bin] = self.env.event()
+        if picker.bin not in self._left or self._left[picker.bin].triggered:
+            self._left[picker.bin] = self.env.event()
         lane = self.layout.lane(row)
-        self.calls.begins(picker, row, side, lane.length / lane.pace + self.layout.beyond(row, side.name) / CRUISE)
+        seconds = lane.length / lane.pace + (before + self.layout.beyond(row, side.name)) / CRUISE
+        self.calls.begins(picker, row, side, seconds, picker.tick + (1 if before else 0))  # its bin must see that it drives
+
+    def go_on(self, picker: Robot) -> None:
+        """Hear that a picker that failed picks on."""
+        self.calls.goes_on(picker)
 
     def fail(self, picker: Robot) -> None:
         """Hear that a picker stands in its row because it failed."""

@@ -38,7 +38,8 @@ class Model(Protocol):
     bystanders: Bystanders
     exit: float  # x at which carriers leave the queue, m
 
-    def begin_row(self, picker: "Robot") -> None: ...
+    def begin_row(self, picker: "Robot", before: float = 0.0) -> None: ...
+    def go_on(self, picker: "Robot") -> None: ...
     def fail(self, picker: "Robot") -> None: ...
     def end_row(self, picker: "Robot") -> None: ...
     def leave(self, picker: "Robot") -> None: ...
@@ -134,6 +135,8 @@ class Robot:
             sign = -1
         target = sign * (step.x if step.x is not None else cast(float, step.y))
         here = sign * (self.x if axis == "x" else self.y)
+        if self.plan and isinstance(self.plan[0], st.Say) and self.plan[0].state == "picking":
+            self.model.begin_row(self, target - here)
         line = (axis, round(self.y if axis == "x" else self.x, 3), sign)
         left_at, arrived = here, self._leave(line, here)
         pace, called = step.speed * TIME_STEP, [self.new_plan] if step.queueing else []
@@ -290,7 +293,7 @@ class Robot:
     def _(self, step: st.Say) -> Events:
         before, self.memory.doing, self.memory.state = self.memory.state, step.doing, step.state
         if step.state == "picking":
-            self.model.begin_row(self)
+            (self.model.go_on if before == "failed" else self.model.begin_row)(self)
         elif before == "picking":
             (self.model.fail if step.state == "failed" else self.model.end_row)(self)
         return

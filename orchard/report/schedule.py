@@ -5,18 +5,19 @@ It is an ideal to compare a harvest with, for the policy and the route of the sc
 """
 
 import heapq
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 
 from orchard.agents.dispatch import POLICIES, BinReport, CarrierReport, Dispatch, is_early
 from orchard.agents.dispatcher import POLL_TICKS
 from orchard.agents.forecast import EARLIER, farthest
 from orchard.agents.routes import route_of
+from orchard.agents.steps import CRUISE
 from orchard.agents.timing import duration
 from orchard.contract.messages import End
-from orchard.field.geometry import WEST, Pose
 from orchard.field.kinds import name_of
-from orchard.field.layout import EAST_START, Layout
+from orchard.field.layout import Layout
+from orchard.field.picking import repairs
 from orchard.field.queue import PITCH
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
@@ -42,8 +43,9 @@ class Schedule:
 
     def __init__(self, layout: Layout) -> None:
         self._layout, self._route = layout, route_of(layout)
-        self._rows = {name: exchanges(self._route, block) for name, block in layout.blocks.items()}
-        self._begins = {name: self._come_in_seconds(block) for name, block in layout.blocks.items()}
+        self._rows = {name: self._exchanges(name, block) for name, block in layout.blocks.items()}
+        starts = {start.name: start.pose for start in layout.starts}
+        self._begins = {name: duration(self._route.come_in(block), starts[name]) for name, block in layout.blocks.items()}
         self._head, self._horizon = layout.queue.place(0), farthest(self._route) + EARLIER
 
     def seconds(self, carriers: int) -> float:
@@ -75,11 +77,26 @@ class Schedule:
         times = [self.seconds(carriers) for carriers in range(1, self._layout.scenario.rows + 1)]
         return next(number for number, time in enumerate(times, start=1) if time * (1.0 - WORTH) <= min(times))
 
+    def _exchanges(self, picker: str, block: Block) -> list[Exchange]:
+        """A picker's exchanges, with the failures that its seed draws for it in place of their mean."""
+        works = [lane.length / lane.pace for lane in map(self._layout.lane, block.rows)]
+        stands = repairs(self._layout.scenario, picker, works)
+        each = zip(exchanges(self._route, block), works, stands, strict=True)
+        return [replace(exchange, picking=work + stand) for exchange, work, stand in each]
+
     def _call(self, picker: str, count: int, begins: float, early: bool) -> ScheduledCall:
         """Return the call for the bin of a picker that begins a row at a time, s."""
         exchange = self._rows[picker][count]
         full = begins + exchange.picking + exchange.leaving
-        return ScheduledCall(picker, count, max(begins, full - self._horizon) if early else full, full, exchange)
+        seen = begins - self._drive_in(self._layout.blocks[picker], count)
+        return ScheduledCall(picker, count, max(seen, full - self._horizon) if early else full, full, exchange)
+
+    def _drive_in(self, block: Block, count: int) -> float:
+        """For how long a picker drives to the head of a row, in its direction, s: its bin can call from then on."""
+        if count == 0 and block.start == "west":
+            return 0.0
+        side = self._route.east if self._route.side(count, block.start) is self._route.west else self._route.west
+        return abs(side.x(self._route.WAITING) - self._route.end(block.rows[count], side)) / CRUISE
 
     def _report(self, call: ScheduledCall, now: float) -> BinReport:
         one = call.exchange
@@ -87,8 +104,3 @@ class Schedule:
         metres = self._route.distance(self._head.x, self._head.y, one.lane, one.side)
         since = ceil(call.begun / TIME_STEP)
         return BinReport(call.picker, one.lane, end, call.picker, since, metres, max(0.0, call.full - now), one.approach)
-
-    def _come_in_seconds(self, block: Block) -> float:
-        """The time until a picker has come from its start to its first row, s."""
-        start = Pose(EAST_START, self._route.layout.lane(block.rows[0]).y, WEST)  # of those that do not start at the head of the row
-        return duration(self._route.come_in(block), start)

@@ -41,6 +41,15 @@ def test_a_picker_fails_where_it_has_picked_for_as_long_as_was_drawn_and_goes_on
     assert stage.account.figures()["state_seconds"]["picker"]["failed"] >= took - 0.2
 
 
+def test_a_bin_does_not_take_the_last_step_before_a_failure_for_the_pace_of_its_picker():
+    stage = Stage(empty_orchard(seed=4, picking={"failure": {"mean_between": 60.0, "mean_repair": 1800.0}}))
+    stage.run_until(lambda: stage.world.tick > 0 and stage.local.actions["picker_01"].state == "failed", 10)
+    filled = stage.world.row_picked[0]
+    assert filled == pytest.approx(7.439, abs=0.001), "so its last step is 0.039 m, and the others 0.1 m"
+    stage.run(3)
+    assert stage.local.memories["dispatch"].bins[stage.bin_of("picker_01")].seconds_to_full == pytest.approx(70.0 - filled, abs=0.1)
+
+
 def test_a_picker_that_waits_long_for_its_repair_is_no_jam():
     stage = Stage(empty_orchard(picking={"failure": {"mean_between": 60.0, "mean_repair": 7200.0}}))
     repairs = [failure(1, f"picker_0{n}", 0, 60.0, 7200.0)[1] for n in (1, 2)]

@@ -37,8 +37,17 @@ def orchard(**values: Any) -> Scenario:
             "picking": {"failure": {"mean_between": 60.0, "mean_repair": 60.0}},
         },
         {"rows": 5, "pickers": 5, "carriers": 5, "route": "two-way", "row_length": 30.0},
+        {"rows": 3, "pickers": 3, "carriers": 1, "dispatch": "predictive", "rows_to_pickers": "balanced-ends", "row_length": 40.0},
     ],
-    ids=["nearest", "farthest-first", "predictive, two-way", "picking that varies", "an early policy, and failures", "nearest, two-way"],
+    ids=[
+        "nearest",
+        "farthest-first",
+        "predictive, two-way",
+        "picking that varies",
+        "an early policy, and failures",
+        "nearest, two-way",
+        "pickers that drive into their rows",
+    ],
 )
 def test_a_harvest_takes_as_long_as_in_the_simulator(values: dict[str, Any]) -> None:
     scenario = orchard(**values)

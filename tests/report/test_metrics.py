@@ -7,6 +7,7 @@ from orchard.agents.route import OneWay
 from orchard.agents.routes import route_of
 from orchard.agents.steps import DriveTo, Face
 from orchard.agents.timing import duration
+from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, People, Scenario, load
@@ -98,11 +99,34 @@ def test_a_carrier_that_nothing_holds_up_takes_as_long_as_the_closed_form_says()
     assert bounds.cycle_seconds - 20 < took < bounds.cycle_seconds + 20
 
 
-@pytest.mark.parametrize(("pickers", "carriers", "traffic"), [(2, 1, 0.02), (4, 4, 0.25), (2, 6, 0.05)])
+@pytest.mark.parametrize(("pickers", "carriers", "traffic"), [(2, 1, 0.02), (4, 4, 0.15), (2, 6, 0.07)])
 def test_a_harvest_takes_as_long_as_its_schedule_and_its_traffic(pickers, carriers, traffic):
     stage = Stage(empty_orchard(rows=4, pickers=pickers, carriers=carriers))
     scheduled = Schedule(stage.world.layout).seconds(carriers)
     assert scheduled <= stage.run_to_the_end() <= (1 + traffic) * scheduled
+
+
+@pytest.mark.parametrize("row_length", [20.0, 70.0, 200.0])
+def test_the_schedule_is_no_longer_than_the_harvest_if_pickers_start_in_the_east_of_rows_of_any_length(row_length):
+    values = {"rows": 4, "pickers": 2, "carriers": 2, "dispatch": NEAREST, "rows_to_pickers": "balanced-ends"}
+    layout = lay_out(empty_orchard(**values, row_length=row_length))
+    scheduled = Schedule(layout).seconds(2)
+    assert scheduled <= DiscreteHarvest(layout).run().seconds <= 1.1 * scheduled
+
+
+def test_in_the_schedule_bins_call_when_their_pickers_drive_into_a_row():
+    values = {"rows": 4, "pickers": 2, "carriers": 3, "route": "two-way", "rows_to_pickers": "balanced-ends"}
+    layout = lay_out(empty_orchard(**values))
+    scheduled = Schedule(layout).seconds(3)
+    assert scheduled <= DiscreteHarvest(layout).run().seconds <= 1.05 * scheduled
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_schedule_has_the_failures_of_this_harvest(seed):
+    failure = {"mean_between": 60.0, "mean_repair": 300.0}
+    layout = lay_out(empty_orchard(rows=4, pickers=2, carriers=2, seed=seed, picking_speed=0.5, picking={"failure": failure}))
+    scheduled = Schedule(layout).seconds(2)
+    assert scheduled <= DiscreteHarvest(layout).run().seconds <= 1.05 * scheduled
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,8 @@ The sentence is the answer: "{answer}" The lines of the table say why.
 - **bound** is the [long-run rate](bounds.md#the-long-run-rate) of this policy and route, with the share of it that the harvest
   reaches, and **limit** the part of the orchard that allows no more. In one harvest pickers wait at its start and carriers at its
   end, so it reaches less.
-- **lost to** is the largest part of what the harvest [loses](bounds.md#what-a-harvest-loses), s.
+- **lost to** is the largest part of what the harvest [loses](bounds.md#what-a-harvest-loses), s. Where the seed draws how long rows
+  take, it is the mean of the first five harvests, each split with its own rows.
 - **checked** is the simulator's bins/h on the same seeds, and by how many percent they differ from those of the fast model.
 - In the picture the band is the interval, the dotted line the bound, and the ring the best setting. A dashed line marks the knee: the
   fewest carriers from which on more of them gain under 1 %. There is none if even the last carrier that was tried gains more, as it may

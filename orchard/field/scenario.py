@@ -83,6 +83,11 @@ class Picking(_Section):
     spread: Annotated[Spread, Field(description="how the picking times of rows differ")] = Spread()
     failure: Annotated[Failure, Field(description="how often pickers fail, and for how long they stand")] = Failure()
 
+    @property
+    def is_drawn(self) -> bool:
+        """Whether the seed changes how long rows take."""
+        return self.spread.distribution != "none" or self.failure.mean_between is not None
+
 
 class LaserSettings(_Section):
     """Settings of all lasers."""

@@ -38,11 +38,9 @@ class Setting:
         """Whether two seeds can give two results. Without people, animals, spread, failures and noise all seeds give the same harvest."""
         scenario = self.scenario
         guests = [*scenario.people.model_dump().values(), *scenario.animals.model_dump().values()]
-        picking = scenario.picking
-        varies = picking.spread.distribution != "none" or picking.failure.mean_between is not None
         built_in = scenario.dispatch in DISPATCH_POLICIES and scenario.rows_to_pickers in ROW_RULES and scenario.route in QUEUES
         own = not built_in or bool(scenario.agents or scenario.agents_without_body)  # it may draw by the seed
-        return varies or any(guests) or scenario.laser.noise > 0.0 or not scenario.sensors.are_exact or own
+        return scenario.picking.is_drawn or any(guests) or scenario.laser.noise > 0.0 or not scenario.sensors.are_exact or own
 
     @property
     def has_prices(self) -> bool:

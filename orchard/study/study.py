@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import fmean
 from typing import Any, Literal
 
 from orchard.agents.catalogue import check_plugins
@@ -233,11 +234,22 @@ class _Study:
         """Split what the harvests of each setting lost, the best settings first, as far as the time allows."""
         known = [i for i in range(len(self.settings)) if self.runs.harvested(i, self.model)]
         first = [i for i in (self.race.best, *self.race.left) if i in known]
-        order = [i for i in dict.fromkeys([*first, *known]) if i is not None]
-        items = [(i, self.settings[i].scenario, self.runs.mean(i, self.model, lambda record: record.sim_seconds)) for i in order]
-        self.lost = {item[0]: parts for item, parts in self.runs.workers.do(_losses, items, lambda: self.runs.goes_on(until))}
-        if left := len(items) - len(self.lost):
-            self.notes.append(f"the budget did not allow to split what was lost in {left} of {len(items)} settings")
+        harvests = {i: self._harvests(i) for i in dict.fromkeys([*first, *known]) if i is not None}
+        items = [(i, *harvest) for i, some in harvests.items() for harvest in some]
+        parts: dict[int, list[dict[str, float]]] = {i: [] for i in harvests}
+        for item, lost in self.runs.workers.do(_losses, items, lambda: self.runs.goes_on(until)):
+            parts[item[0]].append(lost)
+        self.lost = {i: means(each) for i, each in parts.items() if len(each) == len(harvests[i])}
+        if left := len(harvests) - len(self.lost):
+            self.notes.append(f"the budget did not allow to split what was lost in {left} of {len(harvests)} settings")
+
+    def _harvests(self, i: int) -> list[tuple[Scenario, float]]:
+        """The harvests of a setting whose lengths, s, are split: their mean, or some with the rows that their seeds draw."""
+        scenario = self.settings[i].scenario
+        if not scenario.picking.is_drawn:
+            return [(scenario, self.runs.mean(i, self.model, lambda record: record.sim_seconds))]
+        records = self.runs.harvested(i, self.model)[: LOOKS[0]]
+        return [(scenario.model_copy(update={"seed": record.seed}), record.sim_seconds) for record in records]
 
     # -- the result
 
@@ -364,3 +376,8 @@ def _losses(item: tuple[int, Scenario, float]) -> dict[str, float]:
     """In a worker: split the length of a setting's harvests."""
     _, scenario, seconds = item
     return lost_seconds(lay_out(scenario), seconds)
+
+
+def means(each: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Return the mean of each part of some splits, s; they have the same parts."""
+    return {part: round(fmean(split[part] for split in each), 1) for part in each[0]}

@@ -54,6 +54,14 @@ def test_the_best_is_told_with_its_interval_and_what_cannot_be_told_apart(result
     assert str(result.best["carriers"]) in result.answer
 
 
+def test_rows_that_are_drawn_are_no_loss_to_the_policy_or_to_people(folder):
+    """Each harvest is split with the rows of its own seed: its luck is in no part but `structure`."""
+    picking = {"spread": {"distribution": "gamma"}, "failure": {"mean_between": 600.0, "mean_repair": 300.0}}
+    drawn = Scenario(rows=3, picking_speed=0.2, picking=picking, tractor=False, dispatch="predictive", **QUIET)
+    lost = study(drawn, {"carriers": [2]}, replace(AMPLE, store=folder / "drawn.db")).table[0].lost_seconds
+    assert lost["structure"] != 0.0 and (lost["dispatch"], lost["people_and_animals"]) == (0.0, 0.0)
+
+
 def test_a_setting_that_jams_is_told_and_counted(result):
     jammed = [row for row in result.table if row.setting["dispatch"] == "own_policies.Idle"]
     assert [(row.jammed, row.bins_per_hour) for row in jammed] == [(row.replications, None) for row in jammed]

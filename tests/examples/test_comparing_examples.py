@@ -25,6 +25,6 @@ def test_the_fast_model_stands_beside_the_simulator():
 
 
 def test_intervals_stand_beside_the_truth():
-    said = printed("examples/coverage.py", "--truth", "3", "1")
+    said = printed("examples/interval_coverage.py", "--truth", "3", "1")
     assert re.findall(r"(\d+\.\d) % of (\d+) \(95 %: \d+\.\d to \d+\.\d\)", said)
     assert [int(count) for count in re.findall(r"% of (\d+)", said)] == [3, 3, 1, 1, 1]

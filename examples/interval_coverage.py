@@ -2,7 +2,7 @@
 
 The truth of each setting is its mean over many other seeds.
 
-    python examples/coverage.py [--truth SEEDS] [STUDIES]
+    python examples/interval_coverage.py [--truth SEEDS] [STUDIES]
 """
 
 import argparse

@@ -97,7 +97,8 @@ It ends when the best is certain, when all intervals are within 1 % of their mea
 there are no intervals.
 
 How often do intervals of 95 % hold the truth? In 200 small studies by the fast model - 4 rows, 2 pickers, 1 to 3 carriers, picking that
-varies, `--within 3%` - `python examples/interval_coverage.py` counts it. In brackets is the 95 % interval of the count. Measured on 2026-11-23.
+varies, `--within 3%` - `python examples/interval_coverage.py` counts it. In brackets is the 95 % interval of the count. Measured on
+2026-11-23.
 
 | interval | holds the truth, % |
 | --- | --- |

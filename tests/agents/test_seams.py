@@ -195,7 +195,7 @@ def one_row_each(scenario):
         ({"dispatch": "nowhere.Mine"}, "dispatch = nowhere.Mine: cannot be used: ModuleNotFoundError"),
         ({"dispatch": "test_seams.Raising"}, r"LookupError: no map \(.*test_seams.py, line \d+"),
         ({"dispatch": "test_seams.Forgetful"}, r"it has no assign \(.*test_seams.py, line \d+"),
-        ({"dispatch": "test_seams.WithoutArguments"}, r"takes no arguments; the program calls it with \(layout\) \(.*test_seams.py, line \d+"),
+        ({"dispatch": "test_seams.WithoutArguments"}, r"; the program calls it with \(layout\) \(.*test_seams.py, line \d+"),
         ({"route": "test_seams.Forgetful"}, "must be a class that is derived from OneWay"),
         ({"route": "test_seams.Unregistered"}, "Detour is not in `Steps`"),
         ({"route": "test_seams.SameName"}, "Wait"),

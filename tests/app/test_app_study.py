@@ -47,7 +47,7 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     state(page, "finished")
     page.until(lambda: len(page.view("study-table").find_elements("css selector", "tr")) == 4, "a line for each setting")
     assert "a bin" in page.view("answer").text and page.view("answer").text.split()[1].startswith("carrier")
-    assert "cost of a bin" in page.view("study-picture").text
+    page.until(lambda: "cost of a bin" in page.view("study-picture").text, "the picture of the costs")
     assert violations(page) == []
     with as_phone(page):
         assert violations(page) == []

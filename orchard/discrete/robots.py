@@ -135,6 +135,7 @@ class Robot:
             sign = -1
         target = sign * (step.x if step.x is not None else cast(float, step.y))
         here = sign * (self.x if axis == "x" else self.y)
+        # a bin that sees its picker drive into the row can call from then on
         if self.plan and isinstance(self.plan[0], st.Say) and self.plan[0].state == "picking":
             self.model.begin_row(self, target - here)
         line = (axis, round(self.y if axis == "x" else self.x, 3), sign)

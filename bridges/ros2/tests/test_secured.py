@@ -52,7 +52,7 @@ def forward(speed):
 def drives(run, speed):
     orders = run.user.node.create_publisher(TwistStamped, "picker_01/cmd_vel", 10)
     run.user.until(lambda: orders.publish(forward(speed)) or run.odom[-1].twist.twist.linear.x == speed)
-    run.user.until(lambda: run.odom[-1].twist.twist.linear.x == 0.0)  # nobody drives it any more
+    run.user.until(lambda: run.odom[-1].twist.twist.linear.x == 0.0)  # nothing drives it any more
 
 
 def test_it_drives_its_robot_and_sees_all_others(run):

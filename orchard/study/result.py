@@ -41,7 +41,7 @@ class Row:
     carrier_utilisation: float  # share of the time outside the queue, 0 to 1
     bound_bins_per_hour: float  # the long-run rate of this policy and route: orchard.report.bounds
     bottleneck: str
-    lost_seconds: dict[str, float] = field(default_factory=dict)  # s by cause, mean; if rows are drawn, of the first 5 harvests: report.losses
+    lost_seconds: dict[str, float] = field(default_factory=dict)  # s by cause, mean; of 5 harvests if rows are drawn: report.losses
     check: Check | None = None
 
 

@@ -45,6 +45,14 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def data_of_the_tests(tmp_path_factory):
+    """No test reads or writes what the user of this machine has recorded, or studied with another version."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_DATA_HOME", str(tmp_path_factory.mktemp("data")))
+        yield
+
+
 @pytest.fixture(autouse=True)
 def invariants_hold(monkeypatch):
     """For all engines that run in this process: the first tick after which an invariant is broken fails the test."""

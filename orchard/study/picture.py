@@ -6,6 +6,7 @@ the picture can be read in grey. Values that are no numbers stand side by side, 
 
 import io
 import re
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,6 +31,7 @@ DEAREST = 3.0  # times the least cost, up to which costs are shown
 MOST_TICKS = 24  # values that are all named along the axis
 MOST_LINES = 6  # more are not shown: those with the best settings are
 FONTS = ["system-ui", "DejaVu Sans", "sans-serif"]
+DRAWING = threading.Lock()  # matplotlib's settings hold for all threads, and two pages may draw at once
 
 
 @dataclass(frozen=True)
@@ -256,7 +258,7 @@ def inline_svg(result: StudyResult) -> str:
 
 def _written(drawing: Figure, kind: str) -> bytes:
     """A picture as the bytes of a file, the same each time: SVG with its words as text, without a date."""
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "orchard", "font.sans-serif": FONTS}):
+    with DRAWING, matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "orchard", "font.sans-serif": FONTS}):
         file = io.BytesIO()
         drawing.savefig(file, format=kind, dpi=150, metadata={"Date": None} if kind == "svg" else None)
     return file.getvalue()

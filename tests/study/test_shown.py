@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from functools import cache
 from html.parser import HTMLParser
@@ -155,6 +156,12 @@ def test_the_picture_is_the_same_each_time_and_its_words_are_text(tmp_path):
         assert drawn.size == (1200, 990)
     with pytest.raises(ValueError, match=r"study.doc: a picture's name ends in .svg or .png"):
         picture.save(whole(), tmp_path / "study.doc")
+
+
+def test_two_pages_that_draw_at_once_get_the_same_picture():
+    alone = picture.inline_svg(whole())
+    with ThreadPoolExecutor(2) as pages:
+        assert set(pages.map(picture.inline_svg, [whole()] * 12)) == {alone}
 
 
 # -- the report

@@ -46,8 +46,9 @@ def starting(*arguments: object):
     try:
         yield process
     finally:
-        for child in [*psutil.Process(process.pid).children(recursive=True)] if process.poll() is None else []:
-            child.kill()
+        with suppress(psutil.NoSuchProcess):  # it has just ended
+            for child in [*psutil.Process(process.pid).children(recursive=True)] if process.poll() is None else []:
+                child.kill()
         process.kill()
         with suppress(ValueError):  # the test has read it to its end
             process.communicate()

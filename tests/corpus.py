@@ -117,10 +117,11 @@ class StandIn:
 class Run:
     """Physics and one host with all agents, each in its thread."""
 
-    def __init__(self, scenario, run: str, ticks: int) -> None:
-        self.net, self.engine = Net(), Engine.begin(scenario)
+    def __init__(self, scenario, run: str, ticks: int, net: Net | None = None, cast: Callable[..., dict] = make_agents) -> None:
+        """`cast`: returns the agents of a layout."""
+        self.net, self.engine = net or Net(), Engine.begin(scenario)
         self.physics = Physics(StandIn(self.net, "physics1"), KEYS, self.engine, RunOptions(duration=ticks / 10, run=run))
-        self.host = Host(StandIn(self.net, HOST), KEYS, run, "lockstep", self.engine.layout, make_agents(self.engine.layout))
+        self.host = Host(StandIn(self.net, HOST), KEYS, run, "lockstep", self.engine.layout, cast(self.engine.layout))
 
     def to_the_end(self):
         """The end that physics tells."""
@@ -130,7 +131,8 @@ class Run:
         run.start()
         try:
             self.host.run()
-        except HostEnded:
+        except HostEnded as ended:
+            self.code = ended.code
             for name in self.host.performers:
                 self.net.alive(KEYS.of("alive", name, HOST), False)
         run.join(20.0)

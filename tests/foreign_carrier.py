@@ -107,6 +107,7 @@ class Host:
             case "final", [request]:
                 request["final"] = True
             case "end", _:
+                self.put("left", msgpack.packb({"run": self.run}))
                 raise RunOver
             case "lost", [payload]:
                 if msgpack.unpackb(payload)["holder"] == SESSION:
@@ -172,7 +173,10 @@ class Host:
         self.close({(to, at, n): body for to, at, n, body in answers})
 
     def publish(self):
-        self.session.put(f"orchard/hosts/{SESSION}/velocities", self.answer, congestion_control=zenoh.CongestionControl.BLOCK)
+        self.put("velocities", self.answer)
+
+    def put(self, what, payload):
+        self.session.put(f"orchard/hosts/{SESSION}/{what}", payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
     def get(self, request):
         letter = {"run": self.run, "sender": self.name} | {field: request[field] for field in ("tick", "number", "body")}

@@ -42,6 +42,7 @@ def drive(session, name):
             answered = message["tick"]
             velocity = {"run": run, "tick": answered, "holder": "foreign1", "linear": {"x": 0.5}, "angular": {"z": 0.0}}
             session.put(f"orchard/{name}/velocity", msgpack.packb(velocity), congestion_control=zenoh.CongestionControl.BLOCK)
+    session.put("orchard/hosts/foreign1/left", msgpack.packb({"run": run}), congestion_control=zenoh.CongestionControl.BLOCK)
     mail.undeclare()
     token.undeclare()
     return answered + 1

@@ -41,6 +41,7 @@ def walk(session, name):
     while True:
         key, message = heard.get(timeout=60.0)
         if key == "orchard/end":
+            session.put(f"{KEY}/left", msgpack.packb({"run": run}), congestion_control=zenoh.CongestionControl.BLOCK)
             return asked, message["tick"]
         if message["tick"] > last:
             asked, last = asked + 1, message["tick"]

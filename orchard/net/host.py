@@ -23,7 +23,7 @@ from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, PhysicsRequest, 
 from orchard.net.roster import NO_TOKEN, TAKEN
 from orchard.wire.codec import drive_of
 from orchard.wire.keys import PHYSICS, Keys
-from orchard.wire.messages import BinStatus, Drive, End, Join, Joined, Lost, Recall, Recalled, Velocities
+from orchard.wire.messages import BinStatus, Drive, End, Join, Joined, Left, Lost, Recall, Recalled, Velocities
 
 log = logging.getLogger("orchard")
 RECALL_SECONDS = 5.0  # after which a recall is sent again: the link to physics may be cut
@@ -42,7 +42,7 @@ class HostEnded(Exception):
 
 
 class _JoinAgain(Exception):
-    """Raised when physics no longer waits for this host, has gone on without it, or has come back."""
+    """Raised when physics no longer waits for this host, has gone on while it joined, or has come back."""
 
 
 class AgentRunner:
@@ -183,6 +183,8 @@ class Host:
         """Wait for the next tick, tick the agents and send their velocities."""
         self._wait(lambda: self.sight.tick > self.mailbox.last)
         tick = self.sight.tick
+        if self.mailbox.is_overtaken(tick):
+            raise _JoinAgain
         if not self.mailbox.is_settled(tick, self.sight.asked):
             self._wait(lambda: self.mailbox.is_settled(tick, self.sight.asked), DOUBT_SECONDS)
         mail, seen = self._mail(tick), self.sight.observations()
@@ -278,7 +280,7 @@ class Host:
             case Final(SentRequest() as asked):
                 asked.final = True
             case Signal():
-                raise HostEnded(0, "asked to stop")
+                self._leave("asked to stop")
             case Alive(key, up) if key == self.keys.of("alive", PHYSICS, self.run_id):
                 self._track_physics(up)
 
@@ -294,7 +296,12 @@ class Host:
 
     def _leave_if_over(self) -> None:
         if (end := self._ending.end) is not None:
-            raise HostEnded(0, end.why)
+            self._leave(end.why)
+
+    def _leave(self, why: str) -> NoReturn:
+        """Tell physics that this session leaves: otherwise it may only be cut off, and physics waits for it at the end."""
+        self.bus.publish(self.keys.of("left", session=self.bus.id), pack(Left(self.run_id)))
+        raise HostEnded(0, why)
 
     def _take_sample(self, sample: Sample) -> None:
         match self.keys.parts(sample.key):

@@ -1,4 +1,4 @@
-"""The line from run.py to each of its processes: a pipe, whose read end is the process' standard input.
+"""The line from run.py to each of its processes: a pipe. Its read end is the process' standard input.
 
 run.py holds the other end for as long as the process is to run. So the process learns that run.py asks it to end, and also that run.py
 is gone, however that ended. A signal is no such request: a process that gets one dies of it, and run.py starts it again.

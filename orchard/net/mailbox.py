@@ -100,6 +100,10 @@ class Mailbox:
             held.question.drop()
         self._held, self._asked, self.last, self._joined = {}, {}, tick - 1, tick
 
+    def is_overtaken(self, tick: int) -> bool:
+        """Whether a tick is the first one since the join, and later than it: physics went on with an answer from before (rule 1)."""
+        return self.last < self._joined < tick
+
     # what arrives
 
     def hear(self, recipient: str, question: Query) -> None:
@@ -181,7 +185,7 @@ class Mailbox:
         return asked < tick
 
     def _take_settled(self, tick: int) -> list[SentRequest]:
-        """Remove and return the requests whose outcome the agents learn at this tick."""
+        """Remove and return the requests of which the agents learn the outcome at this tick."""
         settled = self._asked.pop(tick - 2, [])
         self._asked = {at: asked for at, asked in self._asked.items() if at > tick - 2}
         return settled
@@ -212,6 +216,9 @@ class Mailbox:
 
 class RealtimeMailbox(Mailbox):
     """The mail of one host's agents in realtime: no tick waits for mail, ticks may be left out, and each delivers what has come."""
+
+    def is_overtaken(self, tick: int) -> bool:
+        return False
 
     def _is_timely(self, tick: int) -> bool:
         """Whether the sender is at most STALE_TICKS behind or ahead."""

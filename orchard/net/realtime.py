@@ -29,7 +29,7 @@ LATE = 0.5  # of a tick's time: a tick that begins later than this after it was 
 
 
 class RecentTicks:
-    """The ticks whose velocities may still drive a robot: less than WATCHDOG_TICKS ticks or less than WATCHDOG seconds ago."""
+    """The ticks of which velocities may still drive a robot: less than WATCHDOG_TICKS ticks or less than WATCHDOG seconds ago."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.clock, self.newest = clock, 0

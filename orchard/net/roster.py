@@ -19,6 +19,7 @@ class Roster:
         self.holders: dict[str, str] = {}  # name -> session id
         self._by_holder: dict[str, list[str]] = {}  # computed on demand
         self.tokens: set[tuple[str, str]] = set()  # (name, session id) of each liveliness token
+        self._leaving: set[str] = set()  # holders that have said that they leave
 
     def token(self, name: str, holder: str, up: bool) -> None:
         """Record that a liveliness token appeared (`up`) or disappeared. Raises Refused if there are too many.
@@ -40,6 +41,16 @@ class Roster:
 
     def join(self, name: str, holder: str) -> None:
         self.holders[name], self._by_holder = holder, {}
+        self._leaving.discard(holder)
+
+    def leave(self, holder: str) -> None:
+        """Record that a session says that it leaves. When its tokens are gone, it has left."""
+        if holder in self.by_holder():
+            self._leaving.add(holder)
+
+    def all_have_left(self) -> bool:
+        """Whether no token is there, and every holder has said that it leaves: one that has not may only be cut off."""
+        return not self.tokens and self._leaving.issuperset(self.by_holder())
 
     def by_holder(self) -> dict[str, list[str]]:
         """Return session id -> the names that it holds."""

@@ -46,7 +46,7 @@ class Drivers:
     # -- which session holds which agent
 
     def token(self, name: str, holder: str, up: bool) -> None:
-        """Record a token as `Roster.token` does. In realtime, release an agent whose session is gone."""
+        """Record a token as `Roster.token` does. In realtime, release an agent if its session is gone."""
         self.roster.token(name, holder, up)
         if self.answers.releases_at_once and not up and self.roster.holders.get(name) == holder:
             self.release({name})
@@ -81,7 +81,7 @@ class Drivers:
         self._publisher.retire(set(released).difference(self.roster.by_holder()))
 
     def give_up(self) -> None:
-        """Stop waiting for the missing answers. A session none of whose agents has answered this tick loses all of its agents."""
+        """Stop waiting for the missing answers. A session loses all of its agents if none of them has answered this tick."""
         missing = self.answers.give_up()
         silent = [holder for holder, names in self.due.items() if missing.issuperset(names)]
         self.release(missing.union(*(self.roster.by_holder()[holder] for holder in silent)))
@@ -161,7 +161,7 @@ class Drivers:
     def drive_all(self, velocities: Velocities, malformed: Mapping[str, Refused]) -> list[Refused]:
         """Take the velocities of a session, each by itself. Return the refusals; the refused velocities are removed from the message.
 
-        `malformed`: name -> the refusal of a velocity that is not in `velocities`. A robot whose velocity is malformed or out of bounds
+        `malformed`: name -> the refusal of a velocity that is not in `velocities`. A robot with a malformed velocity, or one out of bounds,
         stands in this tick, so that the others need not wait for it.
         """
         refusals, is_heard = list(malformed.values()), self._publisher.are_robots_heard()

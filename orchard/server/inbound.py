@@ -155,7 +155,8 @@ class Inbound:
         self._bus.subscribe(self._keys.of("velocities"), quietly=True)
         self._bus.subscribe(self._keys.of("velocity"), quietly=True)
         self._bus.subscribe(self._keys.of("advice"))
-        self._bus.subscribe(self._keys.of("refused"))
+        for what in ("refused", "left"):
+            self._bus.subscribe(self._keys.of(what))
         for what in (*self._queries.replies, "join"):
             self._bus.answer(self._keys.of(what))
         self._newer_from = time.monotonic() + OTHER_RUN_SECONDS
@@ -176,15 +177,17 @@ class Inbound:
                 self._harvest.refusal_totals.note(getattr(item, "key", ""), refusal)
         return item is not None
 
-    def take_after_end(self, seconds: float) -> bool:
-        """Handle one item after the run's end, when only tokens count. Return False if none came in `seconds`, or for a signal."""
+    def take_after_end(self, seconds: float) -> Item | None:
+        """Handle one item after the run's end, when only tokens and `left` count. Return it; None if none came in `seconds`."""
         item = self._bus.inbox.take(seconds)
-        if isinstance(item, Query):
-            item.drop()
-        elif isinstance(item, Alive):
-            with suppress(Refused):
+        with suppress(Refused):
+            if isinstance(item, Query):
+                item.drop()
+            elif isinstance(item, Alive):
                 self._harvest.drivers.roster.token(*self._owner_of(item), item.up)
-        return item is not None and not isinstance(item, Signal)
+            elif isinstance(item, Sample) and self._keys.parts(item.key)[-1] == "left":
+                self._hear(item)
+        return item
 
     def _handle(self, item: Item) -> None:
         if isinstance(item, Sample):
@@ -202,6 +205,9 @@ class Inbound:
             case ["hosts", session, "refused"]:
                 counts = read_message(sample.payload, wire.RefusedThere, run).counts
                 self._harvest.refusal_totals.hear(_session(session), counts)
+            case ["hosts", session, "left"]:
+                read_message(sample.payload, wire.Left, run)
+                self._harvest.drivers.roster.leave(_session(session))
             case [name, "velocity"]:
                 self._harvest.drivers.drive(name, read_message(sample.payload, wire.Velocity, run))
             case [name, "advice"]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from orchard.net.bus import Bus
+from orchard.net.bus import Bus, Signal
 from orchard.net.lockstep import AGAIN_SECONDS, Pacer
 from orchard.server.harvest import Harvest, RunEnded, RunOptions, RunReset, write_end
 from orchard.server.inbound import Inbound
@@ -24,6 +24,7 @@ log = logging.getLogger("orchard")
 WARN_SECONDS = 3.0  # between two log lines that name the missing agents
 LOGGER_SECONDS = 10.0  # that the first tick waits for a logger
 LEAVE_SECONDS = 2.0  # that the other processes may take to leave after the end
+END_SECONDS = 0.2  # after which the end is told again to those that have not left
 
 
 class Physics:
@@ -82,7 +83,7 @@ class Physics:
             write_end(end, self._options.result)
         self.harvest.publisher.publish("end", end)
         self.arrivals.leave()
-        self._await_leaving(LEAVE_SECONDS if why != RESET else self._options.patience)
+        self._await_leaving(end, LEAVE_SECONDS if why != RESET else self._options.patience)
         return end
 
     def gather(self) -> None:
@@ -166,9 +167,17 @@ class Physics:
                 control.finish_steps()
                 self._drivers.show(self._drivers.silent())
 
-    def _await_leaving(self, seconds: float) -> None:
-        """Wait until all tokens are gone, at most so long, so that the last message reaches the other processes."""
-        deadline = time.monotonic() + seconds
-        while self._drivers.roster.tokens and (left := deadline - time.monotonic()) > 0.0:
-            if not self.arrivals.take_after_end(left):
+    def _await_leaving(self, end: End, seconds: float) -> None:
+        """Wait until all tokens are gone, at most so long, and until all sessions have said that they leave, at most LEAVE_SECONDS.
+
+        Tell the end again meanwhile: a link may break when it is told first.
+        """
+        now, roster = time.monotonic(), self._drivers.roster
+        deadline, told_by, again = now + seconds, now + LEAVE_SECONDS, now + END_SECONDS
+        while now < deadline and (roster.tokens or (now < told_by and not roster.all_have_left())):
+            if now >= again:
+                again = now + END_SECONDS
+                self.harvest.publisher.publish("end", end)
+            if isinstance(self.arrivals.take_after_end(min(deadline, again) - now), Signal):
                 return
+            now = time.monotonic()

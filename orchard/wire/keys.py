@@ -81,6 +81,9 @@ TABLE: dict[str, Key] = {
                    "The figures of the run, and what each robot does."),
     "refused": Key("{prefix}/hosts/{session}/refused", wire.RefusedThere, "a host or the logger", "in ticks in which it refused messages",
                    NEVER_LOST, "How many messages this session has refused, by reason. Physics adds up the counts of all sessions."),
+    "left": Key("{prefix}/hosts/{session}/left", wire.Left, "a session that holds agents", "once, at its end", NEVER_LOST,
+                "The session leaves for good. Physics waits for that at the end: a session whose tokens are gone may only be cut off, and "
+                "then it has not heard the end."),
     "scenario": Key("{prefix}/scenario", None, "any client", "when it connects", QUERY,
                     "The run's id and present tick, its agents and its scenario. The payload of the query is empty. Physics replies.",
                     (wire.RunInfo,)),
@@ -118,9 +121,10 @@ TABLE: dict[str, Key] = {
                 "true), or after 2 s if it is not; it replies at once if the run has not begun or is being resumed. To learn later "
                 "whether the stop is on the disk, send the query again. A name that is not a robot's is refused, and then no robot is "
                 "stopped.", (wire.Stopped,)),
-    "end": Key("{prefix}/end", wire.End, "physics", "once", NEVER_LOST,
-               "The run is over. Physics removes its liveliness token, and waits until all others are gone, at most two seconds. In an "
-               "open run any client may publish here: it counts only if the token of physics goes within 3 s of it."),
+    "end": Key("{prefix}/end", wire.End, "physics", "once; every 0.2 s until all have left", NEVER_LOST,
+               "The run is over. Physics removes its liveliness token, and waits until all tokens are gone and all sessions with agents "
+               "have published `left`, at most two seconds. In an open run any client may publish here: it counts only if the token of "
+               "physics goes within 3 s of it."),
     "alive": Key("{prefix}/alive/{name}/{session}", None, "each host, one for each of its agents; physics and the logger, one each",
                  "while the process lives", LIVELINESS,
                  "The process is present. `session` is a text of letters and digits that no other process uses: the id of the holder."),

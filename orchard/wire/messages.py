@@ -419,6 +419,10 @@ class RefusedThere(RunMessage):
     counts: Annotated[Counts, Meta(description="reason -> how many since the session began")]
 
 
+class Left(RunMessage):
+    """A session that holds agents leaves for good: the run is over for it, or a user has asked it to end."""
+
+
 RESET = "reset"  # why a run has ended that begins again
 
 

@@ -78,7 +78,7 @@ def test_when_run_py_dies_its_processes_end_and_the_run_goes_on_to_the_same_hash
         code, printed = ended(
             tmp_path, "--resume", "last", "--mode", "local", "--duration", DURATION, "--record", "none", "--summary", path
         )
-        _, alive = psutil.wait_procs(processes, 0.0)
+        _, alive = psutil.wait_procs(processes, SECONDS)
         assert (code, alive) == (0, []), printed
     assert summary_of(path)["hash"] == local_hash(SMALL, round(DURATION * 10))
     assert not list((tmp_path / "runs").glob("*.going"))

@@ -290,7 +290,7 @@ def test_the_exchange_of_bins_works_in_realtime(tmp_path):
     store(*as_file(taken), tmp_path)
     assert not is_full(before.engine.world, before.engine.world.index["bin_01"])
     with running("--resume", tmp_path, "--mode", "realtime", "--speed", 10, "--hosts", 1, "--record", "none", "--duration", 900) as run:
-        assert any(re.search(r"bins delivered [1-3]/3", line) for line in run.stdout)
+        assert any(re.search(r"\b[1-3]/3 bins", line) for line in run.stdout)
         run.send_signal(signal.SIGINT)
         printed, _ = run.communicate(timeout=60)
     assert run.returncode == 0, printed

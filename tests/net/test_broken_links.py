@@ -1,0 +1,203 @@
+"""Links that break at a certain message, without a network: no luck is needed to meet the moment."""
+
+import signal
+from types import SimpleNamespace
+
+import msgpack
+import pytest
+from alone import SMALL, TICKS
+from callers import cast
+from corpus import HOST, KEYS, Net, Query, Run, StandIn
+from pretended import RUN
+
+from orchard.contract.messages import pack
+from orchard.net.bus import Alive, Inbox, Sample, Signal
+from orchard.net.host import HostEnded
+from orchard.net.mailbox import Mailbox, RealtimeMailbox
+from orchard.server.harvest import RunOptions
+from orchard.server.loop import END_SECONDS, LEAVE_SECONDS, Physics
+from orchard.sim.engine import Engine
+from orchard.wire.keys import PHYSICS
+from orchard.wire.messages import Left
+
+# -- a host that joins again
+
+
+class Stalled(Inbox):
+    """An inbox that gets all items at once when one arrives that is wanted."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.wanted, self._late = None, []
+
+    def put(self, item) -> None:
+        if self.wanted is None:
+            super().put(item)
+            return
+        self._late.append(item)
+        if self.wanted(item):
+            self.wanted = None
+            for late in self._late:
+                super().put(late)
+
+
+class LosesAnAnswer(Net):
+    """Loses the first answer to a tick. The host's link breaks, and it is shown the tick once more before its join is answered."""
+
+    def __init__(self, tick: int) -> None:
+        super().__init__()
+        self._tick, self._is_done = tick, False
+
+    def put(self, sender, key, payload) -> None:
+        if self._is_done or key != KEYS.of("velocities", session=HOST) or tick_of(payload) < self._tick:
+            super().put(sender, key, payload)
+            return
+        self._is_done = True
+        shown, token = KEYS.of("seen", session=HOST), KEYS.of("alive", PHYSICS, RUN)
+        again = next(seen for key, seen in reversed(self.sent) if key == shown)
+        for item in (Alive(token, False), Alive(token, True), Sample(shown, again)):
+            sender.inbox.put(item)
+        sender.inbox.wanted = lambda item: isinstance(item, Sample) and item.key == shown and tick_of(item.payload) > self._tick
+
+
+def tick_of(payload) -> int:
+    return msgpack.unpackb(payload)["tick"]
+
+
+@pytest.mark.parametrize("tick", [1, 40])
+def test_an_answer_from_before_a_join_that_is_taken_after_it_changes_nothing(undisturbed, tick):
+    """Physics has gone on when the host hears the reply, and the memories in it are too old for the tick that it is shown."""
+    run = Run(SMALL, RUN, TICKS, LosesAnAnswer(tick), cast)
+    run.host.bus.inbox = Stalled()
+    end = run.to_the_end()
+    assert (end.why, end.hash) == ("duration", undisturbed)
+
+
+def test_a_host_that_joins_is_overtaken_if_its_first_tick_is_a_later_one():
+    box = Mailbox(RUN)
+    box.join(5)
+    assert [box.is_overtaken(tick) for tick in (5, 6)] == [False, True]
+    box.deliver(5)
+    assert not box.is_overtaken(9), "its agents have held meanwhile"
+
+
+def test_in_realtime_a_first_tick_may_be_any():
+    box = RealtimeMailbox(RUN)
+    box.join(5)
+    assert not box.is_overtaken(6)
+
+
+# -- the end
+
+
+class LosesTheEnd(Net):
+    """Loses the first end that is told. The link to the host breaks: for physics its tokens are gone."""
+
+    def put(self, sender, key, payload) -> None:
+        if key != KEYS.of("end") or any(key == told for told, _ in self.sent):
+            super().put(sender, key, payload)
+            return
+        self.sent.append((key, payload))
+        for name in Engine.begin(SMALL).layout.agents:
+            self.alive(KEYS.of("alive", name, HOST), False)
+
+
+def test_a_host_that_is_cut_off_when_the_run_ends_is_told_the_end_again(undisturbed):
+    run = Run(SMALL, RUN, TICKS, LosesTheEnd(), cast)
+    assert run.to_the_end().hash == undisturbed
+    assert run.code == 0
+
+
+class Leaving(StandIn):
+    """A bus at which items arrive at certain times, on a clock of its own."""
+
+    def __init__(self) -> None:
+        super().__init__(Net(), "physics1")
+        self.inbox, self.now, self.told, self.items = self, 0.0, [], []
+
+    def take(self, seconds):
+        if self.items and self.items[0][0] <= self.now + seconds:
+            self.now, item = self.items.pop(0)
+            return item
+        self.now += seconds
+        return None
+
+    def publish(self, key, payload, newest_wins=False) -> None:
+        if key == KEYS.of("end"):
+            self.told.append(round(self.now, 3))
+
+    def clock(self) -> float:
+        return self.now
+
+
+TOKEN = KEYS.of("alive", "picker_01", "a")
+GONE, BACK, LEFT = Alive(TOKEN, False), Alive(TOKEN, True), Sample(KEYS.of("left", session="a"), pack(Left(RUN)))
+ASKS = Query(KEYS.of("join", session="a"), b"")  # again and again, while nobody replies
+
+
+@pytest.mark.parametrize(
+    ("items", "until", "told"),
+    [
+        ([(0.01, LEFT), (0.02, GONE)], 0.02, []),
+        ([(0.01, GONE), (0.02, LEFT)], 0.02, []),
+        ([(0.01, GONE), (0.3, BACK), (0.55, LEFT), (0.56, GONE)], 0.56, [0.2, 0.4]),
+        ([*((0.1 * n, ASKS) for n in range(1, 5)), (0.45, LEFT), (0.46, GONE)], 0.46, [0.2, 0.4]),
+        ([(0.01, LEFT)], LEAVE_SECONDS, None),
+        ([(0.01, GONE)], LEAVE_SECONDS, None),
+        ([(0.01, Sample(KEYS.of("left", session="a"), pack(Left("other")))), (0.02, GONE)], LEAVE_SECONDS, None),
+    ],
+)
+def test_physics_waits_for_a_session_that_has_not_said_that_it_leaves_and_tells_it_the_end_again(monkeypatch, items, until, told):
+    bus = waited(monkeypatch, items, LEAVE_SECONDS)
+    assert bus.now == pytest.approx(until)
+    assert bus.told == told or (told is None and len(bus.told) >= 8)
+
+
+@pytest.mark.parametrize(("items", "until"), [([(0.01, GONE)], LEAVE_SECONDS), ([(0.01, LEFT)], 15.0), ([(0.01, LEFT), (7.0, GONE)], 7.0)])
+def test_before_a_reset_physics_is_patient_with_tokens_but_with_a_dead_session_only_as_at_an_end(monkeypatch, items, until):
+    assert waited(monkeypatch, items, seconds=15.0).now == pytest.approx(until, abs=1.1 * END_SECONDS)
+
+
+def waited(monkeypatch, items, seconds: float) -> Leaving:
+    """A bus on which physics has waited at the end of a run, for so long at most, until all sessions have left."""
+    bus = Leaving()
+    monkeypatch.setattr("orchard.server.loop.time", SimpleNamespace(monotonic=bus.clock))
+    physics = Physics(bus, KEYS, Engine.begin(SMALL), RunOptions(run=RUN))
+    roster = physics.harvest.drivers.roster
+    roster.token("picker_01", "a", True)
+    roster.join("picker_01", "a")
+    bus.items = items
+    physics._await_leaving(physics.harvest.end("duration"), seconds)
+    return bus
+
+
+def test_a_session_that_holds_no_agent_is_not_one_that_leaves():
+    roster = Physics(Leaving(), KEYS, Engine.begin(SMALL), RunOptions(run=RUN)).harvest.drivers.roster
+    roster.leave("a")
+    roster.join("picker_01", "b")
+    roster.leave("a")
+    assert not roster.all_have_left()
+    assert not roster._leaving
+
+
+def test_a_host_says_that_it_leaves_when_the_run_is_over():
+    run = Run(SMALL, RUN, 5, Net(), cast)
+    run.to_the_end()
+    assert [key for key, _ in run.net.sent].count(KEYS.of("left", session=HOST)) == 1
+
+
+def test_a_host_says_that_it_leaves_when_a_user_stops_it():
+    run = Run(SMALL, RUN, 5, Net(), cast)
+    run.host.bus.inbox.put(Signal(signal.SIGTERM))
+    with pytest.raises(HostEnded):
+        run.host.run()
+    assert [key for key, _ in run.net.sent] == [KEYS.of("left", session=HOST)]
+
+
+def test_a_session_that_joins_again_has_not_left():
+    roster = Physics(Leaving(), KEYS, Engine.begin(SMALL), RunOptions(run=RUN)).harvest.drivers.roster
+    roster.join("picker_01", "a")
+    roster.leave("a")
+    assert roster.all_have_left()
+    roster.join("picker_01", "a")
+    assert not roster.all_have_left()

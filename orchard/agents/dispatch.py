@@ -51,7 +51,7 @@ class Dispatch(Protocol):
     """A dispatch policy. Its class is called with the layout.
 
     `Memory` is the type of its memory: a msgspec.Struct with a default for each field. `assign` may change the memory in place.
-    A policy whose class says `early = True` is also told of bins that are not full yet.
+    A policy with `early = True` in its class is also told of bins that are not full yet.
     """
 
     Memory: type

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from orchard.agents.place import Estimate, as_seen_from, place_of
-from orchard.agents.sense import Box, Bystander, Sighting, doubts, something_ahead, stop_zone, sweep_radius, turn_is_free
+from orchard.agents.sense import Box, Bystander, Sighting, doubts, something_ahead, stop_zone, sweep_radius, turn_is_free, turn_zone
 from orchard.contract.agent import AHEAD, IN_TURN, MOST_HOLD, Action, Hold, Mail, Observation, State, may_hold
 from orchard.contract.messages import Answer, BinState, Claim, Couple, Places, Position, Request, StateRequest, Uncouple, Where
 from orchard.field.geometry import STILL, Pose, Twist
@@ -92,7 +92,7 @@ class PlanExecutor:
 
         `queueing`: an obstacle ahead is normal, and is not reported.
         """
-        self.action.twist, self._blind_to, self._queueing = twist, blind_to, queueing
+        self.action.twist, self._turn, self._blind_to, self._queueing = twist, 0.0, blind_to, queueing
 
     def turn(self, rate: float, left: float, blind_to: list[Box]) -> None:
         """Turn at this rate (rad/s) in this tick, unless something is in the part of the turn that is left (rad)."""
@@ -180,6 +180,7 @@ class PlanExecutor:
         self._claim()
         action, memory = self.action, self.memory
         action.doing, action.state = memory.doing, memory.state
+        near = self._near_the_turn() if self._turn else []
         self._recover()
         action.hold = self._hold_of(action.twist)
         if action.twist.x > 0 and something_ahead(self.seen, self._blind_to):
@@ -189,24 +190,27 @@ class PlanExecutor:
                 self._hold_up(AHEAD)
         if action.twist.yaw and not turn_is_free(self.seen, self._turn, self._blind_to):
             self._hold_up(IN_TURN)
-        if self._turn and (near := self._near_the_turn()):
+        if near:
             self._hold_up(", ".join(near[:3]))
         memory.moving, action.steps_done = action.twist != STILL, memory.done
         return action
 
     def _hold_of(self, twist: Twist) -> Hold | None:
-        """Return how long the robot keeps this velocity. A robot that turns, or acts, or corrects its place, is asked at every tick.
+        """Return how long the robot keeps this velocity. A robot that acts, or corrects its place, is asked at every tick.
 
-        Where it drives, its hold ends when something comes into the way, or leaves it. A robot that is blind to boxes in its way must look
-        at every tick.
+        Where it drives or turns, its hold ends when something comes into the way, or leaves it. A robot that is blind to boxes in its way
+        must look at every tick; so must one that turns with a bin, because a hold does not watch the bin's laser.
         """
         until = min(self._until, *self._timers) if self._timers else self._until
-        if until <= self.seen.tick + 1 or twist.yaw or self._turn or self.action.deeds or self.seen.accuracy:
+        if until <= self.seen.tick + 1 or self.action.deeds or self.seen.accuracy:
             return None
+        if self._turn:
+            is_free = self.seen.hitch is None and not turn_zone(self.seen).is_occupied(self.seen)
+            return Hold(until, watch=(turn_zone(self.seen),)) if is_free else None
         if twist == STILL:
             return Hold(until)
         zone = stop_zone(self.seen)
-        if self._blind_to and zone.is_occupied(self.seen):
+        if twist.yaw or (self._blind_to and zone.is_occupied(self.seen)):
             return None
         return Hold(until, watch=(zone,))
 
@@ -239,11 +243,15 @@ class PlanExecutor:
                 self.memory.sighted[reply.sender] = Sighting(self.seen.tick - 1, *here)
 
     def _near_the_turn(self) -> list[str]:
-        """The people and animals that are, or may be, in what the turn sweeps. They, and those that soon may be, are asked."""
+        """The people and animals that are, or may be, in what the turn sweeps. They, and those that soon may be, are asked.
+
+        A timer is set for the tick at which the next one must be asked: until then a turn may hold.
+        """
         radius = sweep_radius(KINDS[kind_of(self.seen.name)], self.seen.hitch is not None)
-        near, to_ask = doubts(self._bystanders, self.memory.sighted, self.seen.tick, self.pose.x, self.pose.y, radius)
-        self.action.requests += [(name, Where()) for name in to_ask]
-        return near
+        found = doubts(self._bystanders, self.memory.sighted, self.seen.tick, self.pose.x, self.pose.y, radius)
+        self.action.requests += [(name, Where()) for name in found.to_ask]
+        self._timers.append(self.seen.tick + max(1, found.ticks))
+        return found.near
 
     def _claim(self) -> None:
         """Send traffic the places that are kept and wanted: when a place was given back, and again and again while one is wanted."""

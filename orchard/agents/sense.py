@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchard.contract.agent import Observation
+from orchard.contract.agent import MOST_HOLD, Observation
 from orchard.contract.zone import Zone, beams, in_zone, is_left_freer
 from orchard.field import repeatable
 from orchard.field.geometry import Pose, from_frame, to_frame
@@ -71,6 +71,17 @@ def turn_is_free(seen: Observation, turn: float, blind_to: list[Box]) -> bool:
     reach = _reach(kind, len(boxes) > 1)
     points = points[points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach]
     return not len(points) or not _swept(points, boxes, turn)
+
+
+def turn_zone(seen: Observation) -> Zone:
+    """Return a zone around all that a robot without a bin sweeps in a turn: while it is free, `turn_is_free`."""
+    return _square(kind_of(seen.name))
+
+
+@cache
+def _square(kind: str) -> Zone:
+    half, ahead = _reach(KINDS[kind], towing=False) + TURN_MARGIN, KINDS[kind].laser.ahead
+    return Zone(-half - ahead, half - ahead, -half, half)
 
 
 def _reach(kind: Kind, towing: bool) -> float:
@@ -189,9 +200,17 @@ def time_to_reach(bystander: Bystander, sighting: Sighting | None, tick: int, x:
     return room / bystander.speed - (tick - sighting.tick) * TIME_STEP
 
 
-def doubts(
-    bystanders: tuple[Bystander, ...], sighted: Mapping[str, Sighting], tick: int, x: float, y: float, radius: float
-) -> tuple[list[str], list[str]]:
-    """Return the names of the bystanders that are or may be within a circle now, and of those to ask: now, or soon."""
+class Doubts(NamedTuple):
+    """Which bystanders a circle has to be kept free for."""
+
+    near: list[str]  # those that are or may be within it now
+    to_ask: list[str]  # those, and those that soon may be
+    ticks: int  # for which both lists stay empty, at least; 0 if they are not, or if one has not answered
+
+
+def doubts(bystanders: tuple[Bystander, ...], sighted: Mapping[str, Sighting], tick: int, x: float, y: float, radius: float) -> Doubts:
+    """Return what is known of the bystanders around a circle, m."""
     left = {one.name: time_to_reach(one, sighted.get(one.name), tick, x, y, radius) for one in bystanders}
-    return [name for name, time in left.items() if time < TIME_STEP], [name for name, time in left.items() if time < ASK_AHEAD]
+    soonest = min((0.0 if math.isinf(time) else time for time in left.values()), default=MOST_HOLD * TIME_STEP)
+    near, to_ask = ([name for name, time in left.items() if time < within] for within in (TIME_STEP, ASK_AHEAD))
+    return Doubts(near, to_ask, max(0, int((soonest - ASK_AHEAD) / TIME_STEP)))

@@ -23,7 +23,7 @@ from orchard.field.picking import failure
 from orchard.field.scenario import TIME_STEP
 
 EXACT = 1e-9  # m or rad: nearer than this counts as there
-SLACK = 1e-6  # m, far more than rounding: a drive acts again rather a tick too early than too late
+SLACK = 1e-6  # m or rad, far more than rounding: a motion acts again rather a tick too early than too late
 CRUISE = 1.0  # m/s
 SELDOM = 50  # ticks between two questions if the answer changes nothing
 LONGEST_WAIT = 300.0  # s in one step of a repair; a run is jammed after 600 s without progress
@@ -107,8 +107,14 @@ class Face(Step, frozen=True):
         left = angle_between(robot.pose.yaw, HEADINGS[self.heading])
         if abs(left) <= EXACT:
             return True
-        robot.turn(max(-EIGHTH, min(EIGHTH, left / TIME_STEP)), left, self.blind_to)
+        turn_on(robot, left, self.blind_to)
         return False
+
+
+def turn_on(robot: PlanExecutor, left: float, blind_to: list[Box]) -> None:
+    """Turn by what is left of a turn, rad, at pi/8 rad/s; slower in the last tick."""
+    robot.turn(max(-EIGHTH, min(EIGHTH, left / TIME_STEP)), left, blind_to)
+    robot.hold(int(max(0.0, abs(left) / TIME_STEP - EIGHTH - SLACK) / EIGHTH) + 1)
 
 
 class Realign(Step, frozen=True):
@@ -241,7 +247,7 @@ class Aim(Step, frozen=True):
         left = angle_between(robot.pose.yaw, self.yaw)
         if abs(left) <= EXACT:
             return True
-        robot.turn(max(-EIGHTH, min(EIGHTH, left / TIME_STEP)), left, [])
+        turn_on(robot, left, [])
         return False
 
 
@@ -420,7 +426,7 @@ def of_known_steps(steps: list[Step], own: Sequence[type[Step]]) -> list[Step]:
 
 
 def with_steps(memory: type[P], steps: Sequence[type[Step]]) -> type[P]:
-    """Return a memory type derived from `memory` whose plan may also hold these steps: they are checked and encoded like built-in steps."""
+    """Return a memory type derived from `memory`. Its plan may also hold these steps: they are checked and encoded like built-in steps."""
     return cast(type[P], _with_steps(memory, tuple(steps))) if steps else memory
 
 

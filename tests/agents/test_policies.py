@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from stage import Stage, Standing, empty_orchard
 
 from orchard import Assignment, BinReport, CarrierReport, Local, Scenario, ScenarioError, draw, lay_out
@@ -69,6 +70,26 @@ def test_each_bin_gets_a_carrier_if_there_are_enough_and_busy_ones_none(name):
 def test_an_early_policy_sends_for_what_is_due_and_for_nothing_else(name, first):
     assert decide(name, [UNRIPE], [HEAD]) == []
     assert decide(name, [NEAR, FAR, FILLING, UNRIPE], [HEAD]) == [(first, "carrier_02")]
+
+
+def test_predictive_serves_a_near_bin_though_a_far_one_is_full_again_and_again():
+    """Of full bins the farthest first would leave the near one out for ever."""
+    made = policy("predictive")
+    memory, now, waits, served = made.Memory(), 1000, replace(NEAR, since=1000), ""
+    while served != NEAR.name:
+        assert now < 2000, "the near bin is left out"
+        [(served, _)] = made.assign(now, [waits, replace(FAR, since=now)], [HEAD], memory)
+        now += 200  # the far bin is fetched, and its picker fills the next one
+
+
+def test_predictive_knows_since_when_a_bin_is_full_that_it_was_told_of_before():
+    made = policy("predictive")
+    memory, soon, later = made.Memory(), replace(FILLING, seconds_to_full=20.0), replace(FILLING, name="bin_05", seconds_to_full=40.0)
+    assert made.assign(1000, [soon, later], [], memory) == []
+    full = [replace(later, seconds_to_full=0.0), replace(soon, seconds_to_full=0.0)]
+    assert [order.bin for order in made.assign(1500, full, [HEAD], memory)] == [soon.name]
+    again = replace(soon, since=1600, seconds_to_full=0.0)  # a later call of the same bin
+    assert [order.bin for order in made.assign(1700, [again, full[0]], [HEAD], memory)] == [later.name]
 
 
 BINS = st.lists(

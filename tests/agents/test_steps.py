@@ -2,9 +2,12 @@
 
 import pytest
 from guests import meadow, one_guest
-from stage import Driven, Stage, Standing
+from stage import Driven, Stage, Standing, empty_orchard
 
+from orchard.agents.robot import Step
+from orchard.agents.sense import stop_zone
 from orchard.agents.steps import Again, Ahead, DriveTo, Face, MoveTo, Realign
+from orchard.contract.agent import IN_TURN
 from orchard.field.geometry import HEADINGS, Twist
 
 # -- sensing
@@ -145,3 +148,55 @@ def test_a_robot_stands_for_a_second_after_a_step_that_physics_refused():
     assert stage.local.actions["carrier_01"].waits_for == "what it collided with"
     stage.run(1.0)
     assert stage.pose("carrier_01")[0] > 0.0
+
+
+# -- holding while it turns
+
+
+def test_a_robot_with_a_bin_that_turns_is_asked_at_every_tick():
+    stage = Stage(empty_orchard())
+    stage.give("carrier_01", [Face("NORTH")])
+    stage.tick()
+    assert stage.local.actions["carrier_01"].hold is None
+
+
+def turning(begins="EAST", ends="WEST"):
+    """A tractor that begins to turn about on the driveway."""
+    stage = Stage(empty_orchard(tractor=True))
+    stage.put("tractor_01", -35.0, 29.0, begins)
+    stage.give("tractor_01", [Face(ends)])
+    return stage
+
+
+class Nudge(Step, frozen=True):
+    """An own step that turns a little, and is done in the same tick."""
+
+    def act(self, robot):
+        robot.turn(1e-9, 1e-9, [])
+        return True
+
+
+def test_a_drive_after_a_turn_of_the_same_tick_looks_ahead():
+    stage = Stage(empty_orchard(tractor=True))
+    stage.put("tractor_01", -45.0, 29.0), stage.put("carrier_01", -30.0, 29.0)
+    stage.give("tractor_01", [Nudge(), DriveTo(x=-10.0)])
+    stage.tick()
+    assert stage.local.actions["tractor_01"].hold.watch == (stop_zone(stage.local.engine.observe()["tractor_01"]),)
+
+
+def test_a_robot_without_a_bin_that_turns_where_nothing_is_near_is_asked_at_the_end_of_its_turn():
+    stage, asked = turning(), []
+    for tick in range(80):  # a half turn takes 8 s
+        stage.tick()
+        asked += [tick] if "tractor_01" in stage.local.answers else []
+    stage.assert_at("tractor_01", x=-35.0, y=29.0, heading="WEST")
+    assert asked[1:] == [79], "only for the slower last tick"
+
+
+def test_a_robot_that_turns_is_asked_when_something_comes_into_the_area_of_its_turn():
+    stage = turning("WEST", "EAST")
+    stage.put("carrier_01", -40.5, 29.0)
+    stage.local.agents["carrier_01"] = Driven(Twist(x=1.0))
+    stage.tick(), stage.tick()
+    assert "tractor_01" not in stage.local.answers
+    stage.run_until(lambda: stage.local.actions["tractor_01"].waits_for == IN_TURN, seconds=3.0)

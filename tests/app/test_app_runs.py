@@ -117,9 +117,13 @@ def test_an_agents_hostile_words_are_only_words(small, tmp_path):
     small.fill("duration", 5)
     small.switch("fastest", True)
     small.press("run")
+
+    def said() -> str:
+        small.turn_to("Messages")  # the page turns to another view when the run begins
+        return text if Hostile.words in (text := small.view("messages").text) else ""
+
+    text = small.until(said, "the error is shown as it is", RUN_SECONDS)
     small.until(lambda: not small.driver.find_elements("css selector", ".wishes[inert]"), "the run is over", RUN_SECONDS)
-    small.turn_to("Messages")
-    text = small.until(lambda: Hostile.words in (text := small.view("messages").text) and text, "the error is shown as it is")
     assert "\x1b" not in text
     assert not small.view("messages").find_elements("css selector", "img")
     assert small.driver.title != "mine"

@@ -13,7 +13,7 @@ from stage import Stage, empty_orchard
 from orchard.agents.carrier import HeardCall, hear_calls
 from orchard.agents.picker import Picker
 from orchard.agents.sense import freer_side
-from orchard.agents.steps import DriveTo, Face
+from orchard.agents.steps import DriveTo
 from orchard.agents.walker import Person, WalkerMemory, ticks_within
 from orchard.contract.agent import MOST_HOLD, Action, Heard, Hold, Mail, Observation
 from orchard.contract.messages import LAST_TICK, Call, No, StateRequest, Uncouple
@@ -354,10 +354,3 @@ def test_ours_hold_rightly(caplog):
         checked.tick()
     assert "holds wrongly" not in caplog.text
     assert checked.engine.hash == local_hash(checked.engine.layout.scenario, 1300)
-
-
-def test_a_robot_that_turns_is_asked_at_every_tick():
-    stage = Stage(empty_orchard())
-    stage.give("carrier_01", [Face("NORTH")])
-    stage.tick()
-    assert stage.local.actions["carrier_01"].hold is None

@@ -3,10 +3,24 @@
 from collections.abc import Sequence
 from typing import Any
 
+import msgspec
+
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, free_carriers, paired
 from orchard.field.layout import Layout
+from orchard.field.scenario import TIME_STEP
 
 MARGIN = 5.0  # s by which an order is given too early rather than too late
+
+
+class PredictiveMemory(msgspec.Struct):
+    """When bins are full."""
+
+    full: dict[str, int] = {}  # bin -> the tick at which it will be full, or was
+
+    def note(self, now: int, report: BinReport) -> None:
+        """Take the estimate of a bin that still fills. A full bin keeps its last one; without one in this call it has just become full."""
+        if report.seconds_to_full > 0.0 or self.full.get(report.name, -1) < report.since:
+            self.full[report.name] = now + round(report.seconds_to_full / TIME_STEP)
 
 
 def slack(report: BinReport) -> float:
@@ -17,12 +31,15 @@ def slack(report: BinReport) -> float:
 class Predictive:
     """A carrier leaves so that it arrives when the picker is done. The bin for which it is latest gets a carrier first. Ties by name."""
 
-    Memory = dict  # empty
+    Memory: type = PredictiveMemory
     early = True
 
     def __init__(self, layout: Layout) -> None:
         pass
 
     def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any) -> list[Assignment]:
+        for report in bins:
+            memory.note(now, report)
         due = [report for report in bins if slack(report) <= 0.0]
-        return paired(sorted(due, key=lambda report: (slack(report), report.name)), free_carriers(carriers))
+        by_departure = sorted(due, key=lambda report: (memory.full[report.name] * TIME_STEP - report.seconds_to_reach, report.name))
+        return paired(by_departure, free_carriers(carriers))

@@ -1,11 +1,16 @@
 """How good is the closed form of the long-run rate? Beside it, the discrete-event model with rows that are picked again and again.
 
-python examples/long_run.py [--rounds 20] [ROWS/PICKERS/CARRIERS ...]
+python examples/long_run.py [--rounds 20] [--random 0] [ROWS/PICKERS/CARRIERS ...]
 """
 
 import argparse
+from collections.abc import Iterator
+from itertools import product
+from random import Random
+from statistics import median
 
 from rich.console import Console
+from rich.progress import track
 from rich.table import Table
 
 from orchard import Scenario
@@ -15,21 +20,61 @@ from orchard.report.bounds import Bounds
 
 NO_OBSTACLES = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0, "tractor": False}
 CELLS = ["20/10/4", "20/10/10", "20/10/20", "10/10/10", "20/20/20", "10/5/5"]
-PLANS = [("one-way", "nearest"), ("one-way", "predictive"), ("two-way", "nearest"), ("two-way", "predictive")]
+ROUTES, POLICIES = ["one-way", "two-way"], ["nearest", "farthest-first", "predictive"]
+NEAR = 3.0  # %
+
+
+def in_cell(cell: str) -> Iterator[Scenario]:
+    """The orchards of a cell of the table: two picking speeds, both routes, three policies."""
+    rows, pickers, carriers = map(int, cell.split("/"))
+    for speed, route, dispatch in product((1.0, 0.03), ROUTES, POLICIES):
+        yield orchard(rows=rows, pickers=pickers, carriers=carriers, picking_speed=speed, route=route, dispatch=dispatch)
+
+
+def drawn(number: int) -> Iterator[Scenario]:
+    """Some orchards drawn at random: the same ones each time. Those that are no valid scenario are left out."""
+    random = Random(1)
+    while number:
+        pickers = random.choice((2, 3, 4, 5, 6, 8, 10, 13, 15, 20))
+        values = {
+            "pickers": pickers,
+            "rows": random.choice((pickers, 2 * pickers, 3 * pickers, pickers + random.randint(0, pickers))),
+            "carriers": max(1, round(pickers * random.choice((0.3, 0.5, 0.8, 1.0, 1.5, 2.0)))),
+            "picking_speed": random.choice((1.0, 0.6, 0.3, 0.1, 0.03)),
+            "row_length": random.choice((30.0, 50.0, 70.0, 100.0, 150.0)),
+            "route": random.choice(ROUTES),
+            "dispatch": random.choice([*POLICIES, "longest-waiting"]),
+        }
+        try:
+            yield orchard(**values)
+        except ValueError:
+            continue
+        number -= 1
+
+
+def orchard(**values: object) -> Scenario:
+    """An orchard without people, animals, weeds and a tractor."""
+    return Scenario(**values | NO_OBSTACLES)  # type: ignore[arg-type]
+
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument("--rounds", type=int, default=20, help="how often each picker picks its rows")
+parser.add_argument("--random", type=int, default=0, metavar="N", help="N orchards drawn at random in place of the cells")
 parser.add_argument("cells", nargs="*", default=CELLS, metavar="ROWS/PICKERS/CARRIERS")
 arguments = parser.parse_args()
-table = Table("rows/pickers/carriers", "picking, m/s", "route", "policy", "closed form", "bottleneck", "long run", "difference, %")
-for cell in arguments.cells:
-    rows, pickers, carriers = map(int, cell.split("/"))
-    for speed in (1.0, 0.03):
-        for route, dispatch in PLANS:
-            plan = {"picking_speed": speed, "route": route, "dispatch": dispatch}
-            layout = lay_out(Scenario(rows=rows, pickers=pickers, carriers=carriers, **plan, **NO_OBSTACLES))
-            bounds, rate = Bounds(layout), long_run_bins_per_hour(layout, arguments.rounds)
-            form = bounds.bins_per_hour
-            figures = [f"{form:.2f}", bounds.bottleneck, f"{rate:.2f}", f"{100.0 * (form / rate - 1.0):+.1f}"]
-            table.add_row(cell, f"{speed:g}", route, dispatch, *figures)
-Console(width=120).print(table)
+orchards = list(drawn(arguments.random)) if arguments.random else [one for cell in arguments.cells for one in in_cell(cell)]
+table = Table("rows/pickers/carriers", "picking, m/s", "row, m", "route", "policy", "closed form", "limit", "long run", "difference, %")
+errors: dict[str, list[float]] = {}
+for one in track(orchards, console=Console(stderr=True), transient=True):
+    layout = lay_out(one)
+    bounds, rate = Bounds(layout), long_run_bins_per_hour(layout, arguments.rounds)
+    error = 100.0 * (bounds.bins_per_hour / rate - 1.0)
+    errors.setdefault(one.dispatch, []).append(error)
+    where = [f"{one.rows}/{one.pickers}/{one.carriers}", f"{one.picking_speed:g}", f"{one.row_length:g}", one.route, one.dispatch]
+    table.add_row(*where, f"{bounds.bins_per_hour:.2f}", bounds.bottleneck, f"{rate:.2f}", f"{error:+.1f}")
+console = Console(width=140)
+console.print(table)
+for policy, some in errors.items():
+    sizes = sorted(map(abs, some))
+    near = sum(size <= NEAR for size in sizes)
+    console.print(f"{policy}: {near} of {len(sizes)} within {NEAR:g} %, median {median(sizes):.1f} %, largest {sizes[-1]:.1f} %")

@@ -21,9 +21,9 @@ class Bystanders:
     """The people and animals of one orchard."""
 
     def __init__(self, layout: Layout) -> None:
-        everyone, area = bystanders_of(layout), (layout.east - X_WEST) * (TOP - layout.bottom)
-        self.seed, self.density = layout.scenario.seed, len(everyone) / area  # per m2
-        self.radius = sum(one.radius for one in everyone) / len(everyone) if everyone else 0.0  # m, mean
+        bystanders, area = bystanders_of(layout), (layout.east - X_WEST) * (TOP - layout.bottom)
+        self.seed, self.density = layout.scenario.seed, len(bystanders) / area  # per m2
+        self.radius = sum(one.radius for one in bystanders) / len(bystanders) if bystanders else 0.0  # m, mean
 
     def metres_to(self, robot: str, number: int) -> float:
         """Return the metres that a robot drives from one meeting to the next, for its meeting with this number."""

@@ -1,6 +1,7 @@
 """A whole harvest in the discrete-event model: pickers, carriers, the bins' calls, and the places on the roads."""
 
 from dataclasses import replace
+from itertools import cycle, islice
 from statistics import fmean
 
 import simpy
@@ -18,7 +19,7 @@ from orchard.field.layout import UNLOADING_SECONDS, Layout
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
 
-LONGEST = 2_000_000  # ticks; a harvest in which robots wait for each other ends here
+LONGEST = 2_000_000  # ticks for each row of a picker; a harvest in which robots wait for each other ends then
 JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait for each other
 MIDDLE = (0.3, 0.8)  # share of the bins before and up to which the long run is measured: without its beginning and its end
 
@@ -26,8 +27,10 @@ MIDDLE = (0.3, 0.8)  # share of the bins before and up to which the long run is 
 class DiscreteHarvest:
     """One harvest. `run` does it; then `seconds` and `delivered` tell how it went."""
 
-    def __init__(self, layout: Layout, rounds: int = 1, calls: type[Calls] | None = None) -> None:
-        """`rounds`: how often each picker picks its rows, for the long run. `calls`: what sends carriers; None: what the scenario says.
+    def __init__(self, layout: Layout, rows_each: int | None = None, calls: type[Calls] | None = None) -> None:
+        """`rows_each`: how many rows each picker picks, its own again and again, for the long run; None: each of its own once.
+
+        `calls`: what sends carriers; None: what the scenario says.
 
         Raises ValueError for a scenario that the model cannot tell anything about: one with agents of the user's own, or with
         sensors that are not exact."""
@@ -44,7 +47,7 @@ class DiscreteHarvest:
         self._waits: list[int] = []  # ticks from a picker's full bin to its next empty one
         self._busy = 0.0  # ticks of all carriers outside the queue
         self._left: dict[str, simpy.Event] = {}  # full bin -> it is left in its lane
-        self.blocks = {name: replace(block, rows=block.rows * rounds) for name, block in layout.blocks.items()}
+        self.blocks = {name: _again(block, rows_each) for name, block in layout.blocks.items()}
         self._rows = {name: self._ends(block) for name, block in self.blocks.items()}
         starts = [start for start in layout.starts if start.kind in ("picker", "carrier")]
         self.robots = {start.name: Robot(self, start.name, start.pose, start.bin) for start in starts}
@@ -60,10 +63,10 @@ class DiscreteHarvest:
 
     def run(self) -> "DiscreteHarvest":
         """Do the whole harvest, or all until robots wait for each other, and return it."""
-        before = -1
-        while self.env.peek() < LONGEST and (self.done > before or any(robot.is_on_the_way for robot in self.robots.values())):
+        before, longest = -1, LONGEST * max(len(block.rows) for block in self.blocks.values())
+        while self.env.peek() < longest and (self.done > before or any(robot.is_on_the_way for robot in self.robots.values())):
             before = self.done
-            self.env.run(until=min(LONGEST, self.env.now + JAM))
+            self.env.run(until=min(longest, self.env.now + JAM))
         return self
 
     @property
@@ -153,12 +156,18 @@ class DiscreteHarvest:
         return len(self.deliveries)
 
 
-def long_run_bins_per_hour(layout: Layout, rounds: int = 20) -> float:
-    """Return the bins per hour of a harvest in which each picker picks its rows again and again, without its beginning and its end.
+def _again(block: Block, rows: int | None) -> Block:
+    """A block in which the picker picks so many rows, its own again and again; None: each of its own once."""
+    return block if rows is None else replace(block, rows=tuple(islice(cycle(block.rows), rows)))
 
+
+def long_run_bins_per_hour(layout: Layout, rounds: int = 20) -> float:
+    """Return the bins per hour of a harvest in which pickers pick their rows again and again, without its beginning and its end.
+
+    `rounds`: how often the pickers with most rows pick theirs. Each of the others picks as many rows as they.
     Raises ValueError as `DiscreteHarvest` does, and RuntimeError if robots wait for each other for ever.
     """
-    harvest = DiscreteHarvest(layout, rounds).run()
+    harvest = DiscreteHarvest(layout, rounds * max(len(block.rows) for block in layout.blocks.values())).run()
     if not harvest.is_over:
         raise RuntimeError(f"only {harvest.delivered} bins were delivered: robots wait for each other")
     first, last = (int(share * harvest.delivered) for share in MIDDLE)

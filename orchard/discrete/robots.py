@@ -216,7 +216,7 @@ class Robot:
         return self.model.bystanders.metres_to(self.name, self.meetings)
 
     def _next_gate(self, needs: list[tuple[float, Gate]], here: float, step: st.DriveTo) -> tuple[float, float, simpy.Event | None]:
-        """Drop the gates that it has passed, and those whose places it holds.
+        """Drop the gates that it has passed, and those of places that it holds.
 
         Return where the next one is, m, in how many ticks the robot asks for its places, and what happens when a bin is left before that.
         """

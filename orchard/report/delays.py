@@ -80,7 +80,8 @@ def _changes(step: Step, pose: Pose, begins: float) -> Iterator[tuple[float, boo
 class TrafficDelays:
     """The mean waits at each of some exchanges, which follow each other at random, as a function of the rate of the harvest."""
 
-    def __init__(self, trips: Sequence[Trip], carriers: int) -> None:
+    def __init__(self, trips: Sequence[Trip], shares: Sequence[float], carriers: int) -> None:
+        """`shares`: of each of these exchanges in all; their sum is 1."""
         rows = [(i, one.row, part, stay) for i, one in enumerate(trips) for part, stay in one.parts()]
         trip, row, part, kind = (
             np.array(column) for column in zip(*((i, row, part, stay.kind) for i, row, part, stay in rows), strict=True)
@@ -89,7 +90,7 @@ class TrafficDelays:
         seconds = np.array([stay.seconds for *_, stay in rows])
         moments = np.zeros((2, place.max() + 1, row.max() + 1, 3))  # means of the seconds of a bin in each place, and of their squares
         for power in (0, 1):
-            np.add.at(moments[power], (place, row, kind), seconds ** (power + 1) / len(trips))
+            np.add.at(moments[power], (place, row, kind), seconds ** (power + 1) * np.array(shares)[trip])
         others = moments.sum(axis=2)[:, place] - moments[:, place, row]  # a robot does not wait for those of its own exchange
         met = 1.0 - 1.0 / carriers  # the share of the carriers that one of them can meet
         waits_for = np.array([[0.0, 1.0, 1.0], [1.0, met, met], [1.0, met, 0.0]])  # carriers that pass follow each other, and do not wait

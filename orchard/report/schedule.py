@@ -21,7 +21,7 @@ from orchard.field.picking import repairs
 from orchard.field.queue import PITCH
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
-from orchard.report.bounds import Exchange, exchanges
+from orchard.report.exchange import HANDOVER, Exchange, exchanges
 
 WORTH = 0.01  # share of the harvest's time by which a number of carriers must shorten it to be worth its cost
 POLL = POLL_TICKS * TIME_STEP  # s between two decisions of a policy that waits for a better moment
@@ -53,7 +53,14 @@ class Schedule:
         policy: Dispatch = POLICIES.get(self._layout.scenario.dispatch, POLICIES["nearest"])(self._layout)
         now, early, memory = 0.0, is_early(policy), policy.Memory()
         free = [0.0] * carriers  # s, when each carrier is at the queue's head
-        calls = [self._call(name, 0, begins, early) for name, begins in self._begins.items()]
+
+        def opened(picker: str, count: int, begins: float) -> ScheduledCall:
+            """Return a call, of which the policy hears when it begins, though no carrier is free: it may remember that."""
+            call = self._call(picker, count, begins, early)
+            policy.assign(ceil(call.begun / TIME_STEP), [self._report(call, call.begun)], [], memory)
+            return call
+
+        calls = [opened(name, 0, begins) for name, begins in self._begins.items()]
         while calls:
             now = max(now, free[0], min(call.begun for call in calls))
             waiting = [call for call in calls if call.begun <= now]
@@ -64,11 +71,11 @@ class Schedule:
                 continue
             call = waiting[[report.name for report in reports].index(orders[0].bin)]
             calls.remove(call)
-            served = max(now, call.full - call.exchange.approach + call.exchange.from_hold) if early else now
-            exchanged = max(served + call.exchange.approach, call.full + call.exchange.coming_out)
-            heapq.heapreplace(free, exchanged + call.exchange.cycle - call.exchange.approach)
+            one, out = call.exchange, call.full + call.exchange.coming_out
+            there = max(now + one.approach, out + one.from_hold)
+            heapq.heapreplace(free, there + one.cycle - one.approach)
             if call.count + 1 < len(self._rows[call.picker]):
-                calls.append(self._call(call.picker, call.count + 1, exchanged + call.exchange.going_on, early))
+                calls.append(opened(call.picker, call.count + 1, there + HANDOVER + one.going_on))
         return max(free) - (min(carriers, self._layout.queue.places) - 1) * PITCH  # the last carrier stops behind the others of its line
 
     @property

@@ -100,6 +100,20 @@ def test_the_long_run_is_slower_with_people() -> None:
     assert long_run_bins_per_hour(lay_out(disturbed), 5) < 0.99 * long_run_bins_per_hour(lay_out(alone), 5)
 
 
+def test_in_the_long_run_pickers_with_fewer_rows_pick_as_many_as_the_others() -> None:
+    """Else they are done while the others go on, and the long run has fewer pickers than the orchard."""
+    layout = lay_out(orchard(rows=5, pickers=4, carriers=8))
+    assert sorted(len(block.rows) for block in layout.blocks.values()) == [1, 1, 1, 2]
+    assert {name: len(block.rows) for name, block in DiscreteHarvest(layout, 6).blocks.items()} == dict.fromkeys(layout.blocks, 6)
+    for rounds in (6, 12):
+        assert long_run_bins_per_hour(layout, rounds) == pytest.approx(long_run_bins_per_hour(layout, 24), rel=0.03)
+
+
+def test_the_long_run_of_slow_pickers_in_long_rows_is_not_taken_for_a_jam() -> None:
+    layout = lay_out(orchard(rows=4, pickers=2, carriers=2, row_length=200.0, picking_speed=0.02))
+    assert long_run_bins_per_hour(layout, 15) == pytest.approx(3600.0 * 2 / (200.0 / 0.02), rel=0.03)
+
+
 def test_a_harvest_in_which_robots_wait_for_ever_ends_soon_and_is_not_over(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("orchard.discrete.places.grant", lambda table: None)
     layout = lay_out(orchard(rows=4, pickers=2, carriers=1))

@@ -121,6 +121,14 @@ def test_in_the_schedule_bins_call_when_their_pickers_drive_into_a_row():
     assert scheduled <= DiscreteHarvest(layout).run().seconds <= 1.05 * scheduled
 
 
+def test_a_policy_hears_in_the_schedule_of_bins_that_fill_while_no_carrier_is_free():
+    """Else it does not know which of them was full first, and sends carriers in another order than in the harvest."""
+    picking = {"spread": {"distribution": "lognormal", "cv": 0.2}}
+    layout = lay_out(empty_orchard(rows=20, pickers=20, carriers=2, picking_speed=0.2, route="two-way", picking=picking))
+    scheduled = Schedule(layout).seconds(2)
+    assert scheduled <= DiscreteHarvest(layout).run().seconds <= 1.02 * scheduled
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_schedule_has_the_failures_of_this_harvest(seed):
     failure = {"mean_between": 60.0, "mean_repair": 300.0}

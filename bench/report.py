@@ -14,7 +14,7 @@ METHOD = """\
 All measurements run on one machine, in one run, one after another. Each of our own rates is the median of five measurements. The cores,
 ours and those of the others, are timed in processor time: each has one thread, so on an idle machine that is wall time. All other times
 are wall times. A machine that shares its processor with others is slower at times: almost equal versions of this program gave rates that
-differed by a third within three hours. Compare ratios, and compare rates only within one run.
+differed by a factor of three within three hours. Compare ratios, and compare rates only within one run.
 
 **Core.** A field of 100 x 64 m, fenced, with 5 lines of 12 trees and 11 posts, and N robots of 1.0 x 0.8 m at random places. Each robot
 has a laser of 180 beams over half a turn with a range of 10 m. A step takes 0.1 s; each robot gets a new velocity every 2 s. The core

@@ -6,7 +6,7 @@ YOUNG = 20_000  # objects that may be created before the collector runs; some me
 
 
 def collect_seldom() -> None:
-    """Let the collector run seldom. A program calls this before its imports, whose objects all stay: a seventh of a start's time."""
+    """Let the collector run seldom. A program calls this before its imports: their objects all stay. It saves a seventh of a start."""
     gc.set_threshold(YOUNG)
 
 

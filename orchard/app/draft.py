@@ -100,7 +100,7 @@ class Entry:
 
     @property
     def has_slider(self) -> bool:
-        """Whether the value is a number whose range is at most WIDEST."""
+        """Whether the value is a number with a range of at most WIDEST."""
         return self.kind in (int, float) and self.high - self.low <= WIDEST
 
     @property

@@ -34,7 +34,7 @@ class Commands:
 
 
 class Replayed:
-    """An agent whose velocities come from a bag, while the bag has any."""
+    """An agent with the velocities of a bag, while the bag has any."""
 
     def __init__(self, agent: Agent, velocities: Mapping[int, Twist]) -> None:
         self.Memory = agent.Memory
@@ -92,7 +92,7 @@ def check_robots(bag: Path, commands: Commands, names: Mapping[str, int]) -> Non
 
 
 def _robot_of(topic: str, kind: str) -> str:
-    """The robot whose velocities are on a topic; '' if it is another topic."""
+    """The robot of a topic with velocities; '' if it is another topic."""
     robot, _, rest = topic.removeprefix("/").partition("/")
     return robot if rest == "cmd_vel" and kind in VELOCITIES else ""
 

@@ -81,7 +81,7 @@ class Observation(msgspec.Struct, frozen=True, dict=True):
 
 
 def with_own_arrays(seen: Observation) -> Observation:
-    """Return an observation whose arrays are no other's: an agent that sets the `shape` of its scan changes it for itself only."""
+    """Return an observation with arrays of its own: an agent that sets the `shape` of its scan changes it for itself only."""
     hitch = seen.hitch and seen.hitch._replace(scan=None if seen.hitch.scan is None else seen.hitch.scan.view())
     return msgspec.structs.replace(seen, scan=None if seen.scan is None else seen.scan.view(), hitch=hitch)
 

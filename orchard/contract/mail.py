@@ -32,7 +32,7 @@ def written_by(action: Action) -> Written | None:
 
 
 def copy_of(mail: Mail) -> Mail:
-    """Return mail whose lists and messages are new: an agent that changes them changes neither the sender nor other agents."""
+    """Return mail with new lists and messages: an agent that changes them changes neither the sender nor other agents."""
     return Mail(*unpack(pack((mail.requests, mail.replies)), tuple[list[Heard], list[Reply]])) if mail.requests or mail.replies else mail
 
 

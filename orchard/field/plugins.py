@@ -72,7 +72,7 @@ def _is_not_found(error: BaseException, path: str) -> bool:
 
 
 def text_of(error: BaseException) -> str:
-    """Return the text of an error of a user's code, whose `__str__` may itself raise one."""
+    """Return the text of an error of a user's code. Its `__str__` may itself raise one."""
     try:
         return str(error)
     except MISTAKES as second:

@@ -316,7 +316,7 @@ def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], dict[str, Any
 
 
 def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """Return what is set to its default because a field is wrong: the field, or the whole survey, whose sizes have no default."""
+    """Return what is set to its default because a field is wrong: the field, or the whole survey, because its sizes have no default."""
     return [("survey",)] if field[0] == "survey" else [field, ("survey",)] if field[0] in SURVEYED else [field]
 
 

@@ -165,7 +165,7 @@ def deed_mask(world: World, name: str) -> np.ndarray:
 
 
 def _bin_behind(world: World, robot: int) -> int:
-    """The free bin whose centre is within reach of a robot's coupling point; NONE without one. Physics decides on the rest."""
+    """The free bin with its centre within reach of a robot's coupling point; NONE without one. Physics decides on the rest."""
     x, y, yaw = world.pose[robot].tolist()
     behind = float(world.fixed.tows[robot])
     at = x - behind * math.cos(yaw), y - behind * math.sin(yaw)

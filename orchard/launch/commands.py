@@ -130,7 +130,7 @@ def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:
 
 
 def _snapshot(chosen: HarvestOptions, where: str, runs: Runs) -> Snapshot:
-    """The newest usable snapshot; unusable ones are reported. What is left of a run whose run.py was killed is ended first.
+    """The newest usable snapshot; unusable ones are reported. What is left of a run is ended first, if its run.py was killed.
 
     Raises SnapshotError, or ValueError for options that a snapshot defines.
     """

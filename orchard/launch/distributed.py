@@ -140,7 +140,7 @@ def _put_signals(inbox: Inbox) -> None:
 
 
 class _Launched:
-    """A run whose processes this program starts and follows."""
+    """A run: this program starts its processes and follows them."""
 
     def __init__(
         self, request: RunRequest, credentials: Credentials, endpoint: str, run_id: str, supervisor: Supervisor, progress: Progress

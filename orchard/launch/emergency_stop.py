@@ -50,7 +50,7 @@ def noted(folder: Path, note: RunNote) -> Iterator[None]:
 
 
 def running_here(folder: Path, gone: list[Path] | None = None) -> list[RunNote]:
-    """Return the active runs, sorted by id. Stale notes, whose run.py is gone, are appended to `gone`."""
+    """Return the active runs, sorted by id. Stale notes, of which the run.py is gone, are appended to `gone`."""
     notes = []
     for path in sorted(folder.glob("*.going")):
         with suppress(OSError, msgspec.DecodeError), path.open() as file:  # gone meanwhile, or malformed

@@ -1,4 +1,4 @@
-"""Ends what is left of runs whose run.py was killed.
+"""Ends what is left of runs after their run.py was killed.
 
 Their processes end by themselves within seconds, because nothing holds their lines. What does not, as a frozen process, is ended by force.
 """
@@ -17,7 +17,7 @@ POLL_SECONDS = 0.1  # between two looks whether a process has ended
 
 
 def end_left_over(folder: Path, say: Callable[[str], None]) -> bool:
-    """End the processes of all runs in this folder whose run.py is gone, and remove their notes. Return whether there was any process."""
+    """End the processes of all runs in this folder without a run.py, and remove their notes. Return whether there was any process."""
     gone: list[Path] = []
     running_here(folder, gone)
     found = [_end(note.stem, say) for note in gone]

@@ -83,7 +83,7 @@ def _store(text: str) -> Path:
 
 
 def _option(parse: Callable[[str], Any], metavar: str, what: str, panel: str) -> Any:
-    """An option whose fault is its value, a Problem: so a study tells the faults of all its options at once, and not only the first."""
+    """An option with its fault, a Problem, as its value: so a study tells the faults of all its options at once, and not only the first."""
 
     def parsed(text: str) -> Any:
         try:

@@ -99,12 +99,12 @@ class Keyring:
             raise ValueError(f"{self.folder}: the role {name} is not in it; it has {', '.join(self.roles)}")
         return Identity.load(self.roles[name])
 
-    def hosts(self, names: Iterable[str], everybody: Iterable[str]) -> dict[str, list[str]]:
-        """Return role -> the agents that it hosts. `names`: the agents to host here; `everybody`: all agents of the run.
+    def hosts(self, names: Iterable[str], agents: Iterable[str]) -> dict[str, list[str]]:
+        """Return role -> the agents that it hosts. `names`: the agents to host here; `agents`: all of the run.
 
         Raises ValueError if an agent has no role, or if `names` has only some of a role's agents.
         """
-        wanted, there = set(names), set(everybody)
+        wanted, there = set(names), set(agents)
         hosts = {name: sorted(set(role_in(folder).names) & there) for name, folder in self.roles.items() if role_in(folder).duty == "host"}
         hosts = {name: its for name, its in hosts.items() if wanted & set(its)}
         for name, its in hosts.items():

@@ -89,6 +89,7 @@ RIGHTS: dict[str, Right] = {
     "picture": Right((THE_PHYSICS,), (THE_LOGGER,)),
     "figures": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
     "refused": Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),  # a count, which moves nothing
+    "left": Right((OWN_HOST,), (THE_PHYSICS,)),
     "scenario": Right((*AUDIENCE, EMERGENCY), (THE_PHYSICS,)),
     "layout": Right(AUDIENCE, (THE_PHYSICS,)),
     "join": Right((OWN_HOST,), (THE_PHYSICS,)),

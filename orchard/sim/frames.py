@@ -62,7 +62,7 @@ class FrameBuilder:
         return self._shown[what]
 
     def _new_velocities(self, now: np.ndarray) -> dict[str, Velocities]:
-        """Return the velocities of the bodies whose velocities have changed."""
+        """Return the velocities that have changed, by body."""
         changed = (self._drove != now).any(axis=1) if len(self._drove) else np.ones(len(now), dtype=bool)
         self._drove, names = now, self._world.layout.names
         return {names[i]: tuple(now[i].tolist()) for i in np.flatnonzero(changed).tolist()}

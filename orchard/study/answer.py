@@ -62,7 +62,7 @@ def _ties(result: StudyResult) -> str:
 
 
 def _nearest_first(result: StudyResult) -> list[dict[str, Any]]:
-    """The settings that cannot be told apart from the best, those first whose mean is nearest to its mean."""
+    """The settings that cannot be told apart from the best, those first with the mean that is nearest to its mean."""
     means = {i: figure.mean for i, row in enumerate(result.table) if (figure := goal_figure(row, result.goal)) is not None}
     best = next(means[i] for i, row in enumerate(result.table) if row.setting == result.best)
     order = sorted(means, key=lambda i: abs(means[i] - best))

@@ -244,7 +244,7 @@ class _Study:
             self.notes.append(f"the budget did not allow to split what was lost in {left} of {len(harvests)} settings")
 
     def _harvests(self, i: int) -> list[tuple[Scenario, float]]:
-        """The harvests of a setting whose lengths, s, are split: their mean, or some with the rows that their seeds draw."""
+        """The harvests of a setting of which the lengths, s, are split: their mean, or some with the rows that their seeds draw."""
         scenario = self.settings[i].scenario
         if not scenario.picking.is_drawn:
             return [(scenario, self.runs.mean(i, self.model, lambda record: record.sim_seconds))]

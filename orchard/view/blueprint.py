@@ -103,7 +103,7 @@ def _spaces(layout: Layout) -> rrb.Tabs:
 
 
 def _at_work(layout: Layout) -> rrb.Spatial3DView:
-    """Return the view whose camera goes along with the focus."""
+    """Return the view with a camera that goes along with the focus."""
     x, y = BESIDE[0] + ROW_WEST, BESIDE[1] + layout.lane(1).y
     return _space("At work", BELOW_CROWNS, _eye((x, y, BESIDE[2]), (ROW_WEST, layout.lane(1).y, 1.0), follow=FOCUS), PIN_NEAR)
 

@@ -29,7 +29,7 @@ def data_uri(port: int) -> str:
 
 
 def page_url(port: int, *others: int) -> str:
-    """Return the address to open in a browser, or in a frame of a page. `others`: ports of servers whose data is shown, too."""
+    """Return the address to open in a browser, or in a frame of a page. `others`: ports of other servers with data to show."""
     options = {"url": [data_uri(each) for each in (port, *others)], "hide_welcome_screen": "1", "persist": "0", "theme": "dark"}
     return f"http://{LOOPBACK}:{port}/?{urlencode(options, doseq=True)}"
 

@@ -136,6 +136,6 @@ class TestDispatching:
         def choose(observation, mask):
             return max(np.flatnonzero(mask))
 
-        assert self.view.orders(choose, 120, [told], self.carriers) == own.assign(120, [told], self.carriers, {})
+        assert self.view.orders(choose, 120, [told], self.carriers) == own.assign(120, [told], self.carriers, own.Memory())
         assert self.view.orders(lambda observation, mask: 0, 120, [told], self.carriers) == []
         assert self.view.orders(choose, 120, [], self.carriers) == []

@@ -294,7 +294,8 @@ def test_nobody_writes_what_is_anothers():
     roles += [Role("eve", "bridge"), Role("ros2", "bridge", (MINE,)), Role("operating", "operating-bridge", (MINE,))]
     rules = {rule["id"]: rule["key_exprs"] for rule in access_control(roles, KEYS)["rules"]}
     amy = Role("amy", "host").session
-    written = {f"orchard/{MINE}/velocity", f"orchard/{MINE}/advice", f"orchard/hosts/{amy}/velocities", f"orchard/hosts/{amy}/refused"}
+    written = {f"orchard/{MINE}/velocity", f"orchard/{MINE}/advice"}
+    written |= {f"orchard/hosts/{amy}/{what}" for what in ("velocities", "refused", "left")}
     assert set(rules["amy ingress put"]) == written
     asked = {f"orchard/hosts/{amy}/join", "orchard/*/mail", "orchard/*/state", "orchard/recall", "orchard/scenario"}
     asked |= {"orchard/layout", "orchard/simulation_state"}

@@ -22,7 +22,7 @@ log = logging.getLogger("orchard")
 
 
 def kernels_folder() -> Path | None:
-    """Return a folder whose name contains a hash of the sources; None if kernels cannot be stored."""
+    """Return a folder with a hash of the sources in its name; None if kernels cannot be stored."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if not chosen and not os.access(_HERE, os.W_OK):
         return None

@@ -10,7 +10,7 @@ def end_holds(
     ranges, before, tick, until, wanted, twist, coupled, partner, partner_twist, full, was_full, watched, was_occupied, still,
     freer_within, was_left_freer, spans, begin,
 ):  # fmt: skip
-    """Set `until`, (n,) ticks, to 0 for each body whose hold ends at this tick.
+    """Set `until`, (n,) ticks, to 0 for each body with a hold that ends at this tick.
 
     wanted (n, 3): the velocity that is applied again; partner, partner_twist, was_full: what the body observed when it answered;
     watched, still (n, z): indices into spans, (k, 2, beams), or NONE; before: the ranges of the tick before; freer_within: m, or 0.

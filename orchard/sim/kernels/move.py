@@ -211,7 +211,7 @@ def mover_near(me, reach, twist, boxes):
 
 @inlined
 def row_at(y, rows):
-    """Return the index of the row whose lane contains y, or NONE."""
+    """Return the index of the row with y in its lane, or NONE."""
     for r in range(len(rows.y)):
         if abs(y - rows.y[r]) <= LANE_REACH:
             return r

@@ -1,10 +1,10 @@
-"""The floor benchmark: the cost of lockstep's messages alone. It sends messages of the same number and size over bare Zenoh.
+"""The floor benchmark: the cost of lockstep's messages alone. It sends the messages of a run again over bare Zenoh.
 
-    python -m bench.floor ENDPOINT NUMBER TO_CLIENT FROM_CLIENT SIZE   (`ticks_per_second` starts these client processes)
+    python -m bench.floor ENDPOINT NUMBER TRACE   (`ticks_per_second` starts these client processes)
 
-There are as many processes as in the real run. The hub is the router, as physics is. At each tick it sends to each client the messages
-that physics would send, and waits until all clients have sent the messages that agents would send. Nothing is packed, unpacked, checked
-or computed.
+There are as many processes as in the real run. The hub is the router, as physics is. At each tick it sends an observation to each client
+that was asked at that tick, and waits until these clients have sent their velocities. Clients send the requests of the run to each other
+as gets, with both replies, and wait for them as the hosts of the run do. Nothing is packed, unpacked, checked or computed.
 """
 
 import json
@@ -13,106 +13,172 @@ import socket
 import subprocess
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass
+from pathlib import Path
 from queue import SimpleQueue
+from tempfile import TemporaryDirectory
+from typing import Any
 
+import msgspec
 import zenoh
 from zenoh.handlers import Callback
 
 from orchard.launch.supervisor import QUICK_TICKS, take_turns
 
-WARM_UP = 50  # ticks
+TAKEN_SECONDS = 20.0  # that a message may take; a run that takes longer has lost one
+STAMP = 4  # bytes of a request that tell its tick
+GET: dict[str, Any] = {
+    "target": zenoh.QueryTarget.ALL,
+    "consolidation": zenoh.ConsolidationMode.NONE,
+    "congestion_control": zenoh.CongestionControl.BLOCK,
+}
 
 
-@dataclass(frozen=True)
-class Flow:
-    """The messages of one tick in one direction between the hub and each client."""
+class Sizes(msgspec.Struct, frozen=True):
+    """The mean sizes of the messages of a run, bytes."""
 
-    messages: int
-    size: int  # bytes of each
+    seen: int  # from the hub to a client
+    velocities: int  # from a client to the hub
+    request: int
+    answer: int  # of the second reply; the first is as short
 
 
-@dataclass(frozen=True)
-class Traffic:
-    """The messages of one tick, without queries."""
+class Tick(msgspec.Struct, frozen=True):
+    """The messages of one tick."""
+
+    asked: list[int]  # the clients that get an observation
+    requests: list[tuple[int, int]]  # from which client to which
+
+
+class Trace(msgspec.Struct, frozen=True):
+    """The messages of a run."""
 
     clients: int
-    to_client: Flow  # to each client
-    from_client: Flow  # from each client
+    sizes: Sizes
+    ticks: list[Tick]
+
+    @property
+    def asked(self) -> float:
+        """The mean number of clients that are asked at a tick."""
+        return sum(len(tick.asked) for tick in self.ticks) / len(self.ticks)
+
+    @property
+    def requests(self) -> float:
+        """The mean number of requests of a tick."""
+        return sum(len(tick.requests) for tick in self.ticks) / len(self.ticks)
+
+    def without_open_requests(self) -> "Trace":
+        """Return the trace without the requests that are answered after its last tick."""
+        last = [Tick(tick.asked, []) for tick in self.ticks[-2:]]
+        return Trace(self.clients, self.sizes, self.ticks[:-2] + last)
 
 
-def ticks_per_second(traffic: Traffic, seconds: float) -> float:
-    """Start the clients and tick with them for `seconds`. Return the rate."""
+def ticks_per_second(trace: Trace) -> float:
+    """Start the clients and send the messages of the trace once. Return the rate."""
     endpoint = f"tcp/127.0.0.1:{_free_port()}"
-    with zenoh.open(_config("router", "listen", endpoint)) as session:
-        arrived: SimpleQueue[None] = SimpleQueue()
-        counter = _Counter(traffic.clients * traffic.from_client.messages, lambda: arrived.put(None))
-        ready: SimpleQueue[None] = SimpleQueue()
+    with TemporaryDirectory() as folder, zenoh.open(_config("router", "listen", endpoint)) as session:
+        path = Path(folder) / "trace.json"
+        path.write_bytes(msgspec.json.encode(trace.without_open_requests()))
+        velocities, ready = _Counter(), SimpleQueue[None]()
         declared = [
-            session.declare_subscriber("floor/back/*/*", _callback(counter.count)),
+            session.declare_subscriber("floor/velocities/*", _callback(velocities.count)),
             session.liveliness().declare_subscriber("floor/ready/*", _callback(lambda sample: ready.put(None)), history=True),
         ]
-        clients = [_start(endpoint, i, traffic) for i in range(traffic.clients)]
+        clients = [_start(endpoint, i, path) for i in range(trace.clients)]
         try:
             for _ in clients:
-                ready.get(timeout=60)
-            return _tick(session, traffic, arrived, seconds)
+                ready.get(timeout=60.0)
+            return _ticked(session, trace, velocities)
         finally:
-            session.put("floor/end", b"")
             for client in clients:
-                client.wait(timeout=20)
+                client.wait(timeout=TAKEN_SECONDS)
             del declared
 
 
 class _Counter:
-    """Calls `signal` after every `enough` messages."""
+    """Wakes the hub once for several messages: to wake it costs more than a message."""
 
-    def __init__(self, enough: int, signal: Callable[[], None]) -> None:
-        self.enough, self.signal, self.seen = enough, signal, 0
+    def __init__(self) -> None:
+        self._enough: SimpleQueue[None] = SimpleQueue()
+        self.left = 0
 
     def count(self, sample: zenoh.Sample) -> None:
         sample.payload.to_bytes()
-        self.seen += 1
-        if self.seen == self.enough:
-            self.seen = 0
-            self.signal()
+        self.left -= 1
+        if self.left == 0:
+            self._enough.put(None)
+
+    def wait(self) -> None:
+        self._enough.get(timeout=TAKEN_SECONDS)
 
 
-def _tick(session: zenoh.Session, traffic: Traffic, arrived: "SimpleQueue[None]", seconds: float) -> float:
-    publishers = [_publisher(session, f"floor/ahead/{i}/{k}") for i in range(traffic.clients) for k in range(traffic.to_client.messages)]
-    payload = bytes(traffic.to_client.size)
-
-    def tick() -> None:
-        for publisher in publishers:
-            publisher.put(payload)
-        arrived.get(timeout=20)
-
-    for _ in range(WARM_UP):
-        tick()
-    begun, ticks = time.perf_counter(), 0
-    while time.perf_counter() - begun < seconds:
-        tick()
-        ticks += 1
-    return ticks / (time.perf_counter() - begun)
+def _ticked(session: zenoh.Session, trace: Trace, velocities: _Counter) -> float:
+    publishers = [_publisher(session, f"floor/seen/{i}") for i in range(trace.clients)]
+    payload = bytes(trace.sizes.seen)
+    begun = time.perf_counter()
+    for tick in trace.ticks:
+        velocities.left = len(tick.asked)
+        for client in tick.asked:
+            publishers[client].put(payload)
+        if tick.asked:
+            velocities.wait()
+    return len(trace.ticks) / (time.perf_counter() - begun)
 
 
-def _client(endpoint: str, number: int, to_client: int, from_client: int, size: int) -> None:
-    """Answer each `to_client` messages with `from_client` messages of `size` bytes."""
-    events: SimpleQueue[bool] = SimpleQueue()  # True: a tick to answer; False: the end
-    with zenoh.open(_config("client", "connect", endpoint)) as session:
-        publishers, payload = [_publisher(session, f"floor/back/{number}/{k}") for k in range(from_client)], bytes(size)
-        declared = [
-            session.declare_subscriber(f"floor/ahead/{number}/*", _callback(_Counter(to_client, lambda: events.put(True)).count)),
-            session.declare_subscriber("floor/end", _callback(lambda sample: events.put(False))),
+class _Client:
+    """One client: what has arrived, and what it sends at each of its ticks."""
+
+    def __init__(self, session: zenoh.Session, number: int, trace: Trace) -> None:
+        self._session, self._number, self._trace = session, number, trace
+        self._arrived: SimpleQueue[Any] = SimpleQueue()  # an observation; a number: the end of a get of that tick; a query
+        self._seen, self._ends, self._held = 0, defaultdict[int, int](int), defaultdict[int, list[zenoh.Query]](list)
+        self._answer = bytes(trace.sizes.answer)
+        self._velocities = _publisher(session, f"floor/velocities/{number}")
+        put = self._arrived.put
+        self._declared = [
+            session.declare_subscriber(f"floor/seen/{number}", _callback(lambda sample: put(sample.payload.to_bytes()))),
+            session.declare_queryable(f"floor/mail/{number}", _callback(put)),
+            session.liveliness().declare_token(f"floor/ready/{number}"),
         ]
-        declared.append(session.liveliness().declare_token(f"floor/ready/{number}"))
-        while events.get():
-            for publisher in publishers:
-                publisher.put(payload)
+
+    def run(self) -> None:
+        """Answer each tick at which this client is asked."""
+        payload, number = bytes(self._trace.sizes.velocities), self._number
+        sent: dict[int, list[int]] = {-2: [], -1: []}  # tick -> the clients to which a request went
+        expected = {-1: 0}  # tick -> requests that come
+        for k, tick in enumerate(self._trace.ticks):
+            sent[k] = [to for sender, to in tick.requests if sender == number]
+            expected[k] = sum(to == number for _, to in tick.requests)
+            if number not in tick.asked:
+                continue
+            while not (self._seen and len(self._held[k - 1]) == expected[k - 1] and self._ends[k - 2] == len(sent[k - 2])):
+                self._take()
+            self._seen -= 1
+            self._velocities.put(payload)
+            for to in sent[k]:
+                self._ask(k, to)
+            for query in self._held.pop(k - 1):
+                query.reply(query.key_expr, self._answer)
+                query.drop()
+
+    def _ask(self, tick: int, to: int) -> None:
+        handler = Callback(lambda reply: reply.ok.payload.to_bytes(), lambda: self._arrived.put(tick), indirect=False)
+        payload = tick.to_bytes(STAMP) + bytes(self._trace.sizes.request - STAMP)
+        self._session.get(f"floor/mail/{to}", handler, payload=payload, timeout=TAKEN_SECONDS, **GET)
+
+    def _take(self) -> None:
+        match self._arrived.get(timeout=TAKEN_SECONDS):
+            case bytes():
+                self._seen += 1
+            case int(tick):
+                self._ends[tick] += 1
+            case query:
+                self._held[int.from_bytes(query.payload.to_bytes()[:STAMP])].append(query)
+                query.reply(query.key_expr, self._answer)
 
 
-def _callback(function: Callable[[zenoh.Sample], object]) -> Callback:
+def _callback(function: Callable[[Any], object]) -> Callback:
     """A handler that runs in zenoh's own thread, as those of the bus do."""
     return Callback(function, indirect=False)
 
@@ -121,9 +187,9 @@ def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
     return session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
 
 
-def _start(endpoint: str, number: int, traffic: Traffic) -> subprocess.Popen:
-    arguments = (number, traffic.to_client.messages, traffic.from_client.messages, traffic.from_client.size)
-    client = subprocess.Popen([sys.executable, "-m", "bench.floor", endpoint, *map(str, arguments)], env=QUICK_TICKS | os.environ)
+def _start(endpoint: str, number: int, trace: Path) -> subprocess.Popen:
+    command = [sys.executable, "-m", "bench.floor", endpoint, str(number), str(trace)]
+    client = subprocess.Popen(command, env=QUICK_TICKS | os.environ)
     take_turns(client.pid)
     return client
 
@@ -142,5 +208,12 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def main(endpoint: str, number: str, path: str) -> None:
+    """Be one client."""
+    trace = msgspec.json.decode(Path(path).read_bytes(), type=Trace)
+    with zenoh.open(_config("client", "connect", endpoint)) as session:
+        _Client(session, int(number), trace).run()
+
+
 if __name__ == "__main__":
-    _client(sys.argv[1], *map(int, sys.argv[2:]))
+    main(*sys.argv[1:])

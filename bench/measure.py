@@ -3,12 +3,10 @@
 import os
 import subprocess
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from dataclasses import field as made
 from functools import partial
 from statistics import median
-
-import numpy as np
 
 from bench import core, floor, peer_simulators, program
 from bench.field import field, growing
@@ -16,7 +14,6 @@ from bench.field import field, growing
 REALTIME_SECONDS = 60  # of a realtime run
 ROBOTS = (10, 30, 100, 300, 1000)
 SECONDS = 3.0  # of measurement for one figure
-FLOOR_SECONDS = 2.0
 ROUNDS = 3  # of lockstep; each has a run with holds, one with holds ignored, and one with a recording
 TICKS = {"3x2": 600, "default": 1000, "20x20": 600}  # of each of the five measurements in local mode
 PROFILE_TICKS = 600  # of which the messages are recorded
@@ -38,6 +35,7 @@ class Lockstep:
 
     hosts: str
     asked: float  # processes that are asked at a tick, mean
+    requests: float  # of agents to each other at a tick, mean
     messages: float  # s a tick that bare Zenoh takes for the messages that are really sent
     chain: float  # s a tick of the longest chain of computing
     plain: float  # without a recording
@@ -162,21 +160,14 @@ def _lockstep(results: Results, say: Say) -> None:
         options, profile = OPTIONS[scenario], results.start[scenario]
         if hosts == "each":
             profile = program.profile_run(options, hosts, PROFILE_TICKS)
-        messages, chain = _message_seconds(profile), program.chain_seconds(options, hosts, ticks)
+        trace = program.trace_of(options, hosts, ticks, profile.bytes)
+        messages = 1.0 / median(floor.ticks_per_second(trace) for _ in range(ROUNDS))
+        chain = program.chain_seconds(options, hosts, ticks)
         rounds, rate = [], partial(program.lockstep_ticks_per_second, options, hosts)
         for number in range(1, ROUNDS + 1):
             say(f"lockstep, {name}: with holds, holds ignored, recording, {number} of {ROUNDS}")
             rounds.append([rate(ticks), rate(ticks // 2, "--ignore-holds"), rate(ticks, record=True)])
-        asked = sum(number * share for number, share in profile.asked.items())
-        results.lockstep[name] = Lockstep(hosts, asked, messages, chain, *map(median, zip(*rounds, strict=True)))
-
-
-def _message_seconds(profile: program.RunProfile) -> float:
-    """Return the mean time of a tick that bare Zenoh takes for the messages of a run: with so many processes as are asked at a tick."""
-    numbers = sorted({number for number in profile.asked if number} | {1})
-    measured = [number for number in numbers if number in (1, 2, 4, 8, numbers[-1])]
-    seconds = [1.0 / floor.ticks_per_second(replace(profile.traffic, clients=number), FLOOR_SECONDS) for number in measured]
-    return sum(share * float(np.interp(number, [0, *measured], [0.0, *seconds])) for number, share in profile.asked.items())
+        results.lockstep[name] = Lockstep(hosts, trace.asked, trace.requests, messages, chain, *map(median, zip(*rounds, strict=True)))
 
 
 def _realtime(results: Results, say: Say) -> None:

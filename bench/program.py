@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 import time
-from collections import Counter, defaultdict
+from collections import defaultdict
 from contextlib import contextmanager
 from pathlib import Path
 from statistics import mean, median
@@ -13,10 +13,11 @@ from typing import Any, NamedTuple
 
 import psutil
 
+from bench import floor
 from bench.core import world_of
 from bench.field import field
-from bench.floor import Flow, Traffic
 from orchard.contract.agent import Action, Agent, Mail, Observation
+from orchard.contract.messages import pack
 from orchard.field.scenario import Scenario
 from orchard.launch.request import shares
 from orchard.local import Local
@@ -24,9 +25,11 @@ from orchard.net.bus import Bus, Inbox, Sample, client
 from orchard.sim.lookahead import IgnoredHolds, Lookahead
 from orchard.sim.scan import Scanner
 from orchard.wire.keys import Keys
+from orchard.wire.messages import Answered, Letter
 
 ROOT = Path(__file__).parents[1]
 MEGABYTE = 1e6
+RUN = "0123456789abcdef"  # as long as the id of a run
 START_SECONDS = 60.0
 
 
@@ -93,6 +96,22 @@ def chain_seconds(options: list[str], hosts: str, ticks: int) -> float:
     return total / ticks
 
 
+def trace_of(options: list[str], hosts: str, ticks: int, sizes: dict[str, int]) -> floor.Trace:
+    """Return the messages of the first ticks of a lockstep run, with these mean sizes of `seen` and `velocities`, bytes."""
+    local, found = Local(scenario(options)), []
+    processes = shares(list(local.agents), 0 if hosts == "each" else int(hosts))
+    process = {name: i for i, (_, names) in enumerate(processes) for name in names}
+    letters, replies = list[int](), list[int]()
+    for tick in range(ticks):
+        local.tick()
+        sent = [(name, number, *request) for name, action in local.answers.items() for number, request in enumerate(action.requests)]
+        letters += [len(pack(Letter(RUN, tick, name, number, body))) for name, number, _, body in sent]
+        replies += [len(pack(Answered(RUN, tick, body))) for action in local.answers.values() for _, body in action.answers]
+        asked = sorted({process[name] for name in local.answers})
+        found.append(floor.Tick(asked, [(process[name], process[to]) for name, _, to, _ in sent]))
+    return floor.Trace(len(processes), floor.Sizes(**sizes, request=round(mean(letters)), answer=round(mean(replies))), found)
+
+
 # -- lockstep
 
 
@@ -115,8 +134,7 @@ class RunProfile(NamedTuple):
 
     first_tick: float  # s from the start of run.py to the first clock message
     megabytes: dict[str, float]  # process module -> MB, resident, of the largest process
-    traffic: Traffic  # between physics and the processes of agents that are asked
-    asked: dict[int, float]  # number of processes that are asked at a tick -> share of the ticks
+    bytes: dict[str, int]  # mean sizes of `seen` and `velocities`
 
 
 def profile_run(options: list[str], hosts: str, ticks: int) -> RunProfile:
@@ -127,7 +145,7 @@ def profile_run(options: list[str], hosts: str, ticks: int) -> RunProfile:
         with _session(psutil.Process(popen.pid)) as bus:
             bus.subscribe(f"{Keys().prefix}/**")
             first, samples = _received(bus, ticks)
-            return RunProfile(first - begun, _memory(psutil.Process(popen.pid)), _traffic(samples), _asked(samples))
+            return RunProfile(first - begun, _memory(psutil.Process(popen.pid)), _sizes(samples))
     finally:
         popen.terminate()
         popen.wait(timeout=START_SECONDS)
@@ -180,23 +198,12 @@ def _memory(program: psutil.Process) -> dict[str, float]:
     return dict(found)
 
 
-def _traffic(samples: list[Sample]) -> Traffic:
-    """The mean messages between physics and one process that is asked: observations, and velocities."""
+def _sizes(samples: list[Sample]) -> dict[str, int]:
+    """The mean sizes of the messages between physics and one process that is asked, bytes."""
     sizes = defaultdict(list)
     for sample in samples:
         sizes[sample.key.rsplit("/", 1)[1]].append(len(sample.payload))
-    return Traffic(1, *(Flow(1, round(mean(sizes[kind]))) for kind in ("seen", "velocities")))
-
-
-def _asked(samples: list[Sample]) -> dict[int, float]:
-    """How many processes are asked at a tick: number -> share of the ticks. Physics sends the observations of a tick before its clock."""
-    asked, ticks = 0, Counter()
-    for sample in samples:
-        kind = sample.key.rsplit("/", 1)[1]
-        asked += kind == "seen"
-        if kind == "clock":
-            ticks[asked], asked = ticks[asked] + 1, 0
-    return {number: count / ticks.total() for number, count in sorted(ticks.items())}
+    return {kind: round(mean(sizes[kind])) for kind in ("seen", "velocities")}
 
 
 # -- real time

@@ -24,11 +24,12 @@ consists of a scan of each robot, exact to 1e-9 m, and the movement of each robo
 **Holds.** An agent whose action holds its velocity is not asked until its hold ends. With `--ignore-holds` all agents are asked at every
 tick; the run has the same hash.
 
-**Attainable** is a rate at which messages and computing take turns without any loss. *Messages*: bare Zenoh sends messages of the same
-sizes as a real run between as many processes as are asked at each tick, and nothing else (`bench/floor.py`). It packs, checks and computes
-nothing, and its agents send no requests to each other. Its processes are set up as `run.py` sets up its own. *Chain*: the longest chain
-of computing, in local mode: physics, and then the process whose agents take longest. A lockstep run is `run.py` with real agents, timed
-from the last join of an agent to the end. Its rates are the medians of three runs each, in turns.
+**Attainable** is a rate at which messages and computing take turns without any loss. *Messages*: bare Zenoh sends the messages of the run
+again, tick by tick, between as many processes, and nothing else (`bench/floor.py`): the observations of the processes that are asked, their
+velocities, and the requests of agents to each other with both replies. It packs, checks and computes nothing. Its processes are set up as
+`run.py` sets up its own. *Chain*: the longest chain of computing, in local mode: physics, and then the process whose agents take longest. A
+lockstep run is `run.py` with real agents, timed from the last join of an agent to the end. Its rates are the medians of three runs each, in
+turns.
 
 **Start** is the time from the start of `run.py` to the first tick on the bus. **Memory** is the resident memory that the operating
 system reports.
@@ -126,6 +127,7 @@ def _program(results: Results) -> str:
             "lockstep",
             "hosts",
             "asked in a tick",
+            "requests in a tick",
             "messages, us",
             "chain, us",
             "attainable, ticks/s",
@@ -143,7 +145,7 @@ def _program(results: Results) -> str:
 
 
 def _rates(run: Lockstep) -> list[str]:
-    costs = [f"{run.asked:.2f}", f"{1e6 * run.messages:.0f}", f"{1e6 * run.chain:.0f}", rate(run.attainable)]
+    costs = [f"{run.asked:.2f}", f"{run.requests:.2f}", f"{1e6 * run.messages:.0f}", f"{1e6 * run.chain:.0f}", rate(run.attainable)]
     return [run.hosts, *costs, rate(run.plain), f"{run.plain / run.attainable:.2f}", rate(run.ignored), f"{run.plain / run.ignored:.2f}",
             rate(run.recorded), f"{run.recorded / run.plain:.2f}"]  # fmt: skip
 

@@ -24,8 +24,16 @@ log = logging.getLogger("orchard")
 
 
 def is_ours(agent: Any) -> bool:
-    """Whether an agent is built in."""
-    return type(agent).__module__.startswith("orchard.")
+    """Whether an agent is built in, with the policy and the route that it uses."""
+    used = (agent, getattr(agent, "policy", None), getattr(agent, "route", None))
+    return all(part is None or type(part).__module__.startswith("orchard.") for part in used)
+
+
+def guarded(name: str, agent: Agent, names: Collection[str]) -> "Guarded":
+    """Return an agent with its guard. `names`: all agents of the orchard, to which it may send requests."""
+    if isinstance(agent, Guarded):
+        return agent
+    return GuardedBuiltIn(name, agent, names) if is_ours(agent) else Guarded(name, agent, names)
 
 
 class Guarded:
@@ -40,7 +48,7 @@ class Guarded:
         self._agent = agent
         self._messages = {type_of(message): message for message in _own_messages(agent)}
         self._memory: Any = None  # the one in its last action
-        self._is_ours, self._may_hold = is_ours(agent), may_hold(agent)
+        self._may_hold = may_hold(agent)
         self._failed = False
 
     def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
@@ -62,8 +70,7 @@ class Guarded:
 
     def check(self) -> None:
         """From now on, check whether the agent is repeatable, unless the agent and what it uses are built in."""
-        used = (self._agent, getattr(self._agent, "policy", None), getattr(self._agent, "route", None))
-        if not isinstance(self._agent, Checked) and not all(part is None or is_ours(part) for part in used):
+        if not isinstance(self._agent, Checked) and not is_ours(self._agent):
             self._agent = Checked(self.name, self._agent, self.Memory)
 
     def _take(self, memory: Any) -> None:
@@ -74,14 +81,13 @@ class Guarded:
     def _keep(self, action: Action) -> None:
         """Pack the memory, and put in its place what its bytes give, as after a kill. Raises ValueError or TypeError if that is another.
 
-        A built-in agent's memory is compared by `==` when its bytes change. An own agent's is compared by `==` in every tick, and type by
-        type when its bytes change.
+        It is compared by `==` in every tick, and type by type when its bytes change.
         """
         memory, before = action.memory, self.packed
         packed = None if memory is None else _packed_memory(memory)
-        if packed is not None and not (self._is_ours and packed == before):
+        if packed is not None:
             action.memory = _unpacked(packed, self.Memory)
-            if memory != action.memory or not (self._is_ours or packed == before):
+            if memory != action.memory or packed != before:
                 _refuse_change(memory, action.memory)
         self.packed = packed
 
@@ -163,6 +169,19 @@ class Guarded:
             return body
         fields = msgspec.to_builtins(body, order="deterministic")
         return CustomMessage(fields.pop("type"), fields)
+
+
+class GuardedBuiltIn(Guarded):
+    """The guard of an agent that is built in, with all that it uses. Tests check what it returns; here only what mail may spoil is."""
+
+    def _checked(self, action: Action) -> Action:
+        self._checked_twist(action.twist)
+        if action.requests:
+            self._refuse_addresses([to for to, _ in action.requests])
+        return action
+
+    def _keep(self, action: Action) -> None:
+        self.packed = None if action.memory is None else pack(action.memory)
 
 
 def _own_messages(agent: Any) -> tuple[type[AgentMessage], ...]:
@@ -286,10 +305,10 @@ def _told(words: str) -> str:
 
 def checked(agents: Mapping[str, Agent], names: Collection[str]) -> dict[str, Agent]:
     """Return these agents, guarded. Those that are not built in, or use a class that is not, are checked from now on: see `Checked`."""
-    guarded = {name: agent if isinstance(agent, Guarded) else Guarded(name, agent, names) for name, agent in agents.items()}
-    for guard in guarded.values():
-        guard.check()
-    return dict(guarded)
+    made = {name: guarded(name, agent, names) for name, agent in agents.items()}
+    for agent in made.values():
+        agent.check()
+    return dict(made)
 
 
 def place_in_agent(frame: FrameType | None) -> str:

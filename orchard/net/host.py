@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection
 from typing import Any, NoReturn
 
 from orchard.contract.agent import Action, Agent, Mail, Observation
-from orchard.contract.guard import Guarded
+from orchard.contract.guard import guarded
 from orchard.contract.mail import LocalMail, digest_of
 from orchard.contract.messages import MAX_PAYLOAD, pack, unpack
 from orchard.field.kinds import kind_of
@@ -51,7 +51,7 @@ class AgentRunner:
     def __init__(self, name: str, agent: Agent, names: Collection[str]) -> None:
         """`names`: all agents of the orchard."""
         self.name = name
-        self._agent = agent if isinstance(agent, Guarded) else Guarded(name, agent, names)
+        self._agent = guarded(name, agent, names)
         self.memory: Any = None
         self._sent: bytes | None = None  # the packed memory that physics has
 

@@ -12,11 +12,14 @@ from alone import SMALL
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from orchard.agents.catalogue import make_agents
 from orchard.contract.agent import Action, Heard, Mail, without_body
-from orchard.contract.guard import Guarded
+from orchard.contract.guard import Guarded, GuardedBuiltIn, guarded
 from orchard.contract.mail import digest_of, written_by
 from orchard.contract.messages import Call, Come, Couple, CustomMessage, Flatten, Here, No, Offer, Places, Uncouple, Where, Yes, pack
 from orchard.field.geometry import Twist
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
 from orchard.local import Local
 from orchard.net.refusals import read_message
 from orchard.wire.codec import action_of, drive_of, velocities_of, velocity_of
@@ -230,3 +233,59 @@ def test_a_real_ctrl_c_with_a_handler_of_the_programs_own_ends_it_too():
             Guarded("picker_01", Busy(), NAMES).tick(without_body("picker_01", 7), Mail(), None)
     finally:
         signal.signal(signal.SIGINT, old)
+
+
+# -- built-in agents
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"dispatch": "nearest", "route": "two-way", "pickers": 3, "rows": 5},
+        {
+            "dispatch": "predictive-farthest",
+            "picking": {"failure": {"mean_between": 60.0, "mean_repair": 20.0}},
+            "sensors": {"gnss": {"white": 0.01, "bias": 0.02}},
+        },
+    ],
+)
+def test_what_built_in_agents_return_passes_the_guard_of_own_agents(changes, caplog):
+    """So their own guard may leave its checks out."""
+    scenario = Scenario(**{"rows": 3, "pickers": 2, "carriers": 2} | changes)
+    agents = make_agents(lay_out(scenario))
+    checked, plain = Local(scenario, {name: Guarded(name, agent, list(agents)) for name, agent in agents.items()}), Local(scenario)
+    for _ in range(4000):
+        checked.tick()
+        plain.tick()
+    assert checked.engine.hash == plain.engine.hash
+    assert not caplog.records
+
+
+class OfOurs(Doing):
+    """A faulty agent that counts as built in."""
+
+    __module__ = "orchard.agents.picker"
+
+
+@pytest.mark.parametrize(
+    ("action", "said"),
+    [
+        (ZeroDivisionError(), "ZeroDivisionError"),
+        (Action(Twist(x=math.nan)), "each number must be from"),
+        (Action(Twist(y=0.1)), "a picker does not move sideways"),
+        (Action(requests=[("*", Where())]), r"a request to '\*': no agent has that name"),
+    ],
+)
+def test_a_built_in_agent_that_goes_wrong_stands_and_keeps_its_memory(action, said, caplog):
+    guard = guarded("picker_01", OfOurs(action), NAMES)
+    action = guard.tick(without_body("picker_01", 7), Mail(), {"a": 1})
+    assert (type(guard), action.state, action.memory) == (GuardedBuiltIn, "broken", {"a": 1})
+    assert re.search(said, caplog.text)
+
+
+def test_an_agent_with_a_policy_or_a_route_of_a_users_is_guarded_as_an_own_one():
+    for part in ("policy", "route"):
+        agent = OfOurs(Action())
+        setattr(agent, part, Doing(None))
+        assert type(guarded("picker_01", agent, NAMES)) is Guarded

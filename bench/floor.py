@@ -9,7 +9,6 @@ as gets, with both replies, and wait for them as the hosts of the run do. Nothin
 
 import json
 import os
-import socket
 import subprocess
 import sys
 import time
@@ -24,11 +23,11 @@ import msgspec
 import zenoh
 from zenoh.handlers import Callback
 
-from orchard.launch.supervisor import QUICK_TICKS, take_turns
+from orchard.launch.supervisor import QUICK_TICKS, free_port, take_turns
 
 TAKEN_SECONDS = 20.0  # that a message may take; a run that takes longer has lost one
 STAMP = 4  # bytes of a request that tell its tick
-GET: dict[str, Any] = {
+GET: dict[str, Any] = {  # as orchard.net.bus asks
     "target": zenoh.QueryTarget.ALL,
     "consolidation": zenoh.ConsolidationMode.NONE,
     "congestion_control": zenoh.CongestionControl.BLOCK,
@@ -76,7 +75,7 @@ class Trace(msgspec.Struct, frozen=True):
 
 def ticks_per_second(trace: Trace) -> float:
     """Start the clients and send the messages of the trace once. Return the rate."""
-    endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
     with TemporaryDirectory() as folder, zenoh.open(_config("router", "listen", endpoint)) as session:
         path = Path(folder) / "trace.json"
         path.write_bytes(msgspec.json.encode(trace.without_open_requests()))
@@ -200,12 +199,6 @@ def _config(mode: str, side: str, endpoint: str) -> zenoh.Config:
     for key, value in (settings | {"transport/shared_memory/enabled": False}).items():
         config.insert_json5(key, json.dumps(value))
     return config
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def main(endpoint: str, number: str, path: str) -> None:

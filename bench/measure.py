@@ -160,7 +160,7 @@ def _lockstep(results: Results, say: Say) -> None:
         options, profile = OPTIONS[scenario], results.start[scenario]
         if hosts == "each":
             profile = program.profile_run(options, hosts, PROFILE_TICKS)
-        trace = program.trace_of(options, hosts, ticks, profile.bytes)
+        trace = program.trace_of(options, hosts, ticks, profile.sizes)
         messages = 1.0 / median(floor.ticks_per_second(trace) for _ in range(ROUNDS))
         chain = program.chain_seconds(options, hosts, ticks)
         rounds, rate = [], partial(program.lockstep_ticks_per_second, options, hosts)

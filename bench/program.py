@@ -134,7 +134,7 @@ class RunProfile(NamedTuple):
 
     first_tick: float  # s from the start of run.py to the first clock message
     megabytes: dict[str, float]  # process module -> MB, resident, of the largest process
-    bytes: dict[str, int]  # mean sizes of `seen` and `velocities`
+    sizes: dict[str, int]  # mean bytes of `seen` and `velocities`
 
 
 def profile_run(options: list[str], hosts: str, ticks: int) -> RunProfile:

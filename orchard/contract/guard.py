@@ -48,7 +48,7 @@ class Guarded:
         self._agent = agent
         self._messages = {type_of(message): message for message in _own_messages(agent)}
         self._memory: Any = None  # the one in its last action
-        self._may_hold = may_hold(agent)
+        self._is_ours, self._may_hold = is_ours(agent), may_hold(agent)
         self._failed = False
 
     def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
@@ -81,13 +81,14 @@ class Guarded:
     def _keep(self, action: Action) -> None:
         """Pack the memory, and put in its place what its bytes give, as after a kill. Raises ValueError or TypeError if that is another.
 
-        It is compared by `==` in every tick, and type by type when its bytes change.
+        A built-in agent's memory is compared by `==` when its bytes change. An own agent's is compared by `==` in every tick, and type by
+        type when its bytes change.
         """
         memory, before = action.memory, self.packed
         packed = None if memory is None else _packed_memory(memory)
-        if packed is not None:
+        if packed is not None and not (self._is_ours and packed == before):
             action.memory = _unpacked(packed, self.Memory)
-            if memory != action.memory or packed != before:
+            if memory != action.memory or not (self._is_ours or packed == before):
                 _refuse_change(memory, action.memory)
         self.packed = packed
 
@@ -172,7 +173,7 @@ class Guarded:
 
 
 class GuardedBuiltIn(Guarded):
-    """The guard of an agent that is built in, with all that it uses. Tests check what it returns; here only what mail may spoil is."""
+    """The guard of an agent that is built in, with all that it uses. It checks what mail may spoil; tests check the rest."""
 
     def _checked(self, action: Action) -> Action:
         self._checked_twist(action.twist)

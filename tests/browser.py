@@ -139,7 +139,8 @@ class Browser:
 
     @fresh
     def fill(self, path: str, value: object) -> None:
-        """Replace the text of a field; '' leaves it empty."""
+        """Replace the text of a field, as soon as it can be filled in; '' leaves it empty."""
+        self.until(lambda: self.field(path).is_displayed() and self.field(path).is_enabled(), f"{path} can be filled in")
         self.field(path).send_keys(Keys.CONTROL, "a")
         self.field(path).send_keys(str(value) or Keys.DELETE)
 

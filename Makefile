@@ -35,7 +35,7 @@ $(VENV)/installed-docs: $(VENV)/installed
 	touch $@
 
 run: $(VENV)/installed  ## the default orchard, from start to summary
-	$(VENV)/bin/orchard
+	$(RUN) run.py
 
 app: $(VENV)/installed-app  ## the page in the browser
 	$(VENV)/bin/orchard app

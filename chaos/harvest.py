@@ -93,7 +93,7 @@ class Harvest:
         return self._popen.poll()
 
     def processes(self, role: str) -> list[psutil.Process]:
-        """Return the processes of `orchard/processes/{role}.py`. Their order stays the same when one is started again."""
+        """Return the processes of `processes/{role}.py`. Their order stays the same when one is started again."""
         found = []
         for process in self._children():
             with suppress(psutil.Error):

@@ -20,7 +20,7 @@ def generated() -> dict[str, str]:
     layout, two_way = lay_out(Scenario()), lay_out(Scenario(route=TWO_WAY, carriers=10))
     return {
         "keyspace.md": keyspace.document(),
-        "orchard/config/scenario.schema.json": schema_text(),
+        "config/scenario.schema.json": schema_text(),
         "docs/reference.md": reference.document(),
         "docs/scenario.md": scenario.document(),
         "docs/study.md": study.document(),

@@ -312,7 +312,7 @@ def _queue(carriers: int) -> str:
 
 def _scenario() -> str:
     text = f"""There are at most as many pickers as rows, at most {MOST_GUESTS} people and at most {MOST_GUESTS} animals. There is a bin
-for each picker and one for each carrier. `orchard/config/scenario.schema.json` has all settings and limits, for editors."""
+for each picker and one for each carrier. `config/scenario.schema.json` has all settings and limits, for editors."""
     return _section("What a scenario sets", _table("setting | limits | default | what", _settings(Scenario)), text)
 
 

@@ -31,7 +31,7 @@ faster than 1 m/s ([how to](how-to.md#let-picking-vary)); an agent without a bod
 [`orchard layout import`](own-orchard.md) writes, decides `rows` and `row_length`.
 [Extending the Orchard](extending.md) describes the values that name classes.
 """
-SCHEMA = "orchard/config/scenario.schema.json"
+SCHEMA = "config/scenario.schema.json"
 
 
 def document() -> str:

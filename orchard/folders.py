@@ -1,4 +1,4 @@
-"""The folders in which the program writes for its user: never in the folder where it is installed."""
+"""The folders in which the program writes for its user."""
 
 import os
 from pathlib import Path
@@ -6,8 +6,15 @@ from pathlib import Path
 import platformdirs
 
 RUNS = "ORCHARD_RUNS"  # environment variable: another folder of runs
+ABOVE = Path(__file__).parents[1]  # of a clone: its top level; of an installed package: a folder of many packages
 
 
-def runs_folder() -> Path:
-    """Return the folder for recordings, snapshots and notes of active runs. It need not exist yet."""
-    return Path(os.environ.get(RUNS) or platformdirs.user_data_path("orchard", appauthor=False) / "runs").absolute()
+def runs_folder(above: Path = ABOVE) -> Path:
+    """Return the folder for recordings, snapshots and notes of active runs. It need not exist yet.
+
+    `above` is the folder that the package is in. A clone keeps its own runs, whichever way it is started. The installed package keeps
+    them with the user's data, never where it is installed.
+    """
+    is_clone = (above / "run.py").is_file() and (above / "pyproject.toml").is_file()
+    own = above if is_clone else platformdirs.user_data_path("orchard", appauthor=False)
+    return Path(os.environ.get(RUNS) or own / "runs").absolute()

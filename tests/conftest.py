@@ -49,7 +49,7 @@ def pytest_collection_finish() -> None:
 def data_of_the_tests(tmp_path_factory):
     """No test reads or writes what the user of this machine has recorded, or studied with another version."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_DATA_HOME", str(tmp_path_factory.mktemp("data")))
+        patch.setenv("ORCHARD_RUNS", str(tmp_path_factory.mktemp("runs")))
         yield
 
 

@@ -271,7 +271,7 @@ def to_short_yaml(scenario: Scenario) -> str:
 
 
 def schema_text() -> str:
-    """Return the text of `orchard/config/scenario.schema.json`, for editors. It does not contain the rules that compare several fields."""
+    """Return the text of `config/scenario.schema.json`, for editors. It does not contain the rules that compare several fields."""
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
     return json.dumps(schema, indent=2) + "\n"
 

@@ -1,4 +1,4 @@
-"""The scenarios that come with the package: the files `orchard/config/NAME.yaml`."""
+"""The scenarios that come with the package: the files `config/NAME.yaml`."""
 
 from importlib.resources import files
 from pathlib import Path

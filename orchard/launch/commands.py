@@ -44,7 +44,7 @@ from orchard.server.snapshots import examine, sole
 from orchard.sim.snapshot import Snapshot, SnapshotError, newest
 from orchard.view.files import parts_of, viewer_program, window
 
-EPILOG = """Recordings and snapshots are kept in runs/ beside run.py, those of the command `orchard` in the user's own data directory.
+EPILOG = """A clone keeps recordings and snapshots in its folder runs/, an installed package in the user's own data directory.
 ORCHARD_RUNS=DIR names another folder.
 
 Exit code: 0 if the harvest was finished or stopped, or reached its --duration; 1 if it failed; 2 for bad input."""

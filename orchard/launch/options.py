@@ -131,7 +131,7 @@ File = Annotated[
     Path | None,
     Argument(
         metavar="SCENARIO.yaml",
-        help=f"A file, or the name of one in orchard/config/: {', '.join(name for name in names() if name != DEFAULT)}.",
+        help=f"A file, or the name of one in config/: {', '.join(name for name in names() if name != DEFAULT)}.",
         show_default=DEFAULT,
         callback=_scenario,
     ),

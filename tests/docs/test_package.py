@@ -27,12 +27,19 @@ def test_the_constraints_are_names_and_versions_only():
     assert len(lines) == len(PINNED)
 
 
+def test_the_top_level_holds_what_the_projects_user_fixed():
+    for folder in ("orchard", "processes", "config", "tests"):
+        assert (ROOT / folder).is_dir() and not (ROOT / folder).is_symlink(), folder
+    for file in ("pyproject.toml", "keyspace.md", "run.py", "README.md"):
+        assert (ROOT / file).is_file(), file
+
+
 def test_every_file_of_the_package_that_is_no_code_is_installed():
     data = PYPROJECT["tool"]["setuptools"]["package-data"]
     patterns = [f"{package.replace('.', '/')}/{pattern}" for package, names in data.items() for pattern in names]
-    files = (
-        path.relative_to(ROOT).as_posix() for path in (ROOT / "orchard").rglob("*") if path.is_file() and "__pycache__" not in path.parts
-    )
+    inside = [path.relative_to(ROOT).as_posix() for path in (ROOT / "orchard").rglob("*") if path.is_file()]
+    linked = [f"orchard/config/{path.name}" for path in (ROOT / "config").iterdir()]
+    files = [file for file in {*inside, *linked} if "__pycache__" not in file]
     assert [file for file in files if not file.endswith(".py") and not any(fnmatch(file, pattern) for pattern in patterns)] == []
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from command_line import SECONDS
+from documents import ROOT
 
 from orchard.folders import runs_folder
 from orchard.launch import terminal
@@ -36,12 +37,26 @@ def test_a_run_in_local_mode_loads_neither_zenoh_nor_rerun_and_keeps_its_snapsho
     assert snapshots.suffix == ".snapshots"
 
 
-def test_runs_are_kept_in_the_users_own_directory_unless_the_user_names_another(tmp_path, monkeypatch):
+def test_a_clone_keeps_its_own_runs_an_installed_package_with_the_users_data_unless_the_user_names_another_folder(tmp_path, monkeypatch):
     monkeypatch.delenv("ORCHARD_RUNS", raising=False)
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    assert runs_folder().is_relative_to(tmp_path if sys.platform == "linux" else Path.home())
+    assert runs_folder() == ROOT / "runs"
+    assert runs_folder(tmp_path / "site-packages").is_relative_to(tmp_path if sys.platform == "linux" else Path.home())
     monkeypatch.setenv("ORCHARD_RUNS", "own")
     assert runs_folder() == Path.cwd() / "own"
+
+
+@pytest.mark.parametrize("door", [["run.py"], ["-m", "orchard"]])
+def test_each_door_of_a_clone_keeps_recordings_in_one_place(door, tmp_path):
+    """A copy of the clone, so that this one keeps its own runs."""
+    for folder in ("orchard", "processes", "config"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, symlinks=True)
+    for file in ("run.py", "pyproject.toml"):
+        shutil.copy(ROOT / file, tmp_path)
+    there = {key: value for key, value in os.environ.items() if key != "ORCHARD_RUNS"}
+    words = ["--mode", "local", "--rows", "3", "--duration", "1"]
+    subprocess.run([sys.executable, *door, *words], cwd=tmp_path, env=there, check=True, capture_output=True, timeout=SECONDS)
+    assert len(list((tmp_path / "runs").glob("*.rrd"))) == 1
 
 
 @pytest.mark.parametrize(

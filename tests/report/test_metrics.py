@@ -140,7 +140,7 @@ def test_the_schedule_has_the_failures_of_this_harvest(seed):
 @pytest.mark.parametrize(
     ("scenario", "enough"),
     [
-        (load("orchard/config/realistic.yaml"), 5),
+        (load("config/realistic.yaml"), 5),
         (Scenario(rows=20, pickers=20), 20),
         (Scenario(rows=20, pickers=2, picking_speed=0.02), 2),
     ],

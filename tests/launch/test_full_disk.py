@@ -17,14 +17,13 @@ FULL = "No space left on device"
 
 @pytest.fixture
 def small_disk(tmp_path):
-    """A disk of 1 MB, from which run.py is started: its folder runs/ is there."""
+    """A disk of 1 MB, with the folder of runs."""
     disk = tmp_path / "disk"
     disk.mkdir()
     mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "none", disk], capture_output=True)
     if mounted.returncode:
         pytest.skip("this machine mounts no disk for a test")
     try:
-        (disk / "run.py").symlink_to(ROOT / "run.py")
         yield disk
     finally:
         subprocess.run(["umount", "--lazy", disk], check=True)
@@ -32,8 +31,8 @@ def small_disk(tmp_path):
 
 def harvest(disk: Path, *arguments: object, **streams: object) -> subprocess.CompletedProcess:
     scenario = ROOT / "orchard" / "config" / "orchard.yaml"
-    command = [sys.executable, disk / "run.py", scenario, "--rows", 3, "--duration", DURATION, *arguments]
-    environment = os.environ | {"COLUMNS": "200"}
+    command = [sys.executable, ROOT / "run.py", scenario, "--rows", 3, "--duration", DURATION, *arguments]
+    environment = os.environ | {"COLUMNS": "200", "ORCHARD_RUNS": str(disk / "runs")}
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | streams
     return subprocess.run(list(map(str, command)), cwd=disk, text=True, timeout=SECONDS, env=environment, **streams)
 

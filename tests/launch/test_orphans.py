@@ -27,10 +27,9 @@ DURATION = 30.0  # s, simulated
 
 def run_py(folder: Path, *arguments: object) -> subprocess.Popen:
     """A run.py of its own, whose notes, snapshots and recordings are in a folder of its own."""
-    if not (folder / "run.py").exists():
-        (folder / "run.py").symlink_to(ROOT / "run.py")
-    command = [sys.executable, "-u", folder / "run.py", *arguments]
-    return subprocess.Popen(list(map(str, command)), cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    command = [sys.executable, "-u", ROOT / "run.py", *arguments]
+    there = os.environ | {"ORCHARD_RUNS": str(folder / "runs")}
+    return subprocess.Popen(list(map(str, command)), cwd=folder, env=there, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
 @contextmanager

@@ -9,13 +9,14 @@ from typing import ClassVar
 import msgspec
 import pytest
 from alone import SMALL, local_hash
-from command_line import ROOT, orchard, running, summary_of
+from command_line import orchard, running, summary_of
 from fleet import Client, until
 from outcomes import harvested
 from rich.console import Console
 
 from orchard.contract.messages import pack
 from orchard.field.scenario import to_yaml
+from orchard.folders import runs_folder
 from orchard.launch import distributed
 from orchard.launch.supervisor import ProcessSpec, Supervisor, free_port
 from orchard.net.bus import Alive, Inbox, Sample, Signal
@@ -193,7 +194,7 @@ def test_a_run_that_goes_on_is_not_gone_on_with_a_second_time(tmp_path, mode):
     scenario = tmp_path / "small.yaml"
     scenario.write_text(to_yaml(SMALL))
     with running(scenario, "--mode", mode, "--speed", 5, "--duration", 60, "--record", "none") as run:
-        (folder,) = (ROOT / "runs").glob(f"*-{run.pid}.snapshots")
+        (folder,) = runs_folder().glob(f"*-{run.pid}.snapshots")
         again = orchard("--resume", folder, "--record", "none")
         assert again.returncode == 2
         assert "the run of these snapshots is still active; stop it first" in again.stderr

@@ -22,8 +22,8 @@ from orchard.net.bus import Bus, Inbox, client, router
 from orchard.net.endpoints import LOOPBACK, SECURE_LOOPBACK, BusError
 from orchard.net.process import run_process
 from orchard.security.identity import Identity, identity_in
-from orchard.server.harvest import RunOptions
-from orchard.server.loop import Physics
+from orchard.server.loop import RunLoop
+from orchard.server.options import RunOptions
 from orchard.server.snapshots import last, sole
 from orchard.sim.snapshot import Snapshot, SnapshotError, clear
 from orchard.wire.keys import Keys
@@ -80,11 +80,11 @@ def _simulate(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions
     holds = IgnoredHolds if options.mode == "realtime" else HOLDS[options.holds]  # in realtime no robot drives on without a word
     engine = Engine.begin(check(options.scenario, "the scenario"), holds) if before is None else Engine.resume(before, holds)
     absent = select_agents(engine.layout.agents, options.absent, []) if options.absent else []
-    physics = Physics(bus, keys, engine, msgspec.structs.replace(options, absent=absent), before)
+    physics = RunLoop(bus, keys, engine, msgspec.structs.replace(options, absent=absent), before)
     physics.listen()
     where = "connected to" if options.connect else "listening on"
-    print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.harvest.run}", flush=True)
-    end = physics.run(lambda: _get_ready(engine))
+    print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.run.id}", flush=True)
+    end = physics.play(lambda: _get_ready(engine))
     print(f"{end.why}: tick {end.tick}, {end.summary['wall_seconds']} s, hash {end.hash}", flush=True)
     for violation in end.summary["violations"]:
         print(f"violated: {violation}", flush=True)

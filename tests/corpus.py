@@ -13,8 +13,8 @@ from orchard.agents.catalogue import make_agents
 from orchard.contract.messages import MAX_PAYLOAD, pack
 from orchard.net.bus import Alive, Final, Inbox, Query, Replied, Sample
 from orchard.net.host import Host, HostEnded
-from orchard.server.harvest import RunOptions
-from orchard.server.loop import Physics
+from orchard.server.loop import RunLoop
+from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
 from orchard.wire.keys import TABLE, Keys
 from orchard.wire.messages import Command, Recall, Stop
@@ -120,12 +120,12 @@ class Run:
     def __init__(self, scenario, run: str, ticks: int, net: Net | None = None, cast: Callable[..., dict] = make_agents) -> None:
         """`cast`: returns the agents of a layout."""
         self.net, self.engine = net or Net(), Engine.begin(scenario)
-        self.physics = Physics(StandIn(self.net, "physics1"), KEYS, self.engine, RunOptions(duration=ticks / 10, run=run))
+        self.physics = RunLoop(StandIn(self.net, "physics1"), KEYS, self.engine, RunOptions(duration=ticks / 10, run=run))
         self.host = Host(StandIn(self.net, HOST), KEYS, run, "lockstep", self.engine.layout, cast(self.engine.layout))
 
     def to_the_end(self):
         """The end that physics tells."""
-        ends, run = [], threading.Thread(target=lambda: ends.append(self.physics.run(self.engine.rehearse)), daemon=True)
+        ends, run = [], threading.Thread(target=lambda: ends.append(self.physics.play(self.engine.rehearse)), daemon=True)
         self.physics.listen()
         self.host.listen()
         run.start()

@@ -1,7 +1,7 @@
 """What stands in for the network and the clock in the tests of lockstep's and realtime's rules: queries, letters, holders, time."""
 
 from orchard.contract.messages import StateRequest, pack
-from orchard.net.roster import Roster
+from orchard.server.roster import Roster
 from orchard.wire.messages import Answered, Letter, Received
 from orchard.wire.types import read
 

@@ -26,12 +26,12 @@ from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal, client
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError, check_free, check_security, reachable, with_port
 from orchard.net.lifeline import OVER
-from orchard.net.lockstep import PATIENCE
 from orchard.net.refusals import Refusals, Refused, read_message
 from orchard.net.requests import fetch_run
 from orchard.report.progress import Progress, headline_of
 from orchard.report.summary import Outcome, write_summary
-from orchard.server.harvest import RunOptions, read_end
+from orchard.server.options import PATIENCE, RunOptions
+from orchard.server.run import read_end
 from orchard.sim.kernels.cache import COMPILING, are_compiled
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 from orchard.wire.messages import RESET, End, Figures

@@ -19,9 +19,9 @@ from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import open_viewer
 from orchard.launch.terminal import CTRL_C, FAILED, console, print_error, print_line
 from orchard.local import Local
-from orchard.net.lockstep import Pacer
 from orchard.report.progress import Progress
 from orchard.server.figures import RunFigures
+from orchard.server.run_clock import Pacer
 from orchard.server.snapshots import SNAPSHOT_SECONDS, SnapshotWriter, sole
 from orchard.sim.frames import FrameBuilder, talk_of
 from orchard.sim.kernels.cache import COMPILING, are_compiled

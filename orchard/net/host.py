@@ -18,9 +18,8 @@ from orchard.net.bus import Alive, Bus, Final, Item, Query, Replied, Sample, Sig
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
 from orchard.net.mailbox import DOUBT_SECONDS, MAILBOXES, LatestObservations, SentRequest
-from orchard.net.refusals import M, Refusals, Refused, read_message
+from orchard.net.refusals import NO_TOKEN, TAKEN, M, Refusals, Refused, read_message
 from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, PhysicsRequest, ask, publish_refusals
-from orchard.net.roster import NO_TOKEN, TAKEN
 from orchard.wire.codec import drive_of
 from orchard.wire.keys import PHYSICS, Keys
 from orchard.wire.messages import BinStatus, Drive, End, Join, Joined, Left, Lost, Recall, Recalled, Velocities

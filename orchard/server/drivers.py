@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 from orchard.contract.agent import MOST_REQUESTS, Action, Observations
 from orchard.field.kinds import KINDS
-from orchard.net.advice import Advised
-from orchard.net.lockstep import LockstepBarrier
-from orchard.net.realtime import RealtimeBarrier, UnheldCommands
 from orchard.net.refusals import Refused
-from orchard.net.roster import RecoveryLog, Roster
+from orchard.server.advice import Advised
+from orchard.server.lockstep import LockstepBarrier
 from orchard.server.publisher import Publisher
+from orchard.server.realtime import RealtimeBarrier, UnheldCommands
+from orchard.server.roster import RecoveryLog, Roster
 from orchard.wire.codec import velocity_of
 from orchard.wire.messages import Advice, Angular, Linear, Report, Velocities, Velocity
 
@@ -31,13 +31,13 @@ class Drivers:
         engine: "Engine",
         roster: Roster,
         answers: LockstepBarrier | RealtimeBarrier,
-        ledger: RecoveryLog,
+        recovery_log: RecoveryLog,
         publisher: Publisher,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """`clock`: the clock of the run, s."""
         self._engine, self._publisher = engine, publisher
-        self.roster, self.answers, self.ledger = roster, answers, ledger
+        self.roster, self.answers, self.recovery_log = roster, answers, recovery_log
         self.unheld, self.advised = UnheldCommands(clock), Advised()
         self.lost: dict[str, int] = {}  # agent -> the first tick for which lockstep has not waited for it
         self.due: dict[str, list[str]] = {}  # session id -> its agents that are asked at this tick
@@ -101,11 +101,11 @@ class Drivers:
         """Ask the agents that are due, and publish the tick. `lag`: seconds that the tick begins late."""
         self._seen, self.due = seen, {}
         self.unheld.begin(seen.tick)
-        for name in self._engine.due(self.ledger.hearing(seen.tick)):
+        for name in self._engine.due(self.recovery_log.hearing(seen.tick)):
             if (holder := self.roster.holders.get(name)) is not None:
                 self.due.setdefault(holder, []).append(name)
         self.answers.open(seen.tick, lag, chain.from_iterable(self.due.values()))
-        self._publisher.show(seen, self.due, self.ledger.asked(seen.tick - 1) if self.due else [])
+        self._publisher.show(seen, self.due, self.recovery_log.asked(seen.tick - 1) if self.due else [])
         self._publish(seen)
 
     def silent(self) -> set[str]:
@@ -117,7 +117,7 @@ class Drivers:
         assert self._seen is not None
         self._publisher.refresh_subscribers()
         shown = {holder: self.due[holder] for holder in sorted(holders)}
-        self._publisher.show(self._seen, shown, self.ledger.asked(self._seen.tick - 1))
+        self._publisher.show(self._seen, shown, self.recovery_log.asked(self._seen.tick - 1))
         self._publish(self._seen)
 
     def _publish(self, seen: Observations) -> None:
@@ -125,7 +125,7 @@ class Drivers:
 
     def actions(self, tick: int) -> dict[str, Action]:
         """Return the actions for the step from this tick to the next. Memories and letters are kept for sessions that join later."""
-        self.ledger.keep(tick, self.answers.velocities)
+        self.recovery_log.keep(tick, self.answers.velocities)
         own = self.answers.actions() | self.unheld.actions(tick)
         advised = self.advised.actions(tick, own, self._engine.actions)
         self._engine.wake(advised)

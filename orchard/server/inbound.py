@@ -14,7 +14,7 @@ from orchard.field.scenario import check
 from orchard.net.bus import Alive, Bus, Item, Query, Sample, Signal
 from orchard.net.endpoints import BusError
 from orchard.net.refusals import Refused, read_message, refuse_other_run, refuse_other_tick
-from orchard.server.harvest import Harvest, RunEnded, RunReset
+from orchard.server.run import Run, RunEnded, RunReset
 from orchard.server.snapshots import KEPT_SECONDS
 from orchard.sim.stops import stopped
 from orchard.wire import messages as wire
@@ -27,8 +27,8 @@ OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run that appears la
 class Queries:
     """Replies to the queries that physics receives."""
 
-    def __init__(self, keys: Keys, harvest: Harvest) -> None:
-        self._keys, self._harvest = keys, harvest
+    def __init__(self, keys: Keys, run: Run) -> None:
+        self._keys, self._run = keys, run
         self.replies = {
             "scenario": self._scenario,
             "layout": self._layout,
@@ -48,7 +48,7 @@ class Queries:
         except Refused as refusal:
             query.refuse(str(refusal))
             raise
-        if not self._harvest.control.keeps(query):
+        if not self._run.control.keeps(query):
             query.drop()
 
     def _reply_to(self, key: str) -> Callable[[Query], None]:
@@ -63,58 +63,58 @@ class Queries:
     def _scenario(self, query: Query) -> None:
         if query.payload:
             raise Refused("malformed", "the scenario query has no payload")
-        engine, drivers = self._harvest.engine, self._harvest.drivers
+        engine, drivers = self._run.engine, self._run.drivers
         scenario = engine.layout.scenario.model_dump()
-        query.reply(pack(wire.RunInfo(self._harvest.run, engine.tick, drivers.answers.mode, list(drivers.roster.names), scenario)))
+        query.reply(pack(wire.RunInfo(self._run.id, engine.tick, drivers.answers.mode, list(drivers.roster.names), scenario)))
 
     def _layout(self, query: Query) -> None:
         if query.payload:
             raise Refused("malformed", "the layout query has no payload")
-        query.reply(pack(orchard_of(self._harvest.run, self._harvest.engine.tick, self._harvest.engine.layout)))
+        query.reply(pack(orchard_of(self._run.id, self._run.engine.tick, self._run.engine.layout)))
 
     def _join(self, session: str, query: Query) -> None:
         """Let a host hold all the agents that it names, or none."""
-        join = read_message(query.payload, wire.Join, self._harvest.run)
+        join = read_message(query.payload, wire.Join, self._run.id)
         _refuse_other_session(join.holder, session)
-        drivers = self._harvest.drivers
+        drivers = self._run.drivers
         refused = drivers.join(join.names, join.holder)
         held = [] if refused else join.names
-        memories = {name: drivers.ledger.memories.get(name) for name in held}
-        query.reply(pack(wire.Joined(self._harvest.run, self._harvest.engine.tick, memories, refused)))
+        memories = {name: drivers.recovery_log.memories.get(name) for name in held}
+        query.reply(pack(wire.Joined(self._run.id, self._run.engine.tick, memories, refused)))
         drivers.expect(held, join.holder)
 
     def _recall(self, query: Query) -> None:
-        recall, tick = read_message(query.payload, wire.Recall, self._harvest.run), self._harvest.engine.tick
+        recall, tick = read_message(query.payload, wire.Recall, self._run.id), self._run.engine.tick
         refuse_other_tick(recall.tick, tick, tick)
-        query.reply(pack(wire.Recalled(self._harvest.run, tick, sorted(self._harvest.drivers.ledger.letters.items()))))
+        query.reply(pack(wire.Recalled(self._run.id, tick, sorted(self._run.drivers.recovery_log.letters.items()))))
 
     def _stop(self, query: Query) -> None:
         """Stop or reset robots; the engine makes sure that nothing overrides a stop. The reply says whether it is in a snapshot."""
-        harvest, engine = self._harvest, self._harvest.engine
-        request = read_message(query.payload, wire.Stop, harvest.run)
-        harvest.report()
+        run, engine = self._run, self._run.engine
+        request = read_message(query.payload, wire.Stop, run.id)
+        run.report()
         try:
             changed = engine.stop(request.names) if request.stop else engine.reset(request.names)
         except ValueError as error:
             raise Refused("no such robot", str(error)) from error
-        if changed and harvest.has_begun:
-            harvest.keep()
-        kept = harvest.has_begun and harvest.snapshot_writer.finish(KEPT_SECONDS)
-        query.reply(pack(wire.Stopped(harvest.run, engine.tick, changed, stopped(engine.world), kept)))
+        if changed and run.has_begun:
+            run.keep()
+        kept = run.has_begun and run.snapshot_writer.finish(KEPT_SECONDS)
+        query.reply(pack(wire.Stopped(run.id, engine.tick, changed, stopped(engine.world), kept)))
 
     def _command(self, query: Query) -> None:
-        command = read_message(query.payload, wire.Command, self._harvest.run)
-        query.reply(pack(wire.Done(self._harvest.run, self._harvest.engine.tick)))
+        command = read_message(query.payload, wire.Command, self._run.id)
+        query.reply(pack(wire.Done(self._run.id, self._run.engine.tick)))
         query.drop()
         raise RunEnded(f"{command.command}ped")
 
     def _simulation_state(self, query: Query) -> None:
         if query.payload:
             raise Refused("malformed", "a query for the state has no payload; to change it: set_simulation_state")
-        query.reply(pack(self._harvest.control.state))
+        query.reply(pack(self._run.control.state))
 
     def _set_simulation_state(self, query: Query) -> None:
-        wanted, control = read_message(query.payload, wire.SetSimulationState, self._harvest.run), self._harvest.control
+        wanted, control = read_message(query.payload, wire.SetSimulationState, self._run.id), self._run.control
         if wanted.state == "quitting":
             control.end()
         else:
@@ -125,29 +125,29 @@ class Queries:
             raise RunEnded("stopped")
 
     def _reset_simulation(self, query: Query) -> None:
-        harvest = self._harvest
-        wanted = read_message(query.payload, wire.ResetSimulation, harvest.run)
-        if any(name == LOGGER for name, _ in harvest.drivers.roster.tokens):
+        run = self._run
+        wanted = read_message(query.payload, wire.ResetSimulation, run.id)
+        if any(name == LOGGER for name, _ in run.drivers.roster.tokens):
             raise Refused("recorded", "the recording would hold two runs; start the run without one (--record none)")
-        scenario = harvest.engine.layout.scenario.model_dump() | ({} if wanted.seed is None else {"seed": wanted.seed})
+        scenario = run.engine.layout.scenario.model_dump() | ({} if wanted.seed is None else {"seed": wanted.seed})
         try:
             check(scenario, "the scenario")
         except ScenarioError as error:
             raise Refused("malformed", str(error)) from error
-        query.reply(pack(harvest.control.state))
+        query.reply(pack(run.control.state))
         query.drop()
         raise RunReset(scenario)
 
     def _step_simulation(self, query: Query) -> None:
-        self._harvest.control.step(query, read_message(query.payload, wire.StepSimulation, self._harvest.run).steps)
+        self._run.control.step(query, read_message(query.payload, wire.StepSimulation, self._run.id).steps)
 
 
 class Inbound:
     """Passes on what arrives at physics, and counts what is refused."""
 
-    def __init__(self, bus: Bus, keys: Keys, harvest: Harvest) -> None:
-        self._bus, self._keys, self._harvest = bus, keys, harvest
-        self._queries = Queries(keys, harvest)
+    def __init__(self, bus: Bus, keys: Keys, run: Run) -> None:
+        self._bus, self._keys, self._run = bus, keys, run
+        self._queries = Queries(keys, run)
         self._newer_from = math.inf  # s, monotonic clock: a run that appears after that is newer
 
     def listen(self) -> None:
@@ -161,11 +161,11 @@ class Inbound:
             self._bus.answer(self._keys.of(what))
         self._newer_from = time.monotonic() + OTHER_RUN_SECONDS
         self._bus.watch(self._keys.of("alive"))
-        self._bus.declare_alive(self._keys.of("alive", PHYSICS, self._harvest.run))
+        self._bus.declare_alive(self._keys.of("alive", PHYSICS, self._run.id))
 
     def leave(self) -> None:
         """Remove the liveliness token: only then does the end count for the other processes."""
-        self._bus.withdraw(self._keys.of("alive", PHYSICS, self._harvest.run))
+        self._bus.withdraw(self._keys.of("alive", PHYSICS, self._run.id))
 
     def take(self, seconds: float, enough: int = 1) -> bool:
         """Handle one item. Return False if none came in `seconds`. Raises RunEnded if it ends the run. `enough`: as for `Inbox.take`."""
@@ -174,7 +174,7 @@ class Inbound:
             try:
                 self._handle(item)
             except Refused as refusal:
-                self._harvest.refusal_totals.note(getattr(item, "key", ""), refusal)
+                self._run.refusal_totals.note(getattr(item, "key", ""), refusal)
         return item is not None
 
     def take_after_end(self, seconds: float) -> Item | None:
@@ -184,7 +184,7 @@ class Inbound:
             if isinstance(item, Query):
                 item.drop()
             elif isinstance(item, Alive):
-                self._harvest.drivers.roster.token(*self._owner_of(item), item.up)
+                self._run.drivers.roster.token(*self._owner_of(item), item.up)
             elif isinstance(item, Sample) and self._keys.parts(item.key)[-1] == "left":
                 self._hear(item)
         return item
@@ -200,21 +200,21 @@ class Inbound:
             raise RunEnded("stopped")
 
     def _hear(self, sample: Sample) -> None:
-        run = self._harvest.run
+        run = self._run.id
         match self._keys.parts(sample.key):
             case ["hosts", session, "refused"]:
                 counts = read_message(sample.payload, wire.RefusedThere, run).counts
-                self._harvest.refusal_totals.hear(_session(session), counts)
+                self._run.refusal_totals.hear(_session(session), counts)
             case ["hosts", session, "left"]:
                 read_message(sample.payload, wire.Left, run)
-                self._harvest.drivers.roster.leave(_session(session))
+                self._run.drivers.roster.leave(_session(session))
             case [name, "velocity"]:
-                self._harvest.drivers.drive(name, read_message(sample.payload, wire.Velocity, run))
+                self._run.drivers.drive(name, read_message(sample.payload, wire.Velocity, run))
             case [name, "advice"]:
-                self._harvest.drivers.advise(name, read_message(sample.payload, wire.Advice, run))
+                self._run.drivers.advise(name, read_message(sample.payload, wire.Advice, run))
             case ["hosts", session, "velocities"]:
                 for refusal in self._drive_all(sample.payload, session):
-                    self._harvest.refusal_totals.note(sample.key, refusal)
+                    self._run.refusal_totals.note(sample.key, refusal)
             case _:
                 raise Refused("no such key")
 
@@ -224,10 +224,10 @@ class Inbound:
             velocities, faults = velocities_of(payload)
         except ValueError as error:
             raise Refused("malformed", str(error)) from error
-        refuse_other_run(velocities, self._harvest.run)
+        refuse_other_run(velocities, self._run.id)
         _refuse_other_session(velocities.holder, session)
         refused = {name: Refused("malformed", f"{name}: {fault}") for name, fault in faults.items()}
-        return self._harvest.drivers.drive_all(velocities, refused)
+        return self._run.drivers.drive_all(velocities, refused)
 
     def _token(self, alive: Alive) -> None:
         name, holder = self._owner_of(alive)
@@ -235,18 +235,18 @@ class Inbound:
             self._refuse_another_run(alive.up, holder)
             return
         if name == LOGGER and alive.up:
-            self._harvest.frame_builder.forget()
-        self._harvest.drivers.token(name, holder, alive.up)
+            self._run.frame_builder.forget()
+        self._run.drivers.token(name, holder, alive.up)
 
     def _owner_of(self, alive: Alive) -> tuple[str, str]:
         match self._keys.parts(alive.key):
-            case ["alive", name, session] if name in self._harvest.drivers.roster.names or name in (PHYSICS, LOGGER):
+            case ["alive", name, session] if name in self._run.drivers.roster.names or name in (PHYSICS, LOGGER):
                 return name, _session(session)
         raise Refused("no such agent")
 
     def _refuse_another_run(self, up: bool, run: str) -> None:
         """Raise BusError if another run uses this router and prefix: the newer run ends itself, and so do two that begin together."""
-        if up and run != self._harvest.run and not self._harvest.has_begun and time.monotonic() < self._newer_from:
+        if up and run != self._run.id and not self._run.has_begun and time.monotonic() < self._newer_from:
             where = f"with prefix {self._keys.prefix}; choose another router or prefix"
             raise BusError(f"{self._bus.endpoint}: run {run} is active there, {where}")
 

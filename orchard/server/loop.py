@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from orchard.net.bus import Bus, Signal
-from orchard.net.lockstep import AGAIN_SECONDS, Pacer
-from orchard.server.harvest import Harvest, RunEnded, RunOptions, RunReset, write_end
 from orchard.server.inbound import Inbound
+from orchard.server.lockstep import AGAIN_SECONDS
+from orchard.server.options import RunOptions
+from orchard.server.run import Run, RunEnded, RunReset, write_end
+from orchard.server.run_clock import Pacer
 from orchard.sim.snapshot import Snapshot
 from orchard.wire.keys import LOGGER, Keys
 from orchard.wire.messages import RESET, End
@@ -27,17 +29,17 @@ LEAVE_SECONDS = 2.0  # that the other processes may take to leave after the end
 END_SECONDS = 0.2  # after which the end is told again to those that have not left
 
 
-class Physics:
-    """One run, from the first join to the last message."""
+class RunLoop:
+    """The loop of one run, from the first join to the last message."""
 
     def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: RunOptions, before: Snapshot | None = None) -> None:
         """`before`: the snapshot from which the engine was resumed."""
         self.bus, self._engine, self._options = bus, engine, options
-        self.harvest = Harvest(bus, keys, engine, options, before)
-        self.arrivals = Inbound(bus, keys, self.harvest)
-        self._drivers = self.harvest.drivers
+        self.run = Run(bus, keys, engine, options, before)
+        self.arrivals = Inbound(bus, keys, self.run)
+        self._drivers = self.run.drivers
         self._held_before = before.held if before else None
-        self._clock = self.harvest.control.clock
+        self._clock = self.run.control.clock
         self._pacer = Pacer(options.pace, self._clock)
         self.reset_to: dict[str, Any] | None = None  # after the end: the scenario with which the run begins again
 
@@ -50,11 +52,11 @@ class Physics:
         """After the end: the options with which the run begins again; None if it does not."""
         if self.reset_to is None:
             return None
-        options = msgspec.structs.replace(self._options, scenario=self.reset_to, run=self.harvest.run, resume=False)
+        options = msgspec.structs.replace(self._options, scenario=self.reset_to, run=self.run.id, resume=False)
         where = {} if options.connect else {"listen": self.bus.endpoint}
         return msgspec.structs.replace(options, paused=self._clock.is_paused, **where)
 
-    def run(self, get_ready: Callable[[], None]) -> End:
+    def play(self, get_ready: Callable[[], None]) -> End:
         """Run all ticks, and publish the end. Return it.
 
         `get_ready`: called before the first tick, after the hosts that wait have got the run's scenario, so that they prepare meanwhile.
@@ -64,24 +66,24 @@ class Physics:
                 self.arrivals.take(0.0)
             get_ready()
             self.gather()
-            self.harvest.begin()
+            self.run.begin()
             while not (why := self._why_over()):
                 self._tick()
         except RunReset as ended:
             why, self.reset_to = str(ended), ended.scenario
         except RunEnded as ended:
             why = str(ended)
-        self.harvest.control.end()
-        self.harvest.report()
+        self.run.control.end()
+        self.run.report()
         if why in ("stopped", "duration"):
-            self.harvest.keep()
-        self.harvest.snapshot_writer.finish()
-        if self.harvest.tables is not None:
-            self.harvest.tables.close()
-        end = self.harvest.end(why)
+            self.run.keep()
+        self.run.snapshot_writer.finish()
+        if self.run.tables is not None:
+            self.run.tables.close()
+        end = self.run.end(why)
         if self._options.result is not None and why != RESET:
             write_end(end, self._options.result)
-        self.harvest.publisher.publish("end", end)
+        self.run.publisher.publish("end", end)
         self.arrivals.leave()
         self._await_leaving(end, LEAVE_SECONDS if why != RESET else self._options.patience)
         return end
@@ -119,18 +121,18 @@ class Physics:
             return "harvested"
         if self._engine.tick >= self._options.ticks:
             return "duration"
-        return self.harvest.account.fault
+        return self.run.account.fault
 
     def _tick(self) -> None:
         """Publish the tick; account for the last one and report it while the agents think; take what comes until it is due; step."""
         seen = self._engine.observe()
         self._drivers.begin(seen, self._pacer.begin())
         self._engine.account()
-        self.harvest.report()
-        if self.harvest.snapshot_writer.is_due():
-            self.harvest.keep()
+        self.run.report()
+        if self.run.snapshot_writer.is_due():
+            self.run.keep()
         self._await_step()
-        self.harvest.step()
+        self.run.step()
 
     def _await_step(self) -> None:
         """Wait until all answers are in or their time is over, the next tick is due, and the run plays.
@@ -158,7 +160,7 @@ class Physics:
 
     def _stand_by(self) -> None:
         """While the run is paused, take what arrives: no agent is late, and the tick is published again and again."""
-        control = self.harvest.control
+        control = self.run.control
         while self._clock.is_paused:
             control.tell()
             if not self._drivers.answers.missing:
@@ -177,7 +179,7 @@ class Physics:
         while now < deadline and (roster.tokens or (now < told_by and not roster.all_have_left())):
             if now >= again:
                 again = now + END_SECONDS
-                self.harvest.publisher.publish("end", end)
+                self.run.publisher.publish("end", end)
             if isinstance(self.arrivals.take_after_end(min(deadline, again) - now), Signal):
                 return
             now = time.monotonic()

@@ -1,14 +1,16 @@
-"""The clock of a run: wall time that stands while the run is paused, and for how many ticks the run plays."""
+"""The clock of a run: wall time that stands while the run is paused, for how many ticks the run plays, and the pace of its ticks."""
 
 import math
 import time
 from collections.abc import Callable
 
+from orchard.field.scenario import TIME_STEP
+
 
 class RunClock:
     """Deadlines, pace and watchdogs of a run read this clock, so a pause makes no agent late and no velocity old.
 
-    A pause takes effect between two steps. `pause`, `play` and `count_tick` are called by the thread that reads the clock.
+    A pause takes effect between two steps. `pause`, `play` and `count_step` are called by the thread that reads the clock.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -42,3 +44,25 @@ class RunClock:
         self._left -= 1
         if self._left <= 0:
             self.pause()
+
+
+class Pacer:
+    """Paces ticks in wall time: `speed` simulated seconds per second; with infinity it never waits."""
+
+    CATCH_UP = 0.25  # s: the largest delay that later ticks make up for
+
+    def __init__(self, speed: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._step = TIME_STEP / speed
+        self._clock = clock
+        self._due = -math.inf
+
+    def wait(self) -> float:
+        """Return the seconds until the next tick may begin."""
+        return max(0.0, self._due - self._clock())
+
+    def begin(self) -> float:
+        """Begin a tick, and return the seconds that it begins late."""
+        now = self._clock()
+        due = now if self._due == -math.inf else self._due
+        self._due = max(due, now - self.CATCH_UP) + self._step
+        return max(0.0, now - due)

@@ -19,7 +19,7 @@ from orchard.launch import left_over
 from orchard.launch.distributed import RESULT
 from orchard.launch.left_over import end_left_over, processes_of
 from orchard.net.lifeline import STARTED_BY
-from orchard.server.harvest import read_end
+from orchard.server.run import read_end
 from orchard.sim.snapshot import as_file, newest, store
 
 DURATION = 30.0  # s, simulated

@@ -29,9 +29,9 @@ def test_reasons_and_sessions_that_are_made_up_are_bounded():
         physics.bus.inbox.put(Alive(f"orchard/alive/picker_01/s{number}{'x' * 100}", True))
     while physics.arrivals.take(0.0):
         pass
-    assert len(physics.harvest.refusal_totals.there) == 1000
-    assert physics.harvest.refusal_totals.counts == {"malformed": 1500 + 3000, "too many": 500}
-    assert not physics.harvest.drivers.roster.tokens
+    assert len(physics.run.refusal_totals.there) == 1000
+    assert physics.run.refusal_totals.counts == {"malformed": 1500 + 3000, "too many": 500}
+    assert not physics.run.drivers.roster.tokens
 
 
 def test_tokens_are_bounded():
@@ -40,7 +40,7 @@ def test_tokens_are_bounded():
         physics.bus.inbox.put(Alive(f"orchard/alive/picker_01/s{number}", True))
     while physics.arrivals.take(0.0):
         pass
-    assert physics.harvest.refusal_totals.counts == {"too many": 1000}
+    assert physics.run.refusal_totals.counts == {"too many": 1000}
 
 
 def test_connections_that_say_nothing_keep_no_client_out():

@@ -14,8 +14,8 @@ from orchard.contract.messages import pack
 from orchard.net.bus import Alive, Inbox, Sample, Signal
 from orchard.net.host import HostEnded
 from orchard.net.mailbox import Mailbox, RealtimeMailbox
-from orchard.server.harvest import RunOptions
-from orchard.server.loop import END_SECONDS, LEAVE_SECONDS, Physics
+from orchard.server.loop import END_SECONDS, LEAVE_SECONDS, RunLoop
+from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
 from orchard.wire.keys import PHYSICS
 from orchard.wire.messages import Left
@@ -162,17 +162,17 @@ def waited(monkeypatch, items, seconds: float) -> Leaving:
     """A bus on which physics has waited at the end of a run, for so long at most, until all sessions have left."""
     bus = Leaving()
     monkeypatch.setattr("orchard.server.loop.time", SimpleNamespace(monotonic=bus.clock))
-    physics = Physics(bus, KEYS, Engine.begin(SMALL), RunOptions(run=RUN))
-    roster = physics.harvest.drivers.roster
+    physics = RunLoop(bus, KEYS, Engine.begin(SMALL), RunOptions(run=RUN))
+    roster = physics.run.drivers.roster
     roster.token("picker_01", "a", True)
     roster.join("picker_01", "a")
     bus.items = items
-    physics._await_leaving(physics.harvest.end("duration"), seconds)
+    physics._await_leaving(physics.run.end("duration"), seconds)
     return bus
 
 
 def test_a_session_that_holds_no_agent_is_not_one_that_leaves():
-    roster = Physics(Leaving(), KEYS, Engine.begin(SMALL), RunOptions(run=RUN)).harvest.drivers.roster
+    roster = RunLoop(Leaving(), KEYS, Engine.begin(SMALL), RunOptions(run=RUN)).run.drivers.roster
     roster.leave("a")
     roster.join("picker_01", "b")
     roster.leave("a")
@@ -195,7 +195,7 @@ def test_a_host_says_that_it_leaves_when_a_user_stops_it():
 
 
 def test_a_session_that_joins_again_has_not_left():
-    roster = Physics(Leaving(), KEYS, Engine.begin(SMALL), RunOptions(run=RUN)).harvest.drivers.roster
+    roster = RunLoop(Leaving(), KEYS, Engine.begin(SMALL), RunOptions(run=RUN)).run.drivers.roster
     roster.join("picker_01", "a")
     roster.leave("a")
     assert roster.all_have_left()

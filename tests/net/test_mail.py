@@ -7,11 +7,12 @@ from orchard.contract.agent import MOST_HOLD, Action, Heard
 from orchard.contract.mail import LocalMail
 from orchard.contract.messages import Given, StateRequest, Written, Yes, pack
 from orchard.field.geometry import Twist
-from orchard.net.lockstep import LockstepBarrier, Pacer
 from orchard.net.mailbox import Mailbox
-from orchard.net.realtime import UnheldCommands
 from orchard.net.refusals import Refused
-from orchard.net.roster import RecoveryLog
+from orchard.server.lockstep import LockstepBarrier
+from orchard.server.realtime import UnheldCommands
+from orchard.server.roster import RecoveryLog
+from orchard.server.run_clock import Pacer
 from orchard.wire.messages import Angular, Answered, AskedOf, Linear, Received, Report, Velocity
 
 

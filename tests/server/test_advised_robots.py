@@ -11,10 +11,10 @@ from orchard.contract.agent import Action, Hold
 from orchard.contract.messages import Couple, Uncouple, pack
 from orchard.field.geometry import Twist
 from orchard.field.scenario import Animals, People, Scenario
-from orchard.net.advice import ADVICE_TICKS, Advised
 from orchard.net.bus import Sample
-from orchard.net.realtime import UnheldCommands
 from orchard.net.refusals import Refused
+from orchard.server.advice import ADVICE_TICKS, Advised
+from orchard.server.realtime import UnheldCommands
 from orchard.wire.messages import Advice, Angular, Linear, Odometry, Report, Velocity
 from orchard.wire.types import read
 
@@ -74,7 +74,7 @@ def run():
 
 def one_tick(run, *samples: tuple[str, bytes]) -> list[str]:
     """Do one step of physics, in which these samples arrive. Return the agents that were asked."""
-    harvest = run.physics.harvest
+    harvest = run.physics.run
     harvest.drivers.begin(harvest.engine.observe(), 0.0)
     for key, payload in samples:
         run.physics.bus.inbox.put(Sample(key, payload))
@@ -86,12 +86,12 @@ def one_tick(run, *samples: tuple[str, bytes]) -> list[str]:
 
 
 def speed(run) -> float:
-    world = run.physics.harvest.engine.world
+    world = run.physics.run.engine.world
     return float(world.twist[world.index[NAME], 0])
 
 
 def test_advice_drives_a_robot_that_holds_and_its_agent_is_asked_again(run):
-    engine = run.physics.harvest.engine
+    engine = run.physics.run.engine
     one_tick(run)
     engine.observe(), engine.due(())
     engine.advance({NAME: Action(Twist(1.0), hold=Hold(90))}, {})
@@ -100,11 +100,11 @@ def test_advice_drives_a_robot_that_holds_and_its_agent_is_asked_again(run):
     one_tick(run, (KEYS.of("advice", NAME), pack(advice(engine.tick))))
     assert speed(run) == 0.3
     assert NAME in one_tick(run), "it does not hold what it did not want"
-    assert run.physics.harvest.refusal_totals.counts == {}
+    assert run.physics.run.refusal_totals.counts == {}
 
 
 def test_a_robot_that_is_stopped_stands_whatever_is_advised(run):
-    run.physics.harvest.engine.stop([NAME])
+    run.physics.run.engine.stop([NAME])
     one_tick(run, (KEYS.of("advice", NAME), pack(advice(0))))
     assert speed(run) == 0.0
 
@@ -120,7 +120,7 @@ def test_a_robot_that_is_stopped_stands_whatever_is_advised(run):
 )
 def test_advice_that_cannot_be_is_refused(run, key, message, reason):
     one_tick(run, (key, pack(message)))
-    assert run.physics.harvest.refusal_totals.counts == {reason: 1}
+    assert run.physics.run.refusal_totals.counts == {reason: 1}
     assert speed(run) == 0.0
 
 
@@ -163,7 +163,7 @@ def test_a_harvest_finishes_while_a_pickers_velocity_comes_from_outside():
 
 
 def test_a_deed_comes_with_the_velocity_of_a_robot_that_no_session_holds(run):
-    world = run.physics.harvest.engine.world
+    world = run.physics.run.engine.world
     one_tick(run)
     one_tick(run, (KEYS.of("velocity", NAME), pack(driving(1, deeds=[Uncouple()]))))
     assert world.coupled[world.index[NAME]] == -1

@@ -16,10 +16,10 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import with_changes
 from orchard.local import Local
 from orchard.net.bus import Inbox, Sample
-from orchard.net.lockstep import LockstepBarrier, Pacer
-from orchard.server.harvest import RunOptions
-from orchard.server.loop import Physics
-from orchard.server.run_clock import RunClock
+from orchard.server.lockstep import LockstepBarrier
+from orchard.server.loop import RunLoop
+from orchard.server.options import RunOptions
+from orchard.server.run_clock import Pacer, RunClock
 from orchard.sim.engine import Engine
 from orchard.tables import tables_of
 from orchard.wire.messages import Angular, Linear, Odometry, SetSimulationState, SimulationState, StepSimulation, Velocity
@@ -109,7 +109,7 @@ def test_a_paused_and_stepped_run_is_the_same_to_the_last_bit():
     assert [reply.state for reply in (replies[0], *replies[2:])] == ["paused", "playing", "paused", "playing"]
     assert (asks.states[0].state, asks.states[-1].state) == ("playing", "quitting")
     assert all(query.dropped for query in asks.queries)
-    assert (run.physics.harvest.refusal_totals.total(), end.summary["messages_refused"]) == ({}, {})
+    assert (run.physics.run.refusal_totals.total(), end.summary["messages_refused"]) == ({}, {})
 
 
 def test_a_run_that_plays_does_no_single_steps():
@@ -159,7 +159,7 @@ def test_a_velocity_that_arrives_before_the_next_tick_is_due_counts_in_this_one(
     run = Run(SMALL, RUN, 20)
     bus, engine = run.physics.bus, Engine.begin(SMALL)
     names = list(engine.layout.agents)
-    physics = Physics(bus, KEYS, engine, RunOptions(run=RUN, mode=mode, speed=20.0, duration=2.0, absent=names))
+    physics = RunLoop(bus, KEYS, engine, RunOptions(run=RUN, mode=mode, speed=20.0, duration=2.0, absent=names))
     bus.inbox, poses = Late(engine, 3), {}
 
     def see(key: str, payload: bytes) -> None:
@@ -168,7 +168,7 @@ def test_a_velocity_that_arrives_before_the_next_tick_is_due_counts_in_this_one(
             poses[pose.tick] = pose.twist.linear.x
 
     run.net.on_put = see
-    physics.run(lambda: None)
+    physics.play(lambda: None)
     assert poses[bus.inbox.at] == 0.0
     assert poses[bus.inbox.at + 1] == 0.5
 

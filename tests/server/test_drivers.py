@@ -20,7 +20,7 @@ def going(drivers, session, names):
 
 def test_nothing_is_kept_of_a_session_whose_last_agent_is_with_another():
     run = Run(SMALL, "run1", 10)
-    drivers, retired = run.physics.harvest.drivers, run.physics.bus.retired
+    drivers, retired = run.physics.run.drivers, run.physics.bus.retired
     one, other = drivers.roster.names[:2]
     coming(drivers, "first", [one, other])
     going(drivers, "first", [one, other])
@@ -32,7 +32,7 @@ def test_nothing_is_kept_of_a_session_whose_last_agent_is_with_another():
 
 def test_nothing_is_kept_of_a_session_that_is_not_waited_for():
     run = Run(SMALL, "run1", 10)
-    drivers, retired = run.physics.harvest.drivers, run.physics.bus.retired
+    drivers, retired = run.physics.run.drivers, run.physics.bus.retired
     names = drivers.roster.names[:2]
     coming(drivers, "first", names)
     drivers.release({names[0]})
@@ -43,10 +43,10 @@ def test_nothing_is_kept_of_a_session_that_is_not_waited_for():
 
 def test_a_session_that_is_silent_for_too_long_loses_also_its_agents_that_hold():
     run = Run(SMALL, "run1", 10)
-    drivers = run.physics.harvest.drivers
+    drivers = run.physics.run.drivers
     silent, other = ["worker_01", "traffic"], ["picker_01"]
     coming(drivers, "first", silent), coming(drivers, "second", other)
-    engine = run.physics.harvest.engine
+    engine = run.physics.run.engine
     engine.observe(), engine.due(())
     engine.advance({name: Action(hold=Hold(500)) for name in (*silent, *other)}, {})
     engine.wake(["worker_01", *other])

@@ -17,8 +17,8 @@ from orchard.launch.supervisor import free_port
 from orchard.local import Local
 from orchard.net.bus import Alive, Query
 from orchard.net.refusals import Refused
-from orchard.server.harvest import RunOptions
-from orchard.server.loop import Physics
+from orchard.server.loop import RunLoop
+from orchard.server.options import RunOptions
 from orchard.server.snapshots import last
 from orchard.sim.engine import Engine
 from orchard.sim.snapshot import as_file, newest
@@ -270,10 +270,10 @@ def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(m
     names = before.held = before.held[:4]
     bus = SlowStart(names, seconds)
     monkeypatch.setattr("orchard.server.loop.time", SimpleNamespace(monotonic=bus.clock))
-    physics = Physics(bus, Keys(), Engine.resume(before), RunOptions(patience=15.0), before)
+    physics = RunLoop(bus, Keys(), Engine.resume(before), RunOptions(patience=15.0), before)
     physics.gather()
-    assert (sorted(physics.harvest.drivers.roster.holders) == names) == is_there
-    assert (physics.harvest.drivers.lost == {}) == is_there
+    assert (sorted(physics.run.drivers.roster.holders) == names) == is_there
+    assert (physics.run.drivers.lost == {}) == is_there
 
 
 # -- what was refused
@@ -281,13 +281,13 @@ def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(m
 
 def test_what_was_refused_before_physics_was_killed_is_in_its_figures_afterwards(tmp_path):
     options = RunOptions(run="run7", snapshots=str(tmp_path))
-    before = Physics(StandIn(Net(), "physics1"), Keys(), Engine.begin(SMALL), options).harvest
+    before = RunLoop(StandIn(Net(), "physics1"), Keys(), Engine.begin(SMALL), options).run
     before.refusal_totals.note("a key", Refused("malformed"))
     before.refusal_totals.hear("host1", {"malformed": 2, "not all": 1})
     before.keep()
     before.snapshot_writer.finish()
     snapshot = last(tmp_path)
-    totals = Physics(StandIn(Net(), "physics2"), Keys(), Engine.resume(snapshot), options, snapshot).harvest.refusal_totals
+    totals = RunLoop(StandIn(Net(), "physics2"), Keys(), Engine.resume(snapshot), options, snapshot).run.refusal_totals
     assert totals.total() == {"malformed": 3, "not all": 1}
     totals.note("a key", Refused("past tick"))
     totals.hear("host1", {"malformed": 3, "not all": 1})

@@ -31,7 +31,7 @@ FAULTS += [{"linear": {"x": 0.0, "y": 1.0}}, {"report": {"letters": {"requests":
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: str(fault)[:60])
 def test_a_part_that_is_refused_stops_this_robot_and_delays_no_other(fault, monkeypatch, caplog):
     run = Run(SMALL, "run1", FEW)
-    run.physics.harvest.drivers.answers._patience = 4.0
+    run.physics.run.drivers.answers._patience = 4.0
     send = run.host.bus.publish
 
     def publish(key, payload, newest_wins=False):
@@ -42,7 +42,7 @@ def test_a_part_that_is_refused_stops_this_robot_and_delays_no_other(fault, monk
     assert (end.tick, end.why) == (FEW, "duration")
     assert not any(key.endswith("/lost") for key, _ in run.net.sent), "physics never waited for it in vain"
     world, account = run.engine.world, run.engine.states.counts.ticks
-    assert run.physics.harvest.refusal_totals.counts.total() >= FEW
+    assert run.physics.run.refusal_totals.counts.total() >= FEW
     assert "picker_01: " in caplog.text
     assert world.distance[world.index["picker_01"]] == 0.0
     assert world.distance[world.index["picker_02"]] > 0.1
@@ -56,4 +56,4 @@ def test_velocities_that_are_too_large_for_one_message_go_in_several(monkeypatch
     assert run.to_the_end().hash == local_hash(SMALL, TICKS)
     answers = Counter(read(payload, Velocities).tick for key, payload in run.net.sent if key.endswith("/velocities"))
     assert answers[0] > 2
-    assert run.physics.harvest.refusal_totals.counts.total() == 0
+    assert run.physics.run.refusal_totals.counts.total() == 0

@@ -121,15 +121,15 @@ def test_a_run_under_a_rain_of_bad_messages_is_the_same_to_the_last_bit(other, c
     thrower = Thrower(run, other, 75_000)
     end = run.to_the_end()
     assert end.hash == local_hash(SMALL, TICKS), "no effect"
-    assert run.physics.harvest.refusal_totals.counts.total() == thrower.expected["physics1"]
+    assert run.physics.run.refusal_totals.counts.total() == thrower.expected["physics1"]
     assert run.host.refusals.counts.total() == thrower.expected[HOST]
     assert len(thrower.replies) == thrower.asked and all(reply.error for reply in thrower.replies), "nonsense gets an error reply"
     assert sum(thrower.by_key.values()) > 75_000
     assert max(thrower.memory) - thrower.memory[len(thrower.memory) // 5] < MOST_MEMORY
-    drivers = run.physics.harvest.drivers
-    assert len(run.physics.harvest.refusal_totals.there) <= 1000 and not drivers.unheld._puts and len(drivers.ledger.memories) <= AGENTS
+    drivers = run.physics.run.drivers
+    assert len(run.physics.run.refusal_totals.there) <= 1000 and not drivers.unheld._puts and len(drivers.recovery_log.memories) <= AGENTS
     assert not any("Traceback" in record.getMessage() or record.exc_info or len(record.getMessage()) > 700 for record in caplog.records)
-    refused = run.physics.harvest.refusal_totals.counts, run.host.refusals.counts
+    refused = run.physics.run.refusal_totals.counts, run.host.refusals.counts
     print(dict(thrower.by_key), *map(dict, refused), [m >> 20 for m in thrower.memory[::10]])
 
 

@@ -16,9 +16,9 @@ from orchard.contract.messages import Couple, StateRequest, Written, Yes, pack
 from orchard.field.geometry import Twist
 from orchard.field.scenario import to_yaml
 from orchard.net.mailbox import STALE_TICKS, LatestObservations, RealtimeMailbox
-from orchard.net.realtime import SLACK, Delays, RealtimeBarrier, UnheldCommands
 from orchard.net.refusals import Refused
 from orchard.server.figures import RunFigures
+from orchard.server.realtime import SLACK, Delays, RealtimeBarrier, UnheldCommands
 from orchard.sim.physics import is_full
 from orchard.sim.snapshot import as_file, store
 from orchard.wire.messages import Angular, Answered, AskedOf, Linear, Received, Report, Seen, Velocity

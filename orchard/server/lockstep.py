@@ -1,4 +1,4 @@
-"""The physics side of lockstep, without a network: which answers a tick still waits for; and the pace of ticks in wall time.
+"""Lockstep, without a network: which answers a tick still waits for.
 
 Physics does not wait for an agent that no session holds: its robot stands, unless a client drives it.
 """
@@ -9,36 +9,13 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from orchard.contract.agent import Action
-from orchard.field.scenario import TIME_STEP
 from orchard.net.refusals import Refused, refuse_other_tick
-from orchard.net.roster import Roster
+from orchard.server.options import PATIENCE
+from orchard.server.roster import Roster
 from orchard.wire.codec import action_of
 from orchard.wire.messages import Mode, Velocity
 
-PATIENCE = 15.0  # s of wall time that an agent may take to answer
 AGAIN_SECONDS = 0.5  # after which a tick is sent again to the sessions that have not answered
-
-
-class Pacer:
-    """Paces ticks in wall time: `speed` simulated seconds per second; with infinity it never waits."""
-
-    CATCH_UP = 0.25  # s: the largest delay that later ticks make up for
-
-    def __init__(self, speed: float, clock: Callable[[], float] = time.monotonic) -> None:
-        self._step = TIME_STEP / speed
-        self._clock = clock
-        self._due = -math.inf
-
-    def wait(self) -> float:
-        """Return the seconds until the next tick may begin."""
-        return max(0.0, self._due - self._clock())
-
-    def begin(self) -> float:
-        """Begin a tick, and return the seconds that it begins late."""
-        now = self._clock()
-        due = now if self._due == -math.inf else self._due
-        self._due = max(due, now - self.CATCH_UP) + self._step
-        return max(0.0, now - due)
 
 
 class Barrier:

@@ -1,4 +1,4 @@
-"""The physics side of realtime, without a network: the wall clock goes on, and the newest velocity counts.
+"""Realtime, without a network: the wall clock goes on, and the newest velocity counts.
 
 A tick's answers have until the next tick is due; where the machine hiccups they have a moment longer, which the ticks after it make up
 for. Then the step is done without those that are missing. `UnheldCommands` is used in both modes.
@@ -15,9 +15,9 @@ import numpy as np
 from orchard.contract.agent import MOST_DEEDS, Action
 from orchard.contract.messages import Written
 from orchard.field.geometry import STILL
-from orchard.net.lockstep import Barrier
 from orchard.net.refusals import Refused, refuse_other_tick
-from orchard.net.roster import Roster
+from orchard.server.lockstep import Barrier
+from orchard.server.roster import Roster
 from orchard.wire.codec import action_of
 from orchard.wire.messages import Velocity
 

@@ -3,12 +3,10 @@
 from collections.abc import Iterable, Mapping
 
 from orchard.contract.messages import Written
-from orchard.net.refusals import Refused
+from orchard.net.refusals import NO_TOKEN, TAKEN, Refused
 from orchard.wire.messages import AskedOf, Velocity
 
 MOST_TOKENS = 10_000  # liveliness tokens that are stored
-NO_TOKEN = "its liveliness token is missing"
-TAKEN = "it is taken"
 
 
 class Roster:

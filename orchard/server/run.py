@@ -1,41 +1,36 @@
-"""What the physics process owns of a run: its options, world, drivers, reports and snapshots; and the file with its end."""
+"""What the physics process owns of a run: its world, drivers, reports and snapshots; and the file with its end."""
 
 import logging
-import math
 import uuid
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import msgspec
-from msgspec import Meta
-
-from orchard.contract.agent import Holds
 from orchard.contract.events import Event
-from orchard.contract.messages import LAST_TICK, pack
+from orchard.contract.messages import pack
 from orchard.field.scenario import TIME_STEP
 from orchard.net.bus import Bus
-from orchard.net.lockstep import PATIENCE, LockstepBarrier
-from orchard.net.realtime import RealtimeBarrier
 from orchard.net.refusals import RefusalTotals, Refused, read_message
-from orchard.net.roster import RecoveryLog, Roster
 from orchard.server.control import SimulationControl
 from orchard.server.drivers import Drivers
 from orchard.server.figures import RunFigures
+from orchard.server.lockstep import LockstepBarrier
+from orchard.server.options import RunOptions
 from orchard.server.publisher import Publisher
-from orchard.server.snapshots import SNAPSHOT_SECONDS, SnapshotWriter
+from orchard.server.realtime import RealtimeBarrier
+from orchard.server.roster import RecoveryLog, Roster
+from orchard.server.snapshots import SnapshotWriter
 from orchard.sim.frames import FrameBuilder
 from orchard.sim.snapshot import Snapshot
 from orchard.tables import tables_of
 from orchard.wire.codec import picture_of
-from orchard.wire.keys import PREFIX, Keys
-from orchard.wire.messages import RESET, End, Events, Letters, Mode
+from orchard.wire.keys import Keys
+from orchard.wire.messages import RESET, End, Events, Letters
 
 if TYPE_CHECKING:
     from orchard.sim.engine import Engine
 
 log = logging.getLogger("orchard")
-Positive = Annotated[float, Meta(gt=0.0, le=1e12)]  # neither NaN nor infinite
 
 
 def write_end(end: End, path: str) -> None:
@@ -53,45 +48,6 @@ def read_end(path: Path, run: str) -> End | None:
     return None
 
 
-class RunOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How physics runs an orchard: the options of its command line, or of the request that `run.py` hands over."""
-
-    scenario: dict[str, Any] = {}  # a value that is missing keeps its default
-    listen: str | None = None  # endpoint; None: a free port of 127.0.0.1
-    connect: str | None = None  # endpoint of another router, instead of listening
-    secure: str | None = None  # directory of the role
-    prefix: str = PREFIX
-    run: str = ""  # the run's id; '': a new one
-    mode: Mode = "lockstep"
-    speed: Positive | None = None  # simulated s per s of wall time; None: as fast as possible, in realtime 1
-    duration: Annotated[float, Meta(gt=0.0, le=LAST_TICK * TIME_STEP)] | None = None  # s, simulated
-    patience: Positive = PATIENCE  # s of wall time that an agent may take to answer
-    absent: list[str] = []  # agents for which the first tick does not wait
-    recorded: bool = False  # the first tick waits for a logger, at most loop.LOGGER_SECONDS
-    snapshots: str | None = None  # folder
-    table: str | None = None  # folder for tables; None: none are written
-    snapshot_every: Positive = SNAPSHOT_SECONDS  # s of wall time
-    result: str | None = None  # file for a copy of the last message, which may be lost on the network
-    resume: bool = False  # continue from the newest snapshot in the folder
-    paused: bool = False  # the first tick waits until a client lets the run play, or does steps
-    holds: Holds = "on"  # which agents are asked at a tick, see orchard.sim.lookahead; in realtime all are
-
-    @property
-    def pace(self) -> float:
-        """Simulated seconds per second of wall time."""
-        return self.speed if self.speed is not None else 1.0 if self.mode == "realtime" else math.inf
-
-    @property
-    def ticks(self) -> float:
-        """The tick at which the run ends; infinity without a duration."""
-        return math.inf if self.duration is None else round(self.duration / TIME_STEP)
-
-    @property
-    def snapshot_folder(self) -> Path | None:
-        """The folder for snapshots; None if none are written."""
-        return None if self.snapshots is None else Path(self.snapshots)
-
-
 class RunEnded(Exception):
     """A command or a signal ends the run; the text says why."""
 
@@ -104,8 +60,8 @@ class RunReset(RunEnded):
         self.scenario = scenario
 
 
-class Harvest:
-    """The parts of one run, its steps and their reports. `Inbound` handles what arrives; `Physics` decides when each step is done."""
+class Run:
+    """The parts of one run, its steps and their reports. `Inbound` handles what arrives; `RunLoop` decides when each step is done."""
 
     def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: RunOptions, before: Snapshot | None = None) -> None:
         """`before`: the snapshot from which the engine was resumed."""
@@ -113,16 +69,16 @@ class Harvest:
         self.refusal_totals = RefusalTotals(before.figures.get("refused") if before else None)
         self.snapshot_writer = SnapshotWriter(options.snapshot_folder, options.snapshot_every)
         self.tables = tables_of(options.table, engine)
-        self.run = options.run or (before.run if before else uuid.uuid4().hex[:16])
-        roster, ledger = Roster(engine.layout.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
+        self.id = options.run or (before.run if before else uuid.uuid4().hex[:16])
+        roster, recovery_log = Roster(engine.layout.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
         is_paced = options.mode == "realtime"
-        self.control = SimulationControl(lambda state: self.publisher.publish("simulation_state", state), self.run, lambda: engine.tick)
+        self.control = SimulationControl(lambda state: self.publisher.publish("simulation_state", state), self.id, lambda: engine.tick)
         clock = self.control.clock
         if options.paused:
             clock.pause()
         answers = RealtimeBarrier(roster, TIME_STEP / options.pace, clock) if is_paced else LockstepBarrier(roster, options.patience, clock)
-        self.publisher = Publisher(bus, keys, self.run, engine.layout, answers.newest_wins)
-        self.drivers = Drivers(engine, roster, answers, ledger, self.publisher, clock)
+        self.publisher = Publisher(bus, keys, self.id, engine.layout, answers.newest_wins)
+        self.drivers = Drivers(engine, roster, answers, recovery_log, self.publisher, clock)
         self.drivers.lost |= before.lost if before else {}
         self.account = RunFigures(engine, before.figures if before else {}, clock)
         self._pending: tuple[int, list[Event]] | None = None  # a step that is not reported yet
@@ -145,7 +101,7 @@ class Harvest:
         events = self.engine.step(actions, self.drivers.answers.digests())
         self._pending = tick, events
         if self.tables is not None:
-            self.tables.update(self.engine, events, self.drivers.ledger.letters.get(tick, {}))
+            self.tables.update(self.engine, events, self.drivers.recovery_log.letters.get(tick, {}))
         self.control.clock.count_step()
 
     def report(self) -> None:
@@ -155,17 +111,17 @@ class Harvest:
         (tick, events), self._pending = self._pending, None
         self.account.update(events)
         if events:
-            self.publisher.publish("events", Events(self.run, tick, events))
-        if (letters := self.drivers.ledger.letters.get(tick)) and self.publisher.is_heard("letters"):
-            self.publisher.publish("letters", Letters(self.run, tick, letters))
+            self.publisher.publish("events", Events(self.id, tick, events))
+        if (letters := self.drivers.recovery_log.letters.get(tick)) and self.publisher.is_heard("letters"):
+            self.publisher.publish("letters", Letters(self.id, tick, letters))
         if self.publisher.is_heard("picture"):
             frame = self.frame_builder.frame(self.engine.scans, self.engine.actions, events, self.engine.lookahead.wanted)
-            self.publisher.publish("picture", picture_of(self.run, frame))
+            self.publisher.publish("picture", picture_of(self.id, frame))
         if self.account.is_due():
             self._publish_figures()
 
     def _publish_figures(self) -> None:
-        self.publisher.publish("figures", self.account.message(self.run, self.refusal_totals.total()))
+        self.publisher.publish("figures", self.account.message(self.id, self.refusal_totals.total()))
 
     def keep(self) -> None:
         """Write the tables so far, and start to write a snapshot."""
@@ -174,10 +130,12 @@ class Harvest:
         self.snapshot_writer.keep(self._snapshot())
 
     def _snapshot(self) -> Snapshot:
-        engine, ledger = self.engine, self.drivers.ledger
+        engine, recovery_log = self.engine, self.drivers.recovery_log
         scenario, held = engine.layout.scenario.model_dump(), sorted(self.drivers.roster.holders)
-        letters, figures = sorted(ledger.letters.items()), self.account.as_data() | {"refused": self.refusal_totals.as_data()}
-        return Snapshot(self.run, scenario, engine.as_data(), engine.digest, ledger.memories, letters, figures, held, self.drivers.lost)
+        letters, figures = sorted(recovery_log.letters.items()), self.account.as_data() | {"refused": self.refusal_totals.as_data()}
+        return Snapshot(
+            self.id, scenario, engine.as_data(), engine.digest, recovery_log.memories, letters, figures, held, self.drivers.lost
+        )
 
     def end(self, why: str) -> End:
         """Return the last message of the run. `why`: why it ended."""
@@ -186,4 +144,4 @@ class Harvest:
         figures = self.account.summary() | answers.figures()
         summary = {"hash": engine.hash} | run | figures | {"messages_refused": self.refusal_totals.total()}
         summary |= {"finished": engine.over, "ended": why, "violations": engine.violations(), "jam": self.account.jam}
-        return End(self.run, engine.tick, engine.over, why, engine.hash, summary)
+        return End(self.id, engine.tick, engine.over, why, engine.hash, summary)

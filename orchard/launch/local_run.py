@@ -1,6 +1,5 @@
 """Local mode: a whole run in this process, with its recording, live viewers and snapshots."""
 
-import math
 import os
 import signal
 import time
@@ -14,20 +13,19 @@ from orchard.contract.agent import Agent
 from orchard.contract.events import Event, Frame
 from orchard.contract.guard import place_in_agent
 from orchard.field.layout import lay_out
-from orchard.field.scenario import TIME_STEP
 from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import open_viewer
 from orchard.launch.terminal import CTRL_C, FAILED, console, print_error, print_line
 from orchard.local import Local
 from orchard.report.progress import Progress
-from orchard.server.figures import RunFigures
+from orchard.server.account import RunAccount
+from orchard.server.options import last_tick
 from orchard.server.run_clock import Pacer
-from orchard.server.snapshots import SNAPSHOT_SECONDS, SnapshotWriter, sole
-from orchard.sim.frames import FrameBuilder, talk_of
+from orchard.server.snapshots import sole
+from orchard.sim.frames import talk_of
 from orchard.sim.kernels.cache import COMPILING, are_compiled
 from orchard.sim.lookahead import HOLDS
 from orchard.sim.snapshot import Snapshot
-from orchard.tables import tables_of
 
 if TYPE_CHECKING:
     from orchard.view.recorder import Recorder
@@ -92,48 +90,32 @@ def run(
     checks, holds = request.options.check_agents, HOLDS[request.options.holds]
     agents = _replayed(request)
     local = Local(request.scenario, agents, checks, holds) if request.resumed is None else Local.resume(request.resumed, checks, holds)
-    engine, account = local.engine, RunFigures(local.engine, request.resumed.figures if request.resumed else {})
-    frames, snapshot_writer = FrameBuilder(engine.world), SnapshotWriter(request.snapshots, SNAPSHOT_SECONDS)
-    tables = tables_of(request.options.table, engine)
-    pacer, duration = Pacer(request.options.pace), request.options.duration
-    ticks = math.inf if duration is None else round(duration / TIME_STEP)
+    engine, account = local.engine, RunAccount(local.engine, request.resumed, request.snapshots, request.options.table)
+    pacer, ticks = Pacer(request.options.pace), last_tick(request.options.duration)
     with sole(request.snapshots), interruptible(local) as is_stopped:
         try:
             engine.rehearse()  # it may compile: that is no time of the run
-            account.begin()
-            while not (why := _end(local, account, ticks, is_stopped())):
-                if snapshot_writer.is_due():
-                    if tables is not None:
-                        tables.flush()
-                    snapshot_writer.keep(_snapshot(local, account, request.resumed))
+            account.figures.begin()
+            while not (why := account.why_over(ticks) or ("stopped" if is_stopped() else "")):
+                if account.snapshot_writer.is_due():
+                    account.keep(_snapshot(local, account, request.resumed))
                 if left := pacer.wait():
                     time.sleep(min(left, NAP_SECONDS))
                     continue
                 pacer.begin()
                 events = local.tick()
-                account.update(events)
-                if tables is not None:
-                    tables.update(engine, events, local.post.written.get(engine.tick - 1, {}))
+                account.update(events, local.post.written.get(engine.tick - 1, {}))
                 if look is not None:
-                    look(_frame(frames, local, events))
-                if account.is_due():
-                    message = account.message("", {})
+                    look(_frame(account, local, events))
+                if account.figures.is_due():
+                    message = account.figures.message("", {})
                     show(message.figures, message.doing, message.waits_for)
-            snapshot_writer.keep(_snapshot(local, account, request.resumed))
+            account.keep(_snapshot(local, account, request.resumed))
         except StillThinks as thought:  # some memories are of this tick already: no snapshot of it
             print_error(f"{thought}; the run ends before this tick")
             why = "stopped"
-    snapshot_writer.finish()
-    if tables is not None:
-        tables.close()
-    summary = {"hash": engine.hash, "mode": "local", "hosts": 1} | account.summary()
-    return summary | {
-        "messages_refused": {},
-        "finished": engine.over,
-        "ended": why,
-        "violations": engine.violations(),
-        "jam": account.jam,
-    }, why
+    account.close()
+    return account.summary(why, "local", 1, {}, {}), why
 
 
 def _replayed(request: RunRequest) -> dict[str, Agent] | None:
@@ -145,28 +127,17 @@ def _replayed(request: RunRequest) -> dict[str, Agent] | None:
     return replayed(make_agents(lay_out(request.scenario)), read_commands(request.options.replay))
 
 
-def _frame(frames: FrameBuilder, local: Local, events: list[Event]) -> Frame:
-    frame = frames.frame(local.engine.scans, local.actions, events, local.engine.lookahead.wanted)
+def _frame(account: RunAccount, local: Local, events: list[Event]) -> Frame:
+    frame = account.frame(events)
     frame.events = [*frame.events, *_talk(local)]
     return frame
 
 
-def _snapshot(local: Local, account: RunFigures, before: Snapshot | None) -> Snapshot:
+def _snapshot(local: Local, account: RunAccount, before: Snapshot | None) -> Snapshot:
     snapshot = local.snapshot()
     snapshot.lost = before.lost if before else {}
-    snapshot.figures |= account.as_data()
+    snapshot.figures |= account.figures.as_data()
     return snapshot
-
-
-def _end(local: Local, account: RunFigures, ticks: float, stopped: bool) -> str:
-    """Why the run is over; '' if it is not."""
-    if local.engine.over:
-        return "harvested"
-    if local.engine.tick >= ticks:
-        return "duration"
-    if stopped:
-        return "stopped"
-    return account.fault
 
 
 def _talk(local: Local) -> list[Event]:

@@ -99,7 +99,7 @@ class Queries:
             raise Refused("no such robot", str(error)) from error
         if changed and run.has_begun:
             run.keep()
-        kept = run.has_begun and run.snapshot_writer.finish(KEPT_SECONDS)
+        kept = run.has_begun and run.account.snapshot_writer.finish(KEPT_SECONDS)
         query.reply(pack(wire.Stopped(run.id, engine.tick, changed, stopped(engine.world), kept)))
 
     def _command(self, query: Query) -> None:
@@ -235,7 +235,7 @@ class Inbound:
             self._refuse_another_run(alive.up, holder)
             return
         if name == LOGGER and alive.up:
-            self._run.frame_builder.forget()
+            self._run.account.show_all()
         self._run.drivers.token(name, holder, alive.up)
 
     def _owner_of(self, alive: Alive) -> tuple[str, str]:

@@ -67,7 +67,7 @@ class RunLoop:
             get_ready()
             self.gather()
             self.run.begin()
-            while not (why := self._why_over()):
+            while not (why := self.run.account.why_over(self._options.ticks)):
                 self._tick()
         except RunReset as ended:
             why, self.reset_to = str(ended), ended.scenario
@@ -77,9 +77,7 @@ class RunLoop:
         self.run.report()
         if why in ("stopped", "duration"):
             self.run.keep()
-        self.run.snapshot_writer.finish()
-        if self.run.tables is not None:
-            self.run.tables.close()
+        self.run.account.close()
         end = self.run.end(why)
         if self._options.result is not None and why != RESET:
             write_end(end, self._options.result)
@@ -115,21 +113,13 @@ class RunLoop:
     def _is_expected(self, name: str) -> bool:
         return name not in self._options.absent and not self._drivers.drives(name)
 
-    def _why_over(self) -> str:
-        """Why the run is over; '' if it is not."""
-        if self._engine.over:
-            return "harvested"
-        if self._engine.tick >= self._options.ticks:
-            return "duration"
-        return self.run.account.fault
-
     def _tick(self) -> None:
         """Publish the tick; account for the last one and report it while the agents think; take what comes until it is due; step."""
         seen = self._engine.observe()
         self._drivers.begin(seen, self._pacer.begin())
         self._engine.account()
         self.run.report()
-        if self.run.snapshot_writer.is_due():
+        if self.run.account.snapshot_writer.is_due():
             self.run.keep()
         self._await_step()
         self.run.step()

@@ -18,6 +18,11 @@ PATIENCE = 15.0  # s of wall time that an agent may take to answer
 Positive = Annotated[float, Meta(gt=0.0, le=1e12)]  # neither NaN nor infinite
 
 
+def last_tick(duration: float | None) -> float:
+    """Return the tick at which a run of this duration (s, simulated) ends; infinity without one."""
+    return math.inf if duration is None else round(duration / TIME_STEP)
+
+
 class RunOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How physics runs an orchard: the options of its command line, or of the request that `run.py` hands over."""
 
@@ -49,7 +54,7 @@ class RunOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def ticks(self) -> float:
         """The tick at which the run ends; infinity without a duration."""
-        return math.inf if self.duration is None else round(self.duration / TIME_STEP)
+        return last_tick(self.duration)
 
     @property
     def snapshot_folder(self) -> Path | None:

@@ -11,18 +11,15 @@ from orchard.contract.messages import pack
 from orchard.field.scenario import TIME_STEP
 from orchard.net.bus import Bus
 from orchard.net.refusals import RefusalTotals, Refused, read_message
+from orchard.server.account import RunAccount
 from orchard.server.control import SimulationControl
 from orchard.server.drivers import Drivers
-from orchard.server.figures import RunFigures
 from orchard.server.lockstep import LockstepBarrier
 from orchard.server.options import RunOptions
 from orchard.server.publisher import Publisher
 from orchard.server.realtime import RealtimeBarrier
 from orchard.server.roster import RecoveryLog, Roster
-from orchard.server.snapshots import SnapshotWriter
-from orchard.sim.frames import FrameBuilder
 from orchard.sim.snapshot import Snapshot
-from orchard.tables import tables_of
 from orchard.wire.codec import picture_of
 from orchard.wire.keys import Keys
 from orchard.wire.messages import RESET, End, Events, Letters
@@ -65,10 +62,8 @@ class Run:
 
     def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: RunOptions, before: Snapshot | None = None) -> None:
         """`before`: the snapshot from which the engine was resumed."""
-        self.engine, self.frame_builder = engine, FrameBuilder(engine.world)
+        self.engine = engine
         self.refusal_totals = RefusalTotals(before.figures.get("refused") if before else None)
-        self.snapshot_writer = SnapshotWriter(options.snapshot_folder, options.snapshot_every)
-        self.tables = tables_of(options.table, engine)
         self.id = options.run or (before.run if before else uuid.uuid4().hex[:16])
         roster, recovery_log = Roster(engine.layout.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
         is_paced = options.mode == "realtime"
@@ -80,7 +75,7 @@ class Run:
         self.publisher = Publisher(bus, keys, self.id, engine.layout, answers.newest_wins)
         self.drivers = Drivers(engine, roster, answers, recovery_log, self.publisher, clock)
         self.drivers.lost |= before.lost if before else {}
-        self.account = RunFigures(engine, before.figures if before else {}, clock)
+        self.account = RunAccount(engine, before, options.snapshot_folder, options.table, options.snapshot_every, clock)
         self._pending: tuple[int, list[Event]] | None = None  # a step that is not reported yet
 
     @property
@@ -91,7 +86,7 @@ class Run:
     def begin(self) -> None:
         """Start the figures' wall clock, and publish the first figures."""
         self.control.begin()
-        self.account.begin()
+        self.account.figures.begin()
         self._publish_figures()
 
     def step(self) -> None:
@@ -100,8 +95,6 @@ class Run:
         actions = self.drivers.actions(tick)
         events = self.engine.step(actions, self.drivers.answers.digests())
         self._pending = tick, events
-        if self.tables is not None:
-            self.tables.update(self.engine, events, self.drivers.recovery_log.letters.get(tick, {}))
         self.control.clock.count_step()
 
     def report(self) -> None:
@@ -109,30 +102,28 @@ class Run:
         if self._pending is None:
             return
         (tick, events), self._pending = self._pending, None
-        self.account.update(events)
+        letters = self.drivers.recovery_log.letters.get(tick, {})
+        self.account.update(events, letters)
         if events:
             self.publisher.publish("events", Events(self.id, tick, events))
-        if (letters := self.drivers.recovery_log.letters.get(tick)) and self.publisher.is_heard("letters"):
+        if letters and self.publisher.is_heard("letters"):
             self.publisher.publish("letters", Letters(self.id, tick, letters))
         if self.publisher.is_heard("picture"):
-            frame = self.frame_builder.frame(self.engine.scans, self.engine.actions, events, self.engine.lookahead.wanted)
-            self.publisher.publish("picture", picture_of(self.id, frame))
-        if self.account.is_due():
+            self.publisher.publish("picture", picture_of(self.id, self.account.frame(events)))
+        if self.account.figures.is_due():
             self._publish_figures()
 
     def _publish_figures(self) -> None:
-        self.publisher.publish("figures", self.account.message(self.id, self.refusal_totals.total()))
+        self.publisher.publish("figures", self.account.figures.message(self.id, self.refusal_totals.total()))
 
     def keep(self) -> None:
         """Write the tables so far, and start to write a snapshot."""
-        if self.tables is not None:
-            self.tables.flush()
-        self.snapshot_writer.keep(self._snapshot())
+        self.account.keep(self._snapshot())
 
     def _snapshot(self) -> Snapshot:
         engine, recovery_log = self.engine, self.drivers.recovery_log
         scenario, held = engine.layout.scenario.model_dump(), sorted(self.drivers.roster.holders)
-        letters, figures = sorted(recovery_log.letters.items()), self.account.as_data() | {"refused": self.refusal_totals.as_data()}
+        letters, figures = sorted(recovery_log.letters.items()), self.account.figures.as_data() | {"refused": self.refusal_totals.as_data()}
         return Snapshot(
             self.id, scenario, engine.as_data(), engine.digest, recovery_log.memories, letters, figures, held, self.drivers.lost
         )
@@ -140,8 +131,6 @@ class Run:
     def end(self, why: str) -> End:
         """Return the last message of the run. `why`: why it ended."""
         engine, answers = self.engine, self.drivers.answers
-        run = {"mode": answers.mode, "hosts": len(set(self.drivers.roster.holders.values()))}
-        figures = self.account.summary() | answers.figures()
-        summary = {"hash": engine.hash} | run | figures | {"messages_refused": self.refusal_totals.total()}
-        summary |= {"finished": engine.over, "ended": why, "violations": engine.violations(), "jam": self.account.jam}
+        hosts, refused = len(set(self.drivers.roster.holders.values())), self.refusal_totals.total()
+        summary = self.account.summary(why, answers.mode, hosts, refused, answers.figures())
         return End(self.id, engine.tick, engine.over, why, engine.hash, summary)

@@ -285,7 +285,7 @@ def test_what_was_refused_before_physics_was_killed_is_in_its_figures_afterwards
     before.refusal_totals.note("a key", Refused("malformed"))
     before.refusal_totals.hear("host1", {"malformed": 2, "not all": 1})
     before.keep()
-    before.snapshot_writer.finish()
+    before.account.snapshot_writer.finish()
     snapshot = last(tmp_path)
     totals = RunLoop(StandIn(Net(), "physics2"), Keys(), Engine.resume(snapshot), options, snapshot).run.refusal_totals
     assert totals.total() == {"malformed": 3, "not all": 1}

@@ -1,0 +1,79 @@
+"""What a run counts, writes and shows, for the loop with the network and for the one without."""
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from orchard.contract.events import Event, Frame
+from orchard.contract.messages import Written
+from orchard.server.figures import RunFigures
+from orchard.server.snapshots import SNAPSHOT_SECONDS, SnapshotWriter
+from orchard.sim.frames import FrameBuilder
+from orchard.sim.snapshot import Snapshot
+from orchard.tables import tables_of
+
+if TYPE_CHECKING:
+    from orchard.sim.engine import Engine
+
+
+class RunAccount:
+    """The figures, frames, tables and snapshots of one run."""
+
+    def __init__(
+        self,
+        engine: "Engine",
+        before: Snapshot | None,
+        folder: Path | None,
+        table: str | Path | None,
+        seconds: float = SNAPSHOT_SECONDS,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """`before`: the snapshot from which the engine was resumed. `folder`: for snapshots, `seconds` of wall time apart; None: none
+        are written. `table`: the folder for tables; None: none are written. `clock`: s, of the run."""
+        self._engine, self._frame_builder = engine, FrameBuilder(engine.world)
+        self.figures = RunFigures(engine, before.figures if before else {}, clock)
+        self.snapshot_writer = SnapshotWriter(folder, seconds)
+        self._tables = tables_of(table, engine)
+
+    def update(self, events: list[Event], letters: Mapping[str, Written]) -> None:
+        """Add the step that has just been done, with its events, and the letters that led to it."""
+        self.figures.update(events)
+        if self._tables is not None:
+            self._tables.update(self._engine, events, letters)
+
+    def frame(self, events: list[Event]) -> Frame:
+        """Return what viewers need of the step that has just been done."""
+        return self._frame_builder.frame(self._engine.scans, self._engine.actions, events, self._engine.lookahead.wanted)
+
+    def show_all(self) -> None:
+        """Make the next frame a whole one, for a new viewer."""
+        self._frame_builder.forget()
+
+    def keep(self, snapshot: Snapshot) -> None:
+        """Write the tables so far, and start to write a snapshot."""
+        if self._tables is not None:
+            self._tables.flush()
+        self.snapshot_writer.keep(snapshot)
+
+    def close(self) -> None:
+        """Wait until the last snapshot is written, and finish the tables."""
+        self.snapshot_writer.finish()
+        if self._tables is not None:
+            self._tables.close()
+
+    def why_over(self, ticks: float) -> str:
+        """Return why the run is over; '' if it is not. `ticks`: the tick at which it ends."""
+        if self._engine.over:
+            return "harvested"
+        return "duration" if self._engine.tick >= ticks else self.figures.fault
+
+    def summary(self, why: str, mode: str, hosts: int, refused: Mapping[str, int], answers: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the summary of the run.
+
+        `why`: why it ended. `hosts`: the number of agent processes. `refused`: reason -> number of messages. `answers`: figures of them.
+        """
+        engine = self._engine
+        begin = {"hash": engine.hash, "mode": mode, "hosts": hosts, **self.figures.summary(), **answers}
+        end = {"finished": engine.over, "ended": why, "violations": engine.violations(), "jam": self.figures.jam}
+        return {**begin, "messages_refused": dict(refused), **end}

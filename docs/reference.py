@@ -183,7 +183,7 @@ def _behaviours() -> str:
     rows = [
         ("time step", f"{TIME_STEP:g} s"),
         ("turn (`Face`)", f"{_of_pi(EIGHTH)} rad/s: {QUARTER / EIGHTH:g} s for 90 degrees; it ends exactly at a heading"),
-        ("drive (`DriveTo`)", f"""{steps.CRUISE:g} m/s to an absolute x or y, slower in the last step; nearer than {steps.EXACT:g} m counts
+        ("drive (`DriveTo`)", f"""{steps.CRUISE:g} m/s to an absolute x or y, slower in the last step; nearer than {robot.EXACT:g} m counts
             as there. A drive that was held up ends at the same place"""),
         ("move to a point (`MoveTo`)", """first along the axis that the robot faces, turning about if the point lies behind, then along the
             other axis"""),

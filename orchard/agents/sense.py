@@ -90,14 +90,19 @@ def _reach(kind: Kind, towing: bool) -> float:
 
 
 def _swept(points: np.ndarray, boxes: list[tuple[float, float, float]], turn: float) -> bool:
-    """Whether a box (x of its centre, half length, half width) contains any point at some time while the frame turns."""
+    """Whether a box (x of its centre, half length, half width) comes nearer to any point than the margin while the frame turns.
+
+    A point that is within the margin from the beginning counts only if it comes nearer still: a robot that touches may turn away.
+    """
     steps = int(abs(turn) / _SWEEP_STEP) + 1
     turned = np.array([repeatable.sin_cos(turn * i / steps) for i in range(steps + 1)])
     s, c = turned[:, :1], turned[:, 1:]  # a row for each step, a column for each point
     ahead, left = c * points[:, 0] + s * points[:, 1], np.abs(c * points[:, 1] - s * points[:, 0])
-    return any(
-        ((np.abs(ahead - x) < half_length + TURN_MARGIN) & (left < half_width + TURN_MARGIN)).any() for x, half_length, half_width in boxes
-    )
+    for x, half_length, half_width in boxes:
+        gaps = np.maximum(np.abs(ahead - x) - half_length, left - half_width)
+        if (gaps < np.minimum(TURN_MARGIN, gaps[0])).any():
+            return True
+    return False
 
 
 def _points_around(seen: Observation, kind: Kind, radius: float) -> np.ndarray:

@@ -188,6 +188,8 @@ def _behaviours() -> str:
         ("move to a point (`MoveTo`)", """first along the axis that the robot faces, turning about if the point lies behind, then along the
             other axis"""),
         ("realign (`Realign`)", "rotate to the nearest of NORTH, SOUTH, EAST and WEST until exact"),
+        ("back to the course", f"""a robot that something has turned or moved turns back before it goes on. More than {robot.LITTLE:g} m off
+            its line it comes back aslant, by at most {robot.SLANT:g} rad; where it stands, it drives back first"""),
         ("obstacle ahead (pickers, carriers, tractor)", f"""the robot stands while something returns from the corridor ahead:
             {sense.STOP_DISTANCE:g} m deep from the front edge, and on each side {sense.SIDE_MARGIN:g} m wider than robot or bin,
             whichever is wider"""),

@@ -10,7 +10,18 @@ from typing import Any, ClassVar, cast
 import msgspec
 
 from orchard.agents.place import Estimate, as_seen_from, place_of
-from orchard.agents.sense import Box, Bystander, Sighting, doubts, something_ahead, stop_zone, sweep_radius, turn_is_free, turn_zone
+from orchard.agents.sense import (
+    Box,
+    Bystander,
+    Sighting,
+    doubts,
+    something_ahead,
+    stop_zone,
+    sweep_radius,
+    turn_is_free,
+    turn_zone,
+    way_off,
+)
 from orchard.contract.agent import AHEAD, IN_TURN, MOST_HOLD, Action, Hold, Mail, Observation, State, may_hold
 from orchard.contract.messages import Answer, BinState, Claim, Couple, Places, Position, Request, StateRequest, Uncouple, Where
 from orchard.field.geometry import HEADINGS, STILL, Pose, Twist, angle_between, nearest_heading, to_frame
@@ -139,7 +150,10 @@ class PlanExecutor:
         slant = -way * max(-SLANT, min(SLANT, left)) if is_off else 0.0
         if abs(slant - off) <= (ABOUT if slant else SLACK):
             return False
-        self.turn_by(slant - off, blind_to)
+        if away := way_off(self.seen, slant - off):
+            self.move(Twist(x=away * SHIFT), [])
+        else:
+            self.turn_by(slant - off, blind_to)
         return True
 
     @property
@@ -234,7 +248,7 @@ class PlanExecutor:
             self.memory.asked = {}
             self.action.waits_for = ""
             self._timers, self._until = [], self.seen.tick + 1
-        if not self.memory.plan:
+        if not self.memory.plan and not self._comes_back():
             self.hold()
 
     def _act(self, step: Step) -> bool:

@@ -22,6 +22,7 @@ OFF_THE_BAY = 4.2  # m from the stop in the bay to the last place of a single li
 TURN = 0.3  # m by which a turn off the top road must be further from the bay, to stay clear of the carrier that unloads
 AREA = 0.8  # m from the last place of a single line to where the queue begins
 OFF_THE_TRACK = -18.6  # x from which a turn off the top road is clear of the tractor and of the driveway
+NEAREST_HEAD = -23.5  # x of the first head whose carrier turns south, 2.5 m further east, 0.65 m clear of what the tractor sweeps
 MOST_CARRIERS = 40
 SHORTEST_ROW, LONGEST_ROW = 20.0, 200.0  # m
 
@@ -83,7 +84,8 @@ def short_lines(row_length: float, bay: float, carriers: int) -> Iterator[Queue]
     for lines, west, last in ((_SHORT[:1], after_bay - AREA, after_bay), (_SHORT, turn_off, turn_off + BEHIND)):
         most = int((furthest - last) / CLOSED_UP + 1.0) if furthest >= last else 0
         if places := min(most, -(-carriers // len(lines))):
-            queues.append(Queue(lines, round(last + CLOSED_UP * (places - 1), 3), places, west))
+            head = max(last + CLOSED_UP * (places - 1), NEAREST_HEAD)
+            queues.append(Queue(lines, round(head, 3), places, west))
     yield from sorted(queues, key=lambda queue: (queue.room < carriers, math.floor(queue.head), len(queue.lines)))
 
 

@@ -1,6 +1,7 @@
 """Every place where a robot or a bin may stand is clear of the corridor of every drive that may pass there."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from orchard.agents.robot import Step
 from orchard.agents.routes import route_of
 from orchard.agents.sense import SIDE_MARGIN, STOP_DISTANCE, TURN_MARGIN, Box
 from orchard.agents.steps import Alone, Confirmed, Deliver, DriveTo, Face, FetchEmpty, Free, LeaveBin, Need, TakeBin, Unload
+from orchard.agents.tractor import EAST_END, WEST_END
 from orchard.field.geometry import HEADINGS, angle_between
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout, lay_out
@@ -286,6 +288,58 @@ def test_soak_what_stands_at_unequal_rows_is_clear_of_every_drive_and_every_turn
 @example(empty_orchard(rows=6, pickers=6, carriers=16))
 def test_what_stands_is_clear_of_every_turn_beside_it(scenario: Scenario) -> None:
     assert in_a_turn(lay_out(scenario)) == []
+
+
+def from_the_tractor(points: np.ndarray) -> float:
+    """The least distance of points to what the tractor sweeps: its drive, and a turn at each end, m."""
+    shape = outline("tractor")
+    x, aside, radius = points[:, 0], np.abs(points[:, 1] - 29.0), np.hypot(*shape.T).max()
+    beyond = np.maximum(np.maximum(WEST_END - radius - x, x - EAST_END - radius), 0.0)
+    drive = np.hypot(beyond, np.maximum(aside - shape[:, 1].max(), 0.0))
+    turns = np.minimum(np.hypot(x - WEST_END, aside), np.hypot(x - EAST_END, aside)) - radius
+    return float(np.minimum(drive, turns).min())
+
+
+def nearest_to_the_tractor(layout: Layout) -> float:
+    """How near a carrier or its bin comes to what the tractor sweeps, m, where it stands, drives or turns; at most 9."""
+    found = [9.0]
+    for walk in walks_of(layout):
+        for area in (area for area in walk.stands + walk.drives if area.x - area.half_x < -12.0 and area.y + area.half_y > 15.0):
+            x = np.arange(area.x - area.half_x, area.x + area.half_x + 0.05, 0.05)
+            found.append(from_the_tractor(np.stack([x, np.full(len(x), area.y + area.half_y)], axis=1)))
+        for at, shape, heading in (turn for turn in walk.turns if turn[0].x < -12.0 and turn[0].y > 15.0):
+            turn = angle_between(HEADINGS[at.heading], HEADINGS[heading])
+            found.append(from_the_tractor(swept(shape, at.x, at.y, HEADINGS[at.heading], turn)))
+    return min(found)
+
+
+def clear_of_the_tractor(route: str, numbers: Iterable[int], lengths: Iterable[float], bays: Iterable[float]) -> list[tuple]:
+    """The queues from which a carrier comes nearer than 0.6 m to what the tractor sweeps."""
+    found = []
+    for carriers, length, bay in product(numbers, lengths, bays):
+        if queue_of(route, length, bay, carriers):
+            small = {"rows": 3, "pickers": 2, "carriers": carriers, "row_length": length, "bay": bay, "route": route}
+            if nearest_to_the_tractor(lay_out(empty_orchard(**small))) < 0.6:
+                found.append((carriers, length, bay))
+    return found
+
+
+@pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
+def test_no_carrier_comes_near_to_what_the_tractor_sweeps(route: str) -> None:
+    assert clear_of_the_tractor(route, (1, 2, 3, 9, 40), (20.0, 28.0, 70.0), (0.0, 0.5, 1.0, 2.3, 4.3)) == []
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
+def test_soak_no_carrier_comes_near_to_what_the_tractor_sweeps(route: str) -> None:
+    assert clear_of_the_tractor(route, range(1, 41), range(20, 201, 20), np.arange(0.0, 60.0, 0.7)) == []
+
+
+@pytest.mark.parametrize("length", [28.0, 50.0, 105.0])
+def test_the_only_carrier_of_a_two_way_orchard_brings_in_the_harvest_beside_the_tractor(length: float) -> None:
+    stage = Stage(empty_orchard(rows=6, pickers=3, carriers=1, row_length=length, route=TWO_WAY, tractor=True))
+    stage.run_until(lambda: stage.world.delivered == 6, 4000)
+    stage.assert_no_collisions()
 
 
 @pytest.mark.parametrize("stands", ["picker_01", "picker_02"])

@@ -1,4 +1,4 @@
-"""The results of a soak: tables for the terminal, and docs/chaos.md."""
+"""The results of a soak: tables for the terminal, and the last chapter of docs/reliability.md."""
 
 import os
 import platform
@@ -13,6 +13,7 @@ from rich.table import Table
 from chaos.endurance import EVERY, MOST_GROWTH, WARM_UP, Endurance
 from chaos.oracle import Verdict
 
+TITLE = "## Results"
 HEAD = ("fault", "times", "recovered", "median s", "worst s")
 
 
@@ -103,15 +104,15 @@ def _endurance(endurance: Endurance) -> list[tuple[str, ...]]:
     ]
 
 
-# -- docs/chaos.md
+# -- docs/reliability.md
 
 
 def markdown(results: Results) -> str:
-    """Return the text of docs/chaos.md."""
-    head = f"# Results of the soak test\n\n{_machine(results)} The test and its promises: [reliability.md](reliability.md)."
-    parts = [head, _lines(("what", "figure"), results.figures()), "## Faults and recoveries", RECOVERY, _lines(HEAD, results.faults())]
+    """Return the last chapter of docs/reliability.md."""
+    head = f"{TITLE}\n\n{_machine(results)}"
+    parts = [head, _lines(("what", "figure"), results.figures()), "### Faults and recoveries", RECOVERY, _lines(HEAD, results.faults())]
     if results.endurance is not None:
-        parts += ["## Memory and file handles", _endurance_text(results.endurance), _lines(ENDURANCE_HEAD, _endurance(results.endurance))]
+        parts += ["### Memory and file handles", _endurance_text(results.endurance), _lines(ENDURANCE_HEAD, _endurance(results.endurance))]
     return "\n\n".join(parts) + "\n"
 
 

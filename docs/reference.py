@@ -1,11 +1,10 @@
-"""docs/reference.md: the figures and the geometry of the orchard. Prose, and tables made from the constants of the code."""
+"""docs/reference.md: scenario, results, figures and geometry of the orchard. Prose, and tables made from the constants of the code."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from math import degrees
-from typing import Any
+from pathlib import Path
 
-from pydantic import BaseModel
-
+from docs import scenario
 from orchard.agents import bin as bin_agent
 from orchard.agents import robot, sense, steps, tractor, walker, weed
 from orchard.agents.route import OneWay
@@ -17,7 +16,7 @@ from orchard.field.kinds import AROUND, EIGHTH, KINDS, LASER_RANGE, Kind, Laser
 from orchard.field.layout import Layout, lay_out
 from orchard.field.queue import BAY_STOP, PITCH, TOP_ROAD, TWO_WAY, USUAL_ROW, queue_of
 from orchard.field.repeatable import PI, QUARTER
-from orchard.field.scenario import MOST_GUESTS, TIME_STEP, Scenario
+from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.field.survey import TRUNK
 from orchard.sim import deeds
 from orchard.sim.kernels import move
@@ -60,23 +59,25 @@ def _of_pi(radians: float) -> str:
 
 # -- the sections
 
-HEAD = """# The orchard in figures
+HEAD = """<!-- Made by docs/reference.py and docs/templates/results.md from the constants of the code: `make docs`. -->
+# Reference: scenario, results and the orchard in figures
 
-Written by docs/reference.py from the constants of the code (`make docs`); do not edit.
+For people who look up a value. After this page you know every setting of a scenario, every figure that a run leaves, and every size, speed
+and rule of the orchard.
 
-Sources: the user manual of the 2015 student system "Robotic Orchard Simulator" and the source of that system (where the two
-disagree, the manual counts), and measurements of this project. The last section lists what this project corrected.
-
-Units are SI: m, s, rad. In the frame `map`, x points east, y north and z up; a yaw of 0 faces east, and yaw grows
-counter-clockwise (REP-103, REP-105)."""
+Units are SI: m, s, rad. In the frame `map`, x points east, y north and z up; a yaw of 0 faces east, and yaw grows counter-clockwise
+(REP-103, REP-105). The figures of the orchard are those of the user manual and the source of the student system of 2015, the "Robotic
+Orchard Simulator" (where the two disagree, the manual counts), and measurements of this project."""
+RESULTS = Path(__file__).with_name("templates") / "results.md"
 
 
 def document() -> str:
     """Return the whole of docs/reference.md."""
     layout = lay_out(Scenario())
     route, other = OneWay(layout), TwoWay(lay_out(Scenario(route=TWO_WAY, carriers=10)))
-    sections = _field(layout), _things(layout), _towing(), _laser(), _behaviours(), _work(), _places(route), _two_way(other), _scenario()
-    return "\n\n".join([HEAD, *sections, CORRECTED]) + "\n"
+    results = RESULTS.read_text().rstrip()
+    sections = _field(layout), _things(layout), _towing(), _laser(), _behaviours(), _work(), _places(route), _two_way(other)
+    return "\n\n".join([HEAD, scenario.section(), results, *sections]) + "\n"
 
 
 def _field(layout: Layout) -> str:
@@ -228,12 +229,12 @@ def _work() -> str:
    picked and the bin full.
 3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and asks for an empty bin. After its last row
    it drives {OneWay.PARKED - OneWay.WAITING:g} m further with its empty bin, and stays there.
-4. With the dispatch policy `nearest`, which is the manual's, the full bin calls all carriers every
+4. With the dispatch policy `nearest`, the rule of the 2015 manual, the full bin calls all carriers every
    {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself, with its distance by road, to the oldest
    call only. The bin sends for the nearest one and asks it every {_seconds(bin_agent.ASK_AGAIN)} whether it still comes; after
    {bin_agent.GIVE_UP} questions without an answer it calls anew. With any other policy bins report to the agent `dispatch`, which
    asks all carriers, decides, and sends them. With `predictive`, the default, a bin reports before it is full, so that the carrier
-   arrives when it is ([dispatch policies](policies.md)).
+   arrives when it is ([dispatch policies](bounds.md#dispatch-policies)).
 5. The carrier leaves its empty bin on the picker's coupling point and tells the picker, which couples it. Then the carrier couples the
    full bin and takes it around the orchard to the bay.
 6. A full bin on a carrier is empty after {field.UNLOADING_SECONDS:g} s in which its centre is in the bay and both are at rest. The bay
@@ -308,33 +309,3 @@ def _queue(carriers: int) -> str:
     assert queue is not None
     lines = ", ".join(f"{y:g}" for y in queue.lines)
     return f"lines at y = {lines}, each with {queue.places} places westward from x = {queue.head:g}"
-
-
-def _scenario() -> str:
-    text = f"""There are at most as many pickers as rows, at most {MOST_GUESTS} people and at most {MOST_GUESTS} animals. There is a bin
-for each picker and one for each carrier. `config/scenario.schema.json` has all settings and limits, for editors."""
-    return _section("What a scenario sets", _table("setting | limits | default | what", _settings(Scenario)), text)
-
-
-def _settings(model: type[BaseModel], path: str = "") -> Iterator[Sequence[str]]:
-    """A row for each setting that has limits; those of sections too."""
-    for name, info in model.model_fields.items():
-        limits: dict[str, Any] = {key: getattr(limit, key) for limit in info.metadata for key in ("ge", "le") if hasattr(limit, key)}
-        if isinstance(info.default, BaseModel):
-            yield from _settings(type(info.default), f"{path}{name}.")
-        elif limits.keys() == {"ge", "le"} and limits["le"] < 1e9:  # not the seed
-            default = "null" if info.default is None else f"{info.default:g}"
-            yield f"`{path}{name}`", f"{limits['ge']:g} to {limits['le']:g}", default, info.description or ""
-
-
-CORRECTED = """## What differs from the 2015 system
-
-- Robots drove and turned for so many seconds of wall time, and their errors added up. Here targets are absolute, and each step looks
-  at the pose.
-- A bin copied the magnitude of its robot's velocity, and coupled from 8 m away. Here its agent closes the loop on its place.
-- Two bins could call the same carrier, and carriers and tractor drove through each other. Here a carrier serves one bin at a time, and
-  solid bodies never overlap.
-- A robot stopped for any beam shorter than (row width - 1.5) / 2 - 0.1 m. That distance grew with the rows, froze carriers in the queue,
-  and stopped robots at weeds for ever.
-- A weed shot away at 200 m/s. Here it disappears.
-- Every run differed, and no figures told how good a harvest was. Here the seed decides the run, and each run has a summary."""

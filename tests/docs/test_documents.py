@@ -74,7 +74,7 @@ def test_each_block_with_a_name_has_a_test_that_names_it():
 
 
 def test_the_scenario_in_the_documents_is_one():
-    assert parse(block("docs/scenario.md", "scenario")).rows == 8
+    assert parse(block("docs/reference.md", "scenario")).rows == 8
 
 
 def test_the_reference_of_the_library_has_all_names():
@@ -86,7 +86,8 @@ def test_the_summarys_document_has_all_its_keys(tmp_path):
     """Those of a local run, and six that only a recording or realtime adds."""
     request = RunRequest(HarvestOptions(mode="local", duration=0.5), Scenario(rows=3), None, tmp_path)
     summary, _ = harvest_locally(request, None, lambda *_: None)
-    table = [line.split(" | ")[0] for line in (ROOT / "docs" / "summary.md").read_text().splitlines() if line.startswith("| `")]
+    section = (ROOT / "docs" / "reference.md").read_text().split("\n## The summary\n")[1].split("\n## ")[0]
+    table = [line.split(" | ")[0] for line in section.splitlines() if line.startswith("| `")]
     assert sorted(key for line in table for key in re.findall(r"`(\w+)`", line)) == sorted([*summary, *KEYS_OF_SOME_RUNS])
 
 
@@ -98,7 +99,7 @@ def test_the_readmes_speeds_are_those_of_the_benchmarks():
 
 
 def test_the_results_of_the_soak_have_the_words_of_the_program_that_writes_them():
-    text = (ROOT / "docs" / "chaos.md").read_text()
+    text = (ROOT / "docs" / "reliability.md").read_text()
     assert RECOVERY in text
     assert all(f"| {' | '.join(head)} |" in text for head in (HEAD, ENDURANCE_HEAD))
 

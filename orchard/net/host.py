@@ -223,6 +223,7 @@ class Host:
             raise _JoinAgain from error
         if recalled.tick != tick:
             raise _JoinAgain
+        self.mailbox.recall(tick)
         return LocalMail(dict(recalled.letters)).deliver(tick)
 
     def _packed(self, tick: int, drives: dict[str, Drive]) -> list[bytes]:

@@ -59,7 +59,7 @@ class Hitch(NamedTuple):
 class Observation(msgspec.Struct, frozen=True, dict=True):
     """The observation of one body at one tick, in the frame `map`. An agent without a body has x and y NaN and scan None.
 
-    Pose and twist are what the body's sensors measure. If the scenario sets errors for them they are not the truth, see docs/sensors.md.
+    Pose and twist are what the body's sensors measure. If the scenario sets errors for them they are not the truth, see docs/reference.md.
     It is read-only, and so are its arrays. `msgspec.structs.replace` returns a changed copy, `scan.copy()` an array to change.
     """
 

@@ -8,7 +8,7 @@ from orchard.field.scenario import Scenario
 from orchard.report.bounds import Bounds
 from orchard.report.schedule import Schedule
 
-REFERENCE = "predictive"  # the default policy, which is best on the whole: docs/policies.md
+REFERENCE = "predictive"  # the default policy, which is best on the whole: docs/bounds.md
 
 
 def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:

@@ -9,6 +9,7 @@ from orchard.wire import messages as wire
 
 NEVER_LOST = "never lost"  # reliable, in order; the sender waits for a slow subscriber
 QUERY = "query"  # a Zenoh get, answered by a queryable
+NEWEST_WINS = "newest wins"  # the sender does not wait, and a slow subscriber misses messages
 NEWEST = "never lost; newest wins in realtime"  # in realtime the sender does not wait, and a slow subscriber misses messages
 LIVELINESS = "liveliness"  # a Zenoh liveliness token
 
@@ -81,6 +82,10 @@ TABLE: dict[str, Key] = {
                    "The figures of the run, and what each robot does."),
     "refused": Key("{prefix}/hosts/{session}/refused", wire.RefusedThere, "a host or the logger", "in ticks in which it refused messages",
                    NEVER_LOST, "How many messages this session has refused, by reason. Physics adds up the counts of all sessions."),
+    "refusals": Key("{prefix}/refusals", wire.Refusal, "physics", "when it refuses a message, once a second for each key and reason",
+                    NEWEST_WINS,
+                    "A message that physics did not apply: its key, the reason, and the session that sent it, if the message says so. "
+                    "At most 100 a second; `figures` has the count of all."),
     "left": Key("{prefix}/hosts/{session}/left", wire.Left, "a session that holds agents", "once, at its end", NEVER_LOST,
                 "The session leaves for good. Physics waits for that at the end: a session whose tokens are gone may only be cut off, and "
                 "then it has not heard the end."),

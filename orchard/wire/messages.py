@@ -419,6 +419,15 @@ class RefusedThere(RunMessage):
     counts: Annotated[Counts, Meta(description="reason -> how many since the session began")]
 
 
+class Refusal(Message):
+    """A message that physics has refused: it was not applied."""
+
+    key: Annotated[Text, Meta(description="the key on which it came")]
+    reason: Annotated[Reason, Meta(description="see 'What is refused' in docs/protocol.md")]
+    detail: Annotated[str, Meta(description="what is wrong with it")]
+    session: Annotated[str, Meta(description="its session: the one in its key, or its `holder`; '' if it names none")] = ""
+
+
 class Left(RunMessage):
     """A session that holds agents leaves for good: the run is over for it, or a user has asked it to end."""
 

@@ -20,7 +20,7 @@ MOST_BODIES = 10_000
 ALL_RANGES = "m, little-endian float32: for each body as many as its laser has beams; +inf for a beam without a return"
 ASKED = "lockstep: [to, sender, number] of each request of the tick before to these agents, heard now"
 DEEDS = "couple, uncouple, flatten; physics decides whether each is done"
-DUE = "the agents that are asked at this tick: those of this session that do not hold, see 'Holds'"
+DUE = "the agents that are asked at this tick: those of this session that do not hold"
 HOLDER = "the session id in the sender's liveliness token; '' if the sender holds no agent"
 ONCE = "realtime; true: it drives for one step only, and only from the pose that it answers; false: until a newer velocity arrives"
 POSES = "x, y (m), yaw (rad) of each body, in the order of `agents` in the reply to `scenario`, little-endian float64"
@@ -194,7 +194,7 @@ class Report(SubMessage):
     mail: Annotated[bytes, Meta(max_length=64, description="digest of the mail that was delivered at this tick; empty without mail")] = b""
     memory: Annotated[Memory | None, Meta(description="the agent's memory, for the session that runs it next; nil: unchanged")] = None
     letters: Annotated[Written | None, Meta(description="a copy of its requests and answers of this tick; nil: none")] = None
-    hold: Annotated[Hold | None, Meta(description="until when it need not be asked, see 'Holds'; nil: it is asked at the next tick")] = None
+    hold: Annotated[Hold | None, Meta(description="until when it need not be asked; nil: it is asked at the next tick")] = None
 
 
 class Drive(SubMessage):
@@ -242,7 +242,7 @@ class Letter(Message):
 
     sender: Annotated[Name, Meta(description="the agent that asks")]
     number: Annotated[int, Meta(ge=0, lt=2**31, description="its number among the requests of the sender in that tick, from 0")]
-    body: Annotated[Request, Meta(description="see 'The requests' below")]
+    body: Annotated[Request, Meta(description="one of the requests")]
 
 
 class Received(Message, tag_field="type", tag="received"):
@@ -252,7 +252,7 @@ class Received(Message, tag_field="type", tag="received"):
 class Answered(Message, tag_field="type", tag="answered"):
     """Second reply to a request. Its tick is the one in which the request was heard: the tick of the request + 1."""
 
-    body: Annotated[Answer | None, Meta(description="see 'The answers' below; nil: the request was heard and gets no answer")]
+    body: Annotated[Answer | None, Meta(description="one of the answers; nil: the request was heard and gets no answer")]
 
 
 class Letters(Message):

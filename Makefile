@@ -71,7 +71,7 @@ package: $(VENV)/installed-dev  ## wheel and source archive: built, checked, ins
 soak: $(VENV)/installed-dev  ## the long matrix of equal hashes
 	$(RUN) -m pytest -m soak
 
-chaos: $(VENV)/installed-dev  ## ten minutes of kills, freezes, cuts and nonsense, and 100,000 ticks: docs/reliability.md; SECONDS=120 is the short one
+chaos: $(VENV)/installed-dev  ## ten minutes of kills, freezes, cuts and nonsense, and 100,000 ticks: chaos/results.md; SECONDS=120 is the short one
 	$(RUN) -m chaos --seconds $(SECONDS)
 
 bench: $(VENV)/installed-dev  ## how fast it is, beside what else one could use: docs/benchmarks.md

@@ -49,8 +49,8 @@ def markdown(results: Results) -> str:
 
 def table(head: list[str], rows: list[list[str]]) -> str:
     """Return a Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    top, *body = (f"| {' | '.join(line)} |" for line in (head, *rows))
+    return "\n".join([top, f"|{'---|' * len(head)}", *body])
 
 
 def rate(value: float | None) -> str:
@@ -88,8 +88,9 @@ def _core(results: Results) -> str:
 
 
 def _goals(results: Results) -> str:
-    rows = [[goal, wanted, got, "yes" if met else "**no**"] for goal, wanted, got, met in results.goals()]
-    return f"## Goals\n\n{table(['goal', 'wanted', 'measured', 'met'], rows)}"
+    goals = results.goals()
+    missed = [f"{goal}, {got} where {wanted} is wanted" for goal, wanted, got, met in goals if not met]
+    return f"Of {len(goals)} goals (`bench/measure.py`) {len(goals) - len(missed)} are met; not met: {'; '.join(missed) or 'none'}."
 
 
 def _program(results: Results) -> str:

@@ -4,8 +4,7 @@
     python -m chaos --seed 1 --only 17
     python -m chaos endurance
 
-The exit code is 1 if a promise is broken. A soak of ten minutes or more includes the endurance test and writes its results into
-docs/reliability.md.
+The exit code is 1 if a promise is broken. A soak of ten minutes or more includes the endurance test and writes chaos/results.md.
 """
 
 import itertools
@@ -25,11 +24,11 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from chaos.endurance import TICKS, endure
 from chaos.harvest import ROOT
 from chaos.mistakes import MISTAKEN
-from chaos.report import TITLE, Results, as_tables, markdown
+from chaos.report import Results, as_tables, markdown
 from chaos.soak import soak
 
 FULL_SECONDS = 600.0
-TARGET = ROOT / "docs" / "reliability.md"
+TARGET = ROOT / "chaos" / "results.md"
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 console = Console(highlight=False)
@@ -54,7 +53,7 @@ def chaos(
             results.endurance = endure(lambda tick, mode: _shown(progress)(seconds + tick / 500, f"{mode}: tick {tick}"))
     results.load = os.getloadavg()[0]
     if is_full:
-        TARGET.write_text(TARGET.read_text().split(TITLE)[0] + markdown(results))
+        TARGET.write_text(markdown(results))
         _say(f"wrote {TARGET.relative_to(ROOT)}")
     _finish(results)
 

@@ -31,7 +31,7 @@ SCHEMA = "config/scenario.schema.json"
 
 def section() -> str:
     """Return the section of docs/reference.md."""
-    lines = ["| value | default | limits | meaning |", "| --- | --- | --- | --- |", *_lines(Scenario.model_json_schema())]
+    lines = ["| value | default | limits | meaning |", "|---|---|---|---|", *_lines(Scenario.model_json_schema())]
     return HEAD.format(schema=SCHEMA, table="\n".join(lines))
 
 

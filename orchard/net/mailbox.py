@@ -1,6 +1,6 @@
 """The observations and the mail of a host's agents. In lockstep the mail is repeatable.
 
-The rules are numbered in docs/design.md. A request of tick k is a query; it is heard at k + 1, and its answer at k + 2, in an order
+The rules are numbered in CONTRIBUTING.md. A request of tick k is a query; it is heard at k + 1, and its answer at k + 2, in an order
 that does not depend on the network. A host that may have missed mail recalls all mail of the tick from physics.
 """
 

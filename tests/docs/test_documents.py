@@ -99,7 +99,7 @@ def test_the_readmes_speeds_are_those_of_the_benchmarks():
 
 
 def test_the_results_of_the_soak_have_the_words_of_the_program_that_writes_them():
-    text = (ROOT / "docs" / "reliability.md").read_text()
+    text = (ROOT / "chaos" / "results.md").read_text()
     assert RECOVERY in text
     assert all(f"| {' | '.join(head)} |" in text for head in (HEAD, ENDURANCE_HEAD))
 
@@ -112,6 +112,31 @@ def test_the_files_that_the_readme_names_exist():
 def test_the_generated_files_are_what_the_code_says():
     for name, text in generated().items():
         assert (ROOT / name).read_text() == text, f"{name} is stale: make docs"
+
+
+def test_the_documents_are_few_and_each_says_for_whom_it_is():
+    pages = {path.name: path.read_text() for path in (ROOT / "docs").glob("*.md")}
+    assert len(pages) <= 16
+    assert sum(len(text.split()) for text in pages.values()) <= 24_000
+    index = pages["index.md"]
+    assert [f":caption: {kind}" in index for kind in ("Tutorial", "How-to", "Explanation", "Reference")] == [True] * 4
+    assert [name for name in pages if not re.search(rf"^({name[:-3]}|# Orchard)$", index, re.M)] == []
+    for name, text in pages.items():
+        first = re.sub(r"^<!--.*?-->\n", "", text, flags=re.S).split("\n\n")[1]
+        assert first.startswith("For ") and "After this page you" in first, f"{name} does not say for whom it is"
+        assert "do not edit" not in re.sub(r"<!--.*?-->", "", text, flags=re.S), name
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_the_cells_of_tables_are_short(document):
+    lines = [line for line in (ROOT / document).read_text().splitlines() if line.startswith("|")]
+    assert [cell for line in lines for cell in line.strip("| ").split(" | ") if len(cell.split()) > 30] == []
+
+
+def test_the_changelog_is_short_and_names_the_version():
+    text = (ROOT / "CHANGELOG.md").read_text()
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert f"\n## {version}" in text and len(text.splitlines()) <= 60
 
 
 def test_the_map_of_the_code_names_every_package():

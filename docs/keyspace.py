@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any, get_args
 
 import msgspec
-from msgspec import inspect
 
 from docs.message_examples import EXAMPLES, TICK, WRITTEN
 from docs.message_fields import UNIONS, parts_of, rows_of, struct_of
@@ -19,11 +18,12 @@ from orchard.net.bus import CONNECT_SECONDS, FULL_QUEUE_US, GET_SECONDS, LEASE_M
 from orchard.net.ending import GOES_SECONDS
 from orchard.net.host import JOIN_TRIES
 from orchard.net.mailbox import DOUBT_SECONDS, STALE_TICKS
+from orchard.net.refusals import NO_TOKEN
 from orchard.net.requests import AGAIN_SECONDS as ASK_SECONDS
 from orchard.server.advice import ADVICE_TICKS
 from orchard.server.lockstep import AGAIN_SECONDS
 from orchard.server.realtime import SLACK, WATCHDOG, WATCHDOG_TICKS
-from orchard.server.roster import MOST_TOKENS, NO_TOKEN
+from orchard.server.roster import MOST_TOKENS
 from orchard.wire.keys import LIVELINESS, PHYSICS, PREFIX, QUERY, TABLE, Key
 
 ROOT = Path(__file__).parent.parent
@@ -104,10 +104,9 @@ def _types_of(key: Key) -> list[type]:
 
 
 def _struct(type_: type, where: str = "") -> str:
-    fields = "".join(f"- `{name}` {kind}{note and ': '}{note}\n" for name, kind, note in rows_of(type_))
-    shown = EXAMPLES.get(type_)
-    example = "" if shown is None else f"\n```json\n{_shown(shown)}\n```\n"
-    return f"### {type_.__name__}\n\n{where}{_doc(type_)}\n\n{fields}{example}"
+    lines = "".join(f"{name}: {kind}{note and '; '}{note}\n" for name, kind, note in rows_of(type_))
+    example = f"\n{_shown(shown)}\n" if (shown := EXAMPLES.get(type_)) else ""
+    return f"### {type_.__name__}\n\n{where}{_doc(type_)}\n\n```text\n{(lines + example).strip()}\n```\n"
 
 
 def _doc(type_: type) -> str:

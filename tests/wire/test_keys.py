@@ -88,7 +88,7 @@ def test_each_map_in_a_message_is_described_once_with_all_its_fields(type_):
         if part.cls not in MEMBERS:
             (text,) = re.findall(rf"^### {part.cls.__name__}\n(.*?)(?=^##|\Z)", REFERENCE, re.M | re.S)
             left_out = ("run", "tick") if part.cls in EXAMPLES else ()
-            assert [f.encode_name for f in part.fields if f.encode_name not in left_out and f"- `{f.encode_name}` " not in text] == []
+            assert [f.encode_name for f in part.fields if f.encode_name not in left_out and f"\n{f.encode_name}: " not in text] == []
 
 
 def test_keys_are_made_and_taken_apart():

@@ -2,7 +2,9 @@
 PYTHON ?= python3
 VENV := .venv
 SECONDS := 600
-QUICK := tests/docs/test_documents.py tests/field tests/wire tests/sim tests/contract
+QUICK := tests/field tests/wire tests/agents/test_steps.py tests/net/test_lockstep.py tests/docs/test_package.py \
+ $(patsubst %,tests/contract/test_%.py,read_only zones) \
+ $(patsubst %,tests/sim/test_%.py,deeds digest end_of_harvest invariants movement observe picking repeatable scan snapshot unloading)
 RUN := $(VENV)/bin/python
 INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
 

@@ -36,4 +36,4 @@ html_extra_path = ["front"]
 
 
 def setup(app: Sphinx) -> None:
-    app.add_lexer("hex", TextLexer)  # the examples of bytes in keyspace.md
+    app.add_lexer("mermaid", TextLexer)  # the diagrams of docs/protocol.md

@@ -19,7 +19,10 @@ def generated() -> dict[str, str]:
     """Each file's path in the repository, and its text."""
     layout, two_way = lay_out(Scenario()), lay_out(Scenario(route=TWO_WAY, carriers=10))
     return {
-        "keyspace.md": keyspace.document(),
+        "keyspace.md": keyspace.keyspace(),
+        "docs/protocol.md": keyspace.protocol(),
+        "docs/messages.md": keyspace.messages(),
+        "docs/asyncapi.json": keyspace.asyncapi(),
         "config/scenario.schema.json": schema_text(),
         "docs/reference.md": reference.document(),
         "docs/study.md": study.document(),

@@ -137,9 +137,9 @@ class Hold(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     until: Tick  # at most MOST_HOLD ticks ahead count
-    watch: Annotated[tuple[Zone, ...], Meta(max_length=MOST_ZONES)] = ()
-    still: Annotated[tuple[Zone, ...], Meta(max_length=MOST_ZONES)] = ()
-    freer_within: Metres = 0.0
+    watch: Annotated[tuple[Zone, ...], Meta(max_length=MOST_ZONES, description="ask when a return enters or leaves one")] = ()
+    still: Annotated[tuple[Zone, ...], Meta(max_length=MOST_ZONES, description="ask when a return in one changes")] = ()
+    freer_within: Annotated[Metres, Meta(description="m; ask when the freer side changes; 0: never")] = 0.0
 
 
 @dataclass(slots=True)

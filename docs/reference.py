@@ -34,6 +34,11 @@ def _table(head: str, rows: Rows) -> str:
     return "\n".join([head, f"|{'---|' * len(titles)}", *body])
 
 
+def _points_of(rows: Rows) -> str:
+    """A list of things and what they are."""
+    return "\n".join(f"- **{what}**: {' '.join(figure.split())}" for what, figure in rows)
+
+
 def _section(title: str, *parts: str) -> str:
     return "\n\n".join([f"## {title}", *parts])
 
@@ -111,7 +116,7 @@ def _field(layout: Layout) -> str:
     text = f"""Fruit is not modelled. The code is `orchard/field/layout.py`. The table is for rows of {USUAL_ROW:g} m with the bay at its
 usual place. `row_length` moves the rows' east ends, and everything east of them; a line of trees then has as many trees as fit up to
 {field.LAST_TREE:g} m before the row's end. `bay` moves the bay east along the top road."""
-    return _section("The field", _table("what | figure", rows), text)
+    return _section("The field", _points_of(rows), text)
 
 
 def _things(layout: Layout) -> str:
@@ -123,7 +128,7 @@ laser sees them."""
 A place is free where the circle around the body is {placement.CLEAR:g} m away from all solid things. People and animals do not start on
 the queue lines in use, where the tractor drives ({_area(placement.TRACK)}), or within {placement.AHEAD_OF_PICKER:g} m ahead of a picker.
 More of them than have a place above start at random places, as weeds do."""
-    return _section("The things in it", _table(head, map(_kind_row, KINDS.items())), notes, _table("kind | start", _starts(layout)), starts)
+    return _section("The things in it", _table(head, map(_kind_row, KINDS.items())), notes, _points_of(_starts(layout)), starts)
 
 
 def _kind_row(item: tuple[str, Kind]) -> Sequence[str]:
@@ -190,8 +195,8 @@ def _behaviours() -> str:
         ("drive (`DriveTo`)", f"""{steps.CRUISE:g} m/s to an absolute x or y, nearer than {robot.EXACT:g} m counts as there"""),
         ("move to a point (`MoveTo`)", "first along the axis that the robot faces, then along the other"),
         ("realign (`Realign`)", "rotate to the nearest of NORTH, SOUTH, EAST and WEST until exact"),
-        ("back to the course", f"""a robot that something has moved or turned comes back first: to its heading, and aslant to its
-            line from {robot.LITTLE:g} m off it"""),
+        ("back to the course", f"""a robot that something has moved or turned comes back before it goes on: to its
+            heading, and aslant to its line from {robot.LITTLE:g} m off it"""),
         ("obstacle ahead (pickers, carriers, tractor)", f"""the robot stands while something returns from the corridor ahead:
             {sense.STOP_DISTANCE:g} m deep, and on each side {sense.SIDE_MARGIN:g} m wider than robot or bin"""),
         ("obstacle in a turn", f"""the robot stands while something returns from what the turn still sweeps, with a margin of
@@ -215,7 +220,7 @@ def _behaviours() -> str:
         ("weed", f"""flattened by what moved in the last step within {deeds.WEED_REACH:g} m of it; it asks when what it sees within
             {weed.NEAR:g} m changes"""),
     ]  # fmt: skip
-    return _section("The behaviours", _table("behaviour | rule", rows))
+    return _section("The behaviours", _points_of(rows))
 
 
 def _work() -> str:
@@ -231,9 +236,9 @@ def _work() -> str:
 3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and asks for an empty bin. After its last row
    it drives {OneWay.PARKED - OneWay.WAITING:g} m further with its empty bin, and stays there.
 4. With the dispatch policy `nearest`, the rule of the 2015 manual, the full bin calls all carriers every
-   {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself, with its distance by road, to the oldest
-   call only. The bin sends for the nearest one and asks it every {_seconds(bin_agent.ASK_AGAIN)} whether it still comes; after
-   {bin_agent.GIVE_UP} questions without an answer it calls anew. With any other policy bins report to the agent `dispatch`, which
+   {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself to the oldest call only. The bin sends for the
+   nearest one and asks it every {_seconds(bin_agent.ASK_AGAIN)} whether it still comes; after {bin_agent.GIVE_UP} questions without an
+   answer it calls anew. With any other policy bins report to the agent `dispatch`, which
    asks all carriers, decides, and sends them. With `predictive`, the default, a bin reports before it is full, so that the carrier
    arrives when it is ([dispatch policies](bounds.md#dispatch-policies)).
 5. The carrier leaves its empty bin on the picker's coupling point and tells the picker, which couples it. Then the carrier couples the
@@ -275,7 +280,7 @@ south on the east side and north on the west side; distances before and past a l
 to the robot's centre. [traffic.md](traffic.md) has the plan, its reasons, and why robots cannot block each other for ever."""
     columns = [(name, f"{x:g}", f"{route.west.x(x):g}", note) for name, x, note in xs]
     lanes = _table("place at a lane | x, east | x, west | note", columns)
-    return _section("Places and roads: `one-way`", text, lanes, _table("what | figure", along))
+    return _section("Places and roads: `one-way`", text, lanes, _points_of(along))
 
 
 def _two_way(route: TwoWay) -> str:
@@ -302,7 +307,7 @@ def _two_way(route: TwoWay) -> str:
     ]  # fmt: skip
     text = """The lanes, and the places at a lane, are those of `one-way`; the west side is the east side mirrored. The code is
 `orchard/agents/two_way.py` and `orchard/field/queue.py`."""
-    return _section("Places and roads: `two-way`", text, _table("what | figure", rows))
+    return _section("Places and roads: `two-way`", text, _points_of(rows))
 
 
 def _queue(carriers: int) -> str:

@@ -74,8 +74,7 @@ The sentence is the answer: "{answer}" The lines of the table say why.
 - **bound** is the [long-run rate](bounds.md#the-long-run-rate), with the share of it that the harvest reaches. **limit** is what allows no
   more. **lost to** is the largest part of what the harvest [loses](bounds.md#what-a-harvest-loses), s.
 - **checked** is the simulator's bins/h on the same seeds, and the difference from the fast model.
-- In the picture the band is the interval, the dotted line the bound, and the ring the best setting. A dashed line marks the knee: the
-  fewest carriers from which on more of them gain under 1 %.
+- In the picture the band is the interval, the dotted line the bound, and the dashed line the knee: beyond it a carrier gains under 1 %.
 
 `*` marks the best setting; `=` marks those that cannot be told apart from it: choose among them by what the study does not know.
 

@@ -93,7 +93,7 @@ def test_the_summarys_document_has_all_its_keys(tmp_path):
 
 def test_the_readmes_speeds_are_those_of_the_benchmarks():
     (said,) = re.findall(r"its core makes ([\d,]+) steps a second, where IR-SIM makes ([\d.]+) and Stage, as quoted, ([\d.]+)", README)
-    rows = [line.strip("|* ").replace("*", "").split(" | ") for line in (ROOT / "docs" / "benchmarks.md").read_text().splitlines()]
+    rows = [line.strip("|* ").replace("*", "").split(" | ") for line in (ROOT / "bench" / "results.md").read_text().splitlines()]
     rates = {row[0]: row[2].strip() for row in rows if len(row) == 6}  # with 30 robots
     assert said == (rates["our core"], rates["ir-sim 2.12.0"], rates["Stage 4.3 at 0.1 m, quoted"])
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from math import degrees
 from pathlib import Path
 
-from docs import scenario
+from docs import carrier, scenario
 from orchard.agents import bin as bin_agent
 from orchard.agents import robot, sense, steps, tractor, walker, weed
 from orchard.agents.route import OneWay
@@ -82,7 +82,17 @@ def document() -> str:
     layout = lay_out(Scenario())
     route, other = OneWay(layout), TwoWay(lay_out(Scenario(route=TWO_WAY, carriers=10)))
     results = RESULTS.read_text().rstrip()
-    sections = _field(layout), _things(layout), _towing(), _laser(), _behaviours(), _work(), _places(route), _two_way(other)
+    sections = (
+        _field(layout),
+        _things(layout),
+        _towing(),
+        _laser(),
+        _behaviours(),
+        _work(),
+        _places(route),
+        carrier.chapter(),
+        _two_way(other),
+    )
     return "\n\n".join([HEAD, scenario.section(), results, *sections]) + "\n"
 
 

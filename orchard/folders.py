@@ -24,6 +24,9 @@ def runs_folder(above: Path = ABOVE) -> Path:
 
 def regular(path: str | Path) -> Path:
     """Return the path of a file. Raises OSError if it is no regular file: from a named pipe or a device a read may never return."""
-    if not stat.S_ISREG(os.stat(path).st_mode):
+    mode = os.stat(path).st_mode
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(mode):
         raise OSError(errno.EINVAL, "is no regular file")
     return Path(path)

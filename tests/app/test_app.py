@@ -59,7 +59,7 @@ def answer(address, what, **names):
 
 
 def test_no_other_site_may_frame_the_page(server):
-    with urlopen(server) as answered:
+    with urlopen(server[0]) as answered:
         assert answered.headers["Content-Security-Policy"] == "frame-ancestors 'none'"
 
 

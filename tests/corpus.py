@@ -133,7 +133,7 @@ class Run:
             self.host.run()
         except HostEnded as ended:
             self.code = ended.code
-            for name in self.host.performers:
+            for name in self.host.runners:
                 self.net.alive(KEYS.of("alive", name, HOST), False)
         run.join(20.0)
         return ends[0]

@@ -37,63 +37,63 @@ class Traffic:
         pass
 
     def tick(self, seen: Observation, mail: Mail, memory: ReservationTable | None) -> Action:
-        ledger = memory or ReservationTable()
+        table = memory or ReservationTable()
         claims = [(heard, heard.body) for heard in mail.requests if isinstance(heard.body, Claim)]
         for heard, claim in claims:
-            note(ledger, heard.sender, claim, seen.tick)
+            note(table, heard.sender, claim, seen.tick)
         if claims:
-            ledger.wishes = {name: wish for name, wish in ledger.wishes.items() if seen.tick - wish.heard <= FORGET}
-            grant(ledger)
-        answers: list[tuple[Heard, Answer]] = [(heard, answer(ledger, heard.sender)) for heard, _ in claims]
-        doing = f"{sum(map(len, ledger.holds.values()))} places held"
-        return Action(answers=answers, memory=ledger, doing=doing, state="resting", hold=Hold(LAST_TICK))
+            table.wishes = {name: wish for name, wish in table.wishes.items() if seen.tick - wish.heard <= FORGET}
+            grant(table)
+        answers: list[tuple[Heard, Answer]] = [(heard, answer(table, heard.sender)) for heard, _ in claims]
+        doing = f"{sum(map(len, table.holds.values()))} places held"
+        return Action(answers=answers, memory=table, doing=doing, state="resting", hold=Hold(LAST_TICK))
 
 
-def note(ledger: ReservationTable, name: str, claim: Claim, tick: int) -> None:
+def note(table: ReservationTable, name: str, claim: Claim, tick: int) -> None:
     """Enter a robot's claim: places that it neither keeps nor wants become free; it waits for those that it wants."""
-    ledger.holds[name] = [place for place in ledger.holds.get(name, []) if place in claim.keep or place in claim.want]
+    table.holds[name] = [place for place in table.holds.get(name, []) if place in claim.keep or place in claim.want]
     if not claim.want:
-        ledger.wishes.pop(name, None)
+        table.wishes.pop(name, None)
         return
-    before = ledger.wishes.get(name)
+    before = table.wishes.get(name)
     since = before.since if before and before.places == claim.want else tick
-    ledger.wishes[name] = PendingClaim(claim.want, claim.beside, since, tick)
+    table.wishes[name] = PendingClaim(claim.want, claim.beside, since, tick)
 
 
-def owners_of(ledger: ReservationTable, place: str) -> list[str]:
+def owners_of(table: ReservationTable, place: str) -> list[str]:
     """Return the robots that hold a place."""
-    return [name for name, places in ledger.holds.items() if place in places]
+    return [name for name, places in table.holds.items() if place in places]
 
 
-def grant(ledger: ReservationTable) -> None:
+def grant(table: ReservationTable) -> None:
     """Grant the waiting claims that can be granted, in the order in which they were made."""
     waited_for: set[str] = set()
-    taken = set().union(*ledger.holds.values())
-    for name, wish in sorted(ledger.wishes.items(), key=lambda item: (item[1].since, item[0])):
-        missing = [place for place in wish.places if place not in ledger.holds[name]]
-        is_free = taken.isdisjoint(missing) or (wish.beside != "" and not blockers(ledger, name, wish))
+    taken = set().union(*table.holds.values())
+    for name, wish in sorted(table.wishes.items(), key=lambda item: (item[1].since, item[0])):
+        missing = [place for place in wish.places if place not in table.holds[name]]
+        is_free = taken.isdisjoint(missing) or (wish.beside != "" and not blockers(table, name, wish))
         # a robot that only joins its partner need not wait in line: the partner could not leave otherwise
-        if is_free and (waited_for.isdisjoint(missing) or all(wish.beside in owners_of(ledger, place) for place in missing)):
-            ledger.holds[name] = ledger.holds[name] + missing
+        if is_free and (waited_for.isdisjoint(missing) or all(wish.beside in owners_of(table, place) for place in missing)):
+            table.holds[name] = table.holds[name] + missing
             taken.update(missing)
-            del ledger.wishes[name]
+            del table.wishes[name]
         else:
             waited_for.update(missing)
 
 
-def blockers(ledger: ReservationTable, name: str, wish: PendingClaim) -> list[str]:
+def blockers(table: ReservationTable, name: str, wish: PendingClaim) -> list[str]:
     """Return the robots that hold places for which a robot waits."""
-    wanted = [owners_of(ledger, place) for place in wish.places]
+    wanted = [owners_of(table, place) for place in wish.places]
     return sorted({owner for names in wanted if name not in names for owner in names} - {wish.beside})
 
 
-def is_alone(ledger: ReservationTable, name: str, place: str) -> bool:
+def is_alone(table: ReservationTable, name: str, place: str) -> bool:
     """Whether a robot holds a place, and no other one does."""
-    return owners_of(ledger, place) == [name]
+    return owners_of(table, place) == [name]
 
 
-def answer(ledger: ReservationTable, name: str) -> Places:
+def answer(table: ReservationTable, name: str) -> Places:
     """Return the answer to a robot: its places, and the robots that are in the way of its claim."""
-    held, wish = ledger.holds[name], ledger.wishes.get(name)
-    in_the_way = (blockers(ledger, name, wish) or sorted(set(ledger.wishes) - {name})) if wish else []
-    return Places(held=held, blockers=in_the_way, alone=[place for place in held if is_alone(ledger, name, place)])
+    held, wish = table.holds[name], table.wishes.get(name)
+    in_the_way = (blockers(table, name, wish) or sorted(set(table.wishes) - {name})) if wish else []
+    return Places(held=held, blockers=in_the_way, alone=[place for place in held if is_alone(table, name, place)])

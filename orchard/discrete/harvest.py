@@ -12,7 +12,7 @@ from orchard.agents.steps import CRUISE
 from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.calls import Calls, Dispatched
 from orchard.discrete.lines import Lines
-from orchard.discrete.places import Ledger
+from orchard.discrete.places import Reservations
 from orchard.discrete.robots import Robot
 from orchard.field.kinds import DISPATCH, kind_of
 from orchard.field.layout import UNLOADING_SECONDS, Layout
@@ -41,7 +41,7 @@ class DiscreteHarvest:
             raise ValueError(f"the discrete-event model knows built-in agents only, and not {', '.join(sorted(own))}; run the simulator")
         self.layout, self.route, self.env = layout, route_of(layout), simpy.Environment()
         self.bystanders, self.exit = Bystanders(layout), layout.queue.area.east
-        self.ledger, self.lines, self.unloading_ticks = Ledger(self.env), Lines(), round(UNLOADING_SECONDS / TIME_STEP)
+        self.reservations, self.lines, self.unloading_ticks = Reservations(self.env), Lines(), round(UNLOADING_SECONDS / TIME_STEP)
         self.deliveries: list[float] = []  # s, when each bin was unloaded
         self._full_since: dict[str, int] = {}  # picker -> tick at which its bin was full
         self._waits: list[int] = []  # ticks from a picker's full bin to its next empty one

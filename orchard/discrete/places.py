@@ -1,4 +1,4 @@
-"""Traffic in the discrete-event model: the ledger of the agent `traffic`, asked by letters that take a tick each way."""
+"""Traffic in the discrete-event model: the reservations of the agent `traffic`, asked by letters that take a tick each way."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -19,8 +19,8 @@ GIVEN_BACK = 2  # ticks after a claim at which a robot may tell that it has give
 class Claimant:
     """The places of one robot: what it holds and wants, and when it claims."""
 
-    def __init__(self, env: simpy.Environment, ledger: "Ledger", name: str) -> None:
-        self.env, self.ledger, self.name = env, ledger, name
+    def __init__(self, env: simpy.Environment, reservations: "Reservations", name: str) -> None:
+        self.env, self.reservations, self.name = env, reservations, name
         self.held: list[str] = []
         self.wanted: list[str] = []
         self.beside = ""
@@ -29,7 +29,7 @@ class Claimant:
         self._told = self._claim()  # its last claim
         self._due = -1  # tick at which the next claim is sent
         self._pause: simpy.Event | None = None  # what its robot waits for, unless it gets places before
-        ledger.claimants[name] = self
+        reservations.claimants[name] = self
 
     def holds(self, places: list[str]) -> bool:
         return places is not self.wanted and set(places).issubset(self.held)
@@ -59,7 +59,7 @@ class Claimant:
         due = max(ceil(self.env.now), self.claimed + (GIVEN_BACK if given_back else PATIENCE))
         if self._due < 0 or due < self._due:
             self._due = due
-            self.ledger.expect(self, due)
+            self.reservations.expect(self, due)
 
     def claim(self, tick: int) -> Claim | None:
         """Return the claim that the robot has sent at a tick, if any."""
@@ -93,7 +93,7 @@ class Claimant:
 
     def is_granted(self, places: list[str]) -> None:
         """Hear that a claim for these places is granted."""
-        self.claimed, held = self._repeated(), self.ledger.table.holds
+        self.claimed, held = self._repeated(), self.reservations.table.holds
         self.is_answered(self.env.now, ReservationTable(dict(held)))
         granted = [place for place in held[self.name] if place in places and place not in self.held]
         self.held = self.held + granted
@@ -109,7 +109,7 @@ class Claimant:
         return event
 
 
-class Ledger:
+class Reservations:
     """The agent `traffic`: claims that are sent in one tick are heard together in the next."""
 
     def __init__(self, env: simpy.Environment) -> None:

@@ -14,7 +14,7 @@ from orchard.agents.sense import SIDE_MARGIN
 from orchard.agents.traffic import is_alone
 from orchard.discrete.bystanders import ASK, Bystanders
 from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
-from orchard.discrete.places import MAIL, Claimant, Ledger, at, first_of
+from orchard.discrete.places import MAIL, Claimant, Reservations, at, first_of
 from orchard.field.geometry import HEADINGS, Pose, angle_between, nearest_heading
 from orchard.field.kinds import EIGHTH, KINDS, kind_of
 from orchard.field.scenario import TIME_STEP
@@ -31,7 +31,7 @@ class Model(Protocol):
     """What a robot knows of the harvest."""
 
     env: simpy.Environment
-    ledger: Ledger
+    reservations: Reservations
     lines: Lines
     robots: dict[str, "Robot"]
     unloading_ticks: int
@@ -57,7 +57,7 @@ class Robot:
         self.model, self.env, self.name, self.kind = model, model.env, name, KINDS[kind_of(name)]
         self.x, self.y, self.yaw = pose
         self.bin = bin_name
-        self.places = Claimant(model.env, model.ledger, name)
+        self.places = Claimant(model.env, model.reservations, name)
         self.line: Line | None = None  # on which it drives, or which its tail has not left
         self.end = 0.0  # up to where it drives there, in the line's direction, m
         self.is_across = False  # it has turned off its line, and its bin is no longer on it
@@ -343,7 +343,7 @@ class Robot:
 
     @do.register
     def _(self, step: st.Alone) -> Events:
-        while not is_alone(self.model.ledger.table, self.name, step.place):
+        while not is_alone(self.model.reservations.table, self.name, step.place):
             yield self.env.timeout(PATIENCE)
         if not is_alone(self.places.seen, self.name, step.place):
             yield self.env.timeout(ASK)

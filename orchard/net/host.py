@@ -112,10 +112,10 @@ class Host:
     ) -> None:
         """`patience`: how long to wait for physics that is gone, s."""
         self.bus, self.keys, self.run_id, self._patience = bus, keys, run, patience
-        self.performers = {name: AgentRunner(name, agent, layout.agents) for name, agent in sorted(agents.items())}
-        self.bodies = [name for name in self.performers if name in layout.index]
+        self.runners = {name: AgentRunner(name, agent, layout.agents) for name, agent in sorted(agents.items())}
+        self.bodies = [name for name in self.runners if name in layout.index]
         self.bins = [name for name in self.bodies if kind_of(name) == "bin"]
-        self.sight = LatestObservations(run, self.performers, self.bodies)
+        self.latest = LatestObservations(run, self.runners, self.bodies)
         self.mailbox = MAILBOXES[mode](run, layout.agents)
         self.states = StateBoard(bus, keys, run)
         self.refusals = Refusals()
@@ -135,9 +135,9 @@ class Host:
         self.bus.subscribe(self.keys.of("seen", session=self.bus.id))
         for name in self.bins:
             self.bus.answer(self.keys.of("state", name))
-        for name in self.performers:
+        for name in self.runners:
             self.bus.answer(self.keys.of("mail", name))
-        for name in self.performers:
+        for name in self.runners:
             self.bus.declare_alive(self.keys.of("alive", name, self.bus.id))
 
     def join(self) -> None:
@@ -146,13 +146,13 @@ class Host:
         if joined.refused:
             raise HostEnded(2, "; ".join(f"{name}: {reason}" for name, reason in sorted(joined.refused.items())))
         self.mailbox.join(joined.tick)
-        self.sight.forget()
-        for name, performer in self.performers.items():
-            performer.resume(joined.memories.get(name))
+        self.latest.forget()
+        for name, runner in self.runners.items():
+            runner.resume(joined.memories.get(name))
 
     def _joined(self) -> Joined:
         """The reply to the join, which is repeated while a token is missing or a predecessor counts as alive."""
-        request = pack(Join(self.run_id, self.bus.id, list(self.performers)))
+        request = pack(Join(self.run_id, self.bus.id, list(self.runners)))
         for tries in range(1, JOIN_TRIES + 1):
             joined = self._query("join", request, Joined)
             is_taken = any(why.startswith(TAKEN) for why in joined.refused.values())
@@ -180,17 +180,17 @@ class Host:
 
     def tick(self) -> None:
         """Wait for the next tick, tick the agents and send their velocities."""
-        self._wait(lambda: self.sight.tick > self.mailbox.last)
-        tick = self.sight.tick
+        self._wait(lambda: self.latest.tick > self.mailbox.last)
+        tick = self.latest.tick
         if self.mailbox.is_overtaken(tick):
             raise _JoinAgain
-        if not self.mailbox.is_settled(tick, self.sight.asked):
-            self._wait(lambda: self.mailbox.is_settled(tick, self.sight.asked), DOUBT_SECONDS)
-        mail, seen = self._mail(tick), self.sight.observations()
+        if not self.mailbox.is_settled(tick, self.latest.asked):
+            self._wait(lambda: self.mailbox.is_settled(tick, self.latest.asked), DOUBT_SECONDS)
+        mail, seen = self._mail(tick), self.latest.observations()
         digests = {name: digest_of(heard) for name, heard in mail.items()}  # before the agents can change their mail
         actions = {name: self._act(name, observed, mail.get(name) or Mail()) for name, observed in seen.items()}
         self.thinking = ""
-        drives = {name: drive_of(action, digests.get(name, b""), self.performers[name].news()) for name, action in actions.items()}
+        drives = {name: drive_of(action, digests.get(name, b""), self.runners[name].news()) for name, action in actions.items()}
         self._answer = self._packed(tick, drives)
         self._send()
         self._send_rest(seen, actions)
@@ -208,11 +208,11 @@ class Host:
 
     def _act(self, name: str, seen: Observation, mail: Mail) -> Action:
         self.thinking = name
-        return self.performers[name].act(seen, mail)
+        return self.runners[name].act(seen, mail)
 
     def _mail(self, tick: int) -> dict[str, Mail]:
         """The mail of a tick, by agent: the mail that has arrived or, if some may be missing, the copies of physics."""
-        doubts = self.mailbox.doubts(tick, self.sight.asked)
+        doubts = self.mailbox.doubts(tick, self.latest.asked)
         mail = self.mailbox.deliver(tick)
         if not doubts:
             return mail
@@ -306,7 +306,7 @@ class Host:
     def _take_sample(self, sample: Sample) -> None:
         match self.keys.parts(sample.key):
             case ["hosts", _, "seen"]:
-                if not self.sight.seen(sample.payload) and self.sight.tick == self.mailbox.last:
+                if not self.latest.seen(sample.payload) and self.latest.tick == self.mailbox.last:
                     self._send()
             case ["end"]:
                 self._ending.hear(read_message(sample.payload, End, self.run_id))

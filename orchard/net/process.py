@@ -57,7 +57,7 @@ def _watch(host: Host, thread: int, seconds: float) -> None:
     before, logged = ("", -1), set()
     while True:
         time.sleep(seconds)
-        now = name, tick = host.thinking, host.sight.tick
+        now = name, tick = host.thinking, host.latest.tick
         if name and now == before and name not in logged:
             logged.add(name)
             log.error("%s still thinks about tick %d%s; %s", name, tick, place_in_agent(sys._current_frames()[thread]), _effect(host))
@@ -65,5 +65,5 @@ def _watch(host: Host, thread: int, seconds: float) -> None:
 
 
 def _effect(host: Host) -> str:
-    others = ", ".join(name for name in host.performers if name != host.thinking)
+    others = ", ".join(name for name in host.runners if name != host.thinking)
     return f"until it answers, these agents of its process stand: {others}" if others else "its robot stands until it answers"

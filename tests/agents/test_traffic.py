@@ -25,45 +25,45 @@ CLAIMS = st.lists(st.tuples(st.sampled_from(["a", "b", "c", "d"]), st.sets(st.in
 
 @given(CLAIMS)
 def test_no_place_is_ever_held_by_two_that_are_not_partners(claims):
-    ledger = ReservationTable()
+    table = ReservationTable()
     for tick, (name, kept, want) in enumerate(claims):
-        held = ledger.holds.get(name, [])
-        note(ledger, name, Claim(keep=[p for i, p in enumerate(held) if i in kept], want=want, beside=""), tick)
-        grant(ledger)
-        everything = [place for places in ledger.holds.values() for place in places]
+        held = table.holds.get(name, [])
+        note(table, name, Claim(keep=[p for i, p in enumerate(held) if i in kept], want=want, beside=""), tick)
+        grant(table)
+        everything = [place for places in table.holds.values() for place in places]
         assert len(everything) == len(set(everything))
 
 
 def test_places_are_given_all_together_or_not_at_all():
-    ledger = ReservationTable()
-    note(ledger, "a", Claim([], ["D/1"], ""), 0)
-    grant(ledger)
-    note(ledger, "b", Claim([], ["F/1", "D/1"], ""), 1)
-    grant(ledger)
-    assert ledger.holds == {"a": ["D/1"], "b": []}
+    table = ReservationTable()
+    note(table, "a", Claim([], ["D/1"], ""), 0)
+    grant(table)
+    note(table, "b", Claim([], ["F/1", "D/1"], ""), 1)
+    grant(table)
+    assert table.holds == {"a": ["D/1"], "b": []}
 
 
 def test_who_asked_first_is_served_first_and_ties_go_by_name():
-    ledger = ReservationTable()
+    table = ReservationTable()
     for name, tick in (("a", 0), ("c", 1), ("b", 1), ("d", 2)):
-        note(ledger, name, Claim([], ["D/1"], ""), tick)
-        grant(ledger)
+        note(table, name, Claim([], ["D/1"], ""), tick)
+        grant(table)
     served = ["a"]
-    while ledger.wishes:
-        note(ledger, served[-1], Claim([], [], ""), 3)
-        grant(ledger)
-        served += [name for name, places in ledger.holds.items() if places]
+    while table.wishes:
+        note(table, served[-1], Claim([], [], ""), 3)
+        grant(table)
+        served += [name for name, places in table.holds.items() if places]
     assert served == ["a", "b", "c", "d"]
 
 
 def test_a_partner_joins_at_once_although_others_stand_in_line():
-    ledger = ReservationTable()
-    note(ledger, "carrier", Claim([], ["D/1"], ""), 0)
-    grant(ledger)
-    note(ledger, "other", Claim([], ["D/1"], ""), 1)
-    note(ledger, "picker", Claim([], ["D/1"], "carrier"), 2)
-    grant(ledger)
-    assert ledger.holds == {"carrier": ["D/1"], "other": [], "picker": ["D/1"]}
+    table = ReservationTable()
+    note(table, "carrier", Claim([], ["D/1"], ""), 0)
+    grant(table)
+    note(table, "other", Claim([], ["D/1"], ""), 1)
+    note(table, "picker", Claim([], ["D/1"], "carrier"), 2)
+    grant(table)
+    assert table.holds == {"carrier": ["D/1"], "other": [], "picker": ["D/1"]}
 
 
 # -- whole harvests, without people and animals, and with them

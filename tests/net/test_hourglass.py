@@ -34,7 +34,7 @@ def test_who_thinks_for_too_long_is_named_with_the_place(told):
             assert told.there.wait(30.0)
             return Action(memory=memory)
 
-    host = SimpleNamespace(thinking="picker_01", sight=SimpleNamespace(tick=7), performers=["bin_02", "picker_01"])
+    host = SimpleNamespace(thinking="picker_01", latest=SimpleNamespace(tick=7), runners=["bin_02", "picker_01"])
     process.monitor(host, seconds=0.05)
     Guarded("picker_01", Brooding(), ["picker_01"]).tick(without_body("picker_01", 7), Mail(), None)
     host.thinking = ""

@@ -251,13 +251,13 @@ def test_a_get_that_ends_without_a_word_leaves_a_doubt_and_one_that_was_told_lea
 
 
 def test_the_ledger_keeps_the_newest_memories_and_the_letters_of_two_ticks():
-    ledger = RecoveryLog()
+    log = RecoveryLog()
     written = Written([("bin_01", StateRequest())], [])
     for tick, memory in enumerate([b"a", None, b"c", None]):
-        ledger.keep(tick, {"picker_01": velocity(tick, report=Report(memory=memory, letters=written if tick != 2 else None))})
-    assert ledger.memories == {"picker_01": b"c"}
-    assert ledger.letters == {3: {"picker_01": written}}
-    assert (ledger.asked(3), ledger.asked(2)) == ([AskedOf("bin_01", "picker_01", 0)], [])
+        log.keep(tick, {"picker_01": velocity(tick, report=Report(memory=memory, letters=written if tick != 2 else None))})
+    assert log.memories == {"picker_01": b"c"}
+    assert log.letters == {3: {"picker_01": written}}
+    assert (log.asked(3), log.asked(2)) == ([AskedOf("bin_01", "picker_01", 0)], [])
 
 
 def test_nobody_answers_in_anothers_place():

@@ -217,20 +217,20 @@ def test_answers_come_when_they_come_and_silence_ends():
 
 
 def test_the_newest_tick_is_what_is_seen_and_a_repetition_is_no_news():
-    sight = LatestObservations(RUN, ["traffic"], [])
-    assert [sight.seen(pack(nothing_at(tick))) for tick in (3, 5, 5)] == [True, True, False]
-    assert sight.tick == 5
+    latest = LatestObservations(RUN, ["traffic"], [])
+    assert [latest.seen(pack(nothing_at(tick))) for tick in (3, 5, 5)] == [True, True, False]
+    assert latest.tick == 5
     with pytest.raises(Refused, match="past tick"):
-        sight.seen(pack(nothing_at(4)))
+        latest.seen(pack(nothing_at(4)))
 
 
 def test_what_is_seen_without_a_body_that_is_held_is_refused():
-    sight = LatestObservations(RUN, ["picker_01"], ["picker_01"])
+    latest = LatestObservations(RUN, ["picker_01"], ["picker_01"])
     with pytest.raises(Refused, match="bodies are missing"):
-        sight.seen(pack(msgspec.structs.replace(nothing_at(3), due=["picker_01"])))
+        latest.seen(pack(msgspec.structs.replace(nothing_at(3), due=["picker_01"])))
     with pytest.raises(Refused, match="another session"):
-        sight.seen(pack(nothing_at(3)))
-    assert sight.tick == -1
+        latest.seen(pack(nothing_at(3)))
+    assert latest.tick == -1
 
 
 def test_delays_are_told_by_the_share_that_is_below():

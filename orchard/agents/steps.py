@@ -225,16 +225,17 @@ class Coupling(Step, frozen=True, kw_only=True):
         """Couple a bin. Return whether this step was put off, because the robot tries another place first."""
         robot.couple(bin_name)
         began = robot.memory.asked.setdefault(f"couple {bin_name}", robot.seen.tick)
-        if not robot.seen.accuracy or robot.seen.tick - began < TRIES or self.tried + 1 == len(SEARCH):
+        if not robot.seen.accuracy or robot.seen.tick - began < TRIES:
             return False
+        tried = (self.tried + 1) % len(SEARCH)  # the error changes slowly: a place that was tried may do later
         x, y = self.at or (robot.pose.x, robot.pose.y)
-        yaw, (before, _), (left, ahead) = HEADINGS[nearest_heading(robot.pose.yaw)], SEARCH[self.tried], SEARCH[self.tried + 1]
+        yaw, (before, _), (left, ahead) = HEADINGS[nearest_heading(robot.pose.yaw)], SEARCH[self.tried], SEARCH[tried]
         s, c = repeatable.sin_cos(yaw)
         here = Shift(x + c * ahead - s * left, y + s * ahead + c * left)
         aside = Shift(x + c * PULL - s * left, y + s * PULL + c * left)
         slant = repeatable.atan2(aside.y - robot.pose.y, aside.x - robot.pose.x)
         around = [Aim(slant), aside, Aim(yaw)] if left != before else []
-        robot.next([*around, here, replace(self, tried=self.tried + 1, at=(x, y))])
+        robot.next([*around, here, replace(self, tried=tried, at=(x, y))])
         robot.action.deeds = []
         return True
 

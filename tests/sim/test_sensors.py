@@ -13,7 +13,7 @@ from stage import Stage, empty_orchard
 
 from orchard.agents.carrier import Job
 from orchard.agents.place import GAIN, place_of
-from orchard.agents.steps import DriveTo, Fill, LeaveBin, TakeBin
+from orchard.agents.steps import SEARCH, DriveTo, Fill, LeaveBin, TakeBin
 from orchard.contract.agent import Observation, Scans
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out
@@ -249,3 +249,13 @@ def test_a_robot_searches_for_a_coupling_point_that_it_misses(x, y):
     stage.give("carrier_01", [TakeBin(bin=name)], job=Job(name, 1, "east", "picker_01"))  # so that no bin calls it away
     stage.run_until(lambda: stage.bin_of("carrier_01") == name, 60.0)
     assert stage.happened("deed refused", "carrier_01")
+
+
+def test_a_robot_that_has_tried_all_places_tries_the_first_one_again():
+    stage = Stage(erring(**{"sensors.gnss.white": 0.005}))
+    name = stage.bin_of("carrier_01")
+    stage.world.coupled[[stage.world.index["carrier_01"], stage.world.index[name]]] = NONE
+    job = Job(name, 1, "east", "picker_01")
+    stage.give("carrier_01", [TakeBin(bin=name, tried=len(SEARCH) - 1, at=stage.pose("carrier_01")[:2])], job=job)
+    stage.world.pose[stage.world.index["carrier_01"], 0] += 1.5
+    stage.run_until(lambda: stage.bin_of("carrier_01") == name, 60.0)

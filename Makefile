@@ -2,12 +2,15 @@
 PYTHON ?= python3
 VENV := .venv
 SECONDS := 600
+QUICK := tests/field tests/wire tests/agents/test_steps.py tests/net/test_lockstep.py tests/docs/test_package.py \
+ $(patsubst %,tests/contract/test_%.py,read_only zones) \
+ $(patsubst %,tests/sim/test_%.py,deeds digest end_of_harvest invariants movement observe picking repeatable scan snapshot unloading)
 RUN := $(VENV)/bin/python
 INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
 
 unexport PYTHONDONTWRITEBYTECODE  # each of hundreds of processes would compile all its modules
 
-.PHONY: run app study lint test ecosystem pythons package soak chaos bench view docs site pictures clean
+.PHONY: run app study lint test quick ecosystem pythons package soak chaos bench view docs site pictures clean
 .DEFAULT_GOAL := run
 
 $(VENV)/installed: pyproject.toml constraints.txt
@@ -55,6 +58,9 @@ lint: $(VENV)/installed-dev  ## style, types, and the order of the packages
 test: $(VENV)/installed-dev  ## all tests but the long matrix
 	$(RUN) -m pytest --numprocesses 3 --dist loadfile
 
+quick: $(VENV)/installed-dev  ## the tests that tell most, in at most 90 s
+	$(RUN) -m pytest --numprocesses 2 --dist loadfile $(QUICK)
+
 ecosystem: $(VENV)/installed-dev  ## the tests against ROS 2 and other software, each in an environment of its own
 	.ci/ecosystem
 
@@ -67,13 +73,13 @@ package: $(VENV)/installed-dev  ## wheel and source archive: built, checked, ins
 soak: $(VENV)/installed-dev  ## the long matrix of equal hashes
 	$(RUN) -m pytest -m soak
 
-chaos: $(VENV)/installed-dev  ## ten minutes of kills, freezes, cuts and nonsense, and 100,000 ticks: docs/chaos.md; SECONDS=120 is the short one
+chaos: $(VENV)/installed-dev  ## ten minutes of kills, freezes, cuts and nonsense, and 100,000 ticks: chaos/results.md; SECONDS=120 is the short one
 	$(RUN) -m chaos --seconds $(SECONDS)
 
 bench: $(VENV)/installed-dev  ## how fast it is, beside what else one could use: docs/benchmarks.md
 	$(RUN) -m bench
 
-docs: $(VENV)/installed-dev  ## all generated files; it asks the question of docs/study.md anew, which takes up to 2 minutes
+docs: $(VENV)/installed-dev  ## all generated files, from the code and from what was measured
 	$(RUN) -m docs.generate
 
 site: $(VENV)/installed-docs  ## the documents as a site, in .site/html; it runs the notebook

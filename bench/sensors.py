@@ -1,4 +1,4 @@
-"""Which errors of GNSS our agents still harvest with: `python -m bench.sensors` prints the table of docs/sensors.md in some 20 minutes.
+"""Which errors of GNSS our agents still harvest with: `python -m bench.sensors` prints the table of docs/reference.md in some 20 minutes.
 
 Each line is 4 harvests of 3 rows with people and animals, each with another seed, dispatch policy and route.
 """

@@ -12,7 +12,7 @@ from orchard.field.shipped import load_or_shipped
 from orchard.local import Local
 from orchard.tables.tables import Tables
 
-ERRORS = {  # as in docs/sensors.md
+ERRORS = {  # as in docs/reference.md
     "sensors.gnss.white": 0.01,
     "sensors.gnss.bias": 0.02,
     "sensors.odometry.distance": 0.01,

@@ -4,7 +4,7 @@
     python -m chaos --seed 1 --only 17
     python -m chaos endurance
 
-The exit code is 1 if a promise is broken. A soak of ten minutes or more includes the endurance test and writes docs/chaos.md.
+The exit code is 1 if a promise is broken. A soak of ten minutes or more includes the endurance test and writes chaos/results.md.
 """
 
 import itertools
@@ -28,7 +28,7 @@ from chaos.report import Results, as_tables, markdown
 from chaos.soak import soak
 
 FULL_SECONDS = 600.0
-TARGET = ROOT / "docs" / "chaos.md"
+TARGET = ROOT / "chaos" / "results.md"
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 console = Console(highlight=False)

@@ -1,4 +1,4 @@
-"""The results of a soak: tables for the terminal, and docs/chaos.md."""
+"""The results of a soak: tables for the terminal, and chaos/results.md."""
 
 import os
 import platform
@@ -13,6 +13,10 @@ from rich.table import Table
 from chaos.endurance import EVERY, MOST_GROWTH, WARM_UP, Endurance
 from chaos.oracle import Verdict
 
+TITLE = """\
+# Results of the soak test
+
+For people who ask how often, and how fast, a run recovers. [Reliability](../docs/reliability.md) has the promise."""
 HEAD = ("fault", "times", "recovered", "median s", "worst s")
 
 
@@ -103,12 +107,12 @@ def _endurance(endurance: Endurance) -> list[tuple[str, ...]]:
     ]
 
 
-# -- docs/chaos.md
+# -- chaos/results.md
 
 
 def markdown(results: Results) -> str:
-    """Return the text of docs/chaos.md."""
-    head = f"# Results of the soak test\n\n{_machine(results)} The test and its promises: [reliability.md](reliability.md)."
+    """Return the text of chaos/results.md."""
+    head = f"{TITLE}\n\n{_machine(results)}"
     parts = [head, _lines(("what", "figure"), results.figures()), "## Faults and recoveries", RECOVERY, _lines(HEAD, results.faults())]
     if results.endurance is not None:
         parts += ["## Memory and file handles", _endurance_text(results.endurance), _lines(ENDURANCE_HEAD, _endurance(results.endurance))]
@@ -116,12 +120,9 @@ def markdown(results: Results) -> str:
 
 
 RECOVERY = """\
-A recovery is the wall time from the beginning of a fault to the first tick that was stepped after the fault and is later than all
-ticks received before it. A client of the bus measures it. Physics that resumes from a snapshot has caught up at that tick. The time
-includes the duration of a freeze, a stall or a delay. A fault does not count as recovered if its run ended earlier; the run itself is
-judged all the same. A few hundredths of a second mean that the fault held up no process, or that the measuring client itself was that
-late on a busy machine. A process that gets a signal to terminate or to interrupt it goes on for a second, so it is seldom seen to recover
-later."""
+A recovery is the wall time from the beginning of a fault to the first later tick that was not received before it, as a client of the bus
+measures it. A few hundredths of a second mean that the fault held up no process. A fault does not count as recovered if its run ended
+earlier."""
 
 
 def _machine(results: Results) -> str:
@@ -147,4 +148,5 @@ def _endurance_text(endurance: Endurance) -> str:
 
 
 def _lines(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    return "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *rows))
+    top, *body = (f"| {' | '.join(line)} |" for line in (head, *rows))
+    return "\n".join([top, f"|{'---|' * len(head)}", *body])

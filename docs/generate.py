@@ -1,12 +1,12 @@
-"""Writes every file that is generated: keyspace.md, docs/reference.md, docs/scenario.md, docs/study.md, the JSON schema, and drawings.
+"""Writes every file that is generated: keyspace.md, docs/reference.md, docs/study.md, the JSON schema, and drawings.
 
-All follow from the code, those of the study from docs/study.json, and docs/policies.svg from the tables of docs/policies.md. As a program
-it asks the study's question anew, for up to 2 min.
+All follow from the code, those of the study from docs/study.json, and docs/policies.svg from the tables of docs/bounds.md.
+`python -m docs.study` asks the study's question anew, for up to 2 min.
 """
 
 from pathlib import Path
 
-from docs import keyspace, policies, reference, scenario, study
+from docs import keyspace, policies, reference, study
 from orchard.field.layout import lay_out
 from orchard.field.queue import TWO_WAY
 from orchard.field.scenario import Scenario, schema_text
@@ -19,10 +19,12 @@ def generated() -> dict[str, str]:
     """Each file's path in the repository, and its text."""
     layout, two_way = lay_out(Scenario()), lay_out(Scenario(route=TWO_WAY, carriers=10))
     return {
-        "keyspace.md": keyspace.document(),
+        "keyspace.md": keyspace.keyspace(),
+        "docs/protocol.md": keyspace.protocol(),
+        "docs/messages.md": keyspace.messages(),
+        "docs/asyncapi.json": keyspace.asyncapi(),
         "config/scenario.schema.json": schema_text(),
         "docs/reference.md": reference.document(),
-        "docs/scenario.md": scenario.document(),
         "docs/study.md": study.document(),
         "docs/study.svg": study.picture(),
         "docs/policies.svg": policies.picture(),
@@ -34,7 +36,6 @@ def generated() -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    study.measure()
     for name, text in generated().items():
         (ROOT / name).write_text(text)
         print(f"{name} written")

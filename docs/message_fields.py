@@ -1,4 +1,4 @@
-"""The fields of a message in words: path, type with its bounds as msgpack has it, and meaning."""
+"""The fields of a message in words: name, type with its bounds as msgpack has it, and meaning."""
 
 import re
 from collections.abc import Iterator
@@ -6,9 +6,13 @@ from typing import Any, get_args
 
 from msgspec import inspect
 
-from orchard.contract.messages import Answer, Deed, Request
+from orchard.contract.messages import FASTEST, Answer, Deed, Request
+from orchard.wire.messages import FARTHEST
+from orchard.wire.types import RunMessage
 
 UNIONS: dict[str, Any] = {"deeds": Deed, "requests": Request, "answers": Answer}
+WIDE = ((-FARTHEST, FARTHEST), (-FASTEST, FASTEST))  # bounds that docs/templates/messages.md names once
+MEMBERS = {member for union in UNIONS.values() for member in get_args(union)}
 
 
 def struct_of(type_: type) -> inspect.StructType:
@@ -18,28 +22,31 @@ def struct_of(type_: type) -> inspect.StructType:
     return info
 
 
-def field_rows(struct: inspect.StructType, path: str = "") -> Iterator[tuple[str, str, str]]:
-    """Yield (path, type, meaning) of the fields of a map, with those of the maps in it."""
-    if struct.tag_field:
+def rows_of(type_: type) -> Iterator[tuple[str, str, str]]:
+    """Yield (name, type, meaning) of the fields of a map, without `run` and `tick`, which the document explains once."""
+    struct = struct_of(type_)
+    if struct.tag_field and type_ not in MEMBERS:
         yield struct.tag_field, f"'{struct.tag}'", "which message this is"
     for field in struct.fields:
-        type_, note = _bare(field.type)
-        entry, step = _entry(type_)
-        maps = [part for part in _members(entry) if isinstance(part, inspect.StructType)]
-        where = f"{path}{field.encode_name}"
-        if maps != [type_]:
-            yield where, type_name(type_) + ("" if field.required else ", optional"), note
-        if len(maps) == 1:
-            yield from field_rows(maps[0], where + step)
+        if not (issubclass(type_, RunMessage) and field.encode_name in ("run", "tick")):
+            bare, note = _bare(field.type)
+            yield field.encode_name, type_name(bare) + ("" if field.required else "?"), note
 
 
-def _entry(type_: inspect.Type) -> tuple[inspect.Type, str]:
-    """What a map from names or an array holds, or else the type itself; and how the path of a field in it goes on."""
-    if isinstance(type_, inspect.DictType):
-        return _bare(type_.value_type)[0], ".*."
-    if isinstance(type_, inspect.ListType | inspect.VarTupleType):
-        return _bare(type_.item_type)[0], ".*."
-    return type_, "."
+def parts_of(type_: type) -> set[type]:
+    """The maps in a message, at any depth, but for deeds, requests and answers."""
+    found: set[type] = set()
+    waiting: list[Any] = [inspect.type_info(type_)]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, inspect.StructType):
+            if part.cls in found or part.cls in MEMBERS:
+                continue
+            found.add(part.cls)
+        waiting += [field.type for field in getattr(part, "fields", ())]
+        waiting += [*getattr(part, "types", ()), *getattr(part, "item_types", ())]
+        waiting += [getattr(part, name) for name in ("type", "item_type", "value_type") if hasattr(part, name)]
+    return found - {type_}
 
 
 def _bare(type_: inspect.Type) -> tuple[inspect.Type, str]:
@@ -47,10 +54,6 @@ def _bare(type_: inspect.Type) -> tuple[inspect.Type, str]:
     if not isinstance(type_, inspect.Metadata):
         return type_, ""
     return type_.type, (type_.extra_json_schema or {}).get("description", "")
-
-
-def _members(type_: inspect.Type) -> tuple[inspect.Type, ...]:
-    return tuple(type_.types) if isinstance(type_, inspect.UnionType) else (type_,)
 
 
 _NAMES: dict[type, str] = {
@@ -71,38 +74,37 @@ def type_name(type_: inspect.Type) -> str:
         return type_name(type_.type)
     if isinstance(type_, inspect.UnionType):
         names = [type_name(part) for part in type_.types]
-        return f"{_union_name(names)} or nil" if "nil" in names else _union_name(names)
+        return f"{_union_name(names)}|nil" if "nil" in names else _union_name(names)
     if isinstance(type_, inspect.ListType | inspect.VarTupleType):
-        return f"array of {type_name(type_.item_type)}"
+        return f"{type_name(type_.item_type)}[]"
     if isinstance(type_, inspect.NamedTupleType):
-        return f"array {type_.cls.__name__}: {', '.join(type_name(field.type) for field in type_.fields)}"
+        return f"{type_.cls.__name__}[{','.join(field.encode_name for field in type_.fields)}]"
     if isinstance(type_, inspect.TupleType):
-        return f"array of {len(type_.item_types)}: {', '.join(map(type_name, type_.item_types))}"
+        return f"[{','.join(map(type_name, type_.item_types))}]"
     if isinstance(type_, inspect.LiteralType):
-        return " or ".join(f"'{value}'" for value in type_.values)
+        return "|".join(f"'{value}'" for value in type_.values)
     if isinstance(type_, inspect.StructType):
-        return f"map {type_.cls.__name__}"
+        return type_.cls.__name__
     if isinstance(type_, inspect.DictType) and not isinstance(type_.value_type, inspect.AnyType):
-        return f"map of {type_name(type_.value_type)}"
+        return f"map<{type_name(type_.value_type)}>"
     return _NAMES[type(type_)] + _bounds(type_)
 
 
 def _union_name(names: list[str]) -> str:
     rest = [name for name in names if name != "nil"]
     for title, union in UNIONS.items():
-        if set(rest) == {f"map {member.__name__}" for member in get_args(union)}:
-            return f"map, one of the {title}"
-    return " or ".join(rest)
+        if set(rest) == {member.__name__ for member in get_args(union)}:
+            return title[:-1]
+    return "|".join(rest)
 
 
 def _bounds(type_: Any) -> str:
-    low, high, most = getattr(type_, "ge", None), _highest(type_), getattr(type_, "max_length", None)
-    if low is not None and high is not None:
-        return f", {_figure(low)} to {_figure(high)}" if low != high else f", {_figure(low)}"
+    low, high = getattr(type_, "ge", None), _highest(type_)
+    if low is not None and high is not None and (low, high) not in WIDE:
+        return f"({_figure(low)}..{_figure(high)})" if low != high else f"({_figure(low)})"
     if choice := re.fullmatch(r"\^\((\w+(?:\|\w+)*)\)\$", getattr(type_, "pattern", None) or ""):
-        return ", " + " or ".join(f"'{word}'" for word in choice[1].split("|"))
-    unit = "bytes" if isinstance(type_, inspect.BytesType) else "characters"
-    return f", at most {most} {unit}" if most is not None else ""
+        return ": " + "|".join(f"'{word}'" for word in choice[1].split("|"))
+    return ""
 
 
 def _highest(type_: Any) -> float | None:

@@ -1,4 +1,4 @@
-"""docs/policies.svg: what dispatch policies and roads make of the same orchards, drawn from the tables of docs/policies.md."""
+"""docs/policies.svg: what dispatch policies and roads make of the same orchards, drawn from the tables of docs/bounds.md."""
 
 import io
 import re
@@ -7,9 +7,9 @@ from pathlib import Path
 import matplotlib
 from matplotlib.figure import Figure
 
-PAGE = Path(__file__).with_name("policies.md")
+PAGE = Path(__file__).with_name("bounds.md")
 POLICIES = ("nearest", "farthest-first", "predictive")
-ONE_WAY, TWO_WAY = "## Measured", "## On two-way roads"  # the chapters with the tables
+ONE_WAY, TWO_WAY = "## Policies on one-way roads", "## Policies on two-way roads"  # the chapters with the tables
 LOOKS = {  # chapter and policy -> colour of the bar
     (ONE_WAY, "nearest"): "#b9c4b0", (ONE_WAY, "farthest-first"): "#7fa874", (ONE_WAY, "predictive"): "#3f8f4a",
     (TWO_WAY, "nearest"): "#bccbdd", (TWO_WAY, "farthest-first"): "#7ea3cf", (TWO_WAY, "predictive"): "#2f66a8",

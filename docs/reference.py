@@ -1,11 +1,10 @@
-"""docs/reference.md: the figures and the geometry of the orchard. Prose, and tables made from the constants of the code."""
+"""docs/reference.md: scenario, results, figures and geometry of the orchard. Prose, and tables made from the constants of the code."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from math import degrees
-from typing import Any
+from pathlib import Path
 
-from pydantic import BaseModel
-
+from docs import scenario
 from orchard.agents import bin as bin_agent
 from orchard.agents import robot, sense, steps, tractor, walker, weed
 from orchard.agents.route import OneWay
@@ -17,7 +16,7 @@ from orchard.field.kinds import AROUND, EIGHTH, KINDS, LASER_RANGE, Kind, Laser
 from orchard.field.layout import Layout, lay_out
 from orchard.field.queue import BAY_STOP, PITCH, TOP_ROAD, TWO_WAY, USUAL_ROW, queue_of
 from orchard.field.repeatable import PI, QUARTER
-from orchard.field.scenario import MOST_GUESTS, TIME_STEP, Scenario
+from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.field.survey import TRUNK
 from orchard.sim import deeds
 from orchard.sim.kernels import move
@@ -30,8 +29,9 @@ Rows = Iterable[Sequence[str]]
 def _table(head: str, rows: Rows) -> str:
     """A table; `head`: the titles of the columns with | between them. Line breaks in cells become spaces."""
     titles = head.split("|")
-    lines = [titles, ["---"] * len(titles), *rows]
-    return "\n".join(f"| {' | '.join(' '.join(cell.split()) for cell in line)} |" for line in lines)
+    lines = [titles, *rows]
+    head, *body = (f"| {' | '.join(' '.join(cell.split()) for cell in line)} |" for line in lines)
+    return "\n".join([head, f"|{'---|' * len(titles)}", *body])
 
 
 def _section(title: str, *parts: str) -> str:
@@ -60,28 +60,29 @@ def _of_pi(radians: float) -> str:
 
 # -- the sections
 
-HEAD = """# The orchard in figures
+HEAD = """<!-- Made by docs/reference.py and docs/templates/results.md from the constants of the code: `make docs`. -->
+# Reference: scenario, results and the orchard in figures
 
-Written by docs/reference.py from the constants of the code (`make docs`); do not edit.
+For people who look up a value. After this page you know every setting of a scenario, every figure that a run leaves, and every size, speed
+and rule of the orchard.
 
-Sources: the user manual of the 2015 student system "Robotic Orchard Simulator" and the source of that system (where the two
-disagree, the manual counts), and measurements of this project. The last section lists what this project corrected.
-
-Units are SI: m, s, rad. In the frame `map`, x points east, y north and z up; a yaw of 0 faces east, and yaw grows
-counter-clockwise (REP-103, REP-105)."""
+Units are SI: m, s, rad. In the frame `map`, x points east, y north and z up; a yaw of 0 faces east, and yaw grows counter-clockwise
+(REP-103, REP-105). The figures of the orchard are those of the user manual and the source of the student system of 2015, the "Robotic
+Orchard Simulator" (where the two disagree, the manual counts), and measurements of this project."""
+RESULTS = Path(__file__).with_name("templates") / "results.md"
 
 
 def document() -> str:
     """Return the whole of docs/reference.md."""
     layout = lay_out(Scenario())
     route, other = OneWay(layout), TwoWay(lay_out(Scenario(route=TWO_WAY, carriers=10)))
-    sections = _field(layout), _things(layout), _towing(), _laser(), _behaviours(), _work(), _places(route), _two_way(other), _scenario()
-    return "\n\n".join([HEAD, *sections, CORRECTED]) + "\n"
+    results = RESULTS.read_text().rstrip()
+    sections = _field(layout), _things(layout), _towing(), _laser(), _behaviours(), _work(), _places(route), _two_way(other)
+    return "\n\n".join([HEAD, scenario.section(), results, *sections]) + "\n"
 
 
 def _field(layout: Layout) -> str:
-    half, last = field.FENCE_THICKNESS / 2, layout.tree_lines[-1]
-    inner_x, inner_top, inner_bottom = field.X_EAST - half, field.TOP - half, layout.bottom + half
+    last = layout.tree_lines[-1]
     rows = [
         ("fences", f"on all four sides, {field.FENCE_THICKNESS:g} m thick, {field.FENCE_HEIGHT:g} m high"),
         ("centre lines of the fences", f"x = {field.X_WEST:g} and {field.X_EAST:g}; top fence y = {field.TOP:g}"),
@@ -91,14 +92,8 @@ def _field(layout: Layout) -> str:
         ("trees in a line", _every(layout.lines[0].trees_x)),
         ("posts in a line", f"{_every(layout.lines[0].posts_x)}: halfway between trees"),
         ("trunks and posts", f"{TRUNK:g} x {TRUNK:g} m; trunks 1.8 m high, posts 2.8 m"),
-        ("crowns", "5.5 x 1.0 m, from 1.8 m up; in pictures only"),
-        ("pergola", """over the lanes, at every tree's x: patches 1.7 m long, row_width - 0.5 m wide and 0.5 m thick, at z = 2.3;
-            in pictures only"""),
         ("row, or lane", "between two tree lines, with its centre line halfway; rows count from 1 at the top"),
         ("picked part of a row", f"x = {field.ROW_WEST:g} to {layout.row_east:g}, or back: {layout.row_length:g} m, which fill one bin"),
-        ("from the fences' faces to the rows", f"{field.ROW_WEST + inner_x:g} m in the west, {inner_x - layout.row_east:g} m in the east"),
-        ("from the fences' faces to the tree lines", f"""{inner_top - field.TREE_TOP_LINE:g} m in the north,
-            {last - inner_bottom:g} m in the south"""),
         ("driveway", f"{_area(field.DRIVEWAY)}; no obstacle. Its west and north edges lie under the fences"),
         ("bay", f"{_area(field.BAY)}: the south edge of the driveway"),
         ("queue", _area(layout.queue.area)),
@@ -115,10 +110,9 @@ def _things(layout: Layout) -> str:
 Bodies move by their own velocity only. Only a bin can move sideways. A bin moves only while it is coupled. Weeds are not solid, and no
 laser sees them."""
     starts = f"""A start holds where the place is free; else the body starts at the nearest free point of a grid of {placement.GRID:g} m.
-A place is free where the circle around the body is {placement.CLEAR:g} m away from all solid things. Animals may start between the first
-and the last tree line, people not. People and animals do not start on the queue lines in use, on the ground that the tractor sweeps
-({_area(placement.TRACK)}), or within {placement.AHEAD_OF_PICKER:g} m ahead of a picker. More of them than have a place above start at
-random places, as weeds do. At first people face one of the four headings, animals any direction."""
+A place is free where the circle around the body is {placement.CLEAR:g} m away from all solid things. People and animals do not start on
+the queue lines in use, where the tractor drives ({_area(placement.TRACK)}), or within {placement.AHEAD_OF_PICKER:g} m ahead of a picker.
+More of them than have a place above start at random places, as weeds do."""
     return _section("The things in it", _table(head, map(_kind_row, KINDS.items())), notes, _table("kind | start", _starts(layout)), starts)
 
 
@@ -183,26 +177,22 @@ def _behaviours() -> str:
     rows = [
         ("time step", f"{TIME_STEP:g} s"),
         ("turn (`Face`)", f"{_of_pi(EIGHTH)} rad/s: {QUARTER / EIGHTH:g} s for 90 degrees; it ends exactly at a heading"),
-        ("drive (`DriveTo`)", f"""{steps.CRUISE:g} m/s to an absolute x or y, slower in the last step; nearer than {steps.EXACT:g} m counts
-            as there. A drive that was held up ends at the same place"""),
-        ("move to a point (`MoveTo`)", """first along the axis that the robot faces, turning about if the point lies behind, then along the
-            other axis"""),
+        ("drive (`DriveTo`)", f"""{steps.CRUISE:g} m/s to an absolute x or y, nearer than {steps.EXACT:g} m counts as there"""),
+        ("move to a point (`MoveTo`)", "first along the axis that the robot faces, then along the other"),
         ("realign (`Realign`)", "rotate to the nearest of NORTH, SOUTH, EAST and WEST until exact"),
         ("obstacle ahead (pickers, carriers, tractor)", f"""the robot stands while something returns from the corridor ahead:
-            {sense.STOP_DISTANCE:g} m deep from the front edge, and on each side {sense.SIDE_MARGIN:g} m wider than robot or bin,
-            whichever is wider"""),
-        ("obstacle in a turn", f"""the robot stands while its scan or its bin's returns from what the rest of the turn sweeps, with a margin
-            of {sense.TURN_MARGIN:g} m, and while a person or an animal is, or may be, in the circle that the turn sweeps"""),
-        ("people and animals near a turn", f"""a robot asks them for their places {sense.ASK_AHEAD:g} s before they may have come near,
-            with a margin of {sense.MARGIN:g} m; one that has not answered for {_seconds(sense.SILENT_TICKS)} is left to
-            the lasers"""),
-        ("carrier at its work", """on its loop and on its way out it ignores returns from three boxes, widened by 0.1 m: the full bin, the
-            empty bin on the picker's coupling point, and the waiting picker; it still stops for a person"""),
+            {sense.STOP_DISTANCE:g} m deep, and on each side {sense.SIDE_MARGIN:g} m wider than robot or bin"""),
+        ("obstacle in a turn", f"""the robot stands while something returns from what the turn still sweeps, with a margin of
+            {sense.TURN_MARGIN:g} m, or a person or an animal may be in its circle"""),
+        ("people and animals near a turn", f"""a robot asks them for their places {sense.ASK_AHEAD:g} s before they may be near; after
+            {_seconds(sense.SILENT_TICKS)} without an answer the lasers decide"""),
+        ("carrier at its work", """on its loop it ignores the full bin, the empty bin at the picker and the waiting picker, boxes widened by
+            0.1 m; it still stops for a person"""),
         ("after a collision", f"""a robot stands for {_seconds(robot.RECOVERY)}; a person or an animal backs off or turns for
             {_seconds(walker.RECOVERY)}"""),
         ("person", "walks straight on at its full speed, and turns only for what is in its path"),
-        ("animal", f"""every {_seconds(walker.MIND_CHANGES)} a new speed, rate of turn and length of turn (up to 1 s), at random, up to what
-            its kind can do; at most 1 m/s while it turns away from something"""),
+        ("animal", f"""every {_seconds(walker.MIND_CHANGES)} a new speed and turn (up to 1 s), at random; at most 1 m/s while it turns away
+            from something"""),
         ("turning away (people, animals)", f"""something in the path nearer than {walker.STEER_WITHIN:g} m: steer to the freer side at
             {_of_pi(walker.STEER)} rad/s; nearer than {walker.TURN_WITHIN:g} m: stop and turn left until {2 * walker.TURN_WITHIN:g} m
             are free"""),
@@ -210,8 +200,8 @@ def _behaviours() -> str:
             a free direction. None stays within a circle of 3 m for 60 s (`tests/agents/test_walkers.py`)"""),
         ("tractor", f"""drives between x = {tractor.WEST_END:g} and x = {tractor.EAST_END:g}; at each end it waits {tractor.WORK:g} s
             and then turns about"""),
-        ("weed", f"""asks to be flattened when what it sees within {weed.NEAR:g} m of its centre changes; physics flattens it if something
-            that moved in the last step is within {deeds.WEED_REACH:g} m, edge to edge"""),
+        ("weed", f"""flattened by what moved in the last step within {deeds.WEED_REACH:g} m of it; it asks when what it sees within
+            {weed.NEAR:g} m changes"""),
     ]  # fmt: skip
     return _section("The behaviours", _table("behaviour | rule", rows))
 
@@ -228,12 +218,12 @@ def _work() -> str:
    picked and the bin full.
 3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and asks for an empty bin. After its last row
    it drives {OneWay.PARKED - OneWay.WAITING:g} m further with its empty bin, and stays there.
-4. With the dispatch policy `nearest`, which is the manual's, the full bin calls all carriers every
+4. With the dispatch policy `nearest`, the rule of the 2015 manual, the full bin calls all carriers every
    {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself, with its distance by road, to the oldest
    call only. The bin sends for the nearest one and asks it every {_seconds(bin_agent.ASK_AGAIN)} whether it still comes; after
    {bin_agent.GIVE_UP} questions without an answer it calls anew. With any other policy bins report to the agent `dispatch`, which
    asks all carriers, decides, and sends them. With `predictive`, the default, a bin reports before it is full, so that the carrier
-   arrives when it is ([dispatch policies](policies.md)).
+   arrives when it is ([dispatch policies](bounds.md#dispatch-policies)).
 5. The carrier leaves its empty bin on the picker's coupling point and tells the picker, which couples it. Then the carrier couples the
    full bin and takes it around the orchard to the bay.
 6. A full bin on a carrier is empty after {field.UNLOADING_SECONDS:g} s in which its centre is in the bay and both are at rest. The bay
@@ -294,7 +284,7 @@ def _two_way(route: TwoWay) -> str:
         ("merge in the north-west", f"""from the top road a full bin waits at x = {route.WEST_HOLD:g}, from the south
             at y = {route.MERGE_HOLD:g}; it has left it at y = {route.MERGE_CLEAR:g}"""),
         ("crossing in the north-west", f"""a full bin waits at y = {route.CROSSING_HOLD:g}, and has left it at y = {route.CROSSING_CLEAR:g};
-            a delivery waits at x = {route.WEST_HOLD:g}, and has left it when it faces south"""),
+            a delivery waits at x = {route.WEST_HOLD:g} until it faces south"""),
         ("queue with 10 carriers", _queue(10)),
         ("queue with 40 carriers", _queue(40)),
     ]  # fmt: skip
@@ -308,33 +298,3 @@ def _queue(carriers: int) -> str:
     assert queue is not None
     lines = ", ".join(f"{y:g}" for y in queue.lines)
     return f"lines at y = {lines}, each with {queue.places} places westward from x = {queue.head:g}"
-
-
-def _scenario() -> str:
-    text = f"""There are at most as many pickers as rows, at most {MOST_GUESTS} people and at most {MOST_GUESTS} animals. There is a bin
-for each picker and one for each carrier. `config/scenario.schema.json` has all settings and limits, for editors."""
-    return _section("What a scenario sets", _table("setting | limits | default | what", _settings(Scenario)), text)
-
-
-def _settings(model: type[BaseModel], path: str = "") -> Iterator[Sequence[str]]:
-    """A row for each setting that has limits; those of sections too."""
-    for name, info in model.model_fields.items():
-        limits: dict[str, Any] = {key: getattr(limit, key) for limit in info.metadata for key in ("ge", "le") if hasattr(limit, key)}
-        if isinstance(info.default, BaseModel):
-            yield from _settings(type(info.default), f"{path}{name}.")
-        elif limits.keys() == {"ge", "le"} and limits["le"] < 1e9:  # not the seed
-            default = "null" if info.default is None else f"{info.default:g}"
-            yield f"`{path}{name}`", f"{limits['ge']:g} to {limits['le']:g}", default, info.description or ""
-
-
-CORRECTED = """## What differs from the 2015 system
-
-- Robots drove and turned for so many seconds of wall time, and their errors added up. Here targets are absolute, and each step looks
-  at the pose.
-- A bin copied the magnitude of its robot's velocity, and coupled from 8 m away. Here its agent closes the loop on its place.
-- Two bins could call the same carrier, and carriers and tractor drove through each other. Here a carrier serves one bin at a time, and
-  solid bodies never overlap.
-- A robot stopped for any beam shorter than (row width - 1.5) / 2 - 0.1 m. That distance grew with the rows, froze carriers in the queue,
-  and stopped robots at weeds for ever.
-- A weed shot away at 200 m/s. Here it disappears.
-- Every run differed, and no figures told how good a harvest was. Here the seed decides the run, and each run has a summary."""

@@ -1,4 +1,4 @@
-"""docs/scenario.md: each value of a scenario with its default and its limits, from the model that checks it."""
+"""The scenario in docs/reference.md: each value of a scenario with its default and its limits, from the model that checks it."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -6,16 +6,13 @@ from typing import Any
 from orchard.field.scenario import Scenario
 
 HEAD = """\
-# The scenario
+## The scenario
 
-Written by docs/scenario.py from the model that checks scenarios (`make docs`); do not edit.
-
-A scenario is a YAML file. Each value that it leaves out keeps its default. `orchard FILE.yaml` harvests it; the options `--rows`,
-`--pickers`, `--row-width`, `--carriers`, `--seed`, `--dispatch`, `--rows-to-pickers` and `--route` change the value of the same name.
-`orchard realistic` names a scenario that comes with the program: pickers as slow as people. So do `hand_picking`, people as a grower's
-diary tells it, `kiwi_robot`, robots with four arms, and `undisturbed`, an orchard in which nothing is random. The files name their sources.
-All faults of a file are reported at once, each with its line. The first line, `# yaml-language-server: $schema=PATH`, lets an editor
-complete and check the file; PATH leads to [the schema](../{schema}).
+A scenario is a YAML file. Each value that it leaves out keeps its default. `orchard FILE.yaml` harvests it; options such as `--rows` and
+`--dispatch` change the value of the same name. These come with the program: `realistic` (pickers as slow as people), `hand_picking` (a
+grower's diary), `kiwi_robot` (robots with four arms), and `undisturbed` (nothing is random). Their files name their sources. All faults of
+a file are reported at once, each with its line. The line `# yaml-language-server: $schema=PATH` lets an editor complete the file; PATH
+leads to [the schema](../{schema}).
 
 ```yaml scenario
 rows: 8
@@ -25,18 +22,16 @@ people: {{workers: 2, visitors: 0}}
 
 {table}
 
-Some values depend on others: the queue must have room for all carriers, which depends on `row_length`, `bay` and `route`; there is at
-most one picker for each row; there are at most 50 people, and at most 50 animals; picking times spread only as far as no picker has to be
-faster than 1 m/s ([how to](how-to.md#let-picking-vary)); an agent without a body has a name that no other agent has; and `survey`, which
-[`orchard layout import`](own-orchard.md) writes, decides `rows` and `row_length`.
-[Extending the Orchard](extending.md) describes the values that name classes.
-"""
+The queue must have room for all carriers, which depends on `row_length`, `bay` and `route`. There is at most one picker for each row, and a
+bin for each picker and each carrier. There are at most 50 people and 50 animals. `survey`, which
+[`orchard layout import`](how-to.md#harvest-the-rows-of-a-real-orchard) writes, decides `rows` and `row_length`.
+[Extend the Orchard](extending.md) describes the values that name classes."""
 SCHEMA = "config/scenario.schema.json"
 
 
-def document() -> str:
-    """Return the text of docs/scenario.md."""
-    lines = ["| value | default | limits | meaning |", "| --- | --- | --- | --- |", *_lines(Scenario.model_json_schema())]
+def section() -> str:
+    """Return the section of docs/reference.md."""
+    lines = ["| value | default | limits | meaning |", "|---|---|---|---|", *_lines(Scenario.model_json_schema())]
     return HEAD.format(schema=SCHEMA, table="\n".join(lines))
 
 

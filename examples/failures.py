@@ -1,4 +1,4 @@
-"""What jams an orchard, for docs/failures.md: routes, a policy and a person, each without one rule of the built-in ones."""
+"""What jams an orchard, for docs/traffic.md: routes, a policy and a person, each without one rule of the built-in ones."""
 
 from typing import ClassVar
 

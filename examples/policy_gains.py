@@ -1,4 +1,4 @@
-"""What does one dispatch policy gain over another, where picking times are drawn and pickers fail? As docs/policies.md shows it.
+"""What does one dispatch policy gain over another, where picking times are drawn and pickers fail? As docs/bounds.md shows it.
 
 python examples/policy_gains.py [--seeds 12] [--policy predictive] [--over predictive-farthest] [ROWS/PICKERS/CARRIERS:PICKING SPEED ...]
 """

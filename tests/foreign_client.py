@@ -1,59 +1,40 @@
-"""A client as one can write it from keyspace.md alone: zenoh and msgpack, and nothing of this program.
-
-    python foreign_client.py ENDPOINT NAME
-
-Holds an agent in lockstep: drives its robot forward, answers every tick and every request, and leaves at the end.
-"""
+"""Drives a robot until something is near ahead: python foreign_client.py tcp/127.0.0.1:7447 picker_01"""
 
 import json
+import queue
+import struct
 import sys
 
 import msgpack
 import zenoh
 
-
-def main(endpoint, name):
-    config = zenoh.Config()
-    config.insert_json5("mode", '"client"')
-    config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
-    with zenoh.open(config) as session:
-        print(drive(session, name), "ticks answered", flush=True)
+endpoint, name, me = sys.argv[1], sys.argv[2], "foreign1"  # `me`: a session id of letters and digits that no other session uses
+config = zenoh.Config()
+for key, value in {"mode": "client", "scouting/multicast/enabled": False, "connect/endpoints": [endpoint]}.items():
+    config.insert_json5(key, json.dumps(value))
 
 
-def unpacked(sample):
-    return msgpack.unpackb(sample.payload.to_bytes())
+def unpacked(part):
+    return msgpack.unpackb(part.payload.to_bytes())
 
 
-def drive(session, name):
-    run = unpacked(next(iter(session.get("orchard/scenario"))).ok)["run"]
-    heard = session.declare_subscriber("orchard/*")
-    mail = session.declare_queryable(f"orchard/{name}/mail", lambda query: receive(session, name, run, query))
-    token = session.liveliness().declare_token(f"orchard/alive/{name}/foreign1")
-    wish = msgpack.packb({"run": run, "holder": "foreign1", "names": [name]})
-    (joined,) = list(session.get("orchard/hosts/foreign1/join", payload=wish))
-    assert not unpacked(joined.ok)["refused"]
-    answered = -1
-    for sample in heard:
-        message = unpacked(sample)
-        if str(sample.key_expr) == "orchard/end":
-            break
-        if str(sample.key_expr) == "orchard/clock" and message["tick"] > answered:
-            answered = message["tick"]
-            velocity = {"run": run, "tick": answered, "holder": "foreign1", "linear": {"x": 0.5}, "angular": {"z": 0.0}}
-            session.put(f"orchard/{name}/velocity", msgpack.packb(velocity), congestion_control=zenoh.CongestionControl.BLOCK)
-    session.put("orchard/hosts/foreign1/left", msgpack.packb({"run": run}), congestion_control=zenoh.CongestionControl.BLOCK)
-    mail.undeclare()
+def put(key, **message):
+    session.put(f"orchard/{key}", msgpack.packb({"run": run} | message), congestion_control=zenoh.CongestionControl.BLOCK)
+
+
+with zenoh.open(config) as session:
+    run, heard, tick = unpacked(next(iter(session.get("orchard/scenario"))).ok)["run"], queue.Queue(), -1
+    listen = [session.declare_subscriber(f"orchard/{key}", heard.put) for key in (f"hosts/{me}/seen", "end")]
+    token = session.liveliness().declare_token(f"orchard/alive/{name}/{me}")
+    join = msgpack.packb({"run": run, "holder": me, "names": [name]})
+    while unpacked(next(iter(session.get(f"orchard/hosts/{me}/join", payload=join))).ok)["refused"]:
+        pass  # physics learns of the token a moment later
+    while str((sample := heard.get()).key_expr) != "orchard/end":
+        seen = unpacked(sample)
+        tick, (x, y, z, w, *twist) = seen["tick"], struct.unpack("<7d", seen["states"])  # yaw = 2 atan2(z, w)
+        ranges = struct.unpack("<180f", seen["ranges"])  # m, from the right to the left
+        speed = 0.5 if min(ranges[60:120]) > 1.0 else 0.0  # decide here
+        put(f"{name}/velocity", tick=tick, holder=me, linear={"x": speed}, angular={"z": 0.0})
+    put(f"hosts/{me}/left")
     token.undeclare()
-    return answered + 1
-
-
-def receive(session, name, run, query):
-    """It hears requests, and never answers."""
-    asked = msgpack.unpackb(query.payload.to_bytes())
-    query.reply(f"orchard/{name}/mail", msgpack.packb({"type": "received", "run": run, "tick": asked["tick"]}))
-    query.drop()
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])
+    print(tick + 1, "ticks answered")

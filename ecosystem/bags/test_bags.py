@@ -16,8 +16,8 @@ from rosbags.highlevel import AnyReader
 ORCHARD = shlex.split(os.environ.get("ORCHARD", "orchard"))
 SECONDS = 300
 ROBOTS = ("carrier_01", "picker_01", "picker_02", "tractor_01")
-TICKS = 600  # of the run of docs/bags.md
-PAGE = (Path(__file__).parents[2] / "docs" / "bags.md").read_text()
+TICKS = 600  # of the run of docs/ros2.md
+PAGE = (Path(__file__).parents[2] / "docs" / "ros2.md").read_text()
 BLOCKS = {name: text for name, text in re.findall(r"^```(?:python|sh) (\S+)\n(.*?)^```$", PAGE, re.M | re.S)}
 
 

@@ -1,6 +1,6 @@
 """Where a robot takes itself to be, if its receiver is not exact: its odometry carries its estimate on, each new position corrects it.
 
-This is a complementary filter: of white errors little is left, of slow ones all. docs/sensors.md gives the figures.
+This is a complementary filter: of white errors little is left, of slow ones all. docs/reference.md gives the figures.
 """
 
 import msgspec

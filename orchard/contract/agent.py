@@ -59,7 +59,7 @@ class Hitch(NamedTuple):
 class Observation(msgspec.Struct, frozen=True, dict=True):
     """The observation of one body at one tick, in the frame `map`. An agent without a body has x and y NaN and scan None.
 
-    Pose and twist are what the body's sensors measure. If the scenario sets errors for them they are not the truth, see docs/sensors.md.
+    Pose and twist are what the body's sensors measure. If the scenario sets errors for them they are not the truth, see docs/reference.md.
     It is read-only, and so are its arrays. `msgspec.structs.replace` returns a changed copy, `scan.copy()` an array to change.
     """
 
@@ -137,9 +137,9 @@ class Hold(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     until: Tick  # at most MOST_HOLD ticks ahead count
-    watch: Annotated[tuple[Zone, ...], Meta(max_length=MOST_ZONES)] = ()
-    still: Annotated[tuple[Zone, ...], Meta(max_length=MOST_ZONES)] = ()
-    freer_within: Metres = 0.0
+    watch: Annotated[tuple[Zone, ...], Meta(max_length=MOST_ZONES, description="ask when a return enters or leaves one")] = ()
+    still: Annotated[tuple[Zone, ...], Meta(max_length=MOST_ZONES, description="ask when a return in one changes")] = ()
+    freer_within: Annotated[Metres, Meta(description="m; ask when the freer side changes; 0: never")] = 0.0
 
 
 @dataclass(slots=True)

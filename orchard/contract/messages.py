@@ -172,11 +172,12 @@ class BinState(AgentMessage):
 
 
 class CarrierStatus(AgentMessage):
-    """From a carrier to the dispatcher: its state."""
+    """From a carrier to the dispatcher: its job ('' or the full bin that it fetches); whether it is next of its line of the queue, as it
+    waits there and no other stands before it; metres by road to the head of its own line."""
 
-    job: Word  # the full bin that it fetches; '' while it waits in the queue
-    is_next: bool  # whether it can leave now: it waits, and no carrier of its line stands before it
-    metres: Metres  # by road to the queue's head
+    job: Word
+    is_next: bool
+    metres: Metres
 
 
 class Position(AgentMessage):
@@ -204,8 +205,8 @@ class Given(NamedTuple):
 class Written(msgspec.Struct, forbid_unknown_fields=True):
     """The letters of one agent at one tick."""
 
-    requests: list[tuple[Word, Request]]  # (recipient, request), numbered from 0
-    answers: list[Given]
+    requests: Annotated[list[tuple[Word, Request]], Meta(description="[to, body] of each request, numbered by its place from 0")]
+    answers: Annotated[list[Given], Meta(description="[to, tick and number of the request, body of the answer]")]
 
 
 # -- bytes

@@ -101,7 +101,7 @@ WORST_POSITION = 0.5  # m
 class Gnss(_Section):
     """Errors of the positions that the receivers of pickers, carriers and the tractor measure, alike in x and in y.
 
-    The sum of a white error and of a slow one, a Gauss-Markov process of the first order, as the literature has it: docs/sensors.md.
+    The sum of a white error and of a slow one, a Gauss-Markov process of the first order, as the literature has it: docs/reference.md.
     """
 
     white: Annotated[float, Field(ge=0.0, le=WORST_POSITION, description="standard deviation of the error new at each tick, m")] = 0.0

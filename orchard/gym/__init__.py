@@ -4,7 +4,7 @@
     single_env(scenario, robot)       the same for one body, as a Gymnasium Env
     dispatch_env(scenario)            a Gymnasium Env of events: which carrier fetches which bin
 
-It needs the extra `gym`. docs/gym.md tells how to use it.
+It needs the extra `gym`. docs/extending.md tells how to use it.
 """
 
 try:

@@ -201,7 +201,7 @@ class HarvestOptions:
     summary: Annotated[Path | None, Option(metavar="FILE.json", help="Write the summary to this file.", rich_help_panel=OUTPUT)] = None
     table: Annotated[
         Path | None,
-        Option(parser=_folder, metavar="DIR", help="Write Parquet tables to this folder: docs/tables.md.", rich_help_panel=OUTPUT),
+        Option(parser=_folder, metavar="DIR", help="Write Parquet tables to this folder: docs/how-to.md.", rich_help_panel=OUTPUT),
     ] = None
     progress: Style = "text"
     listen: Listen = None
@@ -216,7 +216,7 @@ class HarvestOptions:
     ignore_holds: Annotated[bool, _flag("--ignore-holds", "Ask all agents at every tick: same result, slower.", RUN)] = False
     resume: Annotated[str | None, Option(metavar="DIR|last", help="Continue a run from its newest snapshot.", rich_help_panel=RUN)] = None
     replay: Annotated[
-        Path | None, Option(metavar="FILE.mcap", help="Let the velocities in a bag drive its robots: docs/bags.md.", rich_help_panel=RUN)
+        Path | None, Option(metavar="FILE.mcap", help="Let the velocities in a bag drive its robots: docs/ros2.md.", rich_help_panel=RUN)
     ] = None
     secure: Secure = None
     verbose: Annotated[bool, _flag("--verbose", "Print all figures of the summary, not only the main ones.")] = False

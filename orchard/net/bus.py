@@ -234,7 +234,7 @@ class Bus:
 
     def answer(self, key: str) -> None:
         """Declare a queryable on a key: each query arrives as a Query."""
-        self._kept.append(self._session.declare_queryable(key, self._into(lambda query: _question(key, query))))
+        self._kept.append(self._session.declare_queryable(key, self._into(_question)))
 
     def watch(self, tokens: str) -> None:
         """Subscribe to liveliness tokens: each change arrives as an Alive, and so do the present tokens."""
@@ -254,9 +254,9 @@ class Bus:
         return Callback(lambda arrived: put(item_of(arrived)), indirect=False)
 
 
-def _question(key: str, query: zenoh.Query) -> Query:
-    """Convert a query; for a queryable on many keys, use the key of the query."""
-    return Query(str(query.key_expr) if "*" in key else key, query)
+def _question(query: zenoh.Query) -> Query:
+    """Convert a query. Its key is the one that the client asked, which may have wildcards, and not that of the queryable."""
+    return Query(str(query.key_expr), query)
 
 
 def _sample(sample: zenoh.Sample) -> Sample:

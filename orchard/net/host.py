@@ -128,7 +128,7 @@ class Host:
     # -- joining
 
     def listen(self) -> None:
-        """Declare subscribers, queryables and then the liveliness tokens (rule 10 in docs/design.md)."""
+        """Declare subscribers, queryables and then the liveliness tokens (rule 10 in CONTRIBUTING.md)."""
         for what in ("lost", "end"):
             self.bus.subscribe(self.keys.of(what))
         self.bus.watch(self.keys.of("alive", PHYSICS))
@@ -223,6 +223,7 @@ class Host:
             raise _JoinAgain from error
         if recalled.tick != tick:
             raise _JoinAgain
+        self.mailbox.recall(tick)
         return LocalMail(dict(recalled.letters)).deliver(tick)
 
     def _packed(self, tick: int, drives: dict[str, Drive]) -> list[bytes]:

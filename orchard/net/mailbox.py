@@ -1,9 +1,10 @@
 """The observations and the mail of a host's agents. In lockstep the mail is repeatable.
 
-The rules are numbered in docs/design.md. A request of tick k is a query; it is heard at k + 1, and its answer at k + 2, in an order
+The rules are numbered in CONTRIBUTING.md. A request of tick k is a query; it is heard at k + 1, and its answer at k + 2, in an order
 that does not depend on the network. A host that may have missed mail recalls all mail of the tick from physics.
 """
 
+from collections import deque
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
@@ -91,6 +92,7 @@ class Mailbox:
         self._run, self._names = run, frozenset(names)
         self.last = -1  # the last tick that was delivered
         self._joined = 0
+        self._recalled: deque[int] = deque(maxlen=2)  # ticks whose requests were heard from the copies of physics
         self._held: dict[tuple[str, str, int, int], _ReceivedRequest] = {}  # (recipient, sender, tick, number) ->
         self._asked: dict[int, list[SentRequest]] = {}  # tick -> the requests of that tick, in their order
 
@@ -113,6 +115,9 @@ class Mailbox:
         except Refused as refusal:
             question.refuse(str(refusal))
             raise
+        if letter.tick in self._recalled and not self._is_timely(letter.tick):
+            question.drop()
+            return
         key = (recipient, letter.sender, letter.tick, letter.number)
         if key not in self._held and len(self._held) >= MOST_HELD:
             question.refuse("too many requests wait")
@@ -122,11 +127,15 @@ class Mailbox:
         self._held[key] = _ReceivedRequest(Heard(letter.sender, letter.tick, letter.number, letter.body), question)
         question.reply(pack(Received(self._run, letter.tick)))
 
+    def recall(self, tick: int) -> None:
+        """Record that the agents heard the mail of a tick from the copies of physics: its requests may still come, and are no news."""
+        self._recalled.append(tick - 1)
+
     def _checked(self, payload: bytes) -> Letter:
         letter = read_message(payload, Letter, self._run)
         if self._names and letter.sender not in self._names:
             raise Refused("no such agent", letter.sender)
-        if not self._is_timely(letter.tick):
+        if not self._is_timely(letter.tick) and letter.tick not in self._recalled:
             raise Refused("past tick" if letter.tick < self.last else "future tick", f"a request of {letter.tick} at tick {self.last}")
         return letter
 

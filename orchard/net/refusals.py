@@ -26,8 +26,10 @@ class Refused(Exception):
     """Raised for a message that is not applied. `reason` is one of a few, so that refusals can be counted."""
 
     def __init__(self, reason: Reason, detail: str = "") -> None:
-        super().__init__(f"{reason}: {printable(detail)}" if detail else reason)
         self.reason: Reason = reason
+        self.detail = printable(detail)
+        self.session = ""  # that sent it, if it says so
+        super().__init__(f"{reason}: {self.detail}" if detail else reason)
 
 
 class Refusals:

@@ -7,7 +7,7 @@ from orchard.field.layout import Layout, lay_out
 from orchard.report.bounds import Bounds
 from orchard.report.schedule import schedule_seconds, undisturbed
 
-REFERENCE = "predictive"  # the default policy, which is best on the whole: docs/policies.md
+REFERENCE = "predictive"  # the default policy, which is best on the whole: docs/bounds.md
 
 
 def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:

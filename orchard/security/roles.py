@@ -89,6 +89,7 @@ RIGHTS: dict[str, Right] = {
     "picture": Right((THE_PHYSICS,), (THE_LOGGER,)),
     "figures": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
     "refused": Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),  # a count, which moves nothing
+    "refusals": Right((THE_PHYSICS,), AUDIENCE),
     "left": Right((OWN_HOST,), (THE_PHYSICS,)),
     "scenario": Right((*AUDIENCE, EMERGENCY), (THE_PHYSICS,)),
     "layout": Right(AUDIENCE, (THE_PHYSICS,)),
@@ -99,7 +100,7 @@ RIGHTS: dict[str, Right] = {
     "simulation_state": Right((THE_PHYSICS,), (*AUDIENCE, EMERGENCY)),
     "set_simulation_state": Right((OPERATOR, EMERGENCY, OPERATING_BRIDGE), (THE_PHYSICS,)),
     "step_simulation": Right((OPERATOR, EMERGENCY, OPERATING_BRIDGE), (THE_PHYSICS,)),
-    "reset_simulation": Right((OPERATOR, EMERGENCY, OPERATING_BRIDGE), (THE_PHYSICS,)),
+    "reset_simulation": Right((OPERATOR, OPERATING_BRIDGE), (THE_PHYSICS,)),
     "end": Right((THE_PHYSICS,), AUDIENCE),
     "alive": Right((OWN_HOST, LOGGER_ITSELF, ITS_TOKEN), ALL),
 }

@@ -38,7 +38,7 @@ class Drivers:
         """`clock`: the clock of the run, s."""
         self._engine, self._publisher = engine, publisher
         self.roster, self.answers, self.recovery_log = roster, answers, recovery_log
-        self.unheld, self.advised = UnheldCommands(clock), Advised()
+        self.unheld, self.advised = UnheldCommands(clock, answers.watchdog), Advised()
         self.lost: dict[str, int] = {}  # agent -> the first tick for which lockstep has not waited for it
         self.due: dict[str, list[str]] = {}  # session id -> its agents that are asked at this tick
         self._seen: Observations | None = None

@@ -9,7 +9,7 @@ from functools import partial
 import msgspec
 
 from orchard.contract.messages import pack
-from orchard.field.problems import ScenarioError
+from orchard.field.problems import ScenarioError, printable
 from orchard.field.scenario import check
 from orchard.net.bus import Alive, Bus, Item, Query, Sample, Signal
 from orchard.net.endpoints import BusError
@@ -21,6 +21,7 @@ from orchard.wire import messages as wire
 from orchard.wire.codec import orchard_of, velocities_of
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 
+MOST_TOLD = 100  # refusals that are published in a second
 OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run that appears later is the newer one, and must end itself
 
 
@@ -148,6 +149,8 @@ class Inbound:
     def __init__(self, bus: Bus, keys: Keys, run: Run) -> None:
         self._bus, self._keys, self._run = bus, keys, run
         self._queries = Queries(keys, run)
+        self._told: set[tuple[str, wire.Reason]] = set()  # the refusals that were published in this second
+        self._told_since = -math.inf  # s, monotonic clock
         self._newer_from = math.inf  # s, monotonic clock: a run that appears after that is newer
 
     def listen(self) -> None:
@@ -174,8 +177,21 @@ class Inbound:
             try:
                 self._handle(item)
             except Refused as refusal:
-                self._run.refusal_totals.note(getattr(item, "key", ""), refusal)
+                self._refuse(getattr(item, "key", ""), refusal)
         return item is not None
+
+    def _refuse(self, key: str, refusal: Refused) -> None:
+        """Count a refusal, and publish it for its sender: each key and reason once a second, and so many in all."""
+        self._run.refusal_totals.note(key, refusal)
+        now = time.monotonic()
+        if now - self._told_since >= 1.0:
+            self._told, self._told_since = set(), now
+        if (key, refusal.reason) not in self._told and len(self._told) < MOST_TOLD:
+            self._told.add((key, refusal.reason))
+            parts = self._keys.parts(key)
+            session = parts[1] if parts[0] == "hosts" and len(parts) == 3 else refusal.session
+            shown = wire.Refusal(self._run.id, self._run.engine.tick, printable(key), refusal.reason, refusal.detail, printable(session))
+            self._bus.publish(self._keys.of("refusals"), pack(shown), newest_wins=True)
 
     def take_after_end(self, seconds: float) -> Item | None:
         """Handle one item after the run's end, when only tokens and `left` count. Return it; None if none came in `seconds`."""
@@ -209,14 +225,21 @@ class Inbound:
                 read_message(sample.payload, wire.Left, run)
                 self._run.drivers.roster.leave(_session(session))
             case [name, "velocity"]:
-                self._run.drivers.drive(name, read_message(sample.payload, wire.Velocity, run))
+                self._drive(name, read_message(sample.payload, wire.Velocity, run))
             case [name, "advice"]:
                 self._run.drivers.advise(name, read_message(sample.payload, wire.Advice, run))
             case ["hosts", session, "velocities"]:
                 for refusal in self._drive_all(sample.payload, session):
-                    self._run.refusal_totals.note(sample.key, refusal)
+                    self._refuse(sample.key, refusal)
             case _:
                 raise Refused("no such key")
+
+    def _drive(self, name: str, velocity: wire.Velocity) -> None:
+        try:
+            self._run.drivers.drive(name, velocity)
+        except Refused as refusal:
+            refusal.session = velocity.holder
+            raise
 
     def _drive_all(self, payload: bytes, session: str) -> list[Refused]:
         """Take the velocities of a session, each by itself. Return the refusals. Raises Refused if the whole message does not count."""

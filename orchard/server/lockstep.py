@@ -51,6 +51,7 @@ class LockstepBarrier(Barrier):
     """Physics waits until no velocity is missing. The counterpart is `realtime.RealtimeBarrier`."""
 
     mode = "lockstep"
+    watchdog = 0.0  # s of wall time that a velocity drives at least: none, for ticks alone count
     newest_wins = False  # each tick must reach each agent
     releases_at_once = False  # a session that is gone may come back, or be replaced, until the deadline
 

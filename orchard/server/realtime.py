@@ -21,7 +21,7 @@ from orchard.server.roster import Roster
 from orchard.wire.codec import action_of
 from orchard.wire.messages import Velocity
 
-WATCHDOG = 0.5  # s that one velocity drives a robot without a holder, of simulated or wall time, whichever is slower
+WATCHDOG = 0.5  # s of wall time that one velocity drives a robot at least, in realtime; in lockstep only WATCHDOG_TICKS count
 WATCHDOG_TICKS = 5
 SLACK = 0.2  # s beyond the tick's time, to wait for agents that answered the last tick in time; less than Pacer.CATCH_UP
 SHARE = 0.5  # of a tick's time, to wait for agents that missed the last tick, and for all agents when the clock is behind
@@ -29,10 +29,10 @@ LATE = 0.5  # of a tick's time: a tick that begins later than this after it was 
 
 
 class RecentTicks:
-    """The ticks of which velocities may still drive a robot: less than WATCHDOG_TICKS ticks or less than WATCHDOG seconds ago."""
+    """The ticks of which velocities may still drive a robot: less than WATCHDOG_TICKS ticks or less than `seconds` ago."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self.clock, self.newest = clock, 0
+    def __init__(self, clock: Callable[[], float] = time.monotonic, seconds: float = WATCHDOG) -> None:
+        self.clock, self.newest, self._seconds = clock, 0, seconds
         self._begun: deque[tuple[int, float]] = deque([(0, clock())])  # (tick, time of its publication, s)
 
     def begin(self, tick: int) -> None:
@@ -48,7 +48,7 @@ class RecentTicks:
 
     def is_over(self, tick: int, at: float, now: int) -> bool:
         """Whether a velocity for `tick`, received at time `at`, does not drive any more at the tick `now`."""
-        return now - tick >= WATCHDOG_TICKS and self.clock() - at >= WATCHDOG
+        return now - tick >= WATCHDOG_TICKS and self.clock() - at >= self._seconds
 
 
 class TimedVelocity(NamedTuple):
@@ -61,8 +61,9 @@ class TimedVelocity(NamedTuple):
 class UnheldCommands:
     """The velocities of robots that no session holds: the newest one drives a robot, for half a second."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._recent = RecentTicks(clock)
+    def __init__(self, clock: Callable[[], float] = time.monotonic, seconds: float = WATCHDOG) -> None:
+        """`seconds`: of wall time that a velocity drives at least; 0 in lockstep, where simulated time alone counts."""
+        self._recent = RecentTicks(clock, seconds)
         self._puts: dict[str, TimedVelocity] = {}
         self._fresh: dict[str, Velocity] = {}  # velocities that no step has used
 
@@ -94,6 +95,7 @@ class RealtimeBarrier(Barrier):
     """The newest velocity of each held agent. The counterpart is `lockstep.LockstepBarrier`."""
 
     mode = "realtime"
+    watchdog = WATCHDOG
     newest_wins = True  # sessions need only the newest tick
     releases_at_once = True  # the robots of a session that is gone are released at once, and stand
 

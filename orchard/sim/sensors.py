@@ -1,4 +1,4 @@
-"""What robots measure of their own pose and motion: the truth, and the errors that the scenario sets. docs/sensors.md gives the models.
+"""What robots measure of their own pose and motion: the truth, and the errors that the scenario sets. docs/reference.md gives the models.
 
 Pickers, carriers and the tractor have a GNSS receiver and odometry. Physics uses the truth only. All errors follow from the seed, the
 robot's name and the tick; what adds up from tick to tick is in the world, and so in a snapshot.

@@ -1,4 +1,4 @@
-"""The columns of the tables, with their units. docs/tables.md lists them."""
+"""The columns of the tables, with their units. docs/reference.md lists them."""
 
 import pyarrow as pa
 

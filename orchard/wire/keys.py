@@ -9,6 +9,7 @@ from orchard.wire import messages as wire
 
 NEVER_LOST = "never lost"  # reliable, in order; the sender waits for a slow subscriber
 QUERY = "query"  # a Zenoh get, answered by a queryable
+NEWEST_WINS = "newest wins"  # the sender does not wait, and a slow subscriber misses messages
 NEWEST = "never lost; newest wins in realtime"  # in realtime the sender does not wait, and a slow subscriber misses messages
 LIVELINESS = "liveliness"  # a Zenoh liveliness token
 
@@ -36,33 +37,33 @@ IF_HEARD = ", while a session subscribes"
 
 # fmt: off
 TABLE: dict[str, Key] = {
-    "velocity": Key("{prefix}/{robot}/velocity", wire.Velocity, "the client that drives the robot, or the session that holds its agent",
+    "velocity": Key("{prefix}/{body}/velocity", wire.Velocity, "the client that drives the robot, or the session that holds its agent",
                     _EVERY_TICK, NEVER_LOST,
                     "The velocity of the robot in the step from this tick to the next. While a session subscribes, physics also "
                     "publishes here the velocities that it received in `velocities`."),
-    "advice": Key("{prefix}/{robot}/advice", wire.Advice, "a client that drives a robot whose agent goes on", _EVERY_TICK, NEVER_LOST,
+    "advice": Key("{prefix}/{body}/advice", wire.Advice, "a client that drives a robot whose agent goes on", _EVERY_TICK, NEVER_LOST,
                   "The velocity of the robot in the step from this tick to the next, in place of that of its agent. See "
-                  "'To advise a robot' above."),
+                  "docs/protocol.md."),
     "velocities": Key("{prefix}/hosts/{session}/velocities", wire.Velocities, "a session that holds agents", _ASKED, NEVER_LOST,
                       "The velocities of all agents of a session in one message: the answer to `seen`."),
-    "pose": Key("{prefix}/{robot}/pose", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+    "pose": Key("{prefix}/{body}/pose", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                 "The pose of the robot at this tick, its velocity in the last step, and the body that is coupled to it, as its sensors "
                 "measure them: this is what agents use. They are the truth unless the scenario sets errors (`sensors`). Bins, people, "
                 "animals and weeds have no such sensors, and observe the truth."),
-    "truth": Key("{prefix}/{robot}/truth", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+    "truth": Key("{prefix}/{body}/truth", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                  "The same as it truly is, for viewers, loggers and evaluation, and not for agents. `picture`, `events`, `figures` and "
                  "the run's hash are of the truth too."),
-    "odometry": Key("{prefix}/{robot}/odometry", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+    "odometry": Key("{prefix}/{body}/odometry", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                     "The pose of the robot by its odometry alone, in its frame `odom` (REP-105): smooth, and drifting. `odom` is where "
                     "`map` is at tick 0. `hitch` is nil. The transform from `map` to `odom` is pose * odometry^-1."),
-    "scan": Key("{prefix}/{robot}/scan", wire.LaserScan, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
+    "scan": Key("{prefix}/{body}/scan", wire.LaserScan, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                 "The ranges that the laser of the robot measures at this tick, and those of the laser of its bin."),
     "clock": Key("{prefix}/clock", wire.Clock, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                  "Simulated time. Physics sends it after all poses and scans of its tick."),
     "seen": Key("{prefix}/hosts/{session}/seen", wire.Seen, "physics", _ASKED + IF_HEARD, NEWEST,
                 "For a session that holds agents: the poses and scans of those that are asked, so that it need not subscribe to "
                 "each. While an answer is missing physics sends it again, and the session must answer again."),
-    "mail": Key("{prefix}/{robot}/mail", wire.Letter, "any agent", "when it sends a request", QUERY,
+    "mail": Key("{prefix}/{agent}/mail", wire.Letter, "any agent", "when it sends a request", QUERY,
                 "A request to the agent of the robot. The host of that agent replies.", (wire.Received, wire.Answered)),
     "letters": Key("{prefix}/letters", wire.Letters, "physics", "in ticks with requests or answers" + IF_HEARD, NEVER_LOST,
                    "A copy of all requests and answers of a tick, for observers."),
@@ -81,6 +82,10 @@ TABLE: dict[str, Key] = {
                    "The figures of the run, and what each robot does."),
     "refused": Key("{prefix}/hosts/{session}/refused", wire.RefusedThere, "a host or the logger", "in ticks in which it refused messages",
                    NEVER_LOST, "How many messages this session has refused, by reason. Physics adds up the counts of all sessions."),
+    "refusals": Key("{prefix}/refusals", wire.Refusal, "physics", "when it refuses a message, once a second for each key and reason",
+                    NEWEST_WINS,
+                    "A message that physics did not apply: its key, the reason, and the session that sent it, if the message says so. "
+                    "At most 100 a second; `figures` has the count of all."),
     "left": Key("{prefix}/hosts/{session}/left", wire.Left, "a session that holds agents", "once, at its end", NEVER_LOST,
                 "The session leaves for good. Physics waits for that at the end: a session whose tokens are gone may only be cut off, and "
                 "then it has not heard the end."),
@@ -102,7 +107,7 @@ TABLE: dict[str, Key] = {
                             "Whether simulated time goes on. The key can also be queried, with an empty payload.", (wire.SimulationState,)),
     "set_simulation_state": Key("{prefix}/set_simulation_state", wire.SetSimulationState, "a client that may control the run",
                                 "at a user's request", QUERY,
-                                "Pause the run, let it play, or end it. Physics replies with the new state. See 'Pause and step' above.",
+                                "Pause the run, let it play, or end it. Physics replies with the new state. See docs/protocol.md.",
                                 (wire.SimulationState,)),
     "step_simulation": Key("{prefix}/step_simulation", wire.StepSimulation, "a client that may control the run", "at a user's request",
                            QUERY,
@@ -112,7 +117,7 @@ TABLE: dict[str, Key] = {
     "reset_simulation": Key("{prefix}/reset_simulation", wire.ResetSimulation, "a client that may control the run", "at a user's request",
                             QUERY,
                             "Begin the run again at tick 0, with the same scenario or another seed. Physics replies when it begins to do "
-                            "so, see 'Reset' above. Refused while a logger is there.",
+                            "so, see docs/protocol.md. Refused while a logger is there.",
                             (wire.SimulationState,)),
     "stop": Key("{prefix}/stop", wire.Stop, "a client that may stop robots", "in an emergency", QUERY,
                 "Stop robots in an emergency, or reset them. A stop overrides all velocities and deeds of all senders, and stays in "
@@ -134,7 +139,7 @@ TABLE: dict[str, Key] = {
 
 @lru_cache(maxsize=10_000)
 def _filled(template: str, prefix: str, name: str, session: str) -> str:
-    return template.format(prefix=prefix, robot=name, bin=name, name=name, session=session)
+    return template.format(prefix=prefix, body=name, agent=name, bin=name, name=name, session=session)
 
 
 class Keys:

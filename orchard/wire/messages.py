@@ -18,13 +18,13 @@ MOST_BODIES = 10_000
 
 # the longest descriptions of fields
 ALL_RANGES = "m, little-endian float32: for each body as many as its laser has beams; +inf for a beam without a return"
-ASKED = "lockstep: [to, sender, number] of each request of the tick before to these agents, heard now"
+ASKED = "lockstep: the requests of the tick before that these agents hear now"
 DEEDS = "couple, uncouple, flatten; physics decides whether each is done"
-DUE = "the agents that are asked at this tick: those of this session that do not hold, see 'Holds'"
+DUE = "its agents that are asked at this tick"
 HOLDER = "the session id in the sender's liveliness token; '' if the sender holds no agent"
-ONCE = "realtime; true: it drives for one step only, and only from the pose that it answers; false: until a newer velocity arrives"
+ONCE = "realtime; true: it drives for one step, from the pose that it answers; false: until a newer one"
 POSES = "x, y (m), yaw (rad) of each body, in the order of `agents` in the reply to `scenario`, little-endian float64"
-RANGE_MIN = "m, 0: the simulated laser has no blind zone, and every range down to 0 is valid"
+RANGE_MIN = "m, 0: the laser has no blind zone"
 RANGES = "m, little-endian float32, 4 bytes per beam; +inf for a beam without a return (REP-117)"
 ACCURACY = "m, standard deviation of the measured x and y; 0: exact"
 ACCURACIES = "name -> the same as `accuracy` in `pose`; only bodies whose poses are not exact"
@@ -188,13 +188,13 @@ class Report(SubMessage):
 
     deeds: Deeds = []
     doing: Annotated[Text, Meta(description="a short present participle: 'picking row 3'")] = ""
-    state: Annotated[State | None, Meta(description="the same for programs; nil: 'driving' while the robot moves, else 'resting'")] = None
+    state: Annotated[State | None, Meta(description="for programs; nil: 'driving' while it moves, else 'resting'")] = None
     waits_for: Annotated[Text, Meta(description="what it waits for, if it cannot continue")] = ""
     steps_done: Annotated[int, Meta(ge=0, le=MOST_STEPS, description="steps of its plan that it has finished")] = 0
-    mail: Annotated[bytes, Meta(max_length=64, description="digest of the mail that was delivered at this tick; empty without mail")] = b""
+    mail: Annotated[bytes, Meta(max_length=64, description="digest of the mail heard at this tick; empty without")] = b""
     memory: Annotated[Memory | None, Meta(description="the agent's memory, for the session that runs it next; nil: unchanged")] = None
     letters: Annotated[Written | None, Meta(description="a copy of its requests and answers of this tick; nil: none")] = None
-    hold: Annotated[Hold | None, Meta(description="until when it need not be asked, see 'Holds'; nil: it is asked at the next tick")] = None
+    hold: Annotated[Hold | None, Meta(description="until when it need not be asked; nil: it is asked at the next tick")] = None
 
 
 class Drive(SubMessage):
@@ -227,7 +227,7 @@ class Velocity(Message):
     angular: Angular
     holder: Holder = ""
     once: Once = False
-    report: Annotated[Report | None, Meta(description="the agent's report; a client that only drives leaves it out")] = None
+    report: Annotated[Report | None, Meta(description="of the agent; a client that only drives leaves it out")] = None
 
 
 class Advice(Message):
@@ -242,7 +242,7 @@ class Letter(Message):
 
     sender: Annotated[Name, Meta(description="the agent that asks")]
     number: Annotated[int, Meta(ge=0, lt=2**31, description="its number among the requests of the sender in that tick, from 0")]
-    body: Annotated[Request, Meta(description="see 'The requests' below")]
+    body: Annotated[Request, Meta(description="one of the requests")]
 
 
 class Received(Message, tag_field="type", tag="received"):
@@ -252,7 +252,7 @@ class Received(Message, tag_field="type", tag="received"):
 class Answered(Message, tag_field="type", tag="answered"):
     """Second reply to a request. Its tick is the one in which the request was heard: the tick of the request + 1."""
 
-    body: Annotated[Answer | None, Meta(description="see 'The answers' below; nil: the request was heard and gets no answer")]
+    body: Annotated[Answer | None, Meta(description="one of the answers; nil: the request was heard and gets no answer")]
 
 
 class Letters(Message):
@@ -417,6 +417,15 @@ class RefusedThere(RunMessage):
     """The numbers of messages that one host, or the logger, has refused."""
 
     counts: Annotated[Counts, Meta(description="reason -> how many since the session began")]
+
+
+class Refusal(Message):
+    """A message that physics has refused: it was not applied."""
+
+    key: Annotated[Text, Meta(description="the key on which it came")]
+    reason: Annotated[Reason, Meta(description="see 'What is refused' in keyspace.md")]
+    detail: Annotated[str, Meta(description="what is wrong with it")]
+    session: Annotated[str, Meta(description="its session: the one in its key, or its `holder`; '' if it names none")] = ""
 
 
 class Left(RunMessage):

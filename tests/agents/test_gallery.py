@@ -1,4 +1,4 @@
-"""The failures of docs/failures.md: each scenario jams as it is, with the words that the page shows, and finishes with its cure."""
+"""The failures of docs/traffic.md: each scenario jams as it is, with the words that the page shows, and finishes with its cure."""
 
 import re
 
@@ -8,7 +8,7 @@ from stage import Stage
 
 from orchard.field.scenario import Scenario, parse
 
-PAGE = "docs/failures.md"
+PAGE = "docs/traffic.md"
 FAILURES = ("head-on", "ring", "person", "early")
 
 
@@ -28,7 +28,7 @@ def scenario(name: str, cured: bool) -> Scenario:
 def test_each_failure_jams_and_says_how(name):
     stage = Stage(scenario(name, cured=False))
     stage.run_until(lambda: bool(stage.account.jam), 1500)
-    section = (ROOT / PAGE).read_text().split(f"```yaml {name}\n")[1].split("\n## ")[0]
+    section = (ROOT / PAGE).read_text().split(f"```yaml {name}\n")[1].split("\n### ")[0]
     shown = re.findall(r"^    (\w+ \(.*)$", section, re.M)
     assert shown
     assert [line for line in shown if line not in stage.account.jam] == [], stage.account.jam

@@ -74,7 +74,7 @@ def test_each_block_with_a_name_has_a_test_that_names_it():
 
 
 def test_the_scenario_in_the_documents_is_one():
-    assert parse(block("docs/scenario.md", "scenario")).rows == 8
+    assert parse(block("docs/reference.md", "scenario")).rows == 8
 
 
 def test_the_reference_of_the_library_has_all_names():
@@ -86,7 +86,8 @@ def test_the_summarys_document_has_all_its_keys(tmp_path):
     """Those of a local run, and six that only a recording or realtime adds."""
     request = RunRequest(HarvestOptions(mode="local", duration=0.5), Scenario(rows=3), None, tmp_path)
     summary, _ = harvest_locally(request, None, lambda *_: None)
-    table = [line.split(" | ")[0] for line in (ROOT / "docs" / "summary.md").read_text().splitlines() if line.startswith("| `")]
+    section = (ROOT / "docs" / "reference.md").read_text().split("\n## The summary\n")[1].split("\n## ")[0]
+    table = [line.split(" | ")[0] for line in section.splitlines() if line.startswith("| `")]
     assert sorted(key for line in table for key in re.findall(r"`(\w+)`", line)) == sorted([*summary, *KEYS_OF_SOME_RUNS])
 
 
@@ -98,7 +99,7 @@ def test_the_readmes_speeds_are_those_of_the_benchmarks():
 
 
 def test_the_results_of_the_soak_have_the_words_of_the_program_that_writes_them():
-    text = (ROOT / "docs" / "chaos.md").read_text()
+    text = (ROOT / "chaos" / "results.md").read_text()
     assert RECOVERY in text
     assert all(f"| {' | '.join(head)} |" in text for head in (HEAD, ENDURANCE_HEAD))
 
@@ -111,6 +112,31 @@ def test_the_files_that_the_readme_names_exist():
 def test_the_generated_files_are_what_the_code_says():
     for name, text in generated().items():
         assert (ROOT / name).read_text() == text, f"{name} is stale: make docs"
+
+
+def test_the_documents_are_few_and_each_says_for_whom_it_is():
+    pages = {path.name: path.read_text() for path in (ROOT / "docs").glob("*.md")}
+    assert len(pages) <= 16
+    assert sum(len(text.split()) for name, text in pages.items() if name != "messages.md") <= 24_000  # a table, made from the code
+    index = pages["index.md"]
+    assert [f":caption: {kind}" in index for kind in ("Tutorial", "How-to", "Explanation", "Reference")] == [True] * 4
+    assert [name for name in pages if not re.search(rf"^({name[:-3]}|# Orchard)$", index, re.M)] == []
+    for name, text in pages.items():
+        first = re.sub(r"^<!--.*?-->\n", "", text, flags=re.S).split("\n\n")[1]
+        assert first.startswith("For ") and "After this page you" in first, f"{name} does not say for whom it is"
+        assert "do not edit" not in re.sub(r"<!--.*?-->", "", text, flags=re.S), name
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_the_cells_of_tables_are_short(document):
+    lines = [line for line in (ROOT / document).read_text().splitlines() if line.startswith("|")]
+    assert [cell for line in lines for cell in line.strip("| ").split(" | ") if len(cell.split()) > 30] == []
+
+
+def test_the_changelog_is_short_and_names_the_version():
+    text = (ROOT / "CHANGELOG.md").read_text()
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert f"\n## {version}" in text and len(text.splitlines()) <= 60
 
 
 def test_the_map_of_the_code_names_every_package():

@@ -1,6 +1,7 @@
 """What pyproject.toml says of the package: ranges and exact versions agree, and all files of the package are in it."""
 
 import re
+import subprocess
 import tomllib
 from fnmatch import fnmatch
 from pathlib import Path
@@ -43,5 +44,11 @@ def test_every_file_of_the_package_that_is_no_code_is_installed():
     assert [file for file in files if not file.endswith(".py") and not any(fnmatch(file, pattern) for pattern in patterns)] == []
 
 
-def test_the_citation_names_the_version():
+def test_all_metadata_name_the_version():
     assert f"version: {PROJECT['version']}\n" in (ROOT / "CITATION.cff").read_text()
+    assert tomllib.loads((ROOT / "bridges" / "ros2" / "pyproject.toml").read_text())["project"]["version"] == PROJECT["version"]
+
+
+def test_the_quick_part_of_the_suite_is_there():
+    said = subprocess.run(["make", "--dry-run", "quick"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert [path for path in re.findall(r"tests/\S+", said) if not (ROOT / path).exists()] == []

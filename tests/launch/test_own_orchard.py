@@ -22,20 +22,20 @@ def imported(*words: object):
 
 def test_the_commands_of_the_document_import_and_harvest_the_sample(tmp_path):
     pytest.importorskip("pyproj", reason=NEEDS)
-    make, harvest = commands(block("docs/own-orchard.md", "own orchard"))
+    make, harvest = commands(block("docs/how-to.md", "own orchard"))
     make = [str(SAMPLE) if word.endswith(".geojson") else word for word in make]
     short = [*harvest, "--mode", "local", "--record", "none", "--duration", "2"]  # as it stands it only takes longer
     for words in (make, short):
         done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS)
         assert done.returncode == 0, done.stdout + done.stderr
     assert load(tmp_path / "te_puke.yaml").rows == 8
-    places = [sys.executable, "-c", block("docs/own-orchard.md", "places")]
+    places = [sys.executable, "-c", block("docs/how-to.md", "places")]
     done = subprocess.run(places, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS, env={"PYTHONPATH": str(ROOT)})
     assert done.stdout.startswith("block-3/1 (1892797.98"), done.stderr
 
 
 def test_the_scenario_in_the_document_is_one():
-    scenario = parse(block("docs/own-orchard.md", "surveyed"))
+    scenario = parse(block("docs/how-to.md", "surveyed"))
     assert scenario.survey is not None and [row.id for row in scenario.survey.rows] == ["A", "B", "C"]
 
 

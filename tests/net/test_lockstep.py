@@ -11,7 +11,7 @@ import time
 import msgpack
 import pytest
 from alone import AGENTS, SMALL, TICKS, TOY, local_hash
-from fleet import ROOT, until
+from fleet import ROOT, SECONDS, until
 
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
@@ -98,10 +98,11 @@ def test_a_robot_stands_until_someone_drives_it(fleet):
 def test_only_the_holder_drives_a_robot(fleet):
     fleet.physics(SMALL, "--absent", "picker_02", "--speed", "20")
     someone = fleet.client()
-    figures, clock = someone.hear("orchard/figures"), someone.hear("orchard/clock")
+    figures, clock, told = (someone.hear(f"orchard/{key}") for key in ("figures", "clock", "refusals"))
     fleet.host("--without", "picker_02", agents=TOY)
     tick = until(clock, lambda message: True)["tick"]
     someone.drive("picker_01", tick, 1.0)
+    someone.drive("picker_02", tick, 1.0, holder="me")
     someone.drive("picker_02", tick, 1.0, holder="me")
     someone.put("orchard/picker_02/velocity", tick=tick, linear={"x": 0.0, "y": 1.0}, angular={"z": 0.0})
     someone.put("orchard/picker_02/velocity", tick=tick + 10**6, linear={"x": 0.0}, angular={"z": 0.0})
@@ -109,8 +110,15 @@ def test_only_the_holder_drives_a_robot(fleet):
     someone.put("orchard/picker_99/velocity", tick=tick, linear={"x": 0.0}, angular={"z": 0.0})
     someone.put("orchard/picker_02/velocity", run="another", tick=tick, linear={"x": 0.0}, angular={"z": 0.0})
     wanted = {"not the holder", "not held", "out of bounds", "future tick", "malformed", "no such robot", "other run"}
-    refused = until(figures, lambda message: sum(message["messages_refused"].values()) >= len(wanted))["messages_refused"]
-    assert refused == dict.fromkeys(wanted, 1)
+    refused = until(figures, lambda message: sum(message["messages_refused"].values()) > len(wanted))["messages_refused"]
+    assert refused == dict.fromkeys(wanted, 1) | {"not held": 2}
+    said = [told.get(timeout=SECONDS) for _ in wanted]
+    assert {refusal["reason"]: refusal["key"] for refusal in said} == dict.fromkeys(wanted, "orchard/picker_02/velocity") | {
+        "not the holder": "orchard/picker_01/velocity",
+        "no such robot": "orchard/picker_99/velocity",
+    }
+    assert {refusal["reason"]: refusal["session"] for refusal in said} == dict.fromkeys(wanted, "") | {"not held": "me"}
+    assert told.empty(), "each key and reason once a second"
     fleet.world.signal(signal.SIGTERM)
     fleet.end()
 

@@ -71,6 +71,18 @@ def test_a_request_of_the_past_or_beyond_any_hold_is_dropped_at_once(tick):
     assert not query.replies
 
 
+def test_a_request_that_comes_after_its_copy_was_heard_is_no_fault():
+    """A host that joins hears the requests of two ticks from the copies; the queries may come later, in a run without any fault."""
+    box, query = mailbox(5), Query(letter(tick=5))
+    for tick in (5, 6, 7):
+        box.deliver(tick)
+        if tick < 7:
+            box.recall(tick)
+    box.hear("picker_01", query)
+    assert query.dropped and not query.replies
+    assert 5 not in [heard.tick for mail in box.deliver(8).values() for heard in mail.requests]
+
+
 def test_a_repeat_takes_the_place_of_what_it_repeats():
     box, first, second = mailbox(), Query(letter()), Query(letter())
     box.hear("picker_01", first)

@@ -306,6 +306,7 @@ def test_nobody_writes_what_is_anothers():
     control = {"orchard/set_simulation_state", "orchard/step_simulation", "orchard/reset_simulation"}
     may = {role.name for role in roles if control.intersection(rules.get(f"{role.name} ingress query", ()))}
     assert may == {"operator", "emergency-operator", "operating"}
+    assert not any("reset" in key for key in rules["emergency-operator ingress query"]), "it stops and pauses"
     assert "eve ingress put" not in rules and "eve ingress liveliness_token" not in rules
     assert rules["ros2 ingress put"] == rules["operating ingress put"] == [f"orchard/{MINE}/velocity", f"orchard/{MINE}/advice"]
     assert set(rules["ros2 ingress query"]) == {"orchard/scenario", "orchard/layout", "orchard/simulation_state"}

@@ -18,6 +18,7 @@ from orchard.field.scenario import to_yaml
 from orchard.net.mailbox import STALE_TICKS, LatestObservations, RealtimeMailbox
 from orchard.net.refusals import Refused
 from orchard.server.figures import RunFigures
+from orchard.server.lockstep import LockstepBarrier
 from orchard.server.realtime import SLACK, Delays, RealtimeBarrier, UnheldCommands
 from orchard.sim.physics import is_full
 from orchard.sim.snapshot import as_file, store
@@ -78,6 +79,20 @@ def test_a_robot_that_no_session_holds_moves_for_half_a_second_and_at_most_one_s
             tick += 1
             unheld.begin(tick)
     assert moved == steps
+
+
+@pytest.mark.parametrize("pause", [0.0001, 10.0], ids=["full speed", "a slow run"])
+def test_in_lockstep_a_robot_that_no_session_holds_moves_for_half_a_second_of_simulated_time(pause):
+    clock = Clock()
+    unheld, moved = UnheldCommands(clock, LockstepBarrier.watchdog), 0
+    unheld.take("picker_01", velocity(0, holder=""))
+    for tick in range(20):
+        moved += "picker_01" in unheld.actions(tick)
+        clock.now += pause
+        unheld.begin(tick + 1)
+    assert moved == 5
+    with pytest.raises(Refused, match="past tick"):
+        unheld.take("picker_01", velocity(15, holder=""))
 
 
 def test_the_newest_velocity_counts_although_it_is_late():

@@ -218,7 +218,7 @@ def finishes(scenario: Scenario) -> None:
 
 
 def test_our_agents_finish_a_harvest_with_the_rtk_of_the_documents():
-    finishes(with_changes(parse(block("docs/sensors.md", "rtk")), route="two-way"))
+    finishes(with_changes(parse(block("docs/reference.md", "rtk")), route="two-way"))
 
 
 @pytest.mark.soak

@@ -197,6 +197,17 @@ def test_keys_that_only_others_hear_are_read_by_the_same_rules(other):
 # -- over Zenoh
 
 
+@pytest.mark.parametrize("key", ["orchard/*", "orchard/**", "**", "orchard/comm$*", "orchard/set_$*", "orchard/st$*"])
+def test_a_query_with_wildcards_moves_nothing(fleet, key):
+    fleet.physics(SMALL, "--duration", "6")
+    someone = fleet.client()
+    for message in ({"command": "stop"}, {"state": "paused"}, {"stop": True, "names": []}):
+        replies = someone.ask(key, msgpack.packb({"run": fleet.run} | message))
+        assert replies and set(replies) == {"no such key"}
+    fleet.share(1)
+    assert fleet.end() == local_hash(SMALL, 60)
+
+
 def test_thousands_over_the_network_change_nothing(tmp_path, other):
     with ExitStack() as stack:
         fleet = Fleet(tmp_path, stack)

@@ -1,22 +1,30 @@
-"""keyspace.md and the code say the same, and the examples in it are what they claim to be."""
+"""keyspace.md, docs/messages.md, docs/asyncapi.json and the code say the same."""
 
+import base64
+import gzip
+import json
 import re
 from pathlib import Path
 
 import msgpack
 import pytest
+from jsonschema import Draft7Validator
 from msgspec import inspect
 
-from docs.keyspace import document
+from docs.keyspace import CLIENT, asyncapi, keyspace, messages
 from docs.message_examples import EXAMPLES
+from docs.message_fields import MEMBERS
 from orchard.wire.keys import TABLE, Keys
-from orchard.wire.types import SubMessage, read
 
-KEYSPACE = Path(__file__).parents[2] / "keyspace.md"
+SCHEMA = Path(__file__).parent / "asyncapi-3.0.0.schema.json.gz"  # of npm's @asyncapi/specs 6.11.1, Apache-2.0
+CONTRACT = json.loads(asyncapi())
+REFERENCE = messages()
 
 
-def test_keyspace_is_what_the_table_says():
-    assert KEYSPACE.read_text() == document(), "run: make docs"
+def test_keyspace_fits_into_sixteen_kilobytes_and_has_a_client_of_forty_lines_that_a_test_runs():
+    assert len(keyspace().encode()) <= 16_384
+    assert len(CLIENT.read_text().splitlines()) <= 40
+    assert CLIENT.read_text() in keyspace()
 
 
 def test_every_message_of_the_table_has_an_example():
@@ -24,14 +32,30 @@ def test_every_message_of_the_table_has_an_example():
     assert used == set(EXAMPLES)
 
 
-def test_the_hex_examples_are_these_messages():
-    blocks = re.findall(r"```hex\n([0-9a-f\n]+)```", KEYSPACE.read_text())
-    maps = [msgpack.unpackb(bytes.fromhex(block.replace("\n", ""))) for block in blocks]
-    shown = [type_ for key in TABLE.values() for type_ in dict.fromkeys((key.message, *key.replies)) if type_]
-    assert len(maps) == len(shown)
-    for map_, type_, block in zip(maps, shown, blocks, strict=True):
-        assert set(map_) >= {"run"}
-        assert read(bytes.fromhex(block.replace("\n", "")), type_) == EXAMPLES[type_]
+def test_the_contract_is_asyncapi_by_the_official_schema():
+    Draft7Validator(json.loads(gzip.decompress(SCHEMA.read_bytes()))).validate(CONTRACT)
+    assert set(CONTRACT["channels"]) == set(TABLE)
+
+
+def as_json(value):
+    """A message as its schema describes it: bytes are base64."""
+    if isinstance(value, dict):
+        return {key: as_json(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [as_json(part) for part in value]
+    return base64.b64encode(value).decode() if isinstance(value, bytes) else value
+
+
+@pytest.mark.parametrize("what", [what for what, key in TABLE.items() if key.message or key.replies])
+def test_each_message_of_a_recorded_run_is_valid_by_the_contract(other, what):
+    names = CONTRACT["channels"][what]["messages"]
+    schema = {"anyOf": [{"$ref": f"#/components/schemas/{name}"} for name in names], "components": CONTRACT["components"]}
+    validator = Draft7Validator(schema)
+    for _, payload in other[what]:
+        message = as_json(msgpack.unpackb(payload))
+        validator.validate(message)
+        assert not validator.is_valid(message | {"more": 1}), "an unknown field is refused"
+    assert other[what]
 
 
 def maps_in(type_):
@@ -59,11 +83,12 @@ def test_every_map_in_a_message_refuses_unknown_fields_as_keyspace_says(type_):
 
 
 @pytest.mark.parametrize("type_", EXAMPLES, ids=lambda type_: type_.__name__)
-def test_the_table_of_a_message_has_the_fields_of_every_map_in_it(type_):
-    table = KEYSPACE.read_text().split(f"**{type_.__name__}**")[1].split("For example")[0]
-    parts = [part for part in maps_in(inspect.type_info(type_)) if issubclass(part.cls, SubMessage)]
-    fields = [(part.cls.__name__, field.encode_name) for part in parts for field in part.fields]
-    assert [f"{name}.{field}" for name, field in fields if not re.search(rf"[`.]{field}[`.]", table)] == []
+def test_each_map_in_a_message_is_described_once_with_all_its_fields(type_):
+    for part in maps_in(inspect.type_info(type_)):
+        if part.cls not in MEMBERS:
+            (text,) = re.findall(rf"^### {part.cls.__name__}\n(.*?)(?=^##|\Z)", REFERENCE, re.M | re.S)
+            left_out = ("run", "tick") if part.cls in EXAMPLES else ()
+            assert [f.encode_name for f in part.fields if f.encode_name not in left_out and f"\n{f.encode_name}: " not in text] == []
 
 
 def test_keys_are_made_and_taken_apart():

@@ -50,13 +50,13 @@ def test_check_env_of_dispatch():
 
 
 def block(name):
-    """The text of a block of code of docs/gym.md."""
-    (text,) = re.findall(rf"^```python {name}\n(.*?)```$", (ROOT / "docs" / "gym.md").read_text(), re.M | re.S)
+    """The text of a block of code of docs/extending.md."""
+    (text,) = re.findall(rf"^```python {name}\n(.*?)```$", (ROOT / "docs" / "extending.md").read_text(), re.M | re.S)
     return text
 
 
 def test_ppo_learns_to_pick():
-    """The program of docs/gym.md. At most 15 m can be picked; a policy of random velocities picks less than 1 m."""
+    """The program of docs/extending.md. At most 15 m can be picked; a policy of random velocities picks less than 1 m."""
     found = {}
     exec(block("learn"), found)
     exam = found["picking"]()

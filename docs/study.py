@@ -71,8 +71,8 @@ The sentence is the answer: "{answer}" The lines of the table say why.
   robots, divided by the bins an hour: (10 x 15 + {carriers} x 6) / {rate} = {cost}.
 - **wait** is the mean time of a picker from its full bin to an empty one, s. **busy** is the share of their time that carriers are outside
   the queue.
-- **bound** is the [long-run rate](bounds.md#the-long-run-rate), with the share of it that the harvest reaches. **limit** is what allows no
-  more. **lost to** is the largest part of what the harvest [loses](bounds.md#what-a-harvest-loses), s.
+- **bound** is the [limit without traffic](bounds.md#the-limit-without-traffic), with the share of it that the harvest reaches. **limit** is
+  what allows no more. **lost to** is the largest part of what the harvest [loses](bounds.md#what-a-harvest-loses), s.
 - **checked** is the simulator's bins/h on the same seeds, and the difference from the fast model.
 - In the picture the band is the interval, the dotted line the bound, and the ring the best setting. A dashed line marks the knee: the
   fewest carriers from which on more of them gain under 1 %.

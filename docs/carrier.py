@@ -5,7 +5,7 @@ from math import degrees
 from orchard.agents import bin as bin_agent
 from orchard.agents import carrier as carrier_agent
 from orchard.agents import forecast, sense, steps, traffic
-from orchard.agents.robot import LOOK_AGAIN, PATIENCE, RECOVERY, Gate, Step
+from orchard.agents.robot import EXACT, LOOK_AGAIN, PATIENCE, RECOVERY, Gate, Step
 from orchard.agents.route import TOP, OneWay
 from orchard.agents.two_way import TwoWay
 from orchard.field import layout
@@ -134,7 +134,7 @@ _TOWING = f"""## Motion, towing, obstacles
   before and during the turn: one that was at distance d (centre to centre) in the tick of its answer cannot be in the circle for (d - radius - half its diagonal - {sense.MARGIN:g} m) / its maximum speed after it. One that does not answer is
   left to the lasers for {sense.SILENT_TICKS * TIME_STEP:g} s, and then asked again.
 - After a step that was not done they stand for {RECOVERY * TIME_STEP:g} s.
-- **Turns** are at most {EIGHTH:.6g} rad/s, drives at most {steps.CRUISE:g} m/s. In the last step a robot is slower, so that it ends at its target: nearer than {steps.EXACT:g} (m or rad) counts as there.
+- **Turns** are at most {EIGHTH:.6g} rad/s, drives at most {steps.CRUISE:g} m/s. In the last step a robot is slower, so that it ends at its target: nearer than {EXACT:g} (m or rad) counts as there.
   In realtime it must send this last step with `once`.
 """  # noqa: E501
 

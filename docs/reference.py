@@ -177,9 +177,11 @@ def _behaviours() -> str:
     rows = [
         ("time step", f"{TIME_STEP:g} s"),
         ("turn (`Face`)", f"{_of_pi(EIGHTH)} rad/s: {QUARTER / EIGHTH:g} s for 90 degrees; it ends exactly at a heading"),
-        ("drive (`DriveTo`)", f"""{steps.CRUISE:g} m/s to an absolute x or y, nearer than {steps.EXACT:g} m counts as there"""),
+        ("drive (`DriveTo`)", f"""{steps.CRUISE:g} m/s to an absolute x or y, nearer than {robot.EXACT:g} m counts as there"""),
         ("move to a point (`MoveTo`)", "first along the axis that the robot faces, then along the other"),
         ("realign (`Realign`)", "rotate to the nearest of NORTH, SOUTH, EAST and WEST until exact"),
+        ("back to the course", f"""a robot that something has moved or turned comes back before it goes on: to its heading, and aslant to its
+            line from {robot.LITTLE:g} m off it"""),
         ("obstacle ahead (pickers, carriers, tractor)", f"""the robot stands while something returns from the corridor ahead:
             {sense.STOP_DISTANCE:g} m deep, and on each side {sense.SIDE_MARGIN:g} m wider than robot or bin"""),
         ("obstacle in a turn", f"""the robot stands while something returns from what the turn still sweeps, with a margin of

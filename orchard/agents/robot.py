@@ -5,16 +5,28 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import msgspec
 
 from orchard.agents.place import Estimate, as_seen_from, place_of
-from orchard.agents.sense import Box, Bystander, Sighting, doubts, something_ahead, stop_zone, sweep_radius, turn_is_free, turn_zone
+from orchard.agents.sense import (
+    Box,
+    Bystander,
+    Sighting,
+    doubts,
+    something_ahead,
+    stop_zone,
+    sweep_radius,
+    turn_is_free,
+    turn_zone,
+    way_off,
+)
 from orchard.contract.agent import AHEAD, IN_TURN, MOST_HOLD, Action, Hold, Mail, Observation, State, may_hold
 from orchard.contract.messages import Answer, BinState, Claim, Couple, Places, Position, Request, StateRequest, Uncouple, Where
-from orchard.field.geometry import STILL, Pose, Twist
-from orchard.field.kinds import KINDS, TRAFFIC, kind_of
+from orchard.field.geometry import HEADINGS, STILL, Pose, Twist, angle_between, nearest_heading, to_frame
+from orchard.field.kinds import EIGHTH, KINDS, TRAFFIC, kind_of
+from orchard.field.scenario import TIME_STEP
 
 PATIENCE = 5  # ticks after which a question is asked again if it was not answered as hoped
 ASK = 2  # ticks from a question to its answer
@@ -22,6 +34,21 @@ GIVEN_BACK = 2  # ticks after a claim at which a robot may tell that it has give
 LOOK_AGAIN = 20  # ticks between two questions to a bin whether it is left: its picker needs 65 more to clear the way
 SURE = 3.0  # standard deviations of its position within which a robot takes itself to be
 RECOVERY = 10  # ticks for which a robot stands after a collision
+EXACT = 1e-9  # m or rad: nearer than this counts as there
+SLACK = 1e-6  # m or rad, far more than rounding: a motion acts again rather a tick too early than too late
+LITTLE = 0.02  # m off its course from which a robot comes back to it
+NEAR = 0.005  # m off its course at which it is back
+SLANT = 0.25  # rad, at most, to its course on the way back
+ABOUT = 0.02  # rad by which this may be off
+SHIFT = 0.2  # m/s of a robot that shifts its place
+
+
+class Course(msgspec.Struct):
+    """Where the plan has the robot stand, or the line on which it drives. What was moved or turned comes back to it."""
+
+    x: float  # m
+    y: float  # m
+    heading: str
 
 
 class RobotMemory(msgspec.Struct):
@@ -42,6 +69,7 @@ class RobotMemory(msgspec.Struct):
     asked: dict[str, int] = {}  # question -> tick at which the present step last asked it
     left: str = ""  # the bin that it has found left in its lane
     place: Estimate | None = None  # its estimate of its own pose; None if its receiver is exact
+    course: Course | None = None  # None: as the robot stands now
 
 
 class Gate(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -60,6 +88,7 @@ class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
     """
 
     ticks: ClassVar[int] = 0
+    keeps_course: ClassVar[bool] = False  # it moves along the robot's course, or turns it; after any other step that moves it is anew
 
     def act(self, robot: "PlanExecutor") -> bool:
         """Command `robot` for this tick. Return whether the step is done; it is called at every tick until then, or when its hold ends."""
@@ -102,6 +131,58 @@ class PlanExecutor:
     def turn(self, rate: float, left: float, blind_to: list[Box]) -> None:
         """Turn at this rate (rad/s) in this tick, unless something is in the part of the turn that is left (rad)."""
         self.action.twist, self._turn, self._blind_to = Twist(yaw=rate), left, blind_to
+
+    def turn_by(self, left: float, blind_to: list[Box]) -> None:
+        """Turn by what is left of a turn, rad, at pi/8 rad/s; slower in the last tick."""
+        self.turn(max(-EIGHTH, min(EIGHTH, left / TIME_STEP)), left, blind_to)
+        self.hold(int(max(0.0, abs(left) / TIME_STEP - EIGHTH - SLACK) / EIGHTH) + 1)
+
+    @property
+    def course(self) -> Course:
+        """Where the plan has the robot stand or drive."""
+        if self.memory.course is None:
+            self.memory.course = Course(self.pose.x, self.pose.y, nearest_heading(self.pose.yaw))
+        return cast(Course, self.memory.course)
+
+    def realigns(self, blind_to: list[Box], way: float = 1.0) -> bool:
+        """Whether the robot must turn before it goes on: to the heading of its course or, off its line, to one that leads back to it.
+
+        `way`: 1 forward; -1 back; 0: it has arrived, and only its heading counts.
+        """
+        _, left, off = self._off_course()
+        is_off = abs(left) > self.doubt + (LITTLE if abs(off) <= SLACK else NEAR)
+        slant = -way * max(-SLANT, min(SLANT, left)) if is_off else 0.0
+        if abs(slant - off) <= (ABOUT if slant else SLACK):
+            return False
+        if away := way_off(self.seen, slant - off):
+            self.move(Twist(x=away * SHIFT), [])
+        else:
+            self.turn_by(slant - off, blind_to)
+        return True
+
+    @property
+    def is_aligned(self) -> bool:
+        """Whether the robot has the heading of its course."""
+        return abs(self._off_course()[2]) <= SLACK
+
+    def _off_course(self) -> tuple[float, float, float]:
+        """How far the robot is off its course: m ahead, m to the left, and rad to the left."""
+        course = self.course
+        yaw = HEADINGS[course.heading]
+        return *to_frame(Pose(course.x, course.y, yaw), self.pose.x, self.pose.y), angle_between(yaw, self.pose.yaw)
+
+    def _comes_back(self) -> bool:
+        """Whether the robot stands off its course, and comes back: off its line it drives back aslant, and then ahead to its place."""
+        if self.memory.course is None or self.seen.accuracy:
+            return False
+        ahead, left, _ = self._off_course()
+        if self.realigns([], -1.0):
+            return True
+        is_off = abs(left) > (LITTLE if self.is_aligned else NEAR)
+        if not is_off and abs(ahead) <= (SLACK if self.memory.moving else LITTLE):
+            return False
+        self.move(Twist(x=-SHIFT if is_off else max(-SHIFT, min(SHIFT, -ahead / TIME_STEP))), [])
+        return True
 
     def hold(self, ticks: int = MOST_HOLD) -> None:
         """Say that the present step would command the same for so many ticks, unless it hears something or something gets in the way."""
@@ -171,11 +252,15 @@ class PlanExecutor:
             self.memory.asked = {}
             self.action.waits_for = ""
             self._timers, self._until = [], self.seen.tick + 1
-        if not self.memory.plan:
+        if not self.memory.plan and not self._comes_back():
             self.hold()
 
     def _act(self, step: Step) -> bool:
+        if not step.keeps_course and self._comes_back():
+            return False
         done = step.act(self)
+        if not step.keeps_course and self.action.twist != STILL:
+            self.memory.course = None
         if not may_hold(step):
             self._until = self.seen.tick + 1
         return done

@@ -63,14 +63,34 @@ def something_ahead(seen: Observation, blind_to: list[Box]) -> bool:
 
 def turn_is_free(seen: Observation, turn: float, blind_to: list[Box]) -> bool:
     """Whether nothing but the boxes `blind_to` returns from the area that robot and bin still sweep in a turn (rad, left is positive)."""
+    points, boxes = _around(seen, blind_to)
+    return not len(points) or not _swept(points, boxes, turn)
+
+
+def way_off(seen: Observation, turn: float) -> float:
+    """Return the way, 1 ahead or -1 back, off what touches a robot that cannot turn; 0 if it can, or if nothing is within the margin."""
+    points, boxes = _around(seen, [])
+    if not len(points) or not _swept(points, boxes, turn):
+        return 0.0
+    near = np.min([_gaps(points[:, 0], np.abs(points[:, 1]), box) for box in boxes], axis=0) < TURN_MARGIN
+    return 0.0 if not near.any() else -1.0 if points[near, 0].mean() > boxes[-1][0] / 2 else 1.0
+
+
+def _around(seen: Observation, blind_to: list[Box]) -> tuple[np.ndarray, list[tuple[float, float, float]]]:
+    """The returns that a turn could reach, (m, 2), and the boxes of robot and bin: x of the centre, half length, half width."""
     kind = KINDS[kind_of(seen.name)]
     boxes = [(0.0, kind.length / 2, kind.width / 2)]
     if seen.hitch is not None and kind.tows:
         boxes.append((-kind.tows, _BIN_HALF, _BIN_HALF))
     points = _not_on(_points_around(seen, kind, max(-x + half for x, half, _ in boxes) + 1.0), seen.pose, blind_to)
     reach = _reach(kind, len(boxes) > 1)
-    points = points[points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach]
-    return not len(points) or not _swept(points, boxes, turn)
+    return points[points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach], boxes
+
+
+def _gaps(ahead: np.ndarray, aside: np.ndarray, box: tuple[float, float, float]) -> np.ndarray:
+    """How far points are from a box, along its sides, m."""
+    x, half_length, half_width = box
+    return np.maximum(np.abs(ahead - x) - half_length, aside - half_width)
 
 
 def turn_zone(seen: Observation) -> Zone:
@@ -90,14 +110,19 @@ def _reach(kind: Kind, towing: bool) -> float:
 
 
 def _swept(points: np.ndarray, boxes: list[tuple[float, float, float]], turn: float) -> bool:
-    """Whether a box (x of its centre, half length, half width) contains any point at some time while the frame turns."""
+    """Whether a box (x of its centre, half length, half width) comes nearer to any point than the margin while the frame turns.
+
+    A point that is within the margin from the beginning counts only if it comes nearer still: a robot that touches may turn away.
+    """
     steps = int(abs(turn) / _SWEEP_STEP) + 1
     turned = np.array([repeatable.sin_cos(turn * i / steps) for i in range(steps + 1)])
     s, c = turned[:, :1], turned[:, 1:]  # a row for each step, a column for each point
     ahead, left = c * points[:, 0] + s * points[:, 1], np.abs(c * points[:, 1] - s * points[:, 0])
-    return any(
-        ((np.abs(ahead - x) < half_length + TURN_MARGIN) & (left < half_width + TURN_MARGIN)).any() for x, half_length, half_width in boxes
-    )
+    for box in boxes:
+        gaps = _gaps(ahead, left, box)
+        if (gaps < np.minimum(TURN_MARGIN, gaps[0])).any():
+            return True
+    return False
 
 
 def _points_around(seen: Observation, kind: Kind, radius: float) -> np.ndarray:

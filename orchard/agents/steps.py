@@ -7,35 +7,30 @@ right place after it was held up, or after its agent was started again.
 from collections.abc import Sequence
 from functools import cache, reduce
 from operator import or_
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 import msgspec
 from msgspec.structs import replace
 
-from orchard.agents.robot import ASK, PATIENCE, Gate, PlanExecutor, RobotMemory, Step
+from orchard.agents.robot import ASK, EXACT, LITTLE, PATIENCE, SHIFT, SLACK, Gate, PlanExecutor, RobotMemory, Step
 from orchard.agents.sense import Box
 from orchard.contract.agent import MOST_HOLD, State
 from orchard.contract.messages import BinState, CarrierComing, Confirm, EmptyBin, Here, No, StateRequest, Yes
 from orchard.field import repeatable
 from orchard.field.geometry import HEADINGS, STILL, Twist, angle_between, nearest_heading, to_frame
-from orchard.field.kinds import EIGHTH
 from orchard.field.picking import failure
 from orchard.field.scenario import TIME_STEP
 
-EXACT = 1e-9  # m or rad: nearer than this counts as there
-SLACK = 1e-6  # m or rad, far more than rounding: a motion acts again rather a tick too early than too late
 CRUISE = 1.0  # m/s
 SELDOM = 50  # ticks between two questions if the answer changes nothing
 LONGEST_WAIT = 300.0  # s in one step of a repair; a run is jammed after 600 s without progress
-NEAR = 0.01  # m: where a robot that searches for the coupling point counts as there
-SHIFT = 0.2  # m/s, of such a robot
+THERE = 0.01  # m: where a robot that searches for the coupling point counts as there
 PULL = 1.0  # m which it drives ahead to come to one side
 COUPLE = 2  # ticks to couple a bin: the robot must have stood for one tick
 UNCOUPLE = 4  # ticks to uncouple a bin, which stands two ticks after its robot
 TRIES = 5  # ticks for which it tries to couple in one place
 GRID = 0.14  # m from one place to the next: none of the area between is farther from a place than a bin can be coupled
 SEARCH = [(GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in (0, 1, -1, 2)]  # from the first, m
-LITTLE = 0.02  # m
 LOOK_AHEAD = 3.0  # s before a robot is at a gate, at which it asks for its places: earlier would keep others off them for nothing
 
 
@@ -60,19 +55,27 @@ class DriveTo(Step, frozen=True):
     frees: list[Gate] = []
     blind_to: list[Box] = []
     queueing: bool = False  #: to stand behind other robots is normal here, and is not reported
+    keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
         here, target = (robot.pose.x, self.x) if self.x is not None else (robot.pose.y, cast(float, self.y))
-        ahead = 1.0 if nearest_heading(robot.pose.yaw) in ("EAST", "NORTH") else -1.0
+        course = robot.course
+        ahead = 1.0 if course.heading in ("EAST", "NORTH") else -1.0
+        if self.x is not None:
+            course.x = here
+        else:
+            course.y = here
         for gate in self.frees:
             if ahead * (here - gate.at) > -EXACT:
                 robot.free(gate.places)
         left = ahead * (self._limit(robot, here, ahead, target) - here)
+        if robot.realigns(self.blind_to, 0.0 if left <= EXACT else 1.0):
+            return False
         if left <= EXACT:
             robot.hold()
             return ahead * (target - here) <= EXACT
         robot.move(Twist(x=min(self.speed, left / TIME_STEP)), self.blind_to, self.queueing)
-        robot.hold(self._ticks(robot, here, ahead, left))
+        robot.hold(self._ticks(robot, here, ahead, left) if robot.is_aligned else 1)
         return False
 
     @property
@@ -104,23 +107,21 @@ class Face(Step, frozen=True):
 
     heading: str
     blind_to: list[Box] = []
+    keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
         left = angle_between(robot.pose.yaw, HEADINGS[self.heading])
+        robot.course.heading = self.heading
         if abs(left) <= EXACT:
             return True
-        turn_on(robot, left, self.blind_to)
+        robot.turn_by(left, self.blind_to)
         return False
-
-
-def turn_on(robot: PlanExecutor, left: float, blind_to: list[Box]) -> None:
-    """Turn by what is left of a turn, rad, at pi/8 rad/s; slower in the last tick."""
-    robot.turn(max(-EIGHTH, min(EIGHTH, left / TIME_STEP)), left, blind_to)
-    robot.hold(int(max(0.0, abs(left) / TIME_STEP - EIGHTH - SLACK) / EIGHTH) + 1)
 
 
 class Realign(Step, frozen=True):
     """Turn on the spot to the nearest of the four headings, until exact."""
+
+    keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
         return Face(nearest_heading(robot.pose.yaw)).act(robot)
@@ -251,7 +252,7 @@ class Aim(Step, frozen=True):
         left = angle_between(robot.pose.yaw, self.yaw)
         if abs(left) <= EXACT:
             return True
-        turn_on(robot, left, [])
+        robot.turn_by(left, [])
         return False
 
 
@@ -263,7 +264,7 @@ class Shift(Step, frozen=True):
 
     def act(self, robot: PlanExecutor) -> bool:
         left, _ = to_frame(robot.pose, self.x, self.y)
-        if abs(left) <= NEAR or (robot.memory.moving and robot.seen.twist == STILL):
+        if abs(left) <= THERE or (robot.memory.moving and robot.seen.twist == STILL):
             return True
         robot.move(Twist(x=max(-SHIFT, min(SHIFT, left / TIME_STEP))), [])
         return False

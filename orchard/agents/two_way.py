@@ -6,9 +6,9 @@ docs/traffic.md explains it and shows why it cannot deadlock; `make docs` draws 
 from collections.abc import Sequence
 from typing import ClassVar
 
-from orchard.agents.robot import Gate, Step
+from orchard.agents.robot import LITTLE, Gate, Step
 from orchard.agents.route import OneWay, Road, Side
-from orchard.agents.steps import LITTLE, DriveTo, Face, Free, Need
+from orchard.agents.steps import DriveTo, Face, Free, Need
 from orchard.field.kinds import KINDS
 from orchard.field.queue import TOP_ROAD, TWO_WAY
 

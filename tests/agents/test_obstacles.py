@@ -111,6 +111,13 @@ def test_a_robot_cannot_leave_its_bin_behind():
     assert held.pose("picker_01").x == pytest.approx(ROW_WEST + 0.7)
 
 
+def test_a_robot_that_touches_something_may_turn_away_from_it_but_not_towards_it():
+    boxes = [(0.0, 0.9, 0.75)]
+    touched = np.array([[0.8, 0.76]])  # on its left, near its front
+    assert not sense._swept(touched, boxes, -0.3)
+    assert sense._swept(touched, boxes, 0.3)
+
+
 def test_without_a_bin_the_bar_holds_nobody():
     free = yard(("picker", Pose(0, 0, EAST)), ("bin", Pose(-2.25, 0, EAST)))
     free.drive(10, picker_01=AHEAD)
@@ -125,4 +132,5 @@ def test_a_turn_sweeps_nothing_beyond_its_reach_but_nearly_all_within(name, angl
     for metres, may_be_swept in ((reach, False), (reach - 3 * sense.TURN_MARGIN, True)):
         points = np.array([[metres * math.cos(angle), metres * math.sin(angle)]])
         assert may_be_swept or not sense._swept(points, boxes, turn)
-        assert not may_be_swept or sense._swept(points, boxes, 2.0 * PI)
+        is_clear = all(sense._gaps(points[:, 0], np.abs(points[:, 1]), box) >= sense.TURN_MARGIN for box in boxes)
+        assert not (may_be_swept and is_clear) or sense._swept(points, boxes, 2.0 * PI)

@@ -1,0 +1,74 @@
+"""Robots that something has turned or moved realign, come back to their line, and go on."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from stage import Stage, empty_orchard
+
+from orchard.agents.steps import DriveTo, Face, Wait
+from orchard.field.geometry import Twist
+from orchard.field.kinds import EIGHTH
+
+ROBOTS = ("picker_01", "picker_02", "carrier_01", "carrier_02", "tractor_01")
+
+
+def advise(stage: Stage, name: str, twist: Twist, ticks: int) -> None:
+    """Drive a robot with this velocity in place of its agent's, as advice does."""
+    engine = stage.local.engine
+    for _ in range(ticks):
+        answers = stage.local.ask()
+        own = answers.get(name) or replace(engine.actions[name], requests=[], answers=[])
+        engine.wake([name])
+        stage.account.update(stage.local.act({**answers, name: replace(own, twist=twist, hold=None, deeds=[])}))
+
+
+def turned(**off: float) -> Stage:
+    """A carrier on open ground that drives 30 m to the east, with its pose off by so much."""
+    stage = Stage(empty_orchard())
+    stage.put("carrier_01", -35.0, 29.0)
+    stage.give("carrier_01", [DriveTo(x=-5.0), Wait(1.0), Face("WEST")])
+    stage.run(1.0)
+    i = stage.world.index["carrier_01"]
+    for body in (i, stage.world.coupled[i]):
+        stage.world.pose[body] += (0.0, off.get("y", 0.0), off.get("yaw", 0.0) if body == i else 0.0)
+    stage.local.engine.wake(["carrier_01"])
+    return stage
+
+
+@pytest.mark.parametrize("off", [{"yaw": 0.01}, {"yaw": -0.3}, {"y": 0.3}, {"y": -0.05, "yaw": 0.2}])
+def test_a_robot_that_is_off_its_heading_or_its_line_comes_back_to_it(off):
+    stage = turned(**off)
+    stage.run_until(lambda: stage.pose("carrier_01")[0] >= -10.0, 60)
+    stage.assert_at("carrier_01", heading="EAST")
+    assert stage.pose("carrier_01")[1] == pytest.approx(29.0, abs=0.02)
+    stage.run_until(lambda: stage.pose("carrier_01")[0] == pytest.approx(-5.0, abs=1e-6), 20)
+
+
+def test_a_robot_that_stands_is_back_at_its_place_before_it_acts():
+    stage = turned()
+    stage.run_until(lambda: stage.pose("carrier_01")[0] == pytest.approx(-5.0, abs=1e-6), 60)
+    advise(stage, "carrier_01", Twist(x=0.5, yaw=0.2), 8)
+    stage.run_until(lambda: stage.doing("carrier_01") == "" and abs(stage.pose("carrier_01")[2]) > 3.0, 60)
+    assert stage.pose("carrier_01")[:2] == pytest.approx((-5.0, 29.0), abs=0.03)
+
+
+def harvest(route: str, name: str, tick: int, rate: float, ticks: int) -> None:
+    """Harvest four rows while one robot is turned once."""
+    stage = Stage(empty_orchard(rows=4, pickers=2, carriers=2, row_length=30.0, route=route, tractor=True))
+    stage.run(tick / 10)
+    advise(stage, name, Twist(yaw=rate), ticks)
+    stage.run_until(lambda: stage.local.engine.over, 1500)
+
+
+@settings(max_examples=15)
+@given(
+    st.sampled_from(["one-way", "two-way"]),
+    st.sampled_from(ROBOTS),
+    st.integers(5, 2500),
+    st.floats(-EIGHTH, EIGHTH),
+    st.integers(1, 10),
+)
+def test_a_harvest_in_which_advice_turns_a_robot_finishes(route, name, tick, rate, ticks):
+    harvest(route, name, tick, rate, ticks)

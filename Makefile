@@ -76,7 +76,7 @@ soak: $(VENV)/installed-dev  ## the long matrix of equal hashes
 chaos: $(VENV)/installed-dev  ## ten minutes of kills, freezes, cuts and nonsense, and 100,000 ticks: chaos/results.md; SECONDS=120 is the short one
 	$(RUN) -m chaos --seconds $(SECONDS)
 
-bench: $(VENV)/installed-dev  ## how fast it is, beside what else one could use: docs/benchmarks.md
+bench: $(VENV)/installed-dev  ## how fast it is, beside what else one could use: bench/results.md
 	$(RUN) -m bench
 
 docs: $(VENV)/installed-dev  ## all generated files, from the code and from what was measured

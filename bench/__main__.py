@@ -1,4 +1,4 @@
-"""Run all benchmarks, print the tables and write docs/benchmarks.md: `python -m bench`. It takes less than ten minutes."""
+"""Run all benchmarks, print the tables and write bench/results.md: `python -m bench`. It takes less than ten minutes."""
 
 import os
 from pathlib import Path
@@ -10,7 +10,7 @@ from bench.measure import STEPS, measure
 from bench.report import markdown
 from orchard.launch.supervisor import QUICK_TICKS
 
-TARGET = Path(__file__).parents[1] / "docs" / "benchmarks.md"
+TARGET = Path(__file__).with_name("results.md")
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""The results of the benchmarks as Markdown: docs/benchmarks.md."""
+"""The results of the benchmarks as Markdown: bench/results.md."""
 
 import os
 import platform
@@ -34,15 +34,14 @@ without drawing (`bench/field.py`). All simulators get the same places and veloc
 - In navground robots are discs, a tree is four walls, and numbers have single precision. Its lasers are called from Python one by one.
 - Stage is not in the package registry: its figures are quoted, from another run on a similar machine. Its mean error on hits is 3 cm at
   0.02 m and 12 cm at 0.1 m.
-- Our lockstep runs have all agents, mail and messages. With the peers no program reads the scans.
-- Gazebo was not measured: it computes contacts and joints in three dimensions. Here robots are boxes on flat ground.
+- Gazebo was not measured.
 
 `make bench` measures all of this again in less than ten minutes. It installs the other simulators into `.bench/`.
 """
 
 
 def markdown(results: Results) -> str:
-    """Return the text of docs/benchmarks.md."""
+    """Return the text of bench/results.md."""
     parts = [HEAD, _machine(results), _core(results), _goals(results), _program(results), METHOD]
     return "\n\n".join(part.strip() for part in parts) + "\n"
 

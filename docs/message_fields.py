@@ -8,7 +8,6 @@ from msgspec import inspect
 
 from orchard.contract.messages import FASTEST, Answer, Deed, Request
 from orchard.wire.messages import FARTHEST
-from orchard.wire.types import RunMessage
 
 UNIONS: dict[str, Any] = {"deeds": Deed, "requests": Request, "answers": Answer}
 WIDE = ((-FARTHEST, FARTHEST), (-FASTEST, FASTEST))  # bounds that docs/templates/messages.md names once
@@ -25,10 +24,11 @@ def struct_of(type_: type) -> inspect.StructType:
 def rows_of(type_: type) -> Iterator[tuple[str, str, str]]:
     """Yield (name, type, meaning) of the fields of a map, without `run` and `tick`, which the document explains once."""
     struct = struct_of(type_)
+    is_message = any(field.encode_name == "run" for field in struct.fields)
     if struct.tag_field and type_ not in MEMBERS:
         yield struct.tag_field, f"'{struct.tag}'", "which message this is"
     for field in struct.fields:
-        if not (issubclass(type_, RunMessage) and field.encode_name in ("run", "tick")):
+        if not (is_message and field.encode_name in ("run", "tick")):
             bare, note = _bare(field.type)
             yield field.encode_name, type_name(bare) + ("" if field.required else "?"), note
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from math import degrees
 from pathlib import Path
 
-from docs import scenario
+from docs import carrier, scenario
 from orchard.agents import bin as bin_agent
 from orchard.agents import robot, sense, steps, tractor, walker, weed
 from orchard.agents.route import OneWay
@@ -14,7 +14,7 @@ from orchard.field import placement
 from orchard.field.geometry import Rect
 from orchard.field.kinds import AROUND, EIGHTH, KINDS, LASER_RANGE, Kind, Laser
 from orchard.field.layout import Layout, lay_out
-from orchard.field.queue import BAY_STOP, PITCH, TOP_ROAD, TWO_WAY, USUAL_ROW, queue_of
+from orchard.field.queue import BAY_STOP, PITCH, TOP_ROAD, TWO_WAY, USUAL_ROW
 from orchard.field.repeatable import PI, QUARTER
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.field.survey import TRUNK
@@ -32,6 +32,11 @@ def _table(head: str, rows: Rows) -> str:
     lines = [titles, *rows]
     head, *body = (f"| {' | '.join(' '.join(cell.split()) for cell in line)} |" for line in lines)
     return "\n".join([head, f"|{'---|' * len(titles)}", *body])
+
+
+def _points_of(rows: Rows) -> str:
+    """A list of things and what they are."""
+    return "\n".join(f"- **{what}**: {' '.join(figure.split())}" for what, figure in rows)
 
 
 def _section(title: str, *parts: str) -> str:
@@ -77,7 +82,17 @@ def document() -> str:
     layout = lay_out(Scenario())
     route, other = OneWay(layout), TwoWay(lay_out(Scenario(route=TWO_WAY, carriers=10)))
     results = RESULTS.read_text().rstrip()
-    sections = _field(layout), _things(layout), _towing(), _laser(), _behaviours(), _work(), _places(route), _two_way(other)
+    sections = (
+        _field(layout),
+        _things(layout),
+        _towing(),
+        _laser(),
+        _behaviours(),
+        _work(),
+        _places(route),
+        carrier.chapter(),
+        _two_way(other),
+    )
     return "\n\n".join([HEAD, scenario.section(), results, *sections]) + "\n"
 
 
@@ -101,7 +116,7 @@ def _field(layout: Layout) -> str:
     text = f"""Fruit is not modelled. The code is `orchard/field/layout.py`. The table is for rows of {USUAL_ROW:g} m with the bay at its
 usual place. `row_length` moves the rows' east ends, and everything east of them; a line of trees then has as many trees as fit up to
 {field.LAST_TREE:g} m before the row's end. `bay` moves the bay east along the top road."""
-    return _section("The field", _table("what | figure", rows), text)
+    return _section("The field", _points_of(rows), text)
 
 
 def _things(layout: Layout) -> str:
@@ -113,7 +128,7 @@ laser sees them."""
 A place is free where the circle around the body is {placement.CLEAR:g} m away from all solid things. People and animals do not start on
 the queue lines in use, where the tractor drives ({_area(placement.TRACK)}), or within {placement.AHEAD_OF_PICKER:g} m ahead of a picker.
 More of them than have a place above start at random places, as weeds do."""
-    return _section("The things in it", _table(head, map(_kind_row, KINDS.items())), notes, _table("kind | start", _starts(layout)), starts)
+    return _section("The things in it", _table(head, map(_kind_row, KINDS.items())), notes, _points_of(_starts(layout)), starts)
 
 
 def _kind_row(item: tuple[str, Kind]) -> Sequence[str]:
@@ -180,8 +195,8 @@ def _behaviours() -> str:
         ("drive (`DriveTo`)", f"""{steps.CRUISE:g} m/s to an absolute x or y, nearer than {robot.EXACT:g} m counts as there"""),
         ("move to a point (`MoveTo`)", "first along the axis that the robot faces, then along the other"),
         ("realign (`Realign`)", "rotate to the nearest of NORTH, SOUTH, EAST and WEST until exact"),
-        ("back to the course", f"""a robot that something has moved or turned comes back before it goes on: to its heading, and aslant to its
-            line from {robot.LITTLE:g} m off it"""),
+        ("back to the course", f"""a robot that something has moved or turned comes back before it goes on: to its heading, and aslant to
+            its line from {robot.LITTLE:g} m off it"""),
         ("obstacle ahead (pickers, carriers, tractor)", f"""the robot stands while something returns from the corridor ahead:
             {sense.STOP_DISTANCE:g} m deep, and on each side {sense.SIDE_MARGIN:g} m wider than robot or bin"""),
         ("obstacle in a turn", f"""the robot stands while something returns from what the turn still sweeps, with a margin of
@@ -205,7 +220,7 @@ def _behaviours() -> str:
         ("weed", f"""flattened by what moved in the last step within {deeds.WEED_REACH:g} m of it; it asks when what it sees within
             {weed.NEAR:g} m changes"""),
     ]  # fmt: skip
-    return _section("The behaviours", _table("behaviour | rule", rows))
+    return _section("The behaviours", _points_of(rows))
 
 
 def _work() -> str:
@@ -221,11 +236,10 @@ def _work() -> str:
 3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and asks for an empty bin. After its last row
    it drives {OneWay.PARKED - OneWay.WAITING:g} m further with its empty bin, and stays there.
 4. With the dispatch policy `nearest`, the rule of the 2015 manual, the full bin calls all carriers every
-   {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself, with its distance by road, to the oldest
-   call only. The bin sends for the nearest one and asks it every {_seconds(bin_agent.ASK_AGAIN)} whether it still comes; after
-   {bin_agent.GIVE_UP} questions without an answer it calls anew. With any other policy bins report to the agent `dispatch`, which
-   asks all carriers, decides, and sends them. With `predictive`, the default, a bin reports before it is full, so that the carrier
-   arrives when it is ([dispatch policies](bounds.md#dispatch-policies)).
+   {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself to the oldest call. The bin sends for the
+   nearest one, asks it every {_seconds(bin_agent.ASK_AGAIN)} whether it still comes, and calls anew after {bin_agent.GIVE_UP} questions
+   without an answer. With any other policy bins report to the agent `dispatch`, which decides
+   ([dispatch policies](bounds.md#dispatch-policies)).
 5. The carrier leaves its empty bin on the picker's coupling point and tells the picker, which couples it. Then the carrier couples the
    full bin and takes it around the orchard to the bay.
 6. A full bin on a carrier is empty after {field.UNLOADING_SECONDS:g} s in which its centre is in the bay and both are at rest. The bay
@@ -265,7 +279,7 @@ south on the east side and north on the west side; distances before and past a l
 to the robot's centre. [traffic.md](traffic.md) has the plan, its reasons, and why robots cannot block each other for ever."""
     columns = [(name, f"{x:g}", f"{route.west.x(x):g}", note) for name, x, note in xs]
     lanes = _table("place at a lane | x, east | x, west | note", columns)
-    return _section("Places and roads: `one-way`", text, lanes, _table("what | figure", along))
+    return _section("Places and roads: `one-way`", text, lanes, _points_of(along))
 
 
 def _two_way(route: TwoWay) -> str:
@@ -287,16 +301,7 @@ def _two_way(route: TwoWay) -> str:
             at y = {route.MERGE_HOLD:g}; it has left it at y = {route.MERGE_CLEAR:g}"""),
         ("crossing in the north-west", f"""a full bin waits at y = {route.CROSSING_HOLD:g}, and has left it at y = {route.CROSSING_CLEAR:g};
             a delivery waits at x = {route.WEST_HOLD:g} until it faces south"""),
-        ("queue with 10 carriers", _queue(10)),
-        ("queue with 40 carriers", _queue(40)),
     ]  # fmt: skip
     text = """The lanes, and the places at a lane, are those of `one-way`; the west side is the east side mirrored. The code is
 `orchard/agents/two_way.py` and `orchard/field/queue.py`."""
-    return _section("Places and roads: `two-way`", text, _table("what | figure", rows))
-
-
-def _queue(carriers: int) -> str:
-    queue = queue_of(TWO_WAY, USUAL_ROW, 0.0, carriers)
-    assert queue is not None
-    lines = ", ".join(f"{y:g}" for y in queue.lines)
-    return f"lines at y = {lines}, each with {queue.places} places westward from x = {queue.head:g}"
+    return _section("Places and roads: `two-way`", text, _points_of(rows))

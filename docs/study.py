@@ -74,8 +74,7 @@ The sentence is the answer: "{answer}" The lines of the table say why.
 - **bound** is the [limit without traffic](bounds.md#the-limit-without-traffic), with the share of it that the harvest reaches. **limit** is
   what allows no more. **lost to** is the largest part of what the harvest [loses](bounds.md#what-a-harvest-loses), s.
 - **checked** is the simulator's bins/h on the same seeds, and the difference from the fast model.
-- In the picture the band is the interval, the dotted line the bound, and the ring the best setting. A dashed line marks the knee: the
-  fewest carriers from which on more of them gain under 1 %.
+- In the picture the band is the interval, the dotted line the bound, and the dashed line the knee: beyond it a carrier gains under 1 %.
 
 `*` marks the best setting; `=` marks those that cannot be told apart from it: choose among them by what the study does not know.
 
@@ -86,8 +85,7 @@ differences. It looks after 5, 10, 20, 40 and 80 replications, and leaves out wh
 truly best setting is at most 5 % (Holm's and Bonferroni's rules; `--confidence`). It ends when the best is certain, when all intervals are
 within 1 % of their means (`--within`), or when its time is used (`--budget`). If nothing is random, one run stands for all seeds.
 
-In 200 small studies, intervals of 95 % held the truth in 92.7 to 98.0 %, and the truly best setting was never left out
-(`python examples/interval_coverage.py` counts it).
+Intervals of 95 % held the truth in 92.7 to 98.0 % of 200 small studies (`python examples/interval_coverage.py`).
 
 A setting in which a harvest jams is out, and told. The fast model races, and the simulator confirms the best two
 ([how near it is](bounds.md#the-discrete-event-model)). `--model full` lets the simulator do all of it, which takes much longer; agents of

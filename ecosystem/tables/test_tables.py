@@ -16,8 +16,8 @@ ORCHARD = shlex.split(os.environ.get("ORCHARD", "orchard"))
 SECONDS = 300
 PAGE = (Path(__file__).parents[2] / "docs" / "how-to.md").read_text()
 BLOCKS = {name: text for name, text in re.findall(r"^```(?:python|sh) (\S+)\n(.*?)^```$", PAGE, re.M | re.S)}
-PROGRAMS = ("units", "waiting", "waiting-polars", "gantt", "roads")
-PICTURES = {"gantt": "gantt.png", "roads": "roads.png"}
+PROGRAMS = ("units", "waiting", "gantt")
+PICTURES = {"gantt": "gantt.png"}
 
 
 @pytest.fixture(scope="module")

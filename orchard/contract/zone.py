@@ -1,6 +1,6 @@
 """What a laser sees: which of its beams end in a box, and which side is freer. Agents and physics compute both to the same bit."""
 
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -34,7 +34,7 @@ class Zone(NamedTuple):
         return bool(np.count_nonzero(in_zone(seen.scan, KINDS[kind_of(seen.name)].laser, self)))
 
 
-@lru_cache(maxsize=8)  # there are five lasers
+@cache  # there is one laser for each kind of body
 def beams(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
     """Return cosine and sine of each beam's angle to the front, (beams,) each."""
     pairs = [repeatable.sin_cos(laser.first + i * laser.increment) for i in range(laser.beams)]

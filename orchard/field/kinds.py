@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from orchard.field.repeatable import PI
 
 
-@dataclass(frozen=True, eq=False)  # compared by identity: there are five, and they are keys of what is looked up often
+@dataclass(frozen=True, eq=False)  # compared by identity: there is one for each kind, and they are keys of what is looked up often
 class Laser:
     """A laser range finder: `beams` beams counter-clockwise from `first`, `increment` apart (rad), mounted `ahead` of the centre (m)."""
 

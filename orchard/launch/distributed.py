@@ -178,10 +178,11 @@ class _Launched:
         )
         self._start_logger()
         if given.web is not None:
-            from orchard.view.web import page_url
+            from orchard.view.web import live_lines
 
             self.supervisor.start(ProcessSpec(WEB_VIEWER, "orchard.view.web", [request.uri, "--port", str(given.web)]))
-            self.supervisor.say(f"Live: {page_url(given.web)}")
+            for line in live_lines(given.web):
+                self.supervisor.say(line)
         return open_viewer(request.uri) if given.view else None
 
     def _start_logger(self) -> None:

@@ -156,9 +156,9 @@ def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
         if recorder is not None:
             stack.callback(recorder.close)
         if options.web is not None:
-            from orchard.view.web import page_url, serve_web
+            from orchard.view.web import live_lines, serve_web
 
-            print_line(f"Live: {page_url(options.web)}")
+            print_line("\n".join(live_lines(options.web)))
             browser = stack.enter_context(serve_web(options.web, request.uri))
             stack.callback(browser.terminate)
         viewer = open_viewer(request.uri) if options.view else None

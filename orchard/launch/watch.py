@@ -7,7 +7,7 @@ from pathlib import Path
 from orchard.launch.terminal import print_error, print_line
 from orchard.net.endpoints import check_free
 from orchard.view.files import IN_A_BROWSER, viewer_program, window
-from orchard.view.web import page_url, serve_web
+from orchard.view.web import live_lines, serve_web
 
 
 def open_window(parts: Sequence[Path]) -> int:
@@ -26,12 +26,14 @@ def serve(parts: Sequence[Path], port: int) -> int:
     viewer_program()
     check_ports(port)
     with serve_web(port, *map(str, parts)) as server:
-        print_line(f"In a browser on this machine: {page_url(port)}")
-        print_line("Ctrl-C ends it.")
+        print_line("\n".join([*live_lines(port, "In a browser on this machine"), "Ctrl-C ends it."]))
         try:
-            return server.wait()
+            code = server.wait()
         finally:
             server.terminate()
+        if code:
+            print_error(f"the web viewer has ended with exit code {code}; is the recording whole? without --web it opens in a window")
+        return code
 
 
 def check_ports(port: int) -> None:

@@ -318,8 +318,11 @@ class Host:
                 raise Refused("no such key")
 
     def _take_query(self, question: Query) -> None:
-        name, what = self.keys.parts(question.key)
-        if what == "state":
-            self.states.tell(name, question)
-        else:
-            self.mailbox.hear(name, question)
+        match self.keys.parts(question.key):
+            case [name, "state"]:
+                self.states.tell(name, question)
+            case [name, "mail"] if "*" not in name:
+                self.mailbox.hear(name, question)
+            case _:
+                question.refuse("no such key")
+                raise Refused("no such key")

@@ -13,7 +13,7 @@ from orchard.net.bus import Bus
 from orchard.wire.codec import odometry_of, scan_of, seen_of
 from orchard.wire.keys import Keys
 from orchard.wire.messages import AskedOf, Clock, Lost, Stamp, Velocity
-from orchard.wire.types import Message
+from orchard.wire.types import Message, SubMessage
 
 log = logging.getLogger("orchard")
 
@@ -73,7 +73,7 @@ class Publisher:
         if self._is_heard(key := self._keys.of("velocity", name)):
             self._bus.publish(key, pack(velocity))
 
-    def _put(self, key: str, message: Message) -> None:
+    def _put(self, key: str, message: SubMessage) -> None:
         self._bus.publish(key, pack(message), self._newest_wins)
 
     def publish_lost(self, tick: int, released: dict[str, list[str]]) -> None:

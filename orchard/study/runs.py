@@ -121,7 +121,7 @@ class RunFailed(Exception):
 
 
 def do(run: PlannedRun, until: float) -> RunRecord | None:
-    """Do a run in a worker: see `Run.do`. Raises RunFailed."""
+    """Do a run in a worker: see `PlannedRun.do`. Raises RunFailed."""
     which = f"seed {run.scenario.seed}, {run.model} model, {run.scenario.dispatch}"
     try:
         return run.do(until)

@@ -39,9 +39,17 @@ def command(port: int, *what: str) -> list[str]:
     return [viewer_program(), "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), "--port", str(port + 1), *what]
 
 
+def live_lines(port: int, what: str = "Live") -> list[str]:
+    """Return what to tell a user of a viewer on a port: its address and, over ssh, how to reach it and its data from the own machine."""
+    there = os.environ.get("SSH_CONNECTION", "").split()[2:3]
+    forward = f"-L {port}:{LOOPBACK}:{port} -L {port + 1}:{LOOPBACK}:{port + 1}"
+    return [f"{what}: {page_url(port)}", *(f"Over ssh, first on your own machine: ssh -N {forward} {address}" for address in there)]
+
+
 def serve_web(port: int, *what: str) -> subprocess.Popen[bytes]:
     """Serve the viewer at `page_url(port)`. The caller ends the returned process with `terminate()`."""
-    line, null = [sys.executable, "-m", "orchard.view.web", *what, "--port", str(port)], subprocess.DEVNULL
+    shown = [each if "://" in each else str(Path(each).resolve()) for each in what]  # the server has another working directory
+    line, null = [sys.executable, "-m", "orchard.view.web", *shown, "--port", str(port)], subprocess.DEVNULL
     return subprocess.Popen(line, cwd=ROOT, start_new_session=True, stdin=subprocess.PIPE, stdout=null, stderr=null)
 
 

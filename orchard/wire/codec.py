@@ -47,7 +47,7 @@ def _sweep(laser: Laser, scan: np.ndarray | None) -> tuple[float, float, float, 
 def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> wire.LaserScan:
     """Return the message for the scan of an observation, and for the scan of its bin."""
     rear = None if seen.hitch is None or seen.hitch.scan is None else wire.Beams(*_sweep(rear_laser, seen.hitch.scan))
-    return wire.LaserScan(run, seen.tick, *_sweep(laser, seen.scan), rear)
+    return wire.LaserScan(*_sweep(laser, seen.scan), run, seen.tick, rear)
 
 
 def seen_of(run: str, seen: Observations, due: Sequence[str], asked: list[wire.AskedOf]) -> wire.Seen:

@@ -11,7 +11,7 @@ from msgspec import Meta, Raw
 from orchard.contract.agent import LARGEST_MEMORY, MOST_DEEDS, MOST_STEPS, Hold, State
 from orchard.contract.events import Event
 from orchard.contract.messages import FASTEST, Answer, Deed, Metres, Request, Text, Tick, Written
-from orchard.wire.types import Message, RunMessage, SubMessage
+from orchard.wire.types import Message, Run, RunMessage, SubMessage
 
 FARTHEST = 1e6  # m or m/s: no coordinate and no speed is larger
 MOST_BODIES = 10_000
@@ -128,15 +128,11 @@ class Beams(SubMessage):
     ranges: Ranges
 
 
-class LaserScan(Message):
+class LaserScan(Beams):
     """sensor_msgs/LaserScan in the frame of the laser, which is at the middle of the body's front edge (bins and weeds: at the centre)."""
 
-    angle_min: Annotated[Metres, Meta(description="rad, angle of the first beam; 0 is straight ahead")]
-    angle_max: Annotated[Metres, Meta(description="rad, angle of the last beam")]
-    angle_increment: Annotated[Metres, Meta(description="rad from one beam to the next")]
-    range_min: Annotated[Metres, Meta(description=RANGE_MIN)]
-    range_max: Annotated[Metres, Meta(description="m, range of the laser")]
-    ranges: Ranges
+    run: Run
+    tick: Tick
     rear: Annotated[Beams | None, Meta(description="for a robot that tows: the scan of its bin, around the bin's centre; else nil")] = None
 
 

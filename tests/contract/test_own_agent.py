@@ -45,16 +45,6 @@ def test_the_documents_agent_drives_a_picker(fleet):
     assert fleet.end() != local_hash(SMALL, 40)
 
 
-def test_the_documents_bare_client_drives_a_picker(fleet):
-    fleet.physics(SMALL, "--duration", "4")
-    fleet.host("--without", "picker_01")
-    code = block("docs/how-to.md", "bare zenoh")
-    assert "orchard." not in code.replace("orchard/", "")
-    assert len(code.splitlines()) <= 24
-    foreign(fleet, "-c", code.replace("tcp/127.0.0.1:7447", fleet.endpoint))
-    fleet.end()
-
-
 def test_a_client_that_knows_only_keyspace_drives_a_picker(fleet):
     fleet.physics(SMALL, "--duration", "4")
     fleet.host("--without", "picker_01")

@@ -1,4 +1,4 @@
-"""Tests against loss of speed. They compare processor times within one run, never with fixed seconds. Rates: docs/benchmarks.md."""
+"""Tests against loss of speed. They compare processor times within one run, never with fixed seconds. Rates: bench/results.md."""
 
 import sys
 import time

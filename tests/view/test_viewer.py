@@ -40,8 +40,8 @@ def told(stand_in: Path) -> list[str]:
 
 
 def run_py(*words: object) -> subprocess.CompletedProcess:
-    line = [sys.executable, "run.py", *map(str, words)]
-    return subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=SECONDS, env=os.environ | {"COLUMNS": "200"})
+    line = [sys.executable, str(ROOT / "run.py"), *map(str, words)]
+    return subprocess.run(line, capture_output=True, text=True, timeout=SECONDS, env=os.environ | {"COLUMNS": "200"})
 
 
 def test_without_the_variable_it_is_the_one_of_the_package(monkeypatch):
@@ -108,3 +108,16 @@ def test_a_recording_is_served_to_browsers_with_all_its_parts(stand_in, monkeypa
     assert done.returncode == 0, done.stderr
     assert f"http://127.0.0.1:{port}/" in done.stdout
     assert told(stand_in) == command(port, *map(str, parts))[1:]
+
+
+def test_a_recording_beside_the_user_is_served_over_ssh_too_and_a_server_that_fails_is_told(stand_in, monkeypatch, tmp_path):
+    monkeypatch.setenv("SSH_CONNECTION", "192.0.2.1 50000 192.0.2.2 22")
+    (tmp_path / "run.rrd").touch()
+    monkeypatch.chdir(tmp_path)
+    port = free_pair()
+    done = run_py("view", "run.rrd", "--web", port)
+    assert told(stand_in) == command(port, str(tmp_path / "run.rrd"))[1:], "the server has another working directory"
+    assert f"-L {port}:127.0.0.1:{port} -L {port + 1}:127.0.0.1:{port + 1} 192.0.2.2" in done.stdout
+    stand_in.write_text(f"#!{sys.executable}\nraise SystemExit(3)\n")
+    done = run_py("view", "run.rrd", "--web", port)
+    assert (done.returncode, "the web viewer has ended with exit code 3" in done.stderr) == (3, True)

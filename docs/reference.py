@@ -235,11 +235,9 @@ def _work() -> str:
    picked and the bin full.
 3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and asks for an empty bin. After its last row
    it drives {OneWay.PARKED - OneWay.WAITING:g} m further with its empty bin, and stays there.
-4. With the dispatch policy `nearest`, the rule of the 2015 manual, the full bin calls all carriers every
-   {_seconds(bin_agent.CALL_AGAIN)}. A free carrier at the head of a queue line offers itself to the oldest call. The bin sends for the
-   nearest one, asks it every {_seconds(bin_agent.ASK_AGAIN)} whether it still comes, and calls anew after {bin_agent.GIVE_UP} questions
-   without an answer. With any other policy bins report to the agent `dispatch`, which decides
-   ([dispatch policies](bounds.md#dispatch-policies)).
+4. The full bin gets a carrier, by the [dispatch policy](bounds.md#dispatch-policies) and the letters below: with `nearest` it calls again
+   every {_seconds(bin_agent.CALL_AGAIN)}, asks its carrier every {_seconds(bin_agent.ASK_AGAIN)}, and gives it up after
+   {bin_agent.GIVE_UP} questions.
 5. The carrier leaves its empty bin on the picker's coupling point and tells the picker, which couples it. Then the carrier couples the
    full bin and takes it around the orchard to the bay.
 6. A full bin on a carrier is empty after {field.UNLOADING_SECONDS:g} s in which its centre is in the bay and both are at rest. The bay

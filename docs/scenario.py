@@ -31,7 +31,7 @@ SCHEMA = "config/scenario.schema.json"
 
 def section() -> str:
     """Return the section of docs/reference.md."""
-    lines = ["| value | default | limits | meaning |", "|---|---|---|---|", *_lines(Scenario.model_json_schema())]
+    lines = ["| value | default; limits | meaning |", "|---|---|---|", *_lines(Scenario.model_json_schema())]
     return HEAD.format(schema=SCHEMA, table="\n".join(lines))
 
 
@@ -42,7 +42,7 @@ def _lines(schema: dict[str, Any], section: str = "", whole: dict[str, Any] | No
         if "$ref" in value:
             yield from _lines(whole["$defs"][value["$ref"].rsplit("/", 1)[1]], f"{section}{name}.", whole)
         else:
-            yield f"| `{section}{name}` | {_default(value)} | {_limits(value)} | {value['description']} |"
+            yield f"| `{section}{name}` | {_default(value)}; {_limits(value)} | {value['description']} |"
 
 
 def _default(value: dict[str, Any]) -> str:

@@ -24,6 +24,7 @@ from orchard.study.words import number_words
 
 ANSWER = Path(__file__).with_name("study.json")
 WIDTH = 100  # characters of the lines that the command prints
+SHOWN = ("1", "5", "10", "15", "20")  # carriers: the lines of its table that the document shows
 SCENARIO = """\
 rows: 20
 pickers: 10
@@ -55,7 +56,8 @@ The command says what varies, and what is best:
 {command}
 ```
 
-It needs the extra `study` ([install](how-to.md#install)). It took {took}, and printed:
+It needs the extra `study` ([install](how-to.md#install)). It took {took}, and printed this table,
+here with every fifth line:
 
 ```text
 {output}
@@ -69,11 +71,8 @@ The sentence is the answer: "{answer}" The lines of the table say why.
 
 - **bins/h** is the harvest's rate: its 20 bins, divided by its length. **a bin** is what a bin costs: the prices an hour of all
   robots, divided by the bins an hour: (10 x 15 + {carriers} x 6) / {rate} = {cost}.
-- **wait** is the mean time of a picker from its full bin to an empty one, s. **busy** is the share of their time that carriers are outside
-  the queue.
-- **bound** is the [limit without traffic](bounds.md#the-limit-without-traffic), with the share of it that the harvest reaches. **limit** is
-  what allows no more. **lost to** is the largest part of what the harvest [loses](bounds.md#what-a-harvest-loses), s.
-- **checked** is the simulator's bins/h on the same seeds, and the difference from the fast model.
+- **bound** is the [limit without traffic](bounds.md#the-limit-without-traffic), with the share of it that the harvest reaches. **limit** is what allows no
+  more. **lost to** is the largest part of what the harvest [loses](bounds.md#what-a-harvest-loses), s.
 - In the picture the band is the interval, the dotted line the bound, and the dashed line the knee: beyond it a carrier gains under 1 %.
 
 `*` marks the best setting; `=` marks those that cannot be told apart from it: choose among them by what the study does not know.
@@ -123,16 +122,7 @@ files of data that it reads are not looked at.
 `dask scheduler`, and on each machine `dask worker tcp://192.168.1.10:8786 --nthreads 1`, all with the same version of the Orchard. Add
 `--scheduler tcp://192.168.1.10:8786`. The clocks must agree within 2 s. The table is the same whatever the workers.
 
-## In Python
-
-```python
-from orchard.field.scenario import Scenario
-from orchard.study.study import StudyOptions, study
-
-if __name__ == "__main__":  # the workers are processes that import this file
-    result = study(Scenario(rows=3), {{"carriers": [1, 2]}}, StudyOptions(model="fast", budget_seconds=10))
-    print(result.answer)
-```
+In Python: `orchard.study.study.study(scenario, {{"carriers": [1, 2]}}, StudyOptions(...))`.
 """
 
 
@@ -173,10 +163,11 @@ def document() -> str:
 
 
 def _output() -> str:
-    """What the command prints."""
+    """What the command prints, with some of the lines of its table."""
     console = Console(width=WIDTH, file=io.StringIO(), record=True)
     console.print(as_table(result()))
-    lines = [*console.export_text().splitlines(), sentence(result()), *(f"- {note}" for note in result().notes)]
+    table = [line for line in console.export_text().splitlines() if not line[:1].isdigit() or line.split()[0] in SHOWN]
+    lines = [*table, sentence(result()), *(f"- {note}" for note in result().notes)]
     return "\n".join(line.rstrip() for line in lines)
 
 

@@ -1,6 +1,8 @@
-"""The folders in which the program writes for its user."""
+"""The folders in which the program writes for its user, and the files that it reads."""
 
+import errno
 import os
+import stat
 from pathlib import Path
 
 import platformdirs
@@ -18,3 +20,13 @@ def runs_folder(above: Path = ABOVE) -> Path:
     is_clone = (above / "run.py").is_file() and (above / "pyproject.toml").is_file()
     own = above if is_clone else platformdirs.user_data_path("orchard", appauthor=False)
     return Path(os.environ.get(RUNS) or own / "runs").absolute()
+
+
+def regular(path: str | Path) -> Path:
+    """Return the path of a file. Raises OSError if it is no regular file: from a named pipe or a device a read may never return."""
+    mode = os.stat(path).st_mode
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, "is no regular file")
+    return Path(path)

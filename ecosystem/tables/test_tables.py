@@ -16,8 +16,7 @@ ORCHARD = shlex.split(os.environ.get("ORCHARD", "orchard"))
 SECONDS = 300
 PAGE = (Path(__file__).parents[2] / "docs" / "how-to.md").read_text()
 BLOCKS = {name: text for name, text in re.findall(r"^```(?:python|sh) (\S+)\n(.*?)^```$", PAGE, re.M | re.S)}
-PROGRAMS = ("units", "waiting", "gantt")
-PICTURES = {"gantt": "gantt.png"}
+PROGRAMS = ("units", "waiting")
 
 
 @pytest.fixture(scope="module")
@@ -34,18 +33,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_the_programs_of_the_page_run(folder: Path, name: str) -> None:
-    environment = os.environ | {"MPLBACKEND": "Agg"}
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", BLOCKS[name]],
         cwd=folder,
         capture_output=True,
         text=True,
         timeout=SECONDS,
-        env=environment,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout or (folder / PICTURES[name]).stat().st_size > 5000
+    assert done.stdout
 
 
 def test_pandas_finds_what_the_summary_says(folder: Path) -> None:

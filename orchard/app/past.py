@@ -14,6 +14,7 @@ from orchard.app.draft import entries, flat, words_of
 from orchard.app.own_classes import own_classes
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, check
+from orchard.folders import regular
 from orchard.report.history import NAMES
 
 MOST = 200  # runs in the list
@@ -72,8 +73,8 @@ def past_runs(folder: Path) -> list[PastRun]:
 
 
 def _past_run(path: Path) -> PastRun | None:
-    with suppress(OSError, msgspec.DecodeError, ScenarioError):
-        record = msgspec.json.decode(path.read_bytes(), type=Record)
+    with suppress(OSError, msgspec.DecodeError, ScenarioError, OverflowError, RecursionError):
+        record = msgspec.json.decode(regular(path).read_bytes(), type=Record)
         return PastRun(path.stem, datetime.fromtimestamp(path.stat().st_mtime), record, check(record.scenario, path.name))
     return None
 

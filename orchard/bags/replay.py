@@ -18,6 +18,7 @@ from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, kind_of
 from orchard.field.problems import printable
 from orchard.field.scenario import Scenario, check
+from orchard.folders import regular
 
 SCENARIO = Topic("orchard/scenario", "std_msgs/msg/String", LATCHED)  # as JSON
 A_BAG = "a bag of ROS 2: an .mcap file, or the folder of a bag with its metadata.yaml"
@@ -63,7 +64,7 @@ def read_commands(bag: Path) -> Commands:
     """
     scenario, velocities, topics = None, dict[str, dict[int, Twist]](), list[str]()
     try:
-        with AnyReader([bag]) as reader:
+        with AnyReader([bag if bag.is_dir() else regular(bag)]) as reader:
             topics = sorted({f"{one.topic} ({one.msgtype})" for one in reader.connections})
             wanted = [one for one in reader.connections if one.topic == f"/{SCENARIO.name}" or _robot_of(one.topic, one.msgtype)]
             for connection, time, data in reader.messages(wanted) if wanted else ():  # of no connections it would yield all
@@ -73,7 +74,7 @@ def read_commands(bag: Path) -> Commands:
                     velocities.setdefault(robot, {})[tick] = _checked(twist, f"{bag}: {connection.topic}, tick {tick}")
                 else:
                     scenario = check(msgspec.json.decode(message.data), f"the scenario in {bag}")
-    except (AnyReaderError, ReaderError, OSError) as error:
+    except (AnyReaderError, ReaderError, OSError, msgspec.MsgspecError, RecursionError) as error:
         why = f"it cannot be read as a bag: {error}" if bag.exists() else "no such file or folder"
         raise ValueError(f"{bag}: {why}; expected {A_BAG}") from error
     if not velocities:

@@ -20,6 +20,7 @@ from orchard.field.problems import Problem, ScenarioError, key_text, printable, 
 from orchard.field.queue import LONGEST_ROW, SHORTEST_ROW
 from orchard.field.scenario import Scenario, check
 from orchard.field.survey import CLOSEST, FEWEST_ROWS, MOST_ROWS, SurveyedRow, faults_of
+from orchard.folders import regular
 
 STRAIGHT = 0.2  # m, at most, from a point of a row to its straight line, and to the direction of all rows
 LARGEST_FILE = 10_000_000  # bytes
@@ -77,7 +78,7 @@ def import_rows(path: Path, crs: str | None = None) -> Scenario:
 
 def _content(path: Path, file: str) -> dict[str, Any]:
     try:
-        with open(path, "rb") as opened:
+        with regular(path).open("rb") as opened:
             text = opened.read(LARGEST_FILE + 1)
         content = json.loads(text) if len(text) <= LARGEST_FILE else None
     except OSError as error:

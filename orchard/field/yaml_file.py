@@ -7,6 +7,7 @@ from typing import Any
 import yaml
 
 from orchard.field.problems import Lines, Problem, ScenarioError, dotted, key_text
+from orchard.folders import regular
 
 LARGEST_FILE = 65536  # bytes; a whole scenario needs less than 2,000
 DEEPEST = 8  # levels in a file; a scenario needs 3
@@ -21,7 +22,7 @@ def dump(values: dict[str, Any], **layout: Any) -> str:
 def read(path: str | Path, source: str) -> str:
     """Return the text of a file; `source` names it in errors. Raises ScenarioError."""
     try:
-        with open(path, "rb") as file:
+        with regular(path).open("rb") as file:
             content = file.read(LARGEST_FILE + 1)
     except FileNotFoundError:
         raise ScenarioError([Problem(source, "no such file")]) from None

@@ -8,6 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from orchard.folders import regular
 from orchard.study.runs import RunRecord, software
 
 APPLICATION = 0x4F524348  # "ORCH": SQLite keeps this number in the file's head, and so tells a store from other databases
@@ -114,10 +115,10 @@ def _column(name: str, type_: object) -> str:
 def _version(path: Path) -> str | None:
     """Return the version of a store; None for a file that is none. The file is only read."""
     try:
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+        with closing(sqlite3.connect(f"{regular(path).absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
             if database.execute("PRAGMA application_id").fetchone() != (APPLICATION,):
                 return None
             found = database.execute("SELECT version FROM software").fetchone()
             return None if found is None else str(found[0])
-    except sqlite3.Error:
+    except (OSError, sqlite3.Error):
         return None

@@ -3,6 +3,7 @@
 import http.client
 import socket
 import subprocess
+from urllib.request import urlopen
 
 import psutil
 import pytest
@@ -55,6 +56,11 @@ def answer(address, what, **names):
     status = link.getresponse().status
     link.close()
     return status
+
+
+def test_no_other_site_may_frame_the_page(server):
+    with urlopen(server[0]) as answered:
+        assert answered.headers["Content-Security-Policy"] == "frame-ancestors 'none'"
 
 
 @pytest.mark.parametrize("what", ASKED)

@@ -71,8 +71,8 @@ The sentence is the answer: "{answer}" The lines of the table say why.
 
 - **bins/h** is the harvest's rate: its 20 bins, divided by its length. **a bin** is what a bin costs: the prices an hour of all
   robots, divided by the bins an hour: (10 x 15 + {carriers} x 6) / {rate} = {cost}.
-- **bound** is the [long-run rate](bounds.md#the-long-run-rate), with the share of it that the harvest reaches. **limit** is what allows no
-  more. **lost to** is the largest part of what the harvest [loses](bounds.md#what-a-harvest-loses), s.
+- **bound** is the [limit without traffic](bounds.md#the-limit-without-traffic), with the share of it that the harvest reaches. **limit** is
+  what allows no more. **lost to** is the largest part of what the harvest [loses](bounds.md#what-a-harvest-loses), s.
 - In the picture the band is the interval, the dotted line the bound, and the dashed line the knee: beyond it a carrier gains under 1 %.
 
 `*` marks the best setting; `=` marks those that cannot be told apart from it: choose among them by what the study does not know.

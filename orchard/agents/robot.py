@@ -29,6 +29,8 @@ from orchard.field.kinds import EIGHTH, KINDS, TRAFFIC, kind_of
 from orchard.field.scenario import TIME_STEP
 
 PATIENCE = 5  # ticks after which a question is asked again if it was not answered as hoped
+ASK = 2  # ticks from a question to its answer
+GIVEN_BACK = 2  # ticks after a claim at which a robot may tell that it has given places back
 LOOK_AGAIN = 20  # ticks between two questions to a bin whether it is left: its picker needs 65 more to clear the way
 SURE = 3.0  # standard deviations of its position within which a robot takes itself to be
 RECOVERY = 10  # ticks for which a robot stands after a collision
@@ -82,8 +84,10 @@ class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
     """One step of a plan, as data. The class name identifies it in a memory's bytes.
 
     `act` is called at every tick. An own step that calls `robot.hold` is called less often if its class says `holds = True`.
+    `ticks`: what the step takes without traffic, beside drives and turns: for bins that are handled, and for answers.
     """
 
+    ticks: ClassVar[int] = 0
     keeps_course: ClassVar[bool] = False  # it moves along the robot's course, or turns it; after any other step that moves it is anew
 
     def act(self, robot: "PlanExecutor") -> bool:
@@ -343,8 +347,8 @@ class PlanExecutor:
         """Send traffic the places that are kept and wanted: when a place was given back, and again and again while one is wanted."""
         memory, since = self.memory, self.seen.tick - self.memory.claimed
         given_back = sorted(memory.agreed) != sorted(memory.held)
-        if (self.wanting and since >= PATIENCE) or (given_back and since >= 2):
+        if (self.wanting and since >= PATIENCE) or (given_back and since >= GIVEN_BACK):
             self.action.requests.append((TRAFFIC, Claim(keep=list(memory.held), want=list(self.wanting), beside=self._beside)))
             memory.claimed = self.seen.tick
         if self.wanting or given_back:
-            self._timers.append(memory.claimed + (PATIENCE if self.wanting and not given_back else 2))
+            self._timers.append(memory.claimed + (PATIENCE if self.wanting and not given_back else GIVEN_BACK))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 import msgspec
 from msgspec.structs import replace
 
-from orchard.agents.robot import EXACT, LITTLE, SHIFT, SLACK, Gate, PlanExecutor, RobotMemory, Step
+from orchard.agents.robot import ASK, EXACT, LITTLE, PATIENCE, SHIFT, SLACK, Gate, PlanExecutor, RobotMemory, Step
 from orchard.agents.sense import Box
 from orchard.contract.agent import MOST_HOLD, State
 from orchard.contract.messages import BinState, CarrierComing, Confirm, EmptyBin, Here, No, StateRequest, Yes
@@ -26,6 +26,8 @@ SELDOM = 50  # ticks between two questions if the answer changes nothing
 LONGEST_WAIT = 300.0  # s in one step of a repair; a run is jammed after 600 s without progress
 THERE = 0.01  # m: where a robot that searches for the coupling point counts as there
 PULL = 1.0  # m which it drives ahead to come to one side
+COUPLE = 2  # ticks to couple a bin: the robot must have stood for one tick
+UNCOUPLE = 4  # ticks to uncouple a bin, which stands two ticks after its robot
 TRIES = 5  # ticks for which it tries to couple in one place
 GRID = 0.14  # m from one place to the next: none of the area between is farther from a place than a bin can be coupled
 SEARCH = [(GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in (0, 1, -1, 2)]  # from the first, m
@@ -171,6 +173,7 @@ class Wait(Step, frozen=True):
 class Need(Step, frozen=True):
     """Stand until traffic has granted all these places. At most a partner shares them."""
 
+    ticks = ASK
     places: list[str]
 
     def act(self, robot: PlanExecutor) -> bool:
@@ -204,6 +207,7 @@ class Alone(Step, frozen=True):
 class Deliver(Step, frozen=True):
     """For carriers: leave the empty bin on the picker's coupling point, and repeat that to the picker until it has taken the bin."""
 
+    ticks = UNCOUPLE + PATIENCE + ASK
     picker: str
 
     def act(self, robot: PlanExecutor) -> bool:
@@ -270,6 +274,7 @@ class Shift(Step, frozen=True):
 class TakeBin(Coupling, frozen=True):
     """Couple the bin that stands behind the robot."""
 
+    ticks = COUPLE
     bin: str
 
     def act(self, robot: PlanExecutor) -> bool:
@@ -294,6 +299,8 @@ class Fill(Step, frozen=True):
 
 class LeaveBin(Step, frozen=True):
     """For pickers: uncouple the bin, and remember it as the full bin."""
+
+    ticks = UNCOUPLE
 
     def act(self, robot: PlanExecutor) -> bool:
         if robot.seen.hitch is None:
@@ -360,6 +367,8 @@ class Repair(Step, frozen=True):
 
 class Unload(Step, frozen=True):
     """For carriers: stand in the bay until the bin reports that it is no longer full."""
+
+    ticks = PATIENCE + ASK  # beside the unloading itself
 
     def act(self, robot: PlanExecutor) -> bool:
         answer = robot.ask(robot.seen.hitch.name, StateRequest()) if robot.seen.hitch else None

@@ -8,7 +8,7 @@ from orchard.field.kinds import KINDS
 from orchard.field.layout import TOP, X_WEST, Layout
 from orchard.report.bounds import Bounds
 from orchard.report.plan import COLOURS, orchard_plan
-from orchard.report.schedule import WORTH, Schedule
+from orchard.report.schedule import WORTH, enough_carriers, schedule_seconds
 from orchard.report.sentence import clock
 
 
@@ -17,14 +17,13 @@ def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
     scenario, trees = layout.scenario, [len(line.trees_x) for line in layout.lines]
     each = "{}" if min(trees) == max(trees) else "{} to {}"
     bins = sum(start.kind == "bin" for start in layout.starts)
-    schedule = Schedule(layout)
     more = f"for this harvest, without traffic: more shorten it by at most {WORTH:.0%}"
     return [
-        ("Long-run rate", f"{bounds.bins_per_hour:.1f} bins/h", "what this policy allows in a long harvest"),
-        ("Bottleneck", bounds.bottleneck, "the part that allows least in a long harvest"),
-        ("Schedule", clock(schedule.seconds(scenario.carrier_count)), "this harvest without traffic"),
+        ("Limit", f"{bounds.bins_per_hour:.1f} bins/h", "what this policy allows in a long harvest without traffic"),
+        ("Bottleneck", bounds.bottleneck, "the part that allows least"),
+        ("Schedule", clock(schedule_seconds(layout)), "this harvest without traffic"),
         ("Carriers", str(scenario.carrier_count), "as set" if scenario.carriers else "7 for every 10 pickers"),
-        ("Enough carriers", str(schedule.enough_carriers), more),
+        ("Enough carriers", str(enough_carriers(layout)), more),
         ("Bins", str(bins), f"one for each robot; the harvest fills {scenario.rows}"),
         ("Trees", str(sum(trees)), f"{len(trees)} lines of {each.format(min(trees), max(trees))}"),
         ("Harvest field", f"{layout.east - X_WEST:g} x {TOP - layout.bottom:.1f} m", "from fence to fence"),
@@ -60,7 +59,7 @@ class PlanView:
 
 
 class FiguresView:
-    """The derived figures, and the long-run rate that each part of the harvest allows as bars."""
+    """The derived figures, and what each part of the harvest allows in the long run as bars."""
 
     def __init__(self) -> None:
         self._tiles = ui.element("div").classes("tiles")
@@ -78,7 +77,7 @@ class FiguresView:
                     ui.label(note).classes("tile-note")
         self._bars.clear()
         with self._bars:
-            heading(2, "What each part allows in a long harvest, bins/h").classes("bars-title")
+            heading(2, "What each part allows without traffic, bins/h").classes("bars-title")
             for name, rate in bounds.terms.items():
                 _bar(name, rate, bounds.terms)
 

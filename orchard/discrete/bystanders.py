@@ -5,13 +5,13 @@ People and animals are taken as spread evenly within the fences. The constants a
 
 from math import inf, pi
 
+from orchard.agents.robot import ASK
 from orchard.agents.sense import MARGIN, bystanders_of, sweep_radius
 from orchard.field.kinds import KINDS, kind_of
 from orchard.field.layout import TOP, X_WEST, Layout
 from orchard.field.repeatable import draw, exponential
 from orchard.field.scenario import TIME_STEP
 
-ASK = 2  # ticks from a question to its answer: a robot asks where people and animals are before it turns
 MEETS_WITHIN = 5.6  # m: a robot stops once for each of them that is in a strip of this width along its way
 MEETING = 1.05  # s, mean time for which it then stands
 PASSING = 3.0  # s, mean time for which one of them stays within what a turn sweeps

@@ -11,9 +11,7 @@ from orchard.agents.routes import route_of
 from orchard.agents.steps import CRUISE
 from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.calls import Calls, Dispatched
-from orchard.discrete.lines import Lines
-from orchard.discrete.places import Reservations
-from orchard.discrete.robots import Robot
+from orchard.discrete.robots import Roads, Robot
 from orchard.field.kinds import DISPATCH, kind_of
 from orchard.field.layout import UNLOADING_SECONDS, Layout
 from orchard.field.rows import Block
@@ -27,10 +25,11 @@ MIDDLE = (0.3, 0.8)  # share of the bins before and up to which the long run is 
 class DiscreteHarvest:
     """One harvest. `run` does it; then `seconds` and `delivered` tell how it went."""
 
-    def __init__(self, layout: Layout, rows_each: int | None = None, calls: type[Calls] | None = None) -> None:
+    def __init__(self, layout: Layout, rows_each: int | None = None, calls: type[Calls] | None = None, free_roads: bool = False) -> None:
         """`rows_each`: how many rows each picker picks, its own again and again, for the long run; None: each of its own once.
 
         `calls`: what sends carriers; None: what the scenario says.
+        `free_roads`: each robot has the roads to itself: no other one is ever in its way.
 
         Raises ValueError for a scenario that the model cannot tell anything about: one with agents of the user's own, or with
         sensors that are not exact."""
@@ -41,7 +40,7 @@ class DiscreteHarvest:
             raise ValueError(f"the discrete-event model knows built-in agents only, and not {', '.join(sorted(own))}; run the simulator")
         self.layout, self.route, self.env = layout, route_of(layout), simpy.Environment()
         self.bystanders, self.exit = Bystanders(layout), layout.queue.area.east
-        self.reservations, self.lines, self.unloading_ticks = Reservations(self.env), Lines(), round(UNLOADING_SECONDS / TIME_STEP)
+        self.unloading_ticks = round(UNLOADING_SECONDS / TIME_STEP)
         self.deliveries: list[float] = []  # s, when each bin was unloaded
         self._full_since: dict[str, int] = {}  # picker -> tick at which its bin was full
         self._waits: list[int] = []  # ticks from a picker's full bin to its next empty one
@@ -50,7 +49,8 @@ class DiscreteHarvest:
         self.blocks = {name: _again(block, rows_each) for name, block in layout.blocks.items()}
         self._rows = {name: self._ends(block) for name, block in self.blocks.items()}
         starts = [start for start in layout.starts if start.kind in ("picker", "carrier")]
-        self.robots = {start.name: Robot(self, start.name, start.pose, start.bin) for start in starts}
+        roads = [Roads(self.env)] * len(starts) if not free_roads else [Roads(self.env) for _ in starts]
+        self.robots = {one.name: Robot(self, one.name, one.pose, one.bin, way) for one, way in zip(starts, roads, strict=True)}
         carriers = [robot for robot in self.robots.values() if kind_of(robot.name) == "carrier"]
         has_dispatcher = DISPATCH in scenario.bodiless_agents
         self.calls = (calls or (Dispatched if has_dispatcher else Calls))(self.env, self.route, carriers)

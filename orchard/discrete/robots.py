@@ -9,10 +9,10 @@ from typing import Any, Protocol, cast
 import simpy
 
 from orchard.agents import steps as st
-from orchard.agents.robot import PATIENCE, Gate, Step
+from orchard.agents.robot import ASK, PATIENCE, Gate, Step
 from orchard.agents.sense import SIDE_MARGIN
 from orchard.agents.traffic import is_alone
-from orchard.discrete.bystanders import ASK, Bystanders
+from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Reservations, at, first_of
 from orchard.field.geometry import HEADINGS, Pose, angle_between, nearest_heading
@@ -21,8 +21,6 @@ from orchard.field.scenario import TIME_STEP
 
 Events = Generator[simpy.Event, Any, None]
 NEAR = 1e-6  # m
-COUPLE = 2  # ticks to couple a bin: the robot must have stood for one tick
-UNCOUPLE = 4  # ticks to uncouple a bin, which stands two ticks after its robot
 SWUNG_AWAY = 0.4  # of a quarter turn, after which a robot's bin is no longer in the way of the one behind it
 BESIDE = KINDS["carrier"].width / 2 + KINDS["bin"].width / 2 + SIDE_MARGIN  # m from a line at which a robot is clear of it
 
@@ -31,8 +29,6 @@ class Model(Protocol):
     """What a robot knows of the harvest."""
 
     env: simpy.Environment
-    reservations: Reservations
-    lines: Lines
     robots: dict[str, "Robot"]
     unloading_ticks: int
     bystanders: Bystanders
@@ -50,14 +46,21 @@ class Model(Protocol):
     def until_left(self, bin_name: str) -> simpy.Event: ...
 
 
+class Roads:
+    """The roads: who has which place, and who follows whom."""
+
+    def __init__(self, env: simpy.Environment) -> None:
+        self.reservations, self.lines = Reservations(env), Lines()
+
+
 class Robot:
     """A robot and its plan."""
 
-    def __init__(self, model: "Model", name: str, pose: Pose, bin_name: str) -> None:
+    def __init__(self, model: "Model", name: str, pose: Pose, bin_name: str, roads: Roads) -> None:
         self.model, self.env, self.name, self.kind = model, model.env, name, KINDS[kind_of(name)]
         self.x, self.y, self.yaw = pose
         self.bin = bin_name
-        self.places = Claimant(model.env, model.reservations, name)
+        self.lines, self.places = roads.lines, Claimant(model.env, roads.reservations, name)
         self.line: Line | None = None  # on which it drives, or which its tail has not left
         self.end = 0.0  # up to where it drives there, in the line's direction, m
         self.is_across = False  # it has turned off its line, and its bin is no longer on it
@@ -151,7 +154,7 @@ class Robot:
             gate_at, ask, shut = self._next_gate(needs, here, step)
             if not arrived and here - left_at >= CLEAR - NEAR:
                 arrived = self._arrive(line, here)
-            before = self.model.lines.before(self, line, here)
+            before = self.lines.before(self, line, here)
             free_to = room(self, before) if before is not None else inf
             goal = min(target, gate_at, meeting)
             limit = min(goal, max(here, free_to))
@@ -238,7 +241,7 @@ class Robot:
 
     def _arrive(self, line: Line, at: float) -> bool:
         """Leave the line before, and be on this one."""
-        self.model.lines.enter(self, line, at)
+        self.lines.enter(self, line, at)
         self.line, self.end, self.is_across = line, at, False
         self._tell()
         return True
@@ -271,7 +274,7 @@ class Robot:
                 ticks -= floor(SWUNG_AWAY * ticks)
             elif self.is_across and self.line is not None and self._off(self.line) > BESIDE:
                 yield self.env.timeout(floor(SWUNG_AWAY * ticks))
-                self.model.lines.leave(self)
+                self.lines.leave(self)
                 self.line = None
                 self._tell()
                 ticks -= floor(SWUNG_AWAY * ticks)
@@ -343,7 +346,7 @@ class Robot:
 
     @do.register
     def _(self, step: st.Alone) -> Events:
-        while not is_alone(self.model.reservations.table, self.name, step.place):
+        while not is_alone(self.places.reservations.table, self.name, step.place):
             yield self.env.timeout(PATIENCE)
         if not is_alone(self.places.seen, self.name, step.place):
             yield self.env.timeout(ASK)
@@ -356,13 +359,13 @@ class Robot:
 
     @do.register
     def _(self, step: st.LeaveBin) -> Events:
-        yield from self._handle(UNCOUPLE)
+        yield from self._handle(st.UNCOUPLE)
         self.full_bin, self.bin, self.offered, self.carrier = self.bin, "", "", ""
         self.model.leave(self)
 
     @do.register
     def _(self, step: st.Deliver) -> Events:
-        yield from self._handle(UNCOUPLE)
+        yield from self._handle(st.UNCOUPLE)
         brought, self.bin = self.bin, ""
         picker = self.model.robots[step.picker]
         picker.taken.pop(brought, None)  # it may have had this bin before
@@ -393,12 +396,12 @@ class Robot:
 
     @do.register
     def _(self, step: st.TakeBin) -> Events:
-        yield from self._handle(COUPLE)
+        yield from self._handle(st.COUPLE)
         self.bin = step.bin
 
     @do.register
     def _(self, step: st.Unload) -> Events:
-        rest = self.model.unloading_ticks + UNCOUPLE - COUPLE  # the bin stands two ticks after its carrier
+        rest = self.model.unloading_ticks + st.UNCOUPLE - st.COUPLE  # the bin stands two ticks after its carrier
         yield self.env.timeout(ceil((rest - 1) / PATIENCE) * PATIENCE + ASK)
         self.model.deliver()
 

@@ -13,7 +13,7 @@ from orchard.field.kinds import ANIMALS, DISPATCH, PEOPLE, kind_of
 from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.report.bounds import Bounds
-from orchard.report.schedule import Schedule
+from orchard.report.schedule import schedule_seconds
 from orchard.sim.world import World
 
 JAM_SECONDS = 600.0  # without a metre picked or a step of work finished
@@ -90,8 +90,8 @@ def rows_picked(world: World) -> int:
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def _ideals(layout: Layout) -> tuple[Bounds, float]:
-    """The long-run rates of a layout, and the length of its harvest without traffic, s."""
-    return Bounds(layout), Schedule(layout).seconds(layout.scenario.carrier_count)
+    """What the parts of a harvest allow, and the length of its harvest without traffic, s."""
+    return Bounds(layout), schedule_seconds(layout)
 
 
 def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
@@ -112,7 +112,7 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "metres_picked": float(sum(world.row_picked.tolist())),
         "bins_delivered": world.delivered,
         "bins_per_hour": world.delivered / hours if hours else 0.0,
-        "long_run_bins_per_hour": bounds.bins_per_hour,
+        "limit_bins_per_hour": bounds.bins_per_hour,
         "schedule_sim_seconds": schedule,
         "bottleneck": bounds.bottleneck,
         "collisions": collisions(world),

@@ -29,11 +29,11 @@ def share_picked(metres: float, all_metres: float) -> str:
 
 
 def _finished(outcome: Outcome) -> str:
-    rate, long_run = outcome.bins_per_hour, outcome.long_run_bins_per_hour
-    limited_by = f"{outcome.bottleneck} limits" if outcome.bottleneck == "unloading" else f"the {outcome.bottleneck} limit"
+    rate, limit = outcome.bins_per_hour, outcome.limit_bins_per_hour
+    limited_by = outcome.bottleneck if outcome.bottleneck == "unloading" else f"the {outcome.bottleneck}"
     return (
         f"{outcome.rows_picked} of {outcome.rows} rows in {clock(outcome.sim_seconds)}, simulated: {rate:.1f} bins an hour, "
-        f"{100.0 * rate / long_run:.0f} % of the long-run rate of {long_run:.1f}, which {limited_by}"
+        f"{100.0 * rate / limit:.0f} % of the {limit:.1f} that {limited_by} would allow without traffic"
     )
 
 

@@ -13,7 +13,7 @@ UNITS = {
     "sim_seconds": "s",
     "wall_seconds": "s",
     "bins_per_hour": "bins/h",
-    "long_run_bins_per_hour": "bins/h, of this policy in a long harvest",
+    "limit_bins_per_hour": "bins/h, of this policy in a long harvest without traffic",
     "schedule_sim_seconds": "s, this harvest without traffic",
     "lost_seconds": "s, which add up to the harvest's length",
     "picker_waiting_seconds": "s, from a full bin to an empty one, mean",
@@ -25,7 +25,7 @@ UNITS = {
     "stopped_seconds": "s",
     "recording_gaps": "s, which no recording shows",
 }
-MAIN = ("rows_picked", "bins_delivered", "sim_seconds", "schedule_sim_seconds", "bins_per_hour", "long_run_bins_per_hour", "bottleneck",
+MAIN = ("rows_picked", "bins_delivered", "sim_seconds", "schedule_sim_seconds", "bins_per_hour", "limit_bins_per_hour", "bottleneck",
         "lost_seconds", "picker_waiting_seconds", "carrier_utilisation", "collisions")  # fmt: skip
 UNUSUAL = (
     "stopped_seconds",
@@ -55,7 +55,7 @@ class Outcome(msgspec.Struct):
     metres_picked: float
     bins_delivered: int
     bins_per_hour: float
-    long_run_bins_per_hour: Annotated[float, Meta(gt=0.0)]
+    limit_bins_per_hour: Annotated[float, Meta(gt=0.0)]
     bottleneck: str
     violations: list[str]
     broken_agents: list[str]

@@ -39,7 +39,7 @@ class Row:
     cost_per_bin: Interval | None  # None too if the scenario has no prices
     picker_waiting_seconds: float  # from a full bin to an empty one, mean
     carrier_utilisation: float  # share of the time outside the queue, 0 to 1
-    bound_bins_per_hour: float  # the long-run rate of this policy and route: orchard.report.bounds
+    bound_bins_per_hour: float  # what this policy and route allow without traffic: orchard.report.bounds
     bottleneck: str
     lost_seconds: dict[str, float] = field(default_factory=dict)  # s by cause, mean; of 5 harvests if rows are drawn: report.losses
     check: Check | None = None

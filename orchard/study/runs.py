@@ -94,7 +94,7 @@ class RunResult:
     bins_per_hour: float
     picker_waiting_seconds: float
     carrier_utilisation: float
-    bound_bins_per_hour: float  # the long-run rate in closed form, which `bottleneck` sets
+    bound_bins_per_hour: float  # what `bottleneck` allows in the long run without traffic
     bottleneck: str
     ended: Ended
     violations: str = ""  # a line for each
@@ -202,7 +202,7 @@ def _full(scenario: Scenario, until: float) -> RunResult | None:
         bins_per_hour=found["bins_per_hour"],
         picker_waiting_seconds=found["picker_waiting_seconds"],
         carrier_utilisation=found["carrier_utilisation"],
-        bound_bins_per_hour=found["long_run_bins_per_hour"],
+        bound_bins_per_hour=found["limit_bins_per_hour"],
         bottleneck=found["bottleneck"],
         ended="violated" if violations else "harvested" if engine.over else "jammed",
         violations="\n".join(violations),

@@ -29,13 +29,13 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
 }
 MEANING = (
     "* best; = cannot be told apart from it; ± interval of {confidence:g} % confidence; wait: of a picker for an empty bin; "
-    "busy: carriers outside the queue; bound: the long-run rate, bins/h, and what limits it; lost: the largest part; "
+    "busy: carriers outside the queue; bound: the limit without traffic, bins/h, and what sets it; lost: the largest part; "
     "runs: by the {models} model; checked: bins/h by the simulator, and the difference"
 )
 ONLY_IF_KNOWN = ("a bin", "checked", "lost to, s")  # columns that are left out if they have nothing in any row
 OF_ALL_JAMMED = ("bins/h", "bound", "limit", "runs", "model", "checked")  # what is known of a setting all of whose runs jammed
 WRAPPED = ("bins/h", "harvest, s", "a bin", "bound", "lost to, s", "runs", "checked")  # where the terminal is narrow
-LOSSES = ("structure", "traffic", "dispatch", "people_and_animals")  # parts of `lost_seconds` that are losses; `long_run` is the rest
+LOSSES = ("structure", "traffic", "dispatch", "people_and_animals")  # parts of `lost_seconds` that are losses; `limit` is the rest
 
 
 def words(result: StudyResult) -> tuple[list[str], list[list[str]]]:

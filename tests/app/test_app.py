@@ -89,11 +89,11 @@ def test_the_plan_and_the_figures_follow_every_change(browser):
     browser.fill("rows", 8)
     browser.until(lambda: browser.tree_lines() == 9, "a plan of 8 rows")
     assert browser.figure("Trees") == "108"
-    before = browser.figure("Long-run rate")
+    before = browser.figure("Limit")
     browser.fill("pickers", 8)
     browser.until(lambda: browser.figure("Carriers") == "6", "carriers follow the pickers")
     assert browser.figure("Bins") == "14"
-    assert browser.figure("Long-run rate") != before
+    assert browser.figure("Limit") != before
     assert browser.field("carriers").get_attribute("value") == "6"
     browser.click("[data-preset=default]")
     browser.until(lambda: browser.tree_lines() == 6, "the default plan again")

@@ -1,4 +1,4 @@
-"""The examples that compare: the closed form with the long run, the fast model with the simulator, intervals with the truth."""
+"""The examples that compare: the limit with the long run, the fast model with the simulator, intervals with the truth."""
 
 import re
 import subprocess
@@ -13,7 +13,7 @@ def printed(*arguments: str) -> str:
     return done.stdout
 
 
-def test_the_closed_form_stands_beside_the_long_run():
+def test_the_limit_stands_beside_the_long_run():
     said = printed("examples/long_run.py", "--rounds", "3", "4/2/1")
     assert len(re.findall(r"4/2/1 .* (?:carriers|pickers) .* [+-]\d+\.\d", said)) == 12
 

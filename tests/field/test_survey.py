@@ -13,7 +13,7 @@ from orchard.field.queue import ONE_WAY, TWO_WAY
 from orchard.field.scenario import Scenario, check, parse, to_short_yaml, to_yaml, with_changes
 from orchard.report.bounds import Bounds
 from orchard.report.plan import orchard_plan, present_plan
-from orchard.report.schedule import Schedule
+from orchard.report.schedule import schedule_seconds
 
 
 @settings(max_examples=20)
@@ -45,7 +45,7 @@ def test_surveyed_rows_are_harvested_to_the_end(route: str, ends: str):
     stage.assert_no_collisions()
     assert stage.world.row_picked.tolist() == [row.length for row in UNEQUAL]
     assert stage.world.delivered == len(UNEQUAL)
-    schedule, fast = Schedule(stage.world.layout).seconds(2), DiscreteHarvest(stage.world.layout).run().seconds
+    schedule, fast = schedule_seconds(stage.world.layout), DiscreteHarvest(stage.world.layout).run().seconds
     assert schedule == pytest.approx(stage.seconds, rel=0.1)
     assert fast == pytest.approx(stage.seconds, rel=0.01)
 

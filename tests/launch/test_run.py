@@ -73,7 +73,7 @@ def test_the_summary_tells_how_good_the_harvest_was(lockstep):
     assert summary["finished"] is True
     assert summary["rows_picked"] == summary["bins_delivered"] == summary["rows"] == 3
     assert summary["ticks"] == pytest.approx(10 * summary["sim_seconds"])
-    assert 0 < summary["bins_per_hour"] <= summary["long_run_bins_per_hour"]
+    assert 0 < summary["bins_per_hour"] <= summary["limit_bins_per_hour"]
     assert 0 < summary["schedule_sim_seconds"] <= summary["sim_seconds"]
     assert summary["bottleneck"] in ("pickers", "carriers", "unloading")
     assert 0 < summary["carrier_utilisation"] < 1

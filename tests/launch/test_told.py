@@ -49,7 +49,7 @@ def test_a_speed_that_was_not_kept_is_told(speed, before, wall_seconds, told):
 
 def test_ten_figures_are_shown_and_what_is_unusual():
     summary = dict.fromkeys(
-        ("hash", "seed", "rows_picked", "bins_delivered", "sim_seconds", "schedule_sim_seconds", "bins_per_hour", "long_run_bins_per_hour",
+        ("hash", "seed", "rows_picked", "bins_delivered", "sim_seconds", "schedule_sim_seconds", "bins_per_hour", "limit_bins_per_hour",
          "bottleneck", "picker_waiting_seconds", "carrier_utilisation", "collisions", "weeds_flattened"), 0)  # fmt: skip
     assert len(main_figures(summary)) == 10
     assert list(main_figures(summary | {"messages_refused": {}, "stopped_seconds": {"picker_01": 3.0}}))[10:] == ["stopped_seconds"]

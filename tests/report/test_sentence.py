@@ -5,7 +5,7 @@ from outcomes import harvested
 
 from orchard.report.sentence import clock, sentence
 
-WELL = "5 of 5 rows in 16:10 min, simulated: 18.6 bins an hour, 74 % of the long-run rate of 24.9, which the carriers limit"
+WELL = "5 of 5 rows in 16:10 min, simulated: 18.6 bins an hour, 74 % of the 24.9 that the carriers would allow without traffic"
 HALF = {"finished": False, "sim_seconds": 300.0, "rows_picked": 2, "metres_picked": 209.9, "bins_delivered": 0, "bins_per_hour": 0.0}
 HALVED = "after 5:00 min, simulated, before the harvest was finished: 59 % of 5 rows picked, 0 of 5 bins delivered"
 
@@ -14,7 +14,7 @@ HALVED = "after 5:00 min, simulated, before the harvest was finished: 59 % of 5 
     ("figures", "told"),
     [
         ({}, f"{WELL}."),
-        ({"bottleneck": "unloading"}, f"{WELL.replace('the carriers limit', 'unloading limits')}."),
+        ({"bottleneck": "unloading"}, f"{WELL.replace('the carriers', 'unloading')}."),
         ({"ended": "stopped"}, f"{WELL}."),  # Ctrl-C came when all was done
         ({"violations": ["a", "b"], "broken_agents": ["cat_01, since tick 9"]}, f"{WELL}; 2 violations; 1 broken agent."),
         (HALF | {"ended": "duration"}, f"Ended by --duration {HALVED}."),

@@ -18,16 +18,16 @@ from orchard.sim.engine import Engine
 from orchard.sim.kernels.cache import are_compiled
 from orchard.view.recorder import Recorder
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parent / "support"))
 os.environ |= QUICK_START | os.environ  # hundreds of processes follow
 
-import callers
-from alone import SMALL, TICKS, local_hash
-from corpus import recorded
-from farm import make_roles
+import calling_agents
 from fleet import Fleet
-from page import WINDOW, chromium_with, served
+from local_runs import SMALL, TICKS, local_hash
+from page_server import WINDOW, chromium_with, served
+from recorded_messages import recorded
 from scripted_orchard import ACTED_SECONDS, acted_layout, frames
+from secured_run import make_roles
 
 settings.register_profile("orchard", deadline=None)  # a time limit would depend on what else the machine does
 settings.load_profile("orchard")
@@ -75,7 +75,7 @@ def fleet(tmp_path):
 @pytest.fixture(scope="session")
 def undisturbed():
     """The hash of the small orchard's callers when nothing happens to them."""
-    return local_hash(SMALL, TICKS, callers.cast(lay_out(SMALL)))
+    return local_hash(SMALL, TICKS, calling_agents.cast(lay_out(SMALL)))
 
 
 @pytest.fixture(scope="session")

@@ -3,8 +3,8 @@
 from itertools import pairwise
 
 import pytest
-from guests import one_guest
 from msgspec.structs import replace
+from quiet_orchards import one_guest
 
 from orchard.agents.walker import Animal
 from orchard.contract.agent import Mail

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from sweeps import outline, swept, train
+from swept_areas import outline, swept, train
 
 from orchard.agents.route import OneWay
 from orchard.field.geometry import EAST, SOUTH, WEST

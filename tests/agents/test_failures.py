@@ -3,7 +3,7 @@
 from functools import cache
 
 import pytest
-from alone import local_hash
+from local_runs import local_hash
 from stage import NOBODY_ABOUT, Stage, empty_orchard
 
 from orchard import Local, Scenario

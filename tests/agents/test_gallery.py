@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from documents import ROOT, block
+from code_blocks import ROOT, block
 from stage import Stage
 
 from orchard.field.scenario import Scenario, parse

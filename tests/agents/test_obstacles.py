@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from bare_world import AHEAD, TURN_LEFT, picker_with_bin, train, yard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from raycaster import world_of
-from yard import AHEAD, TURN_LEFT, picker_with_bin, train, yard
 
 from orchard.agents import sense
 from orchard.field.geometry import EAST, Pose, Twist

@@ -1,7 +1,7 @@
 """The behaviour of workers and visitors."""
 
 import pytest
-from guests import one_guest
+from quiet_orchards import one_guest
 
 
 @pytest.mark.parametrize("kind", ["worker", "visitor"])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
+from made_surveys import Row, orchard_of, rows
 from stage import Stage, Standing, empty_orchard
-from surveys import Row, orchard_of, rows
-from sweeps import outline, swept, train
+from swept_areas import outline, swept, train
 
 from orchard.agents.robot import Step
 from orchard.agents.routes import route_of

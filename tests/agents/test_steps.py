@@ -1,7 +1,7 @@
 """The abilities of every robot: sense, turn, move, realign, tow a bin, and stand after a collision."""
 
 import pytest
-from guests import meadow, one_guest
+from quiet_orchards import meadow, one_guest
 from stage import Driven, Stage, Standing, empty_orchard
 
 from orchard.agents.robot import Step

@@ -1,7 +1,7 @@
 """The behaviour of the tractor."""
 
 import pytest
-from guests import meadow
+from quiet_orchards import meadow
 from stage import Driven, Standing
 
 from orchard.agents.walker import tell_where

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from guests import meadow
+from quiet_orchards import meadow
 from stage import empty_orchard
 
 from orchard.agents.walker import Person, WalkerMemory

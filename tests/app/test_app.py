@@ -7,7 +7,7 @@ from urllib.request import urlopen
 
 import psutil
 import pytest
-from page import ROOT, page, skip_without_packages, wait_for
+from page_server import ROOT, page, skip_without_packages, wait_for
 
 from orchard.field.scenario import Scenario, load
 from orchard.view.web import data_uri, free_pair, page_url, serve_web

@@ -4,9 +4,9 @@ import re
 import urllib.request
 
 import pytest
-from alone import local_hash
+from local_runs import local_hash
 from own_agents import Hostile
-from page import RUN_SECONDS, skip_without_packages
+from page_server import RUN_SECONDS, skip_without_packages
 
 from orchard.app.charts import FIGURES
 from orchard.field.scenario import Scenario, load
@@ -84,19 +84,19 @@ def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloa
     small.one("input[type=file]").send_keys(str(file))
     assert "subprocess.Popen is not in" in small.until(lambda: small.view("complaint").text, "a complaint")
     small.click("[data-view=complaint] button")
-    file.write_text("rows: 3\npickers: 3\nagents: {picker_01: tests.own_agents.Eastward}\n")
+    file.write_text("rows: 3\npickers: 3\nagents: {picker_01: tests.support.own_agents.Eastward}\n")
     for decision in ("refuse-classes", "trust-classes"):
         assert not small.view("classes").is_displayed(), "not before the user trusts the file"
         small.one("input[type=file]").send_keys(str(file))
         question = small.until(lambda: small.view("question").text, "a question")
-        assert "own.yaml runs code" in question and "picker_01: tests.own_agents.Eastward" in question
+        assert "own.yaml runs code" in question and "picker_01: tests.support.own_agents.Eastward" in question
         small.press(decision)
         small.until(lambda: not small.driver.find_elements("css selector", "[data-view=question]"), "the question is answered")
-    small.until(lambda: small.view("classes").text == "picker_01: tests.own_agents.Eastward", "the class is shown")
+    small.until(lambda: small.view("classes").text == "picker_01: tests.support.own_agents.Eastward", "the class is shown")
     small.fill("weeds", 7)
     small.fill("duration", 30)
     small.switch("fastest", True)
-    wanted = Scenario(rows=3, pickers=3, weeds=7, agents={"picker_01": "tests.own_agents.Eastward"})
+    wanted = Scenario(rows=3, pickers=3, weeds=7, agents={"picker_01": "tests.support.own_agents.Eastward"})
     assert load(small.saved(downloads)) == wanted
     small.press("run")
     small.tell_state("running")
@@ -110,7 +110,7 @@ def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloa
 
 def test_an_agents_hostile_words_are_only_words(small, tmp_path):
     file = tmp_path / "hostile.yaml"
-    file.write_text("rows: 3\npickers: 3\nagents: {picker_01: tests.own_agents.Hostile}\n")
+    file.write_text("rows: 3\npickers: 3\nagents: {picker_01: tests.support.own_agents.Hostile}\n")
     small.one("input[type=file]").send_keys(str(file))
     small.press("trust-classes")
     small.until(lambda: small.view("classes").is_displayed(), "the class is taken")

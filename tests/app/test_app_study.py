@@ -1,6 +1,6 @@
 """How many carriers? The page's study, as a person asks: a real server, the command `orchard study`, and headless Chromium."""
 
-from page import RUN_SECONDS, skip_without_packages
+from page_server import RUN_SECONDS, skip_without_packages
 from test_app_workbench import PHONE, as_phone, violations
 
 skip_without_packages()

@@ -5,7 +5,7 @@ import re
 from contextlib import contextmanager
 
 import pytest
-from page import skip_without_packages
+from page_server import skip_without_packages
 
 from orchard.field.scenario import Scenario
 from orchard.local import Local

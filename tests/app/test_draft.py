@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from surveys import UNEQUAL, orchard_of
+from made_surveys import UNEQUAL, orchard_of
 
 from orchard.app.draft import LABELS, Draft, entries, flat, title_of
 from orchard.app.latest import fresh_files
@@ -69,15 +69,15 @@ def test_what_is_no_number_stays_and_is_told(typed, told):
 
 
 def test_the_classes_of_a_scenario_survive_changes():
-    draft = Draft(Scenario(agents={"picker": "tests.own_agents.Eastward"}))
+    draft = Draft(Scenario(agents={"picker": "tests.support.own_agents.Eastward"}))
     draft.set("rows", "7")
-    assert draft.scenario == Scenario(rows=7, agents={"picker": "tests.own_agents.Eastward"})
+    assert draft.scenario == Scenario(rows=7, agents={"picker": "tests.support.own_agents.Eastward"})
     draft.drop_classes()
     assert draft.scenario == Scenario(rows=7)
 
 
 def test_a_survey_survives_changes_and_refuses_another_number_of_rows():
-    surveyed = orchard_of(UNEQUAL, agents={"picker": "tests.own_agents.Eastward"})
+    surveyed = orchard_of(UNEQUAL, agents={"picker": "tests.support.own_agents.Eastward"})
     draft = Draft(surveyed)
     draft.set("seed", "7")
     draft.drop_classes()
@@ -117,7 +117,7 @@ def test_a_link_is_checked_once_however_long_it_is(monkeypatch):
 
 
 def test_a_class_for_a_robot_that_is_gone_is_told():
-    draft = Draft(Scenario(pickers=3, agents={"picker_03": "tests.own_agents.Eastward"}))
+    draft = Draft(Scenario(pickers=3, agents={"picker_03": "tests.support.own_agents.Eastward"}))
     assert draft.scenario is not None
     draft.set("pickers", "2")
     assert draft.scenario is None
@@ -133,7 +133,13 @@ def test_own_classes_are_of_the_directory_of_the_start_and_none_runs_when_it_is_
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.syspath_prepend(str(tmp_path / "lib"))
     inside = {"picker": "mine.Picker", "carrier": "yours.there.Carrier", "bin": "mine:Bin"}
-    outside = {"tractor": "subprocess.Popen", "dog": "sys.exit", "cat": "numpy.load", "worker": "no.A", "weed": "tests.own_agents.Rude"}
+    outside = {
+        "tractor": "subprocess.Popen",
+        "dog": "sys.exit",
+        "cat": "numpy.load",
+        "worker": "no.A",
+        "weed": "tests.support.own_agents.Rude",
+    }
     outside["visitor"] = "deeper.Visitor"
     refused = from_elsewhere(own_classes(Scenario(agents=inside | outside)), tmp_path)
     assert [words.partition(":")[0] for words in refused] == list(outside)

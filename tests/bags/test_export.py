@@ -5,10 +5,10 @@ import sys
 
 import numpy as np
 import pytest
-from alone import SMALL
 from command_line import orchard
 from hypothesis import given
 from hypothesis import strategies as st
+from local_runs import SMALL
 from rosbags.highlevel import AnyReader
 
 from orchard.bags import bag as bags

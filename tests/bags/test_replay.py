@@ -4,8 +4,8 @@ import math
 from pathlib import Path
 
 import pytest
-from alone import SMALL, local_hash
 from command_line import orchard
+from local_runs import SMALL, local_hash
 from orchard_ros2 import messages, topics
 from test_export import TICKS, record
 

@@ -5,8 +5,8 @@ import random
 import msgpack
 import pytest
 import zenoh
-from alone import SMALL, TICKS, TOY
 from fleet import until
+from local_runs import SMALL, TICKS, TOY
 
 from orchard.wire.keys import TABLE
 

@@ -4,8 +4,8 @@ import re
 
 import pytest
 import unrepeatable
-from alone import SMALL, local_hash
 from command_line import orchard
+from local_runs import SMALL, local_hash
 
 from orchard.field.scenario import to_yaml
 from orchard.local import Local
@@ -70,7 +70,7 @@ def test_an_agent_that_local_mode_is_given_is_checked_too(caplog):
 def test_the_command_line_checks_agents_and_exits_with_1(mode, tick, seconds, tmp_path):
     """In realtime a busy host may leave the first ticks out."""
     path = tmp_path / "own.yaml"
-    path.write_text(to_yaml(SMALL.model_copy(update={"agents": {"picker_01": "tests.unrepeatable.Counting"}})))
+    path.write_text(to_yaml(SMALL.model_copy(update={"agents": {"picker_01": "tests.support.unrepeatable.Counting"}})))
     done = orchard(path, "--check-agents", "--mode", mode, "--duration", seconds, "--record", "none")
     said = done.stdout + done.stderr
     assert done.returncode == 1, said

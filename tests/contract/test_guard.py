@@ -8,9 +8,9 @@ import signal
 from enum import StrEnum
 
 import pytest
-from alone import SMALL
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from local_runs import SMALL
 
 from orchard.agents.catalogue import make_agents
 from orchard.contract.agent import Action, Heard, Mail, without_body

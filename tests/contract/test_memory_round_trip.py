@@ -7,7 +7,7 @@ from collections import defaultdict
 
 import msgspec
 import pytest
-from alone import SMALL, local_hash
+from local_runs import SMALL, local_hash
 
 from orchard.contract.agent import Action
 from orchard.local import Local

@@ -7,10 +7,10 @@ import sys
 
 import own_agents
 import pytest
-from alone import SMALL, local_hash
+from code_blocks import block
 from command_line import orchard
-from documents import block
 from fleet import ROOT, SECONDS
+from local_runs import SMALL, local_hash
 from recordings import texts_in
 
 from orchard.agents.catalogue import make_agents
@@ -48,7 +48,7 @@ def test_the_documents_agent_drives_a_picker(fleet):
 def test_a_client_that_knows_only_keyspace_drives_a_picker(fleet):
     fleet.physics(SMALL, "--duration", "4")
     fleet.host("--without", "picker_01")
-    assert foreign(fleet, str(ROOT / "tests" / "foreign_client.py"), fleet.endpoint, "picker_01") == "40 ticks answered\n"
+    assert foreign(fleet, str(ROOT / "tests" / "support" / "foreign_client.py"), fleet.endpoint, "picker_01") == "40 ticks answered\n"
     fleet.end()
 
 
@@ -150,7 +150,7 @@ def test_no_mistake_of_one_agent_changes_what_the_others_do_in_any_mode(fleet):
 
 
 def test_texts_of_agents_are_printable_wherever_a_person_reads_them(tmp_path, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", f"{ROOT}{os.pathsep}{ROOT / 'tests'}")
+    monkeypatch.setenv("PYTHONPATH", f"{ROOT}{os.pathsep}{ROOT / 'tests' / 'support'}")
     file, recording = tmp_path / "own.yaml", tmp_path / "run.rrd"
     file.write_text(to_yaml(scenario(picker_01="Injector")))
     done = orchard(file, "--hosts", 2, "--duration", 3, "--record", recording)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import own_agents
 import pytest
-from alone import SMALL, local_hash
+from local_runs import SMALL, local_hash
 
 from orchard.contract.agent import Action
 from orchard.contract.messages import Claim

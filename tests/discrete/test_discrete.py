@@ -126,4 +126,4 @@ def test_a_harvest_in_which_robots_wait_for_ever_ends_soon_and_is_not_over(monke
 
 def test_agents_of_the_users_own_need_the_simulator() -> None:
     with pytest.raises(ValueError, match=r"built-in agents only, and not picker_01; run the simulator"):
-        DiscreteHarvest(lay_out(orchard(agents={"picker_01": "tests.own_agents.Eastward"})))
+        DiscreteHarvest(lay_out(orchard(agents={"picker_01": "tests.support.own_agents.Eastward"})))

@@ -9,7 +9,7 @@ import sys
 import tomllib
 
 import pytest
-from documents import DOCUMENTS, ROOT, as_here, block, blocks_in
+from code_blocks import DOCUMENTS, ROOT, as_here, block, blocks_in
 
 import orchard
 from chaos.report import ENDURANCE_HEAD, HEAD, RECOVERY

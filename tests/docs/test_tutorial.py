@@ -4,9 +4,9 @@ import subprocess
 import sys
 
 import pytest
-from alone import local_hash
+from code_blocks import ROOT, block, blocks, commands
 from command_line import SECONDS, line_with, summary_of
-from documents import ROOT, block, blocks, commands
+from local_runs import local_hash
 
 from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import free_port

@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 import pytest
-from mistakes import refusal
+from scenario_mistakes import refusal
 
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, load, parse

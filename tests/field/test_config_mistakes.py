@@ -1,7 +1,7 @@
 """Every mistake in a scenario is named with its place, all of them at once."""
 
 import pytest
-from mistakes import refusal, refused
+from scenario_mistakes import refusal, refused
 
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import People, Scenario, parse

@@ -6,11 +6,11 @@ import math
 from pathlib import Path
 
 import pytest
-from documents import ROOT
+from code_blocks import ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_surveys import CIRCUIT, THERE, UNEQUAL, Row, points_of, rows, write_geojson
 from stage import Stage
-from surveys import CIRCUIT, THERE, UNEQUAL, Row, points_of, rows, write_geojson
 from test_layout import overlapping
 
 from orchard.field.geojson import import_rows

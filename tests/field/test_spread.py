@@ -6,7 +6,7 @@ from statistics import fmean, pstdev
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mistakes import refusal
+from scenario_mistakes import refusal
 
 from orchard.field.layout import lay_out
 from orchard.field.picking import failure, pace_of

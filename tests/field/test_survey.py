@@ -2,8 +2,8 @@
 
 import pytest
 from hypothesis import given, settings
+from made_surveys import UNEQUAL, Row, orchard_of, rows
 from stage import Stage
-from surveys import UNEQUAL, Row, orchard_of, rows
 from test_layout import overlapping
 
 from orchard.discrete.harvest import DiscreteHarvest

@@ -13,7 +13,7 @@ from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, with_changes
 from orchard.gym import Dispatching, dispatch_env
-from tests import own_policies
+from tests.support import own_policies
 
 SMALL = Scenario(rows=4, pickers=2)
 BIN = BinReport("bin_02", 3, "east", "picker_02", 20, 50.0, 4.0, 60.0)
@@ -106,9 +106,9 @@ def test_mistakes():
 def test_a_fault_of_an_own_policy_is_told_with_its_place(policy, fault, line):
     number = 1 + [text.strip() for text in Path(own_policies.__file__).read_text().splitlines()].index(line)
     with pytest.raises(RuntimeError) as told:
-        dispatch_env(with_changes(SMALL, dispatch=f"tests.own_policies.{policy}")).reset()
+        dispatch_env(with_changes(SMALL, dispatch=f"tests.support.own_policies.{policy}")).reset()
     words = str(told.value)
-    assert words.startswith(f"dispatch policy tests.own_policies.{policy}, tick ") and fault in words
+    assert words.startswith(f"dispatch policy tests.support.own_policies.{policy}, tick ") and fault in words
     assert words.endswith(f"({own_policies.__file__}, line {number})")
 
 

@@ -2,9 +2,9 @@
 
 import signal
 
-from alone import SMALL, local_hash
 from command_line import orchard
 from fleet import ROOT
+from local_runs import SMALL, local_hash
 
 from orchard.field.scenario import Scenario, to_yaml
 from orchard.launch import local_run
@@ -40,7 +40,7 @@ def test_ctrl_c_ends_the_endless_tick_of_an_agent_and_the_result_is_that_of_the_
 
 
 def test_ctrl_c_ends_an_agent_that_catches_everything_by_force(tmp_path, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", f"{ROOT}:{ROOT / 'tests'}")
+    monkeypatch.setenv("PYTHONPATH", f"{ROOT}:{ROOT / 'tests' / 'support'}")
     path = tmp_path / "scenario.yaml"
     path.write_text(to_yaml(SMALL.model_copy(update={"agents": {"picker_01": "own_agents.Stubborn"}})))
     done = orchard(path, "--mode", "local", "--record", "none", seconds=60.0)

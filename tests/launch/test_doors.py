@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from code_blocks import ROOT
 from command_line import SECONDS
-from documents import ROOT
 
 from orchard.folders import runs_folder
 from orchard.launch import terminal

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from alone import local_hash
 from command_line import ROOT, SECONDS, summary_of
+from local_runs import local_hash
 
 from orchard.field.scenario import Scenario
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import psutil
 import pytest
-from alone import SMALL, local_at, local_hash
 from command_line import ROOT, line_with, orchard, summary_of, wait_until_simulated
 from fleet import SECONDS
+from local_runs import SMALL, local_at, local_hash
 
 from orchard.field.scenario import to_yaml
 from orchard.launch import left_over

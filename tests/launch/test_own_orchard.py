@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from documents import ROOT, block, commands
+from code_blocks import ROOT, block, commands
 from typer.testing import CliRunner
 
 from orchard.field.scenario import load, parse

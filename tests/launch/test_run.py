@@ -9,8 +9,8 @@ from importlib import metadata
 
 import psutil
 import pytest
-from alone import SMALL, local_hash
 from command_line import SECONDS, orchard, running, summary_of, wait_until_simulated
+from local_runs import SMALL, local_hash
 from recordings import seconds_of
 
 from orchard.field.layout import lay_out

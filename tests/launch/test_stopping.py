@@ -9,8 +9,8 @@ from queue import SimpleQueue
 import msgpack
 import pytest
 import typer
+from code_blocks import block, commands
 from command_line import orchard, running, summary_of
-from documents import block, commands
 from fleet import Client, assert_goes_on, assert_stands, until
 
 from orchard.contract.messages import pack

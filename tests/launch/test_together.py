@@ -8,11 +8,11 @@ from typing import ClassVar
 
 import msgspec
 import pytest
-from alone import SMALL, local_hash
 from command_line import orchard, running, summary_of
 from fleet import Client, until
-from outcomes import harvested
+from local_runs import SMALL, local_hash
 from rich.console import Console
+from run_endings import harvested
 
 from orchard.contract.messages import pack
 from orchard.field.scenario import to_yaml

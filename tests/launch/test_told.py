@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from outcomes import harvested
+from run_endings import harvested
 
 from orchard.field.scenario import Scenario
 from orchard.launch.options import HarvestOptions

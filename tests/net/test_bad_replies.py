@@ -4,9 +4,9 @@ import math
 
 import msgpack
 import pytest
-from alone import SMALL
-from corpus import KEYS, Net, Query, Run, StandIn, oversized, rewritten
-from nonsense import RUN, bad, refusal_of
+from bad_messages import RUN, bad, refusal_of
+from local_runs import SMALL
+from recorded_messages import KEYS, Net, Query, Run, StandIn, oversized, rewritten
 
 from orchard.contract.messages import StateRequest, pack
 from orchard.net.bus import Replied

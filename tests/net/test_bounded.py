@@ -4,8 +4,8 @@ import socket
 from contextlib import ExitStack
 
 import msgpack
-from alone import SMALL
-from corpus import Run
+from local_runs import SMALL
+from recorded_messages import Run
 
 from orchard.net.bus import Alive, Sample, client, router
 from orchard.net.refusals import Refusals, Refused

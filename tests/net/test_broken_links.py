@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import msgpack
 import pytest
-from alone import SMALL, TICKS
-from callers import cast
-from corpus import HOST, KEYS, Net, Query, Run, StandIn
-from pretended import RUN
+from calling_agents import cast
+from local_runs import SMALL, TICKS
+from recorded_messages import HOST, KEYS, Net, Query, Run, StandIn
+from stand_ins import RUN
 
 from orchard.contract.messages import pack
 from orchard.net.bus import Alive, Inbox, Sample, Signal

@@ -8,7 +8,7 @@ from pathlib import Path
 import foreign_carrier
 import msgpack
 import pytest
-from alone import SMALL
+from local_runs import SMALL
 
 from orchard.agents.route import OneWay
 from orchard.contract.agent import Heard, Mail, Reply

@@ -10,8 +10,8 @@ import time
 
 import msgpack
 import pytest
-from alone import AGENTS, SMALL, TICKS, TOY, local_hash
 from fleet import ROOT, SECONDS, until
+from local_runs import AGENTS, SMALL, TICKS, TOY, local_hash
 
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
@@ -35,7 +35,7 @@ def test_agents_that_call_each_other_do_as_in_local_mode(fleet, undisturbed, hos
 
 def test_slow_agents_and_slow_handlers_change_nothing(fleet, undisturbed):
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
-    fleet.share(2, "callers:slow")
+    fleet.share(2, "calling_agents:slow")
     assert fleet.end() == undisturbed
 
 
@@ -62,7 +62,7 @@ def test_the_harvest_begins_as_in_local_mode(fleet):
 def test_soak_slow_harvesters_and_slow_handlers_change_nothing(fleet, seed, hosts):
     scenario = Scenario(rows=3, seed=seed)
     fleet.physics(scenario, "--duration", "300")
-    fleet.share(hosts, "callers:slow_harvesters")
+    fleet.share(hosts, "calling_agents:slow_harvesters")
     assert fleet.end(seconds=600.0) == local_hash(scenario, 3000)
 
 
@@ -158,13 +158,13 @@ def test_a_name_that_is_taken_is_refused_by_name(fleet):
 
 def test_the_robot_of_a_broken_agent_stands_and_the_others_go_on(fleet):
     fleet.physics(SMALL, "--duration", "2")
-    host = fleet.host(agents="callers:broken")
+    host = fleet.host(agents="calling_agents:broken")
     code, _, _ = fleet.world.end()
     assert code == 1, "a broken agent is not a good run"
     code, _, err = host.end(10.0)
     assert code == 0
     assert err.count("picker_01 raised an error at tick 0") == 1
-    assert "callers.py" in err
+    assert "calling_agents.py" in err
 
 
 # -- comings and goings

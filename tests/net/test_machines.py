@@ -7,10 +7,10 @@ import subprocess
 from contextlib import ExitStack
 
 import pytest
-from alone import SMALL, local_hash
+from code_blocks import block, commands
 from command_line import line_with, orchard, starting, summary_of
-from documents import block, commands
 from fleet import ROOT, SECONDS, Process
+from local_runs import SMALL, local_hash
 from machines import machines, needs_machines, within
 
 from orchard.field.scenario import Scenario, to_yaml

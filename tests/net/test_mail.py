@@ -1,7 +1,7 @@
 """The rules of lockstep without a network: mail, which session holds which agent, and velocities that physics does not wait for."""
 
 import pytest
-from pretended import RUN, Clock, Query, heard_at, letter, roster
+from stand_ins import RUN, Clock, Query, heard_at, letter, roster
 
 from orchard.contract.agent import MOST_HOLD, Action, Heard
 from orchard.contract.mail import LocalMail

@@ -5,8 +5,8 @@ import time
 from contextlib import suppress
 
 import pytest
-from alone import SMALL, TICKS, TOY
 from fleet import until
+from local_runs import SMALL, TICKS, TOY
 from machines import machines, needs_machines, slowed, unplugged, within
 
 from chaos.relay import Relay
@@ -87,7 +87,7 @@ def test_in_realtime_robots_stand_while_their_link_is_down_and_drive_again(fleet
         here = f"tcp/127.0.0.1:{PORT}"
         poses, clock = (fleet.hear(f"orchard/{key}", here, before=within(host)) for key in ("worker_01/pose", "clock"))
         fleet.host("--without", "worker_01", agents=TOY, endpoint=here, before=within(host))
-        fleet.host("--only", "worker_01", agents="callers:steady", endpoint=MIDDLE[0], before=within(guest))
+        fleet.host("--only", "worker_01", agents="calling_agents:steady", endpoint=MIDDLE[0], before=within(guest))
         until(poses, is_at(0.5))
         with unplugged(host, 1):
             until(poses, is_at(0.0))
@@ -192,7 +192,7 @@ def test_realtime_goes_on_whatever_a_relay_does(fleet):
     clock, poses = someone.hear("orchard/clock"), someone.hear("orchard/worker_01/pose")
     with relay(fleet.endpoint, max_delay=0.005, mean_life=200_000) as bad:
         fleet.host("--without", "worker_01", agents=TOY, endpoint=bad.endpoint)
-        fleet.host("--only", "worker_01", agents="callers:steady", endpoint=bad.endpoint)
+        fleet.host("--only", "worker_01", agents="calling_agents:steady", endpoint=bad.endpoint)
         until(clock, lambda message: message["tick"] >= 40)
         bad.stall(new=True)
         going_on(clock, 3.0)
@@ -240,7 +240,7 @@ def test_a_router_that_is_killed_twice_and_once_with_a_host_changes_nothing(flee
 def test_in_realtime_a_router_that_is_killed_and_started_again_lets_the_robots_drive_again(fleet):
     router = physics_and_a_router(fleet, *LIVE, "--duration", "20")
     fleet.host("--without", "worker_01", agents=TOY)
-    fleet.host("--only", "worker_01", agents="callers:steady")
+    fleet.host("--only", "worker_01", agents="calling_agents:steady")
     until(fleet.client().hear("orchard/worker_01/pose"), is_at(0.5))
     router.kill()
     fleet.router(fleet.endpoint)

@@ -12,10 +12,10 @@ from types import SimpleNamespace
 import numpy as np
 import psutil
 import pytest
-from alone import local_hash
 from command_line import orchard, running, summary_of
-from corpus import KEYS, Net, StandIn
 from fleet import Process, until
+from local_runs import local_hash
+from recorded_messages import KEYS, Net, StandIn
 from recordings import lines_of, rows_of, seen_at
 from rerun.chunk import RrdReader
 from slow_logger import MOST, SECONDS

@@ -3,7 +3,7 @@
 import re
 import xml.etree.ElementTree as Xml
 
-from alone import local_at
+from local_runs import local_at
 
 from orchard.report.plan import PIXELS
 

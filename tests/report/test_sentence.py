@@ -1,7 +1,7 @@
 """The first sentence of a summary is right for every end of a run."""
 
 import pytest
-from outcomes import harvested
+from run_endings import harvested
 
 from orchard.report.sentence import clock, sentence
 

@@ -9,10 +9,10 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 import zenoh
-from alone import SMALL
-from farm import HERS, KEYS, MINE, Farm, Somebody
 from fleet import SECONDS
 from fleet import Fleet as Processes
+from local_runs import SMALL
+from secured_run import HERS, KEYS, MINE, Farm, Somebody
 
 from orchard.contract.messages import pack
 from orchard.launch.distributed import agent_names

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from alone import SMALL
+from local_runs import SMALL
 from typer.testing import CliRunner
 
 from orchard.field.scenario import to_yaml

@@ -6,13 +6,13 @@ import subprocess
 from contextlib import ExitStack
 
 import pytest
-from alone import SMALL, local_hash
+from code_blocks import block, commands
 from command_line import line_with, orchard, summary_of
-from documents import block, commands
-from farm import KEYS, Somebody
 from fleet import SECONDS, Process
 from fleet import Fleet as Processes
+from local_runs import SMALL, local_hash
 from machines import machines, needs_machines, within
+from secured_run import KEYS, Somebody
 
 from orchard.field.scenario import Scenario, to_yaml
 from orchard.launch.supervisor import free_port

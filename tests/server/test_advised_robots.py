@@ -1,11 +1,11 @@
 """A robot whose agent goes on while another client gives its velocity; and one that has no agent, and gets its deeds with its velocity."""
 
 import pytest
-from alone import SMALL
-from corpus import KEYS, Run
 from hypothesis import given
 from hypothesis import strategies as st
-from pretended import RUN, Clock
+from local_runs import SMALL
+from recorded_messages import KEYS, Run
+from stand_ins import RUN, Clock
 
 from orchard.contract.agent import Action, Hold
 from orchard.contract.messages import Couple, Uncouple, pack

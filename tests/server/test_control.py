@@ -2,14 +2,14 @@
 
 import time
 
-import callers
+import calling_agents
 import msgpack
 import pyarrow.parquet as pq
 import pytest
-from alone import SMALL, TICKS, TOY, local_hash
-from corpus import KEYS, Query, Run
 from fleet import SECONDS, until
-from pretended import RUN, Clock, roster
+from local_runs import SMALL, TICKS, TOY, local_hash
+from recorded_messages import KEYS, Query, Run
+from stand_ins import RUN, Clock, roster
 
 from orchard.contract.messages import pack
 from orchard.field.layout import lay_out
@@ -246,7 +246,7 @@ def test_a_run_that_is_reset_begins_again_and_is_as_if_it_had_not_been(fleet, tm
 
 def leave_tables(scenario, folder) -> str:
     """Leave the tables of a run in local mode. Return its hash."""
-    local = Local(scenario, callers.cast(lay_out(scenario)))
+    local = Local(scenario, calling_agents.cast(lay_out(scenario)))
     tables = tables_of(folder, local.engine)
     while local.engine.tick < TICKS:
         events = local.tick()

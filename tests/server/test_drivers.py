@@ -1,7 +1,7 @@
 """Physics' side of the sessions that drive, without a network: what it keeps of those that come and go."""
 
-from alone import SMALL
-from corpus import KEYS, Run
+from local_runs import SMALL
+from recorded_messages import KEYS, Run
 
 from orchard.contract.agent import Action, Hold
 

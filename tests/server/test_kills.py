@@ -11,8 +11,8 @@ from contextlib import suppress
 import psutil
 import pyarrow.parquet as pq
 import pytest
-from alone import SMALL, local_hash
 from command_line import ROOT, line_with, orchard, running, starting, summary_of, wait_until_simulated
+from local_runs import SMALL, local_hash
 from recordings import seconds_of
 
 from orchard.field.layout import lay_out
@@ -165,7 +165,7 @@ def with_class(folder, class_):
 
 @pytest.fixture
 def own_agents(monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests" / "support"))
 
 
 def test_a_run_that_can_never_begin_ends_and_names_whom_it_lacks(tmp_path, own_agents):

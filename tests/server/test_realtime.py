@@ -6,10 +6,10 @@ import time
 
 import msgspec
 import pytest
-from alone import SMALL, local_at
 from command_line import orchard, running, summary_of
 from fleet import until
-from pretended import RUN, Clock, Query, heard_at, letter, roster
+from local_runs import SMALL, local_at
+from stand_ins import RUN, Clock, Query, heard_at, letter, roster
 
 from orchard.contract.agent import Action
 from orchard.contract.messages import Couple, StateRequest, Written, Yes, pack
@@ -253,8 +253,8 @@ def test_the_clock_goes_on_while_a_host_hangs_and_its_robot_stands(fleet):
     fleet.physics(SMALL, "--mode", "realtime", "--speed", "2")
     someone = fleet.client()
     clock, poses = someone.hear("orchard/clock"), someone.hear("orchard/worker_01/pose")
-    fleet.host("--without", "worker_01", agents="callers:cast")
-    hung = fleet.host("--only", "worker_01", agents="callers:steady")
+    fleet.host("--without", "worker_01", agents="calling_agents:cast")
+    hung = fleet.host("--only", "worker_01", agents="calling_agents:steady")
     until(poses, lambda pose: pose["twist"]["linear"]["x"] == 0.5)
     hung.signal(signal.SIGSTOP)
     begun, first = time.monotonic(), until(clock, lambda message: clock.empty())["tick"]
@@ -271,13 +271,13 @@ def test_the_robot_of_a_killed_host_stands_and_a_new_host_takes_it_over(fleet):
     fleet.physics(SMALL, "--mode", "realtime", "--speed", "2")
     someone = fleet.client()
     lost, velocities = someone.hear("orchard/lost"), someone.hear("orchard/picker_01/velocity")
-    fleet.host("--without", "picker_01", agents="callers:cast")
-    killed = fleet.host("--only", "picker_01", agents="callers:cast")
+    fleet.host("--without", "picker_01", agents="calling_agents:cast")
+    killed = fleet.host("--only", "picker_01", agents="calling_agents:cast")
     before = until(velocities, lambda velocity: velocity["tick"] >= 5)["tick"]
     killed.signal(signal.SIGKILL)
     until(lost, lambda message: message["names"] == ["picker_01"])
     fleet.hosts.remove(killed)
-    fleet.host("--only", "picker_01", agents="callers:cast")
+    fleet.host("--only", "picker_01", agents="calling_agents:cast")
     until(velocities, lambda velocity: velocity["tick"] > before + 10)
     fleet.world.signal(signal.SIGTERM)
     fleet.end()

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import msgpack
 import pytest
-from alone import SMALL, TICKS, TOY, local_hash
-from corpus import Net, StandIn
 from fleet import until
+from local_runs import SMALL, TICKS, TOY, local_hash
+from recorded_messages import Net, StandIn
 from stage import empty_orchard
 
 from orchard.contract.messages import pack

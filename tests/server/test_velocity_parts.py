@@ -4,8 +4,8 @@ from collections import Counter
 
 import msgpack
 import pytest
-from alone import SMALL, local_hash
-from corpus import Run
+from local_runs import SMALL, local_hash
+from recorded_messages import Run
 
 from orchard.contract.agent import STATES
 from orchard.net import host as hosts

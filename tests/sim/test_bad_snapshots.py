@@ -9,9 +9,9 @@ from contextlib import suppress
 import msgpack
 import numpy as np
 import pytest
-from alone import local_at
-from corpus import mutants
-from torn import assert_usable_or_refused
+from damaged_files import assert_usable_or_refused
+from local_runs import local_at
+from recorded_messages import mutants
 
 from orchard.contract.messages import pack
 from orchard.field.layout import lay_out

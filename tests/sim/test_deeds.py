@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from yard import Yard, yard
+from bare_world import Yard, yard
 
 from orchard.contract.agent import Action
 from orchard.contract.messages import Couple, Flatten, Uncouple

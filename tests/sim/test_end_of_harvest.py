@@ -1,7 +1,7 @@
 """The conditions for the end of the harvest."""
 
 import pytest
-from yard import Yard, everybody
+from bare_world import Yard, everybody
 
 from orchard.contract.messages import Uncouple
 from orchard.field.geometry import Twist

@@ -8,8 +8,8 @@ import sys
 import time
 
 import pytest
-from alone import local_hash
 from fleet import ROOT
+from local_runs import local_hash
 
 from orchard.field.scenario import Scenario
 from orchard.sim.kernels import cache
@@ -24,7 +24,7 @@ LOADED = ("move.quaternions", "holds.begin_holds", "move.overlaps")  # kernels t
 
 def simulated(cache_folder) -> subprocess.CompletedProcess:
     """A run of its own, with kernels in a folder."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache_folder), "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"}
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache_folder), "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests' / 'support'}"}
     return subprocess.run([sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, timeout=240)
 
 
@@ -140,7 +140,7 @@ def test_who_reads_while_another_process_writes_never_sees_a_part(tmp_path, capl
 
 @pytest.mark.soak
 def test_two_that_start_at_once_without_kernels_both_reach_the_hash(tmp_path):
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"}
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests' / 'support'}"}
     start = [sys.executable, "-c", PROGRAM]
     both = [subprocess.Popen(start, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(2)]
     assert [process.communicate(timeout=240) for process in both] == [(local_hash(Scenario(rows=3), TICKS) + "\n", "")] * 2

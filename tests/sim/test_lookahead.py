@@ -4,10 +4,10 @@ import logging
 
 import numpy as np
 import pytest
-from alone import SMALL, local_hash
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from local_runs import SMALL, local_hash
 from stage import Stage, empty_orchard
 
 from orchard.agents.carrier import HeardCall, hear_calls

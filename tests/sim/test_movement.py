@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from bare_world import AHEAD, LANE, TURN_LEFT, everybody, picker_with_bin, yard
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from yard import AHEAD, LANE, TURN_LEFT, everybody, picker_with_bin, yard
 
 from orchard.field.geometry import EAST, NORTH, Pose, Twist
 from orchard.field.layout import ROW_WEST

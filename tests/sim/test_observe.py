@@ -1,7 +1,7 @@
 """The observations that physics makes for each body."""
 
 import pytest
-from yard import picker_with_bin
+from bare_world import picker_with_bin
 
 from orchard.field.geometry import NORTH, Twist
 from orchard.sim.scan import Scanner, observe

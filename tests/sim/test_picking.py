@@ -3,9 +3,9 @@
 import math
 
 import pytest
+from bare_world import AHEAD, LANE, picker_with_bin, train, yard
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from yard import AHEAD, LANE, picker_with_bin, train, yard
 
 from orchard.field.geometry import EAST, Pose, Twist
 from orchard.field.layout import ROW_WEST

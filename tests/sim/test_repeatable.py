@@ -5,9 +5,9 @@ import subprocess
 import sys
 
 import pytest
-from alone import HARVEST_TICKS, harvest_hash, local_hash
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from local_runs import HARVEST_TICKS, harvest_hash, local_hash
 
 from orchard.agents.catalogue import AGENTS, make_agents
 from orchard.contract.messages import pack, unpack

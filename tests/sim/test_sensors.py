@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from corpus import KEYS, Run
-from documents import block
+from code_blocks import block
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from recorded_messages import KEYS, Run
 from stage import Stage, empty_orchard
 
 from orchard.agents.carrier import Job

@@ -4,10 +4,10 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from alone import HARVEST_TICKS, harvest_hash, local_at
+from damaged_files import assert_usable_or_refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from torn import assert_usable_or_refused
+from local_runs import HARVEST_TICKS, harvest_hash, local_at
 
 from orchard.contract.messages import pack, unpack
 from orchard.field.scenario import Scenario

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import msgpack
 import pytest
-from alone import HARVEST_TICKS, SMALL, harvest_hash
 from fleet import Client, Fleet, assert_goes_on, assert_stands, until
+from local_runs import HARVEST_TICKS, SMALL, harvest_hash
 from stage import Driven, Stage, Standing, empty_orchard
 
 from orchard.contract.messages import Couple, pack, unpack

@@ -1,7 +1,7 @@
 """Unloading of full bins in the bay."""
 
 import pytest
-from yard import Yard, picker_with_bin, yard
+from bare_world import Yard, picker_with_bin, yard
 
 from orchard.contract.messages import Uncouple
 from orchard.field.geometry import EAST, Pose, Twist

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from studies import a_result, a_row, by_carriers, by_policies, carriers, checked, interval
+from made_studies import a_result, a_row, by_carriers, by_policies, carriers, checked, interval
 
 from orchard.study.answer import sentence
 

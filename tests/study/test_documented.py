@@ -3,7 +3,7 @@
 import subprocess
 
 import pytest
-from documents import ROOT, block, commands
+from code_blocks import ROOT, block, commands
 
 from docs.study import SCENARIO, result
 from orchard.field.scenario import parse

@@ -11,9 +11,9 @@ from xml.etree import ElementTree
 
 import msgspec
 import pytest
+from made_studies import a_result, a_row, by_both, by_carriers, by_policies, carriers, checked
 from PIL import Image
 from rich.console import Console
-from studies import a_result, a_row, by_both, by_carriers, by_policies, carriers, checked
 
 from orchard.field.scenario import Scenario, parse
 from orchard.study import picture, report, table

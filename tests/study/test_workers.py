@@ -84,7 +84,7 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path):
 
 def dask_process(module: str, *arguments: object, before: tuple[str, ...] = ()) -> subprocess.Popen:
     """One of dask's programs, on one machine of the test."""
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(HERE.parent.parent), str(HERE), str(HERE.parent)])}
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(HERE.parent.parent), str(HERE), str(HERE.parent / "support")])}
     command = [*before, sys.executable, "-m", f"distributed.cli.{module}", *map(str, arguments)]
     return subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
 

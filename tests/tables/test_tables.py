@@ -10,10 +10,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import typer
-from alone import HARVEST_TICKS, SMALL
 from command_line import ROOT, SECONDS, orchard
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from local_runs import HARVEST_TICKS, SMALL
 
 from orchard.contract.agent import STATES
 from orchard.contract.messages import Fetch, pack, type_of, unpack

@@ -9,10 +9,10 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from made_surveys import UNEQUAL, orchard_of
 from recordings import Rows, chunks, entities_with, poses_at
 from rerun.chunk import RrdReader
 from scripted_orchard import ACTED_SECONDS
-from surveys import UNEQUAL, orchard_of
 
 from orchard.contract.agent import State
 from orchard.contract.events import Event, Frame
@@ -228,8 +228,8 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_a_recording_opens_after_a_kill(tmp_path: Path) -> None:
-    path, here = tmp_path / "killed.rrd", Path(__file__).parents[1]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(here), str(here.parent)])}
+    path, root = tmp_path / "killed.rrd", Path(__file__).parents[2]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(root / "tests" / "support"), str(root)])}
     killed = subprocess.run([sys.executable, "-c", KILLED, str(path)], env=environment, timeout=60, check=False)
     assert killed.returncode < 0
     assert max(t for t, _ in Rows(path, "/tf").rows) == 20.0

@@ -16,10 +16,10 @@ import numpy as np
 import psutil
 import pytest
 import zenoh
-from alone import AGENTS, SMALL, local_hash
-from corpus import HOST, KEYS, Net, Query, Run, StandIn, oversized
+from bad_messages import RUN, bad, refusal_of
 from fleet import Fleet, until
-from nonsense import RUN, bad, refusal_of
+from local_runs import AGENTS, SMALL, local_hash
+from recorded_messages import HOST, KEYS, Net, Query, Run, StandIn, oversized
 
 from orchard.contract.messages import pack
 from orchard.field.layout import lay_out

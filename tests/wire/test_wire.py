@@ -6,9 +6,9 @@ import msgpack
 import msgspec
 import numpy as np
 import pytest
-from alone import SMALL
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from local_runs import SMALL
 from msgspec.structs import replace
 
 from orchard.contract.agent import Action, Hitch, Observation, Observations

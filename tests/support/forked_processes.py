@@ -29,8 +29,8 @@ DOORS = (
     "orchard.processes.router",
 )  # each runs as a process; what they import is shared
 COMMAND_LINE = ("orchard.launch.commands", "orchard.launch.local_run", "orchard.launch.distributed")  # what run.py imports
-ROOT = Path(__file__).parent.parent
-PATHS = [str(ROOT), str(ROOT / "tests")]
+ROOT = Path(__file__).parents[2]
+PATHS = [str(ROOT), str(ROOT / "tests" / "support")]
 
 
 class Forked:

@@ -4,8 +4,8 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from alone import SMALL
 from fleet import SECONDS
+from local_runs import SMALL
 
 from orchard.contract.messages import pack
 from orchard.launch.distributed import agent_names

@@ -16,12 +16,12 @@ from pathlib import Path
 
 import msgpack
 import zenoh
-from forks import PATHS, Forked
+from forked_processes import PATHS, Forked
 
 from orchard.field.scenario import Scenario, to_yaml
 from orchard.wire.keys import Keys
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 PHYSICS = ("orchard.processes.physics",)  # the program that owns the world, where a test has none of its own for it
 SECONDS = 40.0  # that any one wait may take on a busy machine
 

@@ -14,7 +14,7 @@ import pytest
 
 from orchard.launch.supervisor import free_port
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 PROGRAMS = [shutil.which("chromium"), shutil.which("chromedriver")]
 WINDOW = (1500, 1000)  # pixels
 RUN_SECONDS = 60.0  # that a small run may take on a busy machine

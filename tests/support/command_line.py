@@ -1,4 +1,4 @@
-"""run.py for tests, as a person uses it; what it imports is there already (`forks.py`). `tests/docs` starts it as it stands."""
+"""run.py for tests, as a person uses it; what it imports is there already (`forked_processes.py`). `tests/docs` starts it as it stands."""
 
 import json
 import os
@@ -7,9 +7,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
-from forks import Forked
+from forked_processes import Forked
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 SECONDS = 240.0  # that any one run may take on a busy machine
 
 

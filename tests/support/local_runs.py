@@ -8,7 +8,7 @@ from orchard.local import Local
 SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)
 AGENTS = 10  # of the small scenario
 TICKS = 120
-TOY = "callers:cast"  # agents that only call each other
+TOY = "calling_agents:cast"  # agents that only call each other
 
 HARVEST_TICKS = 1500  # includes the exchanges of 3 rows with 2 pickers
 

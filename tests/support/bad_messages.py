@@ -3,7 +3,7 @@
 import itertools
 import random
 
-from corpus import mutants, rewritten
+from recorded_messages import mutants, rewritten
 
 from orchard.net.refusals import Refused, read_message
 from orchard.wire.keys import TABLE

@@ -18,7 +18,7 @@ from orchard.sim.kernels.cache import KernelFiles
 CODE = bytes(range(256)) * 40
 TICKS = 20
 SECONDS = 120.0  # that the writers may take on a busy machine
-PROGRAM = f"from alone import local_hash; from orchard.field.scenario import Scenario; print(local_hash(Scenario(rows=3), {TICKS}))"
+PROGRAM = f"from local_runs import local_hash; from orchard.field.scenario import Scenario; print(local_hash(Scenario(rows=3), {TICKS}))"
 LOADED = ("move.quaternions", "holds.begin_holds", "move.overlaps")  # kernels that every start loads
 
 

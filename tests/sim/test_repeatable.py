@@ -114,7 +114,7 @@ OTHER_PROCESSORS = {
 @pytest.mark.parametrize("processor", OTHER_PROCESSORS)
 def test_the_hash_is_the_same_on_another_processor(processor, request):
     """Kernels for another processor are kept from one session of tests to the next, as those for this one are."""
-    program = "from alone import harvest_hash; print(harvest_hash())"
+    program = "from local_runs import harvest_hash; print(harvest_hash())"
     environment = os.environ | OTHER_PROCESSORS[processor] | {"PYTHONPATH": os.pathsep.join(sys.path)}
     if "NUMBA_CPU_NAME" in environment:
         environment["NUMBA_CACHE_DIR"] = str(request.config.cache.mkdir("kernels"))

@@ -89,7 +89,7 @@ class Server:
         """`paths`: folders of modules."""
         self._socket, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "200"}  # Rich reads its width when it is imported
-        command = [sys.executable, "-m", "forks", str(other.fileno())]
+        command = [sys.executable, "-m", "forked_processes", str(other.fileno())]
         self._process = subprocess.Popen(command, cwd=ROOT, env=environment, pass_fds=[other.fileno()])
         other.close()
         atexit.register(self._close)

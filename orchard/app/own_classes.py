@@ -29,15 +29,13 @@ def _is_in(path: str, folder: Path) -> bool:
     """Whether Python finds the module of a dotted path in a directory, not in one that lies in it, as .venv may. No module is run."""
     module, _, _ = path.partition(":") if ":" in path else path.rpartition(".")
     parts = module.split(".")
-    spec, places = None, None
-    for depth in range(len(parts)):
-        spec = PathFinder.find_spec(".".join(parts[: depth + 1]), places)
-        if spec is None:
-            return False
-        places = list(spec.submodule_search_locations or ())
-    origin = Path(spec.origin or "") if spec else Path()
-    file = origin.parent if origin.name == "__init__.py" else origin
-    return file.parents[len(parts) - 1 : len(parts)] == (folder,)
+    first = PathFinder.find_spec(parts[0])
+    if first is None:
+        return False
+    places = first.submodule_search_locations  # None: it is no package
+    found = Path(first.origin or "") if places is None else Path(next(iter(places)))
+    inside = folder.joinpath(*parts)
+    return found.parent == folder and (inside.with_name(f"{inside.name}.py").is_file() or (inside / "__init__.py").is_file())
 
 
 async def may_run(classes: dict[str, str], file: str) -> bool:

@@ -128,15 +128,17 @@ def test_own_classes_are_of_the_directory_of_the_start_and_none_runs_when_it_is_
     (tmp_path / "mine.py").write_text("raise SystemExit('it ran')")
     (tmp_path / "yours").mkdir()
     (tmp_path / "yours" / "there.py").touch()
+    (tmp_path / "yours" / "far").mkdir()
+    (tmp_path / "yours" / "far" / "off.py").touch()
     (tmp_path / "lib").mkdir()
     (tmp_path / "lib" / "deeper.py").touch()  # on the path, but not the user's own, as a library in .venv
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.syspath_prepend(str(tmp_path / "lib"))
-    inside = {"picker": "mine.Picker", "carrier": "yours.there.Carrier", "bin": "mine:Bin"}
+    inside = {"picker": "mine.Picker", "carrier": "yours.there.Carrier", "bin": "mine:Bin", "cat": "yours.far.off.Cat"}
     outside = {
         "tractor": "subprocess.Popen",
         "dog": "sys.exit",
-        "cat": "numpy.load",
+        "dog_02": "numpy.load",
         "worker": "no.A",
         "weed": "tests.support.own_agents.Rude",
     }

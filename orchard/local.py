@@ -14,11 +14,11 @@ Start reading here, and then follow the data:
 from contextlib import suppress
 from typing import Any
 
-from orchard.agents.catalogue import make_agents
-from orchard.contract.agent import Action, Agent, Mail, Observation, Observations, may_hold, with_own_arrays
+from orchard.agents.catalogue import guarded, make_agents
+from orchard.contract.agent import Action, Agent, Mail, Observation, Observations
 from orchard.contract.events import Event
-from orchard.contract.guard import Guarded, checked
-from orchard.contract.mail import LocalMail, copy_of, digest_of
+from orchard.contract.guard import Guard
+from orchard.contract.mail import LocalMail, digest_of
 from orchard.contract.messages import pack, unpack
 from orchard.field.scenario import Scenario
 from orchard.report.plan import present_plan
@@ -48,7 +48,7 @@ class Local:
         """
         self.engine, self._check_agents = engine.begin(scenario, holds, is_hashed), check_agents
         made = make_agents(self.engine.layout) if agents is None else agents
-        self.agents = made if agents is None and not check_agents else self._guarded(made)
+        self.agents = {name: self._guarded(name, agent) for name, agent in made.items()}
         self.memories: dict[str, Any] = {}
         self.answers: dict[str, Action] = {}  # the actions of the agents that were asked at the last tick
         self.thinking = ""  # the agent that was ticked last
@@ -76,23 +76,24 @@ class Local:
         return Snapshot("", scenario, engine.as_data(), engine.digest, memories, letters, engine.figures_as_data(), sorted(self.agents))
 
     def play(self, name: str, agent: Agent) -> None:
-        """Let `agent` drive `name` from the next tick on. If it raises an error, its robot stands and the run goes on (see `Guarded`).
+        """Let `agent` drive `name` from the next tick on. If it raises an error, its robot stands and the run goes on (see `Guard`).
 
-        It receives the memory of the agent that it replaces, or None if it does not fit `Memory`. Raises ValueError for an unknown name.
+        It receives the memory of the agent that it replaces, or None if it does not fit `Memory`. Raises ValueError for an unknown name,
+        TypeError for an agent that derives from a built-in one and has another `Memory`.
         """
         if name not in self.engine.layout.agents:
             raise ValueError(f"{name}: no such agent; there are {', '.join(self.engine.layout.agents)}")
-        self.agents = self._guarded(dict(sorted({**self.agents, name: agent}.items())))
+        self.agents = dict(sorted({**self.agents, name: self._guarded(name, agent)}.items()))
         self.engine.wake([name])
         memory = self.memories.pop(name, None)
         with suppress(ValueError):
             self.memories[name] = unpack(pack(memory), self.agents[name].Memory)
 
-    def _guarded(self, agents: dict[str, Agent]) -> dict[str, Agent]:
-        names = self.engine.layout.agents
+    def _guarded(self, name: str, agent: Agent) -> Guard:
+        guard = guarded(self.engine.layout, name, agent)
         if self._check_agents:
-            return checked(agents, names)
-        return {name: agent if isinstance(agent, Guarded) else Guarded(name, agent, names) for name, agent in agents.items()}
+            guard.check()
+        return guard
 
     def _repr_svg_(self) -> str:
         """Return the plan of the orchard as it is now: Jupyter shows it for a run."""
@@ -119,12 +120,8 @@ class Local:
 
     def _ask(self, name: str, observation: Observation, heard: Mail) -> Action:
         """Let an agent act on what it observes and hears."""
-        self.thinking, agent = name, self.agents[name]
-        if isinstance(agent, Guarded):
-            observation, heard = with_own_arrays(observation), copy_of(heard)
-        action = agent.tick(observation, heard, self.memories.get(name))
-        if not may_hold(agent):
-            action.hold = None
+        self.thinking = name
+        action = self.agents[name].tick(observation, heard, self.memories.get(name))
         self.memories[name] = action.memory
         return action
 

@@ -12,8 +12,8 @@ import sys
 from collections.abc import Callable, Collection
 from pathlib import Path
 
+from orchard.agents.catalogue import guarded
 from orchard.contract.agent import Agent
-from orchard.contract.guard import checked
 from orchard.field.kinds import select_agents
 from orchard.field.layout import Layout, lay_out
 from orchard.field.plugins import place_of_error
@@ -92,7 +92,11 @@ def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None, trie
         from orchard.bags.replay import read_commands, replayed  # not at the top: its packages are an extra
 
         agents = replayed(agents, read_commands(options.replay))
-    host = Host(bus, keys, run.run, run.mode, layout, checked(agents, layout.agents) if options.check_agents else agents, options.patience)
+    guards = {name: guarded(layout, name, agent) for name, agent in agents.items()}
+    if options.check_agents:
+        for guard in guards.values():
+            guard.check()
+    host = Host(bus, keys, run.run, run.mode, layout, guards, options.patience)
     host.listen()
     settle()
     monitor(host)

@@ -53,6 +53,7 @@ class BinMemory(msgspec.Struct):
 
 class Bin:
     Memory = BinMemory
+    holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
         self.layout = layout
@@ -62,7 +63,7 @@ class Bin:
         self.forecast = Forecast(layout) if self.policy is None and is_early(policy) else None  # None: it calls when it is full
 
     def tick(self, seen: Observation, mail: Mail, memory: BinMemory | None) -> Action:
-        memory = memory or BinMemory()
+        memory = memory or self.Memory()
         action = Action(memory=memory, answers=[(heard, self.answer(seen, memory, heard)) for heard in mail.requests])
         action.hold = Hold(LAST_TICK)
         if seen.hitch is not None:

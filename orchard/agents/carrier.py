@@ -47,9 +47,12 @@ class CarrierMemory(Plan):
 class Carrier:
     """Swaps full bins for empty ones."""
 
+    Memory: type[CarrierMemory] = CarrierMemory
+    holds = True
+
     def __init__(self, layout: Layout, name: str) -> None:
         self.layout, self.number, self.route, self.bystanders = layout, number_of(name), route_of(layout), bystanders_of(layout)
-        self.Memory = with_steps(CarrierMemory, self.route.Steps)
+        self.Memory = with_steps(type(self).Memory, self.route.Steps)
 
     def tick(self, seen: Observation, mail: Mail, memory: CarrierMemory | None) -> Action:
         robot = PlanExecutor(seen, mail, memory or self.Memory(plan=[Realign(), *self.route.wait_in_queue()]), self.bystanders)

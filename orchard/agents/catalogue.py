@@ -1,7 +1,8 @@
-"""Which class drives which agent: a built-in class, or the one that the scenario names."""
+"""Which class drives which agent, a built-in one or the one that the scenario names; and which agents are trusted."""
 
 import logging
-from collections.abc import Callable, Collection
+from collections.abc import Collection
+from typing import Any
 
 from orchard.agents.bin import Bin
 from orchard.agents.carrier import Carrier
@@ -15,7 +16,7 @@ from orchard.agents.traffic import Traffic
 from orchard.agents.walker import Animal, Person
 from orchard.agents.weed import Weed
 from orchard.contract.agent import Agent
-from orchard.contract.guard import Broken, Guarded
+from orchard.contract.guard import Guard
 from orchard.contract.messages import pack, unpack
 from orchard.field.kinds import DISPATCH, TRAFFIC, kind_of, select_agents
 from orchard.field.layout import Layout
@@ -25,7 +26,7 @@ from orchard.field.queue import TOP_ROAD
 
 log = logging.getLogger("orchard")
 
-AGENTS: dict[str, Callable[[Layout, str], Agent]] = {
+AGENTS: dict[str, type[Any]] = {
     "picker": Picker,
     "carrier": Carrier,
     "bin": Bin,
@@ -40,11 +41,11 @@ AGENTS: dict[str, Callable[[Layout, str], Agent]] = {
 }
 
 
-def make_agents(layout: Layout, names: Collection[str] | None = None) -> dict[str, Agent]:
+def make_agents(layout: Layout, names: Collection[str] | None = None) -> dict[str, Guard]:
     """Make these agents of an orchard, or all. Return them by name, sorted; each is built-in or of the class that the scenario names."""
     own = agent_classes(layout)
     wanted = sorted(name for name in layout.agents if names is None or name in names)
-    return {name: _make_own(own[name], layout, name) if name in own else _make_ours(layout, name) for name in wanted}
+    return {name: _make_own(own[name], layout, name) if name in own else _make_built_in(layout, name) for name in wanted}
 
 
 def agent_classes(layout: Layout) -> dict[str, str]:
@@ -84,14 +85,26 @@ def _check_route(layout: Layout) -> None:
         raise unusable("route", path, error, place=place_of_class(type(route))) from error
 
 
-def _make_ours(layout: Layout, name: str) -> Agent:
-    """Make a built-in agent, guarded if the scenario names anything of a user's: it may send to this agent whatever it likes."""
-    agent, scenario = AGENTS[kind_of(name)](layout, name), layout.scenario
-    is_ours = scenario.dispatch in POLICIES and scenario.route in ROUTES and not scenario.agents and not scenario.agents_without_body
-    return agent if is_ours else Guarded(name, agent, layout.agents)
+def _make_built_in(layout: Layout, name: str) -> Guard:
+    return guarded(layout, name, AGENTS[kind_of(name)](layout, name))
 
 
-def _make_own(path: str, layout: Layout, name: str) -> Agent:
+def guarded(layout: Layout, name: str, agent: Agent) -> Guard:
+    """Return an agent of an orchard with its guard. Raises TypeError if it derives from a built-in one, and its `Memory` does not.
+
+    It is trusted if it is built in, and its orchard names no policy and no route of a user's.
+    """
+    if isinstance(agent, Guard):
+        return agent
+    for class_ in AGENTS.values():
+        if isinstance(agent, class_) and not (isinstance(agent.Memory, type) and issubclass(agent.Memory, class_.Memory)):
+            memory = class_.Memory.__name__
+            raise TypeError(f"its Memory must extend that of {class_.__name__}: `class Memory({memory})`, with a default for each field")
+    are_ours = layout.scenario.dispatch in POLICIES and layout.scenario.route in ROUTES
+    return Guard(name, agent, layout.agents, trusted=are_ours and type(agent) in AGENTS.values())
+
+
+def _make_own(path: str, layout: Layout, name: str) -> Guard:
     """Make an agent of a user's class. If that fails, log the error and return an agent that stands."""
     key, place = f"agents.{name}", ""
     try:
@@ -100,7 +113,7 @@ def _make_own(path: str, layout: Layout, name: str) -> Agent:
         agent = made_of(class_, layout, name)
         if not callable(getattr(agent, "tick", None)):
             raise TypeError("it has no method tick(observation, mail, memory)")
-        return Guarded(name, agent, layout.agents)
+        return guarded(layout, name, agent)
     except MISTAKES as error:
         log.error("%s stands: %s", name, error if isinstance(error, ScenarioError) else unusable(key, path, error, place=place))
-        return Guarded(name, Broken(), layout.agents)
+        return Guard(name, None, layout.agents)

@@ -55,6 +55,7 @@ class Dispatcher:
     """
 
     Memory = DispatcherMemory
+    holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
         self.layout, self.policy, self.route = layout, dispatch_of(layout), route_of(layout)
@@ -62,7 +63,7 @@ class Dispatcher:
         self.manual = Nearest(layout)
 
     def tick(self, seen: Observation, mail: Mail, memory: DispatcherMemory | None) -> Action:
-        memory = memory or DispatcherMemory()
+        memory = memory or self.Memory()
         self.forget(memory, seen.tick)
         action = Action(memory=memory, answers=[(heard, self.answer(memory, heard, seen.tick)) for heard in mail.requests])
         refused = memory.refused

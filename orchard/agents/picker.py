@@ -23,9 +23,12 @@ class PickerMemory(Plan):
 class Picker:
     """Picks its rows one after another."""
 
+    Memory: type[PickerMemory] = PickerMemory
+    holds = True
+
     def __init__(self, layout: Layout, name: str) -> None:
         self.block, self.route, self.bystanders = layout.blocks[name], route_of(layout), bystanders_of(layout)
-        self.Memory = with_steps(PickerMemory, self.route.Steps)
+        self.Memory = with_steps(type(self).Memory, self.route.Steps)
 
     def tick(self, seen: Observation, mail: Mail, memory: PickerMemory | None) -> Action:
         if memory is None:

@@ -5,6 +5,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, ClassVar, cast
 
 import msgspec
@@ -22,7 +23,7 @@ from orchard.agents.sense import (
     turn_zone,
     way_off,
 )
-from orchard.contract.agent import AHEAD, IN_TURN, MOST_HOLD, Action, Hold, Mail, Observation, State, may_hold
+from orchard.contract.agent import AHEAD, IN_TURN, MOST_HOLD, Action, Hold, Mail, Observation, State, says_holds
 from orchard.contract.messages import Answer, BinState, Claim, Couple, Places, Position, Request, StateRequest, Uncouple, Where
 from orchard.field.geometry import HEADINGS, STILL, Pose, Twist, angle_between, nearest_heading, to_frame
 from orchard.field.kinds import EIGHTH, KINDS, TRAFFIC, kind_of
@@ -93,6 +94,12 @@ class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
     def act(self, robot: "PlanExecutor") -> bool:
         """Command `robot` for this tick. Return whether the step is done; it is called at every tick until then, or when its hold ends."""
         raise NotImplementedError
+
+
+@cache
+def _may_hold(step: type[Step]) -> bool:
+    """Whether a step's hold counts: it is built in, or its class says so."""
+    return step.__module__.startswith("orchard.") or says_holds(step)
 
 
 class PlanExecutor:
@@ -261,7 +268,7 @@ class PlanExecutor:
         done = step.act(self)
         if not step.keeps_course and self.action.twist != STILL:
             self.memory.course = None
-        if not may_hold(step):
+        if not _may_hold(type(step)):
             self._until = self.seen.tick + 1
         return done
 

@@ -27,11 +27,12 @@ ROUND: list[Step] = [
 
 class Tractor:
     Memory = Plan
+    holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
         self.bystanders = bystanders_of(layout)
 
     def tick(self, seen: Observation, mail: Mail, memory: Plan | None) -> Action:
-        robot = PlanExecutor(seen, mail, memory or Plan(plan=[Realign(), Again(ROUND)]), self.bystanders)
+        robot = PlanExecutor(seen, mail, memory or self.Memory(plan=[Realign(), Again(ROUND)]), self.bystanders)
         robot.follow()
         return robot.finish()

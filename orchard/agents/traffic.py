@@ -32,12 +32,13 @@ class ReservationTable(msgspec.Struct):
 
 class Traffic:
     Memory = ReservationTable
+    holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
         pass
 
     def tick(self, seen: Observation, mail: Mail, memory: ReservationTable | None) -> Action:
-        table = memory or ReservationTable()
+        table = memory or self.Memory()
         claims = [(heard, heard.body) for heard in mail.requests if isinstance(heard.body, Claim)]
         for heard, claim in claims:
             note(table, heard.sender, claim, seen.tick)

@@ -50,12 +50,13 @@ class Person:
     """Walks about the orchard."""
 
     Memory = WalkerMemory
+    holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
         self.seed, self.kind = layout.scenario.seed, KINDS[kind_of(name)]
 
     def tick(self, seen: Observation, mail: Mail, memory: WalkerMemory | None) -> Action:
-        memory = memory or WalkerMemory(seen.x, seen.y, seen.tick)
+        memory = memory or self.Memory(seen.x, seen.y, seen.tick)
         twist, evading = walk(seen, memory, self.seed, self.kind.speed, self.kind, Twist(x=self.kind.speed))
         hold, doing = hold_of(seen, memory, twist, evading), evading or "walking"
         return Action(twist=twist, answers=tell_where(seen, mail), memory=memory, doing=doing, state="driving", hold=hold)
@@ -74,13 +75,14 @@ class Animal:
     """Wanders at random."""
 
     Memory = AnimalMemory
+    holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
         self.seed, self.kind = layout.scenario.seed, KINDS[kind_of(name)]
         self.phase = int(MIND_CHANGES * draw(self.seed, f"phase of {name}", 0)[0])
 
     def tick(self, seen: Observation, mail: Mail, memory: AnimalMemory | None) -> Action:
-        memory = memory or AnimalMemory(seen.x, seen.y, seen.tick)
+        memory = memory or self.Memory(seen.x, seen.y, seen.tick)
         if (mind := (seen.tick + self.phase) // MIND_CHANGES) != memory.mind:
             memory.mind = mind
             self.change_mind(seen, memory)

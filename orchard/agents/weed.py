@@ -23,6 +23,7 @@ class WeedMemory(msgspec.Struct):
 
 class Weed:
     Memory = WeedMemory
+    holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
         self.noise = layout.scenario.laser.noise
@@ -31,10 +32,13 @@ class Weed:
         now, beams = silhouette(seen.scan)
         change = abs(now - memory.silhouette) if memory else 0
         moving = change > 1000 * SURE * self.noise * math.sqrt(beams)
+        memory = memory or self.Memory(now)
+        if moving:
+            memory.silhouette = now
         hold = None if moving else Hold(LAST_TICK, still=(AROUND_IT,))
         return Action(
             deeds=[Flatten()] if moving else [],
-            memory=memory if memory and not moving else WeedMemory(now),
+            memory=memory,
             doing="growing",
             state="resting",
             hold=hold,

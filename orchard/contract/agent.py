@@ -10,7 +10,7 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import pairwise
 from typing import Annotated, Any, Literal, NamedTuple, Protocol, get_args
 
@@ -158,18 +158,12 @@ class Action:
     hold: Hold | None = None  #: until when it need not be asked; None: it is asked at the next tick
 
 
-def may_hold(thing: Any) -> bool:
-    """Whether the holds of an agent or a step count: it is built in, or its own class says `holds = True`.
+def says_holds(class_: type) -> bool:
+    """Whether the holds of a user's agent or step count: its own class says `holds = True`.
 
     That is not inherited, because a class that adds to a built-in one may have to act earlier than that one.
     """
-    class_: Any = type(thing)
-    return _may_hold(class_)
-
-
-@cache
-def _may_hold(class_: Any) -> bool:
-    return bool(class_.__module__.startswith("orchard.") or vars(class_).get("holds", False) is True)
+    return vars(class_).get("holds", False) is True
 
 
 def state_of(action: Action) -> State:

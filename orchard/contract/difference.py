@@ -1,5 +1,6 @@
 """The first difference between two pieces of plain data, with its place in them."""
 
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import msgspec
@@ -30,20 +31,25 @@ def _is_same(before: Any, after: Any) -> bool:
         return len(before) == len(after) and all(map(_is_same, before, after)) and all(map(_is_same, before.values(), after.values()))
     if kind is list or kind is tuple:
         return len(before) == len(after) and all(map(_is_same, before, after))
-    if isinstance(before, msgspec.Struct):
-        return all(_is_same(getattr(before, name), getattr(after, name)) for name in before.__struct_fields__)
+    if names := _names_in(before):
+        return all(_is_same(getattr(before, name), getattr(after, name)) for name in names)
     return bool(before == after or before != before)
 
 
 def parts_of(data: Any, where: str) -> list[tuple[str, Any]]:
-    """Return the place and the value of each part of a dict, list, tuple or Struct; nothing for other data."""
+    """Return the place and the value of each part of a dict, list, tuple, Struct or dataclass; nothing for other data."""
     if type(data) is dict:
         return [(f"{where}[{key!r}]", value) for key, value in data.items()]
     if type(data) in (list, tuple):
         return [(f"{where}[{i}]", value) for i, value in enumerate(data)]
+    return [(f"{where}.{name}", getattr(data, name)) for name in _names_in(data)]
+
+
+def _names_in(data: Any) -> list[str]:
+    """The names of the fields of a Struct or a dataclass; none of other data."""
     if isinstance(data, msgspec.Struct):
-        return [(f"{where}.{name}", getattr(data, name)) for name in data.__struct_fields__]
-    return []
+        return list(data.__struct_fields__)
+    return [field.name for field in fields(data)] if is_dataclass(data) and not isinstance(data, type) else []
 
 
 def _shown(value: Any, other: Any) -> str:

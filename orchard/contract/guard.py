@@ -3,7 +3,7 @@
 import logging
 import traceback
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from itertools import chain
 from types import FrameType
 from typing import Any
@@ -11,86 +11,108 @@ from typing import Any
 import msgspec
 
 from orchard.contract import agent as limits
-from orchard.contract.agent import STATES, Action, Agent, Heard, Hold, Mail, Observation, State, may_hold
+from orchard.contract.agent import STATES, Action, Agent, Heard, Hold, Mail, Observation, State, says_holds, with_own_arrays
 from orchard.contract.difference import difference, parts_of
+from orchard.contract.mail import copy_of
 from orchard.contract.messages import FASTEST, AgentMessage, Answer, CustomMessage, Deed, Given, Request, Written, pack, type_of, unpack
-from orchard.contract.repeating import Checked
+from orchard.contract.repeating import Repetition
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, kind_of
-from orchard.field.plugins import MISTAKES, reraise_ctrl_c, text_of
+from orchard.field.plugins import MISTAKES, Contained, reraise_ctrl_c, text_of
 from orchard.field.problems import printable
 
 log = logging.getLogger("orchard")
 
 
-def is_ours(agent: Any) -> bool:
-    """Whether an agent is built in, with the policy and the route that it uses."""
-    used = (agent, getattr(agent, "policy", None), getattr(agent, "route", None))
-    return all(part is None or type(part).__module__.startswith("orchard.") for part in used)
+class Guard:
+    """Ticks an agent that may be faulty, and lets only an action pass that physics accepts.
 
+    It also converts messages of the agent's own types (see `CustomMessage`), and asks twice if the run checks its agents.
+    """
 
-def guarded(name: str, agent: Agent, names: Collection[str]) -> "Guarded":
-    """Return an agent with its guard. `names`: all agents of the orchard, to which it may send requests."""
-    if isinstance(agent, Guarded):
-        return agent
-    return GuardedBuiltIn(name, agent, names) if is_ours(agent) else Guarded(name, agent, names)
+    def __init__(self, name: str, agent: Agent | None, names: Collection[str], trusted: bool = False) -> None:
+        """`agent`: None if it could not be made: its robot stands. `names`: all agents of the orchard, to which it may send requests.
 
-
-class Guarded:
-    """Checks an agent's actions before they count, and converts messages of the agent's own types (see `CustomMessage`)."""
-
-    def __init__(self, name: str, agent: Agent, names: Collection[str]) -> None:
-        """`names`: all agents of the orchard, to which it may send requests."""
-        self.name, self._names = name, names
+        `trusted`: it is built in, with all that it uses. So only that is checked which mail may spoil: tests check the rest.
+        """
+        self.name, self._names, self._trusted = name, names, trusted
+        self._agent: Any = agent
         self.Memory = getattr(agent, "Memory", dict)
-        self._sideways = kind_of(name) not in KINDS or KINDS[kind_of(name)].sideways
-        self.packed: bytes | None = None  # its memory as msgpack
-        self._agent = agent
-        self._messages = {type_of(message): message for message in _own_messages(agent)}
         self._memory: Any = None  # the one in its last action
-        self._is_ours, self._may_hold = is_ours(agent), may_hold(agent)
+        self._packed: bytes | None = None  # the same as msgpack, of an agent that is not trusted
+        self._sideways = kind_of(name) not in KINDS or KINDS[kind_of(name)].sideways
+        self._messages = {type_of(message): message for message in _own_messages(agent)}
+        self._may_hold = says_holds(type(agent))
+        self._repetition: Repetition | None = None
         self._failed = False
 
     def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
         """Return the agent's action. If it raises, or the action is invalid, return the action of a broken agent, which stands."""
         try:
-            self._take(memory)
-            action = self._checked(self._agent.tick(observation, self._typed(mail) if self._messages else mail, memory))
-            self._keep(action)
+            action = self._trusted_action(observation, mail, memory) if self._trusted else self._action(observation, mail, memory)
         except MISTAKES as error:
             reraise_ctrl_c(error)
             _advise(error)
             if not self._failed:
-                told = _told(traceback.format_exc(limit=-3))
-                log.error("%s raised an error at tick %d; it stands.\n%s", self.name, observation.tick, told)
+                place = _indented(traceback.format_exc(limit=-3))
+                log.error("%s raised an error at tick %d; it stands.\n%s", self.name, observation.tick, place)
             self._failed = True
-            action = Broken().tick(observation, mail, None if self.packed is None else unpack(self.packed, self.Memory))
+            action = _standing(memory if self._trusted else self._unpacked_memory())
         self._memory = action.memory
         return action
 
-    def check(self) -> None:
-        """From now on, check whether the agent is repeatable, unless the agent and what it uses are built in."""
-        if not isinstance(self._agent, Checked) and not is_ours(self._agent):
-            self._agent = Checked(self.name, self._agent, self.Memory)
+    @property
+    def packed(self) -> bytes | None:
+        """The memory in its last action, as msgpack."""
+        return _packed_or_none(self._memory) if self._trusted else self._packed
 
-    def _take(self, memory: Any) -> None:
-        """Pack a memory that comes from elsewhere: after an error the agent gets it again, without what it has changed in it."""
-        if memory is not self._memory:
-            self.packed = None if memory is None else pack(memory)
+    def check(self) -> None:
+        """From now on, check whether the agent is repeatable, unless it is built in."""
+        if not self._trusted and self._agent is not None and self._repetition is None:
+            self._repetition = Repetition(self.name, self._agent)
+
+    def _trusted_action(self, observation: Observation, mail: Mail, memory: Any) -> Action:
+        action: Action = self._agent.tick(observation, mail, memory)
+        self._checked_twist(action.twist)
+        if action.requests:
+            self._refuse_addresses([to for to, _ in action.requests])
+        return action
+
+    def _action(self, observation: Observation, mail: Mail, memory: Any) -> Action:
+        """The checked action of the agent. Raises whatever the agent raises, and TypeError or ValueError for an invalid action."""
+        if memory is not self._memory:  # it comes from elsewhere
+            self._packed = _packed_or_none(memory)
+        if self._agent is None:
+            return _standing(memory)
+        action = self._checked(self._answer(observation, mail, memory))
+        self._keep(action)
+        return action
+
+    def _answer(self, observation: Observation, mail: Mail, memory: Any) -> Any:
+        """What an own agent returns, which gets arrays and mail of its own: what it changes in them changes nothing for others."""
+        own = copy_of(mail)
+        action = _ask(self._agent, observation, self._typed(own), memory)
+        if self._repetition is not None:
+            again = self._typed(copy_of(mail)), self._unpacked_memory()
+            self._repetition.compare(observation.tick, action, lambda fresh: _ask(fresh, observation, *again))
+        return action
+
+    def _unpacked_memory(self) -> Any:
+        """The memory that the agent got, without what it has changed in it."""
+        return None if self._packed is None else unpack(self._packed, self.Memory)
 
     def _keep(self, action: Action) -> None:
         """Pack the memory, and put in its place what its bytes give, as after a kill. Raises ValueError or TypeError if that is another.
 
-        A built-in agent's memory is compared by `==` when its bytes change. An own agent's is compared by `==` in every tick, and type by
-        type when its bytes change.
+        It is compared by `==` in every tick, and type by type when its bytes change.
         """
-        memory, before = action.memory, self.packed
+        memory, before = action.memory, self._packed
         packed = None if memory is None else _packed_memory(memory)
-        if packed is not None and not (self._is_ours and packed == before):
+        if packed is not None:
             action.memory = _unpacked(packed, self.Memory)
-            if memory != action.memory or not (self._is_ours or packed == before):
+            if memory != action.memory or packed != before:
                 _refuse_change(memory, action.memory)
-        self.packed = packed
+        self._packed = packed
 
     def _checked(self, action: Any) -> Action:
         """Return an action with the same content, of exact types, if physics accepts it. Raises TypeError or ValueError if not."""
@@ -148,6 +170,8 @@ class Guarded:
 
     def _typed(self, mail: Mail) -> Mail:
         """Convert custom messages to the agent's types. A message that does not fit its type is logged and left out."""
+        if not self._messages:
+            return mail
         requests = [heard._replace(body=body) for heard in mail.requests if (body := self._of_type(heard.sender, heard.body)) is not None]
         replies = [
             reply._replace(request=self._of_type(self.name, reply.request), body=self._of_type(reply.sender, reply.body))
@@ -172,17 +196,14 @@ class Guarded:
         return CustomMessage(fields.pop("type"), fields)
 
 
-class GuardedBuiltIn(Guarded):
-    """The guard of an agent that is built in, with all that it uses. It checks what mail may spoil; tests check the rest."""
+def _ask(agent: Any, observation: Observation, mail: Mail, memory: Any) -> Any:
+    with Contained():
+        return agent.tick(with_own_arrays(observation), mail, memory)
 
-    def _checked(self, action: Action) -> Action:
-        self._checked_twist(action.twist)
-        if action.requests:
-            self._refuse_addresses([to for to, _ in action.requests])
-        return action
 
-    def _keep(self, action: Action) -> None:
-        self.packed = None if action.memory is None else pack(action.memory)
+def _standing(memory: Any) -> Action:
+    """The action of an agent that is broken: it stands."""
+    return Action(memory=memory, doing="broken", state="broken")
 
 
 def _own_messages(agent: Any) -> tuple[type[AgentMessage], ...]:
@@ -191,6 +212,10 @@ def _own_messages(agent: Any) -> tuple[type[AgentMessage], ...]:
     if not isinstance(types, tuple) or not all(isinstance(one, type) and issubclass(one, AgentMessage) for one in types):
         raise TypeError(f"Messages must be a tuple of classes that are derived from AgentMessage, not {types!r}")
     return types
+
+
+def _packed_or_none(memory: Any) -> bytes | None:
+    return None if memory is None else pack(memory)
 
 
 def _packed(data: Any, what: str) -> bytes:
@@ -247,15 +272,6 @@ def _advise(error: BaseException) -> None:
         error.add_note(READ_ONLY)
 
 
-class Broken:
-    """The replacement for an agent that could not be made: it stands."""
-
-    Memory = dict
-
-    def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
-        return Action(memory=memory, doing="broken", state="broken")
-
-
 def _checked_state(state: Any) -> State | None:
     state = "".join([state]) if isinstance(state, str) else state
     if state is not None and (not isinstance(state, str) or state not in STATES):
@@ -299,17 +315,9 @@ def _refuse_more(what: str, count: int, most: int) -> None:
         raise ValueError(f"{count} {what} in one tick; at most {most}")
 
 
-def _told(words: str) -> str:
+def _indented(words: str) -> str:
     """A traceback for a log: without control characters, and indented, so that no line of it looks like one of the program's own."""
     return "\n".join(f"  {printable(line, 500)}" for line in words.splitlines())
-
-
-def checked(agents: Mapping[str, Agent], names: Collection[str]) -> dict[str, Agent]:
-    """Return these agents, guarded. Those that are not built in, or use a class that is not, are checked from now on: see `Checked`."""
-    made = {name: guarded(name, agent, names) for name, agent in agents.items()}
-    for agent in made.values():
-        agent.check()
-    return dict(made)
 
 
 def place_in_agent(frame: FrameType | None) -> str:

@@ -1,13 +1,17 @@
 """Loads the users' classes and functions that a scenario names, or refuses them with the reason and its place."""
 
+import ctypes
 import dis
 import importlib
 import inspect
 import signal
+import sys
 import sysconfig
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from orchard.field.problems import Problem, ScenarioError, printable
 
@@ -18,11 +22,34 @@ _PACKAGE = __file__.removesuffix("field/plugins.py")
 _LIBRARIES = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")})
 
 
+# resets the processor's floating-point flags of this thread, if it gets FE_DFL_ENV, as Linux defines that
+_SET_FLAGS = ctypes.CDLL(None).fesetenv if sys.platform == "linux" else None
+_DEFAULT_FLAGS = ctypes.c_void_p(-1)
+
+
+class Contained:
+    """In this context a user's code may set what counts for a whole thread: numpy's treatment of errors, Python's recursion limit and, on
+    Linux, the processor's floating-point flags. At its end they are as before, so no agent changes what others compute."""
+
+    __slots__ = ("_errors", "_limit")
+
+    def __enter__(self) -> None:
+        self._limit, self._errors = sys.getrecursionlimit(), np.errstate()
+        self._errors.__enter__()
+
+    def __exit__(self, *_: object) -> None:
+        sys.setrecursionlimit(self._limit)
+        self._errors.__exit__(None, None, None)
+        if _SET_FLAGS is not None:
+            _SET_FLAGS(_DEFAULT_FLAGS)
+
+
 def load_plugin(key: str, path: str) -> Any:
     """Return the object at `path`, 'module.name' or 'module:name', which the scenario names in `key`. Raises ScenarioError."""
     module, _, name = path.replace(":", ".").rpartition(".")
     try:
-        return getattr(importlib.import_module(module), name)
+        with Contained():
+            return getattr(importlib.import_module(module), name)
     except MISTAKES as error:
         raise unusable(key, path, error) from error
 
@@ -46,7 +73,8 @@ def make_plugin(
 def made_of(class_: Callable[..., Any], *arguments: Any) -> Any:
     """Call a user's class. Raises what it raises; a TypeError of the call itself says with what the program calls it."""
     try:
-        return class_(*arguments)
+        with Contained():
+            return class_(*arguments)
     except TypeError as error:
         if error.__traceback__ is None or error.__traceback__.tb_next is not None:  # raised within the class
             raise

@@ -3,11 +3,12 @@
 import logging
 import math
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Mapping
 from typing import Any, NoReturn
 
+from orchard.agents.catalogue import guarded
 from orchard.contract.agent import Action, Agent, Mail, Observation
-from orchard.contract.guard import guarded
+from orchard.contract.guard import Guard
 from orchard.contract.mail import LocalMail, digest_of
 from orchard.contract.messages import MAX_PAYLOAD, pack, unpack
 from orchard.field.kinds import kind_of
@@ -47,10 +48,8 @@ class _JoinAgain(Exception):
 class AgentRunner:
     """An agent and its memory."""
 
-    def __init__(self, name: str, agent: Agent, names: Collection[str]) -> None:
-        """`names`: all agents of the orchard."""
-        self.name = name
-        self._agent = guarded(name, agent, names)
+    def __init__(self, name: str, agent: Guard) -> None:
+        self.name, self._agent = name, agent
         self.memory: Any = None
         self._sent: bytes | None = None  # the packed memory that physics has
 
@@ -108,11 +107,11 @@ class Host:
     """A session that hosts agents, from the join to the end of the run."""
 
     def __init__(
-        self, bus: Bus, keys: Keys, run: str, mode: str, layout: Layout, agents: dict[str, Agent], patience: float = GONE_SECONDS
+        self, bus: Bus, keys: Keys, run: str, mode: str, layout: Layout, agents: Mapping[str, Agent], patience: float = GONE_SECONDS
     ) -> None:
         """`patience`: how long to wait for physics that is gone, s."""
         self.bus, self.keys, self.run_id, self._patience = bus, keys, run, patience
-        self.runners = {name: AgentRunner(name, agent, layout.agents) for name, agent in sorted(agents.items())}
+        self.runners = {name: AgentRunner(name, guarded(layout, name, agent)) for name, agent in sorted(agents.items())}
         self.bodies = [name for name in self.runners if name in layout.index]
         self.bins = [name for name in self.bodies if kind_of(name) == "bin"]
         self.latest = LatestObservations(run, self.runners, self.bodies)

@@ -7,7 +7,7 @@ hold gives the velocity that it holds. So it does no harm to ask more agents tha
 
 import logging
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -167,5 +167,4 @@ HOLDS: dict[Holds, type[Lookahead]] = {"on": Lookahead, "ignored": IgnoredHolds,
 def _broken_promise(held: Action, action: Action) -> str:
     """How an action differs from the one that is held; '' if it does not."""
     again = replace(held, deeds=[], requests=[], answers=[], memory=action.memory, hold=action.hold)
-    names = [field.name for field in fields(Action)]
-    return "; ".join(filter(None, (difference(getattr(again, name), getattr(action, name), f"its {name}") for name in names)))
+    return difference(again, action, "its answer")

@@ -12,12 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from local_runs import SMALL
 
-from orchard.agents.catalogue import make_agents
+from orchard.agents.catalogue import AGENTS, guarded
+from orchard.agents.picker import Picker
+from orchard.agents.policies.nearest import Nearest
 from orchard.contract.agent import Action, Heard, Mail, without_body
-from orchard.contract.guard import Guarded, GuardedBuiltIn, guarded
+from orchard.contract.guard import Guard
 from orchard.contract.mail import digest_of, written_by
 from orchard.contract.messages import Call, Come, Couple, CustomMessage, Flatten, Here, No, Offer, Places, Uncouple, Where, Yes, pack
 from orchard.field.geometry import Twist
+from orchard.field.kinds import kind_of
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.local import Local
@@ -131,7 +134,7 @@ actions = st.builds(lambda action, change: dataclasses.replace(action, **change)
 
 
 def of_the_guard(action, mail=None):
-    guard = Guarded("picker_01", Doing(action), NAMES)
+    guard = Guard("picker_01", Doing(action), NAMES)
     return guard, guard.tick(without_body("picker_01", 7), mail or Mail(), {"a": 1})
 
 
@@ -218,7 +221,7 @@ def test_a_real_ctrl_c_ends_the_program_whatever_agent_is_at_work():
     old = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell starts a program in the background with SIGINT ignored
     try:
         with pytest.raises(KeyboardInterrupt):
-            Guarded("picker_01", Busy(), NAMES).tick(without_body("picker_01", 7), Mail(), None)
+            Guard("picker_01", Busy(), NAMES).tick(without_body("picker_01", 7), Mail(), None)
     finally:
         signal.signal(signal.SIGINT, old)
 
@@ -230,7 +233,7 @@ def test_a_real_ctrl_c_with_a_handler_of_the_programs_own_ends_it_too():
     old = signal.signal(signal.SIGINT, stop)
     try:
         with pytest.raises(KeyboardInterrupt):
-            Guarded("picker_01", Busy(), NAMES).tick(without_body("picker_01", 7), Mail(), None)
+            Guard("picker_01", Busy(), NAMES).tick(without_body("picker_01", 7), Mail(), None)
     finally:
         signal.signal(signal.SIGINT, old)
 
@@ -253,19 +256,16 @@ def test_a_real_ctrl_c_with_a_handler_of_the_programs_own_ends_it_too():
 def test_what_built_in_agents_return_passes_the_guard_of_own_agents(changes, caplog):
     """So their own guard may leave its checks out."""
     scenario = Scenario(**{"rows": 3, "pickers": 2, "carriers": 2} | changes)
-    agents = make_agents(lay_out(scenario))
-    checked, plain = Local(scenario, {name: Guarded(name, agent, list(agents)) for name, agent in agents.items()}), Local(scenario)
+    layout = lay_out(scenario)
+    checked, plain = (
+        Local(scenario, {name: Guard(name, AGENTS[kind_of(name)](layout, name), list(layout.agents)) for name in layout.agents}),
+        Local(scenario),
+    )
     for _ in range(4000):
         checked.tick()
         plain.tick()
     assert checked.engine.hash == plain.engine.hash
     assert not caplog.records
-
-
-class OfOurs(Doing):
-    """A faulty agent that counts as built in."""
-
-    __module__ = "orchard.agents.picker"
 
 
 @pytest.mark.parametrize(
@@ -278,14 +278,33 @@ class OfOurs(Doing):
     ],
 )
 def test_a_built_in_agent_that_goes_wrong_stands_and_keeps_its_memory(action, said, caplog):
-    guard = guarded("picker_01", OfOurs(action), NAMES)
+    guard = Guard("picker_01", Doing(action), NAMES, trusted=True)
     action = guard.tick(without_body("picker_01", 7), Mail(), {"a": 1})
-    assert (type(guard), action.state, action.memory) == (GuardedBuiltIn, "broken", {"a": 1})
+    assert (action.state, action.memory) == ("broken", {"a": 1})
     assert re.search(said, caplog.text)
 
 
-def test_an_agent_with_a_policy_or_a_route_of_a_users_is_guarded_as_an_own_one():
-    for part in ("policy", "route"):
-        agent = OfOurs(Action())
-        setattr(agent, part, Doing(None))
-        assert type(guarded("picker_01", agent, NAMES)) is Guarded
+class NearestOfMine(Nearest):
+    pass
+
+
+class MyPicker(Picker):
+    pass
+
+
+@pytest.mark.parametrize(
+    ("changes", "class_", "is_trusted"),
+    [
+        ({}, Picker, True),
+        ({}, MyPicker, False),
+        ({"dispatch": f"{__name__}.NearestOfMine"}, Picker, False),
+        ({"route": "examples.seams.signalled_route.SignalledRoute"}, Picker, False),
+    ],
+)
+def test_an_agent_is_trusted_if_it_and_the_policy_and_route_of_its_orchard_are_built_in(changes, class_, is_trusted):
+    """A trusted agent may return what that of a user may not."""
+    layout = lay_out(SMALL.model_copy(update=changes))
+    agent = class_(layout, "picker_01")
+    agent.tick = Doing(Action(doing=5)).tick
+    action = guarded(layout, "picker_01", agent).tick(without_body("picker_01", 7), Mail(), None)
+    assert (action.state != "broken") == is_trusted

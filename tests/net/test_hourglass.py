@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from orchard.contract.agent import Action, Mail, without_body
-from orchard.contract.guard import Guarded
+from orchard.contract.guard import Guard
 from orchard.net import process
 
 
@@ -36,6 +36,6 @@ def test_who_thinks_for_too_long_is_named_with_the_place(told):
 
     host = SimpleNamespace(thinking="picker_01", latest=SimpleNamespace(tick=7), runners=["bin_02", "picker_01"])
     process.monitor(host, seconds=0.05)
-    Guarded("picker_01", Brooding(), ["picker_01"]).tick(without_body("picker_01", 7), Mail(), None)
+    Guard("picker_01", Brooding(), ["picker_01"]).tick(without_body("picker_01", 7), Mail(), None)
     host.thinking = ""
     assert re.fullmatch(rf"picker_01 still thinks about tick 7, in {re.escape(__file__)}, line \d+; until .* stand: bin_02", told.words[0])

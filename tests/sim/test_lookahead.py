@@ -343,9 +343,9 @@ def test_a_wrong_hold_is_named_with_its_agent_tick_and_difference(caplog):
         for _ in range(12):
             local.tick()
     assert caplog.text.count("holds wrongly") == 1
-    assert "worker_01 holds wrongly, tick 9: its twist" in caplog.text
+    assert "worker_01 holds wrongly, tick 9: its answer.twist" in caplog.text
     (told,) = local.engine.violations()
-    assert told.startswith("worker_01 holds wrongly, tick 9: its twist"), "so the exit code of a run is 1"
+    assert told.startswith("worker_01 holds wrongly, tick 9: its answer.twist"), "so the exit code of a run is 1"
 
 
 def test_ours_hold_rightly(caplog):

@@ -2,7 +2,6 @@
 
 import random
 import time
-from datetime import datetime
 from functools import cached_property
 
 import numpy as np
@@ -11,16 +10,14 @@ from orchard.agents.picker import Picker
 from orchard.contract.agent import Action
 from orchard.field.geometry import Twist
 
-COUNT = 0
-BOARD: dict[str, float] = {}
+SHARED = {"count": 0}
 
 
 class Driver:
     Memory = dict
-    seen: list[int] = []  # noqa: RUF012 - the fault of `Shared`
 
     def __init__(self, layout, name):
-        self.layout, self.name, self.count, self.last = layout, name, 0, None
+        self.layout, self.count = layout, 0
 
     def tick(self, observation, mail, memory):
         return Action(Twist(x=self.speed(observation)), memory={"n": (memory or {"n": 0})["n"] + 1})
@@ -30,25 +27,15 @@ class Driver:
 
 
 class Clockwork(Driver):
-    """Reads a clock; both answers of a tick are the same."""
+    """Reads a clock."""
 
     def speed(self, observation):
-        return 0.25 if time.monotonic() > 0 else 0.0
-
-
-class Dated(Driver):
-    def speed(self, observation):
-        return 0.25 if datetime.now().year > 2000 else 0.0
+        return time.perf_counter_ns() % 1_000_000 * 1e-7
 
 
 class Chancy(Driver):
     def speed(self, observation):
         return random.uniform(0.1, 0.3)
-
-
-class Dice(Driver):
-    def speed(self, observation):
-        return 0.25 if np.random.random() >= 0.0 else 0.0
 
 
 class Unseeded(Driver):
@@ -57,11 +44,11 @@ class Unseeded(Driver):
 
 
 class Counting(Driver):
-    """Counts in an attribute, long before that matters."""
+    """Counts in an attribute."""
 
     def speed(self, observation):
         self.count += 1
-        return 0.25 if self.count < 1000 else 0.0
+        return 0.01 * self.count
 
 
 class Latch(Driver):
@@ -73,68 +60,30 @@ class Latch(Driver):
         return 0.0 if hasattr(self, "latched") else 0.25
 
 
-class Global(Driver):
-    def speed(self, observation):
-        global COUNT
-        COUNT += 1
-        return 0.25
-
-
-def post(name, x):
-    BOARD[name] = x
-
-
-class Poster(Driver):
-    """Leaves notes for others by a function of its module."""
-
-    def speed(self, observation):
-        post(self.name, observation.x)
-        return 0.25
-
-
 class Shared(Driver):
+    """Counts in its module."""
+
     def speed(self, observation):
-        self.seen.append(observation.tick)
+        SHARED["count"] += 1
+        return 0.01 * SHARED["count"]
+
+
+class Diary(Driver):
+    """Writes into its memory how often it was asked."""
+
+    def tick(self, observation, mail, memory):
+        self.count += 1
+        return Action(memory={"asked": [self.count]})
+
+
+class Tired(Driver):
+    """Raises an error when it is asked again."""
+
+    def speed(self, observation):
+        SHARED["count"] += 1
+        if SHARED["count"] % 2 == 0:
+            raise RuntimeError("asked again")
         return 0.25
-
-
-class Late(Driver):
-    """Makes an attribute of its class."""
-
-    def speed(self, observation):
-        Late.count = getattr(Late, "count", 0) + 1
-        return 0.25
-
-
-def counter():
-    count = 0
-
-    def counted():
-        nonlocal count
-        count += 1
-        return count
-
-    return counted
-
-
-COUNTED = counter()
-
-
-class Enclosed(Driver):
-    def speed(self, observation):
-        COUNTED()
-        return 0.25
-
-
-class OwnDice(Driver):
-    """A stream of random numbers in an attribute."""
-
-    def __init__(self, layout, name):
-        super().__init__(layout, name)
-        self.chance = random.Random(5)
-
-    def speed(self, observation):
-        return 0.25 if self.chance.random() >= 0.0 else 0.0
 
 
 class Tidy(Driver):

@@ -21,7 +21,8 @@ from orchard.contract.messages import pack
 from orchard.field.scenario import Scenario
 from orchard.launch.request import shares
 from orchard.local import Local
-from orchard.net.bus import Bus, Inbox, Sample, client
+from orchard.net.bus import Bus, Inbox, Sample
+from orchard.net.zenoh_bus import client
 from orchard.sim.lookahead import IgnoredHolds, Lookahead
 from orchard.sim.scan import Scanner
 from orchard.wire.keys import Keys

@@ -3,6 +3,7 @@
 Each line is 4 harvests of 3 rows with people and animals, each with another seed, dispatch policy and route.
 """
 
+import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
@@ -33,7 +34,7 @@ def harvest(white: float, bias: float, run: int) -> Outcome:
     route, dispatch = RUNS[run]
     scenario = Scenario(rows=3, seed=run + 1, route=route, dispatch=dispatch)
     local = Local(with_changes(scenario, **{"sensors.gnss.white": white, "sensors.gnss.bias": bias}), is_hashed=False)
-    figures, found = RunFigures(local.engine), Counter[str]()
+    figures, found = RunFigures(local.engine, time.monotonic), Counter[str]()
     while not local.engine.over and local.engine.tick < LONGEST and not figures.jam:
         events = local.tick()
         figures.update(events)

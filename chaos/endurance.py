@@ -12,7 +12,8 @@ from chaos.harvest import Harvest
 from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import free_port
 from orchard.local import Local
-from orchard.net.bus import Alive, Sample, client
+from orchard.net.bus import Alive, Sample
+from orchard.net.zenoh_bus import client
 from orchard.wire.keys import PHYSICS, Keys
 from orchard.wire.messages import Figures
 from orchard.wire.types import read

@@ -37,9 +37,10 @@ from chaos.schedule import (
     Fault,
     Trial,
 )
-from orchard.net.bus import Bus, Sample, client
+from orchard.net.bus import Bus, Sample
 from orchard.net.endpoints import BusError
 from orchard.net.refusals import Refused, read_message
+from orchard.net.zenoh_bus import client
 from orchard.wire.keys import Keys
 from orchard.wire.messages import Clock
 from orchard.wire.types import read

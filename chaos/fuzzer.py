@@ -9,8 +9,9 @@ import time
 from contextlib import suppress
 from random import Random
 
-from orchard.net.bus import Bus, Sample, client
+from orchard.net.bus import Bus, Sample
 from orchard.net.endpoints import BusError
+from orchard.net.zenoh_bus import client
 from orchard.wire.keys import TABLE, Keys
 
 LISTENS = 0.3  # s, for real messages

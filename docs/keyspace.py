@@ -14,12 +14,13 @@ from orchard.contract.messages import MAX_PAYLOAD, Claim, Places
 from orchard.contract.zone import ACROSS
 from orchard.field.kinds import AROUND, KINDS
 from orchard.field.scenario import TIME_STEP
-from orchard.net.bus import CONNECT_SECONDS, FULL_QUEUE_US, GET_SECONDS, LEASE_MS
+from orchard.net.bus import GET_SECONDS
 from orchard.net.ending import GOES_SECONDS
 from orchard.net.host import JOIN_TRIES
 from orchard.net.mailbox import DOUBT_SECONDS, STALE_TICKS
 from orchard.net.refusals import NO_TOKEN
 from orchard.net.requests import AGAIN_SECONDS as ASK_SECONDS
+from orchard.net.zenoh_bus import CONNECT_SECONDS, FULL_QUEUE_US, LEASE_MS
 from orchard.server.advice import ADVICE_TICKS
 from orchard.server.lockstep import AGAIN_SECONDS
 from orchard.server.realtime import SLACK, WATCHDOG, WATCHDOG_TICKS

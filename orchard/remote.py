@@ -10,10 +10,11 @@ from contextlib import contextmanager
 from orchard.contract.agent import Agent
 from orchard.field.layout import lay_out
 from orchard.field.scenario import check
-from orchard.net.bus import Bus, Inbox, client
+from orchard.net.bus import Bus, Inbox
 from orchard.net.endpoints import BusError
 from orchard.net.host import Host, HostEnded
 from orchard.net.requests import fetch_run
+from orchard.net.zenoh_bus import client
 from orchard.security.identity import identity_in
 from orchard.wire.keys import PREFIX, Keys
 from orchard.wire.messages import RunInfo

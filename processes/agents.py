@@ -20,11 +20,12 @@ from orchard.field.plugins import place_of_error
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check
 from orchard.memory import settle
-from orchard.net.bus import Bus, Inbox, Item, Signal, client
+from orchard.net.bus import Bus, Inbox, Item, Signal
 from orchard.net.endpoints import BusError
 from orchard.net.host import GONE_SECONDS, Host, HostEnded
 from orchard.net.process import monitor, run_process
 from orchard.net.requests import TRIES, fetch_run
+from orchard.net.zenoh_bus import client
 from orchard.security.identity import Identity, identity_in
 from orchard.wire.keys import PREFIX, Keys
 from orchard.wire.messages import RESET

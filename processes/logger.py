@@ -11,9 +11,10 @@ import sys
 from pathlib import Path
 
 from orchard.field.problems import ScenarioError
-from orchard.net.bus import Inbox, client
+from orchard.net.bus import Inbox
 from orchard.net.endpoints import BusError
 from orchard.net.process import run_process
+from orchard.net.zenoh_bus import client
 from orchard.record.logger import record
 from orchard.security.identity import identity_in
 from orchard.view.files import check_recording

@@ -18,9 +18,10 @@ from orchard.field.kinds import select_agents
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check, load
 from orchard.memory import settle
-from orchard.net.bus import Bus, Inbox, client, router
+from orchard.net.bus import Bus, Inbox
 from orchard.net.endpoints import LOOPBACK, SECURE_LOOPBACK, BusError
 from orchard.net.process import run_process
+from orchard.net.zenoh_bus import client, router
 from orchard.security.identity import Identity, identity_in
 from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions

@@ -8,9 +8,10 @@ It serves any number of runs, one after another or with different prefixes, unti
 import argparse
 import sys
 
-from orchard.net.bus import Inbox, Signal, router
+from orchard.net.bus import Inbox, Signal
 from orchard.net.endpoints import BusError, check_free, with_port
 from orchard.net.process import run_process
+from orchard.net.zenoh_bus import router
 from orchard.security.identity import identity_in
 from orchard.wire.keys import PREFIX
 

@@ -22,12 +22,13 @@ from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest, Shares
 from orchard.launch.supervisor import BAD_ORDER, ProcessSpec, Supervisor, Watchdog, free_port, open_viewer
 from orchard.launch.terminal import typed
-from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal, client
+from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError, check_free, check_security, reachable, with_port
 from orchard.net.lifeline import OVER
 from orchard.net.refusals import Refusals, Refused, read_message
 from orchard.net.requests import fetch_run
+from orchard.net.zenoh_bus import client
 from orchard.report.progress import Progress, headline_of
 from orchard.report.summary import Outcome, write_summary
 from orchard.server.options import PATIENCE, RunOptions
@@ -241,7 +242,7 @@ class _Launched:
                 asked, deadline = item, min(deadline, time.monotonic() + LOAD_SECONDS)
 
     def _listen(self, bus: Bus, keys: Keys) -> tuple[dict[str, Any] | None, str]:
-        deadline, refusals, begun, ending = math.inf, Refusals(), False, Ending()
+        deadline, refusals, begun, ending = math.inf, Refusals(), False, Ending(time.monotonic)
         while time.monotonic() < deadline:
             item = bus.inbox.take(0.2)
             if isinstance(item, Signal):

@@ -15,9 +15,10 @@ from typing import TypeVar
 import msgspec
 
 from orchard.contract.messages import pack
-from orchard.net.bus import Bus, client
+from orchard.net.bus import Bus
 from orchard.net.endpoints import BusError
 from orchard.net.requests import PhysicsRequest, ask
+from orchard.net.zenoh_bus import client
 from orchard.security.identity import Identity
 from orchard.wire.keys import Keys
 from orchard.wire.messages import RunInfo, Stop, Stopped

@@ -4,6 +4,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING, Any
@@ -21,7 +22,7 @@ from orchard.report.progress import Progress
 from orchard.server.account import RunAccount
 from orchard.server.options import last_tick
 from orchard.server.run_clock import Pacer
-from orchard.server.snapshots import sole
+from orchard.server.snapshots import SnapshotWriter, sole
 from orchard.sim.frames import talk_of
 from orchard.sim.kernels.cache import COMPILING, are_compiled
 from orchard.sim.lookahead import HOLDS
@@ -90,8 +91,10 @@ def run(
     checks, holds = request.options.check_agents, HOLDS[request.options.holds]
     agents = _replayed(request)
     local = Local(request.scenario, agents, checks, holds) if request.resumed is None else Local.resume(request.resumed, checks, holds)
-    engine, account = local.engine, RunAccount(local.engine, request.resumed, request.snapshots, request.options.table)
-    pacer, ticks = Pacer(request.options.pace), last_tick(request.options.duration)
+    engine = local.engine
+    snapshot_writer = SnapshotWriter(request.snapshots, ThreadPoolExecutor(max_workers=1), time.monotonic)
+    account = RunAccount(engine, request.resumed, snapshot_writer, request.options.table, time.monotonic)
+    pacer, ticks = Pacer(request.options.pace, time.monotonic), last_tick(request.options.duration)
     with sole(request.snapshots), interruptible(local) as is_stopped:
         try:
             engine.rehearse()  # it may compile: that is no time of the run

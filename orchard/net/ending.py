@@ -1,7 +1,6 @@
 """Whether a run is over. In an open run any client may publish an `end`: it counts only if physics goes at about the same time."""
 
 import math
-import time
 from collections.abc import Callable
 
 from orchard.wire.messages import End
@@ -12,7 +11,7 @@ GOES_SECONDS = 3.0  # s between the message of the end and the end of physics' l
 class Ending:
     """What has been said of the end of a run, and whether physics, the only one that may say it, is there."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._said: End | None = None
         self._said_at = self._gone_at = -math.inf  # s, on the clock

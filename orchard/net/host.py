@@ -2,7 +2,6 @@
 
 import logging
 import math
-import time
 from collections.abc import Callable, Mapping
 from typing import Any, NoReturn
 
@@ -120,9 +119,9 @@ class Host:
         self.refusals = Refusals()
         self.thinking = ""  # the agent that is ticked now; '' between ticks
         self._answer: list[bytes] = []  # the packed velocities of the last tick, in one message or several
-        self._warn_at = math.inf  # monotonic clock, s: then the host says that physics is gone
-        self._gone_until = math.inf  # monotonic clock, s: then the host gives physics up; inf while physics is alive
-        self._ending = Ending()
+        self._warn_at = math.inf  # s, on the clock of the bus: then the host says that physics is gone
+        self._gone_until = math.inf  # s, on the clock of the bus: then the host gives physics up; inf while physics is alive
+        self._ending = Ending(bus.clock)
 
     # -- joining
 
@@ -157,7 +156,7 @@ class Host:
             is_taken = any(why.startswith(TAKEN) for why in joined.refused.values())
             if NO_TOKEN not in joined.refused.values() and not (is_taken and tries < TAKEN_TRIES):
                 break
-            time.sleep(AGAIN_SECONDS)
+            self.bus.sleep(AGAIN_SECONDS)
         return joined
 
     def _query(self, what: str, request: bytes, type_: type[M], seconds: float = ANSWER_SECONDS) -> M:
@@ -243,9 +242,9 @@ class Host:
         """Handle all present items, so that an old tick is not taken for the newest, and then more until `ready()` or the time is over."""
         for _ in range(len(self.bus.inbox)):
             self._handle_next(0.0)
-        deadline = time.monotonic() + seconds
-        while not ready() and (left := deadline - time.monotonic()) > 0.0:
-            self._handle_next(min(left, min(self._warn_at, self._gone_until) - time.monotonic()))
+        deadline = self.bus.clock() + seconds
+        while not ready() and (left := deadline - self.bus.clock()) > 0.0:
+            self._handle_next(min(left, min(self._warn_at, self._gone_until) - self.bus.clock()))
 
     def _handle_next(self, seconds: float) -> None:
         item = self.bus.inbox.take(seconds)
@@ -255,10 +254,10 @@ class Host:
             self._check_gone()
 
     def _check_gone(self) -> None:
-        if time.monotonic() >= self._warn_at:
+        if self.bus.clock() >= self._warn_at:
             self._warn_at = math.inf
             log.warning("physics is gone; waiting for it")
-        if time.monotonic() >= self._gone_until:
+        if self.bus.clock() >= self._gone_until:
             raise HostEnded(1, f"physics is gone; waited for {self._patience:g} s")
 
     def handle(self, item: Item) -> None:
@@ -289,7 +288,7 @@ class Host:
         self._leave_if_over()
         was_gone, self._gone_until, self._warn_at = self._gone_until < math.inf, math.inf, math.inf
         if not up:
-            self._warn_at, self._gone_until = time.monotonic() + WARN_SECONDS, time.monotonic() + self._patience
+            self._warn_at, self._gone_until = self.bus.clock() + WARN_SECONDS, self.bus.clock() + self._patience
         elif was_gone:
             raise _JoinAgain
 

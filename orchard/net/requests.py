@@ -1,6 +1,5 @@
 """Requests to physics: a Zenoh get that is repeated until a valid reply arrives."""
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Generic, TypeVar
@@ -67,7 +66,7 @@ def ask(
                     refusals.note(request.key, error if isinstance(error, Refused) else Refused("malformed", str(error)))
         if errors:
             raise BusError(f"{request.key}: {errors[0]}")
-        time.sleep(AGAIN_SECONDS)
+        bus.sleep(AGAIN_SECONDS)
     raise BusError(f"{request.key}: no reply; is the physics process running, with the same prefix?")
 
 

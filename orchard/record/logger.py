@@ -6,7 +6,6 @@ One thread receives and another writes, with a bounded queue between them, so th
 import logging
 import math
 import threading
-import time
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -142,8 +141,8 @@ class Logger:
         self.bus, self.keys, self.run_id, self.layout, self.queue = bus, keys, run, layout, queue
         self.refusals = Refusals()
         self._notes: list[Event] = []  # events that wait for the next frame
-        self._gone_until = math.inf  # monotonic clock, s: from then on physics counts as ended; inf while it is alive
-        self._ending = Ending()
+        self._gone_until = math.inf  # s, on the clock of the bus: from then on physics counts as ended; inf while it is alive
+        self._ending = Ending(bus.clock)
         self._tick: int | None = None  # of the newest frame that was passed on
 
     def listen(self, session: str) -> None:
@@ -166,7 +165,7 @@ class Logger:
 
     def _hear_all(self, writer: Writer) -> int:
         try:
-            while writer.error is None and time.monotonic() < self._gone_until:
+            while writer.error is None and self.bus.clock() < self._gone_until:
                 item = self.bus.inbox.take(LOOK_SECONDS)
                 if item is not None:
                     self._handle(item)
@@ -179,7 +178,7 @@ class Logger:
         if isinstance(item, Signal):
             raise HostEnded(0, "asked to stop")
         if isinstance(item, Alive) and item.key == self.keys.of("alive", PHYSICS, self.run_id):
-            self._gone_until = math.inf if item.up else time.monotonic() + GONE_SECONDS
+            self._gone_until = math.inf if item.up else self.bus.clock() + GONE_SECONDS
             self._ending.track(item.up)
         if isinstance(item, Sample):
             try:

@@ -1,6 +1,5 @@
 """What a run counts, writes and shows, for the loop with the network and for the one without."""
 
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from orchard.contract.events import Event, Frame
 from orchard.contract.messages import Written
 from orchard.server.figures import RunFigures
-from orchard.server.snapshots import SNAPSHOT_SECONDS, SnapshotWriter
+from orchard.server.snapshots import SnapshotWriter
 from orchard.sim.frames import FrameBuilder
 from orchard.sim.snapshot import Snapshot
 from orchard.tables import tables_of
@@ -24,16 +23,15 @@ class RunAccount:
         self,
         engine: "Engine",
         before: Snapshot | None,
-        folder: Path | None,
+        snapshot_writer: SnapshotWriter,
         table: str | Path | None,
-        seconds: float = SNAPSHOT_SECONDS,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float],
     ) -> None:
-        """`before`: the snapshot from which the engine was resumed. `folder`: for snapshots, `seconds` of wall time apart; None: none
-        are written. `table`: the folder for tables; None: none are written. `clock`: s, of the run."""
+        """`before`: the snapshot from which the engine was resumed. `table`: the folder for tables; None: none are written. `clock`: s, of
+        the run."""
         self._engine, self._frame_builder = engine, FrameBuilder(engine.world)
-        self.figures = RunFigures(engine, before.figures if before else {}, clock)
-        self.snapshot_writer = SnapshotWriter(folder, seconds)
+        self.figures = RunFigures(engine, clock, before.figures if before else {})
+        self.snapshot_writer = snapshot_writer
         self._tables = tables_of(table, engine)
 
     def update(self, events: list[Event], letters: Mapping[str, Written]) -> None:

@@ -13,9 +13,9 @@ from orchard.wire.messages import SimulationState, StateOfSimulation
 class SimulationControl:
     """Whether a run plays. Every change of the state is published."""
 
-    def __init__(self, publish: Callable[[SimulationState], None], run: str, tick: Callable[[], int]) -> None:
-        """`tick`: returns the tick of the run."""
-        self.clock = RunClock()
+    def __init__(self, clock: RunClock, publish: Callable[[SimulationState], None], run: str, tick: Callable[[], int]) -> None:
+        """`clock`: that of the run, which a pause stops. `tick`: returns the tick of the run."""
+        self.clock = clock
         self._publish, self._run, self._tick = publish, run, tick
         self._state: StateOfSimulation = "stopped"  # as it was published last
         self._begun = self._ended = False

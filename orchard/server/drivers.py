@@ -1,6 +1,5 @@
 """Collects the velocities for each tick: those of sessions that hold agents, and those for robots that no session holds."""
 
-import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
@@ -33,7 +32,7 @@ class Drivers:
         answers: LockstepBarrier | RealtimeBarrier,
         recovery_log: RecoveryLog,
         publisher: Publisher,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float],
     ) -> None:
         """`clock`: the clock of the run, s."""
         self._engine, self._publisher = engine, publisher

@@ -1,6 +1,5 @@
 """The figures of a run, while it runs and for its summary."""
 
-import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,8 +23,8 @@ FIGURES_SECONDS = 0.5  # s of wall time between two messages with figures
 class RunFigures:
     """Counts the figures of one run, for observers and for the summary."""
 
-    def __init__(self, engine: "Engine", before: Mapping[str, Any] | None = None, clock: Callable[[], float] = time.monotonic) -> None:
-        """`before`: what `as_data` returned, for a run that is resumed; raises SnapshotError if it is malformed. `clock`: s, of the run."""
+    def __init__(self, engine: "Engine", clock: Callable[[], float], before: Mapping[str, Any] | None = None) -> None:
+        """`clock`: s, of the run. `before`: what `as_data` returned, for a run that is resumed; raises SnapshotError if it is malformed."""
         from orchard.report.history import History
         from orchard.report.metrics import HarvestFigures
 

@@ -1,7 +1,6 @@
 """Handles what arrives at physics: passes samples, liveliness tokens and queries on, and counts the messages that are refused."""
 
 import math
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -150,8 +149,8 @@ class Inbound:
         self._bus, self._keys, self._run = bus, keys, run
         self._queries = Queries(keys, run)
         self._told: set[tuple[str, wire.Reason]] = set()  # the refusals that were published in this second
-        self._told_since = -math.inf  # s, monotonic clock
-        self._newer_from = math.inf  # s, monotonic clock: a run that appears after that is newer
+        self._told_since = -math.inf  # s, on the clock of the bus
+        self._newer_from = math.inf  # s, on the clock of the bus: a run that appears after that is newer
 
     def listen(self) -> None:
         """Subscribe, and declare the queryables. The liveliness token comes last: it shows the others that physics is ready."""
@@ -162,7 +161,7 @@ class Inbound:
             self._bus.subscribe(self._keys.of(what))
         for what in (*self._queries.replies, "join"):
             self._bus.answer(self._keys.of(what))
-        self._newer_from = time.monotonic() + OTHER_RUN_SECONDS
+        self._newer_from = self._bus.clock() + OTHER_RUN_SECONDS
         self._bus.watch(self._keys.of("alive"))
         self._bus.declare_alive(self._keys.of("alive", PHYSICS, self._run.id))
 
@@ -183,7 +182,7 @@ class Inbound:
     def _refuse(self, key: str, refusal: Refused) -> None:
         """Count a refusal, and publish it for its sender: each key and reason once a second, and so many in all."""
         self._run.refusal_totals.note(key, refusal)
-        now = time.monotonic()
+        now = self._bus.clock()
         if now - self._told_since >= 1.0:
             self._told, self._told_since = set(), now
         if (key, refusal.reason) not in self._told and len(self._told) < MOST_TOLD:
@@ -269,7 +268,7 @@ class Inbound:
 
     def _refuse_another_run(self, up: bool, run: str) -> None:
         """Raise BusError if another run uses this router and prefix: the newer run ends itself, and so do two that begin together."""
-        if up and run != self._run.id and not self._run.has_begun and time.monotonic() < self._newer_from:
+        if up and run != self._run.id and not self._run.has_begun and self._bus.clock() < self._newer_from:
             where = f"with prefix {self._keys.prefix}; choose another router or prefix"
             raise BusError(f"{self._bus.endpoint}: run {run} is active there, {where}")
 

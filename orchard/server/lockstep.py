@@ -4,7 +4,6 @@ Physics does not wait for an agent that no session holds: its robot stands, unle
 """
 
 import math
-import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -55,7 +54,7 @@ class LockstepBarrier(Barrier):
     newest_wins = False  # each tick must reach each agent
     releases_at_once = False  # a session that is gone may come back, or be replaced, until the deadline
 
-    def __init__(self, roster: Roster, patience: float = PATIENCE, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, roster: Roster, clock: Callable[[], float], patience: float = PATIENCE) -> None:
         super().__init__(roster, clock)
         self._patience = patience
         self.deadline = math.inf  # on the clock: the time to wait for missing answers

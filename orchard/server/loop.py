@@ -2,7 +2,6 @@
 
 import logging
 import math
-import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -94,17 +93,17 @@ class RunLoop:
         """
         names = self._drivers.roster.names if self._held_before is None else tuple(self._held_before)
         patience = math.inf if self._held_before is None else self._options.patience
-        end, fewest = time.monotonic() + patience, len(names)
-        while (missing := [name for name in names if self._is_expected(name)]) and (left := end - time.monotonic()) > 0.0:
+        end, fewest = self.bus.clock() + patience, len(names)
+        while (missing := [name for name in names if self._is_expected(name)]) and (left := end - self.bus.clock()) > 0.0:
             if len(missing) < fewest:
-                end, fewest = time.monotonic() + patience, len(missing)
+                end, fewest = self.bus.clock() + patience, len(missing)
             elif not self.arrivals.take(min(left, WARN_SECONDS)):
                 log.warning("waiting for %d agents: %s", len(missing), ", ".join(missing))
         if missing:
             log.warning("no host has come back with %s: no longer waited for; the hash changes", ", ".join(missing))
             self._drivers.miss(missing)
-        deadline = time.monotonic() + LOGGER_SECONDS
-        while self._options.recorded and not self._has_logger() and (left := deadline - time.monotonic()) > 0.0:
+        deadline = self.bus.clock() + LOGGER_SECONDS
+        while self._options.recorded and not self._has_logger() and (left := deadline - self.bus.clock()) > 0.0:
             self.arrivals.take(left)
 
     def _has_logger(self) -> bool:
@@ -164,7 +163,7 @@ class RunLoop:
 
         Tell the end again meanwhile: a link may break when it is told first.
         """
-        now, roster = time.monotonic(), self._drivers.roster
+        now, roster = self.bus.clock(), self._drivers.roster
         deadline, told_by, again = now + seconds, now + LEAVE_SECONDS, now + END_SECONDS
         while now < deadline and (roster.tokens or (now < told_by and not roster.all_have_left())):
             if now >= again:
@@ -172,4 +171,4 @@ class RunLoop:
                 self.run.publisher.publish("end", end)
             if isinstance(self.arrivals.take_after_end(min(deadline, again) - now), Signal):
                 return
-            now = time.monotonic()
+            now = self.bus.clock()

@@ -1,7 +1,6 @@
 """Publishes the messages of physics. Most are packed only if a session subscribes to them."""
 
 import logging
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from orchard.contract.agent import Observations
@@ -27,7 +26,7 @@ class Publisher:
         """`newest_wins`: publish a tick's observations, poses, scans and clock without waiting; a slow subscriber misses some."""
         self._bus, self._keys, self.run, self._layout, self._newest_wins = bus, keys, run, layout, newest_wins
         self._heard: dict[str, bool] = {}  # keys -> whether a session subscribes, as of the last check
-        self._recheck_at = 0.0  # s, monotonic clock
+        self._recheck_at = 0.0  # s, on the clock of the bus
 
     # -- a tick
 
@@ -45,7 +44,7 @@ class Publisher:
 
         `others`: functions for `truth` and `odometry`, published like `pose`. Each is called only if a session subscribes to that.
         """
-        if time.monotonic() >= self._recheck_at:
+        if self._bus.clock() >= self._recheck_at:
             self.refresh_subscribers()
         if self.are_robots_heard():
             heard = {what: view() for what, view in others.items() if self.is_heard(what)}
@@ -86,7 +85,7 @@ class Publisher:
 
     def refresh_subscribers(self) -> None:
         """Forget which keys have subscribers, so that they are checked again: every RECHECK_SECONDS, and when a tick is sent again."""
-        self._heard, self._recheck_at = {}, time.monotonic() + RECHECK_SECONDS
+        self._heard, self._recheck_at = {}, self._bus.clock() + RECHECK_SECONDS
 
     def is_heard(self, what: str) -> bool:
         """Whether a session subscribes to a key of `wire.keys.TABLE`."""

@@ -4,7 +4,6 @@ A tick's answers have until the next tick is due; where the machine hiccups they
 for. Then the step is done without those that are missing. `UnheldCommands` is used in both modes.
 """
 
-import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
@@ -31,7 +30,7 @@ LATE = 0.5  # of a tick's time: a tick that begins later than this after it was 
 class RecentTicks:
     """The ticks of which velocities may still drive a robot: less than WATCHDOG_TICKS ticks or less than `seconds` ago."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic, seconds: float = WATCHDOG) -> None:
+    def __init__(self, clock: Callable[[], float], seconds: float = WATCHDOG) -> None:
         self.clock, self.newest, self._seconds = clock, 0, seconds
         self._begun: deque[tuple[int, float]] = deque([(0, clock())])  # (tick, time of its publication, s)
 
@@ -61,7 +60,7 @@ class TimedVelocity(NamedTuple):
 class UnheldCommands:
     """The velocities of robots that no session holds: the newest one drives a robot, for half a second."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic, seconds: float = WATCHDOG) -> None:
+    def __init__(self, clock: Callable[[], float], seconds: float = WATCHDOG) -> None:
         """`seconds`: of wall time that a velocity drives at least; 0 in lockstep, where simulated time alone counts."""
         self._recent = RecentTicks(clock, seconds)
         self._puts: dict[str, TimedVelocity] = {}
@@ -99,7 +98,7 @@ class RealtimeBarrier(Barrier):
     newest_wins = True  # sessions need only the newest tick
     releases_at_once = True  # the robots of a session that is gone are released at once, and stand
 
-    def __init__(self, roster: Roster, step: float, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, roster: Roster, step: float, clock: Callable[[], float]) -> None:
         """`step`: s of wall time between two ticks."""
         super().__init__(roster, clock)  # `velocities`: those that were used first in the last step
         self._step = step

@@ -19,10 +19,12 @@ from orchard.server.options import RunOptions
 from orchard.server.publisher import Publisher
 from orchard.server.realtime import RealtimeBarrier
 from orchard.server.roster import RecoveryLog, Roster
+from orchard.server.run_clock import RunClock
+from orchard.server.snapshots import SnapshotWriter
 from orchard.sim.snapshot import Snapshot
 from orchard.wire.codec import picture_of
 from orchard.wire.keys import Keys
-from orchard.wire.messages import RESET, End, Events, Letters
+from orchard.wire.messages import RESET, End, Events, Letters, SimulationState
 
 if TYPE_CHECKING:
     from orchard.sim.engine import Engine
@@ -67,15 +69,16 @@ class Run:
         self.id = options.run or (before.run if before else uuid.uuid4().hex[:16])
         roster, recovery_log = Roster(engine.layout.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
         is_paced = options.mode == "realtime"
-        self.control = SimulationControl(lambda state: self.publisher.publish("simulation_state", state), self.id, lambda: engine.tick)
-        clock = self.control.clock
+        clock = RunClock(bus.clock)
+        self.control = SimulationControl(clock, self._publish_state, self.id, lambda: engine.tick)
         if options.paused:
             clock.pause()
-        answers = RealtimeBarrier(roster, TIME_STEP / options.pace, clock) if is_paced else LockstepBarrier(roster, options.patience, clock)
+        answers = RealtimeBarrier(roster, TIME_STEP / options.pace, clock) if is_paced else LockstepBarrier(roster, clock, options.patience)
         self.publisher = Publisher(bus, keys, self.id, engine.layout, answers.newest_wins)
         self.drivers = Drivers(engine, roster, answers, recovery_log, self.publisher, clock)
         self.drivers.lost |= before.lost if before else {}
-        self.account = RunAccount(engine, before, options.snapshot_folder, options.table, options.snapshot_every, clock)
+        snapshot_writer = SnapshotWriter(options.snapshot_folder, bus.executor, bus.clock, options.snapshot_every)
+        self.account = RunAccount(engine, before, snapshot_writer, options.table, clock)
         self._pending: tuple[int, list[Event]] | None = None  # a step that is not reported yet
 
     @property
@@ -112,6 +115,9 @@ class Run:
             self.publisher.publish("picture", picture_of(self.id, self.account.frame(events)))
         if self.account.figures.is_due():
             self._publish_figures()
+
+    def _publish_state(self, state: SimulationState) -> None:
+        self.publisher.publish("simulation_state", state)
 
     def _publish_figures(self) -> None:
         self.publisher.publish("figures", self.account.figures.message(self.id, self.refusal_totals.total()))

@@ -1,7 +1,6 @@
 """The clock of a run: wall time that stands while the run is paused, for how many ticks the run plays, and the pace of its ticks."""
 
 import math
-import time
 from collections.abc import Callable
 
 from orchard.field.scenario import TIME_STEP
@@ -13,7 +12,7 @@ class RunClock:
     A pause takes effect between two steps. `pause`, `play` and `count_step` are called by the thread that reads the clock.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._left: float = math.inf  # steps that are done before the run is paused
         self._since: float | None = None  # s, on `clock`: the begin of the pause; None while the run plays
@@ -51,7 +50,7 @@ class Pacer:
 
     CATCH_UP = 0.25  # s: the largest delay that later ticks make up for
 
-    def __init__(self, speed: float, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, speed: float, clock: Callable[[], float]) -> None:
         self._step = TIME_STEP / speed
         self._clock = clock
         self._due = -math.inf

@@ -2,10 +2,10 @@
 
 import fcntl
 import logging
+import math
 import os
-import time
-from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -44,19 +44,19 @@ def _opened(folder: Path) -> int | None:
 
 
 class SnapshotWriter:
-    """Writes snapshots into a folder, if there is one, `seconds` of wall time apart, in a thread: a slow disk does not delay the run."""
+    """Writes snapshots into a folder, if there is one. An executor does that, so that a slow disk does not delay the run."""
 
-    def __init__(self, folder: Path | None, seconds: float) -> None:
-        self._folder, self._seconds = folder, seconds
-        self._due = 0.0  # s, monotonic clock
-        self._executor = ThreadPoolExecutor(max_workers=1)
+    def __init__(self, folder: Path | None, executor: Executor, clock: Callable[[], float], seconds: float = SNAPSHOT_SECONDS) -> None:
+        """`executor`: does one job after the other. `clock`, `seconds`: the time, and that between two snapshots, s."""
+        self._folder, self._executor, self._clock, self._seconds = folder, executor, clock, seconds
+        self._due = -math.inf  # s, on the clock
         self._writing: Future[bool] | None = None
         self._failed = False
 
     def is_due(self) -> bool:
         """Whether the next snapshot is due, and none is being written."""
         is_idle = self._writing is None or self._writing.done()
-        return self._folder is not None and is_idle and time.monotonic() >= self._due
+        return self._folder is not None and is_idle and self._clock() >= self._due
 
     def keep(self, snapshot: Snapshot) -> None:
         """Start to write a snapshot after the one that is being written. It replaces an older one that still waits."""
@@ -65,7 +65,7 @@ class SnapshotWriter:
         if self._writing is not None:
             self._writing.cancel()
         self._writing = self._executor.submit(self._store, *as_file(snapshot), self._folder)
-        self._due = time.monotonic() + self._seconds
+        self._due = self._clock() + self._seconds
 
     def _store(self, name: str, content: bytes, folder: Path) -> bool:
         """Write a snapshot. Return whether that succeeded; only the first error is logged."""
@@ -92,7 +92,7 @@ def examine(snapshot: Snapshot) -> None:
     """Raise SnapshotError unless a run can go on from this snapshot: its checksum may be right, and its content impossible."""
     from orchard.sim.engine import Engine  # not at the top: numba takes seconds to load
 
-    RunFigures(Engine.resume(snapshot), snapshot.figures)
+    RunFigures(Engine.resume(snapshot), lambda: 0.0, snapshot.figures)
     RefusalTotals(snapshot.figures.get("refused"))
 
 

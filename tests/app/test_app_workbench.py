@@ -2,6 +2,7 @@
 
 import json
 import re
+import time
 from contextlib import contextmanager
 
 import pytest
@@ -19,7 +20,7 @@ PHONE = (390, 844)  # pixels
 def ended(folder, name, sim_seconds, mode="local", **changes):
     """Leave the summary of a run in the folder of runs: of its first 30 s, but with another time."""
     local = Local(Scenario(**changes))
-    account = RunFigures(local.engine)
+    account = RunFigures(local.engine, time.monotonic)
     while local.engine.tick < 300:
         account.update(local.tick())
     (folder / f"{name}.json").write_text(json.dumps(account.summary() | {"mode": mode, "finished": False, "sim_seconds": sim_seconds}))

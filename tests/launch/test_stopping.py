@@ -17,8 +17,8 @@ from orchard.contract.messages import pack
 from orchard.launch import emergency_stop
 from orchard.launch.emergency_stop import RunNote, find_run, find_runs, noted, running_here, switch
 from orchard.launch.stopping import stop_or_reset
-from orchard.net.bus import router
 from orchard.net.endpoints import BusError
+from orchard.net.zenoh_bus import router
 from orchard.wire.messages import RunInfo, Stopped
 
 

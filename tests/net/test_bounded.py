@@ -7,8 +7,9 @@ import msgpack
 from local_runs import SMALL
 from recorded_messages import Run
 
-from orchard.net.bus import Alive, Sample, client, router
+from orchard.net.bus import Alive, Sample
 from orchard.net.refusals import Refusals, Refused
+from orchard.net.zenoh_bus import client, router
 
 
 def test_what_is_told_is_short_and_does_nothing_to_a_terminal(caplog):

@@ -1,7 +1,6 @@
 """Links that break at a certain message, without a network: no luck is needed to meet the moment."""
 
 import signal
-from types import SimpleNamespace
 
 import msgpack
 import pytest
@@ -147,21 +146,20 @@ ASKS = Query(KEYS.of("join", session="a"), b"")  # again and again, while nobody
         ([(0.01, Sample(KEYS.of("left", session="a"), pack(Left("other")))), (0.02, GONE)], LEAVE_SECONDS, None),
     ],
 )
-def test_physics_waits_for_a_session_that_has_not_said_that_it_leaves_and_tells_it_the_end_again(monkeypatch, items, until, told):
-    bus = waited(monkeypatch, items, LEAVE_SECONDS)
+def test_physics_waits_for_a_session_that_has_not_said_that_it_leaves_and_tells_it_the_end_again(items, until, told):
+    bus = waited(items, LEAVE_SECONDS)
     assert bus.now == pytest.approx(until)
     assert bus.told == told or (told is None and len(bus.told) >= 8)
 
 
 @pytest.mark.parametrize(("items", "until"), [([(0.01, GONE)], LEAVE_SECONDS), ([(0.01, LEFT)], 15.0), ([(0.01, LEFT), (7.0, GONE)], 7.0)])
-def test_before_a_reset_physics_is_patient_with_tokens_but_with_a_dead_session_only_as_at_an_end(monkeypatch, items, until):
-    assert waited(monkeypatch, items, seconds=15.0).now == pytest.approx(until, abs=1.1 * END_SECONDS)
+def test_before_a_reset_physics_is_patient_with_tokens_but_with_a_dead_session_only_as_at_an_end(items, until):
+    assert waited(items, seconds=15.0).now == pytest.approx(until, abs=1.1 * END_SECONDS)
 
 
-def waited(monkeypatch, items, seconds: float) -> Leaving:
+def waited(items, seconds: float) -> Leaving:
     """A bus on which physics has waited at the end of a run, for so long at most, until all sessions have left."""
     bus = Leaving()
-    monkeypatch.setattr("orchard.server.loop.time", SimpleNamespace(monotonic=bus.clock))
     physics = RunLoop(bus, KEYS, Engine.begin(SMALL), RunOptions(run=RUN))
     roster = physics.run.drivers.roster
     roster.token("picker_01", "a", True)

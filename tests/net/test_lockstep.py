@@ -16,11 +16,12 @@ from local_runs import AGENTS, SMALL, TICKS, TOY, local_hash
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import free_port
-from orchard.net import bus
-from orchard.net.bus import Inbox, client, router
+from orchard.net import bus, zenoh_bus
+from orchard.net.bus import Inbox
 from orchard.net.endpoints import BusError
 from orchard.net.refusals import Refusals
 from orchard.net.requests import PhysicsRequest, ask
+from orchard.net.zenoh_bus import client, router
 from orchard.wire.keys import TABLE
 
 # -- the same as local mode
@@ -269,7 +270,7 @@ def test_bad_bytes_on_every_key_change_nothing(fleet, undisturbed):
 
 
 def test_an_endpoint_that_nobody_listens_on_is_named(monkeypatch):
-    monkeypatch.setattr(bus, "CONNECT_SECONDS", 0.3)
+    monkeypatch.setattr(zenoh_bus, "CONNECT_SECONDS", 0.3)
     with pytest.raises(BusError, match=r"tcp/127\.0\.0\.1:9: no router answers"), client("tcp/127.0.0.1:9"):
         pass
 

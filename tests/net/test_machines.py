@@ -14,7 +14,7 @@ from local_runs import SMALL, local_hash
 from machines import machines, needs_machines, within
 
 from orchard.field.scenario import Scenario, to_yaml
-from orchard.net.bus import router
+from orchard.net.zenoh_bus import router
 
 TICKS = 200
 PORT = 7447

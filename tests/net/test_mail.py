@@ -208,7 +208,7 @@ def velocity(tick=3, holder="", x=1.0, report=None):
 
 
 def test_a_tick_takes_one_answer_from_each_holder():
-    answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "b")))
+    answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "b")), Clock())
     answers.open(3)
     for wrong, reason in [(velocity(holder="b"), "not the holder"), (velocity(2, "a"), "past tick"), (velocity(4, "a"), "future tick")]:
         with pytest.raises(Refused, match=reason):
@@ -220,7 +220,7 @@ def test_a_tick_takes_one_answer_from_each_holder():
 
 
 def test_an_answer_that_is_sent_again_counts_once_and_is_no_mistake():
-    answers = LockstepBarrier(roster(("picker_01", "a")))
+    answers = LockstepBarrier(roster(("picker_01", "a")), Clock())
     for tick in (3, 4):
         answers.open(tick)
         answers.take("picker_01", velocity(tick, "a"))
@@ -270,7 +270,7 @@ def test_nobody_answers_in_anothers_place():
 
 def test_each_that_comes_back_gives_all_some_time_but_once_in_a_tick():
     clock = Clock()
-    answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "b")), 15.0, clock)
+    answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "b")), clock)
     answers.open(3)
     for name, deadline in (("picker_01", 125.0), ("bin_01", 135.0), ("picker_01", 135.0)):
         clock.now += 10.0
@@ -282,7 +282,7 @@ def test_each_that_comes_back_gives_all_some_time_but_once_in_a_tick():
 
 
 def test_answers_are_applied_in_one_order():
-    answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "a")))
+    answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "a")), Clock())
     answers.open(3)
     for name in ("picker_01", "bin_01"):
         answers.take(name, velocity(holder="a"))

@@ -16,8 +16,9 @@ from secured_run import HERS, KEYS, MINE, Farm, Somebody
 
 from orchard.contract.messages import pack
 from orchard.launch.distributed import agent_names
-from orchard.net.bus import Alive, Final, Query, Sample, client, router
+from orchard.net.bus import Alive, Final, Query, Sample
 from orchard.net.endpoints import BusError
+from orchard.net.zenoh_bus import client, router
 from orchard.security.certificates import Authority
 from orchard.security.identity import Identity, Keyring
 from orchard.security.roles import AUTHORITY, RIGHTS, SERVANTS, Role, access_control

@@ -16,7 +16,8 @@ from secured_run import KEYS, Somebody
 
 from orchard.field.scenario import Scenario, to_yaml
 from orchard.launch.supervisor import free_port
-from orchard.net.bus import Sample, client
+from orchard.net.bus import Sample
+from orchard.net.zenoh_bus import client
 from orchard.security.identity import Keyring
 from orchard.wire.messages import Clock
 from orchard.wire.types import read

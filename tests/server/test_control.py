@@ -58,7 +58,7 @@ def test_it_stands_again_after_so_many_steps():
 def test_a_pause_makes_no_agent_late_and_no_tick():
     wall = Clock()
     clock = RunClock(wall)
-    barrier, pacer = LockstepBarrier(roster(("picker_01", "a")), 15.0, clock), Pacer(1.0, clock)
+    barrier, pacer = LockstepBarrier(roster(("picker_01", "a")), clock), Pacer(1.0, clock)
     barrier.open(0)
     pacer.begin()
     clock.pause()

@@ -301,7 +301,7 @@ def test_the_exchange_of_bins_works_in_realtime(tmp_path):
     """At speed 10, from before the first bins are full until one is delivered; where the machine does not keep up, it takes longer."""
     before = local_at(650)
     taken = before.snapshot()
-    taken.run, taken.figures = "exchange", taken.figures | RunFigures(before.engine).as_data()
+    taken.run, taken.figures = "exchange", taken.figures | RunFigures(before.engine, time.monotonic).as_data()
     store(*as_file(taken), tmp_path)
     assert not is_full(before.engine.world, before.engine.world.index["bin_01"])
     with running("--resume", tmp_path, "--mode", "realtime", "--speed", 10, "--hosts", 1, "--record", "none", "--duration", 900) as run:

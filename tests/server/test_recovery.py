@@ -3,7 +3,6 @@
 import os
 import signal
 from pathlib import Path
-from types import SimpleNamespace
 
 import msgpack
 import pytest
@@ -233,7 +232,7 @@ def test_a_router_that_is_killed_and_started_again_changes_nothing(fleet, undist
 class SlowStart:
     """A bus at which one agent after another joins again, each so many seconds after the last, on a clock of its own."""
 
-    id, endpoint = "here", "nowhere"
+    id, endpoint, executor = "here", "nowhere", None
 
     def __init__(self, names, seconds):
         self.inbox, self.now, self._seconds = self, 0.0, seconds
@@ -257,19 +256,21 @@ class Knock(Query):
     def reply(self, payload):
         pass
 
+    def refuse(self, reason):
+        raise AssertionError(reason)
+
     def drop(self):
         pass
 
 
 @pytest.mark.parametrize(("seconds", "is_there"), [(10.0, True), (20.0, False)])
-def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(monkeypatch, seconds, is_there):
+def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(seconds, is_there):
     local = Local(SMALL)
     local.tick()
     before = local.snapshot()
     before.run = "here"
     names = before.held = before.held[:4]
     bus = SlowStart(names, seconds)
-    monkeypatch.setattr("orchard.server.loop.time", SimpleNamespace(monotonic=bus.clock))
     physics = RunLoop(bus, Keys(), Engine.resume(before), RunOptions(patience=15.0), before)
     physics.gather()
     assert (sorted(physics.run.drivers.roster.holders) == names) == is_there

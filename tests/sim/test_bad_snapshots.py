@@ -4,6 +4,7 @@ import hashlib
 import itertools
 import math
 import random
+import time
 from contextlib import suppress
 
 import msgpack
@@ -28,7 +29,7 @@ def snapshot():
     """A good snapshot, as plain data."""
     local = local_at(12)
     taken = local.snapshot()
-    taken.figures |= RunFigures(local.engine).as_data()
+    taken.figures |= RunFigures(local.engine, time.monotonic).as_data()
     return msgpack.unpackb(pack(taken), strict_map_key=False)
 
 

@@ -14,7 +14,7 @@ from orchard.contract.agent import Action, Mail, Observation
 from orchard.contract.messages import BinState, StateRequest
 from orchard.field.geometry import Twist
 from orchard.field.layout import Layout
-from orchard.net import bus
+from orchard.net import zenoh_bus
 
 
 class Counted(msgspec.Struct):
@@ -78,7 +78,7 @@ def slow_harvesters(layout: Layout, names: object = None) -> dict[str, Slow]:
 
 def _all_slow(cast: dict, seconds: float) -> dict[str, Slow]:
     for handler in ("_sample", "_alive", "_replied", "_question"):
-        setattr(bus, handler, _slowly(getattr(bus, handler)))
+        setattr(zenoh_bus, handler, _slowly(getattr(zenoh_bus, handler)))
     return {name: Slow(agent, seconds) for name, agent in cast.items()}
 
 

@@ -4,14 +4,17 @@ import math
 import random
 import re
 import threading
+import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import msgpack
 
 from docs.message_examples import EXAMPLES
 from orchard.agents.catalogue import make_agents
 from orchard.contract.messages import MAX_PAYLOAD, pack
-from orchard.net.bus import Alive, Final, Inbox, Query, Replied, Sample
+from orchard.net.bus import Alive, Final, Inbox, Replied, Sample
+from orchard.net.bus import Query as AnyQuery
 from orchard.net.host import Host, HostEnded
 from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions
@@ -26,7 +29,7 @@ HOST = "host1"
 # -- a run without a network
 
 
-class Query(Query):
+class Query(AnyQuery):
     """A query as a queryable gets it, and what it gets back."""
 
     def __init__(self, key: str, payload: bytes, replied: Callable[[Replied], None] = lambda reply: None, ticket: object = None) -> None:
@@ -76,8 +79,15 @@ class StandIn:
 
     def __init__(self, net: Net, session: str) -> None:
         self.inbox, self.id, self.endpoint = Inbox(), session, "nowhere"
+        self.executor = ThreadPoolExecutor(max_workers=1)
         self.keys, self.tokens, self.answers, self.retired, self._net = [], [], [], [], net
         net.buses.append(self)
+
+    def clock(self) -> float:
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        time.sleep(seconds)
 
     @staticmethod
     def hears(patterns: list[str], key: str) -> bool:

@@ -10,7 +10,8 @@ from local_runs import SMALL
 from orchard.contract.messages import pack
 from orchard.launch.distributed import agent_names
 from orchard.launch.request import shares
-from orchard.net.bus import Bus, Final, Replied, Sample, client
+from orchard.net.bus import Bus, Final, Replied, Sample
+from orchard.net.zenoh_bus import client
 from orchard.security.identity import Keyring, host_roles, make
 from orchard.wire.keys import Keys
 from orchard.wire.messages import Angular, Drive, Join, Joined, Linear, Odometry, Velocities, Velocity

@@ -1,5 +1,6 @@
 """A stage for tests: an orchard in local mode, with commands and queries in the words of the domain and in simulated time."""
 
+import time
 from collections.abc import Callable
 
 from orchard.contract.agent import Action, Agent, Mail, Observation
@@ -47,7 +48,7 @@ class Stage:
     def __init__(self, scenario: Scenario, holds: type[Lookahead] = Lookahead, **agents: Agent) -> None:
         self.local = Local(scenario, holds=holds)
         self.local.agents |= agents
-        self.account = RunFigures(self.local.engine)
+        self.account = RunFigures(self.local.engine, time.monotonic)
         self.events: list[Event] = []
 
     @property

@@ -1,0 +1,240 @@
+"""The bus over Zenoh. Only this module imports zenoh.
+
+Handlers only store what arrives in the inbox and wake the reader, which does the rest in its own thread. So no lock is needed, and none is
+held during a get, a reply or a drop.
+"""
+
+import json
+import logging
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any
+
+import zenoh
+from zenoh.handlers import Callback
+
+from orchard.net.bus import GET_SECONDS, Alive, Bus, Final, Inbox, Item, Query, Replied, Sample
+from orchard.net.endpoints import IN_USE, LOOPBACK, NO_ENDPOINT, BusError, check_security, is_public, with_port
+from orchard.security.identity import Identity, why_no_trust
+from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY
+
+log = logging.getLogger("orchard.net.zenoh_bus")
+
+CONNECT_SECONDS = 7.0  # how long a client tries to connect to its router
+LISTEN_SECONDS = 1.0  # how long a router tries to get its port
+LEASE_MS = 2000  # a neighbour that is silent for this long counts as gone
+MOST_SILENT = 10_000  # connections that have not said what they are; at the default of 100 no other client gets in for 10 s
+FULL_QUEUE_US = 300_000  # how long the router waits for a neighbour that receives nothing, before it closes the link
+_ASKING: dict[str, Any] = {
+    "target": zenoh.QueryTarget.ALL,
+    "consolidation": zenoh.ConsolidationMode.NONE,  # AUTO would hold the first reply back until the last
+    "congestion_control": zenoh.CongestionControl.BLOCK,
+}
+_OTHERS = zenoh.Locality.REMOTE  # a session does not receive its own samples
+_OPEN = "any client that reaches this address can drive every robot and end the run; --secure DIR admits only known clients"
+
+
+@contextmanager
+def _errors_ignored(what: str) -> Iterator[None]:
+    """Ignore errors of zenoh: a peer that is gone, or a session that closes, is no reason to stop."""
+    try:
+        yield
+    except zenoh.ZError as error:
+        log.debug("%s was not sent: %s", what, error)
+
+
+class ZenohQuery(Query):
+    """A query that came over Zenoh."""
+
+    def __init__(self, key: str, query: zenoh.Query) -> None:
+        self.key = key
+        self.payload = b"" if query.payload is None else query.payload.to_bytes()
+        self._query = query
+
+    def reply(self, payload: bytes) -> None:
+        with _errors_ignored("a reply"):
+            self._query.reply(self.key, payload)
+
+    def refuse(self, reason: str) -> None:
+        with _errors_ignored("a refusal"):
+            self._query.reply_err(reason.encode())
+        self.drop()
+
+    def drop(self) -> None:
+        with _errors_ignored("the end of a query"):
+            self._query.drop()  # type: ignore[no-untyped-call]
+
+
+# -- sending
+
+
+class ZenohBus(Bus):
+    """A Zenoh session."""
+
+    def __init__(self, session: zenoh.Session, inbox: Inbox, endpoint: str) -> None:
+        self.inbox, self.endpoint, self.id = inbox, endpoint, str(session.zid())
+        self._session = session
+        self.executor = ThreadPoolExecutor(max_workers=1)
+        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._listeners: dict[str, zenoh.Publisher] = {}  # publishers that only check for subscribers
+        self._kept: list[Any] = []  # declarations, which end when they are no longer referenced
+        self._tokens: dict[str, zenoh.LivelinessToken] = {}
+
+    def clock(self) -> float:
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        time.sleep(seconds)
+
+    # -- publish and query
+
+    def publish(self, key: str, payload: bytes, newest_wins: bool = False) -> None:
+        if key not in self._publishers:
+            control = zenoh.CongestionControl.DROP if newest_wins else zenoh.CongestionControl.BLOCK
+            self._publishers[key] = self._session.declare_publisher(key, congestion_control=control, allowed_destination=_OTHERS)
+        try:
+            self._publishers[key].put(payload)
+        except zenoh.ZError as error:
+            log.debug("%s was not sent: %s", key, error)
+
+    def retire(self, key: str) -> None:
+        if (publisher := self._publishers.pop(key, None)) is not None:
+            with _errors_ignored("the end of a publisher"):
+                publisher.undeclare()  # type: ignore[no-untyped-call]
+
+    def is_heard(self, keys: str) -> bool:
+        if keys not in self._listeners:
+            self._listeners[keys] = self._session.declare_publisher(keys, allowed_destination=_OTHERS)
+        return bool(self._listeners[keys].matching_status.matching)  # type: ignore[attr-defined]  # zenoh's stub is wrong
+
+    def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
+        put = self.inbox.put
+        handler: Callback[zenoh.Reply] = Callback(lambda reply: put(_replied(ticket, reply)), lambda: put(Final(ticket)), indirect=False)
+        try:
+            self._session.get(key, handler, payload=payload, timeout=seconds, **_ASKING)
+        except zenoh.ZError as error:
+            log.debug("the query of %s was not sent: %s", key, error)
+            put(Final(ticket))
+
+    # -- subscribe and answer
+
+    def subscribe(self, keys: str, quietly: bool = False) -> None:
+        self._kept.append(self._session.declare_subscriber(keys, self._into(_sample, quietly)))
+
+    def answer(self, key: str) -> None:
+        self._kept.append(self._session.declare_queryable(key, self._into(_question)))
+
+    def watch(self, tokens: str) -> None:
+        self._kept.append(self._session.liveliness().declare_subscriber(tokens, self._into(_alive), history=True))
+
+    def declare_alive(self, token: str) -> None:
+        self._tokens[token] = self._session.liveliness().declare_token(token)
+
+    def withdraw(self, token: str) -> None:
+        with _errors_ignored("the end of a token"):
+            self._tokens.pop(token).undeclare()  # type: ignore[no-untyped-call]
+
+    def _into(self, item_of: Callable[[Any], Item], quietly: bool = False) -> "Callback[Any]":
+        put = self.inbox.put_quietly if quietly else self.inbox.put
+        return Callback(lambda arrived: put(item_of(arrived)), indirect=False)
+
+
+def _question(query: zenoh.Query) -> ZenohQuery:
+    """Convert a query. Its key is the one that the client asked, which may have wildcards, and not that of the queryable."""
+    return ZenohQuery(str(query.key_expr), query)
+
+
+def _sample(sample: zenoh.Sample) -> Sample:
+    return Sample(str(sample.key_expr), sample.payload.to_bytes())
+
+
+def _alive(sample: zenoh.Sample) -> Alive:
+    return Alive(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+
+def _replied(ticket: Any, reply: zenoh.Reply) -> Replied:
+    if reply.ok is not None:
+        return Replied(ticket, reply.ok.payload.to_bytes(), "")
+    return Replied(ticket, b"", reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "no reply")
+
+
+# -- sessions
+
+
+@contextmanager
+def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None, identity: Identity | None = None) -> Iterator[Bus]:
+    """Open a router session, and close it at the end. Without `identity` it admits all clients; with it, those that its rules name.
+
+    For port 0 it takes a free port; `bus.endpoint` contains it. Raises BusError if it cannot listen.
+    """
+    endpoint = with_port(endpoint)
+    if identity is None and is_public(endpoint):
+        log.warning("%s: %s", endpoint, _OPEN)
+    with _session("router", endpoint, 0.0, identity) as session:
+        yield ZenohBus(session, Inbox() if inbox is None else inbox, endpoint)
+
+
+@contextmanager
+def client(endpoint: str, inbox: Inbox | None = None, seconds: float | None = None, identity: Identity | None = None) -> Iterator[Bus]:
+    """Open a client session, and close it at the end. Raises BusError if it reaches no router in `seconds`, CONNECT_SECONDS by default."""
+    with _session("client", endpoint, CONNECT_SECONDS if seconds is None else seconds, identity) as session:
+        yield ZenohBus(session, Inbox() if inbox is None else inbox, endpoint)
+
+
+@contextmanager
+def _session(mode: str, endpoint: str, seconds: float, identity: Identity | None) -> Iterator[zenoh.Session]:
+    check_security(endpoint, identity is not None)
+    try:
+        session = zenoh.open(_config(mode, endpoint, seconds, identity))
+    except zenoh.ZError as error:
+        raise BusError(_explain(mode, endpoint, seconds, identity, str(error))) from error
+    try:
+        yield session
+    finally:
+        try:
+            session.close()  # type: ignore[no-untyped-call]
+        except zenoh.ZError as error:
+            log.warning("the session with %s did not close: %s", endpoint, error)
+
+
+def _explain(mode: str, endpoint: str, seconds: float, identity: Identity | None, error: str) -> str:
+    if "must be of the form" in error:
+        return f"{endpoint}: {NO_ENDPOINT}"
+    if mode == "router":
+        return f"{endpoint}: {IN_USE}"
+    fault = "" if identity is None else why_no_trust(endpoint, identity.folder)
+    return f"{endpoint}: {fault or f'no router answers there; tried for {seconds:g} s'}"
+
+
+def _config(mode: str, endpoint: str, seconds: float, identity: Identity | None) -> zenoh.Config:
+    settings: dict[str, Any] = {
+        "mode": mode,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/shared_memory/enabled": False,
+        "transport/link/tx/lease": LEASE_MS,
+    }
+    if mode == "router":
+        settings |= {"listen/endpoints": [endpoint], "listen/timeout_ms": int(LISTEN_SECONDS * 1000), "listen/exit_on_failure": True}
+        settings["transport/link/tx/queue/congestion_control/block/wait_before_close"] = FULL_QUEUE_US
+        settings["transport/unicast/accept_pending"] = MOST_SILENT
+    else:
+        settings |= {"connect/endpoints": [endpoint], "connect/timeout_ms": int(seconds * 1000), "connect/exit_on_failure": True}
+        settings["connect/retry"] = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
+    if identity is not None:
+        settings |= _tls_settings(identity) | ({"access_control": identity.rules()} if mode == "router" else {})
+    config = zenoh.Config()
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _tls_settings(identity: Identity) -> dict[str, Any]:
+    """The files with which both sides authenticate each other, and the session id that the rules name."""
+    tls: dict[str, Any] = {"root_ca_certificate": str(identity.folder / AUTHORITY), "enable_mtls": True, "verify_name_on_connect": True}
+    for side in ("listen", "connect"):
+        tls |= {f"{side}_certificate": str(identity.folder / CERTIFICATE), f"{side}_private_key": str(identity.folder / KEY)}
+    tls["close_link_on_expiration"] = True
+    return {"id": identity.role.session} | {f"transport/link/tls/{key}": value for key, value in tls.items()}

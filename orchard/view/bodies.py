@@ -12,7 +12,7 @@ from orchard.field.layout import Lane, Layout
 from orchard.field.placement import Start
 from orchard.view import palette
 from orchard.view.scenery import ROW_Z
-from orchard.view.shapes import FLAG, MeshPart, body, mesh_of
+from orchard.view.shapes import model
 
 BRANCHES = dict.fromkeys(PEOPLE, "people") | dict.fromkeys(ANIMALS, "animals")  # kinds that share a branch of world/
 PINNED = ("picker", "carrier", "tractor")
@@ -22,13 +22,6 @@ PIN_Z = 4.4  # m: well above the pergola
 BIN_FLOOR, BIN_RIM = 0.2, 0.94  # z of the fruit in an empty and in a full bin, m
 FILL_STEPS = 14
 WHOLE, UNSEEN = (1.0, 1.0, 1.0), (0.01, 0.01, 0.01)  # scales of a mesh that is shown, and of one that is hidden
-FRUIT = [
-    MeshPart("cab", (0.88, 0.88, 1.0), (0, 0, -0.5), palette.KIWI),
-    MeshPart("ball", (0.3, 0.3, 0.24), ((-0.27, 0.27), (-0.27, 0.27), 0), palette.KIWI),
-    MeshPart("ball", (0.3, 0.3, 0.24), (0, 0, 0), palette.KIWI),
-    MeshPart("ball", (0.3, 0.3, 0.24), (0, (-0.27, 0.27), 0), palette.KIWI_FLESH),
-    MeshPart("ball", (0.3, 0.3, 0.24), ((-0.27, 0.27), 0, 0), palette.KIWI_FLESH),
-]
 
 
 class BodyView:
@@ -54,12 +47,12 @@ class BodyView:
         path, frame = self.path[start.name], rr.CoordinateFrame(start.name)
         self.rec.log(path, frame, static=True)
         if start.kind != "weed":
-            self.rec.log(path, body(start.kind), static=True)
+            self.rec.log(path, model(start.kind), static=True)
         if start.kind in PINNED:
             self._pin(start)
         if start.kind == "bin":
-            self.rec.log(f"{path}/fruit", frame, mesh_of(FRUIT), static=True)
-            self.rec.log(f"{path}/full", frame, mesh_of(FLAG), static=True)
+            self.rec.log(f"{path}/fruit", frame, model("fruit"), static=True)
+            self.rec.log(f"{path}/full", frame, model("flag"), static=True)
         colour = palette.SCANS.get(start.kind, palette.OTHER_SCANS)
         self.rec.log(f"scans/{start.name}", frame, rr.Points3D.from_fields(colors=[colour], radii=[HIT_RADIUS]), static=True)
 
@@ -110,7 +103,7 @@ class BodyView:
         for i in self._weeds:
             path, grown = self.path[self.layout.names[i]], bool(alive[i])
             if self._is_new(path, grown):
-                self.rec.log(path, body("weed") if grown else rr.Clear(recursive=False))
+                self.rec.log(path, model("weed") if grown else rr.Clear(recursive=False))
 
     def _is_new(self, path: str, value: int) -> bool:
         """Whether an entity does not show this value yet. From now on it does."""

@@ -9,13 +9,15 @@ import rerun as rr
 from orchard.field import layout as field
 from orchard.field.layout import Lane, Layout, TreeLine
 from orchard.view import palette
-from orchard.view.shapes import CROWN, LINE_POST, TRUNK, Coordinate, MeshPart, mesh_of, vine_patch
+from orchard.view.shapes import Part, boxes, discs, model
 
 WORLD_FRAME = "tf#/"  # Rerun's name for the frame of the root entity
 PLAN_CAMERA = "plan/camera"
+RAILS_Z = (0.9, 1.6, 2.3)  # m, of a fence
 MOWER = 3.5  # m, width of a mown stripe
 MARGIN = 6.0  # m of meadow that the plan shows around the fences
 CAMERA_UP = 400.0  # m above the ground
+PATCH = 4.5  # m, width of a patch of the pergola: of a row between trees 5 m apart
 FOCAL = 4000.0  # pixels: 10 pixels per metre on the ground
 
 # z of the layers on the ground, m: at least 5 cm apart, or they flicker from afar
@@ -29,15 +31,14 @@ def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
         [(x, line.y) for line in layout.lines for x in line.posts_x],
     )
     rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    rec.log("world/ground", mesh_of(_ground(layout)), static=True)
-    rec.log("world/fences", mesh_of(_fences(layout)), static=True)
-    _instances(rec, "world/trees", TRUNK, trees)
-    _instances(rec, "world/posts", LINE_POST, posts)
-    _instances(rec, "canopy/crowns", CROWN, trees, half_turns=True)
+    rec.log("world/ground", boxes(_ground(layout)), static=True)
+    rec.log("world/fences", boxes(_fences(layout)), static=True)
+    _instances(rec, "world/trees", "trunk", trees)
+    _instances(rec, "world/posts", "line_post", posts)
+    _instances(rec, "canopy/crowns", "crown", trees, half_turns=True)
     _pergola(rec, layout)
     beside = [(np.subtract(line.trees_x, 0.3), line.y + 0.3, SHADE_Z) for line in layout.lines]
-    shade = [MeshPart("drum", (5.6, 1.7, 0.01), at, palette.SHADE) for at in beside]
-    rec.log("canopy/shade", mesh_of(shade, alpha=110), static=True)
+    rec.log("canopy/shade", discs(Part((5.6, 1.7, 0.01), at, (*palette.SHADE, 110)) for at in beside), static=True)
     rec.log("canopy/wires", rr.LineStrips3D(_wires(layout), colors=[palette.WIRE], radii=[0.02]), static=True)
     _plan_canopy(rec, layout)
     _camera(rec, layout)
@@ -46,36 +47,35 @@ def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
 def _instances(
     rec: rr.RecordingStream,
     path: str,
-    parts: Sequence[MeshPart],
+    name: str,
     at: Sequence[tuple[float, float]],
     half_turns: bool = False,
     widths: Sequence[float] | None = None,
 ) -> None:
-    """Log the same mesh at many places. With `half_turns`, half of them are turned by 180 degrees, so that they look less alike.
+    """Log the same model at many places. With `half_turns`, half of them are turned by 180 degrees, so that they look less alike.
 
-    `widths`: of each, as a share of the mesh's own width; None: all have it.
+    `widths`: of each, as a share of the model's own width; None: all have it.
     """
     places = np.array([(x, y, 0.0) for x, y in at], dtype=np.float32)
     turned = (np.arange(len(places)) * 7 // 3) % 2 * (1.0 if half_turns else 0.0)
     quaternions = np.stack([0 * turned, 0 * turned, turned, 1 - turned], axis=1)
     scales = None if widths is None else [(1.0, width, 1.0) for width in widths]
-    rec.log(path, mesh_of(parts), rr.InstancePoses3D(translations=places, quaternions=quaternions, scales=scales), static=True)
+    rec.log(path, model(name), rr.InstancePoses3D(translations=places, quaternions=quaternions, scales=scales), static=True)
 
 
 def _pergola(rec: rr.RecordingStream, layout: Layout) -> None:
     """Log the pergola's patches over the lanes, each as wide as its lane."""
-    own = layout.lanes[0].width - 0.5
-    over = [(x, lane.y, (lane.width - 0.5) / own) for lane in layout.lanes for x in trees_over(lane)]
-    widths = [width for *_, width in over] if layout.scenario.survey else None
-    _instances(rec, "canopy/pergola", vine_patch(own), [(x, y) for x, y, _ in over], half_turns=True, widths=widths)
+    over = [(x, lane.y, lane.width - 0.5) for lane in layout.lanes for x in trees_over(lane)]
+    widths = [width / PATCH for *_, width in over]
+    _instances(rec, "canopy/pergola", "pergola", [(x, y) for x, y, _ in over], half_turns=True, widths=widths)
 
 
-def _slab(west: float, south: float, east: float, north: float, z: float, colour: palette.Colour) -> MeshPart:
+def _slab(west: float, south: float, east: float, north: float, z: float, colour: palette.Colour) -> Part:
     """Return a flat piece of ground."""
-    return MeshPart("box", (east - west, north - south, 0.02), ((west + east) / 2, (south + north) / 2, z), colour)
+    return Part((east - west, north - south, 0.02), ((west + east) / 2, (south + north) / 2, z), colour)
 
 
-def _ground(layout: Layout) -> list[MeshPart]:
+def _ground(layout: Layout) -> list[Part]:
     """Return the ground: fields, mown grass within the fences, bare soil below the trees, dirt roads around the rows, the driveway."""
     first, last, drive = layout.tree_lines[0], layout.tree_lines[-1], field.DRIVEWAY
     return [
@@ -93,7 +93,7 @@ def _ground(layout: Layout) -> list[MeshPart]:
     ]
 
 
-def _fields() -> list[MeshPart]:
+def _fields() -> list[Part]:
     """Return a patchwork of fields up to the horizon, the same every time. One of them is the orchard's meadow."""
     draw = np.random.default_rng(1)
     edges = [-2000.0, -1300.0, -850.0, -560.0, -360.0, -220.0, 180.0, 310.0, 520.0, 800.0, 1250.0, 2000.0]
@@ -105,14 +105,14 @@ def _any(draw: np.random.Generator) -> palette.Colour:
     return palette.FIELDS[int(draw.integers(len(palette.FIELDS)))]
 
 
-def _lawn(layout: Layout) -> list[MeshPart]:
+def _lawn(layout: Layout) -> list[Part]:
     """Return the grass within the fences, in mown stripes."""
     edges = np.linspace(layout.bottom, field.TOP, round((field.TOP - layout.bottom) / MOWER) + 1)
     colours = (palette.GRASS, palette.MOWN)
     return [_slab(field.X_WEST, s, layout.east, n, GRASS_Z, colours[i % 2]) for i, (s, n) in enumerate(pairwise(edges))]
 
 
-def _bay(layout: Layout) -> list[MeshPart]:
+def _bay(layout: Layout) -> list[Part]:
     """Return the white marking of the unloading bay."""
     west, south, east, north = layout.bay
     z = DRIVEWAY_Z + 0.12
@@ -120,7 +120,7 @@ def _bay(layout: Layout) -> list[MeshPart]:
     return sides + [_slab(x, south, x + 0.15, north, z, palette.PAINT) for x in (west, east - 0.15)]
 
 
-def _queue(layout: Layout) -> list[MeshPart]:
+def _queue(layout: Layout) -> list[Part]:
     """Return the white lines in which the carriers of this orchard wait, one line on each side of them."""
     places = [layout.queue.place(number) for number in range(layout.scenario.carrier_count)]
     lines = {y: min(place.x for place in places if place.y == y) - 3.5 for _, y, _ in places}
@@ -128,23 +128,20 @@ def _queue(layout: Layout) -> list[MeshPart]:
     return [_slab(west, y - 0.075, layout.queue.head + 1.4, y + 0.075, ROW_Z, palette.PAINT) for west, y in beside]
 
 
-def _fences(layout: Layout) -> list[MeshPart]:
+def _fences(layout: Layout) -> list[Part]:
     """Return the fences, 2.5 m high with gaps: a kerb as wide as the laser sees it, a post about every 5 m, three rails."""
-    x, y, length, width = (field.X_WEST, layout.east), (layout.bottom, field.TOP), field.TOP - layout.bottom, layout.east - field.X_WEST
+    x, y = (field.X_WEST, layout.east), (layout.bottom, field.TOP)
+    width, length = x[1] - x[0], y[1] - y[0]
+    middle_x, middle_y = sum(x) / 2, sum(y) / 2
     along_x, along_y = np.linspace(*x, round(width / 5.0) + 1), np.linspace(*y, round(length / 5.0) + 1)
     post = (0.25, 0.25, field.FENCE_HEIGHT)
     return [
-        MeshPart("box", post, (along_x, y, field.FENCE_HEIGHT / 2), palette.FENCE),
-        MeshPart("box", post, (x, along_y[1:-1], field.FENCE_HEIGHT / 2), palette.FENCE),
-        *_rails(width, layout.shift / 2, y, 0.0),
-        *_rails(length, x, float(np.mean(y)), 90.0),
-    ]
-
-
-def _rails(length: float, x: Coordinate, y: Coordinate, yaw: float) -> list[MeshPart]:
-    return [
-        MeshPart("box", (length, 0.1, 0.16), (x, y, (0.9, 1.6, 2.3)), palette.FENCE, yaw=yaw),
-        MeshPart("box", (length + 1.0, field.FENCE_THICKNESS, 0.25), (x, y, 0.0), palette.KERB, yaw=yaw),
+        Part(post, (along_x, y, field.FENCE_HEIGHT / 2), palette.FENCE),
+        Part(post, (x, along_y[1:-1], field.FENCE_HEIGHT / 2), palette.FENCE),
+        Part((width, 0.1, 0.16), (middle_x, y, RAILS_Z), palette.FENCE),
+        Part((0.1, length, 0.16), (x, middle_y, RAILS_Z), palette.FENCE),
+        Part((width + 1.0, field.FENCE_THICKNESS, 0.25), (middle_x, y, 0.0), palette.KERB),
+        Part((field.FENCE_THICKNESS, length + 1.0, 0.25), (x, middle_y, 0.0), palette.KERB),
     ]
 
 
@@ -160,10 +157,10 @@ def _wires(layout: Layout) -> list[np.ndarray]:
 
 def _plan_canopy(rec: rr.RecordingStream, layout: Layout) -> None:
     """Log the plan's canopy, flat and transparent."""
-    patches = [MeshPart("box", (1.7, lane.width - 0.5, 0.02), (trees_over(lane), lane.y, 3.2), palette.VINE[0]) for lane in layout.lanes]
-    crowns = [MeshPart("drum", (5.5, 1.4, 0.02), (line.trees_x, line.y, 3.4), palette.LEAVES[0]) for line in layout.lines]
-    rec.log("plan/pergola", mesh_of(patches, alpha=70), static=True)
-    rec.log("plan/crowns", mesh_of(crowns, alpha=130), static=True)
+    patches = (Part((1.7, lane.width - 0.5, 0.02), (trees_over(lane), lane.y, 3.2), (*palette.VINE, 70)) for lane in layout.lanes)
+    crowns = (Part((5.5, 1.4, 0.02), (line.trees_x, line.y, 3.4), (*palette.LEAVES, 130)) for line in layout.lines)
+    rec.log("plan/pergola", boxes(patches), static=True)
+    rec.log("plan/crowns", discs(crowns), static=True)
 
 
 def trees_over(lane: Lane) -> tuple[float, ...]:

@@ -97,6 +97,6 @@ def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
     further.close()
     rows = rows_of(path)
     seen, then = seen_at(rows, 6.0), seen_at(rows, 1.0)
-    assert ("/world/weeds/weed_01", "Mesh3D:vertex_positions") in then.keys() - seen.keys()
+    assert ("/world/weeds/weed_01", "Asset3D:blob") in then.keys() - seen.keys()
     assert ("/world/pickers/picker_01/bar", "LineStrips3D:strips") in then.keys() - seen.keys()
     assert ("/canopy/fruit/row_01", "Points3D:positions") in then.keys() - seen.keys()

@@ -23,6 +23,7 @@ from orchard.view.focus import FOCUS
 from orchard.view.palette import PAINT, SCANS, STATES, YELLOW
 from orchard.view.reader import optimize
 from orchard.view.recorder import Recorder, hits
+from orchard.view.scenery import PATCH
 
 LAYERS = {"recording", "world", "canopy", "scans", "pins", "plan", "metrics", "events", "talk", "legend", "focus", "tf"}
 
@@ -59,7 +60,7 @@ def test_layers_are_separate_and_time_is_physics_time(recording: Path) -> None:
 
 
 def test_every_body_has_a_shape_in_a_frame_of_its_own(layout: Layout, recording: Path) -> None:
-    shaped = {path.split("/")[-1] for path in entities_with(recording, "Mesh3D:vertex_positions")}
+    shaped = {path.split("/")[-1] for path in entities_with(recording, "Asset3D:blob")}
     assert set(layout.names) <= shaped
     assert Rows(recording, "/world/pickers/picker_01").static["CoordinateFrame:frame"] == ["picker_01"]
 
@@ -144,14 +145,14 @@ def test_surveyed_rows_and_their_trees_are_drawn_where_they_are(surveyed: tuple[
         assert (ground[:, 0].min(), ground[:, 0].max()) == pytest.approx((lane.west, lane.east), abs=1e-4)
         assert np.ptp(ground[:, 1]) == pytest.approx(lane.width - 1.2, abs=1e-4)
     scales = np.array(Rows(path, "/canopy/pergola").static["InstancePoses3D:scales"])
-    assert scales[:, 1].max() == pytest.approx(max((lane.width - 0.5) / (layout.lane(1).width - 0.5) for lane in layout.lanes))
+    assert set(scales[:, 1].round(4)) == {round((lane.width - 0.5) / PATCH, 4) for lane in layout.lanes}
     painted = [Rows(path, f"/world/rows/row_0{n}").values("Mesh3D:vertex_colors")[0][1] for n in (1, 2, 3)]
     assert [len(set(colours)) for colours in painted] == [1, 2, 1] and painted[0][0] != painted[2][0]
 
 
 def test_a_flattened_weed_vanishes(recording: Path) -> None:
     rows = Rows(recording, "/world/weeds/weed_01").rows
-    assert any(row.get("Mesh3D:vertex_positions") for _, row in rows)
+    assert any(row.get("Asset3D:blob") for _, row in rows)
     assert any(row.get("Clear:is_recursive") == [False] for _, row in rows)
 
 

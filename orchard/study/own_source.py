@@ -16,12 +16,8 @@ from orchard.field.scenario import ROW_RULES, Scenario
 
 def own_classes(scenario: Scenario) -> tuple[tuple[str, str], ...]:
     """Return the keys of a scenario that name classes or functions of the user's own, each with what it names."""
-    rules = [
-        ("dispatch", scenario.dispatch, POLICIES),
-        ("route", scenario.route, ROUTES),
-        ("rows_to_pickers", scenario.rows_to_pickers, ROW_RULES),
-    ]
-    named = [(key, path) for key, path, builtin in rules if path not in builtin]
+    rules = {"dispatch": POLICIES, "route": ROUTES, "rows_to_pickers": ROW_RULES}
+    named = [(key, path) for key, builtin in rules.items() if (path := getattr(scenario, key)) not in builtin]
     return (*named, *sorted((f"agents.{name}", path) for name, path in (scenario.agents | scenario.agents_without_body).items()))
 
 
@@ -29,38 +25,31 @@ def own_classes(scenario: Scenario) -> tuple[tuple[str, str], ...]:
 def own_source(classes: tuple[tuple[str, str], ...]) -> tuple[bytes, ...]:
     """Return the files of a user's own classes, and the user's files that these import, each once. Raises ScenarioError.
 
-    What else the classes read, such as a table of data, is not in it: after a change there, take another store.
+    Also those that are imported in a function. What else the classes read, such as a table of data, is not in it: after a change there,
+    take another store.
     """
-    files: dict[str, bytes] = {}
     for key, path in classes:
         load_plugin(key, path)
-        files |= _files(path.replace(":", ".").rpartition(".")[0])
-    return tuple(files[name] for name in sorted(files))
-
-
-def _files(module: str) -> dict[str, bytes]:
-    """The content of the file of a module, and of the user's modules that it imports, by name: also of those imported in a function."""
     files: dict[str, bytes] = {}
-    left, package = [module], module.partition(".")[0]  # one that is installed as a library is the user's too
+    left = [path.replace(":", ".").rpartition(".")[0] for _, path in classes]
+    packages = {module.partition(".")[0] for module in left}  # one that is installed as a library is the user's too
     while left:
         name = left.pop()
-        file = _file(name, package)
+        file = _file(name, packages)
         if file is not None and name not in files:
             files[name] = file.read_bytes()
             left += _imported(files[name], name if file.stem == "__init__" else name.rpartition(".")[0])
-    return files
+    return tuple(files[name] for name in sorted(files))
 
 
-def _file(name: str, package: str) -> Path | None:
+def _file(name: str, packages: set[str]) -> Path | None:
     """The file of a module if it is the user's. A library is not even looked into, because that would import it."""
-    whole, top = name.partition(".")[0], None
+    whole = name.partition(".")[0]
     with suppress(ImportError, ValueError):
         top = find_spec(whole)
-    if top is None or not (whole == package or top.origin is None or is_own(top.origin)):
-        return None
-    with suppress(ImportError, ValueError):
-        found = top if name == whole else find_spec(name)
-        return Path(found.origin) if found and found.origin and found.origin.endswith(".py") else None
+        if top is not None and (whole in packages or top.origin is None or is_own(top.origin)):
+            found = find_spec(name)
+            return Path(found.origin) if found and found.origin and found.origin.endswith(".py") else None
     return None
 
 

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import fmean
@@ -24,7 +25,7 @@ from orchard.study.runs import Horizon, RunRecord, software
 from orchard.study.settings import Setting, settings_of
 from orchard.study.statistics import interval
 from orchard.study.store import Store
-from orchard.study.workers import Processes, Scheduler, Workers
+from orchard.study.workers import Workers, processes, scheduled
 
 Models = Literal["fast", "full", "both"]
 
@@ -79,8 +80,8 @@ def study(
         return _Study(scenario, varied, settings, options, store, workers, tell, is_stopped).run()
 
 
-def _workers(options: StudyOptions) -> Workers:
-    return Scheduler(options.scheduler) if options.scheduler else Processes(options.workers)
+def _workers(options: StudyOptions) -> AbstractContextManager[Workers]:
+    return scheduled(options.scheduler) if options.scheduler else processes(options.workers)
 
 
 def checked_settings(scenario: Scenario, varied: Mapping[str, Sequence[Any]], options: StudyOptions) -> tuple[list[Setting], list[Problem]]:

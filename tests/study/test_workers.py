@@ -13,7 +13,7 @@ from work import deadly, double, faulty, slow
 
 from orchard.field.scenario import Scenario
 from orchard.study.study import StudyOptions, study
-from orchard.study.workers import Processes, Scheduler, WorkersError
+from orchard.study.workers import WorkersError, processes, scheduled
 
 HERE = Path(__file__).parent
 PATIENCE = 120.0  # s, for a busy machine
@@ -26,7 +26,7 @@ def always() -> bool:
 
 def test_a_worker_that_is_killed_loses_and_doubles_nothing(tmp_path):
     items = [(number, tmp_path / "died") for number in NUMBERS]
-    with Processes(2) as workers:
+    with processes(2) as workers:
         done = list(workers.do(double, items, always))
     assert (tmp_path / "died").exists()
     assert sorted(result for _, result in done) == [2 * number for number in NUMBERS]
@@ -34,12 +34,12 @@ def test_a_worker_that_is_killed_loses_and_doubles_nothing(tmp_path):
 
 
 def test_work_that_kills_each_worker_ends_the_study_with_words():
-    with Processes(1) as workers, pytest.raises(WorkersError, match="3 times a worker died"):
+    with processes(1) as workers, pytest.raises(WorkersError, match="3 times a worker died"):
         list(workers.do(deadly, [1], always))
 
 
 def test_an_error_of_the_work_comes_back():
-    with Processes(1) as workers, pytest.raises(LookupError, match="no 1"):
+    with processes(1) as workers, pytest.raises(LookupError, match="no 1"):
         list(workers.do(faulty, [1], always))
 
 
@@ -56,7 +56,7 @@ def eventually(holds) -> None:
 
 def test_stop_does_not_wait_for_long_work(tmp_path):
     told = tmp_path / "pid"
-    with Processes(1) as workers:
+    with processes(1) as workers:
         assert list(workers.do(slow, [told], lambda: not told.exists() or not told.read_text())) == []
     eventually(lambda: is_gone(int(told.read_text())))
 
@@ -64,9 +64,9 @@ def test_stop_does_not_wait_for_long_work(tmp_path):
 def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     told = tmp_path / "pid"
     script = (
-        "import sys; from pathlib import Path; from work import slow; from orchard.study.workers import Processes\n"
+        "import sys; from pathlib import Path; from work import slow; from orchard.study.workers import processes\n"
         "if __name__ == '__main__':\n"
-        "    with Processes(1) as workers: list(workers.do(slow, [Path(sys.argv[1])], lambda: True))\n"
+        "    with processes(1) as workers: list(workers.do(slow, [Path(sys.argv[1])], lambda: True))\n"
     )
     (tmp_path / "parent.py").write_text(script)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(HERE.parent.parent), str(HERE)])}
@@ -106,14 +106,15 @@ def test_a_scheduler_gives_the_same_table_though_a_worker_dies_and_refuses_a_wro
                     "--local-directory", tmp_path)  # fmt: skip
         address = address_in(file)
         eventually(lambda: workers_at(address) == 2)
-        with Scheduler(address) as workers:
+        with scheduled(address) as workers:
             done = list(workers.do(double, [(number, tmp_path / "died") for number in NUMBERS], always))
         assert sorted(result for _, result in done) == [2 * number for number in NUMBERS]
         assert workers_at(address) == 1  # the other one died
         there = study(scenario, varied, StudyOptions(**common, scheduler=address, store=tmp_path / "there.db"))
         monkeypatch.setattr("orchard.study.workers.APART", -600.0)  # so no two clocks agree
-        with pytest.raises(WorkersError, match=r"clocks of workers differ from that of this machine: tcp://\S+ by [+-]0 s; set them"):
-            Scheduler(address)
+        clocks = r"clocks of workers differ from that of this machine: tcp://\S+ by [+-]0 s; set them"
+        with pytest.raises(WorkersError, match=clocks), scheduled(address):
+            pass
     here = study(scenario, varied, StudyOptions(**common, workers=1, store=tmp_path / "here.db"))
     assert there.table == here.table
 
@@ -129,7 +130,7 @@ def address_in(file: Path) -> str:
 def workers_at(address: str) -> int:
     """The number of workers of a scheduler."""
     try:
-        with Scheduler(address) as workers:
+        with scheduled(address) as workers:
             return workers.count
     except WorkersError:
         return 0
@@ -137,5 +138,6 @@ def workers_at(address: str) -> int:
 
 def test_a_scheduler_that_is_not_there_is_told(monkeypatch):
     monkeypatch.setattr("orchard.study.workers.CONNECTING", 1.0)
-    with pytest.raises(WorkersError, match=r"tcp://127\.0\.0\.1:1: no scheduler of dask\.distributed answers"):
-        Scheduler("tcp://127.0.0.1:1")
+    silent = r"tcp://127\.0\.0\.1:1: no scheduler of dask\.distributed answers"
+    with pytest.raises(WorkersError, match=silent), scheduled("tcp://127.0.0.1:1"):
+        pass

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta
 
 import orchard
 from orchard.agents.dispatcher import PolicyFault
@@ -23,6 +25,7 @@ from orchard.study.own_source import own_classes, own_source
 from orchard.study.result import Model
 
 Horizon = Literal["harvest", "long"]
+Amount = Annotated[float, Meta(ge=0.0, lt=1e12)]  # the limits are for what comes from a store
 Ended = Literal["harvested", "jammed", "violated"]
 
 DECIDING = (
@@ -89,12 +92,12 @@ class PlannedRun:
 class RunResult:
     """How a run went. Of a jammed run `sim_seconds`, the rate, the wait and the utilisation mean nothing."""
 
-    sim_seconds: float
-    bins: int
-    bins_per_hour: float
-    picker_waiting_seconds: float
-    carrier_utilisation: float
-    bound_bins_per_hour: float  # what `bottleneck` allows in the long run without traffic
+    sim_seconds: Amount
+    bins: Annotated[int, Meta(ge=0)]
+    bins_per_hour: Amount
+    picker_waiting_seconds: Amount
+    carrier_utilisation: Annotated[float, Meta(ge=0.0, le=1.0)]
+    bound_bins_per_hour: Annotated[float, Meta(gt=0.0, lt=1e12)]  # what `bottleneck` allows in the long run without traffic
     bottleneck: str
     ended: Ended
     violations: str = ""  # a line for each
@@ -113,7 +116,7 @@ class RunRecord(RunResult):
     policy: str
     own_source: str  # digest of the files of the user's own classes, with those that they import; '' if there are none
     version: str
-    wall_seconds: float
+    wall_seconds: Amount
 
 
 class RunFailed(Exception):

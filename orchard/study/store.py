@@ -1,20 +1,20 @@
-"""The store of a study: an SQLite file with one row for each run that was ever done. What is there is never run again."""
+"""The store of a study: an SQLite file with one row for each run that was ever done. What is there, and sound, is never run again."""
 
 import os
 import sqlite3
 from collections.abc import Callable, Iterable
 from contextlib import closing, suppress
-from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
+
+import msgspec
 
 from orchard.folders import regular
 from orchard.study.runs import RunRecord, software
 
 APPLICATION = 0x4F524348  # "ORCH": SQLite keeps this number in the file's head, and so tells a store from other databases
 PATIENCE = 30.0  # s to wait for another study that writes to the same store
-TYPES = {str: "TEXT NOT NULL", int: "INTEGER NOT NULL", float: "REAL NOT NULL"}
-COLUMNS = [field.name for field in fields(RunRecord)]
+COLUMNS = get_type_hints(RunRecord, include_extras=True)
 
 
 class StoreError(ValueError):
@@ -31,10 +31,12 @@ class Store:
     def __init__(self, path: Path, anew: bool = False) -> None:
         """Open a store, or make it. `anew`: forget the runs of a store of another version. Raises StoreError."""
         self.path = path
+        self.damaged: dict[str, str] = {}  # key of a run that was asked for, and cannot be what a run gave -> why
         try:
             self._prepare(anew)
             self._database = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
             self._database.execute("PRAGMA journal_mode = WAL")
+            self._database.text_factory = _text
         except (OSError, sqlite3.Error) as error:
             raise StoreError(f"{path}: cannot be used as a store: {getattr(error, 'strerror', None) or error}") from None
 
@@ -63,7 +65,7 @@ class Store:
     def _make(self, put: Callable[[Path], None]) -> None:
         """Write an empty store under another name, and put it in its place: no study sees half of one."""
         half = self.path.with_name(f"{self.path.name}.{os.getpid()}")
-        columns = ", ".join(f"{field.name} {_column(field.name, field.type)}" for field in fields(RunRecord))
+        columns = ", ".join(f"{name} PRIMARY KEY" if name == "key" else f"{name} NOT NULL" for name in COLUMNS)
         with closing(sqlite3.connect(half, isolation_level=None)) as database:
             database.execute(f"PRAGMA application_id = {APPLICATION}")
             database.execute("CREATE TABLE software (version TEXT NOT NULL)")
@@ -78,18 +80,22 @@ class Store:
         self._database.close()
 
     def known(self, keys: Iterable[str]) -> dict[str, RunRecord]:
-        """Return those of these runs that are there, by key. Raises StoreFailed."""
+        """Return those of these runs that are there, by key. A damaged one is noted in `damaged`. Raises StoreFailed."""
         wanted = list(keys)
         found: dict[str, RunRecord] = {}
         for begin in range(0, len(wanted), 500):  # SQLite allows so many parameters everywhere
             some = wanted[begin : begin + 500]
             rows = self._do("SELECT {} FROM runs WHERE key IN ({})", some, "the runs in it cannot be read")
-            found |= {record.key: record for record in (RunRecord(**dict(zip(COLUMNS, row, strict=True))) for row in rows)}
+            for values in (dict(zip(COLUMNS, row, strict=True)) for row in rows):
+                if fault := _fault(values):
+                    self.damaged[values["key"]] = fault
+                else:
+                    found[values["key"]] = msgspec.convert(values, RunRecord)
         return found
 
     def keep(self, record: RunRecord) -> None:
-        """Keep a run; one that is there already stays as it is. Raises StoreFailed, as on a full disk."""
-        self._do("INSERT OR IGNORE INTO runs ({}) VALUES ({})", [getattr(record, name) for name in COLUMNS], "a run cannot be kept")
+        """Keep a run, in place of one with its key: that was damaged, or gave the same. Raises StoreFailed, as on a full disk."""
+        self._do("INSERT OR REPLACE INTO runs ({}) VALUES ({})", [getattr(record, name) for name in COLUMNS], "a run cannot be kept")
 
     def _do(self, statement: str, values: list[Any], fault: str) -> list[tuple[Any, ...]]:
         """Execute a statement about all columns and these values, and return its rows. Raises StoreFailed."""
@@ -108,8 +114,23 @@ def fault_of(path: Path, anew: bool) -> str:
     return ""
 
 
-def _column(name: str, type_: object) -> str:
-    return "TEXT PRIMARY KEY" if name == "key" else TYPES.get(type_, "TEXT NOT NULL")  # type: ignore[call-overload]
+def _text(content: bytes) -> str | bytes:
+    """A text of the store; the bytes themselves if they are none."""
+    try:
+        return content.decode()
+    except UnicodeDecodeError:
+        return content
+
+
+def _fault(values: dict[str, Any]) -> str:
+    """The first value of a row that no run can have given: "bins_per_hour = 'many'"; '' if all are sound."""
+    for name, value in values.items():
+        try:
+            msgspec.convert(value, COLUMNS[name])
+        except msgspec.ValidationError:
+            return f"{name} = {value!r:.60}"
+    is_right = values["ended"] == "jammed" or values["bins_per_hour"] > 0.0
+    return "" if is_right else f"bins_per_hour = {values['bins_per_hour']} of a run that has not jammed"
 
 
 def _version(path: Path) -> str | None:

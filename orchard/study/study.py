@@ -274,7 +274,7 @@ class _Study:
             varied={key: list(values) for key, values in self.varied.items()},
             wall_seconds=time.time() - self.begun,
             stopped_by=self.race.why or "budget",
-            notes=[*self._about(rows, verdicts), *self.notes, *self.confirmation.notes],
+            notes=[*self._about(rows, verdicts), *self.notes, *self.confirmation.notes, *self._damaged()],
             version=software(),
             violations=sorted({line for record in records for line in record.violations.splitlines()}),
         )
@@ -325,6 +325,14 @@ class _Study:
                 first = f"seed {faulty[0].seed}: {faulty[0].faults.splitlines()[0]}"
                 notes.append(f"{self.settings[i].words or 'the scenario'}: {len(faulty)} of {len(records)} runs had faults; {first}")
         return notes
+
+    def _damaged(self) -> list[str]:
+        """What the store has, and no run can have given."""
+        store = self.runs.store
+        if not store.damaged:
+            return []
+        first = next(iter(store.damaged.values()))
+        return [f"{store.path}: {len(store.damaged)} of the runs in it were damaged, as by {first}: they are done again"]
 
     def _is_alike_by_chance(self, i: int, row: Row) -> bool:
         one = row.bins_per_hour

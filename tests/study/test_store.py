@@ -10,6 +10,7 @@ from orchard.field.scenario import Scenario, with_changes
 from orchard.study import own_source, runs, store
 from orchard.study.runs import PlannedRun
 from orchard.study.store import Store, StoreError, StoreFailed
+from orchard.study.study import StudyOptions, study
 
 SCENARIO = Scenario(rows=3, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 0})
 
@@ -141,3 +142,32 @@ def test_a_store_that_another_study_makes_at_the_same_time_is_used(tmp_path, rec
     with Store(path) as this, other[0]:
         assert this.known([record.key])
     assert [file.name for file in tmp_path.iterdir()] == ["studies.db"]
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ("bins_per_hour = 'many'", "bins_per_hour = 'many'"),
+        ("bins_per_hour = 9e999", "bins_per_hour = inf"),
+        ("bins_per_hour = -1.0", "bins_per_hour = -1.0"),
+        ("bins_per_hour = 0.0", "bins_per_hour = 0.0 of a run that has not jammed"),
+        ("bound_bins_per_hour = 0", "bound_bins_per_hour = 0"),
+        ("bins = 2.5", "bins = 2.5"),
+        ("sim_seconds = x'00ff'", r"sim_seconds = b'\x00\xff'"),
+        ("policy = cast(x'ff' AS TEXT)", r"policy = b'\xff'"),
+        ("ended = 'won'", "ended = 'won'"),
+    ],
+)
+def test_a_damaged_run_is_named_passed_over_and_done_again(tmp_path, record, change, told):
+    path = tmp_path / "studies.db"
+    with Store(path) as first:
+        first.keep(record)
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute(f"UPDATE runs SET {change}")
+    with Store(path) as damaged:
+        assert damaged.known([record.key]) == {}
+        assert damaged.damaged == {record.key: told}
+    options = StudyOptions(model="fast", store=path, workers=1)
+    assert [note for note in study(SCENARIO, {}, options).notes if "studies.db: 1 of the runs in it were damaged" in note]
+    with Store(path) as mended:
+        assert mended.known([record.key])[record.key].bins_per_hour == record.bins_per_hour

@@ -16,7 +16,7 @@ def reload_keeps_what_was_entered(page):
     page.driver.refresh()
     page.press("how-many")
     page.until(lambda: page.field("study-last").get_attribute("value") == "3", "a reload keeps what was entered")
-    assert "least cost" in page.field("study-goal").find_element("xpath", "./ancestor-or-self::label").text
+    page.until(lambda: "least cost" in page.field("study-goal").find_element("xpath", "./ancestor-or-self::label").text, "its goal")
     assert page.field("study-check").get_attribute("aria-checked") == "false"
 
 

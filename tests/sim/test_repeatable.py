@@ -29,23 +29,26 @@ def test_laser_noise_is_repeatable_and_part_of_the_run():
 
 def test_a_velocity_that_is_off_by_a_trillionth_changes_the_hash():
     class Touched:
-        """A worker with a wrong velocity at one tick."""
+        """A picker with another velocity at one tick. It promises nothing (`Hold`), so it is asked at each tick."""
 
-        def __init__(self, agent) -> None:
-            self.agent, self.Memory = agent, agent.Memory
+        def __init__(self, agent, more) -> None:
+            self.agent, self.Memory, self.more = agent, agent.Memory, more
 
         def tick(self, seen, mail, memory):
             action = self.agent.tick(seen, mail, memory)
             if seen.tick == 40:
-                action.twist = action.twist._replace(x=action.twist.x - 1e-12)
+                action.twist = action.twist._replace(x=action.twist.x + self.more)
             return action
 
-    local, other = Local(Scenario(rows=3)), Local(Scenario(rows=3))
-    name = next(n for n, a in local.agents.items() if n.startswith("picker"))
-    other.agents[name] = Touched(other.agents[name])
-    for _ in range(60):
-        local.tick(), other.tick()
-    assert local.engine.hash != other.engine.hash
+    def hash_with(more):
+        local = Local(Scenario(rows=3))
+        local.play("picker_01", Touched(local.agents["picker_01"], more))
+        for _ in range(60):
+            local.tick()
+        return local.engine.hash
+
+    assert hash_with(0.0) == local_hash(Scenario(rows=3), 60)
+    assert hash_with(-1e-12) != hash_with(0.0)
 
 
 ASKED = {

@@ -167,7 +167,7 @@ def _output() -> str:
     console = Console(width=WIDTH, file=io.StringIO(), record=True)
     console.print(as_table(result()))
     table = [line for line in console.export_text().splitlines() if not line[:1].isdigit() or line.split()[0] in SHOWN]
-    lines = [*table, sentence(result()), *(f"- {note}" for note in result().notes)]
+    lines = [*table, f"Orchard: {result().orchard}", sentence(result()), *(f"- {note}" for note in result().notes)]
     return "\n".join(line.rstrip() for line in lines)
 
 

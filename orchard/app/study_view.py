@@ -48,6 +48,7 @@ class StudyView:
                 self._badge = ui.badge().props("data-view=study-state")
             self._trouble = ui.label().classes("field-problem").props("data-problem=study role=alert")
             self._answer = ui.label().classes("answer").props("data-view=answer role=status")
+            self._orchard = ui.label().classes("path").props("data-view=study-orchard")
             self._notes = ui.label().classes("classes").props("data-view=study-notes")
             self._picture = ui.html("", sanitize=False).classes("study-picture").props("data-view=study-picture")
             self._table = ui.element("div").classes("summary sides").props("data-view=study-table")
@@ -167,6 +168,7 @@ class StudyView:
             return
         self._shown = study, result, is_over
         self._answer.set_text(sentence(result) if result else _without_answer(study) if is_over else "The study begins.")
+        self._orchard.set_text(f"Orchard: {result.orchard}" if result else "")
         self._notes.set_text("\n".join(result.notes) if result else "")
         self._picture.set_content((await run.io_bound(_drawn, result) or "") if result else "")
         self._table.clear()

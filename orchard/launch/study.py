@@ -131,6 +131,7 @@ def _print(result: StudyResult, as_json: bool) -> None:
     if as_json:
         return _tell_json(result)
     console.print(as_table(result))
+    print_line(f"Orchard: {result.orchard}")
     print_line(result.answer)
     for note in result.notes:
         print_line(f"- {note}")

@@ -37,6 +37,7 @@ def document(result: StudyResult) -> str:
     template = environment.get_template("report.html")
     return template.render(
         answer=result.answer or sentence(result),
+        orchard=result.orchard,
         picture=Markup(inline_svg(result)),  # matplotlib has escaped its words
         heads=heads,
         lines=lines,

@@ -60,6 +60,7 @@ class StudyResult:
     """The whole answer. `orchard study --summary` writes it as JSON, with these names."""
 
     answer: str  # one sentence
+    orchard: str  # what of it does not vary, in words
     best: dict[str, Any] | None  # None: every setting jammed
     indistinguishable: list[dict[str, Any]]  # settings that cannot be told apart from the best, without it
     table: list[Row]

@@ -25,6 +25,7 @@ from orchard.study.runs import Horizon, RunRecord, software
 from orchard.study.settings import Setting, settings_of
 from orchard.study.statistics import interval
 from orchard.study.store import Store
+from orchard.study.words import orchard_words
 from orchard.study.workers import Workers, processes, scheduled
 
 Models = Literal["fast", "full", "both"]
@@ -263,6 +264,7 @@ class _Study:
         records = self.runs.records.values()
         result = StudyResult(
             answer="",
+            orchard=orchard_words(self.scenario, self.varied),
             best=None if best is None else self.settings[best].values,
             indistinguishable=[self.settings[i].values for i in self.race.left if i != best and self.race.why is not None],
             table=list(rows.values()),

@@ -1,7 +1,7 @@
 """How a setting, a figure and its interval are said: in the sentence, the table and the pictures."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from math import floor, log10
 from typing import Any
 
@@ -23,6 +23,19 @@ def setting_words(setting: Mapping[str, Any]) -> str:
     named = [f"{key_words(key)} {value_words(value)}" for key, value in setting.items() if key not in (*COUNTED, *SAID)]
     first = " ".join(filter(None, [counts, *choices])).removeprefix("with ").removeprefix("on ")
     return ", ".join(filter(None, [first, *named])) or "this scenario"
+
+
+def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
+    """Return the orchard of a study in words, without the keys that vary: '20 rows of 49 m, 10 pickers, one-way, predictive dispatch'."""
+    rows = "rows" if "rows" in varied else f"{scenario.rows} rows"
+    length = ", as surveyed" if scenario.survey else "" if "row_length" in varied else f" of {scenario.row_length:g} m"
+    words = {
+        "pickers": counted("pickers", scenario.pickers),
+        "carriers": counted("carriers", scenario.carrier_count),
+        "route": scenario.route,
+        "dispatch": f"{scenario.dispatch} dispatch",
+    }
+    return ", ".join([rows + length, *(said for key, said in words.items() if key not in varied)])
 
 
 def counted(key: str, number: object) -> str:

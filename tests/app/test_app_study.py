@@ -46,6 +46,7 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     page.press("study-start")
     state(page, "finished")
     page.until(lambda: len(page.view("study-table").find_elements("css selector", "tr")) == 4, "a line for each setting")
+    assert page.view("study-orchard").text == "Orchard: 3 rows of 70 m, 2 pickers, one-way, predictive dispatch"
     assert "a bin" in page.view("answer").text and page.view("answer").text.split()[1].startswith("carrier")
     page.until(lambda: "cost of a bin" in page.view("study-picture").text, "the picture of the costs")
     assert violations(page) == []

@@ -54,6 +54,8 @@ def undisturbed(folder) -> dict:
     assert run.returncode == 0, run.stderr
     summary = found(folder / "quiet.json")
     assert summary["answer"] in run.stdout
+    assert summary["orchard"] == "3 rows of 70 m, 2 pickers, one-way"
+    assert f"Orchard: {summary['orchard']}" in run.stdout
     return summary
 
 

@@ -12,13 +12,16 @@ from xml.etree import ElementTree
 import msgspec
 import pytest
 from made_studies import a_result, a_row, by_both, by_carriers, by_policies, carriers, checked
+from made_surveys import UNEQUAL, orchard_of
 from PIL import Image
 from rich.console import Console
 
 from orchard.field.scenario import Scenario, parse
 from orchard.study import picture, report, table
 from orchard.study.result import StudyResult
+from orchard.study.words import orchard_words
 
+MADE_OF = "20 rows of 70 m, 10 pickers, one-way, predictive dispatch"
 HOSTILE = 'mine.<script>alert("1")</script>&[bold]'
 
 
@@ -200,7 +203,7 @@ def test_the_report_holds_all_of_it_and_needs_nothing_else(tmp_path):
     assert {"script", "link", "img"}.isdisjoint(read.tags) and "http" not in text.replace("http://www.w3.org", "")
     assert "<b:" not in text and 'lang="en"' in text
     words = "".join(read.words)
-    assert "10 carriers: 2.88 ± 0.03 a bin" in words and "The budget allowed 3 seeds" in words
+    assert f"Orchard: {MADE_OF}" in words and "10 carriers: 2.88 ± 0.03 a bin" in words and "The budget allowed 3 seeds" in words
     assert "orchard study scenario.yaml --vary carriers=1,2,4,6,8,9,10,12,14,20 --goal cost_per_bin" in words
     scenario = text[text.index("<pre>") + 5 : text.index("</pre>")]
     assert parse(scenario) == Scenario(rows=20, pickers=10)
@@ -214,6 +217,14 @@ def test_the_report_escapes_what_others_have_named():
 
 
 # -- the whole
+
+
+def test_the_orchard_is_named_without_what_varies():
+    assert whole().orchard == MADE_OF
+    scenario = Scenario(rows=3, row_length=60.5, carriers=1)
+    assert orchard_words(scenario) == "3 rows of 60.5 m, 2 pickers, 1 carrier, one-way, predictive dispatch"
+    assert orchard_words(scenario, ["rows", "row_length", "pickers", "route", "dispatch"]) == "rows, 1 carrier"
+    assert orchard_words(orchard_of(UNEQUAL)).startswith("4 rows, as surveyed, ")
 
 
 def test_the_result_comes_back_from_json():

@@ -4,6 +4,7 @@ from typing import Any
 
 from orchard.field.scenario import Scenario
 from orchard.study.result import Check, Comparison, Interval, Row, StudyResult
+from orchard.study.words import orchard_words
 
 
 def interval(mean: float, half: float = 0.0) -> Interval:
@@ -32,9 +33,10 @@ def a_result(table: list[Row], best: dict[str, Any] | None, ties: tuple[dict[str
             varied[key] = [*dict.fromkeys([*varied.get(key, []), value])]
     others = [row.setting for row in table if row.setting != best and row.bins_per_hour]
     compared = [Comparison(setting=one, difference=interval(-5.0, 1.0), p_value=0.01, is_told_apart=one not in ties) for one in others]
-    result = dict(answer="", best=best, indistinguishable=list(ties), table=table, comparisons=compared, goal="bins_per_hour",
-                  horizon="harvest", confidence=0.95, scenario=Scenario(rows=20, pickers=10).model_dump(), varied=varied,
-                  wall_seconds=12.3, stopped_by="certain", notes=[], version="0.1.0")  # fmt: skip
+    scenario = Scenario(rows=20, pickers=10)
+    result = dict(answer="", orchard=orchard_words(scenario, varied), best=best, indistinguishable=list(ties), table=table,
+                  comparisons=compared, goal="bins_per_hour", horizon="harvest", confidence=0.95, scenario=scenario.model_dump(),
+                  varied=varied, wall_seconds=12.3, stopped_by="certain", notes=[], version="0.1.0")  # fmt: skip
     return StudyResult(**result | changes)
 
 

@@ -57,6 +57,12 @@ def test_pandas_finds_what_the_summary_says(folder: Path) -> None:
     assert exchanges["waited_seconds"].mean() == pytest.approx(summary["picker_waiting_seconds"])
 
 
+def test_polars_reads_a_folder_of_files_as_one_table(folder: Path) -> None:
+    bodies, summary = pl.read_parquet(folder / "tables" / "bodies.parquet"), json.loads((folder / "summary.json").read_text())
+    assert len(bodies) == summary["ticks"] * summary["agents"]
+    assert bodies["tick"].is_sorted()
+
+
 def test_polars_reads_the_summary(folder: Path) -> None:
     table, summary = pl.read_parquet(folder / "tables" / "summary.parquet"), json.loads((folder / "summary.json").read_text())
     assert len(table) == 1

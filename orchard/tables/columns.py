@@ -1,6 +1,10 @@
 """The columns of the tables, with their units. docs/reference.md lists them."""
 
+from typing import get_args
+
 import pyarrow as pa
+
+from orchard.contract.events import What
 
 TICK = "ticks of 0.1 s since the start of the run"
 MAP = "frame map: x east, y north"
@@ -47,7 +51,7 @@ BODIES = pa.schema(
 EVENTS = pa.schema(
     [
         _tick("tick", "begin of the step in which it happened"),
-        _text("what", "coupled, uncoupled, row picked, bin full, unloaded, weed flattened, deed refused, collision, stopped, reset"),
+        _text("what", ", ".join(get_args(What))),
         _text("who", "the body that did it"),
         _text("whom", "the other body; null: none"),
         _text("detail", "more of it, in words; null: nothing"),

@@ -16,7 +16,7 @@ AT_THE_END = {"calls": CALLS, "exchanges": EXCHANGES}
 
 
 def path_of(folder: Path, table: str) -> Path:
-    """Return the file of a finished table."""
+    """Return where a table is: a folder of files if it grows while the run goes on, else a file."""
     return folder / f"{table}.parquet"
 
 

@@ -1,9 +1,8 @@
-"""A table that grows on the disk: a folder of parts, each a whole Parquet file, which become one file at the end of the run.
+"""A table that grows on the disk: a folder of Parquet files, as readers of data sets accept it, each with the rows after those before it.
 
-A run that is killed leaves readable parts. When it is resumed, the rows from its snapshot on are removed, and come again.
+A run that is killed leaves readable files. When it is resumed, the rows from its snapshot on are removed, and come again.
 """
 
-import shutil
 from pathlib import Path
 
 import pyarrow as pa
@@ -12,7 +11,7 @@ import pyarrow.parquet as pq
 
 from orchard.sim.disk import write_whole
 
-MOST_ROWS = 50_000  # of a part; the newest part is written again until it has as many
+MOST_ROWS = 50_000  # of a file; the newest is written again until it has as many
 # Columns of numbers that seldom come again: their bytes compress better in planes.
 PLANES = ("x", "y", "yaw", "measured_x", "measured_y", "odometry_x", "odometry_y", "odometry_yaw")
 
@@ -34,16 +33,14 @@ def write_table(path: Path, table: pa.Table) -> None:
 class GrowingTable:
     """One table of a run. Its rows come in the order of their column `tick`."""
 
-    def __init__(self, file: Path, schema: pa.Schema, until: int) -> None:
-        """`file`: of the finished table. Rows from tick `until` on are of an earlier attempt, and are removed. Raises OSError."""
-        self.file, self.schema, self._parts = file, schema, parts_of(file)
-        if file.exists():
-            shutil.rmtree(self._parts, ignore_errors=True)  # of a program that was killed when it had made one file of them
-        self._parts.mkdir(parents=True, exist_ok=True)
-        if file.exists():
-            file.replace(self._part(0))
+    def __init__(self, folder: Path, schema: pa.Schema, until: int) -> None:
+        """Rows from tick `until` on are of an earlier attempt, and are removed. Raises OSError."""
+        self.schema, self._folder = schema, folder
+        folder.mkdir(parents=True, exist_ok=True)
+        for torn in folder.glob("*.new"):  # of a program that was killed while it wrote
+            torn.unlink()
         self._remove_from(until)
-        self._number = max((int(part.stem) for part in self._files), default=0) + 1
+        self._number = max((int(part.stem) for part in files_of(folder)), default=0) + 1
         self._newest = schema.empty_table()  # the rows of the newest part
 
     def add(self, rows: pa.Table) -> None:
@@ -56,24 +53,15 @@ class GrowingTable:
             self._newest, self._number = self.schema.empty_table(), self._number + 1
 
     def finish(self) -> None:
-        """Make one file of all parts. Raises OSError."""
-        beside = self.file.with_suffix(".new")
-        with pq.ParquetWriter(beside, self.schema, **options(self.schema)) as writer:
-            writer.write_table(self.schema.empty_table())
-            for part in self._files:
-                writer.write_table(pq.read_table(part))
-        beside.replace(self.file)
-        shutil.rmtree(self._parts)
-
-    @property
-    def _files(self) -> list[Path]:
-        return sorted(self._parts.glob("*.parquet"))
+        """Leave a file without rows if there is none, so that the table has its columns. Raises OSError."""
+        if not files_of(self._folder):
+            write_table(self._part(self._number), self._newest)
 
     def _part(self, number: int) -> Path:
-        return self._parts / f"{number:06d}.parquet"
+        return self._folder / f"{number:06d}.parquet"
 
     def _remove_from(self, until: int) -> None:
-        for part in reversed(self._files):
+        for part in reversed(files_of(self._folder)):
             rows = pq.read_table(part)
             early = rows.filter(pc.field("tick") < until)
             if len(early) == len(rows) > 0:
@@ -84,11 +72,6 @@ class GrowingTable:
                 part.unlink()
 
 
-def parts_of(file: Path) -> Path:
-    """Return the folder of a table's parts while it grows."""
-    return file.with_suffix(".parts")
-
-
-def files_of(file: Path) -> list[Path]:
-    """Return the existing files of a table, finished or not, in the order of their rows."""
-    return [file] if file.exists() else sorted(parts_of(file).glob("*.parquet"))
+def files_of(table: Path) -> list[Path]:
+    """Return the files of a table, in the order of their rows: itself, or those in its folder."""
+    return [table] if table.is_file() else sorted(table.glob("*.parquet"))

@@ -10,7 +10,9 @@ import importlib
 import math
 import sys
 from collections.abc import Callable, Collection
+from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import NoReturn
 
 from orchard.agents.catalogue import guarded
 from orchard.contract.agent import Agent
@@ -31,6 +33,7 @@ from orchard.wire.keys import PREFIX, Keys
 from orchard.wire.messages import RESET
 
 Factory = Callable[[Layout, Collection[str]], dict[str, Agent]]
+Opened = Callable[[Inbox], AbstractContextManager[Bus]]
 SESSIONS = 6  # that are tried after a reset, all but the last one for a sixth of the tries
 FACTORY = "orchard.agents.catalogue:make_agents"
 
@@ -58,28 +61,46 @@ def made(path: str, layout: Layout, names: Collection[str]) -> dict[str, Agent]:
         raise ValueError(f"agents {path}: {type(error).__name__}: {error}{place_of_error(error)}; expected {expected}") from error
 
 
+def watched(host: Host) -> None:
+    """Settle the memory of the process, and watch for agents that are too slow."""
+    settle()
+    monitor(host)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Host agents until the run ends. Return the exit code."""
-    options = _options(argv)
+    options = options_of(argv)
+    identity = identity_in(options.secure, options.prefix)
 
-    def run(inbox: Inbox) -> int:
-        identity = identity_in(options.secure, options.prefix)
-        sessions = 1  # that may still be opened: after a reset, one may be open at a router that closes just then, and find no other
-        while True:
-            sessions -= 1
-            try:
-                with client(options.connect, inbox, identity=identity) as bus:
-                    _host(bus, options, identity, TRIES if sessions == 0 else TRIES // SESSIONS).run()
-            except HostEnded as end:
-                if str(end) != RESET:
-                    raise
-                sessions = SESSIONS
-            except BusError:
-                if sessions == 0:
-                    raise
-            inbox.forget()  # the run begins again: nothing of it is kept
+    def opened(inbox: Inbox) -> AbstractContextManager[Bus]:
+        return client(options.connect, inbox, identity=identity)
 
-    return run_process("agents", run, BusError, ValueError, ScenarioError)
+    return run_process("agents", lambda inbox: host(inbox, options, opened, identity), BusError, ValueError, ScenarioError)
+
+
+def host(
+    inbox: Inbox, options: argparse.Namespace, opened: Opened, identity: Identity | None = None, ready: Callable[[Host], None] = watched
+) -> NoReturn:
+    """Host agents until their run ends, again after each reset. Raises HostEnded at the end.
+
+    `opened`: opens a session. `ready`: called with each host before it joins.
+    """
+    sessions = 1  # that may still be opened: after a reset, one may be open at a router that closes just then, and find no other
+    while True:
+        sessions -= 1
+        try:
+            with opened(inbox) as bus:
+                agents = _host(bus, options, identity, TRIES if sessions == 0 else TRIES // SESSIONS)
+                ready(agents)
+                agents.run()
+        except HostEnded as end:
+            if str(end) != RESET:
+                raise
+            sessions = SESSIONS
+        except BusError:
+            if sessions == 0:
+                raise
+        inbox.forget()  # the run begins again: nothing of it is kept
 
 
 def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None, tries: int) -> Host:
@@ -99,8 +120,6 @@ def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None, trie
             guard.check()
     host = Host(bus, keys, run.run, run.mode, layout, guards, options.patience)
     host.listen()
-    settle()
-    monitor(host)
     return host
 
 
@@ -110,7 +129,8 @@ def _seconds(text: str) -> float:
     return value
 
 
-def _options(argv: list[str] | None) -> argparse.Namespace:
+def options_of(argv: list[str] | None) -> argparse.Namespace:
+    """Read the command line of the process."""
     parser = argparse.ArgumentParser(prog="python -m orchard.processes.agents", description="Host agents of an orchard.")
     parser.add_argument("--connect", required=True, metavar="ENDPOINT", help="endpoint of physics or a router, such as tcp/127.0.0.1:7447")
     parser.add_argument("--secure", metavar="DIR", help="directory of the role; only its agents can be hosted")

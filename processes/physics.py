@@ -8,6 +8,7 @@ It is the router for the other processes, unless `--connect` names another one. 
 import argparse
 import json
 import sys
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +23,7 @@ from orchard.net.bus import Bus, Inbox
 from orchard.net.endpoints import LOOPBACK, SECURE_LOOPBACK, BusError
 from orchard.net.process import run_process
 from orchard.net.zenoh_bus import client, router
-from orchard.security.identity import Identity, identity_in
+from orchard.security.identity import identity_in
 from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions
 from orchard.server.snapshots import last, sole
@@ -33,6 +34,23 @@ if TYPE_CHECKING:
     from orchard.sim.engine import Engine
 
 
+Opened = Callable[[RunOptions, Inbox], AbstractContextManager[Bus]]
+
+
+def opened_over_zenoh(options: RunOptions, inbox: Inbox) -> AbstractContextManager[Bus]:
+    """Open the session of physics: a client of another router, or the router itself."""
+    identity = identity_in(options.secure, options.prefix)
+    if options.connect:
+        return client(options.connect, inbox, identity=identity)
+    return router(options.listen or (LOOPBACK if identity is None else SECURE_LOOPBACK), inbox, identity)
+
+
+def rehearsed(engine: "Engine") -> None:
+    """Compile what the first tick needs, and settle the memory of the process."""
+    engine.rehearse()
+    settle()
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run an orchard. Return the exit code: 0; 1 if it jammed, broke an invariant or had a broken agent; 2 for bad input.
 
@@ -41,11 +59,21 @@ def main(argv: list[str] | None = None) -> int:
     arguments = _arguments(argv)
     file = arguments.pop("scenario_file", None)
     return run_process(
-        "physics", lambda inbox: _run(inbox, _options(arguments), file), BusError, ScenarioError, SnapshotError, ValueError, OSError
+        "physics", lambda inbox: simulate(inbox, _options(arguments), file), BusError, ScenarioError, SnapshotError, ValueError, OSError
     )
 
 
-def _run(inbox: Inbox, options: RunOptions, file: str | None) -> int:
+def simulate(
+    inbox: Inbox,
+    options: RunOptions,
+    file: str | None = None,
+    opened: Opened = opened_over_zenoh,
+    ready: Callable[["Engine"], None] = rehearsed,
+) -> int:
+    """Simulate an orchard until its run ends, again after each reset. Return the exit code.
+
+    `file`: of the scenario, in place of that in the options. `opened`: opens the session. `ready`: called before the first tick.
+    """
     keys, snapshots = Keys(options.prefix), options.snapshot_folder
     with sole(snapshots):
         before = last(snapshots, options.run) if options.resume and snapshots else None
@@ -56,8 +84,8 @@ def _run(inbox: Inbox, options: RunOptions, file: str | None) -> int:
 
             check_folder(Path(options.table), check(options.scenario, "the scenario"))
         while True:
-            with _session(options, inbox, identity_in(options.secure, options.prefix)) as bus:
-                code, again = _simulate(bus, keys, before, options)
+            with opened(options, inbox) as bus:
+                code, again = _simulate_once(bus, keys, before, options, ready)
             if again is None:
                 return code
             inbox.forget()
@@ -66,14 +94,9 @@ def _run(inbox: Inbox, options: RunOptions, file: str | None) -> int:
             options, before = again, None
 
 
-def _session(options: RunOptions, inbox: Inbox, identity: Identity | None) -> AbstractContextManager[Bus]:
-    """Open the session: a client of another router, or the router itself."""
-    if options.connect:
-        return client(options.connect, inbox, identity=identity)
-    return router(options.listen or (LOOPBACK if identity is None else SECURE_LOOPBACK), inbox, identity)
-
-
-def _simulate(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions) -> tuple[int, RunOptions | None]:
+def _simulate_once(
+    bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions, ready: Callable[["Engine"], None]
+) -> tuple[int, RunOptions | None]:
     """Run an orchard once. Return the exit code, and the options with which the run begins again, if it was reset."""
     from orchard.sim.engine import Engine  # not at the top: numba takes seconds to load, and meanwhile other processes can connect
     from orchard.sim.lookahead import HOLDS, IgnoredHolds
@@ -85,17 +108,12 @@ def _simulate(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions
     physics.listen()
     where = "connected to" if options.connect else "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.run.id}", flush=True)
-    end = physics.play(lambda: _get_ready(engine))
+    end = physics.play(lambda: ready(engine))
     print(f"{end.why}: tick {end.tick}, {end.summary['wall_seconds']} s, hash {end.hash}", flush=True)
     for violation in end.summary["violations"]:
         print(f"violated: {violation}", flush=True)
     is_bad = end.why == "jammed" or end.summary["violations"] or end.summary["broken_agents"]
     return 1 if is_bad and options.result is None else 0, physics.again
-
-
-def _get_ready(engine: "Engine") -> None:
-    engine.rehearse()
-    settle()
 
 
 # -- the options

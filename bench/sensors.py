@@ -10,13 +10,13 @@ from itertools import product
 from statistics import mean
 from typing import NamedTuple
 
+from orchard.field.kinds import VEHICLES
 from orchard.field.scenario import TIME_STEP, Scenario, with_changes
 from orchard.local import Local
 from orchard.server.figures import RunFigures
 
 SIGMAS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2)  # m
 RUNS = (("one-way", "predictive"), ("two-way", "nearest"), ("one-way", "longest-waiting"), ("two-way", "farthest-first"))
-ROBOTS = ("picker", "carrier", "tractor")
 LONGEST = 20_000  # ticks
 
 
@@ -38,7 +38,7 @@ def harvest(white: float, bias: float, run: int) -> Outcome:
     while not local.engine.over and local.engine.tick < LONGEST and not figures.jam:
         events = local.tick()
         figures.update(events)
-        found.update(event.what for event in events if event.who.startswith(ROBOTS))
+        found.update(event.what for event in events if event.who.startswith(VEHICLES))
     assert not local.engine.violations()
     return Outcome(local.engine.over, local.engine.tick * TIME_STEP, found["collision"], found["deed refused"])
 

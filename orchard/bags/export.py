@@ -13,20 +13,21 @@ from orchard_ros2.field import grid_of
 from orchard.bags.bag import Bag
 from orchard.bags.replay import SCENARIO
 from orchard.contract.events import Velocities
-from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, kind_of, select_agents
+from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, VEHICLES, kind_of, select_agents
 from orchard.field.layout import lay_out
 from orchard.view.drives import STILL, Drives, State, ranges_of
 from orchard.view.recorder import SCAN_BEAMS
-
-ROBOTS = ("picker", "carrier", "tractor")  # the kinds that are exported if none is named
 
 Track = Callable[[Iterable[Any], int], Iterable[Any]]  # (ticks, how many) -> the same ticks; shows how far it is
 
 
 def chosen(drives: Drives, words: Sequence[str]) -> list[str]:
-    """Return the bodies with these names or of these kinds, in the layout's order. Raises ValueError for a word that is neither."""
+    """Return the bodies with these names or of these kinds, in the layout's order; without any, the robots that drive.
+
+    Raises ValueError for a word that is neither.
+    """
     names = select_agents(drives.names, list(words), [])
-    return [name for name in names if words or kind_of(name) in ROBOTS]
+    return [name for name in names if words or kind_of(name) in VEHICLES]
 
 
 def export(drives: Drives, robots: Sequence[str], file: Path, track: Track) -> int:

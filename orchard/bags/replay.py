@@ -15,7 +15,7 @@ from rosbags.rosbag2 import ReaderError
 from orchard.contract.agent import Action, Agent, Mail, Observation
 from orchard.contract.messages import FASTEST
 from orchard.field.geometry import Twist
-from orchard.field.kinds import KINDS, kind_of
+from orchard.field.kinds import VEHICLES, kind_of
 from orchard.field.problems import printable
 from orchard.field.scenario import Scenario, check
 from orchard.folders import regular
@@ -87,7 +87,7 @@ def read_commands(bag: Path) -> Commands:
 def check_robots(bag: Path, commands: Commands, names: Mapping[str, int]) -> None:
     """Raise ValueError if the bag drives bodies that are not in the orchard."""
     if unknown := sorted(commands.velocities.keys() - names.keys()):
-        robots = [name for name in names if KINDS[kind_of(name)].robot and kind_of(name) != "bin"]
+        robots = [name for name in names if kind_of(name) in VEHICLES]
         drives = f"it drives {printable(', '.join(unknown), 500)}, not in this orchard, whose robots are {', '.join(robots)}"
         raise ValueError(f"{bag}: {drives}; expected the orchard of the bag: its scenario, or --pickers and --carriers as there")
 

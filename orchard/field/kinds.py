@@ -30,13 +30,18 @@ class Kind:
     laser: Laser
     tows: float = 0.0  # m from its centre back to the centre of its coupled bin; 0: it tows nothing
     solid: bool = True
-    robot: bool = False  # robots move before people and animals
-    sideways: bool = False  # can move to its left and right (only a coupled bin)
+    robot: bool = False  # robots move before people and animals; they can be stopped, and their states are counted
+    sideways: bool = False  # can move to its left and right, but only on the bar of a robot
 
     @property
     def radius(self) -> float:
         """The radius of the circle around its box, m."""
         return 0.5 * math.sqrt(self.length * self.length + self.width * self.width)
+
+    @property
+    def drives(self) -> bool:
+        """Whether it moves by itself."""
+        return self.speed > 0.0 and not self.sideways
 
 
 LASER_RANGE = 10.0  # m
@@ -53,14 +58,20 @@ EIGHTH = PI / 8
 KINDS: dict[str, Kind] = {
     "picker": Kind(2.5, 1.5, 1.0, (238, 130, 238), 1.0, EIGHTH, _front(2.5), tows=2.25, robot=True),
     "carrier": Kind(1.8, 1.5, 0.5, (0, 170, 255), 1.0, EIGHTH, _front(1.8), tows=1.9, robot=True),
-    "bin": Kind(1.0, 1.0, 1.0, (178, 34, 34), 3.0, 2 * PI, AROUND, robot=True, sideways=True),
     "tractor": Kind(5.0, 3.0, 3.0, (220, 30, 30), 1.0, EIGHTH, _front(5.0), robot=True),
+    "bin": Kind(1.0, 1.0, 1.0, (178, 34, 34), 3.0, 2 * PI, AROUND, robot=True, sideways=True),
     "worker": Kind(0.55, 1.0, 1.7, (34, 139, 34), 1.0, PI, _front(0.55)),
     "visitor": Kind(0.55, 1.0, 1.7, (127, 255, 212), 1.0, PI, _front(0.55)),
     "dog": Kind(1.0, 0.8, 0.7, (128, 128, 128), 3.0, 2 * PI, _front(1.0)),
     "cat": Kind(1.0, 0.8, 0.7, (255, 140, 0), 3.0, 2 * PI, _front(1.0)),
     "weed": Kind(0.5, 0.5, 0.5, (60, 160, 40), 0.0, 0.0, AROUND, solid=False),
 }
+
+# What is done for several kinds follows from their properties: a new kind is in these lists by itself.
+ROBOTS = tuple(name for name, kind in KINDS.items() if kind.robot)
+VEHICLES = tuple(name for name in ROBOTS if KINDS[name].drives)  # robots with a pin, a short name and receivers of their own: all but bins
+HAULERS = tuple(name for name, kind in KINDS.items() if kind.tows)  # the harvest makes progress while they finish steps of their plans
+MOVERS = tuple(name for name, kind in KINDS.items() if kind.drives)  # their scans are recorded, and they can learn
 
 TRAFFIC, DISPATCH = "traffic", "dispatch"  # grants places on the roads; sends carriers to full bins
 BODILESS = (TRAFFIC, DISPATCH)  # our agents without a body
@@ -76,6 +87,12 @@ def kind_of(name: str) -> str:
 def number_of(name: str) -> int:
     """Return the number in a name: 1 for 'picker_01'."""
     return int(name.rsplit("_", 1)[1])
+
+
+def short_name(name: str) -> str:
+    """Return the short name of a robot, for narrow places: 'P01' for 'picker_01'."""
+    kind, _, number = name.rpartition("_")
+    return f"{kind[0].upper()}{number}"
 
 
 def name_of(kind: str, number: int) -> str:

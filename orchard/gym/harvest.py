@@ -14,7 +14,7 @@ from orchard.agents.robot import RobotMemory
 from orchard.contract.agent import Action, Observation
 from orchard.contract.events import Event
 from orchard.field.geometry import STILL, Twist
-from orchard.field.kinds import kind_of
+from orchard.field.kinds import MOVERS, kind_of
 from orchard.field.layout import Layout, lay_out
 from orchard.field.repeatable import draw
 from orchard.field.scenario import Scenario, with_changes
@@ -36,7 +36,6 @@ from orchard.local import Local
 from orchard.sim.engine import Engine, Unaudited
 
 LONGEST = 20_000  # ticks of an episode, 2000 s; the default orchard's harvest takes 9,315
-LEARNERS = ("picker", "carrier", "tractor", "worker", "visitor", "dog", "cat")  # kinds that move by themselves
 
 Infos = dict[str, dict[str, Any]]
 
@@ -208,7 +207,7 @@ def _changes_in(options: Mapping[str, Any]) -> dict[str, Any]:
 
 def _refuse_what_cannot_learn(layout: Layout, learned: Sequence[str]) -> None:
     """Raise ValueError, with all that is wrong, unless these are different bodies that can learn."""
-    able = [name for name in layout.names if kind_of(name) in LEARNERS]
+    able = [name for name in layout.names if kind_of(name) in MOVERS]
     wrong = [f"{name}: " + ("given twice" if name in able else "no such body can learn") for name in learned
              if name not in able or learned.count(name) > 1]  # fmt: skip
     if wrong or not learned:

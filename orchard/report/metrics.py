@@ -9,7 +9,7 @@ import numpy as np
 
 from orchard.contract.agent import Action
 from orchard.contract.events import Event
-from orchard.field.kinds import ANIMALS, DISPATCH, PEOPLE, kind_of
+from orchard.field.kinds import ANIMALS, DISPATCH, HAULERS, PEOPLE, ROBOTS, kind_of
 from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.report.bounds import Bounds
@@ -17,8 +17,6 @@ from orchard.report.schedule import schedule_seconds
 from orchard.sim.world import World
 
 JAM_SECONDS = 600.0  # without a metre picked or a step of work finished
-PLANNERS = ("picker_", "carrier_")  # the harvest makes progress while they finish steps of their plans
-WORKERS_OF_THE_HARVEST = ("picker", "carrier", "bin", "tractor")
 
 
 @dataclass
@@ -43,7 +41,7 @@ class HarvestFigures:
         for name, action in answers.items():
             if action is not None and action.state == "broken":
                 self.broken.setdefault(name, world.tick - 1)
-            if name.startswith(PLANNERS):
+            if kind_of(name) in HAULERS:
                 self.steps[name] = 0 if action is None else action.steps_done
         queue = world.layout.queue.area
         self.busy_ticks += sum(not queue.contains(x, y) for x, y, _ in world.pose[world.fixed.carriers].tolist())
@@ -75,11 +73,11 @@ def who_waits(actions: Mapping[str, Action]) -> list[str]:
     return [
         f"{name} ({action.doing}) waits for {action.waits_for}"
         for name, action in sorted(actions.items())
-        if action.waits_for and kind_of(name) in WORKERS_OF_THE_HARVEST
+        if action.waits_for and kind_of(name) in ROBOTS
     ]
 
 
-def collisions(world: World, kinds: tuple[str, ...] = WORKERS_OF_THE_HARVEST) -> int:
+def collisions(world: World, kinds: tuple[str, ...] = ROBOTS) -> int:
     """Return the number of collisions that bodies of these kinds began: as many as there are events."""
     return sum(int(world.collisions[i]) for name, i in world.layout.index.items() if kind_of(name) in kinds)
 

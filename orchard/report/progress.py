@@ -15,12 +15,11 @@ from rich.text import Text
 
 from orchard.contract.agent import WAITING_STATES
 from orchard.contract.events import STOPPED
-from orchard.field.kinds import kind_of
+from orchard.field.kinds import ROBOTS, kind_of, short_name
 from orchard.report.sentence import clock, share_picked
 
 LINE_SECONDS = 2.0  # s of wall time between two plain lines
 STILL_SECONDS = 10.0  # s of wall time between two plain lines while the run gets ready; a terminal shows each second
-SHOWN = ("picker", "carrier", "tractor", "bin")  # kinds in the table, in this order
 NARROWEST = 24  # characters, the minimum width of a column
 SILENT = "no agent"  # shown for a robot whose agent was lost
 STANDS = (STOPPED, SILENT)  # shown in red
@@ -142,7 +141,7 @@ def robots(doing: Mapping[str, str], waits_for: Mapping[str, str], width: int, h
     It has as many columns as the robots need. Bins only follow other robots: if one column is too short for all, bins are left out. If the
     console is too small even so, the last line says how many robots are left out.
     """
-    names = [name for kind in SHOWN for name in sorted(doing) if kind_of(name) == kind]
+    names = [name for kind in ROBOTS for name in sorted(doing) if kind_of(name) == kind]
     room = max(4, height - 3)
     if len(names) > room:
         names = [name for name in names if kind_of(name) != "bin"]
@@ -161,7 +160,6 @@ def robots(doing: Mapping[str, str], waits_for: Mapping[str, str], width: int, h
 
 def _line(name: str, doing: Mapping[str, str], waits_for: Mapping[str, str]) -> Text:
     """One robot: its short name, what it does, and what it waits for. The name is short because columns are narrow."""
-    kind, _, number = name.rpartition("_")
     waits = waits_for.get(name)
     words = f"{doing[name]} ({waits})" if waits and waits not in doing[name] else doing[name]
-    return Text.assemble((f"{kind[0].upper()}{number} ", "bold"), (words, "red" if doing[name] in STANDS else "yellow" if waits else ""))
+    return Text.assemble((f"{short_name(name)} ", "bold"), (words, "red" if doing[name] in STANDS else "yellow" if waits else ""))

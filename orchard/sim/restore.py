@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from orchard.contract.messages import FASTEST, LAST_TICK
-from orchard.field.kinds import KINDS
+from orchard.field.kinds import HAULERS
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check
@@ -89,5 +89,5 @@ def _are_pairs(world: World) -> bool:
     """Whether all couplings are mutual, each between a bin and a robot that tows."""
     kinds, coupled = [start.kind for start in world.layout.starts], world.coupled.tolist()
     pairs = [(i, j) for i, j in enumerate(coupled) if j != NONE]
-    tow = {(robot, "bin") for robot, kind in KINDS.items() if kind.tows > 0.0}
+    tow = {(robot, "bin") for robot in HAULERS}
     return all(0 <= j < len(coupled) and coupled[j] == i and {(kinds[i], kinds[j]), (kinds[j], kinds[i])} & tow for i, j in pairs)

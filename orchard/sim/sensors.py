@@ -12,7 +12,7 @@ import numpy as np
 
 from orchard.contract.agent import Hitch, Observations
 from orchard.field.geometry import Pose, from_frame
-from orchard.field.kinds import KINDS
+from orchard.field.kinds import VEHICLES
 from orchard.field.layout import Layout
 from orchard.field.repeatable import draw, exp, normal, wrap
 from orchard.field.scenario import TIME_STEP
@@ -30,7 +30,7 @@ def normals(seed: int, what: str, tick: int) -> tuple[float, float]:
 
 def robots_of(layout: Layout) -> dict[str, int]:
     """Return the bodies with a receiver and odometry, name -> index: those that drive by themselves and are no people or animals."""
-    return {start.name: i for i, start in enumerate(layout.starts) if KINDS[start.kind].robot and not KINDS[start.kind].sideways}
+    return {start.name: i for i, start in enumerate(layout.starts) if start.kind in VEHICLES}
 
 
 class Sensors:

@@ -6,11 +6,10 @@ from typing import Any
 import msgspec
 
 from orchard.contract.agent import STATES, Action, state_of
-from orchard.field.kinds import kind_of
+from orchard.field.kinds import ROBOTS, kind_of
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.world import World
 
-ROBOTS = ("picker", "carrier", "tractor", "bin")  # the kinds for which states are counted
 _NUMBER = {state: number for number, state in enumerate(STATES)}
 
 

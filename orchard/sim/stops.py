@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from orchard.contract.agent import AHEAD, IN_TURN, Action
 from orchard.contract.events import STOPPED
-from orchard.field.kinds import KINDS, select_agents
+from orchard.field.kinds import ROBOTS, select_agents
 from orchard.field.layout import Layout
 
 if TYPE_CHECKING:
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 def robots_of(layout: Layout) -> list[str]:
-    """Return the names of all bodies that can be stopped: pickers, carriers, tractor and bins."""
-    return [start.name for start in layout.starts if KINDS[start.kind].robot]
+    """Return the names of all bodies that can be stopped: robots."""
+    return [start.name for start in layout.starts if start.kind in ROBOTS]
 
 
 def stopped(world: "World") -> list[str]:

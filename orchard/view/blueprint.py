@@ -3,6 +3,7 @@
 import rerun as rr
 import rerun.blueprint as rrb
 
+from orchard.field.kinds import VEHICLES
 from orchard.field.layout import ROW_WEST, TOP, Layout
 from orchard.view import legend, palette
 from orchard.view.focus import FOCUS
@@ -17,7 +18,7 @@ TITLE, AXIS = 0.7, 0.6  # heights of a history's title and time axis, as fractio
 IN_SPACE = ["world/**", "canopy/**", "scans/**", "pins/**", "talk/**"]
 BELOW_CROWNS = ["world/**", "scans/**", "pins/**", "talk/**", "focus", "canopy/wires", "canopy/crowns", "canopy/shade"]
 BESIDE = (-12.5, -4.0, 7.0)  # m from the focus to its camera, which looks along the rows: in a row no tree hides a robot
-PICKERS, OTHERS = ["world/pickers/**"], ["world/carriers/**", "world/tractors/**"]
+PICKERS, OTHERS = ["world/pickers/**"], [f"world/{kind}s/**" for kind in VEHICLES if kind != "picker"]
 ON_THE_PLAN = ["world/**", "plan/**", "pins/**", "talk/**", "scans/**"]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 
 from orchard.contract.agent import State
-from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
+from orchard.field.kinds import ANIMALS, HAULERS, KINDS, PEOPLE, VEHICLES
 from orchard.field.layout import Lane, Layout
 from orchard.field.placement import Start
 from orchard.view import palette
@@ -15,7 +15,6 @@ from orchard.view.scenery import ROW_Z
 from orchard.view.shapes import model
 
 BRANCHES = dict.fromkeys(PEOPLE, "people") | dict.fromkeys(ANIMALS, "animals")  # kinds that share a branch of world/
-PINNED = ("picker", "carrier", "tractor")
 HIT_RADIUS = -1.8  # of a laser hit; a negative number is in screen points
 PIN_Z = 4.4  # m: well above the pergola
 
@@ -32,7 +31,7 @@ class BodyView:
         self.path = {s.name: f"world/{BRANCHES.get(s.kind, s.kind + 's')}/{s.name}" for s in layout.starts}  # world/pickers/picker_01
         self._said: dict[str, dict[str, palette.Colour]] = {s.name: {} for s in layout.starts if s.kind != "weed"}
         self._bins, self._weeds = indices(layout, {"bin"}), indices(layout, {"weed"})
-        self._towing = indices(layout, {name for name, kind in KINDS.items() if kind.tows})
+        self._towing = indices(layout, HAULERS)
         self._shown: dict[str, int] = {}  # entity -> fill level of a bin, or whether a bar or weed is there. A further part knows nothing
         for start in layout.starts:
             self._log_static(start)
@@ -48,7 +47,7 @@ class BodyView:
         self.rec.log(path, frame, static=True)
         if start.kind != "weed":
             self.rec.log(path, model(start.kind), static=True)
-        if start.kind in PINNED:
+        if start.kind in VEHICLES:
             self._pin(start)
         if start.kind == "bin":
             self.rec.log(f"{path}/fruit", frame, model("fruit"), static=True)
@@ -75,7 +74,7 @@ class BodyView:
             known[text] = colour
             self.rec.log(path, rr.StateConfiguration(values=list(known), colors=list(known.values())), static=True)
         self.rec.log(path, rr.StateChange(state=text))
-        if self.layout.starts[self.layout.index[name]].kind in PINNED:
+        if self.layout.starts[self.layout.index[name]].kind in VEHICLES:
             self.rec.log(f"pins/{name}", rr.Points3D.from_fields(colors=[colour]))
 
     def fills(self, fill: np.ndarray) -> None:

@@ -7,6 +7,7 @@ import rerun as rr
 
 from orchard.contract.agent import State
 from orchard.contract.events import Frame
+from orchard.field.kinds import HAULERS
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 
@@ -32,7 +33,7 @@ class Focus:
     """Follows a picker or a carrier, and glides to another one that has more to show."""
 
     def __init__(self, layout: Layout) -> None:
-        self._index = {start.name: i for i, start in enumerate(layout.starts) if start.kind in ("picker", "carrier")}
+        self._index = {start.name: i for i, start in enumerate(layout.starts) if start.kind in HAULERS}
         self._states: dict[str, State] = dict.fromkeys(self._index, "resting")
         self._robot = ""
         self._place = np.zeros(2)  # m

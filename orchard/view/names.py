@@ -5,11 +5,11 @@ from itertools import product
 import numpy as np
 import rerun as rr
 
+from orchard.field.kinds import VEHICLES, short_name
 from orchard.field.layout import X_WEST, Layout
 from orchard.view import palette
 from orchard.view.scenery import MARGIN, plan_size
 
-SHORT = {"picker": "P", "carrier": "C", "tractor": "T"}
 RENEWED_TICKS = 5  # interval at which the names follow the robots
 NAME_Z, ROW_Z = 4.4, 4.0  # m
 HIGH_PLAN, WIDE_PLAN = (730.0, 470.0), (330.0, 560.0)  # height and width of the plan in a usual window, screen points
@@ -34,9 +34,9 @@ class NameView:
 
     def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
         self.rec, self.scale = rec, points_to_metres(layout)
-        robots = [start for kind in SHORT for start in layout.starts if start.kind == kind]
+        robots = [start for kind in VEHICLES for start in layout.starts if start.kind == kind]
         self._index = np.array([layout.index[start.name] for start in robots])
-        self._labels = [SHORT[start.kind] + start.name[-2:] for start in robots]
+        self._labels = [short_name(start.name) for start in robots]
         self._halves = np.array([self._half(label) for label in self._labels])
         self._places = np.zeros(len(robots), int)  # the place of each name, an index of PLACES
         self._shown = np.full((len(robots), 2), np.nan)  # the pins that were last named

@@ -12,7 +12,7 @@ import rerun as rr
 
 from orchard.contract.agent import WAITING_STATES, State
 from orchard.contract.events import SCAN_TICKS, Event, Frame, Velocities
-from orchard.field.kinds import KINDS, LASER_RANGE, Laser, kind_of
+from orchard.field.kinds import KINDS, LASER_RANGE, MOVERS, Laser, kind_of
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
@@ -32,7 +32,6 @@ END_SECONDS = 30.0  # for which the end of the file is waited for: a program tha
 SCAN_CHUNK_TICKS = 50  # without a live server, scans are sent in larger chunks: a third less to write
 SCAN_BEAMS = 2  # every second beam
 SCAN_GRID = 32.0  # positions are rounded to 1/32 m
-SCANNED = ("picker", "carrier", "tractor", "worker", "visitor", "dog", "cat")
 
 # Path -> (name in the legend, colour, width): the plots of the blueprint
 SERIES: dict[str, tuple[str, palette.Colour, float]] = {
@@ -69,7 +68,7 @@ class Recorder:
         self._frames = [*layout.names, FOCUS]
         self._lengths = np.array([lane.length for lane in layout.lanes])  # m, of the rows
         self._scan_chunk = CHUNK_TICKS if serve else SCAN_CHUNK_TICKS
-        self._scanned = indices(layout, SCANNED)
+        self._scanned = indices(layout, MOVERS)
         self._poses: list[tuple[int, np.ndarray]] = []
         self._scans: list[tuple[int, Sequence[np.ndarray | None]]] = []
         self._events: list[tuple[int, str, str]] = []  # tick, line, level

@@ -133,7 +133,7 @@ def orchard_of(run: str, tick: int, layout: Layout) -> wire.Orchard:
     """Return the message for a layout."""
     rows = [(ROW_WEST, lane.y, layout.row_east, lane.y) for lane in layout.lanes]
     bodies = [wire.Place(start.name, start.kind, _pose_of(start.pose), start.bin) for start in layout.starts]
-    kinds = {name: _kind_of_body(KINDS[name]) for name in sorted({start.kind for start in layout.starts})}
+    kinds = {name: _kind_of_body(kind) for name, kind in sorted(KINDS.items())}
     return wire.Orchard(run, tick, [tuple(wall) for wall in layout.walls.tolist()], rows, bodies, kinds)
 
 
@@ -144,7 +144,8 @@ def _pose_of(pose: Pose) -> wire.PoseMessage:
 
 def _kind_of_body(kind: Kind) -> wire.KindOfBody:
     laser = wire.LaserOfKind(kind.laser.ahead, kind.laser.beams, kind.laser.first, kind.laser.increment, LASER_NEAREST, LASER_RANGE)
-    return wire.KindOfBody(kind.length, kind.width, kind.height, kind.colour, kind.speed, kind.turn, kind.tows, kind.solid, laser)
+    size = kind.length, kind.width, kind.height
+    return wire.KindOfBody(*size, kind.colour, kind.speed, kind.turn, kind.tows, kind.solid, kind.robot, laser)
 
 
 def picture_of(run: str, frame: Frame) -> wire.Picture:

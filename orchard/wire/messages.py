@@ -311,6 +311,7 @@ class KindOfBody(SubMessage):
     max_angular: Annotated[Speed, Meta(description="rad/s, the most to each side")]
     tows: Annotated[Metres, Meta(description="m from its centre back to the centre of a coupled bin; 0: it tows nothing")]
     solid: Annotated[bool, Meta(description="whether lasers see it and bodies collide with it")]
+    robot: Annotated[bool, Meta(description="whether it is a robot: it can be stopped, and its states are counted")]
     laser: LaserOfKind
 
 
@@ -322,7 +323,7 @@ class Orchard(Message):
     ]
     rows: Annotated[list[Box], Meta(description="from the north: x, y of the west end and x, y of the east end of the part that is picked")]
     bodies: Annotated[list[Place], Meta(max_length=MOST_BODIES, description="all bodies, in the order of `agents`, as they start")]
-    kinds: Annotated[dict[Name, KindOfBody], Meta(description="kind -> what its bodies have in common")]
+    kinds: Annotated[dict[Name, KindOfBody], Meta(description="what bodies of each kind have in common, also of kinds without a body here")]
 
 
 class Join(RunMessage):

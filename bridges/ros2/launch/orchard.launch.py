@@ -12,7 +12,7 @@ ARGUMENTS = {
     "endpoint": ("tcp/127.0.0.1:7447", "where the Orchard listens"),
     "prefix": ("orchard", "the prefix of its keys"),
     "secure": ("''", "for a secured run: the directory of the bridge's role"),
-    "robots": ("[bin, carrier, picker, tractor]", "robots or kinds of robots that ROS sees"),
+    "robots": ("['']", "bodies or kinds that ROS sees; ['']: all robots"),
     "driven": ("['']", "robots that ROS drives, and that no agent holds: those of `orchard --without`"),
     "advised": ("['']", "robots whose agents go on while ROS gives the velocity"),
     "enable_stamped_cmd_vel": ("true", "cmd_vel is a TwistStamped; false: a Twist"),

@@ -1,12 +1,9 @@
 """The bodies of an orchard: their kinds, in their names, and their descriptions in URDF."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from xml.etree import ElementTree as Xml
 
 from orchard_ros2 import topics
-
-ROBOTS = ("bin", "carrier", "picker", "tractor")
-KINDS = (*ROBOTS, "cat", "dog", "visitor", "weed", "worker")
 
 
 def kind_of(name: str) -> str:
@@ -14,12 +11,12 @@ def kind_of(name: str) -> str:
     return name.rsplit("_", 1)[0]
 
 
-def selected(words: Sequence[str], names: Sequence[str]) -> list[str]:
+def selected(words: Sequence[str], names: Sequence[str], kinds: Collection[str]) -> list[str]:
     """Return those of the bodies that are named, or are of a named kind, in their order. A kind may be without a body in this run.
 
-    `names`: all bodies. Raises ValueError for words that are neither.
+    `names`: all bodies; `kinds`: all kinds. Raises ValueError for words that are neither.
     """
-    if wrong := [word for word in words if word not in names and word not in KINDS]:
+    if wrong := [word for word in words if word not in names and word not in kinds]:
         raise ValueError(f"{', '.join(wrong)}: no such body or kind; there are {', '.join(names)}")
     return [name for name in names if name in words or kind_of(name) in words]
 

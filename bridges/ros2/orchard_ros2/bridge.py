@@ -60,7 +60,7 @@ class Bridge:
         self.prefix = self._text("prefix", PREFIX)
         secure = self._text("secure", "")
         self.role = role_in(secure) if secure else None
-        self._robots = self._texts("robots", list(bodies.ROBOTS))
+        self._robots = self._texts("robots", [])
         self._driven, self._advised = self._texts("driven", []), self._texts("advised", [])
         self._is_stamped = bool(self.node.declare_parameter("enable_stamped_cmd_vel", True).value)
         self._shows_truth = bool(self.node.declare_parameter("ground_truth", False).value)
@@ -85,9 +85,11 @@ class Bridge:
         Raises ValueError for an unknown robot, or one that the role may not drive.
         """
         self.client, self.run, self.tick = client, str(layout["run"]), int(layout["tick"])
-        self._kinds = {body["name"]: layout["kinds"][body["kind"]] for body in layout["bodies"]}
+        kinds = layout["kinds"]
+        self._kinds = {body["name"]: kinds[body["kind"]] for body in layout["bodies"]}
+        robots = self._robots or [name for name, kind in kinds.items() if kind["robot"]]
         self._names, self._driven, self._advised = (
-            bodies.selected(words, tuple(self._kinds)) for words in (self._robots, self._driven, self._advised)
+            bodies.selected(words, tuple(self._kinds), kinds) for words in (robots, self._driven, self._advised)
         )
         if both := set(self._driven) & set(self._advised):
             raise ValueError(f"driven and advised: {', '.join(sorted(both))}: a robot is driven, or its agent is advised")

@@ -14,7 +14,7 @@ import psutil
 from conftest import BEGIN_SECONDS, scene
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
-from orchard_ros2 import bodies, topics
+from orchard_ros2 import topics
 from orchard_ros2.bridge import profile, type_of
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import LaserScan
@@ -57,7 +57,8 @@ def share_of_core(user, bridge, names):
 
 
 def main():
-    parameters = ["-p", f"robots:=[{','.join(bodies.KINDS)}]", "-p", "driven:=[picker_01]"]
+    everyone = "[bin,carrier,cat,dog,picker,tractor,visitor,weed,worker]"
+    parameters = ["-p", f"robots:={everyone}", "-p", "driven:=[picker_01]"]
     words = ["--mode", "realtime", "--without", "picker_01"]
     with tempfile.TemporaryDirectory() as folder, scene(Path(folder), words, parameters) as run:
         user = run.user

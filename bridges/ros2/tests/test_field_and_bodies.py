@@ -29,9 +29,10 @@ def test_a_description_has_the_frames_and_the_box_of_its_body():
 
 def test_robots_are_named_or_of_a_named_kind():
     names = ["bin_01", "picker_01", "picker_02"]
-    assert bodies.selected(["picker_02", "bin", "tractor"], names) == ["bin_01", "picker_02"]
+    kinds = "bin", "picker", "tractor"
+    assert bodies.selected(["picker_02", "bin", "tractor"], names, kinds) == ["bin_01", "picker_02"]
     with pytest.raises(ValueError, match="picker_03, tree: no such body or kind; there are bin_01, picker_01, picker_02"):
-        bodies.selected(["picker_03", "picker", "tree"], names)
+        bodies.selected(["picker_03", "picker", "tree"], names, kinds)
 
 
 @given(walls=st.lists(st.tuples(coordinates, coordinates, halves, halves), min_size=1, max_size=4), x=coordinates, y=coordinates)

@@ -18,7 +18,7 @@ from orchard.agents.catalogue import guarded
 from orchard.contract.agent import Agent
 from orchard.field.kinds import select_agents
 from orchard.field.layout import Layout, lay_out
-from orchard.field.plugins import place_of_error
+from orchard.field.plugins import contained, place_of_error
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check
 from orchard.memory import settle
@@ -50,11 +50,11 @@ def made(path: str, layout: Layout, names: Collection[str]) -> dict[str, Agent]:
     """
     module, _, name = path.partition(":")
     try:
-        make: Factory = getattr(importlib.import_module(module), name)
+        make: Factory = getattr(contained(importlib.import_module, module), name)
     except (ImportError, AttributeError, ValueError) as error:
         raise ValueError(f"agents {path}: {error}; expected package.module:function") from error
     try:
-        agents = make(layout, names)
+        agents = contained(make, layout, names)
         return {name: agents[name] for name in names}
     except Exception as error:
         expected = "a function of (layout, names) that returns a map with an agent for each name"

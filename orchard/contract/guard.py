@@ -18,7 +18,7 @@ from orchard.contract.messages import FASTEST, AgentMessage, Answer, CustomMessa
 from orchard.contract.repeating import Repetition
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, kind_of
-from orchard.field.plugins import MISTAKES, Contained, reraise_ctrl_c, text_of
+from orchard.field.plugins import MISTAKES, contained, reraise_ctrl_c, text_of
 from orchard.field.problems import printable
 
 log = logging.getLogger("orchard")
@@ -197,8 +197,7 @@ class Guard:
 
 
 def _ask(agent: Any, observation: Observation, mail: Mail, memory: Any) -> Any:
-    with Contained():
-        return agent.tick(with_own_arrays(observation), mail, memory)
+    return contained(agent.tick, with_own_arrays(observation), mail, memory)
 
 
 def _standing(memory: Any) -> Action:

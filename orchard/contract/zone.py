@@ -42,6 +42,7 @@ def beams(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
 
 
 @lru_cache(maxsize=256)  # there are a few for each kind of body
+@np.errstate(all="ignore")  # whatever a user's program sets
 def spans(laser: Laser, zone: Zone) -> np.ndarray:
     """Return the ranges at which each beam enters and leaves a zone, (2, beams) float32, m. A beam that misses it leaves before it enters.
 

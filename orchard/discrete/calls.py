@@ -16,7 +16,7 @@ from orchard.agents.timing import approach_seconds
 from orchard.discrete.places import at
 from orchard.discrete.robots import Events, Robot
 from orchard.field.kinds import number_of
-from orchard.field.plugins import MISTAKES, reraise_ctrl_c
+from orchard.field.plugins import MISTAKES, contained, reraise_ctrl_c
 from orchard.field.queue import PITCH
 from orchard.field.scenario import TIME_STEP
 
@@ -191,7 +191,7 @@ class Dispatched(Calls):
         """Return what the policy decides. Raises PolicyFault."""
         now, bins, carriers = decision.now, decision.bins, decision.carriers
         try:
-            return checked(self.policy.assign(now, list(bins), list(carriers), self.memory), bins, carriers)
+            return checked(contained(self.policy.assign, now, list(bins), list(carriers), self.memory), bins, carriers)
         except MISTAKES as error:
             reraise_ctrl_c(error)
             raise PolicyFault(fault_of(self.policy, self.layout.scenario.dispatch, error, now)) from error

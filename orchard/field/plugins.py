@@ -1,6 +1,7 @@
 """Loads the users' classes and functions that a scenario names, or refuses them with the reason and its place."""
 
 import ctypes
+import decimal
 import dis
 import importlib
 import inspect
@@ -9,9 +10,8 @@ import sys
 import sysconfig
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
-
-import numpy as np
+from contextvars import copy_context
+from typing import Any, TypeVar
 
 from orchard.field.problems import Problem, ScenarioError, printable
 
@@ -23,33 +23,32 @@ _LIBRARIES = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib"
 
 
 # resets the processor's floating-point flags of this thread, if it gets FE_DFL_ENV, as Linux defines that
-_SET_FLAGS = ctypes.CDLL(None).fesetenv if sys.platform == "linux" else None
+_SET_FLAGS = ctypes.CDLL(None).fesetenv if sys.platform == "linux" else bool
 _DEFAULT_FLAGS = ctypes.c_void_p(-1)
+Result = TypeVar("Result")
 
 
-class Contained:
-    """In this context a user's code may set what counts for a whole thread: numpy's treatment of errors, Python's recursion limit and, on
-    Linux, the processor's floating-point flags. At its end they are as before, so no agent changes what others compute."""
+def contained(call: Callable[..., Result], *arguments: Any) -> Result:
+    """Call a user's code, which may set what counts for a whole thread: numpy's treatment of errors, decimal's context, Python's recursion
+    limit and, on Linux, the processor's floating-point flags. At its end they are as before, so no agent changes what others compute."""
+    limit = sys.getrecursionlimit()
+    try:
+        return copy_context().run(_with_own_decimals, call, *arguments)
+    finally:
+        sys.setrecursionlimit(limit)
+        _SET_FLAGS(_DEFAULT_FLAGS)
 
-    __slots__ = ("_errors", "_limit")
 
-    def __enter__(self) -> None:
-        self._limit, self._errors = sys.getrecursionlimit(), np.errstate()
-        self._errors.__enter__()
-
-    def __exit__(self, *_: object) -> None:
-        sys.setrecursionlimit(self._limit)
-        self._errors.__exit__(None, None, None)
-        if _SET_FLAGS is not None:
-            _SET_FLAGS(_DEFAULT_FLAGS)
+def _with_own_decimals(call: Callable[..., Result], *arguments: Any) -> Result:
+    decimal.setcontext(decimal.Context())
+    return call(*arguments)
 
 
 def load_plugin(key: str, path: str) -> Any:
     """Return the object at `path`, 'module.name' or 'module:name', which the scenario names in `key`. Raises ScenarioError."""
     module, _, name = path.replace(":", ".").rpartition(".")
     try:
-        with Contained():
-            return getattr(importlib.import_module(module), name)
+        return getattr(contained(importlib.import_module, module), name)
     except MISTAKES as error:
         raise unusable(key, path, error) from error
 
@@ -73,10 +72,9 @@ def make_plugin(
 def made_of(class_: Callable[..., Any], *arguments: Any) -> Any:
     """Call a user's class. Raises what it raises; a TypeError of the call itself says with what the program calls it."""
     try:
-        with Contained():
-            return class_(*arguments)
+        return contained(class_, *arguments)
     except TypeError as error:
-        if error.__traceback__ is None or error.__traceback__.tb_next is not None:  # raised within the class
+        if traceback.extract_tb(error.__traceback__)[-1].name != _with_own_decimals.__name__:  # raised within the class
             raise
         names = ", ".join("name" if isinstance(one, str) else type(one).__name__.lower() for one in arguments)
         raise TypeError(f"{error}; the program calls it with ({names})") from None

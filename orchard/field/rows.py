@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from orchard.field.kinds import name_of
-from orchard.field.plugins import MISTAKES, load_plugin, place_of_class, unusable
+from orchard.field.plugins import MISTAKES, contained, load_plugin, place_of_class, unusable
 from orchard.field.scenario import BALANCED, BALANCED_ENDS, MANUAL, Scenario
 
 End = Literal["west", "east"]
@@ -52,7 +52,7 @@ def rows_to_pickers(scenario: Scenario) -> dict[str, Block]:
         return RULES[path](scenario)
     rule = load_plugin(key, path)
     try:
-        return _checked(rule(scenario), scenario)
+        return _checked(contained(rule, scenario), scenario)
     except MISTAKES as error:
         wanted = "a function of the scenario that returns {picker: Block or rows}"
         raise unusable(key, path, error, wanted, place_of_class(rule)) from error

@@ -1,0 +1,133 @@
+"""What an own class sets for its whole thread counts within its own call only: it changes no other agent, not the program, and no hash."""
+
+import ctypes
+import decimal
+import importlib
+import inspect
+import platform
+import sys
+
+import numpy as np
+import pytest
+from local_runs import SMALL, local_hash
+
+from orchard.agents.policies.nearest import Nearest
+from orchard.contract.agent import Action
+from orchard.contract.zone import spans
+from orchard.discrete.harvest import DiscreteHarvest
+from orchard.field.geometry import Twist
+from orchard.field.layout import lay_out
+from orchard.field.rows import balanced, rows_to_pickers
+from orchard.local import Local
+from orchard.processes.agents import made
+
+MXCSR, FLUSH_TO_ZERO, UPWARD = 7, 0x8040, 0x800  # place of the control word in an environment, its bits, and a way to round; of x86
+
+
+def flush_to_zero():
+    """As a C library does that was compiled with -ffast-math."""
+    environment = (ctypes.c_uint32 * 8)()
+    ctypes.CDLL(None).fegetenv(environment)
+    environment[MXCSR] |= FLUSH_TO_ZERO
+    ctypes.CDLL(None).fesetenv(environment)
+
+
+needs_x86 = pytest.mark.skipif(platform.machine() != "x86_64", reason="its flags are those of x86")
+SETTINGS = [
+    lambda: np.seterr(all="raise"),
+    lambda: decimal.getcontext().__setattr__("prec", 3),
+    lambda: sys.setrecursionlimit(len(inspect.stack()) + 30),
+    pytest.param(flush_to_zero, marks=needs_x86),
+    pytest.param(lambda: ctypes.CDLL(None).fesetround(UPWARD), marks=needs_x86),
+]
+
+
+def state():
+    """What the settings change: two modes, a limit, and sums that flags would spoil."""
+    return np.geterr(), decimal.getcontext().prec, sys.getrecursionlimit(), np.float64(5e-324) * 1, np.float64(1.0) + 1e-17
+
+
+def setting():
+    """Each test puts one of SETTINGS in its place."""
+
+
+def rule(scenario):
+    setting()
+    return balanced(scenario)
+
+
+def factory(layout, names):
+    setting()
+    return dict.fromkeys(names)
+
+
+class Setter:
+    """Drives on, and sets something when it is made and at each tick."""
+
+    Memory = dict
+
+    def __init__(self, layout, name):
+        setting()
+
+    def tick(self, observation, mail, memory):
+        setting()
+        return Action(Twist(x=0.25), memory=memory)
+
+
+class SettingNearest(Nearest):
+    def assign(self, now, bins, carriers, memory):
+        setting()
+        return super().assign(now, bins, carriers, memory)
+
+
+def local(**changes):
+    run = Local(SMALL.model_copy(update=changes))
+    for _ in range(3):
+        run.tick()
+
+
+PLACES = {
+    "agent": lambda: local(agents={"picker_01": f"{__name__}.Setter"}),
+    "module": lambda: local(agents={"picker_01": "sets_it.Setter"}),
+    "module of a factory": lambda: made("sets_it:factory", lay_out(SMALL), ["picker_01"]),
+    "factory": lambda: made(f"{__name__}:factory", lay_out(SMALL), ["picker_01"]),
+    "rule": lambda: rows_to_pickers(SMALL.model_copy(update={"rows_to_pickers": f"{__name__}.rule"})),
+    "policy": lambda: DiscreteHarvest(lay_out(SMALL.model_copy(update={"dispatch": f"{__name__}.SettingNearest"}))).run(),
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("set_it", SETTINGS)
+def test_what_an_own_class_sets_is_as_before_afterwards(set_it, place, tmp_path, monkeypatch):
+    (tmp_path / "sets_it.py").write_text(f"import {__name__} as test\ntest.setting()\nfrom {__name__} import *")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "sets_it", raising=False)
+    importlib.invalidate_caches()
+    asked = []
+    monkeypatch.setattr(sys.modules[__name__], "setting", lambda: asked.append(set_it()))
+    before, flags = state(), (ctypes.c_uint32 * 8)()
+    ctypes.CDLL(None).fegetenv(flags)
+    try:
+        PLACES[place]()
+        assert state() == before
+        assert asked
+    finally:
+        ctypes.CDLL(None).fesetenv(flags)
+        np.seterr(**before[0])
+        decimal.getcontext().prec = before[1]
+        sys.setrecursionlimit(before[2])
+
+
+@pytest.mark.parametrize("set_it", SETTINGS)
+def test_what_an_own_agent_sets_changes_no_hash(set_it, monkeypatch):
+    own = SMALL.model_copy(update={"agents": {"picker_01": f"{__name__}.Setter"}})
+    plain = local_hash(own, 40)
+    monkeypatch.setattr(sys.modules[__name__], "setting", set_it)
+    assert local_hash(own, 40) == plain
+
+
+def test_what_the_users_own_program_sets_changes_no_hash():
+    plain = local_hash(SMALL, 40)
+    spans.cache_clear()
+    with np.errstate(all="raise"):
+        assert local_hash(SMALL, 40) == plain

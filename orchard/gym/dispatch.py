@@ -16,9 +16,8 @@ from orchard.agents.dispatch import Assignment, BinReport, CarrierReport
 from orchard.discrete.calls import Decision, Dispatched
 from orchard.discrete.harvest import JAM, LONGEST, DiscreteHarvest
 from orchard.field.layout import Layout, lay_out
-from orchard.field.repeatable import draw
 from orchard.field.scenario import TIME_STEP, Scenario, with_changes
-from orchard.gym.harvest import refuse_what_is_no_episode
+from orchard.gym.episodes import Episode, plain, refuse_what_is_no_episode
 from orchard.gym.spaces import FAR, MOST_LANES, Arrays
 
 NO_ORDER = 0  # the action that sends no carrier, and ends the decision
@@ -131,7 +130,8 @@ def dispatch_env(scenario: Scenario, *, reward: str | Reward = "time", longest: 
     A step is an action at a decision: see `Dispatching`. A decision goes on until an action sends no carrier, or nothing more can be sent.
     An action that cannot be, by `info["action_mask"]`, sends no carrier. `info["scripted"]` is what the scenario's own policy would do; if
     that is `early`, bins report before they are full. `reward`: "time", "waiting", "delivery", or a function of a `Transition`. `longest`:
-    ticks, after which an episode is truncated, as it is when all robots wait for each other. Raises TypeError for what is no scenario, and
+    ticks, after which an episode is truncated, as it is after 600 s in which nothing moves on, because robots wait for each other or for a
+    carrier that is never sent. Raises TypeError for what is no scenario, and
     ValueError for an unknown reward, an episode without a tick, and for a scenario with agents of one's own or errors of sensors.
     """
     if isinstance(reward, str) and reward not in REWARDS:
@@ -161,7 +161,8 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         """As `dispatch_env`, which makes it."""
         refuse_what_is_no_episode(scenario, longest)
         self.scenario, self._reward, self._longest = scenario, reward, longest
-        self._seed, self._episode, self._is_over = scenario.seed, 0, True
+        self._episode, self._is_over = Episode(scenario.seed, -1), True
+        self._moved = 0, 0.0  # the steps that all robots have done, and the tick at which one of them moved on last
         layout = lay_out(scenario)
         DiscreteHarvest(layout)  # raises ValueError
         self.dispatching = Dispatching(layout)
@@ -170,15 +171,15 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Arrays, dict[str, Any]]:
         """Begin an episode, and return observation and info at its first decision. `seed`: that of the scenario, as for `parallel_env`."""
-        super().reset(seed=seed)
+        super().reset(seed=plain(seed))
         if options:
             raise ValueError(f"options {', '.join(map(str, options))}: unknown; a dispatch_env has none")
-        if seed is not None:
-            self._seed, self._episode = seed, 0
-        chosen = self._seed if self._episode == 0 else int(draw(self._seed, "episode", self._episode)[0] * 2**53)
-        self._episode, self._is_over = self._episode + 1, False
-        self.harvest = DiscreteHarvest(lay_out(with_changes(self.scenario, seed=chosen)), calls=Paused)
+        episode = self._episode.after(plain(seed))
+        layout = lay_out(with_changes(self.scenario, seed=episode.seed))
+        self._episode, self._is_over, self._moved = episode, True, (0, 0.0)
+        self.harvest = DiscreteHarvest(layout, calls=Paused)
         self._until_decision()
+        self._is_over = False
         return self._observed(), self._info()
 
     def step(self, action: Any) -> tuple[Arrays, float, bool, bool, dict[str, Any]]:
@@ -213,8 +214,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
     def _take(self, action: int) -> None:
         """Send what the action names; then the decision goes on without the two, or is over."""
         decision, order = self._calls.pending, self.dispatching.order(action)
-        assert decision is not None
-        if order is None or not self.dispatching.mask(decision.bins, decision.carriers)[action]:
+        if decision is None or order is None or not self.dispatching.mask(decision.bins, decision.carriers)[action]:
             self._calls.pending = None
             return
         self._calls.send(decision, [order])
@@ -222,15 +222,16 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         self._calls.pending = decision if decision.bins and decision.carriers else None
 
     def _until_decision(self) -> None:
-        """Let time pass until the next decision, the end of the harvest, or that of the episode: too long, or a jam."""
+        """Let time pass until the next decision, the end of the harvest, or that of the episode: too long, or nothing moves on."""
         harvest, env = self.harvest, self.harvest.env
-        done, since = harvest.done, env.now
         while self._calls.pending is None and not harvest.is_over and env.peek() < self._longest:
             env.step()
+            done, since = self._moved
             if harvest.done > done or any(robot.is_on_the_way for robot in harvest.robots.values()):
-                done, since = harvest.done, env.now
+                self._moved = harvest.done, env.now
             elif env.now - since > JAM:
-                return
+                self._calls.pending = None
+                break
         if harvest.is_over:
             harvest.run()  # the last robots drive home
 

@@ -16,21 +16,20 @@ from orchard.contract.events import Event
 from orchard.field.geometry import STILL, Twist
 from orchard.field.kinds import MOVERS, kind_of
 from orchard.field.layout import Layout, lay_out
-from orchard.field.repeatable import draw
 from orchard.field.scenario import Scenario, with_changes
+from orchard.gym.episodes import Episode, plain, refuse_what_is_no_episode
 from orchard.gym.rewards import Moment, Reward, reward_of
 from orchard.gym.spaces import (
-    NOTHING,
     Arrays,
+    Command,
     Goal,
     action_space,
+    command_of,
     deed_mask,
     deeds_of,
     goal_of,
     observation_space,
     observed,
-    velocity_of,
-    with_deed,
 )
 from orchard.local import Local
 from orchard.sim.engine import Engine, Unaudited
@@ -61,14 +60,6 @@ def parallel_env(
     return HarvestEnv(scenario, learned, reward_of(reward), deeds, longest, is_hashed)
 
 
-def refuse_what_is_no_episode(scenario: object, longest: int) -> None:
-    """Raise TypeError for what is no scenario, and ValueError for an episode without a tick."""
-    if not isinstance(scenario, Scenario):
-        raise TypeError(f"scenario = {scenario!r}: must be a Scenario, such as Scenario(rows=3) or load('my.yaml')")
-    if longest < 1:
-        raise ValueError(f"longest = {longest}: must be at least 1 tick")
-
-
 class Look(NamedTuple):
     """What is known of a learned body at one tick."""
 
@@ -95,7 +86,7 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         self.scenario, self.possible_agents = scenario, list(learned)
         self.agents: list[str] = []
         self._reward, self._deeds, self._longest, self._is_hashed = reward, deeds, longest, is_hashed
-        self._seed, self._episode = scenario.seed, 0
+        self._episode = Episode(scenario.seed, -1)
         self.observation_spaces = {name: observation_space(name) for name in learned}
         self.action_spaces = {name: action_space(name, deeds) for name in learned}
         self._answers: dict[str, Action] = {}  # the actions of the agents that were asked at this tick
@@ -117,12 +108,10 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         ValueError for changes that cannot be.
         """
         changes = _changes_in(options or {})
-        if seed is not None:
-            self._seed, self._episode = seed, 0
-        chosen = self._seed if self._episode == 0 else int(draw(self._seed, "episode", self._episode)[0] * 2**53)
-        scenario = with_changes(self.scenario, **changes | {"seed": chosen})
+        episode = self._episode.after(plain(seed))
+        scenario = with_changes(self.scenario, **changes | {"seed": episode.seed})
         _refuse_what_cannot_learn(lay_out(scenario), self.possible_agents)
-        self._episode += 1
+        self._episode = episode
         self.local = Local(scenario, is_hashed=self._is_hashed, engine=Engine if self._is_hashed else Unaudited)
         self.agents = list(self.possible_agents)
         self._look()
@@ -131,13 +120,17 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
     def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Arrays], dict[str, float], dict[str, bool], dict[str, bool], Infos]:
         """Move on by a tick, 0.1 s. Return observations, rewards, terminations, truncations and infos of the learned bodies.
 
-        Raises ResetNeeded before the first reset and after the end of an episode, ValueError for an action that cannot be.
+        Raises ResetNeeded before the first reset and after the end of an episode, ValueError for an action that cannot be: then nothing
+        has moved, and no action counts.
         """
         if not self.agents:
             raise ResetNeeded("the episode is over, or none has begun: call reset()")
         if unknown := [str(name) for name in actions if name not in self.agents]:
             raise ValueError(f"actions for {', '.join(unknown)}, which do not learn here; {', '.join(self.agents)} do")
-        velocities = {name: self._command(name, actions[name]) if name in actions else self._looks[name].scripted for name in self.agents}
+        commands = {name: command_of(name, given, self._deeds) for name, given in actions.items()}
+        for name, command in commands.items():
+            self._command(name, command)
+        velocities = {name: commands[name].velocity if name in commands else self._looks[name].scripted for name in self.agents}
         before, events = self._looks, self.local.act(self._answers)
         self._look()
         rewards = {name: float(self._reward(_moment(before[name], self._looks[name], velocities[name], events))) for name in self.agents}
@@ -159,23 +152,20 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         fill = local.seen.fills.get(seen.hitch.name, 0.0) if seen.hitch else 0.0
         return Look(seen, action, action.twist, goal_of(seen, action.memory), fill)
 
-    def _command(self, name: str, given: Any) -> Twist:
-        """Put a given action in the place of what the body's own agent commands. Return its velocity.
+    def _command(self, name: str, command: Command) -> None:
+        """Put an action in the place of what the body's own agent commands.
 
         The agent keeps its hold only if it would have moved so itself. What it remembers of its own motion becomes what is commanded:
         without that, it would take a body that was told to stand for one that collided.
         """
         look, world = self._looks[name], self.local.engine.world
-        given, deed = with_deed(name, given) if self._deeds else (given, NOTHING)
-        velocity = velocity_of(name, given)
-        if velocity == look.scripted and not self._deeds:
-            return velocity
+        if command.velocity == look.scripted and not self._deeds:
+            return
         action = self._answers.get(name) or replace(look.action, deeds=[], requests=[], answers=[])
-        deeds = deeds_of(world, name, deed) if self._deeds else action.deeds
-        self._answers[name] = replace(action, twist=velocity, deeds=deeds, hold=None)
+        deeds = deeds_of(world, name, command.deed) if self._deeds else action.deeds
+        self._answers[name] = replace(action, twist=command.velocity, deeds=deeds, hold=None)
         if isinstance(action.memory, RobotMemory):
-            action.memory.moving = velocity != STILL
-        return velocity
+            action.memory.moving = command.velocity != STILL
 
     def _observed(self) -> dict[str, Arrays]:
         return {name: observed(look.seen, look.fill, look.goal, look.action) for name, look in self._looks.items()}

@@ -6,6 +6,7 @@ import gymnasium
 from gymnasium import spaces
 
 from orchard.field.scenario import Scenario
+from orchard.gym.episodes import plain
 from orchard.gym.harvest import LONGEST, HarvestEnv, parallel_env
 from orchard.gym.rewards import Reward
 from orchard.gym.spaces import Arrays
@@ -44,7 +45,7 @@ class SingleEnv(gymnasium.Env[Arrays, Any]):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Arrays, dict[str, Any]]:
         """Begin an episode, as `HarvestEnv.reset` does. Return observation and info."""
-        super().reset(seed=seed)
+        super().reset(seed=plain(seed))
         observations, infos = self.harvest.reset(seed, options)
         return observations[self.robot], infos[self.robot]
 

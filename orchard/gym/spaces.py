@@ -13,7 +13,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -126,26 +126,47 @@ def observed(seen: Observation, fill: float, goal: Goal, action: Action) -> Arra
     return arrays
 
 
-def velocity_of(name: str, given: Any) -> Twist:
+class Command(NamedTuple):
+    """What an action commands."""
+
+    velocity: Twist  # within the limits of the body
+    deed: int = NOTHING
+
+
+def command_of(name: str, given: Any, deeds: bool) -> Command:
+    """Return what an action commands. Raises ValueError for one that is not in the action space, but for its limits."""
+    velocity, deed = _with_deed(name, given) if deeds else (given, NOTHING)
+    return Command(_velocity_of(name, velocity), deed)
+
+
+def _with_deed(name: str, given: Any) -> tuple[Any, int]:
+    """Return the two parts of an action with a deed: its velocity, as given, and the number of the deed. Raises ValueError."""
+    try:
+        velocity, deed = given["velocity"], _numbers(given["deed"], "iu").item()
+        return velocity, (NOTHING, COUPLE, UNCOUPLE).index(deed)
+    except (TypeError, ValueError, LookupError):
+        words = "it must be {'velocity': two numbers, 'deed': 0, 1 to couple, or 2 to uncouple}"
+        raise ValueError(f"{name}: action {given!r}; {words}") from None
+
+
+def _numbers(given: Any, kinds: str) -> np.ndarray:
+    """Return numbers as an array. `kinds`: numpy's letters for the numbers that can be. Raises ValueError for others, such as text."""
+    numbers = np.asarray(given)
+    if numbers.dtype.kind not in kinds:
+        raise ValueError(given)
+    return numbers
+
+
+def _velocity_of(name: str, given: Any) -> Twist:
     """Return an action's velocity, within the limits of the body. Raises ValueError for one that is not two finite numbers."""
     try:
-        forward, turn = map(float, np.asarray(given, np.float64).tolist())
+        forward, turn = map(float, _numbers(given, "iuf").tolist())
     except (TypeError, ValueError):
         raise ValueError(f"{name}: action {given!r}; it must be two numbers, m/s forward and rad/s counter-clockwise") from None
     if not (math.isfinite(forward) and math.isfinite(turn)):
         raise ValueError(f"{name}: action {given!r}; its numbers must be finite")
     kind = KINDS[kind_of(name)]
     return Twist(min(max(forward, -kind.speed), kind.speed), 0.0, min(max(turn, -kind.turn), kind.turn))
-
-
-def with_deed(name: str, given: Any) -> tuple[Any, int]:
-    """Return the two parts of an action with a deed: its velocity, as given, and the number of the deed. Raises ValueError."""
-    try:
-        velocity, deed = given["velocity"], np.asarray(given["deed"]).item()
-        return velocity, (NOTHING, COUPLE, UNCOUPLE).index(deed)
-    except (TypeError, ValueError, LookupError):
-        words = "it must be {'velocity': two numbers, 'deed': 0, 1 to couple, or 2 to uncouple}"
-        raise ValueError(f"{name}: action {given!r}; {words}") from None
 
 
 def deeds_of(world: World, name: str, deed: int) -> list[Deed]:

@@ -9,7 +9,7 @@ from gymnasium.utils.env_checker import check_env
 
 from orchard.agents.dispatch import BinReport, CarrierReport
 from orchard.agents.policies.predictive import Predictive
-from orchard.discrete.harvest import DiscreteHarvest
+from orchard.discrete.harvest import LONGEST, DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, with_changes
 from orchard.gym import Dispatching, dispatch_env
@@ -63,9 +63,11 @@ def test_random_actions_within_the_mask_finish_the_harvest_and_are_repeatable():
     assert deliveries() == deliveries()
 
 
-def test_who_never_sends_a_carrier_is_truncated():
-    env = dispatch_env(SMALL, longest=5000)
-    assert not played(env, lambda info: 0)[1] and env.harvest.delivered == 0
+@pytest.mark.parametrize(("longest", "until"), [(5, 5), (5000, 5000), (LONGEST, 12_000)])
+def test_who_never_sends_a_carrier_is_truncated(longest, until):
+    """Before the first decision; after so many ticks; or 600 s after both pickers have begun to wait."""
+    env = dispatch_env(SMALL, longest=longest)
+    assert not played(env, lambda info: 0)[1] and env.harvest.delivered == 0 and env.harvest.env.now <= until
     with pytest.raises(ResetNeeded):
         env.step(0)
 

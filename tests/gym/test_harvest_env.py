@@ -17,12 +17,13 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 from orchard.field.geometry import Twist
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
-from orchard.gym import REWARDS, parallel_env, single_env
+from orchard.gym import REWARDS, DispatchEnv, dispatch_env, parallel_env, single_env
 from orchard.local import Local
 
 SMALL = Scenario(rows=3, people={"workers": 1, "visitors": 0}, animals={"dogs": 1, "cats": 0}, weeds=2)
 TINY = Scenario(rows=3, pickers=3, row_length=20.0, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 1}, weeds=0)
 LEARNED = ["carrier_01", "picker_02"]
+MAKERS = [lambda: single_env(SMALL, "carrier_01"), lambda: parallel_env(SMALL, LEARNED), lambda: dispatch_env(SMALL)]
 
 
 class TestInterfaces:
@@ -139,6 +140,22 @@ class TestEpisodes:
         assert first == seeds(single_env(SMALL, "carrier_01")) and len(set(first)) == 5
         assert (first[0], first[2]) == (SMALL.seed, 7)
 
+    @pytest.mark.parametrize("make", MAKERS)
+    def test_a_seed_that_cannot_be_changes_no_later_episode_and_numpys_numbers_are_numbers(self, make):
+        def seed_of(env):
+            return (env.harvest.layout if isinstance(env, DispatchEnv) else env.local.engine.layout).scenario.seed
+
+        env, other = make(), make()
+        for wrong in (-1, 2**70, 2.5, "7"):
+            with pytest.raises((ScenarioError, gymnasium.error.Error)):
+                env.reset(seed=wrong)
+        env.reset()
+        assert seed_of(env) == SMALL.seed
+        for one, seed in ((env, np.int64(7)), (other, 7)):
+            one.reset(seed=seed)
+            one.reset()
+        assert seed_of(env) == seed_of(other)
+
     def test_a_curriculum_changes_the_scenario(self):
         env = single_env(SMALL, "carrier_01")
         observation, _ = env.reset(seed=3, options={"scenario": {"rows": 4, "people.workers": 3}})
@@ -221,6 +238,8 @@ def test_odometry_that_measures_too_much_is_within_the_space():
 
 
 HALF = {"velocity": np.zeros(2)}  # of an action with a deed
+NO_DEEDS = (3, -1, 0.5, 1.0, 1j, True, "x", None)
+NO_VELOCITIES = [[np.nan, 0.0], [0.0, np.inf], [1.0], [1.0, 2.0, 3.0], [1.0, [2.0]], "ab", None, [True, False], ["1", "0"], [1j, 0.0]]
 
 
 class TestMistakes:
@@ -241,19 +260,32 @@ class TestMistakes:
         with pytest.raises(ValueError, match="reward 'speed': there is none of that name; there are " + ", ".join(REWARDS)):
             single_env(SMALL, "carrier_01", reward="speed")
 
-    @pytest.mark.parametrize("action", [[np.nan, 0.0], [0.0, np.inf], [1.0], [1.0, 2.0, 3.0], "ab", None])
+    @pytest.mark.parametrize("action", [*NO_VELOCITIES, *(np.array(action) for action in NO_VELOCITIES[-2:])])
     def test_an_action_that_is_no_velocity(self, action):
         env = single_env(SMALL, "carrier_01")
         env.reset()
         with pytest.raises(ValueError, match="carrier_01: action"):
             env.step(action)
 
-    @pytest.mark.parametrize("action", [np.zeros(2), HALF, {"deed": 0}, *(HALF | {"deed": deed} for deed in (3, -1, 0.5, "x", None))])
+    @pytest.mark.parametrize("action", [np.zeros(2), HALF, {"deed": 0}, *(HALF | {"deed": deed} for deed in NO_DEEDS)])
     def test_an_action_that_is_no_deed(self, action):
         env = single_env(TINY, "carrier_01", deeds=True)
         env.reset()
         with pytest.raises(ValueError, match=r"carrier_01: action .*; it must be {'velocity': two numbers, 'deed': 0, 1 to couple"):
             env.step(action)
+
+    def test_a_step_that_is_refused_leaves_the_run_as_it_was(self):
+        """The first action is one; the second is not."""
+        envs = [parallel_env(SMALL, LEARNED, is_hashed=True) for _ in range(2)]
+        for env in envs:
+            env.reset()
+        for wrong in ({"carrier_01": [0.4, 0.1], "picker_02": [np.nan, 0.0]}, {"carrier_01": [0.4, 0.1], "picker_01": [0.0, 0.0]}):
+            with pytest.raises(ValueError):
+                envs[0].step(wrong)
+        for env in envs:
+            for _ in range(20):
+                env.step({})
+        assert envs[0].local.engine.hash == envs[1].local.engine.hash
 
     def test_an_action_for_another_body(self):
         env = parallel_env(SMALL, LEARNED)

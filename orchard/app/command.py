@@ -6,9 +6,13 @@ import signal
 import subprocess
 import threading
 from pathlib import Path
+from typing import TypeVar
 
-from orchard.folders import RUNS
+import msgspec
 
+from orchard.folders import RUNS, regular
+
+Result = TypeVar("Result")
 KEPT_LINES = 500
 AGAIN = 6.0  # s after which a command that has not begun is asked to stop once more: while it is imported, a library may swallow the signal
 PATIENCE = 60.0  # s that a command may take to end after a stop request, with its files; a healthy one on an idle machine takes less than 3
@@ -37,18 +41,31 @@ class PageCommand:
     def finish(self) -> None:
         """Read what the command has left. Afterwards `is_over` is true."""
 
+    def read(self, path: Path, kind: type[Result]) -> Result | None:
+        """Return what the command has left in a file; None if there is none. A file that holds something else is named in `said`."""
+        try:
+            return msgspec.json.decode(regular(path).read_bytes(), type=kind)
+        except FileNotFoundError:  # it has failed
+            return None
+        except (OSError, ValueError, RecursionError) as error:
+            self._say(f"{path} is passed over: {getattr(error, 'strerror', None) or error}")
+            return None
+
     def _listen(self) -> None:
         assert self._process.stdout is not None
-        for line in self._process.stdout:
-            self._hear(line)
-        self._process.wait()
+        with self._process:
+            for line in self._process.stdout:
+                self._hear(line)
         self.finish()
 
     def _hear(self, line: str) -> None:
         """Keep a line. After a stop request, drop a traceback and all that follows: Python was interrupted while it started."""
         self._is_hushed = self._is_hushed or (self.asked_to_stop and line.startswith("Traceback"))
         if not self._is_hushed and (words := self.words_of(line)) is not None:
-            self.said = (self.said[0] + 1, (*self.said[1], words)[-KEPT_LINES:])
+            self._say(words)
+
+    def _say(self, words: str) -> None:
+        self.said = (self.said[0] + 1, (*self.said[1], words)[-KEPT_LINES:])
 
     @property
     def is_over(self) -> bool:

@@ -1,7 +1,6 @@
 """A harvest from the page: the command `orchard` that does it, what it says, and its picture."""
 
 import contextlib
-import json
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -11,11 +10,12 @@ import msgspec
 from orchard.app.command import PageCommand
 from orchard.app.course import Course
 from orchard.app.latest import Latest
+from orchard.app.past import Record
 from orchard.app.run_controls import Files, RunSettings, command
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, to_yaml
 from orchard.report.history import NAMES
-from orchard.report.progress import Headline, headline_of
+from orchard.report.progress import Headline
 from orchard.view.blueprint import for_page
 from orchard.view.files import parts_of
 from orchard.view.web import free_pair, is_open, page_url, serve_web
@@ -65,7 +65,7 @@ class Run(PageCommand):
     def words_of(self, line: str) -> str | None:
         """Take the progress that a line tells."""
         words = super().words_of(line)
-        with contextlib.suppress(msgspec.DecodeError, KeyError):  # any other line
+        with contextlib.suppress(ValueError, KeyError, RecursionError):  # any other line
             self.headline = msgspec.json.decode(line, type=dict[str, Headline])["progress"]
             words, self.has_begun = str(self.headline), True
             self._add_to_course(self.headline)
@@ -79,9 +79,8 @@ class Run(PageCommand):
 
     def finish(self) -> None:
         """Read the summary and serve the recording. Both are ready before `report` says that the run is over."""
-        with contextlib.suppress(OSError, ValueError, KeyError):
-            self.summary = json.loads(self.files.summary.read_text())
-            self.headline = headline_of(self.summary)
+        if (record := self.read(self.files.summary, Record)) is not None:
+            self.headline, self.summary = record, self.read(self.files.summary, dict[str, Any])
         if self.files.recording.exists():
             self._servers.append(serve_web(self.port, *map(str, parts_of(self.files.recording))))
 

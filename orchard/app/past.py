@@ -1,7 +1,6 @@
 """The runs that have ended: what the page reads in the summaries in the folder of runs."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -16,21 +15,18 @@ from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, check
 from orchard.folders import regular
 from orchard.report.history import NAMES
+from orchard.report.progress import Headline
 
 MOST = 200  # runs in the list
 
 
-class Record(msgspec.Struct):
+class Record(Headline):
     """What the page reads in a summary."""
 
     mode: str
     finished: bool
-    rows: int
-    sim_seconds: float
-    bins_delivered: int
     bins_per_hour: float
     picker_waiting_seconds: float
-    carrier_utilisation: float
     scenario: dict[str, Any]
     history: dict[str, list[float]]
 
@@ -66,17 +62,23 @@ class PastRun:
         }
 
 
-def past_runs(folder: Path) -> list[PastRun]:
-    """Return the newest MOST runs with a summary in a folder, newest first. A file that is no summary of this version is left out."""
-    known = [past for path in folder.glob("*.json") if (past := _past_run(path)) is not None]
-    return sorted(known, key=lambda past: (past.ended, past.name), reverse=True)[:MOST]
+def past_runs(folder: Path) -> tuple[list[PastRun], list[str]]:
+    """Return the newest MOST runs with a summary in a folder, newest first, and why each other file of JSON is passed over.
+
+    The results of the page's studies are not meant.
+    """
+    known, others = [], []
+    for path in sorted(set(folder.glob("*.json")) - set(folder.glob("study-*.json"))):
+        try:
+            known.append(_past_run(path))
+        except (OSError, ValueError, ScenarioError, OverflowError, RecursionError) as error:
+            others.append(f"{path.name} is passed over: {getattr(error, 'strerror', None) or error}")
+    return sorted(known, key=lambda past: (past.ended, past.name), reverse=True)[:MOST], others
 
 
-def _past_run(path: Path) -> PastRun | None:
-    with suppress(OSError, msgspec.DecodeError, ScenarioError, OverflowError, RecursionError):
-        record = msgspec.json.decode(regular(path).read_bytes(), type=Record)
-        return PastRun(path.stem, datetime.fromtimestamp(path.stat().st_mtime), record, check(record.scenario, path.name))
-    return None
+def _past_run(path: Path) -> PastRun:
+    record = msgspec.json.decode(regular(path).read_bytes(), type=Record)
+    return PastRun(path.stem, datetime.fromtimestamp(path.stat().st_mtime), record, check(record.scenario, path.name))
 
 
 def differences(scenarios: Sequence[Scenario]) -> dict[str, list[str]]:

@@ -17,6 +17,7 @@ TEXTS = ("Ended", "Scenario", "Mode")
 COLUMNS = (*TEXTS, "Bins", "Simulated", "Bins per hour", "Mean wait", "Carriers at work")
 BY_NUMBER = "(a, b) => parseFloat(a.replace(':', '.')) - parseFloat(b.replace(':', '.'))"  # 10:24 min comes after 9:50 min
 CHECKBOX = "<q-checkbox v-model=\"props.selected\" dense :aria-label=\"'Compare ' + props.row.Ended + ', ' + props.row.Scenario\" />"
+MOST_NAMED = 5  # files that are passed over
 PAGE = 8  # runs on a page of the list
 
 
@@ -33,6 +34,7 @@ class RunsView:
         self._list.classes("runs").props("flat dense wrap-cells :rows-per-page-options=[0] data-view=runs")
         self._list.add_slot("header-selection", "Compare")
         self._list.add_slot("body-selection", CHECKBOX)
+        self._others = ui.label().classes("classes").props("data-view=passed-over")
         with ui.element("div").props("data-view=comparison") as self._comparison:
             self._charts = Charts()
             self._sides = ui.element("div").classes("summary sides")
@@ -41,10 +43,13 @@ class RunsView:
 
     def refresh(self) -> None:
         """Read the folder again. The choice stays."""
-        self._past = {past.name: past for past in past_runs(self._folder)}
+        runs, others = past_runs(self._folder)
+        self._past = {past.name: past for past in runs}
         self._list.rows = [_row(past) for past in self._past.values()]
         self._hint.set_visibility(not self._past or not self._list.selected)
         self._list.set_visibility(bool(self._past))
+        more = [f"and {len(others) - MOST_NAMED} more"] if len(others) > MOST_NAMED else []
+        self._others.set_text("\n".join([*others[:MOST_NAMED], *more]))
 
     def _choose(self, event: TableSelectionEventArguments) -> None:
         self._compare([self._past[row["name"]] for row in self._list.selected if row["name"] in self._past])

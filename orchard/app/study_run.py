@@ -86,7 +86,7 @@ class StudyRun(PageCommand):
 
     def words_of(self, line: str) -> str | None:
         """Take the partial result that a line tells."""
-        with contextlib.suppress(msgspec.DecodeError, KeyError):  # any other line
+        with contextlib.suppress(ValueError, KeyError, RecursionError):  # any other line
             self.result = msgspec.json.decode(line, type=dict[str, StudyResult])["study"]
             self.has_begun = True
             return None
@@ -94,8 +94,7 @@ class StudyRun(PageCommand):
 
     def finish(self) -> None:
         """Read the answer."""
-        with contextlib.suppress(OSError, msgspec.DecodeError):
-            self.result = msgspec.json.decode(self.files.summary.read_bytes(), type=StudyResult)
+        self.result = self.read(self.files.summary, StudyResult) or self.result
 
     @property
     def state(self) -> RunState:

@@ -25,7 +25,8 @@ from orchard.study.own_source import own_classes, own_source
 from orchard.study.result import Model
 
 Horizon = Literal["harvest", "long"]
-Amount = Annotated[float, Meta(ge=0.0, lt=1e12)]  # the limits are for what comes from a store
+LEAST_RATE = 1e-6  # bins an hour; the limits are for what comes from a store
+Amount = Annotated[float, Meta(ge=0.0, lt=1e12)]
 Ended = Literal["harvested", "jammed", "violated"]
 
 DECIDING = (
@@ -97,7 +98,7 @@ class RunResult:
     bins_per_hour: Amount
     picker_waiting_seconds: Amount
     carrier_utilisation: Annotated[float, Meta(ge=0.0, le=1.0)]
-    bound_bins_per_hour: Annotated[float, Meta(gt=0.0, lt=1e12)]  # what `bottleneck` allows in the long run without traffic
+    bound_bins_per_hour: Annotated[float, Meta(ge=LEAST_RATE, lt=1e12)]  # what `bottleneck` allows in the long run without traffic
     bottleneck: str
     ended: Ended
     violations: str = ""  # a line for each
@@ -117,6 +118,12 @@ class RunRecord(RunResult):
     own_source: str  # digest of the files of the user's own classes, with those that they import; '' if there are none
     version: str
     wall_seconds: Amount
+
+    def __post_init__(self) -> None:
+        if self.ended != "jammed" and self.bins_per_hour < LEAST_RATE:
+            raise ValueError(f"bins_per_hour = {self.bins_per_hour} of a run that has not jammed")
+        if self.key != digest(self.scenario, self.seed, self.model, self.horizon, self.version, self.own_source):
+            raise ValueError("these are not the values of the run with its key")
 
 
 class RunFailed(Exception):

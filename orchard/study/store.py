@@ -4,8 +4,9 @@ import os
 import sqlite3
 from collections.abc import Callable, Iterable
 from contextlib import closing, suppress
+from dataclasses import fields
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 import msgspec
 
@@ -14,7 +15,7 @@ from orchard.study.runs import RunRecord, software
 
 APPLICATION = 0x4F524348  # "ORCH": SQLite keeps this number in the file's head, and so tells a store from other databases
 PATIENCE = 30.0  # s to wait for another study that writes to the same store
-COLUMNS = get_type_hints(RunRecord, include_extras=True)
+COLUMNS = [field.name for field in fields(RunRecord)]
 
 
 class StoreError(ValueError):
@@ -87,10 +88,10 @@ class Store:
             some = wanted[begin : begin + 500]
             rows = self._do("SELECT {} FROM runs WHERE key IN ({})", some, "the runs in it cannot be read")
             for values in (dict(zip(COLUMNS, row, strict=True)) for row in rows):
-                if fault := _fault(values):
-                    self.damaged[values["key"]] = fault
-                else:
+                try:
                     found[values["key"]] = msgspec.convert(values, RunRecord)
+                except msgspec.ValidationError as error:
+                    self.damaged[values["key"]] = str(error)
         return found
 
     def keep(self, record: RunRecord) -> None:
@@ -120,17 +121,6 @@ def _text(content: bytes) -> str | bytes:
         return content.decode()
     except UnicodeDecodeError:
         return content
-
-
-def _fault(values: dict[str, Any]) -> str:
-    """The first value of a row that no run can have given: "bins_per_hour = 'many'"; '' if all are sound."""
-    for name, value in values.items():
-        try:
-            msgspec.convert(value, COLUMNS[name])
-        except msgspec.ValidationError:
-            return f"{name} = {value!r:.60}"
-    is_right = values["ended"] == "jammed" or values["bins_per_hour"] > 0.0
-    return "" if is_right else f"bins_per_hour = {values['bins_per_hour']} of a run that has not jammed"
 
 
 def _version(path: Path) -> str | None:

@@ -28,12 +28,16 @@ def ended(folder, name, sim_seconds, mode="local", **changes):
 
 @pytest.fixture(scope="module")
 def three_runs(server):
-    """Runs that have ended; the second differs from the first in two settings. The third's mode looks like a page's code."""
+    """Runs that have ended; the second differs from the first in two settings. The third's mode looks like a page's code.
+
+    A file beside them is no run.
+    """
+    (server[1] / "odd.json").write_text("<i>[]</i>")
     ended(server[1], "first", 624.0, rows=3, seed=1)
     ended(server[1], "second", 590.0, rows=4, seed=2)
     ended(server[1], "third", 30.0, mode="<b id=bold>local</b>", rows=3, seed=3)
     yield
-    for name in ("first", "second", "third"):
+    for name in ("first", "second", "third", "odd"):
         (server[1] / f"{name}.json").unlink()
 
 
@@ -77,6 +81,7 @@ def test_past_runs_are_listed_and_compared_side_by_side(listed):
 def test_what_others_have_written_is_shown_as_text(listed):
     assert "<b id=bold>local</b>" in listed.view("runs").text
     assert not listed.driver.find_elements("css selector", "#bold")
+    assert listed.view("passed-over").text == "odd.json is passed over: JSON is malformed: invalid character (byte 0)"
 
 
 def test_a_link_holds_the_scenario(browser, server):

@@ -1,18 +1,25 @@
 """What the page keeps and reads, without a browser: links, the desks of browsers, the runs that have ended."""
 
 import json
+import os
+import sys
 
 import pytest
 
 from orchard.app.course import Course
 from orchard.app.desks import MOST, Desks
 from orchard.app.draft import Draft, title_of
+from orchard.app.harvest_run import Run
 from orchard.app.link import draft_of, query_of
 from orchard.app.past import differences, past_runs
+from orchard.app.run_controls import Files
+from orchard.app.study_run import StudyRun, StudySettings
 from orchard.field.scenario import Scenario, with_changes
 
 SUMMARY = {"mode": "local", "finished": True, "rows": 3, "sim_seconds": 60.0, "bins_delivered": 3, "bins_per_hour": 180.0,
            "picker_waiting_seconds": 1.0, "carrier_utilisation": 0.5, "scenario": {"rows": 3, "agents": {"picker": "no.such.Class"}},
+           "times_real_time": 8.0, "rows_picked": 3, "row_length": 70.0, "metres_picked": 210.0, "schedule_sim_seconds": 50.0,
+           "state_seconds": {},
            "history": {"seconds": [10.0, 20.0], "bins_delivered": [0, 1], "pickers_waited_seconds": [0, 10.0],
                        "carriers_busy_seconds": [20.0, 30.0]}}  # fmt: skip
 
@@ -56,15 +63,45 @@ def test_a_scenario_has_a_title_and_a_draft_its_own_values():
     assert Draft(other).copy().values == Draft(other).values
 
 
-def test_past_runs_are_the_summaries_and_no_other_file(tmp_path):
-    broken = [SUMMARY | change for change in ({"scenario": {"rows": 99}}, {"history": {"seconds": []}}, {"rows": "many"})]
-    uneven = SUMMARY | {"history": SUMMARY["history"] | {"seconds": [1.0]}}
-    files = {"good": json.dumps(SUMMARY), "list": "[]", "half": "{", "empty": "", "uneven": json.dumps(uneven)}
-    for name, text in (files | {f"broken{n}": json.dumps(one) for n, one in enumerate(broken)}).items():
+STRANGE = {
+    "broken": ({"scenario": {"rows": 99}}, "rows = 99: must be a whole number from 3 to 20"),
+    "empty": ({"history": {"seconds": []}}, "history: each sample needs all its values"),
+    "uneven": ({"history": SUMMARY["history"] | {"seconds": [1.0]}}, "history: each sample needs all its values"),
+    "text": ({"sim_seconds": "many"}, "Expected `float`, got `str` - at `$.sim_seconds`"),
+    "nan": ({"bins_per_hour": float("nan")}, "JSON is malformed"),
+}
+
+
+def test_past_runs_are_the_summaries_and_any_other_file_is_named(tmp_path):
+    files = {"good": json.dumps(SUMMARY), "list": "[]", "half": "{", "nothing": "", "deep": "[" * 100_000, "study-1": "{}"}
+    for name, text in (files | {name: json.dumps(SUMMARY | change) for name, (change, _) in STRANGE.items()}).items():
         (tmp_path / f"{name}.json").write_text(text)
-    (past,) = past_runs(tmp_path)
+    os.utime(tmp_path / "half.json", (1e12, 1e12))
+    (past,), others = past_runs(tmp_path)
     assert past.name == "good" and past.figures["Simulated"] == "1:00 min"
     assert past.scenario.agents == {"picker": "no.such.Class"}, "it is read, and no class is looked for"
+    assert [words.partition(".json is passed over: ")[0] for words in others] == sorted([*STRANGE, "list", "half", "nothing", "deep"])
+    assert all(any(why in words for words in others) for _, why in STRANGE.values())
+
+
+def test_what_a_command_prints_and_leaves_that_is_no_result_is_named(tmp_path, monkeypatch):
+    files = Files(tmp_path, "odd")
+    deep = '{"study": {"none": ' + "[" * 100_000
+    code = f"print({deep!r}); open({str(files.summary)!r}, 'w').write('{{\"answer\": NaN}}')"
+    monkeypatch.setattr("orchard.app.study_run.study_command", lambda settings, files: [sys.executable, "-c", code])
+    study = StudyRun(Scenario(), StudySettings(), files)
+    study._listener.join(20.0)
+    assert (study.is_over, study.result, study.state) == (True, None, "failed")
+    assert study.said[0] == 2 and "odd.json is passed over: JSON is malformed" in study.said[1][-1]
+
+
+@pytest.mark.parametrize("change", [{"sim_seconds": "many"}, {"history": 3}, {"rows": float("nan")}])
+def test_a_summary_that_no_run_can_have_written_is_no_summary(tmp_path, change):
+    run = Run.__new__(Run)
+    run.files, run.said, run.summary = Files(tmp_path, "odd"), (0, ()), None
+    run.files.summary.write_text(json.dumps(SUMMARY | change))
+    run.finish()
+    assert run.summary is None and "odd.json is passed over" in run.said[1][0]
 
 
 def test_the_course_is_what_the_charts_show():

@@ -147,15 +147,16 @@ def test_a_store_that_another_study_makes_at_the_same_time_is_used(tmp_path, rec
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ("bins_per_hour = 'many'", "bins_per_hour = 'many'"),
-        ("bins_per_hour = 9e999", "bins_per_hour = inf"),
-        ("bins_per_hour = -1.0", "bins_per_hour = -1.0"),
-        ("bins_per_hour = 0.0", "bins_per_hour = 0.0 of a run that has not jammed"),
-        ("bound_bins_per_hour = 0", "bound_bins_per_hour = 0"),
-        ("bins = 2.5", "bins = 2.5"),
-        ("sim_seconds = x'00ff'", r"sim_seconds = b'\x00\xff'"),
-        ("policy = cast(x'ff' AS TEXT)", r"policy = b'\xff'"),
-        ("ended = 'won'", "ended = 'won'"),
+        ("bins_per_hour = 'many'", "Expected `float`, got `str` - at `$.bins_per_hour`"),
+        ("bins_per_hour = 9e999", "Expected `float` < 1000000000000.0 - at `$.bins_per_hour`"),
+        ("bins_per_hour = -1.0", "Expected `float` >= 0.0 - at `$.bins_per_hour`"),
+        ("bins_per_hour = 1e-300", "bins_per_hour = 1e-300 of a run that has not jammed"),
+        ("bound_bins_per_hour = 0", "Expected `float` >= 1e-06 - at `$.bound_bins_per_hour`"),
+        ("bins = 2.5", "Expected `int`, got `float` - at `$.bins`"),
+        ("sim_seconds = x'00ff'", "Expected `float`, got `bytes` - at `$.sim_seconds`"),
+        ("policy = cast(x'ff' AS TEXT)", "Expected `str`, got `bytes` - at `$.policy`"),
+        ("ended = 'won'", "Invalid enum value 'won' - at `$.ended`"),
+        ("seed = -7", "these are not the values of the run with its key"),
     ],
 )
 def test_a_damaged_run_is_named_passed_over_and_done_again(tmp_path, record, change, told):

@@ -11,7 +11,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from orchard.agents.catalogue import check_plugins
-from orchard.app.own_classes import AGENTS, CHOICES, own_classes
+from orchard.app.own_classes import AGENTS, CHOICES
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario, with_changes
@@ -151,7 +151,7 @@ def title_of(scenario: Scenario) -> str:
     other = [path for path, value in values.items() if path not in IN_TITLE and value != default[path]]
     more = [f"{_inner(entries()[path].label)} {words_of(path, values[path])}" for path in other]
     surveyed = ["surveyed rows"] if scenario.survey else []
-    return ", ".join([size, *more, *surveyed, *(["own classes"] if own_classes(scenario) else [])])
+    return ", ".join([size, *more, *surveyed, *(["own classes"] if scenario.own_classes else [])])
 
 
 def _inner(label: str) -> str:
@@ -191,7 +191,7 @@ class Draft:
     @property
     def classes(self) -> dict[str, str]:
         """The user's own classes and functions, by the key of the scenario or the agent that names them."""
-        return {key: path for key, path in own_classes(self._base).items() if self.values.get(key, path) == path}
+        return {key: path for key, path in self._base.own_classes.items() if self.values.get(key, path) == path}
 
     def drop_classes(self) -> None:
         """Remove the user's own classes, so that the built-in ones are used again."""

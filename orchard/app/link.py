@@ -6,7 +6,6 @@ from typing import Any
 from urllib.parse import urlencode
 
 from orchard.app.draft import Draft, entries, flat, shown
-from orchard.app.own_classes import own_classes
 from orchard.field.scenario import Scenario
 
 ON_OFF = {"true": True, "false": False}
@@ -14,7 +13,7 @@ ON_OFF = {"true": True, "false": False}
 
 def query_of(scenario: Scenario) -> str:
     """Return the query for a scenario; '' for the default. It holds no own classes, which are code, and no survey."""
-    default, own = flat(Scenario()), own_classes(scenario)
+    default, own = flat(Scenario()), scenario.own_classes
     return urlencode({path: _words(value) for path, value in flat(scenario).items() if value != default[path] and path not in own})
 
 

@@ -14,12 +14,6 @@ CHOICES: dict[str, list[str]] = {  # a key that names a rule -> the built-in one
 }
 
 
-def own_classes(scenario: Scenario) -> dict[str, str]:
-    """Return the user's own classes and functions, by the key of the scenario or the agent that names them."""
-    rules = {name: path for name, builtin in CHOICES.items() if (path := getattr(scenario, name)) not in builtin}
-    return scenario.agents | scenario.agents_without_body | rules
-
-
 def from_elsewhere(classes: dict[str, str], folder: Path) -> list[str]:
     """Say which of these classes are not from a module in this directory. No module is run."""
     return [f"{key}: {path} is not in {folder}, where this page was started" for key, path in classes.items() if not _is_in(path, folder)]

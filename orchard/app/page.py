@@ -10,7 +10,7 @@ from orchard.app.elements import heading
 from orchard.app.form import Form
 from orchard.app.harvest_run import Harvests, RunReport
 from orchard.app.link import query_of
-from orchard.app.own_classes import from_elsewhere, may_run, own_classes
+from orchard.app.own_classes import from_elsewhere, may_run
 from orchard.app.preview import FiguresView
 from orchard.app.run_controls import RunControls
 from orchard.app.study_run import Studies
@@ -118,7 +118,7 @@ class Page:
 
     async def _offer(self, scenario: Scenario, file: str) -> None:
         """Take a scenario from a file or a past run. If it names own classes, the user is asked first: to check them already runs them."""
-        classes = own_classes(scenario)
+        classes = scenario.own_classes
         if refused := from_elsewhere(classes, Path.cwd()):
             complain("This file was not opened", [f"{file}: {words}" for words in refused])
         elif not classes or await may_run(classes, file):

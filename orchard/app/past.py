@@ -10,7 +10,6 @@ import msgspec
 
 from orchard.app.course import Course
 from orchard.app.draft import entries, flat, words_of
-from orchard.app.own_classes import own_classes
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, check
 from orchard.folders import regular
@@ -83,7 +82,7 @@ def _past_run(path: Path) -> PastRun:
 
 def differences(scenarios: Sequence[Scenario]) -> dict[str, list[str]]:
     """Return the settings that are not the same in all scenarios: label -> a value for each scenario."""
-    values = [flat(scenario) | own_classes(scenario) for scenario in scenarios]
+    values = [flat(scenario) | scenario.own_classes for scenario in scenarios]
     paths = dict.fromkeys(path for one in values for path in one)
     found = {path: [words_of(path, one[path]) if path in entries() else one.get(path, "built-in") for one in values] for path in paths}
     return {entries()[path].label if path in entries() else path: words for path, words in found.items() if len(set(words)) > 1}

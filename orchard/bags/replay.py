@@ -1,7 +1,7 @@
 """Lets the velocities in a bag drive its robots again. Their agents go on with plan, mail and deeds: a velocity couples no bin."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,8 +9,8 @@ from typing import Any
 import msgspec
 from orchard_ros2.messages import TICK_NANOSECONDS
 from orchard_ros2.topics import CMD_VEL, CMD_VEL_UNSTAMPED, LATCHED, Topic
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.rosbag2 import ReaderError
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection
 
 from orchard.contract.agent import Action, Agent, Mail, Observation
 from orchard.contract.messages import FASTEST
@@ -62,26 +62,38 @@ def read_commands(bag: Path) -> Commands:
 
     A velocity counts from the tick of its stamp on, or of the message's time if it has none. Raises ValueError for what cannot be used.
     """
-    scenario, velocities, topics = None, dict[str, dict[int, Twist]](), list[str]()
+    scenario, velocities, topics = None, dict[str, dict[int, Twist]](), set[str]()
+    for connection, time, message in _messages(bag, topics):
+        if robot := _robot_of(connection.topic, connection.msgtype):
+            tick, twist = _velocity_of(message, time)
+            velocities.setdefault(robot, {})[tick] = _checked(twist, f"{bag}: {connection.topic}, tick {tick}")
+        else:
+            scenario = _scenario(message.data, f"the scenario in {bag}")
+    if not velocities:
+        wanted = "the topic /NAME/cmd_vel of a robot, of type TwistStamped or Twist"
+        there = f"its topics are {printable(', '.join(sorted(topics)), 500)}" if topics else "it has no topics"
+        raise ValueError(f"{bag}: it has no velocity; expected {wanted}; {there}")
+    return Commands(scenario, velocities)
+
+
+def _messages(bag: Path, topics: set[str]) -> Iterator[tuple[Connection, int, Any]]:
+    """Read the velocities and the scenarios of a bag: connection, time in ns and message. All its topics are added to `topics`."""
     try:
         with AnyReader([bag if bag.is_dir() else regular(bag)]) as reader:
-            topics = sorted({f"{one.topic} ({one.msgtype})" for one in reader.connections})
+            topics |= {f"{one.topic} ({one.msgtype})" for one in reader.connections}
             wanted = [one for one in reader.connections if one.topic == f"/{SCENARIO.name}" or _robot_of(one.topic, one.msgtype)]
             for connection, time, data in reader.messages(wanted) if wanted else ():  # of no connections it would yield all
-                message: Any = reader.deserialize(data, connection.msgtype)
-                if robot := _robot_of(connection.topic, connection.msgtype):
-                    tick, twist = _velocity_of(message, time)
-                    velocities.setdefault(robot, {})[tick] = _checked(twist, f"{bag}: {connection.topic}, tick {tick}")
-                else:
-                    scenario = check(msgspec.json.decode(message.data), f"the scenario in {bag}")
-    except (AnyReaderError, ReaderError, OSError, msgspec.MsgspecError, RecursionError) as error:
-        why = f"it cannot be read as a bag: {error}" if bag.exists() else "no such file or folder"
+                yield connection, time, reader.deserialize(data, connection.msgtype)
+    except Exception as error:  # a damaged file lets its library raise any, such as KeyError
+        why = f"it cannot be read as a bag: {error or type(error).__name__}" if bag.exists() else "no such file or folder"
         raise ValueError(f"{bag}: {why}; expected {A_BAG}") from error
-    if not velocities:
-        wanted_topic = "the topic /NAME/cmd_vel of a robot, of type TwistStamped or Twist"
-        there = f"its topics are {printable(', '.join(topics), 500)}" if topics else "it has no topics"
-        raise ValueError(f"{bag}: it has no velocity; expected {wanted_topic}; {there}")
-    return Commands(scenario, velocities)
+
+
+def _scenario(text: str, source: str) -> Scenario:
+    try:
+        return check(msgspec.json.decode(text), source)
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise ValueError(f"{source}: it cannot be read as JSON: {error}") from error
 
 
 def check_robots(bag: Path, commands: Commands, names: Mapping[str, int]) -> None:

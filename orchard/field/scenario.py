@@ -204,6 +204,13 @@ class Scenario(_Section):
         """The agents without a body: `traffic`, `dispatch` if the policy is not `nearest`, and those of the user."""
         return (TRAFFIC, *([] if self.dispatch == NEAREST else [DISPATCH]), *sorted(self.agents_without_body))
 
+    @property
+    def own_classes(self) -> dict[str, str]:
+        """The classes and functions of a user's own that it names, by the key of a rule or the agent that names them: code."""
+        builtin = {name: field.examples for name, field in type(self).model_fields.items() if field.examples}
+        rules = {name: path for name, known in builtin.items() if (path := getattr(self, name)) not in known}
+        return self.agents | self.agents_without_body | rules
+
     @model_validator(mode="after")
     def _new_names_and_no_idle_pickers(self) -> "Scenario":
         self._demand_what_the_survey_says()

@@ -27,7 +27,7 @@ import typer
 
 from orchard.agents.catalogue import check_plugins
 from orchard.field.layout import lay_out
-from orchard.field.problems import Problem, ScenarioError
+from orchard.field.problems import Problem, ScenarioError, printable
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
@@ -119,12 +119,21 @@ def _typed(problem: Problem, given: Collection[str]) -> Problem:
 
 
 def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:
-    """The scenario of a bag, unless a file is given. Raises ScenarioError, or ValueError if the bag cannot be used."""
+    """The scenario of a bag, unless a file is given. Raises ScenarioError, or ValueError if the bag cannot be used.
+
+    What is code in it is imported only if the user asks for that: a bag may come from others.
+    """
     with needs_extra("A bag", "ros2-export"):
         from orchard.bags.replay import check_robots, read_commands
     commands = read_commands(bag)
-    scenario = _changed(commands.scenario, chosen.changes) if commands.scenario and not chosen.scenario else None
-    scenario = scenario or _scenario(chosen.scenario, chosen.changes)
+    if commands.scenario is None or chosen.scenario:
+        scenario = _scenario(chosen.scenario, chosen.changes)
+    else:
+        scenario = _changed(commands.scenario, chosen.changes)
+        code = [f"{key}: {path}" for key, path in scenario.own_classes.items() if chosen.changes.get(key) != path]
+        if code and not chosen.own_code:
+            words = "its scenario names code, which can do whatever you can"
+            raise ValueError(f"{bag}: {words}: {printable(', '.join(code), 500)}; --own-code imports it, a SCENARIO.yaml replaces it")
     check_robots(bag, commands, lay_out(scenario).index)
     return scenario
 

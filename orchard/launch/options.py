@@ -218,6 +218,7 @@ class HarvestOptions:
     replay: Annotated[
         Path | None, Option(metavar="FILE.mcap", help="Let the velocities in a bag drive its robots: docs/ros2.md.", rich_help_panel=RUN)
     ] = None
+    own_code: Annotated[bool, _flag("--own-code", "Import the code that the scenario in a bag names: docs/ros2.md.", RUN)] = False
     secure: Secure = None
     verbose: Annotated[bool, _flag("--verbose", "Print all figures of the summary, not only the main ones.")] = False
     version: Annotated[bool, Option("--version", metavar="", help="Show the version and exit.", is_eager=True, callback=_print_version)] = (
@@ -276,6 +277,8 @@ class HarvestOptions:
             raise BadParameter(f"leave out {wrong}: the run itself defines that", param_hint="--only")
         if self.replay and self.resume:
             raise BadParameter("a run that is resumed has its own velocities; leave out --replay", param_hint="--replay")
+        if self.own_code and not self.replay:
+            raise BadParameter("it is about the scenario in a bag: give --replay FILE.mcap, too", param_hint="--own-code")
         if self.mode == "realtime" and self.speed == math.inf:
             why = "max: in realtime the wall clock sets the pace; expected a number, 1 for real time"
             raise BadParameter(why, param_hint="--speed")

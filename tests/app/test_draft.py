@@ -9,7 +9,7 @@ from made_surveys import UNEQUAL, orchard_of
 from orchard.app.draft import LABELS, Draft, entries, flat, title_of
 from orchard.app.latest import fresh_files
 from orchard.app.link import draft_of, query_of
-from orchard.app.own_classes import from_elsewhere, own_classes
+from orchard.app.own_classes import from_elsewhere
 from orchard.app.run_controls import Files, RunSettings, command
 from orchard.field.scenario import DISPATCH_POLICIES, Scenario, with_changes
 
@@ -143,7 +143,7 @@ def test_own_classes_are_of_the_directory_of_the_start_and_none_runs_when_it_is_
         "weed": "tests.support.own_agents.Rude",
     }
     outside["visitor"] = "deeper.Visitor"
-    refused = from_elsewhere(own_classes(Scenario(agents=inside | outside)), tmp_path)
+    refused = from_elsewhere(Scenario(agents=inside | outside).own_classes, tmp_path)
     assert [words.partition(":")[0] for words in refused] == list(outside)
     assert from_elsewhere({"weed": "bench.field.Weed"}, Path.cwd()) == []
 

@@ -1,10 +1,14 @@
 """A bag drives its robots again: to the same hash, and differently if its velocities are others."""
 
+import json
 import math
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from command_line import orchard
+from hypothesis import given
+from hypothesis import strategies as st
 from local_runs import SMALL, local_hash
 from orchard_ros2 import messages, topics
 from test_export import TICKS, record
@@ -12,9 +16,10 @@ from test_export import TICKS, record
 from orchard.agents.catalogue import make_agents
 from orchard.bags.bag import Bag
 from orchard.bags.export import export
-from orchard.bags.replay import KEPT_TICKS, Commands, check_robots, read_commands, replayed
+from orchard.bags.replay import KEPT_TICKS, SCENARIO, Commands, check_robots, read_commands, replayed
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out
+from orchard.field.problems import ScenarioError
 from orchard.local import Local
 from orchard.view.drives import read_drives
 
@@ -75,20 +80,72 @@ def test_bags_of_other_software_are_read_too(tmp_path):
     assert read_commands(path).velocities == {"picker_01": {8: Twist(0.5, 0.0, 0.1)}}
 
 
-def test_bags_that_cannot_be_used_are_told(tmp_path):
-    (tmp_path / "notes.mcap").write_text("notes")
-    with pytest.raises(ValueError, match=r"notes.mcap: it cannot be read as a bag"):
-        read_commands(tmp_path / "notes.mcap")
-    with pytest.raises(ValueError, match=r"none.mcap: no such file or folder; expected a bag of ROS 2: an .mcap file, or the folder"):
-        read_commands(tmp_path / "none.mcap")
-    path = written(tmp_path / "clock.mcap", (topics.CLOCK, "", 1, messages.clock(1)))
-    with pytest.raises(ValueError, match=r"it has no velocity; expected the topic /NAME/cmd_vel .*; its topics are /clock \(rosgraph_"):
+MOVES = (topics.CMD_VEL, "picker_01", 3, messages.velocity("picker_01", 3, 1.0, 0.0))
+NAN = (topics.CMD_VEL, "picker_01", 3, messages.velocity("picker_01", 3, math.nan, 0.0))
+
+
+def scenario(text: str) -> tuple[topics.Topic, str, int, messages.Message]:
+    return SCENARIO, "", 0, messages.text(text)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"notes", "one.mcap: it cannot be read as a bag"),
+        (None, "one.mcap: no such file or folder; expected a bag of ROS 2: an .mcap file, or the folder"),
+        (
+            [(topics.CLOCK, "", 1, messages.clock(1))],
+            r"no velocity; expected the topic /NAME/cmd_vel .*; topics are /clock \(ros",
+        ),
+        ([NAN], r"/picker_01/cmd_vel, tick 3: a velocity of \(nan, 0.0, 0.0\); expected numbers from -100 to 100"),
+        ([scenario("rows: 3"), MOVES], r"the scenario in .*one.mcap: it cannot be read as JSON: JSON is malformed"),
+        (
+            [scenario("[" * 100_000 + "]" * 100_000), MOVES],
+            r"the scenario in .*one.mcap: it cannot be read as JSON: maximum recursion",
+        ),
+        ([scenario('{"rows": ' + "[" * 900 + "]" * 900 + "}"), MOVES], r"the scenario in .*one.mcap: rows = .*: must be a whole number"),
+    ],
+)
+def test_bags_that_cannot_be_used_are_refused_in_words(tmp_path, content, words):
+    path = tmp_path / "one.mcap"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    elif content:
+        written(path, *content)
+    with pytest.raises((ValueError, ScenarioError), match=words):
         read_commands(path)
-    path = written(tmp_path / "nan.mcap", (topics.CMD_VEL, "picker_01", 3, messages.velocity("picker_01", 3, math.nan, 0.0)))
-    with pytest.raises(ValueError, match=r"/picker_01/cmd_vel, tick 3: a velocity of \(nan, 0.0, 0.0\); expected numbers from -100 to 100"):
+
+
+@given(st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 255)), max_size=4), st.floats(0.5, 1))
+def test_a_damaged_bag_is_read_or_refused_in_words(tmp_path_factory, changes, kept):
+    path = written(tmp_path_factory.mktemp("bag") / "one.mcap", scenario('{"rows": 4}'), MOVES)
+    damaged = bytearray(path.read_bytes())
+    for place, byte in changes:
+        damaged[int(place * len(damaged))] = byte
+    path.write_bytes(damaged[: int(kept * len(damaged))])
+    with suppress(ValueError, ScenarioError):
         read_commands(path)
+
+
+def test_a_bag_that_drives_bodies_of_another_orchard_is_refused(tmp_path):
     with pytest.raises(ValueError, match="it drives rocket, not in this orchard, whose robots are carrier_01, picker_01, "):
-        check_robots(path, Commands(None, {"rocket": {}}), LAYOUT.index)
+        check_robots(tmp_path, Commands(None, {"rocket": {}}), LAYOUT.index)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "named"),
+    [("agents", {"picker": "nowhere.Mine"}, "picker"), *((key, "nowhere.Mine", key) for key in ("dispatch", "rows_to_pickers", "route"))],
+)
+def test_code_that_the_scenario_in_a_bag_names_is_imported_only_if_the_user_asks(tmp_path, key, value, named):
+    path = written(tmp_path / "one.mcap", scenario(json.dumps({"rows": 3, key: value})), MOVES)
+    replay = ("replay", path, "--mode", "local", "--record", "none", "--duration", "1")
+    refused, asked = orchard(*replay), orchard(*replay, "--own-code")
+    assert (refused.returncode, refused.stdout) == (2, "")
+    wanted = f"{path}: its scenario names code, which can do whatever you can: {named}: nowhere.Mine; --own-code imports it"
+    assert refused.stderr == f"{wanted}, a SCENARIO.yaml replaces it\n"
+    assert "cannot be used: ModuleNotFoundError: No module named 'nowhere'" in asked.stderr
+    if key == "dispatch":  # what the user names is the user's
+        assert orchard(*replay, "--dispatch", "nearest").returncode == 0
 
 
 def test_a_bag_of_another_orchard_is_refused_before_the_run(tmp_path):

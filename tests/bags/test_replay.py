@@ -95,7 +95,7 @@ def scenario(text: str) -> tuple[topics.Topic, str, int, messages.Message]:
         (None, "one.mcap: no such file or folder; expected a bag of ROS 2: an .mcap file, or the folder"),
         (
             [(topics.CLOCK, "", 1, messages.clock(1))],
-            r"no velocity; expected the topic /NAME/cmd_vel .*; topics are /clock \(ros",
+            r"no velocity; expected the topic /NAME/cmd_vel .*; its topics are /clock \(ros",
         ),
         ([NAN], r"/picker_01/cmd_vel, tick 3: a velocity of \(nan, 0.0, 0.0\); expected numbers from -100 to 100"),
         ([scenario("rows: 3"), MOVES], r"the scenario in .*one.mcap: it cannot be read as JSON: JSON is malformed"),

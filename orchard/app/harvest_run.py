@@ -18,7 +18,7 @@ from orchard.report.history import NAMES
 from orchard.report.progress import Headline
 from orchard.view.blueprint import for_page
 from orchard.view.files import parts_of
-from orchard.view.web import free_pair, is_open, page_url, serve_web
+from orchard.view.web import address, data_uri, free_pair, is_open, page_url, serve_web
 
 
 class RunState(StrEnum):
@@ -54,6 +54,7 @@ class Run(PageCommand):
     def __init__(self, scenario: Scenario, settings: RunSettings, files: Files) -> None:
         self.scenario, self.settings, self.files = scenario, settings, files
         self.port, self.views_port = free_pair(), free_pair()
+        self._shown = [data_uri(self.port)]  # what the picture shows: the live run, and later the parts of its recording
         self.headline: Headline | None = None
         self.summary: dict[str, Any] | None = None
         self._course: dict[str, list[float]] = {name: [] for name in NAMES}  # what the lines of progress say
@@ -82,13 +83,15 @@ class Run(PageCommand):
         if (record := self.read(self.files.summary, Record)) is not None:
             self.headline, self.summary = record, self.read(self.files.summary, dict[str, Any])
         if self.files.recording.exists():
-            self._servers.append(serve_web(self.port, *map(str, parts_of(self.files.recording))))
+            self._shown = list(map(str, parts_of(self.files.recording)))
+            self._servers.append(serve_web(self.port, *self._shown))
 
     @property
     def picture(self) -> str:
         """The address of the picture, live or recorded; '' while its servers do not answer."""
         ports = self.port, self.port + 1, self.views_port + 1
-        return page_url(self.port, self.views_port) if all(map(is_open, ports)) else ""
+        views = address(self.views_port, str(self.files.views))
+        return page_url(self.port, *self._shown, views) if all(map(is_open, ports)) else ""
 
     @property
     def course(self) -> Course:

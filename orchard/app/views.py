@@ -113,9 +113,8 @@ class PictureView:
             return
         ready = run.picture
         if ready:
-            url = ready + ("&recording=1" if report.is_over else "")
-            self._frame.props(f'src="{url}"')
-            self._link.props(f'href="{url}"')
+            self._frame.props(f'src="{ready}"')
+            self._link.props(f'href="{ready}"')
         self._shown = now if ready else None
         self._show_hint("" if ready else _without_picture(report))
         self._bare = run if not ready and report.is_over and not run.files.recording.exists() else None

@@ -20,7 +20,7 @@ from orchard.field.scenario import Scenario
 from orchard.launch.advice import announced, how_to_join
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest, Shares
-from orchard.launch.supervisor import BAD_ORDER, ProcessSpec, Supervisor, Watchdog, free_port, open_viewer
+from orchard.launch.supervisor import BAD_ORDER, ProcessSpec, Supervisor, Watchdog, free_port, let_go, open_viewer
 from orchard.launch.terminal import typed
 from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal
 from orchard.net.ending import Ending
@@ -42,7 +42,7 @@ LOAD_SECONDS = 20.0  # the same before the first tick, at the first Ctrl-C: phys
 POLL_SECONDS = 0.02  # between two checks whether the processes have ended
 THINK_SECONDS = 5.0  # that an agent may still think after a run has ended by itself
 PACK_SECONDS = 60.0  # that the logger may take to pack its recording after a run has ended by itself
-WEB_VIEWER = "web viewer"  # the name of its process, which never ends by itself
+WEB_VIEWER = "web viewer"  # the name of its process
 BEGIN_SECONDS = 60.0  # that physics may take to listen after this program has started it, on a busy machine
 TRY_SECONDS = 0.7  # of one attempt to connect to it; between attempts dead processes are restarted, and Ctrl-C is handled
 LOOK_SECONDS = 5.0  # in which a router must answer at an endpoint that a user gave
@@ -91,8 +91,7 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
         if summary is None:  # the other processes do not know that the run is over
             supervisor.stop(STOP_SECONDS)
         _await_exits(supervisor, [name for name, _ in shares], inbox, STOP_SECONDS if why == "stopped" else PACK_SECONDS)
-        if viewer is not None and why == "stopped":
-            viewer.terminate()
+        let_go(viewer, why == "stopped", progress.say)
         return summary, why
 
 
@@ -179,10 +178,10 @@ class _Launched:
         )
         self._start_logger()
         if given.web is not None:
-            from orchard.view.web import live_lines
+            from orchard.view.web import how_to_open
 
-            self.supervisor.start(ProcessSpec(WEB_VIEWER, "orchard.view.web", [request.uri, "--port", str(given.web)]))
-            for line in live_lines(given.web):
+            self.supervisor.start(ProcessSpec(WEB_VIEWER, "orchard.view.web", [request.uri, "--port", str(given.web)], again=True))
+            for line in how_to_open("Live", given.web, request.uri):
                 self.supervisor.say(line)
         return open_viewer(request.uri) if given.view else None
 

@@ -15,7 +15,7 @@ from orchard.contract.events import Event, Frame
 from orchard.contract.guard import place_in_agent
 from orchard.field.layout import lay_out
 from orchard.launch.request import RunRequest
-from orchard.launch.supervisor import open_viewer
+from orchard.launch.supervisor import let_go, open_viewer
 from orchard.launch.terminal import CTRL_C, FAILED, console, print_error, print_line
 from orchard.local import Local
 from orchard.report.progress import Progress
@@ -159,11 +159,11 @@ def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
         if recorder is not None:
             stack.callback(recorder.close)
         if options.web is not None:
-            from orchard.view.web import live_lines, serve_web
+            from orchard.view.web import how_to_open, serve_web
 
-            print_line("\n".join(live_lines(options.web)))
+            print_line("\n".join(how_to_open("Live", options.web, request.uri)))
             browser = stack.enter_context(serve_web(options.web, request.uri))
-            stack.callback(browser.terminate)
+            stack.callback(let_go, browser, True, print_error)
         viewer = open_viewer(request.uri) if options.view else None
         with Progress(console, options.progress == "json", options.duration) as progress:
             if options.progress == "text":
@@ -171,8 +171,7 @@ def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
             if not are_compiled():
                 progress.get_ready(COMPILING)
             summary, why = run(request, None if recorder is None else recorder.tick, progress.show)
-        if viewer is not None and why == "stopped":
-            viewer.terminate()
+        let_go(viewer, why == "stopped", print_error)
         return summary, why
 
 

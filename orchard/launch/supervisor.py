@@ -207,6 +207,14 @@ def open_viewer(what: str) -> subprocess.Popen[bytes]:
     return subprocess.Popen(window(what), start_new_session=True)
 
 
+def let_go(viewer: subprocess.Popen[bytes] | None, is_stopped: bool, say: Callable[[str], None]) -> None:
+    """Leave a viewer when its run is over, or end it with a run that was stopped. Say so if it has died."""
+    if viewer is not None and (code := viewer.poll()):
+        say(f"the viewer has ended with exit code {code}")
+    elif viewer is not None and is_stopped:
+        viewer.terminate()
+
+
 SECONDS = 3.0  # that a token may be gone: a session that was cut off returns sooner
 
 

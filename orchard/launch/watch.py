@@ -7,7 +7,7 @@ from pathlib import Path
 from orchard.launch.terminal import print_error, print_line
 from orchard.net.endpoints import check_free
 from orchard.view.files import IN_A_BROWSER, viewer_program, window
-from orchard.view.web import live_lines, serve_web
+from orchard.view.web import how_to_open, serve_web
 
 
 def open_window(parts: Sequence[Path]) -> int:
@@ -25,8 +25,9 @@ def serve(parts: Sequence[Path], port: int) -> int:
     """
     viewer_program()
     check_ports(port)
-    with serve_web(port, *map(str, parts)) as server:
-        print_line("\n".join([*live_lines(port, "In a browser on this machine"), "Ctrl-C ends it."]))
+    shown = list(map(str, parts))
+    with serve_web(port, *shown) as server:
+        print_line("\n".join([*how_to_open("In a browser on this machine", port, *shown), "Ctrl-C ends it."]))
         try:
             code = server.wait()
         finally:

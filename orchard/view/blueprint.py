@@ -129,8 +129,13 @@ def _space(name: str, contents: list[str], eye: rrb.EyeControls3D, pin: float = 
         background=rrb.Background(kind="SolidColor", color=palette.SKY),
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=eye,
-        defaults=[rr.Points3D.from_fields(radii=[pin], show_labels=False)],
+        defaults=_of_pins(pin),
     )
+
+
+def _of_pins(radius: float) -> list[rr.Points3D]:
+    """Return what holds for pins that say nothing else: a robot without an agent has no state."""
+    return [rr.Points3D.from_fields(radii=[radius], colors=[palette.STATES["resting"]], show_labels=False)]
 
 
 def _plan() -> rrb.Spatial2DView:
@@ -139,7 +144,7 @@ def _plan() -> rrb.Spatial2DView:
         origin=PLAN_CAMERA,
         contents=ON_THE_PLAN,
         background=palette.MEADOW,
-        defaults=[rr.Points3D.from_fields(radii=[PIN_ON_THE_PLAN], show_labels=False)],
+        defaults=_of_pins(PIN_ON_THE_PLAN),
     )
 
 

@@ -61,7 +61,6 @@ class BodyView:
         ball = rr.Points3D([(0.0, 0.0, top)], labels=[robot.name])
         stalk = rr.LineStrips3D([[(0.0, 0.0, KINDS[robot.kind].height), (0.0, 0.0, top)]], colors=[palette.WIRE], radii=[0.04])
         self.rec.log(path, rr.CoordinateFrame(robot.name), ball, stalk, static=True)
-        self.rec.log(path, rr.Points3D.from_fields(colors=[palette.STATES["resting"]]))
 
     def doing(self, name: str, text: str, state: State) -> None:
         """Log what a body does now: its state in the timeline, and the colour of its pin. Weeds and unknown names are ignored."""

@@ -1,53 +1,66 @@
-"""Rerun's viewer in a browser: a web server on the loopback that serves the viewer and tells it what to show.
+"""Rerun's viewer in a browser: a web server on the loopback that serves the viewer, and recordings for it to play.
 
-`python -m orchard.view.web rerun+http://127.0.0.1:9091/proxy --port 9090` runs this server until its standard input ends: until the
-program that started it lets go, or is gone. `serve_web` starts it so. `rr.serve_web_viewer` is not used: it listens on all interfaces.
+`python -m orchard.view.web rerun+http://127.0.0.1:9091/proxy --port 9090` runs it until its standard input ends: until the program that
+started it lets go, or is gone. `serve_web` starts it so. `rr.serve_web_viewer` is not used: it listens on all interfaces.
+
+A recording goes to the viewer as a file, over HTTP: the viewer plays a file from its beginning. What comes from Rerun's own server it takes
+for live, and opens it at the end; that server also keeps a core busy while it serves a file (rerun-io/rerun#10944).
 """
 
 import argparse
 import os
+import select
 import signal
 import socket
 import subprocess
 import sys
-from contextlib import suppress
+import threading
+from email.message import Message
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import NoReturn
-from urllib.parse import urlencode
+from typing import ClassVar, NoReturn
+from urllib.parse import quote, urlencode, urlsplit
 
 from orchard.view.files import viewer_program
 
 LOOPBACK = "127.0.0.1"
+LOCAL = (LOOPBACK, "localhost")  # the names under which a browser may ask
 ROOT = Path(__file__).parents[2]
 QUIET = {"RUST_LOG": "error"}  # environment of the server
-IDLE = 19  # its niceness: Rerun 0.41 keeps a core busy while it serves a file, even if no viewer asks (rerun-io/rerun#10944)
+LOOK_SECONDS = 1.0  # between two checks that the server still runs
 
 
 def data_uri(port: int) -> str:
-    """Return the address of the data for a viewer that is served on a port: on the next port."""
+    """Return the address of the data of a live run, for a viewer that is served on a port: on the next port."""
     return f"rerun+http://{LOOPBACK}:{port + 1}/proxy"
 
 
-def page_url(port: int, *others: int) -> str:
-    """Return the address to open in a browser, or in a frame of a page. `others`: ports of other servers with data to show."""
-    options = {"url": [data_uri(each) for each in (port, *others)], "hide_welcome_screen": "1", "persist": "0", "theme": "dark"}
+def address(port: int, what: str) -> str:
+    """Return where a viewer that is served on a port finds data: a file on the next port, live data at their own address."""
+    return what if "://" in what else f"http://{LOOPBACK}:{port + 1}/{quote(Path(what).name)}"
+
+
+def page_url(port: int, *what: str) -> str:
+    """Return the address to open in a browser, or in a frame of a page. `what`: files that are served, or addresses of data."""
+    options = {"url": [address(port, each) for each in what], "hide_welcome_screen": "1", "persist": "0", "theme": "dark"}
     return f"http://{LOOPBACK}:{port}/?{urlencode(options, doseq=True)}"
 
 
 def command(port: int, *what: str) -> list[str]:
-    """Return the server's command line. `what`: the address of live data, or a recording's parts, which it then serves on the next port."""
-    return [viewer_program(), "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), "--port", str(port + 1), *what]
+    """Return the command line of the viewer's server. `what`: as in `page_url`."""
+    shown = [address(port, each) for each in what]
+    return [viewer_program(), "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), *shown]
 
 
-def live_lines(port: int, what: str = "Live") -> list[str]:
-    """Return what to tell a user of a viewer on a port: its address and, over ssh, how to reach it and its data from the own machine."""
+def how_to_open(words: str, port: int, *what: str) -> list[str]:
+    """Return lines for the user: a viewer's address after some words and, over ssh, how to reach it and its data from the own machine."""
     there = os.environ.get("SSH_CONNECTION", "").split()[2:3]
     forward = f"-L {port}:{LOOPBACK}:{port} -L {port + 1}:{LOOPBACK}:{port + 1}"
-    return [f"{what}: {page_url(port)}", *(f"Over ssh, first on your own machine: ssh -N {forward} {address}" for address in there)]
+    return [f"{words}: {page_url(port, *what)}", *(f"Over ssh, first on your own machine: ssh -N {forward} {name}" for name in there)]
 
 
 def serve_web(port: int, *what: str) -> subprocess.Popen[bytes]:
-    """Serve the viewer at `page_url(port)`. The caller ends the returned process with `terminate()`."""
+    """Serve the viewer at `page_url(port, *what)`. The caller ends the returned process with `terminate()`."""
     shown = [each if "://" in each else str(Path(each).resolve()) for each in what]  # the server has another working directory
     line, null = [sys.executable, "-m", "orchard.view.web", *shown, "--port", str(port)], subprocess.DEVNULL
     return subprocess.Popen(line, cwd=ROOT, start_new_session=True, stdin=subprocess.PIPE, stdout=null, stderr=null)
@@ -73,30 +86,48 @@ def is_open(port: int) -> bool:
         return probe.connect_ex((LOOPBACK, port)) == 0
 
 
+class _Files(SimpleHTTPRequestHandler):
+    """Answers with a few files, by their names, on this machine only: a page of another site must not read them."""
+
+    files: ClassVar[dict[str, str]] = {}  # path of the address -> path of the file
+    headers = Message()  # of a request that could not be read
+
+    def translate_path(self, path: str) -> str:
+        host = urlsplit(f"//{self.headers.get('Host', '')}").hostname
+        return self.files.get(urlsplit(path).path, "") if host in LOCAL else ""
+
+    def end_headers(self) -> None:
+        origin = self.headers.get("Origin", "")
+        if urlsplit(origin).hostname in LOCAL:
+            self.send_header("Access-Control-Allow-Origin", origin)
+        super().end_headers()
+
+    def log_message(self, *_: object) -> None:
+        """Print nothing."""
+
+
 def main() -> None:
-    """Replace this process by the server, so that a signal to the process reaches the server. A child ends it when standard input ends."""
+    """Replace this process by the viewer's server, so that a signal to the process reaches it. A child serves files, and ends it."""
     parser = argparse.ArgumentParser(prog="python -m orchard.view.web", description="Serve Rerun's viewer on the loopback.")
     parser.add_argument("what", nargs="+", help="the address of live data, or the parts of a recording")
     parser.add_argument("--port", type=int, default=9090, help="port of the viewer; its data are expected on the next port")
     arguments = parser.parse_args()
-    line, server = command(arguments.port, *arguments.what), os.getpid()
-    _take_what_is_left()
+    line, viewer = command(arguments.port, *arguments.what), os.getpid()
+    _Files.files = {f"/{quote(Path(each).name)}": each for each in arguments.what if "://" not in each}
+    server = ThreadingHTTPServer((LOOPBACK, arguments.port + 1), _Files) if _Files.files else None
     if os.fork() == 0:
-        _end_with_input(server)
+        if server is not None:
+            threading.Thread(target=server.serve_forever, daemon=True).start()
+        _end_with_input(viewer)
     os.execve(line[0], line, os.environ | QUIET)
 
 
-def _take_what_is_left() -> None:
-    """Let this process, and the session that it leads, have only the processor time that no other wants."""
-    os.nice(IDLE)
-    with suppress(OSError):  # a kernel without groups of sessions has no such file
-        Path("/proc/self/autogroup").write_text(str(IDLE))
-
-
-def _end_with_input(server: int) -> NoReturn:
-    sys.stdin.buffer.read()
-    if os.getppid() == server:
-        os.kill(server, signal.SIGKILL)
+def _end_with_input(viewer: int) -> NoReturn:
+    """Wait until the standard input ends, and end the viewer's server; or until that has ended."""
+    while os.getppid() == viewer and not select.select([sys.stdin], [], [], LOOK_SECONDS)[0]:
+        pass
+    if os.getppid() == viewer:
+        os.kill(viewer, signal.SIGKILL)
     os._exit(0)
 
 

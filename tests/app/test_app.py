@@ -30,7 +30,7 @@ def test_the_web_viewer_is_on_the_loopback_only():
     port = free_pair()
     viewer = serve_web(port, data_uri(port))
     try:
-        wait_for(viewer, page_url(port))
+        wait_for(viewer, page_url(port, data_uri(port)))
         listening = [one.laddr for one in psutil.Process(viewer.pid).net_connections("inet") if one.status == psutil.CONN_LISTEN]
         assert {(address.ip, address.port) for address in listening} == {("127.0.0.1", port)}
     finally:

@@ -26,11 +26,11 @@ FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "-
          "--disable-component-update", "--disable-sync", "--force-prefers-reduced-motion")  # fmt: skip
 
 
-def open_browser(chromium: str, driver: str, profile: str, downloads: str) -> webdriver.Chrome:
+def open_browser(chromium: str, driver: str, profile: str, downloads: str, *flags: str) -> webdriver.Chrome:
     """A fresh browser that saves without asking."""
     options = webdriver.ChromeOptions()
     options.binary_location = chromium
-    for flag in (*FLAGS, f"--user-data-dir={profile}"):
+    for flag in (*FLAGS, *flags, f"--user-data-dir={profile}"):
         options.add_argument(flag)
     options.add_experimental_option("prefs", {"download.default_directory": downloads})
     return webdriver.Chrome(options=options, service=Service(driver))

@@ -60,13 +60,13 @@ def served(runs: Path):
 
 
 @contextmanager
-def chromium_with(folder: Path, downloads: Path):
-    """A browser with a profile in a folder of its own."""
+def chromium_with(folder: Path, downloads: Path, *flags: str):
+    """A browser with a profile in a folder of its own. `flags`: more of its options."""
     if None in PROGRAMS:
         (pytest.fail if ON_CI else pytest.skip)("chromium and chromedriver are missing (.ci/apt-packages.txt)")
     from browser import Browser, open_browser
 
-    driver = open_browser(*PROGRAMS, str(folder), str(downloads))
+    driver = open_browser(*PROGRAMS, str(folder), str(downloads), *flags)
     try:
         yield Browser(driver)
     finally:

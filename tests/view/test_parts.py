@@ -85,7 +85,8 @@ def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
     weed, picker = LAYOUT.index["weed_01"], LAYOUT.index["picker_01"]
     alive, coupled = np.ones(len(poses), bool), np.full(len(poses), -1)
     coupled[picker] = LAYOUT.index["bin_01"]
-    early = Frame(1, poses, coupled=coupled.copy(), fill=np.zeros(len(poses)), alive=alive.copy(), row_picked=np.zeros(3))
+    begun = {"doing": {"picker_01": "picking row 1"}, "states": {"picker_01": "picking"}}
+    early = Frame(1, poses, coupled=coupled.copy(), fill=np.zeros(len(poses)), alive=alive.copy(), row_picked=np.zeros(3), **begun)
     alive[weed], coupled[picker] = False, -1
     late = Frame(60, poses, coupled=coupled, fill=np.zeros(len(poses)), alive=alive, row_picked=np.array([70.0, 0.0, 0.0]))
     recorder = Recorder(LAYOUT, "a", path)
@@ -97,6 +98,8 @@ def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
     further.close()
     rows = rows_of(path)
     seen, then = seen_at(rows, 6.0), seen_at(rows, 1.0)
+    r, g, b = STATES["picking"]
+    assert then["/pins/picker_01", "Points3D:colors"] == [r << 24 | g << 16 | b << 8 | 255]
     assert ("/world/weeds/weed_01", "Asset3D:blob") in then.keys() - seen.keys()
     assert ("/world/pickers/picker_01/bar", "LineStrips3D:strips") in then.keys() - seen.keys()
     assert ("/canopy/fruit/row_01", "Points3D:positions") in then.keys() - seen.keys()

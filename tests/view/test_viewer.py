@@ -2,16 +2,19 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
+from http.client import HTTPConnection
 from pathlib import Path
 
 import pytest
+from page_server import wait_for
 
 from orchard.launch.supervisor import open_viewer
 from orchard.view.files import viewer_program
 from orchard.view.reader import optimize
-from orchard.view.web import command, free_pair
+from orchard.view.web import address, command, free_pair, serve_web
 
 ROOT = Path(__file__).parents[2]
 SECONDS = 30.0  # that anything here may take on a busy machine
@@ -108,6 +111,34 @@ def test_a_recording_is_served_to_browsers_with_all_its_parts(stand_in, monkeypa
     assert done.returncode == 0, done.stderr
     assert f"http://127.0.0.1:{port}/" in done.stdout
     assert told(stand_in) == command(port, *map(str, parts))[1:]
+    assert told(stand_in)[-2:] == [f"http://127.0.0.1:{port + 1}/{part.name}" for part in parts]
+
+
+@pytest.mark.parametrize(
+    ("path", "headers", "answers"),
+    [
+        ("/a%20run.rrd", {}, (200, None)),
+        ("/a%20run.rrd", {"Origin": "http://127.0.0.1:9"}, (200, "http://127.0.0.1:9")),
+        ("/a%20run.rrd", {"Origin": "http://attacker.example"}, (200, None)),
+        ("/a%20run.rrd", {"Host": "attacker.example:9"}, (404, None)),
+        ("/other.rrd", {}, (404, None)),
+        ("/", {}, (404, None)),
+    ],
+)
+def test_a_recording_is_read_on_this_machine_only_and_nothing_beside_it(stand_in, tmp_path, path, headers, answers):
+    stand_in.write_text(f"#!{sys.executable}\nimport time\ntime.sleep({SECONDS})\n")
+    for name in ("a run.rrd", "other.rrd"):
+        (tmp_path / name).write_text(name)
+    port = free_pair()
+    with serve_web(port, str(tmp_path / "a run.rrd")) as server:
+        wait_for(server, address(port, "a run.rrd"))
+        link = HTTPConnection("127.0.0.1", port + 1, timeout=SECONDS)
+        link.request("GET", path, headers=headers)
+        answer = link.getresponse()
+        assert (answer.status, answer.getheader("Access-Control-Allow-Origin")) == answers
+        assert answer.status != 200 or answer.read() == b"a run.rrd"
+        link.close()
+        server.terminate()
 
 
 def test_a_recording_beside_the_user_is_served_over_ssh_too_and_a_server_that_fails_is_told(stand_in, monkeypatch, tmp_path):
@@ -116,8 +147,18 @@ def test_a_recording_beside_the_user_is_served_over_ssh_too_and_a_server_that_fa
     monkeypatch.chdir(tmp_path)
     port = free_pair()
     done = run_py("view", "run.rrd", "--web", port)
-    assert told(stand_in) == command(port, str(tmp_path / "run.rrd"))[1:], "the server has another working directory"
+    assert told(stand_in) == command(port, "run.rrd")[1:]
     assert f"-L {port}:127.0.0.1:{port} -L {port + 1}:127.0.0.1:{port + 1} 192.0.2.2" in done.stdout
     stand_in.write_text(f"#!{sys.executable}\nraise SystemExit(3)\n")
     done = run_py("view", "run.rrd", "--web", port)
     assert (done.returncode, "the web viewer has ended with exit code 3" in done.stderr) == (3, True)
+
+
+@pytest.mark.parametrize("mode", ["local", "lockstep"])
+@pytest.mark.parametrize("how", ["--view", "--web"])
+def test_a_viewer_that_dies_during_a_run_is_named_with_its_exit_code(stand_in, mode, how):
+    stand_in.write_text(f"#!{sys.executable}\nraise SystemExit(3)\n")
+    port = [free_pair()] if how == "--web" else []
+    done = run_py("--rows", 3, "--mode", mode, "--duration", 100, "--speed", 50, "--record", "none", how, *port)
+    assert re.search(r"viewer (has )?ended with (exit )?code 3", done.stdout + done.stderr)
+    assert done.returncode == 0

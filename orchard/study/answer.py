@@ -5,7 +5,7 @@ from math import prod
 from typing import Any
 
 from orchard.study.result import Goal, Row, StudyResult
-from orchard.study.words import COUNTED, counted, goal_figure, interval_words, number_words, setting_words, value_words
+from orchard.study.words import COUNTED, counted, interval_words, number_words, setting_words, value_words
 
 UNITS: dict[Goal, str] = {"bins_per_hour": "bins an hour", "cost_per_bin": "a bin", "harvest_seconds": "s for the harvest"}
 MOST_NAMED = 3  # settings that the sentence names; of more it says how many
@@ -38,7 +38,7 @@ def _figures(best: Row, result: StudyResult) -> str:
     """The figure of the goal with its interval, then bins an hour and cost without."""
     others: list[Goal] = ["bins_per_hour", "cost_per_bin"]
     names = [result.goal, *(name for name in others if name != result.goal)]
-    first, *rest = [(figure, UNITS[name]) for name in names if (figure := goal_figure(best, name)) is not None]
+    first, *rest = [(figure, UNITS[name]) for name in names if (figure := getattr(best, name)) is not None]
     long_run = " in the long run" if result.horizon == "long" else ""
     return ", ".join([f"{interval_words(first[0])} {first[1]}{long_run}", *(f"{number_words(one.mean)} {unit}" for one, unit in rest)])
 
@@ -63,7 +63,7 @@ def _ties(result: StudyResult) -> str:
 
 def _nearest_first(result: StudyResult) -> list[dict[str, Any]]:
     """The settings that cannot be told apart from the best, those first with the mean that is nearest to its mean."""
-    means = {i: figure.mean for i, row in enumerate(result.table) if (figure := goal_figure(row, result.goal)) is not None}
+    means = {i: figure.mean for i, row in enumerate(result.table) if (figure := getattr(row, result.goal)) is not None}
     best = next(means[i] for i, row in enumerate(result.table) if row.setting == result.best)
     order = sorted(means, key=lambda i: abs(means[i] - best))
     return [result.table[i].setting for i in order if result.table[i].setting in result.indistinguishable]

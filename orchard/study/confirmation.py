@@ -1,6 +1,5 @@
-"""The full model's word about the best two settings of a race, and where it disagrees with the fast model."""
+"""The full model's word about the best two settings of a race, beside that of the fast model."""
 
-from collections.abc import Sequence
 from functools import partial
 
 from orchard.study.racing import Race
@@ -27,18 +26,15 @@ class Confirmation:
         two = [self.race.best, *self._runner_up()]
         wanted = CHECKS if any(self.settings[i].is_random for i in two) else 1
         step = max(1, self.replications.workers.count // len(two))
-        for first in range(0, wanted, step):
-            last = min(wanted, first + step)
-            if first and not self.replications.fits(two, "full", last, until):
+        for count in (*range(step, wanted, step), wanted):
+            if count > step and not self.replications.fits(two, "full", count, until):
                 break
-            if not self.replications.do(two, "full", last, until):
+            if not self.replications.do(two, "full", count, until):
                 break
         for i in two:
             if self.replications.known(i, "full"):
                 self.checks[i] = self._check(i)
             self.notes += self._notes(i, wanted)
-        if len(two) == 2:
-            self._compare_order(*two)
 
     def _runner_up(self) -> list[int]:
         """The second best setting. If some cannot be told apart from the best, and there are prices, it is the cheapest of these."""
@@ -61,7 +57,7 @@ class Confirmation:
         return Check(bins_per_hour=found, difference=difference, replications=len(full), jammed=len(full) - len(rates))
 
     def _notes(self, i: int, wanted: int) -> list[str]:
-        """What the full model says against the fast one, and what the budget did not allow."""
+        """What the budget did not allow, and what jams only in the full model."""
         words, check, notes = self.settings[i].words or "the scenario", self.checks.get(i), []
         if check is None:
             return [f"the budget did not allow a run of {words} by the simulator: the fast model alone answers"]
@@ -70,25 +66,4 @@ class Confirmation:
             notes.append(f"the budget allowed {check.replications} of {wanted} runs of {words} by the simulator{least}")
         if check.jammed:
             notes.append(f"{words}: {check.jammed} of {check.replications} runs jammed in the simulator, and none in the fast model")
-        if check.jammed < check.replications:
-            less, rate = "less" if check.difference < 0 else "more", f"{check.bins_per_hour.mean:.1f} bins/h"
-            notes.append(f"{words}: the simulator has {rate}, {100 * abs(check.difference):.1f} % {less} than the fast model")
         return notes
-
-    def _compare_order(self, best: int, second: int) -> None:
-        """Note if the full model prefers the second setting."""
-        known, value = self.replications.known, self.replications.value
-        pairs = [
-            (value(best, one), value(second, other))
-            for one, other in zip(known(best, "full"), known(second, "full"), strict=False)
-            if "jammed" not in (one.ended, other.ended)
-        ]
-        means = [sum(values) / len(values) for values in zip(*pairs, strict=True)]
-        if means and _is_better(means, self.race):
-            words = f"{self.settings[second].words} ({means[1]:.4g}) to {self.settings[best].words} ({means[0]:.4g})"
-            self.notes.append(f"the simulator prefers {words}: the models disagree about the order of the best two")
-
-
-def _is_better(means: Sequence[float], race: Race) -> bool:
-    """Whether the second of two means is the better one."""
-    return means[1] > means[0] if race.is_max else means[1] < means[0]

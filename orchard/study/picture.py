@@ -20,7 +20,7 @@ from matplotlib.ticker import MaxNLocator
 
 from orchard.report.schedule import WORTH
 from orchard.study.result import Interval, Row, StudyResult
-from orchard.study.words import axis_words, goal_figure, interval_words, setting_words, value_words
+from orchard.study.words import axis_words, interval_words, setting_words, value_words
 
 INK, QUIET = "#24301f", "#5f6958"  # of words and of axes; on a page the ink is that of the page's words
 COLOURS = ("#3f8f4a", "#d9822b", "#4a86d0", "#a65cc0", "#95851c", "#d1495b")  # of lines, on light and on dark
@@ -81,7 +81,7 @@ class Content:
 
     def _reached(self, line: Curve) -> float:
         """The best figure of a line, smaller if it is better."""
-        figures = [figure.mean for row in line.known if (figure := goal_figure(row, self.result.goal)) is not None]
+        figures = [figure.mean for row in line.known if (figure := getattr(row, self.result.goal)) is not None]
         return min((-figure if self.result.goal == "bins_per_hour" else figure for figure in figures), default=float("inf"))
 
     def place(self, row: Row) -> float:

@@ -15,20 +15,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from orchard.study.result import Interval
+from orchard.study.result import Verdict
 from orchard.study.statistics import holm, interval, paired_p_value
 
 LOOKS = (5, 10, 20, 40, 80)  # replications of each setting that is left
 StoppedBy = Literal["certain", "within", "budget", "seeds", "stopped"]
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """What a look says of a setting against the best one. `p_value` is corrected for the comparisons and the looks."""
-
-    difference: Interval  # this setting's minus the best one's, paired; all such intervals hold together with the race's confidence
-    p_value: float
-    is_told_apart: bool
 
 
 @dataclass
@@ -105,4 +96,4 @@ class Race:
         differences = [a - b for a, b in zip(own[:common], best[:common], strict=True)]
         together = 1.0 - (1.0 - self.confidence) / len(LOOKS) / max(1, self.count - 1)
         p_value = self.out.get(setting, min(1.0, len(LOOKS) * (self.count - 1) * self._p_value(setting, self.best, samples)))
-        return Verdict(interval(differences, together), p_value, setting in self.out)
+        return Verdict(difference=interval(differences, together), p_value=p_value, is_told_apart=setting in self.out)

@@ -2,7 +2,10 @@
 
 import time
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 from functools import partial
+from itertools import takewhile
+from statistics import fmean
 
 from orchard.study.result import Goal, Model
 from orchard.study.runs import Horizon, PlannedRun, RunRecord, do, software
@@ -11,24 +14,19 @@ from orchard.study.store import Store
 from orchard.study.workers import Workers, WorkersError
 
 
+@dataclass
 class Replications:
     """The runs of all settings, which are numbers from 0. Replication n has the same seed in all of them."""
 
-    def __init__(
-        self,
-        settings: Sequence[Setting],
-        goal: Goal,
-        horizon: Horizon,
-        store: Store,
-        workers: Workers,
-        heard: Callable[[], None],
-        is_stopped: Callable[[], bool],
-    ) -> None:
-        """`heard` is called after each run."""
-        self.settings, self.goal, self.horizon = settings, goal, horizon
-        self.store, self.workers, self.heard, self.is_stopped = store, workers, heard, is_stopped
-        self.records: dict[str, RunRecord] = {}
-        self._planned: dict[tuple[int, Model], list[PlannedRun]] = {}  # setting and model -> its runs by seed
+    settings: Sequence[Setting]
+    goal: Goal
+    horizon: Horizon
+    store: Store
+    workers: Workers
+    heard: Callable[[], None]  # called after each run
+    is_stopped: Callable[[], bool]
+    records: dict[str, RunRecord] = field(default_factory=dict)
+    _planned: dict[tuple[int, Model], list[PlannedRun]] = field(default_factory=dict)  # setting and model -> its runs by seed
 
     # -- doing runs
 
@@ -78,12 +76,8 @@ class Replications:
 
     def known(self, i: int, model: Model) -> list[RunRecord]:
         """Return the records of a setting, by seed, up to the first one that is missing."""
-        found = []
-        for run in self._planned.get((i, model), []):
-            if run.key not in self.records:
-                break
-            found.append(self.records[run.key])
-        return found
+        keys = (run.key for run in self._planned.get((i, model), []))
+        return [self.records[key] for key in takewhile(self.records.__contains__, keys)]
 
     def harvested(self, i: int, model: Model) -> list[RunRecord]:
         """Return those that did not jam."""
@@ -91,13 +85,9 @@ class Replications:
 
     def value(self, i: int, record: RunRecord) -> float:
         """Return what a run says of the goal."""
-        if self.goal == "harvest_seconds":
-            return record.sim_seconds
-        if self.goal == "bins_per_hour":
-            return record.bins_per_hour
-        cost = self.settings[i].cost_per_bin(record.bins_per_hour)
-        assert cost is not None
-        return cost
+        if self.goal == "cost_per_bin":
+            return self.settings[i].cost_per_bin(record.bins_per_hour) or 0.0
+        return record.sim_seconds if self.goal == "harvest_seconds" else record.bins_per_hour
 
     def sample(self, i: int, model: Model, count: int) -> list[float]:
         """Return the values of the goal by seed. The one run of a setting without chance stands for all seeds."""
@@ -106,5 +96,4 @@ class Replications:
 
     def mean(self, i: int, model: Model, value: Callable[[RunRecord], float]) -> float:
         """Return the mean of a value over the runs that did not jam."""
-        values = [value(record) for record in self.harvested(i, model)]
-        return sum(values) / len(values)
+        return fmean(map(value, self.harvested(i, model)))

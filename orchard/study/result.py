@@ -46,13 +46,19 @@ class Row:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
-    """A setting against the best: the paired difference of the goal on common seeds, and whether it can be told apart."""
+class Verdict:
+    """A setting against the best, on common seeds, and whether it can be told apart."""
+
+    difference: Interval  # of the goal: this setting's minus the best one's; all such intervals hold together
+    p_value: float  # corrected for the number of comparisons (Holm) and of looks (Bonferroni)
+    is_told_apart: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison(Verdict):
+    """What was found of a setting."""
 
     setting: dict[str, Any]
-    difference: Interval  # of the goal: this setting's minus the best one's
-    p_value: float  # corrected for the number of comparisons (Holm)
-    is_told_apart: bool
 
 
 @dataclass(frozen=True, kw_only=True)

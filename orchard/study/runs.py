@@ -29,14 +29,7 @@ LEAST_RATE = 1e-6  # bins an hour; the limits are for what comes from a store
 Amount = Annotated[float, Meta(ge=0.0, lt=1e12)]
 Ended = Literal["harvested", "jammed", "violated"]
 
-DECIDING = (
-    "agents",
-    "contract",
-    "discrete",
-    "field",
-    "report",
-    "sim",
-)  # packages whose source, with the two files, decides what a run gives
+DECIDING = ("agents", "contract", "discrete", "field", "report", "sim")  # packages whose source, with two files, decides what a run gives
 NOT_DECIDING = ("seed", "prices")  # keys of the scenario: the seed has a column of its own, and prices change no run
 
 
@@ -93,11 +86,11 @@ class PlannedRun:
 class RunResult:
     """How a run went. Of a jammed run `sim_seconds`, the rate, the wait and the utilisation mean nothing."""
 
-    sim_seconds: Amount
+    sim_seconds: Amount = 0.0
     bins: Annotated[int, Meta(ge=0)]
-    bins_per_hour: Amount
-    picker_waiting_seconds: Amount
-    carrier_utilisation: Annotated[float, Meta(ge=0.0, le=1.0)]
+    bins_per_hour: Amount = 0.0
+    picker_waiting_seconds: Amount = 0.0
+    carrier_utilisation: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
     bound_bins_per_hour: Annotated[float, Meta(ge=LEAST_RATE, lt=1e12)]  # what `bottleneck` allows in the long run without traffic
     bottleneck: str
     ended: Ended
@@ -163,36 +156,20 @@ def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
     """A harvest by the discrete-event model. Of a long run the rate is that of the long run, and the rest that of one harvest."""
     layout = lay_out(scenario)
     bounds, harvest = Bounds(layout), DiscreteHarvest(layout).run()
+    known: dict[str, Any] = {"bins": harvest.delivered, "bound_bins_per_hour": bounds.bins_per_hour, "bottleneck": bounds.bottleneck}
     if not harvest.is_over:
-        return _jammed(harvest.delivered, bounds)
-    rate = 3600.0 * harvest.delivered / harvest.seconds
-    if horizon == "long":
-        try:
-            rate = long_run_bins_per_hour(layout)
-        except RuntimeError:  # robots wait for each other in a later round
-            return _jammed(harvest.delivered, bounds)
+        return RunResult(ended="jammed", **known)
+    try:
+        rate = 3600.0 * harvest.delivered / harvest.seconds if horizon == "harvest" else long_run_bins_per_hour(layout)
+    except RuntimeError:  # robots wait for each other in a later round
+        return RunResult(ended="jammed", **known)
     return RunResult(
         sim_seconds=harvest.seconds,
-        bins=harvest.delivered,
         bins_per_hour=rate,
         picker_waiting_seconds=harvest.picker_waiting_seconds,
         carrier_utilisation=harvest.carrier_utilisation,
-        bound_bins_per_hour=bounds.bins_per_hour,
-        bottleneck=bounds.bottleneck,
         ended="harvested",
-    )
-
-
-def _jammed(bins: int, bounds: Bounds) -> RunResult:
-    return RunResult(
-        sim_seconds=0.0,
-        bins=bins,
-        bins_per_hour=0.0,
-        picker_waiting_seconds=0.0,
-        carrier_utilisation=0.0,
-        bound_bins_per_hour=bounds.bins_per_hour,
-        bottleneck=bounds.bottleneck,
-        ended="jammed",
+        **known,
     )
 
 

@@ -10,8 +10,8 @@ from math import prod
 from typing import Any
 
 from orchard.field.problems import Problem, ScenarioError, show
-from orchard.field.queue import QUEUES
-from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, Scenario, with_changes
+from orchard.field.scenario import Scenario, with_changes
+from orchard.study.own_source import own_classes
 
 MOST_SETTINGS = 10_000
 SEED = "seed"
@@ -38,8 +38,7 @@ class Setting:
         """Whether two seeds can give two results. Without people, animals, spread, failures and noise all seeds give the same harvest."""
         scenario = self.scenario
         guests = [*scenario.people.model_dump().values(), *scenario.animals.model_dump().values()]
-        built_in = scenario.dispatch in DISPATCH_POLICIES and scenario.rows_to_pickers in ROW_RULES and scenario.route in QUEUES
-        own = not built_in or bool(scenario.agents or scenario.agents_without_body)  # it may draw by the seed
+        own = bool(own_classes(scenario))  # they may draw by the seed
         return scenario.picking.is_drawn or any(guests) or scenario.laser.noise > 0.0 or not scenario.sensors.are_exact or own
 
     @property

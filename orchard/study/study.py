@@ -94,21 +94,21 @@ def checked_settings(scenario: Scenario, varied: Mapping[str, Sequence[Any]], op
 
 def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list[Problem]:
     """What the options ask that these settings cannot answer."""
-    problems = []
-    if options.goal == "cost_per_bin" and not all(setting.has_prices for setting in settings):
-        problems.append(
-            Problem("--goal cost_per_bin", "needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin", "prices")
-        )
-    if options.horizon == "long" and options.goal == "harvest_seconds":
-        problems.append(Problem("--goal harvest_seconds", "a long run has no end; choose --horizon harvest, or another goal"))
-    if options.horizon == "long" and options.model == "full":
-        problems.append(Problem("--horizon long", "only the fast model can tell the long run; leave out --model full"))
-    if options.model != "full" and (own := sorted({name for one in settings for name in _own_agents(one.scenario)})):
-        text = f"only the full model knows agents of your own ({', '.join(own)}); choose --model full"
-        problems.append(Problem(f"--model {options.model}", text, "agents"))
-    if options.model != "full" and not all(setting.scenario.sensors.are_exact for setting in settings):
-        problems.append(Problem(f"--model {options.model}", "only the full model knows errors of sensors; choose --model full", "sensors"))
-    return problems
+    model, is_long, is_fast = f"--model {options.model}", options.horizon == "long", options.model != "full"
+    own = sorted({name for one in settings for name in (*one.scenario.agents, *one.scenario.agents_without_body)})
+    prices = "needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin"
+    agents = f"only the full model knows agents of your own ({', '.join(own)}); choose --model full"
+    sensors = "only the full model knows errors of sensors; choose --model full"
+    no_end = "a long run has no end; choose --horizon harvest, or another goal"
+    no_long_run = "only the fast model can tell the long run; leave out --model full"
+    found = {
+        Problem("--goal cost_per_bin", prices, "prices"): options.goal == "cost_per_bin" and not all(one.has_prices for one in settings),
+        Problem("--goal harvest_seconds", no_end): is_long and options.goal == "harvest_seconds",
+        Problem("--horizon long", no_long_run): is_long and not is_fast,
+        Problem(model, agents, "agents"): is_fast and bool(own),
+        Problem(model, sensors, "sensors"): is_fast and not all(one.scenario.sensors.are_exact for one in settings),
+    }
+    return [problem for problem, is_there in found.items() if is_there]
 
 
 def _plugin_problems(settings: Sequence[Setting], model: Models) -> list[Problem]:
@@ -128,30 +128,25 @@ def _plugin_problems_of(setting: Setting, model: Models) -> list[Problem]:
     return [Problem(f"--model {model}", text, "route", setting.scenario.route)] if steps and model != "full" else []
 
 
-def _own_agents(scenario: Scenario) -> list[str]:
-    return [*scenario.agents, *scenario.agents_without_body]
-
-
+@dataclass
 class _Study:
     """A study that runs: a race of the settings, then the full model's word, then what was lost to what."""
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        varied: Mapping[str, Sequence[Any]],
-        settings: list[Setting],
-        options: StudyOptions,
-        store: Store,
-        workers: Workers,
-        tell: Callable[[StudyResult], None],
-        is_stopped: Callable[[], bool],
-    ) -> None:
-        self.scenario, self.varied, self.settings, self.options = scenario, varied, settings, options
-        self.tell, self.begun, self.told = tell, time.time(), 0.0
+    scenario: Scenario
+    varied: Mapping[str, Sequence[Any]]
+    settings: list[Setting]
+    options: StudyOptions
+    store: Store
+    workers: Workers
+    tell: Callable[[StudyResult], None]
+    is_stopped: Callable[[], bool]
+
+    def __post_init__(self) -> None:
+        options, self.begun, self.told = self.options, time.time(), 0.0
         self.model: Model = "full" if options.model == "full" else "fast"
-        self.runs = Replications(settings, options.goal, options.horizon, store, workers, self._hear, is_stopped)
-        without_chance = frozenset(i for i, setting in enumerate(settings) if not setting.is_random)
-        self.race = Race(len(settings), options.goal == "bins_per_hour", options.confidence, options.within, without_chance)
+        self.runs = Replications(self.settings, options.goal, options.horizon, self.store, self.workers, self._hear, self.is_stopped)
+        without_chance = frozenset(i for i, setting in enumerate(self.settings) if not setting.is_random)
+        self.race = Race(len(self.settings), options.goal == "bins_per_hour", options.confidence, options.within, without_chance)
         self.confirmation = Confirmation(self.race, self.runs)
         self.lost: dict[int, dict[str, float]] = {}
         self.notes: list[str] = []
@@ -241,7 +236,8 @@ class _Study:
         parts: dict[int, list[dict[str, float]]] = {i: [] for i in harvests}
         for item, lost in self.runs.workers.do(_losses, items, lambda: self.runs.goes_on(until)):
             parts[item[0]].append(lost)
-        self.lost = {i: means(each) for i, each in parts.items() if len(each) == len(harvests[i])}
+        whole = {i: each for i, each in parts.items() if len(each) == len(harvests[i])}
+        self.lost = {i: {part: round(fmean(one[part] for one in each), 1) for part in each[0]} for i, each in whole.items()}
         if left := len(harvests) - len(self.lost):
             self.notes.append(f"the budget did not allow to split what was lost in {left} of {len(harvests)} settings")
 
@@ -297,8 +293,7 @@ class _Study:
         assert best is not None
         count = max(len(self.runs.known(j, self.model)) for j in (i, best))
         found = self.race.verdict(i, {j: self.runs.sample(j, self.model, count) for j in (i, best)})
-        setting = self.settings[i].values
-        return Comparison(setting=setting, difference=found.difference, p_value=found.p_value, is_told_apart=found.is_told_apart)
+        return Comparison(setting=self.settings[i].values, **vars(found))
 
     # -- its notes
 
@@ -387,8 +382,3 @@ def _losses(item: tuple[int, Scenario, float]) -> dict[str, float]:
     """In a worker: split the length of a setting's harvests."""
     _, scenario, seconds = item
     return lost_seconds(lay_out(scenario), seconds)
-
-
-def means(each: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Return the mean of each part of some splits, s; they have the same parts."""
-    return {part: round(fmean(split[part] for split in each), 1) for part in each[0]}

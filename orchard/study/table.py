@@ -1,8 +1,8 @@
 """The table of a study: for the terminal, for pages as words, and as CSV with every figure."""
 
 import csv
-from collections.abc import Callable
-from dataclasses import fields
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from orchard.study.result import Check, Interval, Row, StudyResult
-from orchard.study.words import interval_words, key_words, number_words, rank_mark, value_words
+from orchard.study.words import interval_words, key_words, number_words, value_words
 
 NONE = "-"  # in place of a figure that there is not
 COLUMNS: dict[str, Callable[[Row], str]] = {
@@ -42,11 +42,9 @@ def words(result: StudyResult) -> tuple[list[str], list[list[str]]]:
     """Return the table as words: the heads of the columns, and the lines, marks in the first cells. `legend` explains it."""
     known = {head: [_cell(head, row) for row in result.table] for head in COLUMNS if head not in _unasked(result)}
     shown = {head: cells for head, cells in known.items() if head not in ONLY_IF_KNOWN or set(cells) != {NONE}}
-    columns = {key_words(key): [value_words(row.setting[key]) for row in result.table] for key in _keys(result)} | shown
-    lines = [list(line) for line in zip(*columns.values(), strict=True)]
-    return list(columns), [
-        [f"{first} {rank_mark(row, result)}".rstrip(), *rest] for (first, *rest), row in zip(lines, result.table, strict=True)
-    ]
+    columns = {key_words(key): [value_words(row.setting[key]) for row in result.table] for key in result.varied} | shown
+    lines = zip(*columns.values(), result.table, strict=True)
+    return list(columns), [[f"{first} {_mark(row, result)}".rstrip(), *rest] for first, *rest, row in lines]
 
 
 def legend(result: StudyResult) -> str:
@@ -65,8 +63,9 @@ def as_table(result: StudyResult) -> Table:
     return table
 
 
-def _keys(result: StudyResult) -> list[str]:
-    return list(dict.fromkeys(key for row in result.table for key in row.setting))
+def _mark(row: Row, result: StudyResult) -> str:
+    """'*' for the best row, '=' for one that cannot be told apart from it, '' for the others."""
+    return "*" if row.setting == result.best else "=" if row.setting in result.indistinguishable else ""
 
 
 def _models(result: StudyResult) -> list[str]:
@@ -109,37 +108,26 @@ def _check(check: Check | None) -> str:
 
 
 def save_csv(result: StudyResult, path: Path) -> None:
-    """Write every figure of the table as CSV, a line for each setting, with the units in the names of the columns. Raises OSError."""
-    lines = [_flat(row, result) for row in result.table]
-    names = list(dict.fromkeys(name for line in lines for name in line))
+    """Write every figure of the table as CSV, a line for each setting, with the names that it has in JSON. Raises OSError."""
+    lines = [dict(_flat(_figures(row, result))) for row in result.table]
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, names)
+        writer = csv.DictWriter(file, list(dict.fromkeys(name for line in lines for name in line)))
         writer.writeheader()
         writer.writerows(lines)
 
 
-def _flat(row: Row, result: StudyResult) -> dict[str, Any]:
-    """All figures of a row by the names of their columns. What is not known is empty."""
-    compared = next((one for one in result.comparisons if one.setting == row.setting), None)
-    check, difference = row.check, compared.difference if compared else None
-    rate = None if row.bins_per_hour is None else row.bins_per_hour.mean / row.bound_bins_per_hour
-    return (
-        dict(row.setting)
-        | {"model": row.model, "replications": row.replications, "jammed": row.jammed}
-        | _bounds("bins_per_hour", row.bins_per_hour)
-        | _bounds("harvest_seconds", row.harvest_seconds)
-        | _bounds("cost_per_bin", row.cost_per_bin)
-        | {"picker_waiting_seconds": row.picker_waiting_seconds, "carrier_utilisation_share": row.carrier_utilisation}
-        | {"bound_bins_per_hour": row.bound_bins_per_hour, "share_of_bound": rate, "bottleneck": row.bottleneck}
-        | {f"lost_to_{part}_seconds": seconds for part, seconds in row.lost_seconds.items()}
-        | _bounds("check_bins_per_hour", check.bins_per_hour if check else None)
-        | {"check_difference_share": check and check.difference, "check_replications": check and check.replications}
-        | {"check_jammed": check and check.jammed, "is_best": row.setting == result.best}
-        | {"is_indistinguishable_from_best": row.setting in result.indistinguishable}
-        | _bounds(f"difference_from_best_{result.goal}", difference)
-        | {"p_value": compared and compared.p_value}
-    )
+def _figures(row: Row, result: StudyResult) -> dict[str, Any]:
+    """All figures of a row, and how it compares with the best one."""
+    compared = next((asdict(one) for one in result.comparisons if one.setting == row.setting), {})
+    ranked: dict[str, Any] = {"is_best": row.setting == result.best, "is_indistinguishable": row.setting in result.indistinguishable}
+    ranked["share_of_bound"] = row.bins_per_hour and row.bins_per_hour.mean / row.bound_bins_per_hour
+    return row.setting | asdict(row) | ranked | compared | {"setting": None}
 
 
-def _bounds(name: str, interval: Interval | None) -> dict[str, float | None]:
-    return {f"{name}_{field.name}": None if interval is None else getattr(interval, field.name) for field in fields(Interval)}
+def _flat(figures: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    """What is known of figures, by the names of their columns: the mean in `bins_per_hour` is in `bins_per_hour_mean`."""
+    for name, value in figures.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{before}{name}_")
+        elif value is not None:
+            yield before + name, value

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from orchard.field.scenario import Scenario
-from orchard.study.result import Goal, Interval, Row, StudyResult
+from orchard.study.result import Interval
 
 COUNTED = ("rows", "pickers", "carriers", "people.workers", "people.visitors", "animals.dogs", "animals.cats", "weeds")  # numbers of things
 SAID = {"dispatch": "with {}", "rows_to_pickers": "with {} rows", "route": "on {}"}  # keys whose value says enough
@@ -85,13 +85,3 @@ def interval_words(interval: Interval | None, sign: str = " ± ") -> str:
     if half <= abs(interval.mean) * SAME:
         return number_words(interval.mean)
     return number_words(interval.mean, half) + sign + number_words(half, half)
-
-
-def goal_figure(row: Row, goal: Goal) -> Interval | None:
-    """Return the figure of a row that the goal is about."""
-    return {"bins_per_hour": row.bins_per_hour, "cost_per_bin": row.cost_per_bin, "harvest_seconds": row.harvest_seconds}[goal]
-
-
-def rank_mark(row: Row, result: StudyResult) -> str:
-    """Return '*' for the best row, '=' for one that cannot be told apart from it, '' for the others."""
-    return "*" if row.setting == result.best else "=" if row.setting in result.indistinguishable else ""

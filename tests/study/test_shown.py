@@ -86,14 +86,14 @@ def test_the_csv_has_every_figure_with_its_unit(tmp_path):
     ten, twenty = lines["10"], lines["20"]
     assert float(ten["bins_per_hour_mean"]) == 72.8
     assert [float(ten[f"cost_per_bin_{end}"]) for end in ("low", "high")] == pytest.approx([2.8547, 2.9147], abs=1e-4)
-    assert (ten["is_best"], ten["check_jammed"], ten["check_difference_share"], ten["lost_to_traffic_seconds"]) == (
+    assert (ten["is_best"], ten["check_jammed"], ten["check_difference"], ten["lost_seconds_traffic"]) == (
         "True",
         "1",
         "-0.011",
         "236.4",
     )
     assert (twenty["jammed"], twenty["bins_per_hour_mean"], twenty["check_jammed"]) == ("5", "", "")
-    assert lines["9"]["is_indistinguishable_from_best"] == "True" and float(lines["9"]["p_value"]) == 0.01
+    assert lines["9"]["is_indistinguishable"] == "True" and float(lines["9"]["p_value"]) == 0.01
 
 
 # -- the picture

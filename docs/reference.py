@@ -5,7 +5,6 @@ from math import degrees
 from pathlib import Path
 
 from docs import carrier, scenario
-from orchard.agents import bin as bin_agent
 from orchard.agents import robot, sense, steps, tractor, walker, weed
 from orchard.agents.route import OneWay
 from orchard.agents.two_way import TwoWay
@@ -72,8 +71,8 @@ For people who look up a value. After this page you know every setting of a scen
 and rule of the orchard.
 
 Units are SI: m, s, rad. In the frame `map`, x points east, y north and z up; a yaw of 0 faces east, and yaw grows counter-clockwise
-(REP-103, REP-105). The figures of the orchard are those of the user manual and the source of the student system of 2015, the "Robotic
-Orchard Simulator" (where the two disagree, the manual counts), and measurements of this project."""
+(REP-103, REP-105). The figures of the orchard come from measurements, and from
+[the student system](design.md#what-it-is-built-on) of 2015 that this one continues."""
 RESULTS = Path(__file__).with_name("templates") / "results.md"
 
 
@@ -235,14 +234,11 @@ def _work() -> str:
    picked and the bin full.
 3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and asks for an empty bin. After its last row
    it drives {OneWay.PARKED - OneWay.WAITING:g} m further with its empty bin, and stays there.
-4. The full bin gets a carrier, by the [dispatch policy](bounds.md#dispatch-policies) and the letters below: with `nearest` it calls again
-   every {_seconds(bin_agent.CALL_AGAIN)}, asks its carrier every {_seconds(bin_agent.ASK_AGAIN)}, and gives it up after
-   {bin_agent.GIVE_UP} questions.
-5. The carrier leaves its empty bin on the picker's coupling point and tells the picker, which couples it. Then the carrier couples the
-   full bin and takes it around the orchard to the bay.
-6. A full bin on a carrier is empty after {field.UNLOADING_SECONDS:g} s in which its centre is in the bay and both are at rest. The bay
+4. The full bin gets a carrier, by the [dispatch policy](bounds.md#dispatch-policies) and the letters below. The carrier
+   [exchanges the bins](traffic.md#an-exchange-on-the-east-side), and takes the full one to the bay.
+5. A full bin on a carrier is empty after {field.UNLOADING_SECONDS:g} s in which its centre is in the bay and both are at rest. The bay
    works on one bin at a time. The carrier takes the empty bin back to its line of the queue.
-7. The harvest is over when every row is picked, no bin is full, the carriers stand in the queue with their bins and face east, and the
+6. The harvest is over when every row is picked, no bin is full, the carriers stand in the queue with their bins and face east, and the
    pickers stand.
 
 Physics alone decides what counts: motion, coupling, picking, unloading, and the end of a weed."""

@@ -67,7 +67,7 @@ here with every fifth line:
 
 ## How to read it
 
-The sentence is the answer: "{answer}" The lines of the table say why.
+The sentence below the table is the answer. The lines of the table say why.
 
 - **bins/h** is the harvest's rate: its 20 bins, divided by its length. **a bin** is what a bin costs: the prices an hour of all
   robots, divided by the bins an hour: (10 x 15 + {carriers} x 6) / {rate} = {cost}.
@@ -86,9 +86,9 @@ within 1 % of their means (`--within`), or when its time is used (`--budget`). I
 
 Intervals of 95 % held the truth in 92.7 to 98.0 % of 200 small studies (`python examples/interval_coverage.py`).
 
-A setting in which a harvest jams is out, and told. The fast model races, and the simulator confirms the best two
-([how near it is](bounds.md#the-discrete-event-model)). `--model full` lets the simulator do all of it, which takes much longer; agents of
-your own need it. The study knows no transport, no day's end and no repair.
+A setting in which a harvest jams is left out, and named. The [fast model](bounds.md#the-discrete-event-model) does all runs, and the
+simulator checks the best two settings. `--model full` lets the simulator do all of it, which takes much longer; agents of your own need it.
+The study knows no transport, no day's end and no repair.
 
 ## Other questions
 
@@ -154,7 +154,6 @@ def document() -> str:
         scenario=SCENARIO,
         command=COMMAND,
         output=_output(),
-        answer=sentence(result()),
         took=clock(result().wall_seconds),
         carriers=best.setting["carriers"],
         rate=number_words(best.bins_per_hour.mean),

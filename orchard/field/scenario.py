@@ -168,7 +168,7 @@ SURVEYED = ("rows", "row_length", "row_width")  # what `survey` decides
 
 
 class Scenario(_Section):
-    """An orchard with its robots, people, animals and weeds. Figures: docs/reference.md, from the manual."""
+    """An orchard with its robots, people, animals and weeds. Figures: docs/reference.md."""
 
     rows: Annotated[int, Field(ge=FEWEST_ROWS, le=MOST_ROWS, description="number of rows to pick; each fills one bin")] = 5
     pickers: Annotated[int, Field(ge=2, le=20, description="number of picking robots; at most one for each row")] = 2

@@ -16,6 +16,7 @@ from orchard.field.layout import Layout
 from orchard.field.queue import PITCH
 
 CHOOSING = 5  # ticks in which a bin that has an offer sends for a carrier; after them it comes last
+AT_HEAD, MOVING_UP = 0.1, PITCH + 0.2  # m to the head of the line: of a carrier that stands there, of one that drives up to it
 REMEMBERED = CALL_AGAIN + 5  # ticks for which a call counts: by then the bin has called again, unless a carrier comes
 
 
@@ -90,9 +91,8 @@ class Carrier:
         return Offer(x, y, self.route.distance(x, y, call.lane, self.route.sides[call.side]))
 
     def is_next(self, robot: PlanExecutor) -> bool:
-        """Whether the carrier is at the head of its line, or on its way to that place: no carrier that may stay is before it."""
-        behind = self.layout.queue.head - robot.pose.x
-        return behind < 0.1 + robot.doubt or (behind < PITCH + 0.2 and robot.seen.twist.x > 0.0)
+        """Whether the carrier can leave now."""
+        return can_leave(self.layout.queue.head - robot.pose.x, robot.seen.twist.x > 0.0, robot.doubt)
 
     def accept(self, robot: PlanExecutor, bin_name: str, come: Come) -> None:
         robot.memory.job = Job(bin_name, come.lane, come.side, come.picker)
@@ -101,6 +101,14 @@ class Carrier:
         robot.memory.asked, robot.memory.left, robot.memory.course = {}, "", None  # it may be on its way to the head of its line
         for call in robot.memory.calls.values():
             call.offered = LAST_TICK
+
+
+def can_leave(behind: float, is_moving: bool, doubt: float = 0.0) -> bool:
+    """Whether a carrier is at the head of its line, or on its way to that place: no carrier that may stay is before it.
+
+    `behind`: m from the carrier to the head; `doubt`: how wrong that may be, m.
+    """
+    return behind < AT_HEAD + doubt or (is_moving and behind < MOVING_UP)
 
 
 def first_call(calls: Mapping[str, HeardCall], offered: Mapping[str, int], tick: int) -> str:

@@ -3,7 +3,6 @@
 from functools import lru_cache
 from typing import NamedTuple
 
-from orchard.agents.route import OneWay
 from orchard.agents.routes import route_of
 from orchard.agents.steps import CRUISE
 from orchard.agents.timing import approach_seconds
@@ -30,7 +29,7 @@ class Forecast:
     """The forecasts for the bins of one orchard."""
 
     def __init__(self, layout: Layout) -> None:
-        self.layout, self.horizon = layout, _farthest_in(layout) + EARLIER  # s before it is full a bin begins to call
+        self.layout, self.horizon = layout, horizon(layout)
 
     def of(self, seen: Observation, picker: Hitch, pace: float) -> Ripening | None:
         """Return the forecast for a bin on a picker; None unless the picker is in a row that it has still to pick, or drives into one.
@@ -46,7 +45,7 @@ class Forecast:
         before = max(0.0, ahead - left)
         if before > ALONG and picker.twist.x <= 0.0:
             return None
-        return Ripening(lane.number, side, left / pace + (before + self.layout.beyond(lane.number, side)) / CRUISE, before)
+        return Ripening(lane.number, side, until_full(self.layout, lane.number, side, left / pace, before), before)
 
     def ticks(self, ripening: Ripening) -> int:
         """Return the ticks until the bin must look again, if its picker keeps its velocity: it may have to call, or its picker may pick."""
@@ -54,11 +53,16 @@ class Forecast:
         return max(1, min(call, int(ripening.before / (CRUISE * TIME_STEP)) if ripening.before else call))
 
 
+def until_full(layout: Layout, row: int, side: str, picking: float, before: float) -> float:
+    """Return the time until a bin stands full at the furthest end of a row on a side, s.
+
+    `picking`: s for which its picker still picks; `before`: m that the picker drives before that.
+    """
+    return picking + (before + layout.beyond(row, side)) / CRUISE
+
+
 @lru_cache(maxsize=KEPT_LAYOUTS)
-def _farthest_in(layout: Layout) -> float:
-    return farthest(route_of(layout))
-
-
-def farthest(route: OneWay) -> float:
-    """Return the time that a carrier needs from the queue's head to the farthest lane, s."""
-    return max(approach_seconds(route, lane.number, side) for lane in route.layout.lanes for side in route.sides.values())
+def horizon(layout: Layout) -> float:
+    """Return how long before it is full a bin begins to call, s: a carrier for the farthest lane then comes in time."""
+    route = route_of(layout)
+    return max(approach_seconds(route, lane.number, side) for lane in layout.lanes for side in route.sides.values()) + EARLIER

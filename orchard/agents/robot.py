@@ -85,15 +85,21 @@ class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
     """One step of a plan, as data. The class name identifies it in a memory's bytes.
 
     `act` is called at every tick. An own step that calls `robot.hold` is called less often if its class says `holds = True`.
-    `ticks`: what the step takes without traffic, beside drives and turns: for bins that are handled, and for answers.
+    `ticks`: what the step takes without traffic, beside its motion: for bins that are handled, and for answers. `handles`: of these, the
+    ticks to couple or uncouple a bin; a robot that has stood for a tick needs only one.
     """
 
     ticks: ClassVar[int] = 0
+    handles: ClassVar[int] = 0
     keeps_course: ClassVar[bool] = False  # it moves along the robot's course, or turns it; after any other step that moves it is anew
 
     def act(self, robot: "PlanExecutor") -> bool:
         """Command `robot` for this tick. Return whether the step is done; it is called at every tick until then, or when its hold ends."""
         raise NotImplementedError
+
+    def motion(self, start: Pose) -> tuple[Pose, float]:
+        """Return where the step ends, and how long it drives, turns or waits without traffic, s."""
+        return start, 0.0
 
 
 @cache

@@ -17,7 +17,9 @@ from orchard.agents.sense import Box
 from orchard.contract.agent import MOST_HOLD, State
 from orchard.contract.messages import BinState, CarrierComing, Confirm, EmptyBin, Here, No, StateRequest, Yes
 from orchard.field import repeatable
-from orchard.field.geometry import HEADINGS, STILL, Twist, angle_between, nearest_heading, to_frame
+from orchard.field.geometry import HEADINGS, STILL, Pose, Twist, angle_between, nearest_heading, to_frame
+from orchard.field.kinds import EIGHTH
+from orchard.field.layout import UNLOADING_SECONDS
 from orchard.field.picking import failure
 from orchard.field.scenario import TIME_STEP
 
@@ -27,7 +29,8 @@ LONGEST_WAIT = 300.0  # s in one step of a repair; a run is jammed after 600 s w
 THERE = 0.01  # m: where a robot that searches for the coupling point counts as there
 PULL = 1.0  # m which it drives ahead to come to one side
 COUPLE = 2  # ticks to couple a bin: the robot must have stood for one tick
-UNCOUPLE = 4  # ticks to uncouple a bin, which stands two ticks after its robot
+BIN_FOLLOWS = 2  # ticks after its robot at which a bin stands
+UNCOUPLE = BIN_FOLLOWS + COUPLE
 TRIES = 5  # ticks for which it tries to couple in one place
 GRID = 0.14  # m from one place to the next: none of the area between is farther from a place than a bin can be coupled
 SEARCH = [(GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in (0, 1, -1, 2)]  # from the first, m
@@ -78,6 +81,10 @@ class DriveTo(Step, frozen=True):
         robot.hold(self._ticks(robot, here, ahead, left) if robot.is_aligned else 1)
         return False
 
+    def motion(self, start: Pose) -> tuple[Pose, float]:
+        end = start._replace(x=start.x if self.x is None else self.x, y=start.y if self.y is None else self.y)
+        return end, (abs(end.x - start.x) + abs(end.y - start.y)) / self.speed
+
     @property
     def asks_before(self) -> float:
         """How far before a gate the robot asks for its places, m."""
@@ -103,11 +110,15 @@ class DriveTo(Step, frozen=True):
 
 
 class Face(Step, frozen=True):
-    """Turn on the spot, pi/8 rad/s, until the robot faces EAST, NORTH, WEST or SOUTH exactly: 4 s for a quarter turn."""
+    """Turn on the spot, pi/8 rad/s, until the robot faces EAST, NORTH, WEST or SOUTH exactly: 4 s for a quarter turn.
+
+    `swings`: the share of a quarter turn after which a bin on the bar is no longer in the way of a robot behind it.
+    """
 
     heading: str
     blind_to: list[Box] = []
     keeps_course: ClassVar[bool] = True
+    swings: ClassVar[float] = 0.4
 
     def act(self, robot: PlanExecutor) -> bool:
         left = angle_between(robot.pose.yaw, HEADINGS[self.heading])
@@ -117,6 +128,10 @@ class Face(Step, frozen=True):
         robot.turn_by(left, self.blind_to)
         return False
 
+    def motion(self, start: Pose) -> tuple[Pose, float]:
+        yaw = HEADINGS[self.heading]
+        return start._replace(yaw=yaw), abs(angle_between(start.yaw, yaw)) / EIGHTH
+
 
 class Realign(Step, frozen=True):
     """Turn on the spot to the nearest of the four headings, until exact."""
@@ -125,6 +140,9 @@ class Realign(Step, frozen=True):
 
     def act(self, robot: PlanExecutor) -> bool:
         return Face(nearest_heading(robot.pose.yaw)).act(robot)
+
+    def motion(self, start: Pose) -> tuple[Pose, float]:
+        return Face(nearest_heading(start.yaw)).motion(start)
 
 
 class Ahead(Step, frozen=True):
@@ -169,6 +187,9 @@ class Wait(Step, frozen=True):
         robot.hold(max(1, int(min(MOST_HOLD, (self.seconds - waited) / TIME_STEP))))
         return bool(waited >= self.seconds - EXACT)
 
+    def motion(self, start: Pose) -> tuple[Pose, float]:
+        return start, self.seconds
+
 
 class Need(Step, frozen=True):
     """Stand until traffic has granted all these places. At most a partner shares them."""
@@ -207,7 +228,8 @@ class Alone(Step, frozen=True):
 class Deliver(Step, frozen=True):
     """For carriers: leave the empty bin on the picker's coupling point, and repeat that to the picker until it has taken the bin."""
 
-    ticks = UNCOUPLE + PATIENCE + ASK
+    handles = UNCOUPLE
+    ticks = handles + PATIENCE + ASK
     picker: str
 
     def act(self, robot: PlanExecutor) -> bool:
@@ -222,6 +244,7 @@ class Deliver(Step, frozen=True):
 class Coupling(Step, frozen=True, kw_only=True):
     """A step that couples a bin. A robot that is not sure of its place, and so may stand beside the coupling point, searches for it."""
 
+    handles = COUPLE
     tried: int = 0  #: places of the search in which it has tried
     at: tuple[float, float] | None = None  #: x and y of the first of them, m
 
@@ -300,7 +323,8 @@ class Fill(Step, frozen=True):
 class LeaveBin(Step, frozen=True):
     """For pickers: uncouple the bin, and remember it as the full bin."""
 
-    ticks = UNCOUPLE
+    handles = UNCOUPLE
+    ticks = handles
 
     def act(self, robot: PlanExecutor) -> bool:
         if robot.seen.hitch is None:
@@ -366,9 +390,9 @@ class Repair(Step, frozen=True):
 
 
 class Unload(Step, frozen=True):
-    """For carriers: stand in the bay until the bin reports that it is no longer full."""
+    """For carriers: stand in the bay until the bin reports that it is no longer full. The carrier asks it every PATIENCE ticks."""
 
-    ticks = PATIENCE + ASK  # beside the unloading itself
+    ticks = -(-(BIN_FOLLOWS + round(UNLOADING_SECONDS / TIME_STEP) - 1) // PATIENCE) * PATIENCE + ASK
 
     def act(self, robot: PlanExecutor) -> bool:
         answer = robot.ask(robot.seen.hitch.name, StateRequest()) if robot.seen.hitch else None
@@ -379,6 +403,7 @@ class Unload(Step, frozen=True):
 class Confirmed(Step, frozen=True):
     """For carriers, before they leave: go on only if the bin still wants the carrier, else do the steps `otherwise`."""
 
+    ticks = ASK
     bin: str
     otherwise: list["AnyStep"]
 

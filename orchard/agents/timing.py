@@ -1,12 +1,10 @@
-"""How long the drives and turns of a plan take without traffic."""
+"""How long the motion of a plan takes without traffic."""
 
 from collections.abc import Iterator
 
 from orchard.agents.robot import Step
 from orchard.agents.route import OneWay, Side
-from orchard.agents.steps import DriveTo, Face
-from orchard.field.geometry import HEADINGS, Pose, angle_between
-from orchard.field.kinds import EIGHTH
+from orchard.field.geometry import Pose
 
 
 def head(route: OneWay) -> Pose:
@@ -25,15 +23,9 @@ def duration(steps: list[Step], start: Pose) -> float:
 
 
 def timetable(steps: list[Step], start: Pose) -> Iterator[tuple[Step, Pose, float, float]]:
-    """Each step of a plan, the pose in which it begins, and when it begins and ends without obstacles, s. Drives and turns take time."""
-    (x, y, yaw), seconds = start, 0.0
+    """Each step of a plan, the pose in which it begins, and when it begins and ends without obstacles, s. Only motion takes time."""
+    pose, begins = start, 0.0
     for step in steps:
-        pose, begins = Pose(x, y, yaw), seconds
-        if isinstance(step, Face):
-            seconds += abs(angle_between(yaw, HEADINGS[step.heading])) / EIGHTH
-            yaw = HEADINGS[step.heading]
-        elif isinstance(step, DriveTo):
-            to_x, to_y = x if step.x is None else step.x, y if step.y is None else step.y
-            seconds += (abs(to_x - x) + abs(to_y - y)) / step.speed
-            x, y = to_x, to_y
-        yield step, pose, begins, seconds
+        end, seconds = step.motion(pose)
+        yield step, pose, begins, begins + seconds
+        pose, begins = end, begins + seconds

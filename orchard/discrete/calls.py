@@ -7,20 +7,20 @@ from math import ceil
 import simpy
 
 from orchard.agents.bin import CALL_AGAIN
-from orchard.agents.carrier import REMEMBERED, HeardCall, first_call
+from orchard.agents.carrier import REMEMBERED, HeardCall, can_leave, first_call
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, dispatch_of, is_early
 from orchard.agents.dispatcher import POLL_TICKS, PolicyFault, checked, fault_of
-from orchard.agents.forecast import EARLIER
+from orchard.agents.forecast import horizon
+from orchard.agents.robot import ASK
 from orchard.agents.route import OneWay, Side
 from orchard.agents.timing import approach_seconds
 from orchard.discrete.places import at
 from orchard.discrete.robots import Events, Robot
 from orchard.field.kinds import number_of
 from orchard.field.plugins import MISTAKES, contained, reraise_ctrl_c
-from orchard.field.queue import PITCH
 from orchard.field.scenario import TIME_STEP
 
-HEARD = 2  # ticks from a call, by way of an offer, to the order that follows it
+HEARD = ASK  # ticks from a call, by way of an offer, to the order that follows it
 ORDERED = 1  # tick from an order to the carrier
 
 
@@ -77,7 +77,7 @@ class Calls:
     def ready(self) -> list[Robot]:
         """The carriers that can leave now: at the head of their lines, or driving up to it."""
         head = self.layout.queue.head
-        return [robot for robot in self.free if head - robot.x_now < (PITCH + 0.2 if robot.is_moving else 0.1)]
+        return [robot for robot in self.free if can_leave(head - robot.x_now, robot.is_moving)]
 
     def _call(self, call: OpenCall, tick: int) -> None:
         """Let a bin ask all carriers at a tick."""
@@ -130,7 +130,7 @@ class Dispatched(Calls):
         self.policy = dispatch_of(route.layout)
         self.memory = self.policy.Memory()
         self._ways = {(lane.number, side.name): self._way(lane.number, side) for lane in self.layout.lanes for side in route.sides.values()}
-        self.horizon = (max(reach for _, reach in self._ways.values()) + EARLIER) / TIME_STEP  # ticks before it is full, to report
+        self.horizon = horizon(self.layout) / TIME_STEP  # ticks before it is full, to report
         self._ripening: dict[str, OpenCall] = {}  # picker -> the call of the bin that it fills
         self._booked: set[str] = set()
         self._asked = -POLL_TICKS

@@ -6,14 +6,14 @@ from statistics import fmean
 
 import simpy
 
+from orchard.agents.forecast import until_full
 from orchard.agents.route import Side
 from orchard.agents.routes import route_of
-from orchard.agents.steps import CRUISE
 from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.calls import Calls, Dispatched
 from orchard.discrete.robots import Roads, Robot
 from orchard.field.kinds import DISPATCH, kind_of
-from orchard.field.layout import UNLOADING_SECONDS, Layout
+from orchard.field.layout import Layout
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
 
@@ -40,7 +40,6 @@ class DiscreteHarvest:
             raise ValueError(f"the discrete-event model knows built-in agents only, and not {', '.join(sorted(own))}; run the simulator")
         self.layout, self.route, self.env = layout, route_of(layout), simpy.Environment()
         self.bystanders, self.exit = Bystanders(layout), layout.queue.area.east
-        self.unloading_ticks = round(UNLOADING_SECONDS / TIME_STEP)
         self.deliveries: list[float] = []  # s, when each bin was unloaded
         self._full_since: dict[str, int] = {}  # picker -> tick at which its bin was full
         self._waits: list[int] = []  # ticks from a picker's full bin to its next empty one
@@ -83,7 +82,7 @@ class DiscreteHarvest:
         if picker.bin not in self._left or self._left[picker.bin].triggered:
             self._left[picker.bin] = self.env.event()
         lane = self.layout.lane(row)
-        seconds = lane.length / lane.pace + (before + self.layout.beyond(row, side.name)) / CRUISE
+        seconds = until_full(self.layout, row, side.name, lane.length / lane.pace, before)
         self.calls.begins(picker, row, side, seconds, picker.tick + (1 if before else 0))  # its bin must see that it drives
 
     def go_on(self, picker: Robot) -> None:

@@ -15,13 +15,12 @@ from orchard.agents.traffic import is_alone
 from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Reservations, at, first_of
-from orchard.field.geometry import HEADINGS, Pose, angle_between, nearest_heading
-from orchard.field.kinds import EIGHTH, KINDS, kind_of
+from orchard.field.geometry import Pose, nearest_heading
+from orchard.field.kinds import KINDS, kind_of
 from orchard.field.scenario import TIME_STEP
 
 Events = Generator[simpy.Event, Any, None]
 NEAR = 1e-6  # m
-SWUNG_AWAY = 0.4  # of a quarter turn, after which a robot's bin is no longer in the way of the one behind it
 BESIDE = KINDS["carrier"].width / 2 + KINDS["bin"].width / 2 + SIDE_MARGIN  # m from a line at which a robot is clear of it
 
 
@@ -30,7 +29,6 @@ class Model(Protocol):
 
     env: simpy.Environment
     robots: dict[str, "Robot"]
-    unloading_ticks: int
     bystanders: Bystanders
     exit: float  # x at which carriers leave the queue, m
 
@@ -91,7 +89,8 @@ class Robot:
         do = self.do  # each look-up of a method with many forms costs as much as a short step
         while True:
             while self.plan:
-                yield from do(self.plan.pop(0))
+                if (events := do(self.plan.pop(0))) is not None:
+                    yield from events
                 self.done += 1
             yield self.new_plan
 
@@ -126,7 +125,8 @@ class Robot:
             yield self.env.timeout(ceil(self.env.now) - self.env.now)
 
     @singledispatchmethod
-    def do(self, step: Step) -> Events:
+    def do(self, step: Step) -> Events | None:
+        """Do a step: what happens until it is done, or nothing if it takes no time."""
         raise NotImplementedError(f"the discrete-event model does not know the step {type(step).__name__}")
 
     # -- drives
@@ -258,63 +258,57 @@ class Robot:
             happened, self.moved = self.moved, self.env.event()
             at(self.env, self.env.now + (2 if self.bin else 1), happened.succeed)
 
-    @do.register
-    def _(self, step: st.Face) -> Events:
-        angle = abs(angle_between(self.yaw, HEADINGS[step.heading]))
-        self.yaw = HEADINGS[step.heading]
-        if angle > NEAR:
-            ticks = ceil(angle / EIGHTH / TIME_STEP - NEAR)
-            self.turns += 1
-            if stands := self.model.bystanders.turning_ticks(self.name, self.turns, self.hitched):
-                yield self.env.timeout(stands)
-            if self.bin and not self.is_across:
-                yield self.env.timeout(floor(SWUNG_AWAY * ticks))
-                self.is_across = True
-                self._tell()
-                ticks -= floor(SWUNG_AWAY * ticks)
-            elif self.is_across and self.line is not None and self._off(self.line) > BESIDE:
-                yield self.env.timeout(floor(SWUNG_AWAY * ticks))
-                self.lines.leave(self)
-                self.line = None
-                self._tell()
-                ticks -= floor(SWUNG_AWAY * ticks)
-            yield self.env.timeout(ticks)
-            self.stood = self.tick
+    @do.register(st.Face)
+    @do.register(st.Realign)
+    def _(self, step: st.Face | st.Realign) -> Events:
+        end, seconds = step.motion(self.pose)
+        self.yaw, ticks = end.yaw, ceil(seconds / TIME_STEP - NEAR)
+        if not ticks:
+            return
+        self.turns += 1
+        if stands := self.model.bystanders.turning_ticks(self.name, self.turns, self.hitched):
+            yield self.env.timeout(stands)
+        swung = floor(st.Face.swings * ticks)
+        if self.bin and not self.is_across:
+            yield self.env.timeout(swung)
+            self.is_across = True
+            self._tell()
+            ticks -= swung
+        elif self.is_across and self.line is not None and self._off(self.line) > BESIDE:
+            yield self.env.timeout(swung)
+            self.lines.leave(self)
+            self.line = None
+            self._tell()
+            ticks -= swung
+        yield self.env.timeout(ticks)
+        self.stood = self.tick
 
     def _off(self, line: Line) -> float:
         """How far it stands beside a line, m."""
         return abs((self.y if line[0] == "x" else self.x) - line[1])
 
     @do.register
-    def _(self, step: st.Realign) -> Events:
-        yield from self.do(st.Face(nearest_heading(self.yaw)))
-
-    @do.register
     def _(self, step: st.Wait) -> Events:
         yield self.env.timeout(ceil(step.seconds / TIME_STEP - NEAR))
 
     @do.register
-    def _(self, step: st.Say) -> Events:
+    def _(self, step: st.Say) -> None:
         before, self.memory.doing, self.memory.state = self.memory.state, step.doing, step.state
         if step.state == "picking":
             (self.model.go_on if before == "failed" else self.model.begin_row)(self)
         elif before == "picking":
             (self.model.fail if step.state == "failed" else self.model.end_row)(self)
-        return
-        yield
 
     @do.register(st.MayFail)
     @do.register(st.Repair)
     @do.register(st.Ahead)
     @do.register(st.MoveTo)
     @do.register(st.Again)
-    def _(self, step: Step) -> Events:
-        """These steps take no time: they put others before the rest of the plan."""
+    def _(self, step: Step) -> None:
+        """These steps put others before the rest of the plan."""
         self.memory.plan = [step, *self.plan]
         step.act(self)  # type: ignore[arg-type]  # it uses memory, pose, seen.name and next, as of a PlanExecutor
         self.plan = self.memory.plan[1:]
-        return
-        yield
 
     def next(self, steps: Sequence[Step]) -> None:
         """Insert steps right after the present one."""
@@ -339,10 +333,8 @@ class Robot:
             yield self.places.granted_or(self.env.event())
 
     @do.register
-    def _(self, step: st.Free) -> Events:
+    def _(self, step: st.Free) -> None:
         self.places.free(step.places)
-        return
-        yield
 
     @do.register
     def _(self, step: st.Alone) -> Events:
@@ -353,19 +345,19 @@ class Robot:
 
     # -- bins
 
-    def _handle(self, ticks: int) -> Events:
+    def _handle(self, step: Step) -> Events:
         """Couple or uncouple a bin."""
-        yield self.env.timeout(ticks if self.stood == self.tick else 1)
+        yield self.env.timeout(step.handles if self.stood == self.tick else 1)
 
     @do.register
     def _(self, step: st.LeaveBin) -> Events:
-        yield from self._handle(st.UNCOUPLE)
+        yield from self._handle(step)
         self.full_bin, self.bin, self.offered, self.carrier = self.bin, "", "", ""
         self.model.leave(self)
 
     @do.register
     def _(self, step: st.Deliver) -> Events:
-        yield from self._handle(st.UNCOUPLE)
+        yield from self._handle(step)
         brought, self.bin = self.bin, ""
         picker = self.model.robots[step.picker]
         picker.taken.pop(brought, None)  # it may have had this bin before
@@ -386,7 +378,7 @@ class Robot:
     def _(self, step: st.FetchEmpty) -> Events:
         if not self.offered:
             yield from self.wait(self.has_offer)
-        yield self.env.timeout(1 if self.stood < self.tick else 2)
+        yield from self._handle(step)
         self.bin = self.offered
         self.model.couple(self)
         while not self.places.holds([step.place]):
@@ -396,21 +388,18 @@ class Robot:
 
     @do.register
     def _(self, step: st.TakeBin) -> Events:
-        yield from self._handle(st.COUPLE)
+        yield from self._handle(step)
         self.bin = step.bin
 
     @do.register
     def _(self, step: st.Unload) -> Events:
-        rest = self.model.unloading_ticks + st.UNCOUPLE - st.COUPLE  # the bin stands two ticks after its carrier
-        yield self.env.timeout(ceil((rest - 1) / PATIENCE) * PATIENCE + ASK)
+        yield self.env.timeout(step.ticks)
         self.model.deliver()
 
     @do.register
     def _(self, step: st.Confirmed) -> Events:
-        yield self.env.timeout(ASK)
+        yield self.env.timeout(step.ticks)
 
     @do.register
-    def _(self, step: st.Home) -> Events:
+    def _(self, step: st.Home) -> None:
         self.model.home(self)
-        return
-        yield

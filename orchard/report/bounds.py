@@ -11,16 +11,16 @@ from orchard.agents.dispatch import dispatch_of, is_early
 from orchard.agents.robot import ASK, Step
 from orchard.agents.route import OneWay, Side
 from orchard.agents.routes import route_of
-from orchard.agents.steps import COUPLE, UNCOUPLE, DriveTo, FetchEmpty, LeaveBin, Unload
+from orchard.agents.steps import Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
 from orchard.agents.timing import approach_seconds, duration, head, timetable
 from orchard.field.geometry import HEADINGS, Pose
-from orchard.field.layout import UNLOADING_SECONDS, Layout
+from orchard.field.layout import Layout
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
 
 TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and the gap to the next one; at 1 m/s also the s in which the next one moves into the bay
 ROUNDS = 2  # times that a picker picks its rows in the means: after two rounds each row has been left at the same ends again
-HANDOVER = (UNCOUPLE + COUPLE + ASK) * TIME_STEP  # s from a carrier's stop until the picker has its bin and the bin's place
+HANDOVER = (Deliver.handles + FetchEmpty.handles + ASK) * TIME_STEP  # s from a carrier's stop until its bin and place are the picker's
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Bounds:
         self.crossing_seconds = mean(lambda one: one.leaving + one.going_on)  # t_x, to leave a full bin and to go on
         self.wait_seconds = mean(lambda one: one.wait(early))  # w, from the full bin to an empty one
         self.cycle_seconds = mean(lambda one: one.cycle)  # C, from the queue's head around the orchard and back
-        self.bay_seconds = UNLOADING_SECONDS + handling([Unload()]) + TRAIN  # t_bay, for which one carrier occupies the bay
+        self.bay_seconds = handling([Unload()]) + TRAIN  # t_bay, for which one carrier occupies the bay
         self.terms = {
             "pickers": scenario.pickers / (self.row_seconds + self.crossing_seconds + self.wait_seconds),
             "carriers": scenario.carrier_count / self.cycle_seconds,
@@ -96,7 +96,7 @@ def _exchange(route: OneWay, row: int, next_row: int, side: Side) -> Exchange:
         going_on=duration(way, start) - came_out + handling(way[len(out) :]),
         approach=approach,
         from_hold=approach - _needs(side.place("D", row), job, head(route), approach),
-        cycle=duration(job, head(route)) + handling(job) + UNLOADING_SECONDS,
+        cycle=duration(job, head(route)) + handling(job),
     )
 
 

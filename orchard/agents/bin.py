@@ -6,7 +6,7 @@ If the scenario's dispatch policy is `early`, the bin calls before that, while i
 import msgspec
 
 from orchard.agents.dispatch import BinReport, CarrierReport, dispatch_of, is_early
-from orchard.agents.forecast import LEAST_PACE, Forecast
+from orchard.agents.forecast import LEAST_SPEED, Forecast
 from orchard.contract.agent import Action, Heard, Hitch, Hold, Mail, Observation
 from orchard.contract.messages import (
     LAST_TICK,
@@ -47,7 +47,7 @@ class BinMemory(msgspec.Struct):
     picker: str = ""  # the picker that left it
     since: int = -1  # tick at which the call began; -1: no call is open
     done: int = 0  # calls that ended in an exchange
-    pace: float = 0.0  # m/s at which the picker picks the present row
+    picking_speed: float = 0.0  # m/s, in the present row
     speed: float = 0.0  # m/s at which the picker drove when the bin last looked
 
 
@@ -109,12 +109,12 @@ class Bin:
         """Call while the picker still fills the bin, from the time at which a carrier for the farthest lane would have to leave."""
         is_steady, memory.speed = abs(picker.twist.x - memory.speed) < KEEPS, picker.twist.x
         if not is_steady:
-            action.hold = None  # the last step before a picker stands is shorter, and no pace: the next tick tells
+            action.hold = None  # the last step before a picker stands is shorter, and tells nothing: the next tick tells
         if not seen.fill:
-            memory.pace = self.layout.scenario.picking_speed
-        elif is_steady and memory.speed >= LEAST_PACE:
-            memory.pace = memory.speed
-        ripening = forecast.of(seen, picker, memory.pace)
+            memory.picking_speed = self.layout.scenario.picking_speed
+        elif is_steady and memory.speed >= LEAST_SPEED:
+            memory.picking_speed = memory.speed
+        ripening = forecast.of(seen, picker, memory.picking_speed)
         is_time = ripening is not None and ripening.seconds < forecast.horizon
         if ripening is not None and (is_time or memory.carrier):
             self.call(seen, mail, memory, action, ripening.lane, ripening.side, ripening.seconds)

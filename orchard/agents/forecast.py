@@ -12,7 +12,7 @@ from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
 
 ALONG = 0.01  # rad and m: a picker whose heading, or place, is nearer than this to that of a row faces along it, or is in it
-LEAST_PACE = 0.01  # m/s: a picker that is slower does not pick, but stands, or is about to
+LEAST_SPEED = 0.01  # m/s: a picker that is slower does not pick, but stands, or is about to
 EARLIER = 30.0  # s before a carrier would have to leave for the farthest lane
 
 
@@ -31,10 +31,10 @@ class Forecast:
     def __init__(self, layout: Layout) -> None:
         self.layout, self.horizon = layout, horizon(layout)
 
-    def of(self, seen: Observation, picker: Hitch, pace: float) -> Ripening | None:
+    def of(self, seen: Observation, picker: Hitch, picking_speed: float) -> Ripening | None:
         """Return the forecast for a bin on a picker; None unless the picker is in a row that it has still to pick, or drives into one.
 
-        `pace`: m/s at which the picker picks. A picker that stands before a row may have to wait for roads that early carriers block.
+        `picking_speed`: m/s in this row. A picker that stands before a row may have to wait for roads that early carriers block.
         """
         side = next((name for name, yaw in (("east", EAST), ("west", WEST)) if abs(angle_between(yaw, picker.pose.yaw)) < ALONG), "")
         lane = min(self.layout.lanes, key=lambda lane: abs(lane.y - picker.y))
@@ -45,7 +45,7 @@ class Forecast:
         before = max(0.0, ahead - left)
         if before > ALONG and picker.twist.x <= 0.0:
             return None
-        return Ripening(lane.number, side, until_full(self.layout, lane.number, side, left / pace, before), before)
+        return Ripening(lane.number, side, until_full(self.layout, lane.number, side, left / picking_speed, before), before)
 
     def ticks(self, ripening: Ripening) -> int:
         """Return the ticks until the bin must look again, if its picker keeps its velocity: it may have to call, or its picker may pick."""

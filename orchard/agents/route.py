@@ -103,9 +103,14 @@ class OneWay:
     STOP = 1.9  #: distance past the lane at which a delivering carrier stops, its bin on the lane's centre line; its loop begins there
     HOLD = 3.75  #: distance before a lane at which a carrier waits while it may not enter the lane's place
     CLEAR = 5.7  #: distance past a lane at which a carrier's tail has left the place
+    LOOP_CLEAR = 36.8  #: x at which a delivering carrier that turned in towards the lane has left the delivery road
+    PICKER_CLEAR_D, PICKER_CLEAR_F = 34.4, 32.4  #: x at which a picker that drives into a row, and its bin, have left these roads
+    PARKING_CLEAR = 42.5  #: x at which a picker that parks, and its bin, have left the delivery road
     PICKER_HOLD = 33.7  #: x at which a picker waits to cross the roads; its front is at 34.95
     F_BOTTOM, D_BOTTOM = 3.5, 5.6  # distances of the roads along the bottom, south of the last tree line
     CORNER_HOLD_X = -35.5  #: x before which a carrier on the outer bottom road waits for the south-west corner
+    CORNER_CLEAR_X = 34.7  #: x on the inner bottom road at which a full bin has left the south-east corner
+    CORNER_CLEAR_Y = 1.4  #: distance north of that road at which a full bin has left the south-west corner
     TOP_CLEAR = 3.75  #: distance south of the southernmost line in use at which a carrier has left the place `top`
 
     def __init__(self, layout: Layout) -> None:
@@ -205,12 +210,12 @@ class OneWay:
     def pick(self, row: int, side: Side, came_over: bool) -> list[Step]:
         """Drive a row to its end on this side at the picking speed, and leave the full bin in the lane's mouth."""
         other = self.west if side is self.east else self.east
-        frees = [Gate([other.place("D", row)], other.x(34.4)), Gate([other.place("F", row)], other.x(32.4))] if came_over else []
+        frees = self.cleared(row, other) if came_over else []
         cross = self.cross(side, row, self.hold(row, side))
         return [
             Say(f"picking row {row}", "picking"),
             *self.may_fail(),
-            DriveTo(x=self.end(row, side), speed=self.layout.lane(row).pace, needs=cross, frees=frees),
+            DriveTo(x=self.end(row, side), speed=self.layout.lane(row).picking_speed, needs=cross, frees=frees),
             Say(f"leaving the full bin of row {row}", "handling a bin"),
             DriveTo(x=side.x(self.FULL_BIN + KINDS["picker"].tows), needs=cross),
             *self.fill(),
@@ -256,14 +261,17 @@ class OneWay:
 
     def turn_in(self, row: int, side: Side) -> list[Step]:
         """Turn to the head of a row, and drive there, once both roads are free."""
-        frees = [Gate([side.place("D", row)], side.x(34.4)), Gate([side.place("F", row)], side.x(32.4))]
-        drive = DriveTo(x=self.end(row, side), frees=frees)
+        drive = DriveTo(x=self.end(row, side), frees=self.cleared(row, side))
         return [Need(side.crossing(row)), Face(side.heading("WEST")), drive]
+
+    def cleared(self, row: int, side: Side) -> list[Gate]:
+        """Where a picker that drives into a row gives the places of both roads back."""
+        return [Gate([side.place("D", row)], side.x(self.PICKER_CLEAR_D)), Gate([side.place("F", row)], side.x(self.PICKER_CLEAR_F))]
 
     def park(self, row: int, side: Side) -> list[Step]:
         """After the last row drive off the roads with the empty bin, and stay there."""
         place = [side.place("D", row)]
-        drive = DriveTo(x=side.x(self.PARKED), frees=[Gate(place, side.x(42.5))])
+        drive = DriveTo(x=side.x(self.PARKED), frees=[Gate(place, side.x(self.PARKING_CLEAR))])
         return [Say("parking", "driving"), drive, Free(place), Say("finished", "resting")]
 
     # -- carriers
@@ -296,7 +304,7 @@ class OneWay:
         return [
             Need([side.place("F", lane)]),
             Face(side.heading("WEST"), blind),
-            DriveTo(x=side.x(self.COUPLING), frees=[Gate([side.place("D", lane)], side.x(36.8))], blind_to=blind),
+            DriveTo(x=side.x(self.COUPLING), frees=[Gate([side.place("D", lane)], side.x(self.LOOP_CLEAR))], blind_to=blind),
             Face(side.heading("NORTH"), blind),
             DriveTo(y=self.layout.lane(lane).y, blind_to=blind),
             Face(side.heading("EAST"), blind),
@@ -313,10 +321,10 @@ class OneWay:
             self._along(side, "F", self._lanes(side, first=lane), stop=self.inner_bottom),
             Need(["corner/south-east"]),
             Face("WEST"),
-            DriveTo(x=self.west.x(self.F_ROAD), frees=[Gate(["corner/south-east"], self.east.x(34.7))]),
+            DriveTo(x=self.west.x(self.F_ROAD), frees=[Gate(["corner/south-east"], self.east.x(self.CORNER_CLEAR_X))]),
             Need(["corner/south-west"]),
             Face("NORTH"),
-            *self._north_to_bay(self._lanes(self.west), [Gate(["corner/south-west"], self.inner_bottom + 1.4)]),
+            *self._north_to_bay(self._lanes(self.west), [Gate(["corner/south-west"], self.inner_bottom + self.CORNER_CLEAR_Y)]),
         ]
 
     def go_home(self, carrier: int) -> list[Step]:

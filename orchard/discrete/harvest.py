@@ -82,7 +82,7 @@ class DiscreteHarvest:
         if picker.bin not in self._left or self._left[picker.bin].triggered:
             self._left[picker.bin] = self.env.event()
         lane = self.layout.lane(row)
-        seconds = until_full(self.layout, row, side.name, lane.length / lane.pace, before)
+        seconds = until_full(self.layout, row, side.name, lane.length / lane.picking_speed, before)
         self.calls.begins(picker, row, side, seconds, picker.tick + (1 if before else 0))  # its bin must see that it drives
 
     def go_on(self, picker: Robot) -> None:

@@ -105,8 +105,8 @@ class Robot:
         """Its x now, m, also on the way."""
         if self._leg is None or self._leg[0] != "x":
             return self.x
-        _, begun, was, pace, sign, limit = self._leg
-        return sign * min(limit, was + (self.env.now - begun) * pace)
+        _, begun, was, stride, sign, limit = self._leg
+        return sign * min(limit, was + (self.env.now - begun) * stride)
 
     @property
     def is_on_the_way(self) -> bool:
@@ -143,7 +143,7 @@ class Robot:
             self.model.begin_row(self, target - here)
         line = (axis, round(self.y if axis == "x" else self.x, 3), sign)
         left_at, arrived = here, self._leave(line, here)
-        pace, called = step.speed * TIME_STEP, [self.new_plan] if step.queueing else []
+        stride, called = step.speed * TIME_STEP, [self.new_plan] if step.queueing else []
         meeting = here + self.clear
         needs, frees = [(sign * gate.at, gate) for gate in step.needs], sorted((sign * gate.at, gate.places) for gate in step.frees)
         while not (called and called[0].triggered):  # a carrier that is called on its way to the head stands there, and then goes on
@@ -167,15 +167,15 @@ class Robot:
                 yield from self._stand(shut, before if free_to <= here + NEAR else None, called)
                 continue
             next_at = min(limit, self._next_freed(frees), inf if arrived else left_at + CLEAR)
-            ticks = min(ceil((next_at - here) / pace - NEAR), ask)
+            ticks = min(ceil((next_at - here) / stride - NEAR), ask)
             begun, was = self.tick, here
-            self._leg = (axis, begun, was, pace, sign, limit)
+            self._leg = (axis, begun, was, stride, sign, limit)
             yield self._pause(ticks, called, is_held_up=limit < goal)
             if before is not None and limit < goal:  # the one before it has driven on
                 limit = max(limit, min(goal, room(self, before)))
-            here, self._leg = min(limit, was + (self.tick - begun) * pace), None
+            here, self._leg = min(limit, was + (self.tick - begun) * stride), None
             if axis == "x":
-                self._note_exit(begun, was, here, pace)
+                self._note_exit(begun, was, here, stride)
                 self.x = sign * here
             else:
                 self.y = sign * here
@@ -207,10 +207,10 @@ class Robot:
             look = [self.env.timeout(self.places.ticks_to_answer())] if ahead is not None else []
             yield self.places.granted_or(first_of(self.env, [*look, *events]))
 
-    def _note_exit(self, begun: int, was: float, here: float, pace: float) -> None:
+    def _note_exit(self, begun: int, was: float, here: float, stride: float) -> None:
         """Note the tick at which a carrier left the queue eastward. It drove from x = `was` to `here`, m, from `begun` on."""
         if was <= self.model.exit < here and self.away == inf:
-            self.away = begun + (self.model.exit - was) / pace
+            self.away = begun + (self.model.exit - was) / stride
 
     def _meet(self) -> Generator[simpy.Event, Any, float]:
         """Stand for people or animals. Return the metres to the next meeting."""

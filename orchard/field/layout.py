@@ -13,7 +13,7 @@ import numpy as np
 
 from orchard.field.geometry import EAST, WEST, Pose, Rect
 from orchard.field.kinds import KINDS, name_of
-from orchard.field.picking import pace_of
+from orchard.field.picking import picking_speed_of
 from orchard.field.placement import Start, guests
 from orchard.field.plugins import load_plugin
 from orchard.field.problems import Problem, ScenarioError
@@ -46,7 +46,7 @@ class Lane:
 
     number: int
     y: float  #: its centre line
-    pace: float  #: speed at which it is picked, m/s
+    picking_speed: float  #: m/s, from end to end
     west: float  #: x of the west end of its picked part
     length: float  #: of its picked part
     width: float  #: between its trees; twice the nearer side, if its centre line is not in the middle
@@ -183,7 +183,7 @@ class Layout:
         """Return the time for which a picker works at a row, with the mean time for which it stands because it failed, s."""
         failure = self.scenario.picking.failure
         share = 0.0 if failure.mean_between is None else failure.mean_repair / failure.mean_between
-        return self.lane(row).length / self.lane(row).pace * (1.0 + share)
+        return self.lane(row).length / self.lane(row).picking_speed * (1.0 + share)
 
 
 def lay_out(scenario: Scenario) -> Layout:
@@ -215,7 +215,7 @@ def _alike(scenario: Scenario) -> Rows:
     """Return the lanes and the lines of trees of an orchard in which all rows are alike."""
     pitch, length, width = scenario.row_width + TRUNK, scenario.row_length, scenario.row_width
     ys = [TREE_TOP_LINE - (i + 0.5) * pitch for i in range(scenario.rows)]
-    lanes = [Lane(row, y, pace_of(scenario, row), ROW_WEST, length, width) for row, y in enumerate(ys, start=1)]
+    lanes = [Lane(row, y, picking_speed_of(scenario, row), ROW_WEST, length, width) for row, y in enumerate(ys, start=1)]
     lines = [TreeLine(TREE_TOP_LINE - i * pitch, ROW_WEST, ROW_WEST + length) for i in range(scenario.rows + 1)]
     return tuple(lanes), tuple(lines)
 
@@ -240,7 +240,7 @@ def _lane(scenario: Scenario, number: int, row: SurveyedRow, south: float, lines
     """Return the lane of a surveyed row. `south`: how far it lies south of the first line of trees, m; `lines`: y of all lines, m."""
     y = TREE_TOP_LINE - south
     width = 2 * min(lines[number - 1] - y, y - lines[number]) - TRUNK
-    return Lane(number, y, pace_of(scenario, number), ROW_WEST + row.start, row.length, width)
+    return Lane(number, y, picking_speed_of(scenario, number), ROW_WEST + row.start, row.length, width)
 
 
 def _fences(layout: Layout) -> list[tuple[float, float, float, float]]:

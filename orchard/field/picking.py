@@ -1,4 +1,4 @@
-"""Picking as it is: the pace at which each row is picked, and when a picker fails and for how long. All of it is drawn by the seed.
+"""Picking as it is: the speed at which each row is picked, and when a picker fails and for how long. All of it is drawn by the seed.
 
 A row's picking time is the time to drive along it at a picker's top speed, which is sure, and the rest, which is drawn. So no row is picked
 faster than a picker can drive, and mean and deviation of the whole time are exactly those that the scenario names.
@@ -15,7 +15,7 @@ from orchard.field.scenario import Scenario
 Chances = Iterator[list[float]]  # pairs of random numbers, uniform in [0, 1)
 
 
-def pace_of(scenario: Scenario, row: int) -> float:
+def picking_speed_of(scenario: Scenario, row: int) -> float:
     """Return the speed at which a row is picked from end to end, m/s."""
     mean, most, spread = scenario.picking_speed, KINDS["picker"].speed, scenario.picking.spread
     if spread.distribution == "none":

@@ -35,7 +35,7 @@ class Fixed(NamedTuple):
     row_west: np.ndarray  # (r,) m: x of the rows' west ends
     row_length: np.ndarray  # (r,) m
     row_y: np.ndarray  # (r,) m: the lanes' centre lines
-    row_pace: np.ndarray  # (r,) m/s: the speeds at which they are picked
+    row_speed: np.ndarray  # (r,) m/s: the picking speeds
     walls: np.ndarray  # (w, 7): the boxes of fences, trunks and posts
     wall_frame: np.ndarray  # the Grid of the walls that a body in each cell could touch
     wall_begin: np.ndarray
@@ -83,7 +83,7 @@ def fixed_of(layout: Layout) -> Fixed:
         np.array([lane.west for lane in layout.lanes]),
         np.array([lane.length for lane in layout.lanes]),
         np.array([lane.y for lane in layout.lanes]),
-        np.array([lane.pace for lane in layout.lanes]),
+        np.array([lane.picking_speed for lane in layout.lanes]),
         walls,
         *_grid(walls.tobytes(), radius),
         frame_of(walls, max(CELL, 2.0 * (radius + step))),

@@ -41,7 +41,7 @@ def test_a_picker_fails_where_it_has_picked_for_as_long_as_was_drawn_and_goes_on
     assert stage.account.figures()["state_seconds"]["picker"]["failed"] >= took - 0.2
 
 
-def test_a_bin_does_not_take_the_last_step_before_a_failure_for_the_pace_of_its_picker():
+def test_a_bin_does_not_take_the_last_step_before_a_failure_for_the_picking_speed_of_its_picker():
     stage = Stage(empty_orchard(seed=4, picking={"failure": {"mean_between": 60.0, "mean_repair": 1800.0}}))
     stage.run_until(lambda: stage.world.tick > 0 and stage.local.actions["picker_01"].state == "failed", 10)
     filled = stage.world.row_picked[0]
@@ -105,5 +105,5 @@ def test_lockstep_has_the_hash_of_local_mode_when_pickers_fail_and_rows_differ(f
 def test_a_pickers_own_agent_is_no_faster_than_the_row():
     stage = Stage(varied(picking={"spread": VARIED["spread"]}))
     stage.run(5)
-    paces = [lane.pace for lane in stage.world.layout.lanes]
-    assert stage.world.row_picked[:2] == pytest.approx([5 * pace for pace in paces[:2]])
+    speeds = [lane.picking_speed for lane in stage.world.layout.lanes]
+    assert stage.world.row_picked[:2] == pytest.approx([5 * speed for speed in speeds[:2]])

@@ -46,12 +46,12 @@ def test_pickers_go_on_to_the_next_lane_with_their_empty_bin():
     stage.assert_at("picker_02", y=stage.world.layout.lane(3).y, heading="WEST")
 
 
-@pytest.mark.parametrize("pace", [1.0, 0.05])
-def test_pickers_ask_for_the_roads_three_seconds_before_they_must_stop_for_them(pace):
-    stage = Stage(empty_orchard(pickers=3, carriers=1, row_length=20.0, picking_speed=pace, dispatch=NEAREST))
+@pytest.mark.parametrize("speed", [1.0, 0.05])
+def test_pickers_ask_for_the_roads_three_seconds_before_they_must_stop_for_them(speed):
+    stage = Stage(empty_orchard(pickers=3, carriers=1, row_length=20.0, picking_speed=speed, dispatch=NEAREST))
     stage.run_until(lambda: any(wanted(request) for request in stage.local.answers.get("picker_01", Action()).requests), 500)
     left = OneWay.PICKER_HOLD + stage.world.layout.shift - stage.pose("picker_01")[0]
-    assert left / pace == pytest.approx(3.0, abs=0.3)
+    assert left / speed == pytest.approx(3.0, abs=0.3)
 
 
 def wanted(request: tuple[str, object]) -> list[str]:

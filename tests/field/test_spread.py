@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scenario_mistakes import refusal
 
 from orchard.field.layout import lay_out
-from orchard.field.picking import failure, pace_of
+from orchard.field.picking import failure, picking_speed_of
 from orchard.field.scenario import LEAST_CV, WIDEST, Scenario, parse
 
 SEEDS = range(500)  # of 20 rows each: 10,000 draws
@@ -23,7 +23,7 @@ def scenario(distribution: str, cv: float = 0.3, speed: float = 0.1, seed: int =
 
 def times(distribution: str, cv: float, speed: float) -> list[float]:
     """Return the picking times of 10,000 rows, in units of their mean."""
-    return [speed / pace_of(scenario(distribution, cv, speed, seed), row) for seed in SEEDS for row in range(1, 21)]
+    return [speed / picking_speed_of(scenario(distribution, cv, speed, seed), row) for seed in SEEDS for row in range(1, 21)]
 
 
 def share_below(distribution: str, time: float, cv: float, least: float) -> float:
@@ -57,18 +57,18 @@ def test_picking_times_have_the_mean_the_spread_and_the_distribution_that_are_na
 def test_no_row_is_faster_than_a_picker_whatever_is_allowed(speed: float, share: float, distribution: str, seed: int) -> None:
     cv = max(LEAST_CV, share * WIDEST[distribution] * (1.0 - speed))
     own = scenario(distribution, cv, speed, seed)
-    assert all(0.0 < pace_of(own, row) <= 1.0 for row in range(1, 6))
+    assert all(0.0 < picking_speed_of(own, row) <= 1.0 for row in range(1, 6))
 
 
 def test_rows_are_alike_unless_a_distribution_is_named() -> None:
-    assert {lane.pace for lane in lay_out(Scenario(rows=20, picking_speed=0.3)).lanes} == {0.3}
+    assert {lane.picking_speed for lane in lay_out(Scenario(rows=20, picking_speed=0.3)).lanes} == {0.3}
 
 
 def test_a_rows_pace_follows_from_seed_and_row_only() -> None:
-    drawn = [lane.pace for lane in lay_out(scenario("lognormal")).lanes]
+    drawn = [lane.picking_speed for lane in lay_out(scenario("lognormal")).lanes]
     assert len(set(drawn)) == 20
-    assert drawn == [lane.pace for lane in lay_out(scenario("lognormal", carriers=3, row_width=7.0)).lanes]
-    assert not set(drawn) & {lane.pace for lane in lay_out(scenario("lognormal", seed=2)).lanes}
+    assert drawn == [lane.picking_speed for lane in lay_out(scenario("lognormal", carriers=3, row_width=7.0)).lanes]
+    assert not set(drawn) & {lane.picking_speed for lane in lay_out(scenario("lognormal", seed=2)).lanes}
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ class Rows(NamedTuple):
     west: np.ndarray  # (r,) m: x of the rows' west ends
     length: np.ndarray  # (r,) m
     y: np.ndarray  # (r,) m: the lanes' centre lines
-    pace: np.ndarray  # (r,) m/s: the speeds at which they are picked
+    picking_speed: np.ndarray  # (r,) m/s
     picked: np.ndarray  # (r,) m
     begun: np.ndarray  # (r,) int64: the end at which picking began: -1 west, +1 east, 0 not yet
 
@@ -73,7 +73,7 @@ def arc(x, y, yaw, forward, left, turn, seconds):
 @jit
 def advance(
     wanted, twist, pose, stopped, coupled, fill, pickers, speed, turn, sideways, shapes, tows, solid, walls, wall_frame, wall_begin,
-    wall_members, body_frame, bin_full, row_west, row_length, row_y, row_pace, row_picked, row_from, distance, collisions, held, blocked,
+    wall_members, body_frame, bin_full, row_west, row_length, row_y, row_speed, row_picked, row_from, distance, collisions, held, blocked,
     boxes, cells, cell_begin, cell_members, met, picked_from, before,
 ):  # fmt: skip
     """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick. It is one kernel to save calls.
@@ -81,7 +81,7 @@ def advance(
     boxes, cells, cell_..., before: space to work in; `met` and `picked_from` are written by `move_all` and `pick`. Returns whether
     anything happened of which there may be an event: a collision began, a row is picked, a bin is full.
     """
-    rows = Rows(bin_full, row_west, row_length, row_y, row_pace, row_picked, row_from)
+    rows = Rows(bin_full, row_west, row_length, row_y, row_speed, row_picked, row_from)
     walls_near = Grid(wall_frame, wall_begin, wall_members)
     limit(wanted, stopped, speed, coupled, turn, sideways, twist)
     keep_pace(pickers, twist, pose, coupled, fill, rows)
@@ -220,7 +220,7 @@ def row_at(y, rows):
 
 @inlined
 def keep_pace(pickers, twist, pose, coupled, fill, rows):
-    """Limit the twist of a picker in an unpicked part of a row, with a bin that is not full, to the row's pace."""
+    """Limit the twist of a picker in an unpicked part of a row, with a bin that is not full, to the row's picking speed."""
     for i in pickers:
         if coupled[i] == NONE or fill[coupled[i]] >= rows.full:
             continue
@@ -230,7 +230,7 @@ def keep_pace(pickers, twist, pose, coupled, fill, rows):
         from_west, from_east = pose[i, 0] - rows.west[r], rows.west[r] + rows.length[r] - pose[i, 0]
         done = from_west if rows.begun[r] < 0 else from_east
         if min(from_west, from_east) >= 0.0 and (rows.begun[r] == 0 or done >= rows.picked[r] - _FRONTIER):
-            twist[i, 0] = min(max(twist[i, 0], -rows.pace[r]), rows.pace[r])
+            twist[i, 0] = min(max(twist[i, 0], -rows.picking_speed[r]), rows.picking_speed[r])
 
 
 @inlined

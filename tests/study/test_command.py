@@ -200,8 +200,8 @@ def test_a_violated_invariant_is_exit_code_1_and_named(folder):
     scenario = load(folder / "my.yaml")
     sound = PlannedRun(scenario, "fast").do(time.time() + 100.0)
     with Store(folder / "violated.db") as store:
-        for seed in range(5):
-            run = PlannedRun.of(scenario, scenario.seed + seed, "full", "harvest")
+        for seed in range(scenario.seed, scenario.seed + 5):
+            run = PlannedRun.of(scenario, seed, "full", "harvest")
             store.keep(replace(sound, key=run.key, seed=seed, model="full", ended="violated", violations="bin_01: is in two places"))
     run = orchard("study", folder / "my.yaml", "--model", "full", "--workers", "1", "--budget", "1s", "--out", folder / "violated.db")
     assert run.returncode == 1

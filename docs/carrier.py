@@ -48,9 +48,11 @@ def chapter() -> str:
 
 **A claim** to `traffic` has in `keep` the places that the carrier holds, and in `want` those that it waits for: it gets all or none. Names: `east/D/3`,
 `west/F/1`, `corner/south-east`, `corner/south-west`, and `top` if there are more than {_QUEUE.places} carriers. The answer `places` names what it holds. Claim
-when a place is given back, and every {PATIENCE} ticks while one is wanted; a wish that is not repeated for {traffic.FORGET} ticks is dropped. D at the lane of the
-delivery is given back at x = {off_d:g} ({_WEST.x(off_d):g} in the west); on F `corner/south-east` at x = {off_east:g}, `corner/south-west` {off_west:g} m north of F's bottom road; on D
-`corner/south-east` is needed {_ROUTE.HOLD:g} m north of F's bottom road. Each corner on D is given back after the turn.
+when a place is given back, and every {PATIENCE} ticks while one is wanted; a wish that is not repeated for {traffic.FORGET} ticks is dropped. 
+
+Give back D at the lane of the delivery at x = {off_d:g} ({_WEST.x(off_d):g} in the west). On F, give back `corner/south-east` at x = {off_east:g}, and
+`corner/south-west` {off_west:g} m north of F's bottom road. On D, you need `corner/south-east` from {_ROUTE.HOLD:g} m north of F's bottom road on. Give back each
+corner on D after the turn.
 
 **The letters**, with the ticks after which they are repeated:
 

@@ -54,6 +54,7 @@ def remove_further_parts(path: Path) -> None:
 
 
 CHOSEN = "RERUN_CLI_PATH"  # Rerun's own variable; it names another program
+QUIET = {"RUST_LOG": "error"}  # environment of Rerun's program, which otherwise reports each of its steps
 
 
 def viewer_program() -> str:

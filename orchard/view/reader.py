@@ -5,6 +5,8 @@ the writer was killed, the end of its file may be missing.
 """
 
 import logging
+import os
+import re
 import subprocess
 import warnings
 from collections.abc import Iterator, Mapping
@@ -15,12 +17,13 @@ from typing import Any, NamedTuple
 from rerun.chunk import Chunk, RrdReader
 
 from orchard.field.scenario import TIME_STEP
-from orchard.view.files import packing, part, parts_of, viewer_program
+from orchard.view.files import QUIET, packing, part, parts_of, viewer_program
 from orchard.view.palette import Colour
 
 POSES = "/tf"  # entity with a value at the last tick of a part
 MISSING = "recording/missing"  # entity that records what a part lacks
 UNREADABLE = (RuntimeError, ValueError, Warning)  # what Rerun's reader raises: the file is torn, has no recording, or has no end
+PACK_SECONDS = 600  # that packing may take
 WORDS = "StateConfiguration:values"
 COLOURS = "StateConfiguration:colors"
 log = logging.getLogger("orchard")
@@ -82,18 +85,23 @@ def optimize(path: str | Path) -> None:
     packed = packing(Path(path))
     command = [viewer_program(), "rrd", "optimize", "--continue-on-error", str(path), "-o", str(packed)]
     try:
-        subprocess.run(command, check=True, capture_output=True, timeout=600)
+        subprocess.run(command, check=True, capture_output=True, timeout=PACK_SECONDS, env=os.environ | QUIET)
         packed.replace(path)
     except subprocess.SubprocessError as error:
-        raise OSError(f"{path}: neither packed nor repaired: {_last_line(error)}") from error
+        raise OSError(f"{path}: it stays as it was recorded, neither packed nor repaired: {_why(error)}") from error
     finally:
         packed.unlink(missing_ok=True)
 
 
-def _last_line(error: subprocess.SubprocessError) -> str:
-    """What a program that has failed said last."""
-    lines = (getattr(error, "stderr", None) or b"").decode(errors="backslashreplace").split("\n")
-    return next((line.strip() for line in reversed(lines) if line.strip()), str(error))
+def _why(error: subprocess.SubprocessError) -> str:
+    """Return why Rerun's program has failed: what the system says, as of a full disk, or else how it ended and its last words."""
+    if not isinstance(error, subprocess.CalledProcessError):
+        return f"Rerun's program takes longer than {PACK_SECONDS} s"
+    words = error.stderr.decode(errors="backslashreplace").strip()
+    if numbers := re.findall(r"\(os error (\d+)\)", words):
+        return os.strerror(int(numbers[-1]))
+    last = words.rpartition("\n")[2].removeprefix("Error: ")
+    return f"Rerun's program has ended with exit code {error.returncode}" + (f": {last}" if last else "")
 
 
 def missing(path: Path, ticks: int) -> dict[str, Any]:

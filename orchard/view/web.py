@@ -21,12 +21,11 @@ from pathlib import Path
 from typing import ClassVar, NoReturn
 from urllib.parse import quote, urlencode, urlsplit
 
-from orchard.view.files import viewer_program
+from orchard.view.files import QUIET, viewer_program
 
 LOOPBACK = "127.0.0.1"
 LOCAL = (LOOPBACK, "localhost")  # the names under which a browser may ask
 ROOT = Path(__file__).parents[2]
-QUIET = {"RUST_LOG": "error"}  # environment of the server
 LOOK_SECONDS = 1.0  # between two checks that the server still runs
 
 

@@ -62,6 +62,25 @@ def test_a_recording_is_packed_by_the_one_that_the_variable_names(stand_in, tmp_
     assert recording.read_text() == "packed"
 
 
+DISK_FULL = "Error: couldn't encode messages: No space left on device (os error 28): No space left on device (os error 28)"
+
+
+@pytest.mark.parametrize(
+    ("ends", "why"),
+    [
+        (f"sys.exit({DISK_FULL!r})", "No space left on device"),
+        ("sys.exit('Error: it is no recording')", "Rerun's program has ended with exit code 1: it is no recording"),
+        ("os.kill(os.getpid(), 9)", "Rerun's program has ended with exit code -9"),
+        ("time.sleep(30)", "Rerun's program takes longer than 2 s"),
+    ],
+)
+def test_why_a_recording_is_not_packed_is_said_in_words(stand_in, tmp_path, monkeypatch, ends, why):
+    monkeypatch.setattr("orchard.view.reader.PACK_SECONDS", 2)
+    stand_in.write_text(f"#!{sys.executable}\nimport os, sys, time\nif os.environ.get('RUST_LOG') != 'error': sys.exit('INFO')\n{ends}\n")
+    with pytest.raises(OSError, match=re.escape(f"run.rrd: it stays as it was recorded, neither packed nor repaired: {why}") + "$"):
+        optimize(tmp_path / "run.rrd")
+
+
 def test_a_recording_is_opened_by_it_with_all_its_parts(stand_in, tmp_path):
     parts = [tmp_path / "run.rrd", tmp_path / "run.part2.rrd"]
     for part in parts:

@@ -2,8 +2,9 @@
 
 import math
 from asyncio import CancelledError
-from dataclasses import replace
 from typing import Any
+
+from msgspec.structs import replace
 
 from orchard.agents.walker import Animal, AnimalMemory
 from orchard.contract.agent import Action, Mail, Observation

@@ -8,7 +8,7 @@ import msgspec
 
 from docs.message_examples import EXAMPLES, TICK, WRITTEN
 from docs.message_fields import UNIONS, parts_of, rows_of, struct_of
-from orchard.contract.agent import MOST_HOLD, MOST_REQUESTS, MOST_ZONES, Heard, Mail, Reply
+from orchard.contract.agent import MOST_HOLD, MOST_ZONES, Heard, Mail, Reply
 from orchard.contract.mail import digest_of
 from orchard.contract.messages import MAX_PAYLOAD, Claim, Places
 from orchard.contract.zone import ACROSS
@@ -62,7 +62,6 @@ def _filled(name: str, **more: Any) -> str:
         "lease": LEASE_MS,
         "most": MAX_PAYLOAD,
         "no_token": NO_TOKEN,
-        "requests": MOST_REQUESTS,
         "slack": SLACK,
         "stale": STALE_TICKS,
         "ticks": WATCHDOG_TICKS,

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec.structs import replace
 from orchard_ros2.messages import TICK_NANOSECONDS
 from orchard_ros2.topics import CMD_VEL, CMD_VEL_UNSTAMPED, LATCHED, Topic
 from rosbags.highlevel import AnyReader

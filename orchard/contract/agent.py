@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from orchard.contract.messages import MAX_PAYLOAD, Answer, Deed, Metres, Request, Tick
+from orchard.contract.messages import MAX_PAYLOAD, Answer, Deed, Metres, Request, Text, Tick, Word
 from orchard.contract.zone import Zone
 from orchard.field.geometry import STILL, Pose, Twist, yaw_of
 
@@ -142,20 +142,24 @@ class Hold(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     freer_within: Annotated[Metres, Meta(description="m; ask when the freer side changes; 0: never")] = 0.0
 
 
-@dataclass(slots=True)
-class Action:
+Deeds = Annotated[list[Deed], Meta(max_length=MOST_DEEDS, description="couple, uncouple, flatten; physics decides whether each is done")]
+Asked = Annotated[list[tuple[Word, Request]], Meta(max_length=MOST_REQUESTS, description="numbered by place from 0")]
+Steps = Annotated[int, Meta(ge=0, le=MOST_STEPS, description="steps of its plan that it has finished")]
+
+
+class Action(msgspec.Struct, forbid_unknown_fields=True):
     """What an agent returns from a tick: velocity, deeds, messages, memory and status."""
 
-    twist: Twist = STILL
-    deeds: list[Deed] = field(default_factory=list)
-    requests: list[tuple[str, Request]] = field(default_factory=list)  #: (recipient, request)
-    answers: list[tuple[Heard, Answer]] = field(default_factory=list)
+    twist: Annotated[Twist, Meta(description="forward, left (m/s), counter-clockwise (rad/s)")] = STILL
+    deeds: Deeds = []
+    requests: Asked = []
+    answers: list[tuple[Heard, Answer]] = []
     memory: Any = None
-    doing: str = ""  #: a short present participle, for people: "picking row 3"
-    state: State | None = None  #: the same for programs; None: see `state_of`
-    waits_for: str = ""  #: the agent or thing that holds it up
-    steps_done: int = 0  #: steps of its plan, since the beginning
-    hold: Hold | None = None  #: until when it need not be asked; None: it is asked at the next tick
+    doing: Annotated[Text, Meta(description="present participle, for people: 'picking row 3'")] = ""
+    state: Annotated[State | None, Meta(description="for programs; nil: 'driving' while it moves, else 'resting'")] = None
+    waits_for: Annotated[Text, Meta(description="what holds it up")] = ""
+    steps_done: Steps = 0
+    hold: Annotated[Hold | None, Meta(description="until when it need not be asked; nil: it is asked at the next tick")] = None
 
 
 def says_holds(class_: type) -> bool:

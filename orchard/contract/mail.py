@@ -24,11 +24,9 @@ def digest_of(mail: Mail) -> bytes:
     return hashlib.blake2b(pack([heard, replies]), digest_size=16).digest()
 
 
-def written_by(action: Action) -> Written | None:
-    """Return the letters of an action; None if there are none."""
-    if not action.requests and not action.answers:
-        return None
-    return Written(action.requests, [Given(heard.sender, heard.tick, heard.number, answer) for heard, answer in action.answers])
+def given_by(action: Action) -> list[Given]:
+    """Return the answers of an action, each with the number of its request in place of the request."""
+    return [Given(heard.sender, heard.tick, heard.number, answer) for heard, answer in action.answers]
 
 
 def copy_of(mail: Mail) -> Mail:
@@ -44,8 +42,8 @@ class LocalMail:
 
     def collect(self, sender: str, tick: int, action: Action) -> None:
         """Keep the letters of an agent's action at a tick."""
-        if (written := written_by(action)) is not None:
-            self.written.setdefault(tick, {})[sender] = written
+        if action.requests or action.answers:
+            self.written.setdefault(tick, {})[sender] = Written(action.requests, given_by(action))
 
     def deliver(self, tick: int) -> dict[str, Mail]:
         """Return the mail of all agents at a tick, by name. Agents without mail are absent."""

@@ -2,12 +2,12 @@
 the agents and acting."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
+from msgspec.structs import replace
 from pettingzoo import ParallelEnv
 
 from orchard.agents.robot import RobotMemory

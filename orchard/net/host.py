@@ -20,9 +20,9 @@ from orchard.net.endpoints import BusError
 from orchard.net.mailbox import DOUBT_SECONDS, MAILBOXES, LatestObservations, SentRequest
 from orchard.net.refusals import NO_TOKEN, TAKEN, M, Refusals, Refused, read_message
 from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, PhysicsRequest, ask, publish_refusals
-from orchard.wire.codec import drive_of
+from orchard.wire.codec import report_of
 from orchard.wire.keys import PHYSICS, Keys
-from orchard.wire.messages import BinStatus, Drive, End, Join, Joined, Left, Lost, Recall, Recalled, Velocities
+from orchard.wire.messages import BinStatus, End, Join, Joined, Left, Lost, Recall, Recalled, Report, Velocities
 
 log = logging.getLogger("orchard")
 RECALL_SECONDS = 5.0  # after which a recall is sent again: the link to physics may be cut
@@ -188,8 +188,8 @@ class Host:
         digests = {name: digest_of(heard) for name, heard in mail.items()}  # before the agents can change their mail
         actions = {name: self._act(name, observed, mail.get(name) or Mail()) for name, observed in seen.items()}
         self.thinking = ""
-        drives = {name: drive_of(action, digests.get(name, b""), self.runners[name].news()) for name, action in actions.items()}
-        self._answer = self._packed(tick, drives)
+        reports = {name: report_of(action, digests.get(name, b""), self.runners[name].news()) for name, action in actions.items()}
+        self._answer = self._packed(tick, reports)
         self._send()
         self._send_rest(seen, actions)
 
@@ -224,13 +224,13 @@ class Host:
         self.mailbox.recall(tick)
         return LocalMail(dict(recalled.letters)).deliver(tick)
 
-    def _packed(self, tick: int, drives: dict[str, Drive]) -> list[bytes]:
+    def _packed(self, tick: int, reports: dict[str, Report]) -> list[bytes]:
         """The velocities as one message or, if that would be too large, as several."""
-        packed, names = pack(Velocities(self.run_id, tick, self.bus.id, drives)), list(drives)
+        packed, names = pack(Velocities(self.run_id, tick, self.bus.id, reports)), list(reports)
         if len(packed) <= MAX_PAYLOAD or len(names) == 1:
             return [packed]
         halves = names[: len(names) // 2], names[len(names) // 2 :]
-        return [message for half in halves for message in self._packed(tick, {name: drives[name] for name in half})]
+        return [message for half in halves for message in self._packed(tick, {name: reports[name] for name in half})]
 
     def _send(self) -> None:
         for message in self._answer:

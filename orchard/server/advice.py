@@ -1,11 +1,12 @@
 """Advice, without a network: another client gives a robot its velocity, and the robot's agent goes on with plan, mail and deeds."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from orchard.contract.agent import Action
-from orchard.field.geometry import Twist
 from orchard.net.refusals import refuse_other_tick
+from orchard.wire.codec import twist_of
 from orchard.wire.messages import Advice
 
 ADVICE_TICKS = 5  # steps that one velocity drives a robot: 0.5 s, as the watchdog of a robot without a holder
@@ -32,8 +33,4 @@ class Advised:
         self._newest = {name: advice for name, advice in self._newest.items() if tick - advice.tick < ADVICE_TICKS}
         quiet = {name: replace(held[name], deeds=[], requests=[], answers=[]) for name in self._newest if name in held}
         known = {**quiet, **own}
-        return {name: replace(known.get(name) or Action(), twist=_twist(advice), hold=None) for name, advice in self._newest.items()}
-
-
-def _twist(advice: Advice) -> Twist:
-    return Twist(advice.linear.x, advice.linear.y, advice.angular.z)
+        return {name: replace(known.get(name) or Action(), twist=twist_of(advice), hold=None) for name, advice in self._newest.items()}

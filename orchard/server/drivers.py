@@ -5,7 +5,8 @@ from contextlib import suppress
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from orchard.contract.agent import MOST_REQUESTS, Action, Observations
+from orchard.contract.agent import Action, Observations
+from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS
 from orchard.net.refusals import Refused
 from orchard.server.advice import Advised
@@ -13,13 +14,13 @@ from orchard.server.lockstep import LockstepBarrier
 from orchard.server.publisher import Publisher
 from orchard.server.realtime import RealtimeBarrier, UnheldCommands
 from orchard.server.roster import RecoveryLog, Roster
-from orchard.wire.codec import velocity_of
-from orchard.wire.messages import Advice, Angular, Linear, Report, Velocities, Velocity
+from orchard.wire.codec import twist_of
+from orchard.wire.messages import Advice, Report, Velocities, Velocity
 
 if TYPE_CHECKING:
     from orchard.sim.engine import Engine
 
-BROKEN = Report(doing="broken", state="broken")  # of an agent whose report is refused
+BROKEN = Report(doing="broken", state="broken")  # in place of an action that is refused
 
 
 class Drivers:
@@ -124,8 +125,8 @@ class Drivers:
 
     def actions(self, tick: int) -> dict[str, Action]:
         """Return the actions for the step from this tick to the next. Memories and letters are kept for sessions that join later."""
-        self.recovery_log.keep(tick, self.answers.velocities)
-        own = self.answers.actions() | self.unheld.actions(tick)
+        self.recovery_log.keep(tick, self.answers.reports)
+        own = {**self.answers.actions(), **self.unheld.actions(tick)}
         advised = self.advised.actions(tick, own, self._engine.actions)
         self._engine.wake(advised)
         return own | advised
@@ -136,52 +137,48 @@ class Drivers:
         """Take a velocity that replaces that of a robot's agent. Raises Refused if it does not count."""
         if name not in self._engine.layout.index:
             raise Refused("no such robot", name)
-        self._refuse_sideways(name, advice.linear)
+        self._refuse_sideways(name, twist_of(advice))
         self.advised.take(name, advice, self._engine.tick)
 
-    def _refuse_sideways(self, name: str, linear: Linear) -> None:
+    def _refuse_sideways(self, name: str, twist: Twist) -> None:
         layout = self._engine.layout
-        if linear.y and name in layout.index and not KINDS[kind := layout.starts[layout.index[name]].kind].sideways:
+        if twist.y and name in layout.index and not KINDS[kind := layout.starts[layout.index[name]].kind].sideways:
             raise Refused("out of bounds", f"{name}: linear.y: a {kind} does not move sideways")
 
     def drive(self, name: str, velocity: Velocity) -> None:
         """Take a velocity for a robot. Raises Refused if it does not count."""
-        layout = self._engine.layout
-        self._refuse_sideways(name, velocity.linear)
-        if velocity.report and velocity.report.letters and len(velocity.report.letters.requests) > MOST_REQUESTS:
-            raise Refused("out of bounds", f"{name}: {len(velocity.report.letters.requests)} requests; at most {MOST_REQUESTS}")
         if name in self.roster.holders:
-            self.answers.take(name, velocity)
-        elif name in layout.index:
+            report = Report(twist_of(velocity), velocity.deeds, once=velocity.once)
+            self._act(name, velocity.holder, velocity.tick, report)
+        elif name in self._engine.layout.index:
+            self._refuse_sideways(name, twist_of(velocity))
             self.unheld.take(name, velocity)
         else:
             raise Refused("no such robot", name)
 
-    def drive_all(self, velocities: Velocities, malformed: Mapping[str, Refused]) -> list[Refused]:
-        """Take the velocities of a session, each by itself. Return the refusals; the refused velocities are removed from the message.
+    def _act(self, name: str, holder: str, tick: int, report: Report) -> None:
+        if name not in self.roster.holders:
+            raise Refused("not held" if name in self.roster.names else "no such robot", name)
+        self._refuse_sideways(name, report.twist)
+        self.answers.take(name, holder, tick, report)
 
-        `malformed`: name -> the refusal of a velocity that is not in `velocities`. A robot with a malformed velocity, or one out of bounds,
-        stands in this tick, so that the others need not wait for it.
+    def act_all(self, message: Velocities, malformed: Mapping[str, Refused]) -> list[Refused]:
+        """Take the actions of a session, each by itself. Return the refusals.
+
+        `malformed`: name -> the refusal of an action that is not in the message. A robot with a malformed action, or with a velocity out of
+        bounds, stands in this tick, so that the others need not wait for it.
         """
-        refusals, is_heard = list(malformed.values()), self._publisher.are_robots_heard()
-        for name in tuple(velocities.velocities):
+        refused, is_heard = dict(malformed), self._publisher.are_robots_heard()
+        for name, report in message.velocities.items():
             try:
-                velocity = velocity_of(velocities, name)
-                self.drive(name, velocity)
-                if is_heard:
-                    self._publisher.publish_velocity(name, velocity)
+                self._act(name, message.holder, message.tick, report)
             except Refused as refusal:
-                refusals.append(refusal)
-                del velocities.velocities[name]
-                if refusal.reason == "out of bounds":
-                    self._stand(name, velocities)
-        for name in malformed:
-            self._stand(name, velocities)
-        return refusals
-
-    def _stand(self, name: str, velocities: Velocities) -> None:
-        """Let a robot stand in this tick instead of its holder's velocity, which is refused."""
-        still = Velocity(velocities.run, velocities.tick, Linear(0.0), Angular(0.0), velocities.holder, report=BROKEN)
-        with suppress(Refused):  # it is not the velocity that this tick waits for
-            if name in self.roster.holders:
-                self.answers.take(name, still)
+                refused[name] = refusal
+            else:
+                if is_heard:
+                    self._publisher.publish_velocity(name, message.holder, message.tick, report)
+        for name, why in refused.items():
+            if why.reason in ("malformed", "out of bounds"):
+                with suppress(Refused):  # it is not the action that this tick waits for
+                    self._act(name, message.holder, message.tick, BROKEN)
+        return list(refused.values())

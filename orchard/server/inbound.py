@@ -241,15 +241,15 @@ class Inbound:
             raise
 
     def _drive_all(self, payload: bytes, session: str) -> list[Refused]:
-        """Take the velocities of a session, each by itself. Return the refusals. Raises Refused if the whole message does not count."""
+        """Take the actions of a session, each by itself. Return the refusals. Raises Refused if the whole message does not count."""
         try:
-            velocities, faults = velocities_of(payload)
+            actions, faults = velocities_of(payload)
         except ValueError as error:
             raise Refused("malformed", str(error)) from error
-        refuse_other_run(velocities, self._run.id)
-        _refuse_other_session(velocities.holder, session)
+        refuse_other_run(actions, self._run.id)
+        _refuse_other_session(actions.holder, session)
         refused = {name: Refused("malformed", f"{name}: {fault}") for name, fault in faults.items()}
-        return self._run.drivers.drive_all(velocities, refused)
+        return self._run.drivers.act_all(actions, refused)
 
     def _token(self, alive: Alive) -> None:
         name, holder = self._owner_of(alive)

@@ -11,7 +11,7 @@ from orchard.field.scenario import TICKS_PER_SECOND
 from orchard.net.bus import Bus
 from orchard.wire.codec import odometry_of, scan_of, seen_of
 from orchard.wire.keys import Keys
-from orchard.wire.messages import AskedOf, Clock, Lost, Stamp, Velocity
+from orchard.wire.messages import Angular, AskedOf, Clock, Linear, Lost, Report, Stamp, Velocity
 from orchard.wire.types import Message, SubMessage
 
 log = logging.getLogger("orchard")
@@ -67,10 +67,11 @@ class Publisher:
         elif self._is_heard(key):
             self._put(key, scan_of(self.run, seen[name], KINDS[self._layout.starts[body].kind].laser, KINDS["bin"].laser))
 
-    def publish_velocity(self, name: str, velocity: Velocity) -> None:
+    def publish_velocity(self, name: str, holder: str, tick: int, report: Report) -> None:
         """Publish a velocity that came in a session's message on the key of its robot, if a session subscribes to that."""
         if self._is_heard(key := self._keys.of("velocity", name)):
-            self._bus.publish(key, pack(velocity))
+            x, y, turn = report.twist
+            self._bus.publish(key, pack(Velocity(self.run, tick, Linear(x, y), Angular(turn), holder, report.once, report.deeds)))
 
     def _put(self, key: str, message: SubMessage) -> None:
         self._bus.publish(key, pack(message), self._newest_wins)

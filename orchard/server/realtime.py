@@ -8,17 +8,17 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from orchard.contract.agent import MOST_DEEDS, Action
-from orchard.contract.messages import Written
-from orchard.field.geometry import STILL
+from orchard.contract.messages import Deed
+from orchard.field.geometry import STILL, Twist
 from orchard.net.refusals import Refused, refuse_other_tick
 from orchard.server.lockstep import Barrier
 from orchard.server.roster import Roster
-from orchard.wire.codec import action_of
-from orchard.wire.messages import Velocity
+from orchard.wire.codec import twist_of
+from orchard.wire.messages import Report, Velocity
 
 WATCHDOG = 0.5  # s of wall time that one velocity drives a robot at least, in realtime; in lockstep only WATCHDOG_TICKS count
 WATCHDOG_TICKS = 5
@@ -50,11 +50,12 @@ class RecentTicks:
         return now - tick >= WATCHDOG_TICKS and self.clock() - at >= self._seconds
 
 
-class TimedVelocity(NamedTuple):
-    """A velocity, and the time of its arrival."""
+class TimedReport(NamedTuple):
+    """An action, the tick that it answers, and the time of its arrival."""
 
-    velocity: Velocity
-    at: float  # s, monotonic
+    tick: int
+    report: Report
+    at: float  # s, on the clock
 
 
 class UnheldCommands:
@@ -63,8 +64,8 @@ class UnheldCommands:
     def __init__(self, clock: Callable[[], float], seconds: float = WATCHDOG) -> None:
         """`seconds`: of wall time that a velocity drives at least; 0 in lockstep, where simulated time alone counts."""
         self._recent = RecentTicks(clock, seconds)
-        self._puts: dict[str, TimedVelocity] = {}
-        self._fresh: dict[str, Velocity] = {}  # velocities that no step has used
+        self._puts: dict[str, tuple[int, Twist, float]] = {}  # name -> the tick of its velocity, that, and the time of its arrival, s
+        self._deeds: dict[str, list[Deed]] = {}  # deeds that no step has used
 
     def begin(self, tick: int) -> None:
         self._recent.begin(tick)
@@ -73,10 +74,10 @@ class UnheldCommands:
         """Take a velocity for a robot. Raises Refused if it names a holder, or if its tick is too old or in the future."""
         if velocity.holder:
             raise Refused("not held", "no session holds this agent; join first")
-        newest_put = self._puts[name].velocity.tick if name in self._puts else 0
+        newest_put = self._puts[name][0] if name in self._puts else 0
         refuse_other_tick(velocity.tick, max(self._recent.oldest, newest_put), self._recent.newest)
-        self._puts[name] = TimedVelocity(velocity, self._recent.clock())
-        self._fresh[name] = _with_unused_report(self._fresh.get(name), velocity)
+        self._puts[name] = velocity.tick, twist_of(velocity), self._recent.clock()
+        self._deeds[name] = _all_deeds(self._deeds.get(name, []), velocity.deeds)
 
     def drives(self, name: str) -> bool:
         """Whether a client has driven this robot recently."""
@@ -84,14 +85,13 @@ class UnheldCommands:
 
     def actions(self, tick: int) -> dict[str, Action]:
         """Return the actions to apply at a tick, by name; each deed is in them once."""
-        fresh, self._fresh = self._fresh, {}
-        self._puts = {name: put for name, put in self._puts.items() if not self._recent.is_over(put.velocity.tick, put.at, tick)}
-        deeds = {name: action_of(velocity).deeds for name, velocity in fresh.items()}
-        return {name: Action(action_of(put.velocity).twist, deeds.get(name, [])) for name, put in self._puts.items()}
+        deeds, self._deeds = self._deeds, {}
+        self._puts = {name: put for name, put in self._puts.items() if not self._recent.is_over(put[0], put[2], tick)}
+        return {name: Action(twist, deeds.get(name, [])) for name, (_, twist, _) in self._puts.items()}
 
 
 class RealtimeBarrier(Barrier):
-    """The newest velocity of each held agent. The counterpart is `lockstep.LockstepBarrier`."""
+    """The newest action of each held agent. The counterpart is `lockstep.LockstepBarrier`."""
 
     mode = "realtime"
     watchdog = WATCHDOG
@@ -100,11 +100,11 @@ class RealtimeBarrier(Barrier):
 
     def __init__(self, roster: Roster, step: float, clock: Callable[[], float]) -> None:
         """`step`: s of wall time between two ticks."""
-        super().__init__(roster, clock)  # `velocities`: those that were used first in the last step
+        super().__init__(roster, clock)  # `reports`: those that were used first in the last step
         self._step = step
         self._recent = RecentTicks(clock)
-        self._newest: dict[str, TimedVelocity] = {}
-        self._fresh: dict[str, Velocity] = {}  # velocities that no step has used
+        self._newest: dict[str, TimedReport] = {}
+        self._fresh: dict[str, Report] = {}  # actions that no step has used
         self._moved: dict[str, int] = {}  # name -> the last tick in which it moved
         self._tardy: set[str] = set()  # agents that did not answer the last tick in time
         self._begun = self._patient = clock()
@@ -137,18 +137,18 @@ class RealtimeBarrier(Barrier):
         self.missing.discard(name)
         self._tardy.discard(name)
 
-    def take(self, name: str, velocity: Velocity) -> None:
-        """Take a velocity for a held agent. Raises Refused if it does not count."""
-        self._refuse_unless_held_by(name, velocity.holder)
-        last = self._newest[name].velocity.tick if name in self._newest else -1
-        if last >= 0 and velocity == self._newest[name].velocity:
-            return  # a repetition, sent in case the first was lost
-        if velocity.tick == last:
-            raise Refused("answered already", f"tick {velocity.tick}")
-        refuse_other_tick(velocity.tick, max(self._recent.oldest, last), self.tick)
-        self._fresh[name] = _with_unused_report(self._fresh.get(name), velocity)
-        self._newest[name] = TimedVelocity(velocity, self._clock())
-        if velocity.tick == self.tick:
+    def take(self, name: str, holder: str, tick: int, report: Report) -> None:
+        """Take the action of a held agent. Raises Refused if it does not count."""
+        self._refuse_unless_held_by(name, holder)
+        last = self._newest[name].tick if name in self._newest else -1
+        if tick == last:
+            if report == self._newest[name].report:
+                return  # a repetition, sent in case the first was lost
+            raise Refused("answered already", f"tick {tick}")
+        refuse_other_tick(tick, max(self._recent.oldest, last), self.tick)
+        self._fresh[name] = _with_unused(self._fresh.get(name), report)
+        self._newest[name] = TimedReport(tick, report, self._clock())
+        if tick == self.tick:
             self.missing.discard(name)
             self._delays.add(self._newest[name].at - self._begun)
 
@@ -162,18 +162,16 @@ class RealtimeBarrier(Barrier):
     def actions(self) -> dict[str, Action]:
         """Return the actions to apply, in the order of names; each deed is in them once."""
         held = sorted(self._roster.holders)
-        self._tardy = {name for name in held if name not in self._newest or self._newest[name].velocity.tick != self.tick}
+        self._tardy = {name for name in held if name not in self._newest or self._newest[name].tick != self.tick}
         self._missed += len(self._tardy)
-        self.velocities, self._fresh = self._fresh, {}
+        self.reports, self._fresh = self._fresh, {}
         puts, is_over = sorted(self._newest.items()), self._recent.is_over
-        return {name: self._action(name, put) for name, put in puts if not is_over(put.velocity.tick, put.at, self.tick)}
+        return {name: self._action(name, put) for name, put in puts if not is_over(put.tick, put.at, self.tick)}
 
-    def _action(self, name: str, put: TimedVelocity) -> Action:
-        action = action_of(self.velocities.get(name, put.velocity))
-        if name not in self.velocities:
-            action.deeds = []
-        if put.velocity.once and self._moved.get(name, -1) >= put.velocity.tick:  # it has moved since the pose that this answers
-            action.twist = STILL
+    def _action(self, name: str, put: TimedReport) -> Action:
+        action = self.reports[name] if name in self.reports else replace(put.report, deeds=[], requests=[], answers=[])
+        if put.report.once and self._moved.get(name, -1) >= put.tick:  # it has moved since the pose that this answers
+            action = replace(action, twist=STILL)
         if action.twist != STILL:
             self._moved[name] = self.tick
         return action
@@ -201,21 +199,14 @@ class Delays:
         return round((step + 1) * self.STEP * 1e3, 1)
 
 
-def _with_unused_report(before: Velocity | None, velocity: Velocity) -> Velocity:
-    """Add to a velocity the memory, letters and deeds of the velocity that it replaces, which no step has used."""
-    if before is None or before.report is None:
-        return velocity
-    if velocity.report is None:
-        return msgspec.structs.replace(velocity, report=before.report)
-    report = velocity.report
-    memory = before.report.memory if report.memory is None else report.memory
-    deeds = [deed for deed in before.report.deeds if deed not in report.deeds] + report.deeds
-    letters = _all_letters(before.report.letters, report.letters)
-    report = msgspec.structs.replace(report, memory=memory, deeds=deeds[:MOST_DEEDS], letters=letters)
-    return msgspec.structs.replace(velocity, report=report)
+def _with_unused(before: Report | None, report: Report) -> Report:
+    """Add to an action the memory, letters and deeds of the one that it replaces, which no step has used."""
+    if before is None:
+        return report
+    memory = before.memory if report.memory is None else report.memory
+    requests, answers = [*before.requests, *report.requests], [*before.answers, *report.answers]
+    return replace(report, memory=memory, deeds=_all_deeds(before.deeds, report.deeds), requests=requests, answers=answers)
 
 
-def _all_letters(before: Written | None, now: Written | None) -> Written | None:
-    if before is None or now is None:
-        return before or now
-    return Written([*before.requests, *now.requests], [*before.answers, *now.answers])
+def _all_deeds(before: list[Deed], now: list[Deed]) -> list[Deed]:
+    return [*(deed for deed in before if deed not in now), *now][:MOST_DEEDS]

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 
 from orchard.contract.messages import Written
 from orchard.net.refusals import NO_TOKEN, TAKEN, Refused
-from orchard.wire.messages import AskedOf, Velocity
+from orchard.wire.messages import AskedOf, Report
 
 MOST_TOKENS = 10_000  # liveliness tokens that are stored
 
@@ -77,16 +77,11 @@ class RecoveryLog:
         self.memories = dict(memories or {})
         self.letters: dict[int, dict[str, Written]] = dict(letters)  # tick -> sender -> its letters
 
-    def keep(self, tick: int, velocities: Mapping[str, Velocity]) -> None:
-        """Store the memories and letters in the velocities of the tick that was stepped last."""
-        written = {}
-        for name, velocity in velocities.items():
-            if velocity.report is None:
-                continue
-            if velocity.report.memory is not None:
-                self.memories[name] = velocity.report.memory
-            if velocity.report.letters is not None:
-                written[name] = velocity.report.letters
+    def keep(self, tick: int, reports: Mapping[str, Report]) -> None:
+        """Store the memories and letters in the reports of the tick that was stepped last."""
+        self.memories |= {name: report.memory for name, report in reports.items() if report.memory is not None}
+        spoken = {name: report for name, report in reports.items() if report.requests or report.answers}
+        written = {name: Written(report.requests, report.answers) for name, report in spoken.items()}
         self.letters = {at: letters for at, letters in self.letters.items() if at >= tick - 1}
         if written:
             self.letters[tick] = written

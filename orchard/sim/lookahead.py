@@ -7,11 +7,11 @@ hold gives the velocity that it holds. So it does no harm to ask more agents tha
 
 import logging
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from orchard.contract.agent import MOST_HOLD, MOST_ZONES, Action, Hold, Holds
 from orchard.contract.difference import difference
@@ -23,6 +23,7 @@ from orchard.sim.world import NONE, World
 
 log = logging.getLogger("orchard")
 
+PROMISED = "twist", "doing", "state", "waits_for", "steps_done"  # what an agent that holds would give again
 MOST_SPANS = 1024  # different zones that are kept
 _BEAMS = max(kind.laser.beams for kind in KINDS.values())
 
@@ -166,5 +167,6 @@ HOLDS: dict[Holds, type[Lookahead]] = {"on": Lookahead, "ignored": IgnoredHolds,
 
 def _broken_promise(held: Action, action: Action) -> str:
     """How an action differs from the one that is held; '' if it does not."""
-    again = replace(held, deeds=[], requests=[], answers=[], memory=action.memory, hold=action.hold)
+    status = {name: getattr(held, name) for name in PROMISED}
+    again = replace(action, deeds=[], requests=[], answers=[], **status)
     return difference(again, action, "its answer")

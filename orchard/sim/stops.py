@@ -5,8 +5,9 @@ and sends. Unloading in the bay is no motion, and goes on. People and animals ca
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from orchard.contract.agent import AHEAD, IN_TURN, Action
 from orchard.contract.events import STOPPED

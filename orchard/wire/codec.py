@@ -10,12 +10,11 @@ import numpy as np
 
 from orchard.contract.agent import STATE, Action, Hitch, Observation, Observations, observation_of
 from orchard.contract.events import SELDOM, Frame
-from orchard.contract.mail import written_by
+from orchard.contract.mail import given_by
 from orchard.contract.messages import unpack
 from orchard.field.geometry import Pose, Twist
 from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, Kind, Laser, kind_of
 from orchard.field.layout import ROW_WEST, Layout
-from orchard.field.problems import printable
 from orchard.field.repeatable import sin_cos
 from orchard.wire import messages as wire
 from orchard.wire.messages import FARTHEST, MOST_BODIES
@@ -186,32 +185,19 @@ def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
     return Frame(picture.tick, poses, picture.doing, scans, **arrays, **more)
 
 
-def drive_of(action: Action, mail: bytes, memory: bytes | None) -> wire.Drive:
+def report_of(action: Action, mail: bytes, memory: bytes | None) -> wire.Report:
     """Return the message for an action. `mail`: the digest of the mail that the agent heard. `memory`: None if physics has it already."""
-    x, y, turn = action.twist
-    doing, waits_for, letters = action.doing, action.waits_for, written_by(action)
-    report = wire.Report(action.deeds, doing, action.state, waits_for, action.steps_done, mail, memory, letters, action.hold)
-    return wire.Drive(wire.Linear(x, y), wire.Angular(turn), True, report)
+    said = {name: getattr(action, name) for name in ("doing", "state", "waits_for", "steps_done", "hold")}
+    return wire.Report(action.twist, action.deeds, action.requests, answers=given_by(action), memory=memory, mail=mail, once=True, **said)
 
 
-def velocity_of(velocities: wire.Velocities, name: str) -> wire.Velocity:
-    """Return one velocity of a session as a message of its own."""
-    drive = velocities.velocities[name]
-    return wire.Velocity(velocities.run, velocities.tick, drive.linear, drive.angular, velocities.holder, drive.once, drive.report)
-
-
-def action_of(velocity: wire.Velocity) -> Action:
-    """Return the action in a velocity, without its answers and memory. Its texts are printable, whatever a client sent."""
-    twist = Twist(velocity.linear.x, velocity.linear.y, velocity.angular.z)
-    report = velocity.report or wire.Report()
-    doing, waits_for = printable(report.doing), printable(report.waits_for)
-    action = Action(twist, report.deeds, doing=doing, state=report.state, waits_for=waits_for, steps_done=report.steps_done)
-    action.hold, action.requests = report.hold, report.letters.requests if report.letters else []
-    return action
+def twist_of(velocity: wire.Velocity | wire.Advice) -> Twist:
+    """Return the velocity in a message."""
+    return Twist(velocity.linear.x, velocity.linear.y, velocity.angular.z)
 
 
 def velocities_of(payload: bytes) -> tuple[wire.Velocities, dict[str, str]]:
-    """Return the well-formed velocities in a message, and name -> what is wrong with each other one. Raises ValueError as `read` does."""
+    """Return the well-formed actions in a message, and name -> what is wrong with each other one. Raises ValueError as `read` does."""
     try:
         return read(payload, wire.Velocities), {}
     except ValueError:
@@ -220,7 +206,7 @@ def velocities_of(payload: bytes) -> tuple[wire.Velocities, dict[str, str]]:
     whole = wire.Velocities(parts.run, parts.tick, parts.holder, {})
     for name, part in parts.velocities.items():
         try:
-            whole.velocities[name] = unpack(bytes(part), wire.Drive)
+            whole.velocities[name] = unpack(bytes(part), wire.Report)
         except ValueError as error:
             faults[name] = str(error)
     return whole, faults

@@ -8,9 +8,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from msgspec import Meta, Raw
 
-from orchard.contract.agent import LARGEST_MEMORY, MOST_DEEDS, MOST_STEPS, Hold, State
+from orchard.contract.agent import LARGEST_MEMORY, MOST_STEPS, Action, Deeds, State
 from orchard.contract.events import Event
-from orchard.contract.messages import FASTEST, Answer, Deed, Metres, Request, Text, Tick, Written
+from orchard.contract.messages import FASTEST, Answer, Given, Metres, Request, Text, Tick, Written
+from orchard.field.problems import printable
 from orchard.wire.types import Message, Run, RunMessage, SubMessage
 
 FARTHEST = 1e6  # m or m/s: no coordinate and no speed is larger
@@ -19,7 +20,6 @@ MOST_BODIES = 10_000
 # the longest descriptions of fields
 ALL_RANGES = "m, little-endian float32: for each body as many as its laser has beams; +inf for a beam without a return"
 ASKED = "lockstep: the requests of the tick before that these agents hear now"
-DEEDS = "couple, uncouple, flatten; physics decides whether each is done"
 DUE = "its agents that are asked at this tick"
 HOLDER = "the session id in the sender's liveliness token; '' if the sender holds no agent"
 ONCE = "realtime; true: it drives for one step, from the pose that it answers; false: until a newer one"
@@ -45,7 +45,6 @@ Fill = Annotated[float, Meta(ge=0.0, le=1e3)]
 Body = Annotated[int, Meta(ge=-1, lt=MOST_BODIES)]
 Once = Annotated[bool, Meta(description=ONCE)]
 Memory = Annotated[bytes, Meta(max_length=LARGEST_MEMORY)]
-Deeds = Annotated[list[Deed], Meta(max_length=MOST_DEEDS, description=DEEDS)]
 DoneAndWanted = Annotated[list[Speed], Meta(min_length=6, max_length=6)]
 States = Annotated[dict[Name, State], Meta(description="name -> its state; the same names as in `doing`")]
 
@@ -179,38 +178,30 @@ class Seen(Message):
     accuracies: Annotated[dict[KnownName, Fill], Meta(description=ACCURACIES)] = {}
 
 
-class Report(SubMessage):
-    """What a host sends with the velocity of an agent. A client that only drives leaves it out."""
+class Report(Action, omit_defaults=True):
+    """The action of an agent, as its session sends it: answers name the number of a request, and the memory is bytes."""
 
-    deeds: Deeds = []
-    doing: Annotated[Text, Meta(description="a short present participle: 'picking row 3'")] = ""
-    state: Annotated[State | None, Meta(description="for programs; nil: 'driving' while it moves, else 'resting'")] = None
-    waits_for: Annotated[Text, Meta(description="what it waits for, if it cannot continue")] = ""
-    steps_done: Annotated[int, Meta(ge=0, le=MOST_STEPS, description="steps of its plan that it has finished")] = 0
-    mail: Annotated[bytes, Meta(max_length=64, description="digest of the mail heard at this tick; empty without")] = b""
+    answers: list[Given] = []  # type: ignore[assignment]
     memory: Annotated[Memory | None, Meta(description="the agent's memory, for the session that runs it next; nil: unchanged")] = None
-    letters: Annotated[Written | None, Meta(description="a copy of its requests and answers of this tick; nil: none")] = None
-    hold: Annotated[Hold | None, Meta(description="until when it need not be asked; nil: it is asked at the next tick")] = None
-
-
-class Drive(SubMessage):
-    """One velocity in `Velocities`."""
-
-    linear: Linear
-    angular: Angular
+    mail: Annotated[bytes, Meta(max_length=64, description="digest of the mail heard at this tick; empty without")] = b""
     once: Once = False
-    report: Annotated[Report | None, Meta(description="the agent's report")] = None
+
+    def __post_init__(self) -> None:
+        """Raise ValueError for a velocity out of bounds, and make the texts printable, whatever a client sent."""
+        if not all(abs(part) <= FASTEST for part in self.twist):
+            raise ValueError(f"{self.twist}: each number must be from {-FASTEST:g} to {FASTEST:g}")
+        self.doing, self.waits_for = printable(self.doing), printable(self.waits_for)
 
 
 class Velocities(Message):
-    """The velocities of the agents of one session that are asked: its answer to `Seen` of the same tick."""
+    """The actions of the agents of one session that are asked: its answer to `Seen` of the same tick."""
 
     holder: Holder
-    velocities: Annotated[dict[KnownName, Drive], Meta(max_length=MOST_BODIES, description="name -> its velocity")]
+    velocities: Annotated[dict[KnownName, Report], Meta(max_length=MOST_BODIES, description="name -> the action of its agent")]
 
 
 class VelocityParts(Message):
-    """`Velocities` of which some velocity is malformed: each velocity as bytes, so that the others count."""
+    """`Velocities` of which some action is malformed: each as bytes, so that the others count."""
 
     holder: Holder
     velocities: Annotated[dict[KnownName, Raw], Meta(max_length=MOST_BODIES)]
@@ -223,7 +214,7 @@ class Velocity(Message):
     angular: Angular
     holder: Holder = ""
     once: Once = False
-    report: Annotated[Report | None, Meta(description="of the agent; a client that only drives leaves it out")] = None
+    deeds: Deeds = []
 
 
 class Advice(Message):

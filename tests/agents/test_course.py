@@ -1,10 +1,9 @@
 """Robots that something has turned or moved realign, come back to their line, and go on."""
 
-from dataclasses import replace
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from stage import Stage, empty_orchard
 
 from orchard.agents.steps import DriveTo, Face, Wait

@@ -15,13 +15,13 @@ from recordings import texts_in
 
 from orchard.agents.catalogue import make_agents
 from orchard.contract.agent import STATES, Action
+from orchard.contract.messages import pack, unpack
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, parse, to_yaml
 from orchard.local import Local
 from orchard.processes.agents import made
-from orchard.wire.codec import action_of, velocity_of
-from orchard.wire.messages import Angular, Drive, Linear, Report, Velocities
+from orchard.wire.messages import Report
 
 
 def foreign(fleet, *command):
@@ -164,8 +164,7 @@ def test_texts_of_agents_are_printable_wherever_a_person_reads_them(tmp_path, mo
 
 
 def test_texts_of_a_foreign_client_are_printable_at_physics():
-    drive = Drive(Linear(0.0), Angular(0.0), report=Report(doing=own_agents.ESCAPE, waits_for=own_agents.ESCAPE))
-    action = action_of(velocity_of(Velocities("run1", 1, "me", {"picker_01": drive}), "picker_01"))
+    action = unpack(pack({"doing": own_agents.ESCAPE, "waits_for": own_agents.ESCAPE}), Report)
     assert action.doing.startswith("Injected?[2J")
     assert action.doing.isprintable()
     assert action.waits_for.isprintable()

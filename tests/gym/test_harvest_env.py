@@ -3,7 +3,6 @@
 import subprocess
 import sys
 from copy import deepcopy
-from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -12,6 +11,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from orchard.field.geometry import Twist

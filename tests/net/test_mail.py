@@ -203,19 +203,23 @@ def test_the_released_are_told_by_holder():
     assert one.holders == {}
 
 
-def velocity(tick=3, holder="", x=1.0, report=None):
-    return Velocity(RUN, tick, Linear(x), Angular(0.0), holder, report=report)
+def velocity(tick):
+    return Velocity(RUN, tick, Linear(1.0), Angular(0.0))
+
+
+def action(holder="a", tick=3, x=1.0):
+    return holder, tick, Report(Twist(x))
 
 
 def test_a_tick_takes_one_answer_from_each_holder():
     answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "b")), Clock())
     answers.open(3)
-    for wrong, reason in [(velocity(holder="b"), "not the holder"), (velocity(2, "a"), "past tick"), (velocity(4, "a"), "future tick")]:
+    for wrong, reason in [(action("b"), "not the holder"), (action(tick=2), "past tick"), (action(tick=4), "future tick")]:
         with pytest.raises(Refused, match=reason):
-            answers.take("picker_01", wrong)
-    answers.take("picker_01", velocity(holder="a"))
+            answers.take("picker_01", *wrong)
+    answers.take("picker_01", *action())
     with pytest.raises(Refused, match="answered already"):
-        answers.take("picker_01", velocity(holder="a", x=0.5))
+        answers.take("picker_01", *action(x=0.5))
     assert answers.missing == {"bin_01"}
 
 
@@ -223,12 +227,12 @@ def test_an_answer_that_is_sent_again_counts_once_and_is_no_mistake():
     answers = LockstepBarrier(roster(("picker_01", "a")), Clock())
     for tick in (3, 4):
         answers.open(tick)
-        answers.take("picker_01", velocity(tick, "a"))
-        answers.take("picker_01", velocity(tick, "a"))
-    answers.take("picker_01", velocity(3, "a"))
+        answers.take("picker_01", *action(tick=tick))
+        answers.take("picker_01", *action(tick=tick))
+    answers.take("picker_01", *action())
     assert answers.actions()["picker_01"].twist == Twist(1.0)
     with pytest.raises(Refused, match="past tick"):
-        answers.take("picker_01", velocity(3, "a", x=0.5))
+        answers.take("picker_01", *action(x=0.5))
 
 
 # -- mail that may have been missed
@@ -252,11 +256,11 @@ def test_a_get_that_ends_without_a_word_leaves_a_doubt_and_one_that_was_told_lea
 
 def test_the_ledger_keeps_the_newest_memories_and_the_letters_of_two_ticks():
     log = RecoveryLog()
-    written = Written([("bin_01", StateRequest())], [])
+    asked = [("bin_01", StateRequest())]
     for tick, memory in enumerate([b"a", None, b"c", None]):
-        log.keep(tick, {"picker_01": velocity(tick, report=Report(memory=memory, letters=written if tick != 2 else None))})
+        log.keep(tick, {"picker_01": Report(memory=memory, requests=asked if tick != 2 else [])})
     assert log.memories == {"picker_01": b"c"}
-    assert log.letters == {3: {"picker_01": written}}
+    assert log.letters == {3: {"picker_01": Written(asked, [])}}
     assert (log.asked(3), log.asked(2)) == ([AskedOf("bin_01", "picker_01", 0)], [])
 
 
@@ -285,7 +289,7 @@ def test_answers_are_applied_in_one_order():
     answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "a")), Clock())
     answers.open(3)
     for name in ("picker_01", "bin_01"):
-        answers.take(name, velocity(holder="a"))
+        answers.take(name, *action())
     assert list(answers.actions()) == ["bin_01", "picker_01"]
 
 

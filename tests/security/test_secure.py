@@ -23,7 +23,7 @@ from orchard.security.certificates import Authority
 from orchard.security.identity import Identity, Keyring
 from orchard.security.roles import AUTHORITY, RIGHTS, SERVANTS, Role, access_control
 from orchard.wire.keys import TABLE
-from orchard.wire.messages import Angular, Command, Drive, Figures, Join, Joined, Linear, Odometry, RefusedThere, Report, Stop, Velocities
+from orchard.wire.messages import Command, Figures, Join, Joined, Odometry, RefusedThere, Report, Stop, Velocities
 from orchard.wire.types import read
 
 NONE = [word for name in agent_names(SMALL) for word in ("--absent", name)]
@@ -84,7 +84,7 @@ def test_an_agent_does_not_move_what_another_holds(farm):
         amy.drive_as(ben.bus.id, ben.bus.id, HERS, tick + ahead)
     assert amy.asks("scenario")  # physics has read what came before
     for ahead in range(3):
-        velocities = Velocities(farm.run, tick + ahead, ben.bus.id, {HERS: Drive(Linear(0.0), Angular(0.0))})
+        velocities = Velocities(farm.run, tick + ahead, ben.bus.id, {HERS: Report()})
         ben.bus.publish(KEYS.of("velocities", session=ben.bus.id), pack(velocities))
         after = ben.pose(HERS)
     assert after.tick > tick
@@ -111,7 +111,7 @@ def test_nobody_joins_in_anothers_name(farm):
     ben.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
     assert ben.join(HERS) == ""
     tick = ben.pose(HERS).tick
-    drive = Drive(Linear(0.0), Angular(0.0), report=Report(memory=b"where it hid the key"))
+    drive = Report(memory=b"where it hid the key")
     ben.bus.publish(KEYS.of("velocities", session=ben.bus.id), pack(Velocities(farm.run, tick, ben.bus.id, {HERS: drive})))
     ben.wait(Sample, lambda sample: sample.key == KEYS.of("pose", HERS) and read(sample.payload, Odometry).tick > tick)
     wish = Join(farm.run, ben.bus.id, [HERS])

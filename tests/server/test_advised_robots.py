@@ -15,7 +15,7 @@ from orchard.net.bus import Sample
 from orchard.net.refusals import Refused
 from orchard.server.advice import ADVICE_TICKS, Advised
 from orchard.server.realtime import UnheldCommands
-from orchard.wire.messages import Advice, Angular, Linear, Odometry, Report, Velocity
+from orchard.wire.messages import Advice, Angular, Linear, Odometry, Velocity
 from orchard.wire.types import read
 
 NAME = "picker_01"
@@ -26,7 +26,7 @@ def advice(tick: int, x: float = 0.3, turn: float = 0.0) -> Advice:
 
 
 def driving(tick: int, x: float = 0.0, deeds=()) -> Velocity:
-    return Velocity(RUN, tick, Linear(x), Angular(0.0), report=Report(deeds=list(deeds)))
+    return Velocity(RUN, tick, Linear(x), Angular(0.0), deeds=list(deeds))
 
 
 # -- advice, without a run

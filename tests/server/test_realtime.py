@@ -12,7 +12,7 @@ from local_runs import SMALL, local_at
 from stand_ins import RUN, Clock, Query, heard_at, letter, roster
 
 from orchard.contract.agent import Action
-from orchard.contract.messages import Couple, StateRequest, Written, Yes, pack
+from orchard.contract.messages import Couple, StateRequest, Yes, pack
 from orchard.field.geometry import Twist
 from orchard.field.scenario import to_yaml
 from orchard.net.mailbox import STALE_TICKS, LatestObservations, RealtimeMailbox
@@ -36,9 +36,12 @@ def live(*held):
     return RealtimeBarrier(roster(*held or [("picker_01", "a")]), STEP, clock), clock
 
 
-def velocity(tick, x=1.0, once=False, deeds=(), memory=None, holder="a"):
-    report = Report(deeds=list(deeds), memory=memory)
-    return Velocity(RUN, tick, Linear(x), Angular(0.0), holder, once, report)
+def driving(tick, x=1.0, holder="a", **more):
+    return holder, tick, Report(Twist(x), **more)
+
+
+def velocity(tick):
+    return Velocity(RUN, tick, Linear(1.0), Angular(0.0))
 
 
 def driven(one, clock, ticks):
@@ -55,7 +58,7 @@ def driven(one, clock, ticks):
 def test_a_velocity_drives_on_until_its_half_second_is_over():
     one, clock = live()
     one.open(0)
-    one.take("picker_01", velocity(0))
+    one.take("picker_01", *driving(0))
     assert driven(one, clock, 8) == [1.0] * 5 + [0.0] * 3
 
 
@@ -73,7 +76,7 @@ def test_a_robot_that_no_session_holds_moves_for_half_a_second_and_at_most_one_s
     for moment, what in sorted(moments):
         clock.now = begun + moment
         if what == "comes":
-            unheld.take("picker_01", velocity(0, holder=""))
+            unheld.take("picker_01", velocity(0))
         else:
             moved += "picker_01" in unheld.actions(tick)
             tick += 1
@@ -85,14 +88,14 @@ def test_a_robot_that_no_session_holds_moves_for_half_a_second_and_at_most_one_s
 def test_in_lockstep_a_robot_that_no_session_holds_moves_for_half_a_second_of_simulated_time(pause):
     clock = Clock()
     unheld, moved = UnheldCommands(clock, LockstepBarrier.watchdog), 0
-    unheld.take("picker_01", velocity(0, holder=""))
+    unheld.take("picker_01", velocity(0))
     for tick in range(20):
         moved += "picker_01" in unheld.actions(tick)
         clock.now += pause
         unheld.begin(tick + 1)
     assert moved == 5
     with pytest.raises(Refused, match="past tick"):
-        unheld.take("picker_01", velocity(15, holder=""))
+        unheld.take("picker_01", velocity(15))
 
 
 def test_the_newest_velocity_counts_although_it_is_late():
@@ -100,15 +103,15 @@ def test_the_newest_velocity_counts_although_it_is_late():
     for tick in range(3):
         one.open(tick)
         clock.now += STEP
-    one.take("picker_01", velocity(1, 0.5))
+    one.take("picker_01", *driving(1, 0.5))
     assert one.actions()["picker_01"].twist == Twist(0.5)
-    one.take("picker_01", velocity(2, 0.7))
+    one.take("picker_01", *driving(2, 0.7))
     assert one.actions()["picker_01"].twist == Twist(0.7)
-    for wrong, reason in [(velocity(1), "past tick"), (velocity(2), "answered already"), (velocity(9), "future tick")]:
+    for wrong, reason in [(driving(1), "past tick"), (driving(2), "answered already"), (driving(9), "future tick")]:
         with pytest.raises(Refused, match=reason):
-            one.take("picker_01", wrong)
+            one.take("picker_01", *wrong)
     with pytest.raises(Refused, match="not the holder"):
-        one.take("picker_01", velocity(2, holder="b"))
+        one.take("picker_01", *driving(2, holder="b"))
 
 
 def test_what_is_older_than_half_a_second_is_refused():
@@ -117,58 +120,56 @@ def test_what_is_older_than_half_a_second_is_refused():
         one.open(tick)
         clock.now += STEP
     with pytest.raises(Refused, match="past tick"):
-        one.take("picker_01", velocity(3))
+        one.take("picker_01", *driving(3))
 
 
 def test_an_exact_velocity_drives_one_step_and_only_from_the_pose_that_it_answers():
     one, clock = live()
     one.open(0)
-    one.take("picker_01", velocity(0, once=True))
+    one.take("picker_01", *driving(0, once=True))
     assert driven(one, clock, 2) == [1.0, 0.0]
-    one.take("picker_01", velocity(1, 0.5, once=True))
+    one.take("picker_01", *driving(1, 0.5, once=True))
     assert driven(one, clock, 2) == [0.5, 0.0], "late, but the robot has stood since"
-    one.take("picker_01", velocity(2, 0.5, once=True))
+    one.take("picker_01", *driving(2, 0.5, once=True))
     assert driven(one, clock, 1) == [0.0], "late, and the robot has moved since"
 
 
 def test_deeds_are_done_once_and_nothing_that_was_said_is_lost():
     one, clock = live()
     one.open(0)
-    one.take("picker_01", velocity(0, deeds=[COUPLE], memory=b"old"))
+    one.take("picker_01", *driving(0, deeds=[COUPLE], memory=b"old"))
     clock.now += STEP
     one.open(1)
-    one.take("picker_01", velocity(1))
+    one.take("picker_01", *driving(1))
     assert one.actions()["picker_01"].deeds == [COUPLE]
-    assert one.velocities["picker_01"].report.memory == b"old"
+    assert one.reports["picker_01"].memory == b"old"
     one.open(2)
     assert one.actions()["picker_01"].deeds == []
-    assert one.velocities == {}
+    assert one.reports == {}
 
 
 def test_letters_are_told_once_though_a_bare_velocity_follows_in_the_same_tick():
     one, clock = live()
-    said = velocity(0)
-    said.report.letters = Written([("bin_01", StateRequest())], [])
     one.open(0)
-    one.take("picker_01", said)
+    one.take("picker_01", *driving(0, requests=[("bin_01", StateRequest())]))
     clock.now += STEP
     one.open(1)
-    one.take("picker_01", Velocity(RUN, 1, Linear(0.5), Angular(0.0), "a"))
+    one.take("picker_01", *driving(1, 0.5))
     assert one.actions()["picker_01"].twist.x == 0.5
-    assert len(one.velocities["picker_01"].report.letters.requests) == 1
+    assert len(one.reports["picker_01"].requests) == 1
 
 
 def test_who_answers_in_time_has_a_moment_longer_than_the_tick_and_who_was_late_has_less():
     one, clock = live(("picker_01", "a"), ("bin_01", "b"))
     one.open(0)
     assert one.deadline == pytest.approx(clock.now + STEP + SLACK)
-    one.take("picker_01", velocity(0))
+    one.take("picker_01", *driving(0))
     assert one.give_up() == set()
     one.actions()
     clock.now += STEP
     one.open(1, lag=0.15)
     assert one.deadline == pytest.approx(clock.now + STEP + SLACK - 0.15)
-    one.take("picker_01", velocity(1))
+    one.take("picker_01", *driving(1))
     assert one.deadline == pytest.approx(clock.now + STEP / 2)
     one.actions()
     one.open(2, lag=10.0)
@@ -180,7 +181,7 @@ def test_who_answers_in_time_has_a_moment_longer_than_the_tick_and_who_was_late_
 def test_the_robot_of_one_who_is_gone_stands_at_once():
     one, _ = live()
     one.open(0)
-    one.take("picker_01", velocity(0))
+    one.take("picker_01", *driving(0))
     one.release("picker_01")
     assert one.actions() == {}
 

@@ -23,9 +23,8 @@ def with_a_fault(payload: bytes, fault: dict) -> bytes:
     return msgpack.packb(message)
 
 
-STEPS = {"report": {"steps_done": True}}
-FAULTS = [STEPS, {"linear": 5}, {"unknown": 1}, {"report": {"deeds": [{"type": "dig"}]}}, {"report": {"doing": b"bytes"}}]
-FAULTS += [{"linear": {"x": 0.0, "y": 1.0}}, {"report": {"letters": {"requests": [["traffic", {"type": "where"}]] * 501, "answers": []}}}]
+FAULTS = [{"steps_done": True}, {"twist": 5}, {"twist": [101.0]}, {"unknown": 1}, {"deeds": [{"type": "dig"}]}, {"doing": b"bytes"}]
+FAULTS += [{"doing": "x" * 201}, {"twist": [0.0, 1.0]}, {"requests": [["traffic", {"type": "where"}]] * 501}]
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: str(fault)[:60])

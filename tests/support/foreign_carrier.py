@@ -78,9 +78,8 @@ class Host:
                 seen = self.next_seen()
                 heard, mine = self.heard(seen)
                 drive, requests, answers = decide(seen, heard, mine)
-                drive["report"]["mail"] = digest_of(heard, [[r["to"], r["number"], r["answer"]] for r in mine])
-                if requests or answers:
-                    drive["report"]["letters"] = {"requests": requests, "answers": answers}
+                drive["mail"] = digest_of(heard, [[r["to"], r["number"], r["answer"]] for r in mine])
+                drive |= {"requests": requests, "answers": answers}
                 self.send(drive, requests, answers)
         self.token.undeclare()
         self.mail.undeclare()
@@ -303,9 +302,8 @@ class Carrier:
         self.claim()
         twist = self.safe()
         self.moved = twist != (0.0, 0.0)
-        report = {"deeds": self.deeds, "doing": self.doing, "state": self.state, "waits_for": self.waits_for, "steps_done": self.steps}
-        drive = {"linear": {"x": twist[0]}, "angular": {"z": twist[1]}, "report": report}
-        return drive, self.requests, answers
+        status = {"doing": self.doing, "state": self.state, "waits_for": self.waits_for, "steps_done": self.steps}
+        return {"twist": [twist[0], 0.0, twist[1]], "deeds": self.deeds} | status, self.requests, answers
 
     def observe(self, seen):
         self.tick = seen["tick"]

@@ -58,8 +58,8 @@ def drive(seen):
     ranges = struct.unpack(f"<{len(seen['ranges']) // 4}f", seen["ranges"])
     free = not any(enter <= r < leave for r, (enter, leave) in zip(ranges, map(span, range(len(ranges))), strict=True))
     hold = {"until": seen["tick"] + HELD, "watch": [ZONE]}
-    velocity = {"linear": {"x": 0.5 if free else 0.0}, "angular": {"z": 0.0 if free else 0.5}}
-    return velocity | {"once": True, "report": {"doing": "walking", "state": "driving", "hold": hold}}
+    twist = [0.5, 0.0, 0.0] if free else [0.0, 0.0, 0.5]
+    return {"twist": twist, "once": True, "doing": "walking", "state": "driving", "hold": hold}
 
 
 def span(beam):

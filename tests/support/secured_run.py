@@ -8,13 +8,14 @@ from fleet import SECONDS
 from local_runs import SMALL
 
 from orchard.contract.messages import pack
+from orchard.field.geometry import Twist
 from orchard.launch.distributed import agent_names
 from orchard.launch.request import shares
 from orchard.net.bus import Bus, Final, Replied, Sample
 from orchard.net.zenoh_bus import client
 from orchard.security.identity import Keyring, host_roles, make
 from orchard.wire.keys import Keys
-from orchard.wire.messages import Angular, Drive, Join, Joined, Linear, Odometry, Velocities, Velocity
+from orchard.wire.messages import Angular, Join, Joined, Linear, Odometry, Report, Velocities, Velocity
 from orchard.wire.types import read
 
 KEYS = Keys()
@@ -39,7 +40,7 @@ class Somebody:
 
     def drive_as(self, session: str, holder: str, name: str, tick: int) -> None:
         """By a message for all that a session holds."""
-        velocities = Velocities(self.run, tick, holder, {name: Drive(Linear(1.0), Angular(0.0))})
+        velocities = Velocities(self.run, tick, holder, {name: Report(Twist(1.0))})
         self.bus.publish(KEYS.of("velocities", session=session), pack(velocities))
 
     def join(self, name: str) -> str:

@@ -19,7 +19,7 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.net.refusals import Refused, read_message
 from orchard.wire import codec
-from orchard.wire.codec import action_of, drive_of, odometry_of, orchard_of, scan_of, seen_of, velocity_of
+from orchard.wire.codec import odometry_of, orchard_of, report_of, scan_of, seen_of, twist_of
 from orchard.wire.messages import (
     Answered,
     Command,
@@ -135,11 +135,12 @@ def test_pose_and_scan_of_one_robot_say_the_same(observation):
 @settings(max_examples=60)
 def test_an_action_arrives_to_the_last_bit(twist, deeds, mail, memory):
     action = Action(twist, deeds, doing="picking row 1", waits_for="bin_01", steps_done=7)
-    sent = Velocities(RUN, 3, "a1", {"picker_01": drive_of(action, mail, memory)})
-    velocity = velocity_of(read(pack(sent), Velocities), "picker_01")
-    assert action_of(velocity) == action
-    assert (velocity.run, velocity.tick, velocity.holder) == (RUN, 3, "a1")
-    assert (velocity.report.mail, velocity.report.memory) == (mail, memory)
+    sent = Velocities(RUN, 3, "a1", {"picker_01": report_of(action, mail, memory)})
+    arrived = read(pack(sent), Velocities)
+    assert arrived == sent
+    report = arrived.velocities["picker_01"]
+    assert (report.twist, report.deeds, report.doing, report.waits_for) == (twist, deeds, "picking row 1", "bin_01")
+    assert (report.steps_done, report.mail, report.memory) == (7, mail, memory)
 
 
 @pytest.mark.parametrize("body", [Call(3, "east", 7), Offer(1.0, 2.0, 3.5)])
@@ -152,7 +153,7 @@ GOOD = {"run": RUN, "tick": 1, "linear": {"x": 1}, "angular": {"z": 0}}
 
 
 def test_a_whole_number_is_a_velocity_and_what_is_optional_may_be_left_out():
-    assert action_of(read(msgpack.packb(GOOD), Velocity)).twist == Twist(1.0)
+    assert twist_of(read(msgpack.packb(GOOD), Velocity)) == Twist(1.0)
 
 
 BAD = {
@@ -168,8 +169,7 @@ BAD = {
     "half a tick": {"tick": 1.5},
     "a huge tick": {"tick": 2**63},
     "no run": {"run": None},
-    "a strange deed": {"report": {"deeds": [{"type": "fly"}]}},
-    "a long tale": {"report": {"doing": "x" * 201}},
+    "a strange deed": {"deeds": [{"type": "fly"}]},
 }
 
 
@@ -211,14 +211,14 @@ def test_random_bytes_are_refused(payload, type_):
 @given(st.data())
 @settings(max_examples=300)
 def test_a_damaged_velocity_is_refused_or_still_one(data):
-    payload = bytearray(msgpack.packb(GOOD | {"report": {"doing": "picking", "memory": b"abc"}}))
+    payload = bytearray(msgpack.packb(GOOD | {"deeds": [{"type": "uncouple"}]}))
     place = data.draw(st.integers(0, len(payload) - 1))
     payload[place] = data.draw(st.integers(0, 255))
     try:
         velocity = read_message(bytes(payload), Velocity, RUN)
     except Refused:
         return
-    assert all(abs(part) <= FASTEST for part in action_of(velocity).twist)
+    assert all(abs(part) <= FASTEST for part in twist_of(velocity))
 
 
 @pytest.mark.parametrize("scenario", [SMALL, Scenario(rows=20, pickers=16, carriers=36)], ids=["small", "large"])

@@ -290,7 +290,7 @@ class Bridge:
         return {"run": self.run, "tick": self.tick, "linear": {"x": forward}, "angular": {"z": turn}}
 
     def _stand(self, name: str, wanted: list[dict[str, str]]) -> None:
-        self.client.put(f"{name}/velocity", self._velocity(0.0, 0.0) | {"report": {"deeds": wanted}})
+        self.client.put(f"{name}/velocity", self._velocity(0.0, 0.0) | {"deeds": wanted})
 
     def _control(self, key: str, wish: Callable[[], dict[str, Any] | None], _: Trigger.Request, response: Trigger.Response) -> Any:
         try:

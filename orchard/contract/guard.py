@@ -16,6 +16,7 @@ from orchard.contract.difference import difference, parts_of
 from orchard.contract.mail import copy_of
 from orchard.contract.messages import FASTEST, AgentMessage, Answer, CustomMessage, Deed, Given, Request, Written, pack, type_of, unpack
 from orchard.contract.repeating import Repetition
+from orchard.field import plugins
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, kind_of
 from orchard.field.plugins import MISTAKES, contained, reraise_ctrl_c, text_of
@@ -323,5 +324,5 @@ def place_in_agent(frame: FrameType | None) -> str:
     """Return the file and line of an agent's own code, below its guard; '' if the frame is not in an agent."""
     frames = traceback.extract_stack(frame)
     inside = [i for i, frame in enumerate(frames) if frame.filename == __file__]
-    here = frames[inside[-1] + 1 :] if inside else []
+    here = [frame for frame in frames[inside[-1] :] if frame.filename not in (__file__, plugins.__file__)] if inside else []
     return f", in {here[0].filename}, line {here[0].lineno}" if here else ""

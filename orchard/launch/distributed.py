@@ -25,7 +25,6 @@ from orchard.launch.terminal import typed
 from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError, check_free, check_security, reachable, with_port
-from orchard.net.lifeline import OVER
 from orchard.net.refusals import Refusals, Refused, read_message
 from orchard.net.requests import fetch_run
 from orchard.net.zenoh_bus import client
@@ -48,7 +47,7 @@ TRY_SECONDS = 0.7  # of one attempt to connect to it; between attempts dead proc
 LOOK_SECONDS = 5.0  # in which a router must answer at an endpoint that a user gave
 HOW_PHYSICS_ENDED: dict[int | None, str] = {  # exit code -> in words, if it is not restarted and its last message is missing
     BAD_ORDER: "physics could not start; its line above says why",
-    OVER: "the run is over, and its result is lost: physics has ended, and its last message has not arrived",
+    0: "the run is over, and its result is lost: physics has ended, and its last message has not arrived",
 }
 RESULT = "end.msgpack"  # file: the last message of physics
 
@@ -82,6 +81,9 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
             supervisor.terminate(*supervisor.running)  # the others have not received the end either; they close their files and sessions
         if end is not None:  # what physics has written counts more than a message, which any client may send
             summary, why = end.summary, end.why
+        if summary is not None:
+            stood = [agent for program in supervisor.given_up.values() for agent in program.agents]
+            summary["broken_agents"] += [f"{agent}, its process died again and again" for agent in stood]
         if summary is not None and options.summary is not None:
             with suppress(OSError):  # what is known now; packing the recording may take long, or be ended by force. `report` writes it all
                 write_summary(options.summary, summary)
@@ -98,7 +100,7 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
 def _await_exits(supervisor: Supervisor, hosts: list[str], inbox: Inbox, seconds: float) -> None:
     """Wait until all processes have ended, at most `seconds`. Kill hosts that still run after THINK_SECONDS. Ctrl-C stops all."""
     begun = time.monotonic()
-    while None in supervisor.exit_codes() and time.monotonic() - begun < seconds:
+    while supervisor.is_any_left() and time.monotonic() - begun < seconds:
         if isinstance(inbox.take(POLL_SECONDS), Signal):
             supervisor.stop(STOP_SECONDS)
         if time.monotonic() - begun >= THINK_SECONDS:
@@ -318,7 +320,7 @@ def join_run(endpoint: str, only: list[str], without: list[str], credentials: Cr
             if isinstance(inbox.take(0.2), Signal):
                 supervisor.stop(STOP_SECONDS)
                 return 0
-            if BAD_ORDER in supervisor.exit_codes():
+            if supervisor.has_refused():
                 return BAD_ORDER
             supervisor.watch()
         return 1 if supervisor.given_up else 0

@@ -12,9 +12,9 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, cast
 
 from orchard.net import lifeline
+from orchard.net.lifeline import Line
 from orchard.view.files import window
 
 ROOT = Path(__file__).parents[2]
@@ -42,7 +42,7 @@ class ProcessSpec:
     again: bool = False  # restart it when it dies
     afterwards: Sequence[str] = ()  # further arguments of a restart
     agents: Sequence[str] = ()  # the agents that it hosts
-    told: str = ""  # a line that it reads from its standard input
+    told: str = ""  # what it reads from its line at its start
     may_refuse: bool = True  # False: if it ends with BAD_ORDER at its first start, it is not restarted
 
 
@@ -50,16 +50,17 @@ class ProcessSpec:
 class _Running:
     program: ProcessSpec
     popen: subprocess.Popen[str]
+    line: Line
     begun: float  # s, on the supervisor's clock
     deaths: int = 0  # quick deaths in a row
     due: float = math.inf  # s, on the supervisor's clock: the time of its restart
     is_asked: bool = False  # to end
 
     def is_over(self) -> bool:
-        """Whether it has ended and is not restarted: an end without a request, before the end of the run, is a death."""
+        """Whether it has ended and is not restarted: an end that neither it nor a request has announced is a death."""
         code = self.popen.poll()
         is_refusal = code == BAD_ORDER and not self.deaths and not self.program.may_refuse
-        return code is not None and (not self.program.again or self.is_asked or code == lifeline.OVER or is_refusal)
+        return code is not None and (not self.program.again or self.is_asked or self.line.code == 0 or is_refusal)
 
 
 @dataclass
@@ -80,9 +81,9 @@ class Supervisor:
 
     def start(self, program: ProcessSpec) -> None:
         """Start a process."""
-        self.running[program.name] = _Running(program, self._open(program, program.arguments), self.clock())
+        self.running[program.name] = _Running(program, *self._open(program, program.arguments), self.clock())
 
-    def _open(self, program: ProcessSpec, arguments: Sequence[str]) -> subprocess.Popen[str]:
+    def _open(self, program: ProcessSpec, arguments: Sequence[str]) -> tuple[subprocess.Popen[str], Line]:
         """Start a process in its own process group, so that Ctrl-C reaches only run.py, which stops the others in order.
 
         It has no session of its own: Linux divides the processor among sessions first, which costs processes that work together an eighth
@@ -90,17 +91,17 @@ class Supervisor:
         """
         paths = [os.environ.get("PYTHONPATH", ""), os.getcwd()]  # modules in the user's current directory are found
         environment = QUICK_START | QUICK_TICKS | os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
-        command, null, pipe = [sys.executable, "-m", program.module, *arguments], subprocess.DEVNULL, subprocess.PIPE
+        command, line = [sys.executable, "-m", program.module, *arguments], Line()
         popen = subprocess.Popen(
-            command, cwd=ROOT, env=environment | lifeline.environment(self.run), stdin=pipe, stdout=null, stderr=pipe,
-            text=True, errors="backslashreplace", process_group=0,
+            command, cwd=ROOT, env=environment | lifeline.environment(self.run), stdin=line.of_process.fileno(), stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE, text=True, errors="backslashreplace", process_group=0,
         )  # fmt: skip
+        line.of_process.close()
         take_turns(popen.pid)
         if program.told:
-            with suppress(BrokenPipeError):  # it has died already
-                print(program.told, file=popen.stdin, flush=True)
+            line.write(program.told)
         threading.Thread(target=self._pass_on, args=(program, popen), daemon=True).start()
-        return popen
+        return popen, line
 
     def _pass_on(self, program: ProcessSpec, popen: subprocess.Popen[str]) -> None:
         """Print the lines of a process' stderr, with its name instead of its module's."""
@@ -118,9 +119,13 @@ class Supervisor:
         """Return whether a process has ended, and is not restarted."""
         return name in self.running and self.running[name].is_over()
 
-    def exit_codes(self) -> list[int | None]:
-        """Return the exit codes of all processes; None for one that runs."""
-        return [running.popen.poll() for running in self.running.values()]
+    def is_any_left(self) -> bool:
+        """Return whether any process runs."""
+        return any(running.popen.poll() is None for running in self.running.values())
+
+    def has_refused(self) -> bool:
+        """Return whether any process refuses its arguments, or what it finds."""
+        return any(running.line.code == BAD_ORDER for running in self.running.values())
 
     def watch(self) -> None:
         """Restart processes that have died: at once, then after increasing waits. After DEATHS quick deaths a process is given up."""
@@ -131,13 +136,13 @@ class Supervisor:
             if running.due == math.inf:
                 self._count_death(running, code)
             if self.clock() >= running.due:
-                popen = self._open(program, [*program.arguments, *program.afterwards])
-                self.running[name] = _Running(program, popen, self.clock(), running.deaths)
+                opened = self._open(program, [*program.arguments, *program.afterwards])
+                self.running[name] = _Running(program, *opened, self.clock(), running.deaths)
 
     def _count_death(self, running: _Running, code: int) -> None:
         """Set the time of the restart, or give the process up."""
         program, now = running.program, self.clock()
-        self._end_forks(running)
+        self._clear_up(running)
         running.deaths = running.deaths + 1 if now - running.begun < QUICK_SECONDS else 1
         if running.deaths < (REFUSALS if code == BAD_ORDER else DEATHS):
             running.due = now + (BACK_OFF * 2 ** (running.deaths - 2) if running.deaths > 1 else 0.0)
@@ -156,8 +161,7 @@ class Supervisor:
         for name in names:
             if name in self.running:
                 self.running[name].is_asked = True
-                with suppress(BrokenPipeError):  # it has died before it has read what it was told
-                    cast(IO[str], self.running[name].popen.stdin).close()
+                self.running[name].line.let_go()
 
     def kill(self, name: str) -> None:
         """End a process by force, even if it is frozen."""
@@ -178,10 +182,11 @@ class Supervisor:
         for running in self.running.values():
             running.popen.kill()
             running.popen.wait()
-            self._end_forks(running)
+            self._clear_up(running)
 
-    def _end_forks(self, running: _Running) -> None:
-        """Kill what is left of the process group of a process that has ended: what an agent has started must not outlive it."""
+    def _clear_up(self, running: _Running) -> None:
+        """Close the line of a process that has ended, and kill what is left of its group: what an agent has started must not outlive it."""
+        running.line.close()
         with suppress(ProcessLookupError):
             os.killpg(running.popen.pid, signal.SIGKILL)
 

@@ -1,20 +1,51 @@
-"""The line from run.py to each of its processes: a pipe. Its read end is the process' standard input.
+"""The line between run.py and each of its processes: a socket. The process' end is its standard input.
 
-run.py holds the other end for as long as the process is to run. So the process learns that run.py asks it to end, and also that run.py
-is gone, however that ended. A signal is no such request: a process that gets one dies of it, and run.py starts it again.
+run.py holds its end for as long as the process is to run. So the process learns that run.py asks it to end, and also that run.py is gone,
+however that ended. A signal is no such request: a process that gets one dies of it, and run.py starts it again.
+
+A process that ends by itself says so on the line, with its exit code. Whatever else ends it, such as an agent's `os._exit`, says nothing.
 """
 
 import os
 import signal
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from select import select
+from socket import MSG_DONTWAIT, MSG_PEEK, SHUT_WR, socketpair
 from threading import Thread, Timer
 
 STARTED_BY = "ORCHARD_STARTED_BY"  # environment variable of a process on a line: run.py's process id, and the run's id
-OVER = 100  # exit code of such a process when the run is over, or when run.py has asked: not 0, which an agent's os._exit(0) gives
 CONFIRM_SECONDS = 1.0  # after a signal, in which run.py may ask too: the signal was sent to all, as when a machine is shut down
 ALONE_SECONDS = 10.0  # that a process may take to end when run.py, which would end it by force, is gone
+
+
+class Line:
+    """run.py's end of the line to a process."""
+
+    def __init__(self) -> None:
+        self._end, self.of_process = socketpair()
+
+    def write(self, words: str) -> None:
+        """Write a line for the process to read."""
+        with suppress(OSError):  # it has died already
+            self._end.sendall(f"{words}\n".encode())
+
+    def let_go(self) -> None:
+        """Ask the process to end."""
+        with suppress(OSError):
+            self._end.shutdown(SHUT_WR)
+
+    def close(self) -> None:
+        """Forget the line. The process has ended, and `code` is None from now on."""
+        self._end.close()
+
+    @property
+    def code(self) -> int | None:
+        """The exit code with which the process has ended by itself; None if it runs or died, with whatever exit code."""
+        with suppress(OSError):
+            return next(iter(self._end.recv(1, MSG_PEEK | MSG_DONTWAIT)), None)
+        return None
 
 
 def environment(run: str) -> dict[str, str]:
@@ -27,19 +58,29 @@ def is_held() -> bool:
     return STARTED_BY in os.environ
 
 
-def hold_on(ask_to_end: Callable[[], None]) -> None:
-    """Call `ask_to_end`, in another thread, when run.py lets go of the line. After a signal without that, end the process."""
+def hold_on(ask_to_end: Callable[[], None]) -> Callable[[int], None]:
+    """Call `ask_to_end`, in another thread, when run.py lets go of the line. After a signal without that, end the process.
+
+    Return a function that says on the line with which exit code this process ends by itself.
+    """
     owner, line = int(os.environ.pop(STARTED_BY).split()[0]), os.dup(0)
     with open(os.devnull) as nothing:  # an agent that reads its input must not wait for run.py
         os.dup2(nothing.fileno(), 0)
     Thread(target=_wait_for_end, args=(line, owner, ask_to_end), daemon=True).start()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, frame: _die_soon(line, number))
+    return lambda code: _announce(line, code)
+
+
+def _announce(line: int, code: int) -> None:
+    with suppress(OSError):  # run.py is gone
+        os.write(line, bytes([code]))
 
 
 def _wait_for_end(line: int, owner: int, ask_to_end: Callable[[], None]) -> None:
-    while os.read(line, 1):
-        pass
+    with suppress(ConnectionResetError):  # run.py is gone
+        while os.read(line, 1):
+            pass
     ask_to_end()
     time.sleep(ALONE_SECONDS)
     if os.getppid() != owner:

@@ -21,7 +21,7 @@ LONG_SECONDS = 3.0  # after which an agent is too slow
 def run_process(name: str, body: Callable[[Inbox], int], *mistakes: type[Exception]) -> int:
     """Run the body of a process and return its exit code. Requests to end arrive in its inbox as items.
 
-    Such a request is SIGINT or SIGTERM; for a process of run.py, that run.py lets go of its line. The good exit code is then OVER.
+    Such a request is SIGINT or SIGTERM; for a process of run.py, that run.py lets go of its line.
 
     `mistakes`: errors that a user can correct; they are logged without a traceback, and the exit code is 2.
     """
@@ -29,8 +29,10 @@ def run_process(name: str, body: Callable[[Inbox], int], *mistakes: type[Excepti
     logging.basicConfig(level=logging.WARNING, format=f"{name}: %(message)s")
     inbox = Inbox()
     if lifeline.is_held():
-        lifeline.hold_on(lambda: inbox.put(Signal(signal.SIGTERM)))
-        return _code_of(inbox, body, *mistakes) or lifeline.OVER
+        announce = lifeline.hold_on(lambda: inbox.put(Signal(signal.SIGTERM)))
+        code = _code_of(inbox, body, *mistakes)
+        announce(code)
+        return code
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
     return _code_of(inbox, body, *mistakes)

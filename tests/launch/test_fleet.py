@@ -18,7 +18,6 @@ from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest
 from orchard.launch.supervisor import BAD_ORDER, DEATHS, QUICK_SECONDS, REFUSALS, ProcessSpec, Supervisor, take_turns
 from orchard.net.bus import Inbox
-from orchard.net.lifeline import OVER
 from orchard.report.progress import Progress
 from orchard.wire.keys import PHYSICS
 
@@ -34,13 +33,20 @@ class Child:
     """A process that runs until it is told to die."""
 
     def __init__(self, arguments):
-        self.arguments, self.returncode, self.stdin = arguments, None, io.StringIO()
+        self.arguments, self.returncode, self.code = arguments, None, None
 
     def poll(self):
         return self.returncode
 
     def die(self, code=-9):
         self.returncode = code
+
+    def end(self, code=0):
+        """By itself: it says so on its line."""
+        self.returncode = self.code = code
+
+    def let_go(self):
+        """Of its line: it need not heed that."""
 
 
 @pytest.fixture
@@ -57,10 +63,10 @@ class Watched(Supervisor):
 
     def _open(self, program, arguments):
         self.children.append(Child(list(arguments)))
-        return self.children[-1]
+        return self.children[-1], self.children[-1]
 
-    def _end_forks(self, running):
-        """They have none."""
+    def _clear_up(self, running):
+        """They leave nothing."""
 
 
 @pytest.fixture
@@ -115,15 +121,14 @@ def launched_by(fleet, folder):
     return _Launched(request, Credentials.of(request.options), "tcp/127.0.0.1:9", "run1", fleet, Progress(Console(file=io.StringIO())))
 
 
-@pytest.mark.parametrize(("code", "words"), [(OVER, "its result is lost"), (BAD_ORDER, "could not start"), (-9, "ended with code -9")])
+@pytest.mark.parametrize(("code", "words"), [(0, "its result is lost"), (BAD_ORDER, "could not start"), (-9, "ended with code -9")])
 def test_why_physics_is_gone_is_told_in_words(fleet, tmp_path, code, words):
     """A killed one only while it is asked to end: else it is started again."""
     launched = launched_by(fleet, tmp_path)
     fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, may_refuse=False))
-    fleet.children[-1].die(code)
+    fleet.children[-1].end(code)
     fleet.terminate(PHYSICS)
     assert words in launched._why_over(True)
-    assert "100" not in launched._why_over(True)
 
 
 def test_physics_that_never_listens_is_told_with_the_whole_time_that_it_had(fleet, tmp_path, monkeypatch):
@@ -136,15 +141,16 @@ def test_physics_that_never_listens_is_told_with_the_whole_time_that_it_had(flee
 
 def test_whose_run_is_over_or_who_need_not_live_is_left_alone(fleet):
     fleet.start(ProcessSpec("viewer", "rerun", []))
-    fleet.children[0].die(code=OVER)
+    fleet.children[0].end()
     fleet.children[1].die()
     fleet.watch()
     assert len(fleet.children) == 2
 
 
-def test_an_end_that_nobody_asked_for_is_a_death(fleet):
+@pytest.mark.parametrize("code", [0, 75, 100])
+def test_an_end_that_nobody_has_announced_is_a_death(fleet, code):
     """As by an agent's os._exit(0)."""
-    fleet.children[0].die(code=0)
+    fleet.children[0].die(code)
     fleet.watch()
     assert len(fleet.children) == 2
     fleet.terminate("agents 1")

@@ -1,11 +1,14 @@
-"""A process ends when the one that started it is gone, even if what runs in it does not heed that."""
+"""A process ends when the one that started it is gone, even if what runs in it does not heed that; and it says when it ends by itself."""
 
 import os
 import subprocess
 import sys
 
 import psutil
+import pytest
 from fleet import ROOT, SECONDS
+
+from orchard.launch.supervisor import ProcessSpec, Supervisor
 
 CHILD = """\
 import os, signal, sys
@@ -43,3 +46,21 @@ def test_a_process_that_does_not_end_when_asked_ends_when_its_parent_is_gone(tmp
         finally:
             if process.is_running():
                 process.kill()
+
+
+@pytest.mark.parametrize(
+    ("body", "exit_code", "code"),
+    [("return 0", 0, 0), ("return 2", 2, 2), ("os._exit(0)", 0, None), ("os._exit(100)", 100, None), ("os._exit(2)", 2, None)],
+)
+def test_only_a_process_that_ends_by_itself_says_so(body, exit_code, code, tmp_path, monkeypatch):
+    program = (
+        f"import os, sys\nfrom orchard.net.process import run_process\ndef body(inbox):\n    {body}\nsys.exit(run_process('child', body))"
+    )
+    (tmp_path / "child.py").write_text(program)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with Supervisor(print) as supervisor:
+        supervisor.start(ProcessSpec("child", "child", [], again=True))
+        supervisor.wait(SECONDS)
+        assert (supervisor.exit_code("child"), supervisor.running["child"].line.code) == (exit_code, code)
+        assert supervisor.is_over("child") == (code == 0)
+        assert supervisor.has_refused() == (code == 2)

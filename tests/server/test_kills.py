@@ -188,7 +188,8 @@ def test_the_robots_of_a_process_that_dies_again_and_again_stand_and_the_run_goe
     arguments = ("--hosts", 2, "--record", "none", "--duration", 40, "--patience", 3)
     path = tmp_path / "summary.json"
     done = orchard(with_class(tmp_path, "Mortal"), *arguments, "--summary", path)
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "broken: picker_01, its process died again and again" in done.stderr
     assert re.search("no answer to tick 20 from .*picker_01.*: no longer waited for", done.stdout)
     assert summary_of(path)["ticks"] == 400
 

@@ -16,17 +16,12 @@ MOST_ROWS = 50_000  # of a file; the newest is written again until it has as man
 PLANES = ("x", "y", "yaw", "measured_x", "measured_y", "odometry_x", "odometry_y", "odometry_yaw")
 
 
-def options(schema: pa.Schema) -> dict[str, object]:
-    """Return how a table is written."""
-    planes = [name for name in schema.names if name in PLANES]
-    others = [name for name in schema.names if name not in planes]
-    return {"compression": "zstd", "use_dictionary": others, "column_encoding": dict.fromkeys(planes, "BYTE_STREAM_SPLIT")}
-
-
 def write_table(path: Path, table: pa.Table) -> None:
     """Write a table in place of an old one, wholly or not at all. Raises OSError."""
     sink = pa.BufferOutputStream()
-    pq.write_table(table, sink, **options(table.schema))
+    others = [name for name in table.column_names if name not in PLANES]
+    planes = {name: "BYTE_STREAM_SPLIT" for name in table.column_names if name in PLANES}
+    pq.write_table(table, sink, compression="zstd", use_dictionary=others, column_encoding=planes)
     write_whole(path, sink.getvalue().to_pybytes())
 
 

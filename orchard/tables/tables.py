@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -20,51 +21,28 @@ from orchard.sim.engine import Engine
 from orchard.sim.obstacles import with_names
 from orchard.sim.world import World
 from orchard.tables.columns import BODIES, EVENTS, MESSAGES, NUMBER, TEXT
-from orchard.tables.exchanges import CALLING, CallRow, ExchangeRow, calls, exchanges
+from orchard.tables.exchanges import CALLING, calls, exchanges
 from orchard.tables.folder import AT_THE_END, GROWING, metadata_of, path_of
 from orchard.tables.parts import MOST_ROWS, GrowingTable, write_table
 
-SILENT = ("resting", "", "")  # of a body whose agent says nothing
+Said = tuple[str, str | None, str | None]  # what a body does: its state, the same in words, and what it waits for
+SILENT: Said = ("resting", None, None)  # of a body whose agent says nothing
+STANDING: Said = ("stopped", STOPPED, None)
 OF_A_CALL = [*CALLING, "come", "yes"]
 
 log = logging.getLogger("orchard")
-
-
-class Words:
-    """Texts as numbers: 0 is no text."""
-
-    def __init__(self) -> None:
-        self._texts = [""]
-        self._numbers = {"": 0}
-
-    def number(self, text: str) -> int:
-        if text not in self._numbers:
-            self._numbers[text] = len(self._texts)
-            self._texts.append(printable(text))
-        return self._numbers[text]
-
-    def column(self, numbers: np.ndarray) -> pa.Array:
-        """Return the texts of these numbers; null for no text."""
-        used = np.flatnonzero(np.bincount(numbers))
-        places = np.zeros(used[-1] + 1, dtype=np.int32)
-        places[used] = np.arange(len(used))
-        texts = pa.array([self._texts[number] or None for number in used.tolist()], TEXT)
-        return texts.take(pa.array(places[numbers]))
 
 
 class BodyRows:
     """Collects the rows of all bodies, a tick at a time."""
 
     def __init__(self, layout: Layout) -> None:
-        n = len(layout.names)
         self._index, self._names = layout.index, pa.array([*layout.names, None], TEXT)  # index -1: none
         self._is_bin = np.array([kind_of(name) == "bin" for name in layout.names], dtype=bool)
-        self._words = Words()
-        self._last = dict.fromkeys(layout.names, SILENT)  # state, doing and waits_for of each body
-        self._said = np.tile(self._numbers(SILENT), (n, 1))  # the same as numbers; never changed in place, because rows share it
-        self._stopped = self._numbers(("stopped", STOPPED, ""))
+        self._said = [SILENT] * len(layout.names)  # of each body; never changed in place, because the rows of many ticks share it
         self._ticks: list[int] = []
         self._kept: list[tuple[np.ndarray, ...]] = []
+        self._words: list[list[Said]] = []
         self._inexact: list[np.ndarray] = []  # of each tick the poses as measured; none if all are exact
 
     def __len__(self) -> int:
@@ -72,42 +50,32 @@ class BodyRows:
 
     def keep(self, engine: Engine) -> None:
         """Keep a row of each body, after a step."""
-        world, said = engine.world, self._hear(engine.world, engine.answers)
-        if np.count_nonzero(world.stopped):
-            said = np.where(world.stopped[:, None], self._stopped, said)
+        world = engine.world
+        self._hear(world, engine.answers)
+        stopped = np.flatnonzero(world.stopped).tolist()
+        self._words.append(_replaced(self._said, dict.fromkeys(stopped, STANDING)))
         self._ticks.append(world.tick)
         wanted = engine.lookahead.wanted
         if not engine.sensors.is_exact:
             self._inexact.append(engine.sensors.inexact())
-        self._kept.append((world.pose.copy(), world.twist.copy(), wanted.copy(), world.coupled.copy(), world.fill.copy(), said))
+        self._kept.append((world.pose.copy(), world.twist.copy(), wanted.copy(), world.coupled.copy(), world.fill.copy()))
 
-    def _hear(self, world: World, answers: Mapping[str, Action | None]) -> np.ndarray:
-        """Return the numbers of what each body does after these answers."""
-        news = {}
-        for name, action in answers.items():
-            if name in self._last and (now := _words_of(world, name, action)) != self._last[name]:
-                news[name] = now
-        if news:
-            self._last |= news
-            self._said = self._said.copy()
-            for name, now in news.items():
-                self._said[self._index[name]] = self._numbers(now)
-        return self._said
-
-    def _numbers(self, texts: tuple[str, str, str]) -> np.ndarray:
-        return np.array([self._words.number(text) for text in texts], dtype=np.int32)
+    def _hear(self, world: World, answers: Mapping[str, Action | None]) -> None:
+        """Keep what each body does after these answers."""
+        heard = {self._index[name]: _said_of(world, name, action) for name, action in answers.items() if name in self._index}
+        self._said = _replaced(self._said, {index: said for index, said in heard.items() if said != self._said[index]})
 
     def take(self) -> pa.Table:
         """Return the rows since the last call."""
         if not self._ticks:
             return BODIES.empty_table()
-        ticks, (poses, twists, wanted, coupled, fills, said) = self._ticks, map(np.array, zip(*self._kept, strict=True))
+        ticks, (poses, twists, wanted, coupled, fills) = self._ticks, map(np.array, zip(*self._kept, strict=True))
         measured, n = self._measured(), len(self._said)
-        self._ticks, self._kept, self._inexact = [], [], []
+        words = [pa.array(column, TEXT) for column in zip(*chain.from_iterable(self._words), strict=True)]
+        self._ticks, self._kept, self._words, self._inexact = [], [], [], []
         true, speeds, speeds_wanted = ([part[:, :, i].ravel() for i in range(3)] for part in (poses, twists, wanted))
         fill = pa.array(fills.ravel(), mask=~np.tile(self._is_bin, len(ticks)))
         bodies, others = np.tile(np.arange(n), len(ticks)), np.where(coupled >= 0, coupled, n).ravel()
-        words = [self._words.column(said[:, :, i].ravel()) for i in range(3)]
         columns = [np.repeat(np.array(ticks, dtype=np.int32), n), self._names.take(pa.array(bodies)), *true, *measured]
         return pa.table([*columns, *speeds, *speeds_wanted, self._names.take(pa.array(others)), fill, *words], BODIES)
 
@@ -119,14 +87,19 @@ class BodyRows:
         return [pa.array(poses[:, :, i].ravel(), from_pandas=True) for i in range(poses.shape[2])]  # NaN becomes null
 
 
-def _words_of(world: World, name: str, action: Action | None) -> tuple[str, str, str]:
-    """What a body does: its state, the same in words, and what it waits for, obstacles by name."""
+def _replaced(old: list[Said], news: Mapping[int, Said]) -> list[Said]:
+    """The list with these changes; itself if there are none."""
+    return [news.get(index, said) for index, said in enumerate(old)] if news else old
+
+
+def _said_of(world: World, name: str, action: Action | None) -> Said:
+    """What a body does, obstacles by name."""
     if action is None:
         return SILENT
     waits_for = action.waits_for
     if waits_for in (AHEAD, IN_TURN):
         waits_for = with_names(world, name, waits_for)
-    return state_of(action), action.doing, waits_for
+    return state_of(action), printable(action.doing) or None, printable(waits_for) or None
 
 
 class Tables:
@@ -187,13 +160,8 @@ class Tables:
             table.finish()
         events = pq.read_table(path_of(self._folder, "events")).to_pylist()
         messages = pq.read_table(path_of(self._folder, "messages"), filters=[("type", "in", OF_A_CALL)]).to_pylist()
-        self._write("calls", calls(events, messages))
-        self._write("exchanges", exchanges(events))
-
-    def _write(self, name: str, rows: Sequence[CallRow] | Sequence[ExchangeRow]) -> None:
-        schema = AT_THE_END[name].with_metadata(self._metadata)
-        table = pa.Table.from_pylist([msgspec.structs.asdict(row) for row in rows], schema)
-        write_table(path_of(self._folder, name), table)
+        for name, rows in (("calls", calls(events, messages)), ("exchanges", exchanges(events))):
+            write_table(path_of(self._folder, name), pa.Table.from_pylist(rows, AT_THE_END[name].with_metadata(self._metadata)))
 
     def _try(self, write: Any) -> None:
         try:

@@ -5,7 +5,7 @@ memory alone, and sends nothing. With `nearest` each full bin asks all carriers 
 `dispatch` (`orchard.agents.dispatcher`) gathers the reports of all bins and carriers, and decides for all.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from typing import Any, NamedTuple, Protocol
@@ -64,16 +64,6 @@ class Dispatch(Protocol):
 def is_early(policy: Dispatch) -> bool:
     """Whether bins report to a policy before they are full."""
     return bool(getattr(policy, "early", False))
-
-
-def free_carriers(carriers: Iterable[CarrierReport]) -> list[CarrierReport]:
-    """Return the carriers that can leave now, the nearest to the queue's head first. Ties by name."""
-    return sorted((carrier for carrier in carriers if carrier.is_next), key=lambda carrier: (carrier.metres, carrier.name))
-
-
-def paired(bins: Iterable[BinReport], carriers: Iterable[CarrierReport]) -> list[Assignment]:
-    """Return the assignment of the first carrier to the first bin, of the second one to the second, and so on."""
-    return [Assignment(report.name, carrier.name) for report, carrier in zip(bins, carriers, strict=False)]
 
 
 _CLASSES = ("nearest.Nearest", "farthest_first.FarthestFirst", "longest_waiting.LongestWaiting",

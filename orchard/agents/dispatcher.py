@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, Dispatch, dispatch_of
 from orchard.agents.policies.nearest import Nearest
 from orchard.agents.routes import route_of
-from orchard.agents.timing import approach_seconds
+from orchard.agents.timing import way_to
 from orchard.contract.agent import LARGEST_MEMORY, Action, Heard, Hold, Mail, Observation
 from orchard.contract.messages import LAST_TICK, Answer, CarrierComing, CarrierQuery, CarrierStatus, Fetch, No, pack, unpack
 from orchard.field.layout import Layout
@@ -98,8 +98,7 @@ class Dispatcher:
         return CarrierComing(booking.carrier)
 
     def report(self, name: str, body: Fetch) -> BinReport:
-        side, head = self.route.sides[body.side], self.layout.queue.place(0)
-        metres, reach = self.route.distance(head.x, head.y, body.lane, side), approach_seconds(self.route, body.lane, side)
+        metres, reach = way_to(self.route, body.lane, self.route.sides[body.side])
         return BinReport(name, body.lane, body.side, body.picker, body.since, metres, body.seconds_to_full, reach)
 
     def decide(self, memory: DispatcherMemory, carriers: list[CarrierReport], tick: int) -> None:

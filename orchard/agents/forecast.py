@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from orchard.agents.routes import route_of
 from orchard.agents.steps import CRUISE
-from orchard.agents.timing import approach_seconds
+from orchard.agents.timing import way_to
 from orchard.contract.agent import Hitch, Observation
 from orchard.field.geometry import EAST, WEST, angle_between
 from orchard.field.layout import KEPT_LAYOUTS, Layout
@@ -65,4 +65,4 @@ def until_full(layout: Layout, row: int, side: str, picking: float, before: floa
 def horizon(layout: Layout) -> float:
     """Return how long before it is full a bin begins to call, s: a carrier for the farthest lane then comes in time."""
     route = route_of(layout)
-    return max(approach_seconds(route, lane.number, side) for lane in layout.lanes for side in route.sides.values()) + EARLIER
+    return max(way_to(route, lane.number, side)[1] for lane in layout.lanes for side in route.sides.values()) + EARLIER

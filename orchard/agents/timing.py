@@ -7,14 +7,10 @@ from orchard.agents.route import OneWay, Side
 from orchard.field.geometry import Pose
 
 
-def head(route: OneWay) -> Pose:
-    """Return the pose of a carrier at the head of the first line of the queue."""
-    return route.queue.place(0)
-
-
-def approach_seconds(route: OneWay, lane: int, side: Side) -> float:
-    """Return the time from a carrier's departure at the queue's head until it can leave its bin for the picker of a lane, s."""
-    return duration(route.approach(lane, side), head(route))
+def way_to(route: OneWay, lane: int, side: Side) -> tuple[float, float]:
+    """Return the metres by road from the queue's head to a carrier's stop at a lane, and the time from its departure until then, s."""
+    head = route.queue.place(0)
+    return route.distance(head.x, head.y, lane, side), duration(route.approach(lane, side), head)
 
 
 def duration(steps: list[Step], start: Pose) -> float:

@@ -13,7 +13,7 @@ from orchard.agents.dispatcher import POLL_TICKS, PolicyFault, checked, fault_of
 from orchard.agents.forecast import horizon
 from orchard.agents.robot import ASK
 from orchard.agents.route import OneWay, Side
-from orchard.agents.timing import approach_seconds
+from orchard.agents.timing import way_to
 from orchard.discrete.places import at
 from orchard.discrete.robots import Events, Robot
 from orchard.field.kinds import number_of
@@ -129,7 +129,8 @@ class Dispatched(Calls):
         self.open, self._changed = list[OpenCall](), env.event()
         self.policy = dispatch_of(route.layout)
         self.memory = self.policy.Memory()
-        self._ways = {(lane.number, side.name): self._way(lane.number, side) for lane in self.layout.lanes for side in route.sides.values()}
+        ends = [(lane.number, side) for lane in self.layout.lanes for side in route.sides.values()]
+        self._ways = {(lane, side.name): way_to(route, lane, side) for lane, side in ends}
         self.horizon = horizon(self.layout) / TIME_STEP  # ticks before it is full, to report
         self._ripening: dict[str, OpenCall] = {}  # picker -> the call of the bin that it fills
         self._booked: set[str] = set()
@@ -212,11 +213,6 @@ class Dispatched(Calls):
         metres, reach = self._ways[call.lane, call.side.name]
         left = max(0.0, (call.full - (now if call.failed < 0 else call.failed)) * TIME_STEP)
         return BinReport(call.bin, call.lane, call.side.name, call.picker, call.since, metres, left, reach)
-
-    def _way(self, lane: int, side: Side) -> tuple[float, float]:
-        """The metres by road and the time from the queue's head to a lane's stop."""
-        place = self.layout.queue.place(0)
-        return self.route.distance(place.x, place.y, lane, side), approach_seconds(self.route, lane, side)
 
     def _fetch(self, order: Assignment, call: OpenCall, carrier: Robot, now: int) -> Events:
         """The bin hears of its carrier when it reports again, and sends for it."""

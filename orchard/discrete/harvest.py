@@ -44,7 +44,7 @@ class DiscreteHarvest:
         self._full_since: dict[str, int] = {}  # picker -> tick at which its bin was full
         self._waits: list[int] = []  # ticks from a picker's full bin to its next empty one
         self._busy = 0.0  # ticks of all carriers outside the queue
-        self._left: dict[str, simpy.Event] = {}  # full bin -> it is left in its lane
+        self.left: dict[str, simpy.Event] = {}  # full bin -> it is left in its lane
         self.blocks = {name: _again(block, rows_each) for name, block in layout.blocks.items()}
         self._rows = {name: self._ends(block) for name, block in self.blocks.items()}
         starts = [start for start in layout.starts if start.kind in ("picker", "carrier")]
@@ -79,8 +79,8 @@ class DiscreteHarvest:
     def begin_row(self, picker: Robot, before: float = 0.0) -> None:
         """Hear that a picker begins its next row, or begins to drive into it from so many metres before it."""
         row, side = self._rows[picker.name][0]
-        if picker.bin not in self._left or self._left[picker.bin].triggered:
-            self._left[picker.bin] = self.env.event()
+        if picker.bin not in self.left or self.left[picker.bin].triggered:
+            self.left[picker.bin] = self.env.event()
         lane = self.layout.lane(row)
         seconds = until_full(self.layout, row, side.name, lane.length / lane.picking_speed, before)
         self.calls.begins(picker, row, side, seconds, picker.tick + (1 if before else 0))  # its bin must see that it drives
@@ -104,7 +104,7 @@ class DiscreteHarvest:
     def leave(self, picker: Robot) -> None:
         """Hear that a picker has left its full bin in its lane."""
         row, side = self._rows[picker.name].pop(0)
-        self._left[picker.full_bin].succeed()
+        self.left[picker.full_bin].succeed()
         self.calls.left(picker, row, side)
 
     def deliver(self) -> None:
@@ -115,14 +115,6 @@ class DiscreteHarvest:
         """Hear that a carrier has done its job, at the end of the queue."""
         self._busy += carrier.tick - carrier.away
         self.calls.home(carrier)
-
-    def is_left(self, bin_name: str) -> bool:
-        """Whether a full bin stands in its lane."""
-        return self._left[bin_name].triggered
-
-    def until_left(self, bin_name: str) -> simpy.Event:
-        """What happens when a full bin is left in its lane."""
-        return self._left[bin_name]
 
     @property
     def seconds(self) -> float:

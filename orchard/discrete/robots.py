@@ -31,6 +31,7 @@ class Model(Protocol):
     robots: dict[str, "Robot"]
     bystanders: Bystanders
     exit: float  # x at which carriers leave the queue, m
+    left: dict[str, simpy.Event]  # full bin -> it is left in its lane
 
     def begin_row(self, picker: "Robot", before: float = 0.0) -> None: ...
     def go_on(self, picker: "Robot") -> None: ...
@@ -40,8 +41,6 @@ class Model(Protocol):
     def couple(self, picker: "Robot") -> None: ...
     def deliver(self) -> None: ...
     def home(self, carrier: "Robot") -> None: ...
-    def is_left(self, bin_name: str) -> bool: ...
-    def until_left(self, bin_name: str) -> simpy.Event: ...
 
 
 class Roads:
@@ -230,8 +229,8 @@ class Robot:
         gate_at, gate = needs[0]
         if (before := gate_at - here - step.asks_before) >= -NEAR:
             return gate_at, max(1, floor(before / (step.speed * TIME_STEP) + NEAR) + 1), None
-        if gate.bin and not self.model.is_left(gate.bin):
-            return gate_at, inf, self.model.until_left(gate.bin)
+        if gate.bin and not (left := self.model.left[gate.bin]).triggered:
+            return gate_at, inf, left
         self.places.want(gate.places)
         return gate_at, inf, None
 

@@ -12,7 +12,7 @@ from orchard.agents.robot import ASK, Step
 from orchard.agents.route import OneWay, Side
 from orchard.agents.routes import route_of
 from orchard.agents.steps import Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
-from orchard.agents.timing import approach_seconds, duration, head, timetable
+from orchard.agents.timing import duration, timetable, way_to
 from orchard.field.geometry import HEADINGS, Pose
 from orchard.field.layout import Layout
 from orchard.field.rows import Block
@@ -88,15 +88,15 @@ def _exchange(route: OneWay, row: int, next_row: int, side: Side) -> Exchange:
     layout, job, way = route.layout, route.fetch(1, row, side, "", ""), route.crossing(row, next_row, side)
     start = Pose(route.end(row, side), layout.lane(row).y, HEADINGS[side.heading("EAST")])
     before, out = _until(LeaveBin, way), _until(FetchEmpty, way)
-    left, came_out, approach = duration(before, start), duration(out, start), approach_seconds(route, row, side)
+    left, came_out, approach = duration(before, start), duration(out, start), way_to(route, row, side)[1]
     return Exchange(
         picking=layout.picking_seconds(row),
         leaving=left + handling([*before, LeaveBin()]),
         coming_out=came_out - left,
         going_on=duration(way, start) - came_out + handling(way[len(out) :]),
         approach=approach,
-        from_hold=approach - _needs(side.place("D", row), job, head(route), approach),
-        cycle=duration(job, head(route)) + handling(job),
+        from_hold=approach - _needs(side.place("D", row), job, route.queue.place(0), approach),
+        cycle=duration(job, route.queue.place(0)) + handling(job),
     )
 
 

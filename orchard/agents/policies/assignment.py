@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, free_carriers
-from orchard.field.layout import Layout
+from orchard.agents.dispatch import Assignment, BinReport, CarrierReport
+from orchard.agents.policies.ranking import Ranking, free_carriers
 
 try:
     from scipy.optimize import linear_sum_assignment
@@ -14,16 +14,11 @@ except ImportError as error:
     raise ImportError(f"it needs scipy ({error}); install it with pip install 'orchard-sim[study]'") from None
 
 
-class GlobalAssignment:
+class GlobalAssignment(Ranking):
     """All full bins and all free carriers are matched at once, so that the sum of the ways by road is least.
 
     All carriers pass the queue's head, so the least sum serves near bins first; which of the carriers goes hardly matters.
     """
-
-    Memory = dict  # empty
-
-    def __init__(self, layout: Layout) -> None:
-        pass
 
     def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any) -> list[Assignment]:
         calling, free = sorted(bins, key=lambda report: (report.since, report.name)), free_carriers(carriers)

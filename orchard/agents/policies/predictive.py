@@ -5,8 +5,8 @@ from typing import Any
 
 import msgspec
 
-from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, free_carriers, paired
-from orchard.field.layout import Layout
+from orchard.agents.dispatch import Assignment, BinReport, CarrierReport
+from orchard.agents.policies.ranking import Ranking
 from orchard.field.scenario import TIME_STEP
 
 MARGIN = 5.0  # s by which an order is given too early rather than too late
@@ -28,18 +28,19 @@ def slack(report: BinReport) -> float:
     return report.seconds_to_full - report.seconds_to_reach - MARGIN
 
 
-class Predictive:
+class Predictive(Ranking):
     """A carrier leaves so that it arrives when the picker is done. The bin for which it is latest gets a carrier first. Ties by name."""
 
-    Memory: type = PredictiveMemory
+    Memory = PredictiveMemory
     early = True
 
-    def __init__(self, layout: Layout) -> None:
-        pass
+    def is_due(self, report: BinReport) -> bool:
+        return slack(report) <= 0.0
+
+    def rank(self, report: BinReport, memory: PredictiveMemory) -> tuple[Any, ...]:
+        return memory.full[report.name] * TIME_STEP - report.seconds_to_reach, report.name
 
     def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any) -> list[Assignment]:
         for report in bins:
             memory.note(now, report)
-        due = [report for report in bins if slack(report) <= 0.0]
-        by_departure = sorted(due, key=lambda report: (memory.full[report.name] * TIME_STEP - report.seconds_to_reach, report.name))
-        return paired(by_departure, free_carriers(carriers))
+        return super().assign(now, bins, carriers, memory)

@@ -1,17 +1,14 @@
 """The dispatch policy `predictive-farthest`."""
 
-from collections.abc import Sequence
-from typing import Any
-
-from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, free_carriers, paired
-from orchard.agents.policies.predictive import Predictive, slack
+from orchard.agents.dispatch import BinReport
+from orchard.agents.policies.farthest_first import FarthestFirst
+from orchard.agents.policies.predictive import slack
 
 
-class PredictiveFarthest(Predictive):
+class PredictiveFarthest(FarthestFirst):
     """A carrier leaves so that it arrives when the picker is done; of the bins for which it is time the farthest first. Ties by name."""
 
-    Memory = dict  # empty
+    early = True
 
-    def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any) -> list[Assignment]:
-        due = [report for report in bins if slack(report) <= 0.0]
-        return paired(sorted(due, key=lambda report: (-report.metres, report.name)), free_carriers(carriers))
+    def is_due(self, report: BinReport) -> bool:
+        return slack(report) <= 0.0

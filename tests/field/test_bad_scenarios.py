@@ -62,27 +62,9 @@ def test_a_damaged_scenario_is_one_or_refused(tmp_path):
         b"weeds: 3\ntractor: false\n",
     ]
     pieces = [
-        b"&a ",
-        b"*a",
-        b"!!int ",
-        b"\t",
-        b"\0",
-        b"\xff",
-        b"{",
-        b"[",
-        b"]",
-        b": ",
-        b"- ",
-        b"'",
-        b'"',
-        b"\n",
-        b"\r",
-        b"|",
-        b"%",
-        b"---\n",
-        b"1e99",
-        b"-",
-    ]
+        b"&a ", b"*a", b"!!int ", b"\t", b"\0", b"\xff", b"{", b"[", b"]", b": ", b"- ", b"'", b'"', b"\n", b"\r", b"|", b"%", b"---\n",
+        b"1e99", b"-",
+    ]  # fmt: skip
     for _ in range(1000):
         text = chance.choice(sources)
         for _ in range(chance.randrange(1, 4)):

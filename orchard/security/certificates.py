@@ -19,7 +19,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY
+from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY, Role
 
 T = TypeVar("T")
 EARLIER = timedelta(hours=1)  # a certificate is valid from this long before it is made: another machine's clock may be behind
@@ -39,7 +39,7 @@ class Authority:
         """Return a new authority with a random name and a key that only signs certificates and revocation lists, valid for `days` days."""
         name = f"orchard {secrets.token_hex(8)}"
         key = ec.generate_private_key(ec.SECP256R1())
-        draft = _draft(name, name, key, datetime.now(UTC) + timedelta(days=days))
+        draft = _draft(_name(name), _name(name), key, datetime.now(UTC) + timedelta(days=days))
         draft = draft.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         never = ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement")
         only = x509.KeyUsage(**dict.fromkeys(never, False), key_cert_sign=True, crl_sign=True, encipher_only=False, decipher_only=False)
@@ -49,14 +49,14 @@ class Authority:
         """Write the authority's own certificate and key."""
         _write(folder, self.certificate, self.key)
 
-    def vouch(self, name: str, folder: Path, addresses: Iterable[str] = (), until: datetime | None = None) -> None:
+    def vouch(self, role: Role, folder: Path, addresses: Iterable[str] = (), until: datetime | None = None) -> None:
         """Write a role's certificate and key, and the authority's certificate.
 
         Only a role with `addresses` can accept connections; the others only connect. `until`: end of validity, by default that of the
         authority. Raises ValueError for an address that is malformed.
         """
         key = ec.generate_private_key(ec.SECP256R1())
-        draft = _draft(name, _name_of(self.certificate.subject), key, until or self.certificate.not_valid_after_utc)
+        draft = _draft(_name(role.name, role.digest), self.certificate.subject, key, until or self.certificate.not_valid_after_utc)
         draft = draft.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         names = [address(text) for text in addresses]
         draft = draft.add_extension(x509.ExtendedKeyUsage([SERVES, CALLS] if names else [CALLS]), critical=False)
@@ -66,18 +66,20 @@ class Authority:
         (folder / AUTHORITY).write_bytes(self.certificate.public_bytes(PEM))
 
 
-def _draft(name: str, issuer: str, key: ec.EllipticCurvePrivateKey, until: datetime) -> x509.CertificateBuilder:
+def _draft(subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, until: datetime) -> x509.CertificateBuilder:
     begin = min(datetime.now(UTC), until) - EARLIER
-    draft = x509.CertificateBuilder(_name(issuer), _name(name), key.public_key(), x509.random_serial_number())
+    draft = x509.CertificateBuilder(issuer, subject, key.public_key(), x509.random_serial_number())
     return draft.not_valid_before(begin).not_valid_after(until)
 
 
-def _name(text: str) -> x509.Name:
-    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, text)])
+def _name(text: str, digest: str = "") -> x509.Name:
+    attributes = {NameOID.COMMON_NAME: text, NameOID.SERIAL_NUMBER: digest}
+    return x509.Name([x509.NameAttribute(oid, value) for oid, value in attributes.items() if value])
 
 
-def _name_of(name: x509.Name) -> str:
-    return str(name.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value)
+def _in(name: x509.Name, oid: x509.ObjectIdentifier) -> str:
+    found = name.get_attributes_for_oid(oid)
+    return str(found[0].value) if found else ""
 
 
 def address(text: str) -> x509.GeneralName:
@@ -103,12 +105,12 @@ def _write(folder: Path, certificate: x509.Certificate, key: ec.EllipticCurvePri
 # -- checks of the files that a user names
 
 
-def check(folder: Path, name: str) -> None:
-    """Raise ValueError, with the reason, if a file of the role `name` is missing, another's, not of this authority, or not valid now."""
+def check(folder: Path, role: Role) -> None:
+    """Raise ValueError, with the reason, if a file of the role is missing, another's, not of this authority, or not valid now."""
     files = folder / CERTIFICATE, folder / AUTHORITY
     certificate, authority = (_read(path, x509.load_pem_x509_certificate, "not a certificate") for path in files)
-    if _name_of(certificate.subject) != name:
-        raise ValueError(f"{folder / CERTIFICATE}: this is the certificate of {_name_of(certificate.subject)}, not of {name}")
+    if (name := _in(certificate.subject, NameOID.COMMON_NAME)) != role.name:
+        raise ValueError(f"{folder / CERTIFICATE}: this is the certificate of {name}, not of {role.name}")
     try:
         certificate.verify_directly_issued_by(authority)
     except (ValueError, TypeError, InvalidSignature):
@@ -116,6 +118,11 @@ def check(folder: Path, name: str) -> None:
     key = _read(folder / KEY, lambda data: serialization.load_pem_private_key(data, None), "not a private key without a password")
     if key.public_key() != certificate.public_key():
         raise ValueError(f"{folder / KEY}: not the key of the certificate beside it")
+    if _in(certificate.subject, NameOID.SERIAL_NUMBER) != role.digest:
+        its = f"duty {role.duty}, names {', '.join(role.names)}"
+        raise ValueError(
+            f"{folder}: role.json has changed ({its}), and a router does not grant that; `orchard secure --anew` makes new roles"
+        )
     for one in (certificate, authority):
         if not one.not_valid_before_utc <= datetime.now(UTC) <= one.not_valid_after_utc:
             span = f"from {one.not_valid_before_utc:%Y-%m-%d %H:%M} to {one.not_valid_after_utc:%Y-%m-%d %H:%M} UTC"

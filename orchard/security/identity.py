@@ -2,12 +2,14 @@
 
 import importlib
 import json
+import logging
 import re
 import shutil
 import socket
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -15,6 +17,8 @@ from typing import Any
 from orchard.field.kinds import select_agents
 from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY, SERVANTS, Duty, Role, access_control
 from orchard.wire.keys import PREFIX, Keys
+
+log = logging.getLogger("orchard")
 
 ROLE, ACCESS = "role.json", "access.json"  # a role's files
 SIMULATION = "simulation"  # what a bridge may control, beside robots
@@ -35,14 +39,30 @@ class Identity:
     def load(cls, folder: Path) -> "Identity":
         """Load a role's directory. Raises ValueError, with the reason, if its files are not valid."""
         identity = cls(role_in(folder), folder.resolve())
-        certificates().check(folder, identity.role.name)
+        certificates().check(folder, identity.role)
+        _check_mode(identity.folder / KEY, (folder / KEY).stat().st_mode & 0o777)
         return identity
 
     def rules(self) -> Any:
         """Return what a router lets through, as Zenoh's access_control. Raises ValueError if this role may not listen."""
         if not (self.folder / ACCESS).is_file():
             raise ValueError(f"{self.folder}: the role {self.role.name} may not listen; only physics and router may")
-        return json.loads((self.folder / ACCESS).read_text())
+        path = self.folder / ACCESS
+        try:
+            rules = json.loads(path.read_text())
+            denies = rules["enabled"] is True and rules["default_permission"] == "deny" and bool(rules["subjects"])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise ValueError(f"{path}: not as `orchard secure` wrote it: {type(error).__name__}: {error}") from error
+        if not denies:
+            raise ValueError(f"{path}: these rules let all sessions do all things; `orchard secure --anew` makes new ones")
+        return rules
+
+
+@cache
+def _check_mode(key: Path, mode: int) -> None:
+    """Warn once of a private key that other users of this machine can read."""
+    if mode & 0o077:
+        log.warning("%s: other users can read this private key (mode %03o), and so take the role; run: chmod 600 %s", key, mode, key)
 
 
 def identity_in(folder: str | None, prefix: str) -> Identity | None:
@@ -158,7 +178,7 @@ def make(folder: Path, clients: Iterable[Role], addresses: Sequence[str], days: 
     rules = json.dumps(access_control(roles, Keys(PREFIX)), indent=1)
     for role in roles:
         serves = role.duty in ("physics", "router")
-        authority.vouch(role.name, folder / role.name, (*LOCAL, *addresses) if serves else ())
+        authority.vouch(role, folder / role.name, (*LOCAL, *addresses) if serves else ())
         (folder / role.name / ROLE).write_text(json.dumps(asdict(role) | {"session": role.session}, indent=1))
         if serves:
             (folder / role.name / ACCESS).write_text(rules)

@@ -33,6 +33,11 @@ class Role:
         """The id of its Zenoh session, which some keys contain: hexadecimal, the same in every run."""
         return "a" + hashlib.sha256(self.name.encode()).hexdigest()[:15]  # Zenoh allows no leading 0
 
+    @property
+    def digest(self) -> str:
+        """What its certificate says of it beside its name: a role with another duty or other names needs another certificate."""
+        return hashlib.sha256(" ".join((self.name, self.duty, *self.names)).encode()).hexdigest()
+
 
 EMERGENCY_OPERATOR = "emergency-operator"  # stops robots in an emergency; a role of its own, because run.py already uses the operator's
 SERVANTS = (

@@ -104,19 +104,26 @@ def clear(folder: Path) -> None:
 
 
 def newest(folder: Path, refused: list[str], run: str = "", examine: Callable[[Snapshot], object] = lambda snapshot: snapshot) -> Snapshot:
-    """Return the newest usable snapshot in a folder; append the faults of newer ones to `refused`. Raises SnapshotError if there is none.
+    """Return the newest usable snapshot in a folder; append the faults of others to `refused`. Raises SnapshotError if there is none.
 
     `run`: the id of the run to which it must belong, if it names one; '' for any. `examine`: raises SnapshotError for impossible content.
+    Runs in local mode have no id, but a folder has one run: a snapshot whose scenario is not that of most others there does not count.
     """
+    sound: dict[Path, Snapshot] = {}
     for path in _newest_first(folder):
         try:
             found = read(path)
             if run and found.run not in ("", run):
                 raise SnapshotError(f"{path}: of another run, {found.run}; expected {run}")
             _examined(path, found, examine)
-            return found
+            sound[path] = found
         except SnapshotError as error:
             refused.append(str(error))
+    scenarios = [found.scenario for found in sound.values()]
+    for path, found in sound.items():
+        if 2 * scenarios.count(found.scenario) > len(scenarios):
+            return found
+        refused.append(f"{path}: of another run, with seed {found.scenario.get('seed')}; other snapshots there differ from it")
     raise SnapshotError("; ".join([*refused, f"{folder}: no usable snapshot"]))
 
 

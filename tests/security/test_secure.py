@@ -267,8 +267,8 @@ def test_a_certificate_holds_for_its_addresses_only(folder):
 def test_a_connection_ends_with_its_certificate(folder, tmp_path):
     shutil.copytree(folder, tmp_path / "roles")
     authority, keyring = Authority.begin(1), Keyring.load(tmp_path / "roles")
-    authority.vouch("physics", keyring.roles["physics"], ["127.0.0.1"])
-    authority.vouch("amy", keyring.roles["amy"], until=datetime.now(UTC) + timedelta(seconds=3))
+    authority.vouch(keyring.of("physics").role, keyring.roles["physics"], ["127.0.0.1"])
+    authority.vouch(keyring.of("amy").role, keyring.roles["amy"], until=datetime.now(UTC) + timedelta(seconds=3))
     with router("tls/127.0.0.1:0", identity=keyring.of("physics")) as bus, client(bus.endpoint, identity=keyring.of("amy")) as amy:
         bus.watch(KEYS.of("alive"))
         amy.declare_alive(KEYS.of("alive", MINE, amy.id))

@@ -121,11 +121,13 @@ def spoil(what: str, own: Path, stranger: Path) -> None:
             for name in ("certificate.pem", "key.pem"):
                 shutil.copy(own.parent / "ben" / name, own)
         case "expired":
-            Authority.begin(30).vouch("amy", own, until=datetime.now(UTC) - timedelta(minutes=1))
+            Authority.begin(30).vouch(Keyring.load(own).of("amy").role, own, until=datetime.now(UTC) - timedelta(minutes=1))
         case "nonsense":
             (own / "certificate.pem").write_text("nonsense")
         case "no role":
             (own / "role.json").write_text("{}")
+        case "agents of others":
+            (own / "role.json").write_text((own / "role.json").read_text().replace('"picker_01"', '"picker_01", "picker_02"'))
 
 
 @pytest.mark.parametrize(
@@ -138,6 +140,7 @@ def spoil(what: str, own: Path, stranger: Path) -> None:
         ("expired", "UTC, not now"),
         ("nonsense", "certificate.pem: not a certificate"),
         ("no role", "role.json: not as `orchard secure` wrote it"),
+        ("agents of others", "role.json has changed .duty host, names picker_01, picker_02."),
     ],
 )
 def test_a_directory_of_no_use_is_named(what, named, folder, stranger, tmp_path):
@@ -145,3 +148,23 @@ def test_a_directory_of_no_use_is_named(what, named, folder, stranger, tmp_path)
     spoil(what, tmp_path / "roles" / "amy", stranger)
     with pytest.raises(ValueError, match=named):
         Keyring.load(tmp_path / "roles").of("amy")
+
+
+@pytest.mark.parametrize(
+    "rules", ["{}", "", "[]", '{"enabled": false}', '{"enabled": true, "default_permission": "allow", "subjects": []}']
+)
+def test_access_rules_that_let_all_through_are_refused(rules, folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "roles")
+    (tmp_path / "roles" / "router" / "access.json").write_text(rules)
+    with pytest.raises(ValueError, match=r"access\.json: "):
+        Keyring.load(tmp_path / "roles").of("router").rules()
+
+
+def test_a_private_key_that_others_can_read_is_named(folder, tmp_path, caplog):
+    shutil.copytree(folder, tmp_path / "roles")
+    key = tmp_path / "roles" / "amy" / "key.pem"
+    Keyring.load(tmp_path / "roles").of("amy")
+    assert not caplog.records
+    key.chmod(0o644)
+    Keyring.load(tmp_path / "roles").of("amy")
+    assert f"{key}: other users can read this private key (mode 644)" in caplog.text

@@ -96,6 +96,15 @@ def test_any_flipped_bit_or_cut_is_found(tmp_path, caplog):
     assert len(caplog.records) == 1
 
 
+def test_the_code_of_another_kernel_is_not_used(tmp_path, caplog):
+    files = KernelFiles(tmp_path)
+    for name, code in (("a.nbc", CODE), ("b.nbc", CODE[::-1])):
+        files.keep(name, code)
+    shutil.copy(tmp_path / "a.nbc", tmp_path / "b.nbc")
+    assert (files.load("a.nbc"), files.load("b.nbc")) == (CODE, None)
+    assert "are torn or changed" in caplog.text
+
+
 def test_a_full_disk_keeps_no_kernel_and_says_so_in_one_line(tmp_path, caplog, monkeypatch):
     def full(file):
         raise OSError(28, "No space left on device")

@@ -59,6 +59,17 @@ def test_the_newest_two_are_kept_and_the_newest_is_read(written):
     assert refused == []
 
 
+def test_the_newest_snapshot_of_another_local_run_is_passed_over_and_named(written):
+    other = Local(Scenario(rows=3, seed=9))
+    while other.engine.tick < 20:
+        other.tick()
+    name, content = as_file(other.snapshot())
+    (written / name).write_bytes(content)
+    refused: list[str] = []
+    assert newest(written, refused).tick == 12
+    assert refused == [f"{written / name}: of another run, with seed 9; other snapshots there differ from it"]
+
+
 @pytest.mark.parametrize(
     ("damage", "why"),
     [

@@ -12,7 +12,7 @@ from orchard.sim.disk import write_whole
 
 COMPILING = "compiling for this machine; this is done once and takes up to a minute"
 UNUSED_SECONDS = 24 * 3600.0  # after which the kernels of other sources are removed; a program that runs now may still load them
-DIGEST = 32  # bytes of SHA-256, with which each file begins
+DIGEST = 32  # bytes of the SHA-256 of name and code, with which each file begins
 
 _HERE = Path(__file__).parent
 _FIELD = _HERE.parent.parent / "field"
@@ -44,8 +44,12 @@ def _remove_unused(own: Path) -> None:
                 shutil.rmtree(folder, ignore_errors=True)
 
 
+def _digest(name: str, code: bytes) -> bytes:
+    return hashlib.sha256(name.encode() + b"\n" + code).digest()
+
+
 class KernelFiles:
-    """The compiled code of kernels in a folder, each in a file with its SHA-256. Code that is torn or changed is never used.
+    """The compiled code of kernels in a folder, each in a file with its SHA-256. Code that is torn, changed or another's is never used.
 
     A file is written whole or not at all, so that processes which start together do not disturb each other.
     """
@@ -66,7 +70,7 @@ class KernelFiles:
         except OSError as error:
             self._say(f"compiled kernels in {self._folder} cannot be read: {error.strerror}; they are compiled anew")
             return None
-        if hashlib.sha256(content[DIGEST:]).digest() != content[:DIGEST]:
+        if _digest(name, content[DIGEST:]) != content[:DIGEST]:
             self._say(f"compiled kernels in {self._folder} are torn or changed; they are compiled anew, which takes up to a minute")
             return None
         return content[DIGEST:]
@@ -78,7 +82,7 @@ class KernelFiles:
         """
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            write_whole(self._folder / name, hashlib.sha256(code).digest() + code)
+            write_whole(self._folder / name, _digest(name, code) + code)
             _remove_unused(self._folder)
         except OSError as error:
             self._say(f"compiled kernels cannot be kept in {self._folder}: {error.strerror}; the next start compiles them again")

@@ -145,6 +145,7 @@ class Host:
             raise HostEnded(2, "; ".join(f"{name}: {reason}" for name, reason in sorted(joined.refused.items())))
         self.mailbox.join(joined.tick)
         self.latest.forget()
+        self._answer = []  # of a tick that is over
         for name, runner in self.runners.items():
             runner.resume(joined.memories.get(name))
 

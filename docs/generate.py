@@ -7,10 +7,11 @@ All follow from the code, those of the study from docs/study.json, and docs/poli
 from pathlib import Path
 
 from docs import keyspace, policies, reference, study
+from docs.exchange import exchange_plan
 from orchard.field.layout import lay_out
 from orchard.field.queue import TWO_WAY
 from orchard.field.scenario import Scenario, schema_text
-from orchard.report.plan import exchange_plan, orchard_plan
+from orchard.report.plan import orchard_plan
 
 ROOT = Path(__file__).parent.parent
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import rerun.blueprint as rrb
 from PIL import Image
 from rerun.experimental import ViewerClient
 
@@ -21,7 +22,7 @@ from orchard.launch.local_run import run
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import free_port
-from orchard.view.blueprint import for_film
+from orchard.view.blueprint import TIMELINE, at_work
 from orchard.view.files import viewer_program
 from orchard.view.recorder import Recorder
 
@@ -107,7 +108,8 @@ def picture(recording: Path) -> Image.Image:
 def film(recording: Path) -> list[Image.Image]:
     """The frames of an exchange, in the view that follows the work."""
     blueprint = recording.with_suffix(".rbl")
-    for_film(lay_out(SCENARIO)).save("orchard", blueprint)
+    panels = rrb.TimePanel(state="collapsed", timeline=TIMELINE), rrb.BlueprintPanel(state="hidden"), rrb.SelectionPanel(state="hidden")
+    rrb.Blueprint(rrb.Vertical(at_work(lay_out(SCENARIO))), *panels, auto_views=False, auto_layout=False).save("orchard", blueprint)
     with looking_at(SMALL_WINDOW, recording, blueprint) as client:
         return [at(client, seconds, "At work") for seconds in np.arange(*EXCHANGE, SPEED / RATE)]
 

@@ -49,7 +49,6 @@ class Frame:
     row_picked: np.ndarray | None = None  # (r,) float: picked metres of each row; None: unchanged
     delivered: int = 0  # bins unloaded so far
     events: Sequence[Event] = ()
-    figures: Mapping[str, float] = field(default_factory=dict)  # name -> value, shown under metrics/
     states: Mapping[str, State] = field(default_factory=dict)  # name -> state, for the names in `doing`
     velocities: Mapping[str, Velocities] = field(default_factory=dict)  # name -> its own of the step; may hold changes only
     left_out: int = 0  # earlier frames that were merged into this one
@@ -60,8 +59,8 @@ def merged(old: Frame, new: Frame) -> Frame:
     """Return one frame for two: the newer one, with the other changes of the older one."""
     kept = {name: getattr(old, name) for name in SELDOM if getattr(new, name) is None}
     doing, states = {**old.doing, **new.doing}, {**old.states, **new.states}
-    figures, events = {**old.figures, **new.figures}, [*old.events, *new.events]
+    events = [*old.events, *new.events]
     velocities = {**old.velocities, **new.velocities}
     whole, left_out = old.is_whole or new.is_whole, old.left_out + new.left_out + 1
-    news: dict[str, Any] = {"doing": doing, "states": states, "velocities": velocities, "figures": figures, "events": events}
+    news: dict[str, Any] = {"doing": doing, "states": states, "velocities": velocities, "events": events}
     return replace(new, left_out=left_out, is_whole=whole, **news, **kept)

@@ -3,7 +3,6 @@
 import html
 import math
 
-from orchard.agents.route import OneWay, Side
 from orchard.agents.routes import route_of
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import KINDS, kind_of, number_of
@@ -46,10 +45,6 @@ class Drawing:
 
     def circle(self, x: float, y: float, radius: float, style: str) -> None:
         self.elements.append(f'<circle cx="{self.x(x)}" cy="{self.y(y)}" r="{round(radius * PIXELS, 2)}" style="{style}"/>')
-
-    def text(self, x: float, y: float, words: str) -> None:
-        at = f'x="{self.x(x)}" y="{self.y(y)}"'
-        self.elements.append(f'<text {at} font-size="{0.9 * PIXELS}" font-family="sans-serif">{html.escape(words)}</text>')
 
     def label(self, x: float, y: float, words: str, metres: float) -> None:
         """Write words of this height, m, to the right of a point, with a white edge, so that they can be read on any ground."""
@@ -104,18 +99,6 @@ def _present_body(drawing: Drawing, name: str, pose: Pose, share: float) -> None
         drawing.label(pose.x + x, pose.y + y, f"{kind[0].upper()}{number_of(name)}", 1.8)
 
 
-def exchange_plan(layout: Layout) -> str:
-    """Return the drawing of the east ends of the first three lanes: the places, and the areas that turns sweep.
-
-    The west side is the same, turned by half a turn, or mirrored.
-    """
-    route = route_of(layout)
-    drawing = Drawing(layout, route.east.x(30.0), layout.lane(3).y - 4, route.east.x(46.0), layout.lane(1).y + 5)
-    for lane in layout.lanes[:3]:
-        _exchange(drawing, route, lane.y, route.east)
-    return drawing.svg()
-
-
 def _ground(drawing: Drawing, layout: Layout) -> None:
     middle, half = (TOP + layout.bottom) / 2, (TOP - layout.bottom) / 2
     width = layout.east - X_WEST
@@ -126,7 +109,7 @@ def _ground(drawing: Drawing, layout: Layout) -> None:
     for lane in layout.lanes:
         across = (lane.east + lane.west) / 2
         drawing.box(across, lane.y, lane.length / 2, 1.0, f"fill:{COLOURS['lane']};opacity:0.6")
-        drawing.text(across - 2.0, lane.y - 0.3, f"row {lane.number}")
+        drawing.label(across - 2.0, lane.y - 0.3, f"row {lane.number}", 0.9)
     for line in layout.lines:
         for x in line.trees_x:
             drawing.box(x, line.y, 2.75, 0.5, f"fill:{COLOURS['tree']};opacity:0.7")
@@ -145,20 +128,3 @@ def _roads(drawing: Drawing, layout: Layout) -> None:
         drawing.line([(layout.queue.area.west, y), (layout.queue.area.east, y)], f"stroke:{COLOURS['D']};stroke-width:1;stroke-dasharray:6")
     for name, x, y in route.holds():
         drawing.line([(x - 0.75, y), (x + 0.75, y)], f"stroke:{COLOURS.get(name, OTHER_ROAD)};stroke-width:3")
-
-
-def _exchange(drawing: Drawing, route: OneWay, y: float, side: Side) -> None:
-    """Draw the outlines of all places of an exchange, and the circles that turns sweep."""
-    picker, carrier, fruit = KINDS["picker"], KINDS["carrier"], KINDS["bin"]
-    outline = "fill:none;stroke-width:1.5;stroke:"
-    for x in (route.WAITING, route.PARKED):
-        drawing.box(side.x(x), y, picker.length / 2, picker.width / 2, outline + COLOURS["picker"])
-    for x in (route.FULL_BIN, route.D_ROAD):
-        drawing.box(side.x(x), y, fruit.length / 2, fruit.width / 2, outline + "firebrick")
-    stop = side.y(y, route.STOP)
-    drawing.box(side.x(route.D_ROAD), stop, carrier.width / 2, carrier.length / 2, outline + COLOURS["D"])
-    drawing.box(side.x(route.COUPLING), y, carrier.length / 2, carrier.width / 2, outline + COLOURS["F"])
-    sweeps = {(route.D_ROAD, stop): 1.17, (route.COUPLING, stop): 1.17, (route.COUPLING, y): 1.17, (route.F_ROAD, y): 2.45}
-    for (x, at), radius in (sweeps | {(route.WAITING, y): 2.80}).items():
-        drawing.circle(side.x(x), at, radius, "fill:none;stroke:#888;stroke-width:0.7;stroke-dasharray:3")
-    drawing.line([(side.x(x), at) for x, at in sweeps], "stroke:black;stroke-width:1")

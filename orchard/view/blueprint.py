@@ -47,11 +47,6 @@ def for_page(layout: Layout) -> rrb.Blueprint:
     return _of(views, hidden, rrb.TopPanel(state=hidden))
 
 
-def for_film(layout: Layout) -> rrb.Blueprint:
-    """Return a blueprint with the first view alone."""
-    return _of(rrb.Vertical(_at_work(layout)), rrb.PanelState.Hidden)
-
-
 def _of(views: rrb.Container, panels: rrb.PanelState, *more: rrb.TopPanel) -> rrb.Blueprint:
     """Return the blueprint of these views. `panels`: the state of the panels that its user seldom needs."""
     return rrb.Blueprint(
@@ -97,13 +92,13 @@ def _spaces(layout: Layout) -> rrb.Tabs:
     y = layout.lane(1).y
     inside = _eye((ROW_WEST - 5.5, y - 1.2, 2.2), (ROW_WEST + 14.0, y + 0.4, 1.0))
     return rrb.Tabs(
-        _at_work(layout),
+        at_work(layout),
         _space("Orchard", IN_SPACE, _outside(layout)),
         _space("Under the pergola", IN_SPACE, inside),
     )
 
 
-def _at_work(layout: Layout) -> rrb.Spatial3DView:
+def at_work(layout: Layout) -> rrb.Spatial3DView:
     """Return the view with a camera that goes along with the focus."""
     x, y = BESIDE[0] + ROW_WEST, BESIDE[1] + layout.lane(1).y
     return _space("At work", BELOW_CROWNS, _eye((x, y, BESIDE[2]), (ROW_WEST, layout.lane(1).y, 1.0), follow=FOCUS), PIN_NEAR)

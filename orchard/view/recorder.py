@@ -234,9 +234,6 @@ class Recorder:
         if not is_due and frame.delivered == self._gauges.get("metrics/bins/delivered"):
             return
         gauges = {"metrics/bins/delivered": float(frame.delivered), **self._robots(), **self._rows_and_bins(frame)}
-        for name, value in frame.figures.items():
-            path = next((path for path in SERIES if path.endswith("/" + name)), f"metrics/more/{name}")
-            gauges[path] = float(value)
         for path, value in gauges.items():
             if self._gauges.get(path) != value or frame.tick % (60 * CHUNK_TICKS) == 0:
                 self.rec.log(path, rr.Scalars(value))

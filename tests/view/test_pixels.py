@@ -1,27 +1,23 @@
 """The picture as pixels, looked at in Rerun's own viewer."""
 
 import glob
-import io
-import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from ctypes.util import find_library
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 from rerun.experimental import ViewerClient
 from scripted_orchard import acted_layout, frames
 
+from docs.pictures import at, looking_at
 from orchard.contract.events import Frame
 from orchard.field.layout import Layout
-from orchard.launch.supervisor import free_port
-from orchard.view.files import viewer_program
 from orchard.view.palette import STATES
 from orchard.view.recorder import Recorder
 from orchard.view.scenery import plan_size
 
+WINDOW = (1000, 640)  # pixels
 LIBRARIES = ("xkbcommon-x11", "X11-xcb", "Xcursor", "Xi", "Xrandr")
 
 
@@ -33,34 +29,15 @@ def why_no_renderer() -> str:
     return f"missing for the headless viewer: {', '.join(missing)} (see .ci/apt-packages.txt)" if missing else ""
 
 
-@contextmanager
-def looking_at(path: Path) -> Iterator[ViewerClient]:
-    """A viewer without a window that has loaded a recording."""
-    client = ViewerClient.spawn(headless=True, port=free_port(), hide_welcome_screen=True, executable_path=viewer_program())
-    try:
-        client.open(str(path))
-        deadline = time.monotonic() + 60
-        while not client.get_state().views or client.get_state().loading:
-            assert time.monotonic() < deadline, "the viewer did not load the recording within 60 s"
-            client.take_screenshot(max_size=100)
-        yield client
-    finally:
-        client.quit()
-
-
 @pytest.fixture(scope="module")
 def viewer(recording: Path) -> Iterator[ViewerClient]:
-    with looking_at(recording) as client:
+    with looking_at(WINDOW, recording) as client:
         yield client
 
 
 def picture(client: ViewerClient, seconds: float, view: str) -> np.ndarray:
-    """(height, width, 3) of a view at a time; the first picture after a change may still be the old one."""
-    client.set_time("sim_time", duration=seconds, play_state="paused")
-    (shown,) = [v for v in client.get_state().views if v.name == view]
-    for _ in range(3):
-        png = client.take_screenshot(shown.view_id)
-    return np.array(Image.open(io.BytesIO(png)).convert("RGB")).astype(float)
+    """(height, width, 3) of a view at a time."""
+    return np.array(at(client, seconds, view)).astype(float)
 
 
 @pytest.mark.skipif(bool(why_no_renderer()), reason=why_no_renderer() or "-")
@@ -87,7 +64,7 @@ class TestInTheViewer:
         for frame in frames(recorder.layout, 2.0):
             recorder.tick(frame)
         recorder.close()
-        with looking_at(tmp_path / "large.rrd") as viewer:
+        with looking_at(WINDOW, tmp_path / "large.rrd") as viewer:
             assert picture(viewer, 1.0, "At work").std() > 20 and picture(viewer, 1.0, "Plan").std() > 20
             assert [(view.name, report.summary) for view in viewer.get_state().views for report in view.reports] == []
 

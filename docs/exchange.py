@@ -1,0 +1,36 @@
+"""Draws the exchange of bins at the end of a row: the places, and the areas that turns sweep."""
+
+from orchard.agents.route import OneWay, Side
+from orchard.agents.routes import route_of
+from orchard.field.kinds import KINDS
+from orchard.field.layout import Layout
+from orchard.report.plan import COLOURS, Drawing
+
+
+def exchange_plan(layout: Layout) -> str:
+    """Return the drawing of the east ends of the first three lanes: the places, and the areas that turns sweep.
+
+    The west side is the same, turned by half a turn, or mirrored.
+    """
+    route = route_of(layout)
+    drawing = Drawing(layout, route.east.x(30.0), layout.lane(3).y - 4, route.east.x(46.0), layout.lane(1).y + 5)
+    for lane in layout.lanes[:3]:
+        _exchange(drawing, route, lane.y, route.east)
+    return drawing.svg()
+
+
+def _exchange(drawing: Drawing, route: OneWay, y: float, side: Side) -> None:
+    """Draw the outlines of all places of an exchange, and the circles that turns sweep."""
+    picker, carrier, fruit = KINDS["picker"], KINDS["carrier"], KINDS["bin"]
+    outline = "fill:none;stroke-width:1.5;stroke:"
+    for x in (route.WAITING, route.PARKED):
+        drawing.box(side.x(x), y, picker.length / 2, picker.width / 2, outline + COLOURS["picker"])
+    for x in (route.FULL_BIN, route.D_ROAD):
+        drawing.box(side.x(x), y, fruit.length / 2, fruit.width / 2, outline + "firebrick")
+    stop = side.y(y, route.STOP)
+    drawing.box(side.x(route.D_ROAD), stop, carrier.width / 2, carrier.length / 2, outline + COLOURS["D"])
+    drawing.box(side.x(route.COUPLING), y, carrier.length / 2, carrier.width / 2, outline + COLOURS["F"])
+    sweeps = {(route.D_ROAD, stop): 1.17, (route.COUPLING, stop): 1.17, (route.COUPLING, y): 1.17, (route.F_ROAD, y): 2.45}
+    for (x, at), radius in (sweeps | {(route.WAITING, y): 2.80}).items():
+        drawing.circle(side.x(x), at, radius, "fill:none;stroke:#888;stroke-width:0.7;stroke-dasharray:3")
+    drawing.line([(side.x(x), at) for x, at in sweeps], "stroke:black;stroke-width:1")

@@ -7,6 +7,7 @@ The scenario comes from physics. Without --only and --without it hosts all agent
 
 import argparse
 import importlib
+import logging
 import math
 import sys
 from collections.abc import Callable, Collection
@@ -16,9 +17,10 @@ from typing import NoReturn
 
 from orchard.agents.catalogue import guarded
 from orchard.contract.agent import Agent
+from orchard.contract.printed import printed
 from orchard.field.kinds import select_agents
 from orchard.field.layout import Layout, lay_out
-from orchard.field.plugins import contained, place_of_error
+from orchard.field.plugins import contained, end_soon, place_of_error
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check
 from orchard.memory import settle
@@ -31,6 +33,8 @@ from orchard.net.zenoh_bus import client
 from orchard.security.identity import Identity, identity_in
 from orchard.wire.keys import PREFIX, Keys
 from orchard.wire.messages import RESET
+
+log = logging.getLogger("orchard")
 
 Factory = Callable[[Layout, Collection[str]], dict[str, Agent]]
 Opened = Callable[[Inbox], AbstractContextManager[Bus]]
@@ -75,7 +79,11 @@ def main(argv: list[str] | None = None) -> int:
     def opened(inbox: Inbox) -> AbstractContextManager[Bus]:
         return client(options.connect, inbox, identity=identity)
 
-    return run_process("agents", lambda inbox: host(inbox, options, opened, identity), BusError, ValueError, ScenarioError)
+    def hosted(inbox: Inbox) -> NoReturn:
+        with printed(log.warning):
+            host(inbox, options, opened, identity)
+
+    return run_process("agents", hosted, BusError, ValueError, ScenarioError)
 
 
 def host(
@@ -146,4 +154,6 @@ def options_of(argv: list[str] | None) -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    code = main()
+    end_soon(code, log.error)
+    sys.exit(code)

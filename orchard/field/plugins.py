@@ -5,9 +5,11 @@ import decimal
 import dis
 import importlib
 import inspect
+import os
 import signal
 import sys
 import sysconfig
+import threading
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from contextvars import copy_context
@@ -16,6 +18,7 @@ from typing import Any, TypeVar
 from orchard.field.problems import Problem, ScenarioError, printable
 
 MISTAKES = BaseException  # raised by a user's code: whatever it is, it must not end other agents or the run (see `reraise_ctrl_c`)
+LEFT_SECONDS = 2.0  # that threads of a user's code may still run when the program is over
 IMPORTED = "modules are imported from the directory in which you run the program, or from PYTHONPATH"
 _RAISE = dis.opmap["RAISE_VARARGS"]
 _PACKAGE = __file__.removesuffix("field/plugins.py")
@@ -42,6 +45,19 @@ def contained(call: Callable[..., Result], *arguments: Any) -> Result:
 def _with_own_decimals(call: Callable[..., Result], *arguments: Any) -> Result:
     decimal.setcontext(decimal.Context())
     return call(*arguments)
+
+
+def end_soon(code: int, show: Callable[[str], None]) -> None:
+    """Let this process, which is about to end, not wait for threads that a user's code has left: `show` gets their names, and it ends."""
+    timer = threading.Timer(LEFT_SECONDS, _end_threads, (code, show))
+    timer.daemon = True
+    timer.start()
+
+
+def _end_threads(code: int, show: Callable[[str], None]) -> None:
+    if left := [thread.name for thread in threading.enumerate() if not thread.daemon and thread is not threading.main_thread()]:
+        show(f"own classes have left threads that still run: {', '.join(left)}; the program ends without them")
+        os._exit(code)
 
 
 def load_plugin(key: str, path: str) -> Any:

@@ -23,7 +23,10 @@ _NOT_A_NAME = {  # what is wrong with a key of it
 }
 
 
-def printable(words: str, most: int = 200) -> str:
+LONGEST = 200  # characters of a line of a user's code
+
+
+def printable(words: str, most: int = LONGEST) -> str:
     """Return the text of an agent, a class or a client that may be faulty as one short line, harmless in a terminal, a log and a page."""
     short = words if len(words) <= most else words[: most - 3] + "..."
     if type(short) is str and short.isprintable():

@@ -27,6 +27,7 @@ import typer
 
 from orchard.agents.catalogue import check_plugins
 from orchard.field.layout import lay_out
+from orchard.field.plugins import end_soon
 from orchard.field.problems import Problem, ScenarioError, printable
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
@@ -36,7 +37,7 @@ from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest, shares
 from orchard.launch.runs import Runs, check_writable
 from orchard.launch.study_options import StudyArguments
-from orchard.launch.terminal import BAD_INPUT, console, errors, exit_on_errors, print_error, print_line, report
+from orchard.launch.terminal import BAD_INPUT, FAILED, console, errors, exit_on_errors, own_classes_run, print_error, print_line, report
 from orchard.launch.watch import check_ports, open_window, serve
 from orchard.net.endpoints import BusError
 from orchard.report.progress import Progress
@@ -70,10 +71,11 @@ def harvest(chosen: HarvestOptions) -> None:
         print_error(note)
     if chosen.only and chosen.connect:
         raise typer.Exit(_join_run(chosen, chosen.connect, chosen.only))
-    with exit_on_errors(ScenarioError, SnapshotError, BusError, OSError, ValueError):
-        request = _request(chosen)
-    result, why = _run_local(request) if chosen.mode == "local" else _run_processes(request)
-    raise typer.Exit(report(request, result, why))
+    with own_classes_run():
+        with exit_on_errors(ScenarioError, SnapshotError, BusError, OSError, ValueError):
+            request = _request(chosen)
+        result, why = _run_local(request) if chosen.mode == "local" else _run_processes(request)
+        raise typer.Exit(report(request, result, why))
 
 
 def _request(chosen: HarvestOptions) -> RunRequest:
@@ -351,6 +353,9 @@ def main() -> None:
     is_named = arguments[:1] and arguments[0] in ("harvest", *options.COMMANDS)
     try:
         app(arguments if is_named else ["harvest", *arguments])
+    except SystemExit as end:
+        end_soon(end.code if isinstance(end.code, int) else FAILED, print_error)
+        raise
     finally:
         console.end()
         errors.end()

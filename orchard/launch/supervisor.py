@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from orchard.field.problems import printable
 from orchard.net import lifeline
 from orchard.net.lifeline import Line
 from orchard.view.files import window
@@ -23,6 +24,7 @@ DEATHS = 5  # quick deaths in a row, after which a process is given up
 BAD_ORDER = 2  # exit code of a process that refuses its arguments, or what it finds: its port may be taken, and be free again soon
 REFUSALS = 9  # quick deaths in a row, after which a process is given up that ends with this code: half a minute
 BACK_OFF = 0.25  # s before the second restart; twice as long before each further one
+LONGEST_LINE = 2000  # characters of what a process says
 QUICK_START = {  # turns off work of libraries at their import that is not needed here: a fifth of a start's processor time
     "OPENBLAS_NUM_THREADS": "1",  # threads for large matrices
     "PYDANTIC_DISABLE_PLUGINS": "__all__",  # a search through all installed packages
@@ -109,7 +111,7 @@ class Supervisor:
         module = program.module.rpartition(".")[2]
         with popen.stderr as lines:
             for line in lines:
-                self.say(f"{program.name}: {line.rstrip().removeprefix(f'{module}: ')}")
+                self.say(f"{program.name}: {printable(line.rstrip().removeprefix(f'{module}: '), LONGEST_LINE)}")
 
     def exit_code(self, name: str) -> int | None:
         """Return the exit code of a process; None while it runs, or if it was never started."""

@@ -1,5 +1,6 @@
 """What `orchard` prints: the result of a run, commands to type next, and errors; and its exit codes."""
 
+import logging
 import math
 import os
 import shlex
@@ -14,6 +15,7 @@ import msgspec
 import typer
 from rich.console import Console
 
+from orchard.contract.printed import printed
 from orchard.field.scenario import TIME_STEP
 from orchard.launch.request import RunRequest
 from orchard.report.sentence import sentence
@@ -64,6 +66,34 @@ def print_line(words: str) -> None:
 def print_error(words: object) -> None:
     """Print a line on stderr."""
     errors.print(str(words), markup=False, soft_wrap=True)
+
+
+class _Log(logging.Handler):
+    """Shows what the program logs, as its own words."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        _say(self.format(record))
+
+
+def _say(words: str) -> None:
+    """Print a line on stderr; above the table, if there is one on the terminal."""
+    (print_line if console.is_terminal else print_error)(words)
+
+
+@contextmanager
+def own_classes_run() -> Iterator[None]:
+    """In this context, classes of a user may run: what they print is shown as lines of the program, and not all of it."""
+    log, handler = logging.getLogger("orchard"), _Log()
+    outputs: list[Any] = [console, errors]
+    console.file, errors.file = sys.stdout, sys.stderr
+    log.addHandler(handler)
+    try:
+        with printed(_say):
+            yield
+    finally:
+        log.removeHandler(handler)
+        for output in outputs:
+            output.file = None  # stdout or stderr, whatever they are then
 
 
 @contextmanager

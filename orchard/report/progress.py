@@ -85,7 +85,10 @@ class Progress:
         `until`: simulated time at which the run ends, s; None: when all is harvested.
         """
         self.console, self._as_json, self._until = console, as_json, until
-        self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal and not as_json else None
+        is_live = console.is_terminal and not as_json
+        self._live = (
+            Live(console=console, refresh_per_second=4, transient=True, redirect_stdout=False, redirect_stderr=False) if is_live else None
+        )
         self._printed = 0.0  # s, monotonic time of the last plain line
         self._seen: dict[str, None] = {}  # names of all robots shown so far, in order
         self._has_begun = threading.Event()  # the first figures have come

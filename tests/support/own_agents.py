@@ -5,6 +5,7 @@ import os
 import signal
 from asyncio import CancelledError
 from contextlib import suppress
+from threading import Event, Thread
 
 import numpy as np
 
@@ -256,3 +257,17 @@ class Collector(Eastward):
 
     def tick(self, observation, mail, memory):
         return Action(twist=Twist(x=0.25), memory={"seen": {self.name}})
+
+
+class Noisy(Eastward):
+    """Prints much, with escape sequences, and leaves a thread."""
+
+    def __init__(self, layout, name):
+        Thread(target=self.poll).start()
+
+    def poll(self):
+        Event().wait()
+
+    def tick(self, observation, mail, memory):
+        print(f"{ESCAPE}\n" * 1000)
+        return super().tick(observation, mail, memory)

@@ -18,6 +18,7 @@ from orchard.discrete.harvest import JAM, LONGEST, DiscreteHarvest
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import TIME_STEP, Scenario, with_changes
 from orchard.gym.episodes import Episode, plain, refuse_what_is_no_episode
+from orchard.gym.rewards import named
 from orchard.gym.spaces import FAR, MOST_LANES, Arrays
 
 NO_ORDER = 0  # the action that sends no carrier, and ends the decision
@@ -124,21 +125,6 @@ REWARDS: Mapping[str, Reward] = {
 }
 
 
-def dispatch_env(scenario: Scenario, *, reward: str | Reward = "time", longest: int = LONGEST) -> "DispatchEnv":
-    """Return the dispatch of a scenario as a Gymnasium Env, over the fast model: which carrier fetches which bin.
-
-    A step is an action at a decision: see `Dispatching`. A decision goes on until an action sends no carrier, or nothing more can be sent.
-    An action that cannot be, by `info["action_mask"]`, sends no carrier. `info["scripted"]` is what the scenario's own policy would do; if
-    that is `early`, bins report before they are full. `reward`: "time", "waiting", "delivery", or a function of a `Transition`. `longest`:
-    ticks, after which an episode is truncated, as it is after 600 s in which nothing moves on, because robots wait for each other or for a
-    carrier that is never sent. Raises TypeError for what is no scenario, and
-    ValueError for an unknown reward, an episode without a tick, and for a scenario with agents of one's own or errors of sensors.
-    """
-    if isinstance(reward, str) and reward not in REWARDS:
-        raise ValueError(f"reward {reward!r}: there is none of that name; there are {', '.join(REWARDS)}, and functions of your own")
-    return DispatchEnv(scenario, REWARDS[reward] if isinstance(reward, str) else reward, longest)
-
-
 class Paused(Dispatched):
     """Dispatch that waits for what learns: a decision is kept, and nothing is sent until it is taken."""
 
@@ -152,15 +138,25 @@ class Paused(Dispatched):
 
 
 class DispatchEnv(gymnasium.Env[Arrays, Any]):
-    """The dispatch of a harvest. `harvest` is its fast model, from the first `reset` on."""
+    """The dispatch of a scenario, over the fast model: which carrier fetches which bin. `harvest` is the model, from the first `reset` on.
+
+    A step is an action at a decision: see `Dispatching`. A decision goes on until an action sends no carrier, or nothing more can be sent.
+    An action that cannot be, by `info["action_mask"]`, sends no carrier. `info["scripted"]` is what the scenario's own policy would do; if
+    that is `early`, bins report before they are full.
+    """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
     harvest: DiscreteHarvest
 
-    def __init__(self, scenario: Scenario, reward: Reward, longest: int) -> None:
-        """As `dispatch_env`, which makes it."""
+    def __init__(self, scenario: Scenario, *, reward: str | Reward = "time", longest: int = LONGEST) -> None:
+        """`reward`: "time", "waiting", "delivery", or a function of a `Transition`. `longest`: ticks, after which an episode is truncated,
+        as it is after 600 s in which nothing moves on, because robots wait for each other or for a carrier that is never sent.
+
+        Raises TypeError for what is no scenario, and ValueError for an unknown reward, an episode without a tick, and for a scenario with
+        agents of one's own or errors of sensors.
+        """
         refuse_what_is_no_episode(scenario, longest)
-        self.scenario, self._reward, self._longest = scenario, reward, longest
+        self.scenario, self._reward, self._longest = scenario, named(reward, REWARDS), longest
         self._episode, self._is_over = Episode(scenario.seed, -1), True
         self._moved = 0, 0.0  # the steps that all robots have done, and the tick at which one of them moved on last
         layout = lay_out(scenario)
@@ -170,7 +166,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         self.action_space: spaces.Space[Any] = self.dispatching.action_space
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Arrays, dict[str, Any]]:
-        """Begin an episode, and return observation and info at its first decision. `seed`: that of the scenario, as for `parallel_env`."""
+        """Begin an episode, and return observation and info at its first decision. `seed`: that of the scenario, as for `HarvestEnv`."""
         super().reset(seed=plain(seed))
         if options:
             raise ValueError(f"options {', '.join(map(str, options))}: unknown; a dispatch_env has none")
@@ -200,10 +196,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
 
     def action_masks(self) -> np.ndarray:
         """Return which actions can be, (actions,) bool, as MaskablePPO of sb3-contrib asks for it."""
-        decision = self._calls.pending
-        return (
-            self.dispatching.mask(decision.bins, decision.carriers).astype(bool) if decision else self.dispatching.mask([], []).astype(bool)
-        )
+        return self.dispatching.mask(*self._reports()).astype(bool)
 
     @property
     def _calls(self) -> Paused:
@@ -252,3 +245,6 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         mask = self.action_masks()
         scripted = (self.dispatching.action(order) for order in self._calls.scripted)
         return {"action_mask": mask.astype(np.int8), "scripted": next((action for action in scripted if mask[action]), NO_ORDER)}
+
+
+dispatch_env = DispatchEnv

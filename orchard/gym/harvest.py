@@ -18,7 +18,7 @@ from orchard.field.kinds import MOVERS, kind_of
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario, with_changes
 from orchard.gym.episodes import Episode, plain, refuse_what_is_no_episode
-from orchard.gym.rewards import Moment, Reward, reward_of
+from orchard.gym.rewards import REWARDS, Moment, Reward, named
 from orchard.gym.spaces import (
     Arrays,
     Command,
@@ -39,53 +39,50 @@ LONGEST = 20_000  # ticks of an episode, 2000 s; the default orchard's harvest t
 Infos = dict[str, dict[str, Any]]
 
 
-def parallel_env(
-    scenario: Scenario,
-    learned: Sequence[str],
-    *,
-    reward: str | Reward = "delivery",
-    deeds: bool = False,
-    longest: int = LONGEST,
-    is_hashed: bool = False,
-) -> "HarvestEnv":
-    """Return a harvest in which the bodies `learned` learn, as a PettingZoo ParallelEnv; all others follow our agents.
-
-    An action is a velocity, m/s forward and rad/s counter-clockwise. The body's own agent keeps its plan, its mail and its deeds, so a
-    harvest goes on; `info["scripted"]` is the velocity that this agent would have chosen. A body that gets no action follows its agent.
-    `reward`: a name in `REWARDS`, or a function of your own. `deeds`: an action also names a deed, in place of its agent's; the info's
-    `action_mask` says which can be. `longest`: ticks, after which an episode is truncated. `is_hashed`: whether the run has its hash, and
-    its invariants are checked: slower. Raises TypeError for what is no scenario, and
-    ValueError for a name that cannot learn, an unknown reward, or an episode without a tick.
-    """
-    return HarvestEnv(scenario, learned, reward_of(reward), deeds, longest, is_hashed)
-
-
 class Look(NamedTuple):
     """What is known of a learned body at one tick."""
 
     seen: Observation
     action: Action  # of its own agent: the newest one
-    scripted: Twist  # the velocity in it
     goal: Goal  # what its plan asks for
     fill: float  # m of row in its bin
 
 
 class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # PettingZoo has no types
-    """A harvest in which some bodies learn. `local` is its run, from the first `reset` on."""
+    """A harvest in which the bodies `learned` learn; all others follow our agents. `local` is its run, from the first `reset` on.
+
+    An action is a velocity, m/s forward and rad/s counter-clockwise. The body's own agent keeps its plan, its mail and its deeds, so a
+    harvest goes on; `info["scripted"]` is the velocity that this agent would have chosen. A body that gets no action follows its agent.
+    """
 
     metadata: dict[str, Any] = {"name": "orchard_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012 - as PettingZoo has it
     render_mode = None
     local: Local
 
-    def __init__(self, scenario: Scenario, learned: Sequence[str], reward: Reward, deeds: bool, longest: int, is_hashed: bool) -> None:
-        """As `parallel_env`, which makes it."""
+    def __init__(
+        self,
+        scenario: Scenario,
+        learned: Sequence[str],
+        *,
+        reward: str | Reward = "delivery",
+        deeds: bool = False,
+        longest: int = LONGEST,
+        is_hashed: bool = False,
+    ) -> None:
+        """`reward`: a name in `REWARDS`, or a function of a `Moment`. `deeds`: an action also names a deed, in place of its agent's; the
+        info's `action_mask` says which can be. `longest`: ticks, after which an episode is truncated. `is_hashed`: whether the run has its
+        hash, and its invariants are checked: slower.
+
+        Raises TypeError for what is no scenario, and ValueError for a name that cannot learn, an unknown reward, or an episode without a
+        tick.
+        """
         refuse_what_is_no_episode(scenario, longest)
         if isinstance(learned, str) or not isinstance(learned, Sequence):
             raise ValueError(f"learned = {learned!r}: must be a list of names, such as ['carrier_01']")
         _refuse_what_cannot_learn(lay_out(scenario), learned)
         self.scenario, self.possible_agents = scenario, list(learned)
         self.agents: list[str] = []
-        self._reward, self._deeds, self._longest, self._is_hashed = reward, deeds, longest, is_hashed
+        self._reward, self._deeds, self._longest, self._is_hashed = named(reward, REWARDS), deeds, longest, is_hashed
         self._episode = Episode(scenario.seed, -1)
         self.observation_spaces = {name: observation_space(name) for name in learned}
         self.action_spaces = {name: action_space(name, deeds) for name in learned}
@@ -130,7 +127,7 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         commands = {name: command_of(name, given, self._deeds) for name, given in actions.items()}
         for name, command in commands.items():
             self._command(name, command)
-        velocities = {name: commands[name].velocity if name in commands else self._looks[name].scripted for name in self.agents}
+        velocities = {name: commands[name].velocity if name in commands else self._looks[name].action.twist for name in self.agents}
         before, events = self._looks, self.local.act(self._answers)
         self._look()
         rewards = {name: float(self._reward(_moment(before[name], self._looks[name], velocities[name], events))) for name in self.agents}
@@ -150,7 +147,7 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         seen = local.observed.get(name) or local.seen[name]
         action = self._answers.get(name) or local.actions[name]
         fill = local.seen.fills.get(seen.hitch.name, 0.0) if seen.hitch else 0.0
-        return Look(seen, action, action.twist, goal_of(seen, action.memory), fill)
+        return Look(seen, action, goal_of(seen, action.memory), fill)
 
     def _command(self, name: str, command: Command) -> None:
         """Put an action in the place of what the body's own agent commands.
@@ -159,7 +156,7 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         without that, it would take a body that was told to stand for one that collided.
         """
         look, world = self._looks[name], self.local.engine.world
-        if command.velocity == look.scripted and not self._deeds:
+        if command.velocity == look.action.twist and not self._deeds:
             return
         action = self._answers.get(name) or replace(look.action, deeds=[], requests=[], answers=[])
         deeds = deeds_of(world, name, command.deed) if self._deeds else action.deeds
@@ -171,7 +168,7 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         return {name: observed(look.seen, look.fill, look.goal, look.action) for name, look in self._looks.items()}
 
     def _infos(self) -> Infos:
-        infos: Infos = {name: {"scripted": np.array((look.scripted.x, look.scripted.yaw))} for name, look in self._looks.items()}
+        infos: Infos = {name: {"scripted": np.array((look.action.twist.x, look.action.twist.yaw))} for name, look in self._looks.items()}
         if self._deeds:
             for name, info in infos.items():
                 info["action_mask"] = {"velocity": None, "deed": deed_mask(self.local.engine.world, name)}
@@ -180,7 +177,7 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
 
 def _moment(before: Look, after: Look, velocity: Twist, events: list[Event]) -> Moment:
     filled = max(0.0, after.fill - before.fill) if _bin_of(before) == _bin_of(after) else 0.0
-    return Moment(before.seen, after.seen, before.goal, velocity, before.scripted, filled, events)
+    return Moment(before.seen, after.seen, before.goal, velocity, before.action.twist, filled, events)
 
 
 def _bin_of(look: Look) -> str:
@@ -202,3 +199,6 @@ def _refuse_what_cannot_learn(layout: Layout, learned: Sequence[str]) -> None:
              if name not in able or learned.count(name) > 1]  # fmt: skip
     if wrong or not learned:
         raise ValueError(f"learned: {'; '.join(dict.fromkeys(wrong)) or 'empty'}; there are {', '.join(able)}")
+
+
+parallel_env = HarvestEnv  # PettingZoo's name for what makes an environment

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from orchard.contract.agent import Observation
 from orchard.contract.events import Event
@@ -23,6 +23,7 @@ class Moment(NamedTuple):
 
 
 Reward = Callable[[Moment], float]
+Happened = TypeVar("Happened")  # what a reward is given: a Moment, or a Transition of dispatch
 
 
 def imitation(moment: Moment) -> float:
@@ -65,10 +66,10 @@ REWARDS: Mapping[str, Reward] = {
 }
 
 
-def reward_of(reward: str | Reward) -> Reward:
+def named(reward: str | Callable[[Happened], float], rewards: Mapping[str, Callable[[Happened], float]]) -> Callable[[Happened], float]:
     """Return a reward by its name, or the function itself. Raises ValueError for an unknown name."""
     if not isinstance(reward, str):
         return reward
-    if reward not in REWARDS:
-        raise ValueError(f"reward {reward!r}: there is none of that name; there are {', '.join(REWARDS)}, and functions of your own")
-    return REWARDS[reward]
+    if reward not in rewards:
+        raise ValueError(f"reward {reward!r}: there is none of that name; there are {', '.join(rewards)}, and functions of your own")
+    return rewards[reward]

@@ -7,36 +7,21 @@ from gymnasium import spaces
 
 from orchard.field.scenario import Scenario
 from orchard.gym.episodes import plain
-from orchard.gym.harvest import LONGEST, HarvestEnv, parallel_env
-from orchard.gym.rewards import Reward
+from orchard.gym.harvest import HarvestEnv
 from orchard.gym.spaces import Arrays
 from orchard.local import Local
 
 
-def single_env(
-    scenario: Scenario,
-    robot: str,
-    *,
-    reward: str | Reward = "delivery",
-    deeds: bool = False,
-    longest: int = LONGEST,
-    is_hashed: bool = False,
-) -> "SingleEnv":
-    """Return a harvest in which one body learns, as a Gymnasium Env; all others follow our agents. For the rest see `parallel_env`."""
-    return SingleEnv(parallel_env(scenario, [robot], reward=reward, deeds=deeds, longest=longest, is_hashed=is_hashed))
-
-
 class SingleEnv(gymnasium.Env[Arrays, Any]):
-    """The view of the only learned body of a HarvestEnv."""
+    """A harvest in which one body learns; all others follow our agents. `harvest` is the HarvestEnv whose only learned body it is."""
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
 
-    def __init__(self, harvest: HarvestEnv) -> None:
-        """Raises ValueError unless exactly one body learns."""
-        (self.robot,) = harvest.possible_agents
-        self.harvest = harvest
-        self.observation_space: spaces.Space[Any] = harvest.observation_space(self.robot)
-        self.action_space: spaces.Space[Any] = harvest.action_space(self.robot)
+    def __init__(self, scenario: Scenario, robot: str, **options: Any) -> None:
+        """`options`: reward, deeds, longest and is_hashed, as for `HarvestEnv`. Raises as it does."""
+        self.robot, self.harvest = robot, HarvestEnv(scenario, [robot], **options)
+        self.observation_space: spaces.Space[Any] = self.harvest.observation_space(robot)
+        self.action_space: spaces.Space[Any] = self.harvest.action_space(robot)
 
     @property
     def local(self) -> Local:
@@ -54,3 +39,6 @@ class SingleEnv(gymnasium.Env[Arrays, Any]):
         observations, rewards, terminated, truncated, infos = self.harvest.step({self.robot: action})
         name = self.robot
         return observations[name], rewards[name], terminated[name], truncated[name], infos[name]
+
+
+single_env = SingleEnv

@@ -17,8 +17,6 @@ from orchard.wire.messages import (
     AskedOf,
     BinStatus,
     Clock,
-    Command,
-    Done,
     End,
     Events,
     Figures,
@@ -119,8 +117,6 @@ EXAMPLES: dict[type, SubMessage] = {
         StepSimulation(RUN, 10),
         ResetSimulation(RUN, 7),
         Lost(RUN, TICK, ["picker_01"], SESSION),
-        Command(RUN, "stop"),
-        Done(RUN, TICK),
         End(RUN, TICK, True, "harvested", "9f86d081", {"rows_picked": 3}),
     )
 }

@@ -100,7 +100,6 @@ RIGHTS: dict[str, Right] = {
     "layout": Right(AUDIENCE, (THE_PHYSICS,)),
     "join": Right((OWN_HOST,), (THE_PHYSICS,)),
     "lost": Right((THE_PHYSICS,), AUDIENCE),
-    "command": Right((OPERATOR,), (THE_PHYSICS,)),
     "stop": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
     "simulation_state": Right((THE_PHYSICS,), (*AUDIENCE, EMERGENCY)),
     "set_simulation_state": Right((OPERATOR, EMERGENCY, OPERATING_BRIDGE), (THE_PHYSICS,)),

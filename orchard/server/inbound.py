@@ -34,7 +34,6 @@ class Queries:
             "layout": self._layout,
             "recall": self._recall,
             "stop": self._stop,
-            "command": self._command,
             "simulation_state": self._simulation_state,
             "set_simulation_state": self._set_simulation_state,
             "step_simulation": self._step_simulation,
@@ -101,12 +100,6 @@ class Queries:
             run.keep()
         kept = run.has_begun and run.account.snapshot_writer.finish(KEPT_SECONDS)
         query.reply(pack(wire.Stopped(run.id, engine.tick, changed, stopped(engine.world), kept)))
-
-    def _command(self, query: Query) -> None:
-        command = read_message(query.payload, wire.Command, self._run.id)
-        query.reply(pack(wire.Done(self._run.id, self._run.engine.tick)))
-        query.drop()
-        raise RunEnded(f"{command.command}ped")
 
     def _simulation_state(self, query: Query) -> None:
         if query.payload:

@@ -101,8 +101,6 @@ TABLE: dict[str, Key] = {
     "lost": Key("{prefix}/lost", wire.Lost, "physics", "when a session loses agents", NEVER_LOST,
                 "Agents that physics no longer waits for, because their session is gone or was silent for too long. Their robots stand. "
                 "The session may join again."),
-    "command": Key("{prefix}/command", wire.Command, "any client", "at a user's request", QUERY,
-                   "End the run. Physics replies, then ends it.", (wire.Done,)),
     "simulation_state": Key("{prefix}/simulation_state", wire.SimulationState, "physics", "when the state changes", NEVER_LOST,
                             "Whether simulated time goes on. The key can also be queried, with an empty payload.", (wire.SimulationState,)),
     "set_simulation_state": Key("{prefix}/set_simulation_state", wire.SetSimulationState, "a client that may control the run",

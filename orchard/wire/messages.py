@@ -338,12 +338,6 @@ class Lost(Message):
     holder: Annotated[Holder, Meta(description="the session that held them")]
 
 
-class Command(RunMessage):
-    """A user's command to the run."""
-
-    command: Annotated[Literal["stop"], Meta(description="end the run now")]
-
-
 StateOfSimulation = Literal["stopped", "playing", "paused", "quitting"]
 
 
@@ -356,7 +350,7 @@ class SimulationState(Message):
 class SetSimulationState(RunMessage):
     """SetSimulationState in simulation_interfaces."""
 
-    state: Annotated[Literal["playing", "paused", "quitting"], Meta(description="'quitting' ends the run, as `command` does")]
+    state: Annotated[Literal["playing", "paused", "quitting"], Meta(description="'quitting' ends the run now")]
 
 
 class StepSimulation(RunMessage):
@@ -369,10 +363,6 @@ class ResetSimulation(RunMessage):
     """ResetSimulation in simulation_interfaces."""
 
     seed: Annotated[int | None, Meta(description="of the scenario from now on, 0 or more; nil: as before")] = None
-
-
-class Done(Message):
-    """The command is accepted."""
 
 
 class Stop(RunMessage):

@@ -92,13 +92,12 @@ def test_every_query_with_nonsense_gets_an_error(fleet):
     clock = someone.hear("orchard/clock")
     fleet.host(agents=TOY)
     until(clock, lambda message: message["tick"] > 2)
-    for key in ("scenario", "hosts/me/join", "command", "picker_01/mail", "bin_01/state"):
+    for key in ("scenario", "hosts/me/join", "set_simulation_state", "picker_01/mail", "bin_01/state"):
         for nonsense in (b"\x93nonsense", msgpack.packb({"run": fleet.run}), bytes((1 << 20) + 1)):
             (reply,) = someone.ask(f"orchard/{key}", nonsense)
             assert reply.startswith("malformed"), key
-    someone.session.put("orchard/command", b"", congestion_control=zenoh.CongestionControl.BLOCK)
-    (done,) = someone.ask("orchard/command", msgpack.packb({"run": fleet.run, "command": "stop"}))
-    assert done["run"] == fleet.run
+    someone.session.put("orchard/set_simulation_state", b"", congestion_control=zenoh.CongestionControl.BLOCK)
+    assert someone.quit()["run"] == fleet.run
     fleet.end()
 
 
@@ -112,5 +111,5 @@ def test_a_velocity_beyond_the_kind_is_cut_and_a_sideways_one_is_refused(fleet):
     assert until(poses, lambda pose: pose["twist"]["linear"]["x"] > 0)["twist"]["linear"]["x"] == 1.0
     someone.put("orchard/picker_01/velocity", tick=tick, linear={"x": 0.0, "y": 1.0}, angular={"z": 0.0})
     until(figures, lambda message: message["messages_refused"].get("out of bounds") == 1)
-    someone.ask("orchard/command", msgpack.packb({"run": fleet.run, "command": "stop"}))
+    someone.quit()
     fleet.end()

@@ -6,7 +6,6 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from queue import SimpleQueue
 
-import msgpack
 import pytest
 import typer
 from code_blocks import block, commands
@@ -55,7 +54,7 @@ def test_the_command_line_stops_a_robot_of_the_run_that_goes_on_here(tmp_path, r
         if "--mode" not in mode:
             assert_pauses_and_steps()
             assert_goes_on(poses)
-        someone.ask("orchard/command", msgpack.packb({"run": going.run, "command": "stop"}))
+        someone.quit()
         out, _ = run.communicate(timeout=120)
         assert run.returncode == 0, out
     summary = summary_of(path)

@@ -13,7 +13,7 @@ from orchard.net.bus import Replied
 from orchard.net.mailbox import SentRequest
 from orchard.net.refusals import Refusals, read_message
 from orchard.net.requests import PhysicsRequest, ask, fetch_run
-from orchard.wire.messages import Answered, Done, Joined, Recalled, Received, Stopped
+from orchard.wire.messages import Answered, Joined, Recalled, Received, SimulationState, Stopped
 
 
 def test_replies_to_requests_are_refused_unless_they_are_answers(other):
@@ -44,7 +44,9 @@ class Crowd(StandIn):
             query.reply(reply)
 
 
-@pytest.mark.parametrize(("what", "type_"), [("join", Joined), ("recall", Recalled), ("stop", Stopped), ("command", Done)])
+@pytest.mark.parametrize(
+    ("what", "type_"), [("join", Joined), ("recall", Recalled), ("stop", Stopped), ("step_simulation", SimulationState)]
+)
 def test_who_asks_takes_the_reply_that_makes_sense(other, what, type_):
     example = next(p for _, p in reversed(other[what]) if not refusal_of(p, type_, "other"))
     good, refusals = rewritten(example, run=RUN), Refusals()

@@ -76,8 +76,7 @@ def test_another_seed_is_another_run():
 
 def stop(fleet, someone):
     """Ask the run to end, as a person does."""
-    (reply,) = someone.ask("orchard/command", msgpack.packb({"run": fleet.run, "command": "stop"}))
-    assert reply["run"] == fleet.run
+    assert someone.quit()["state"] == "quitting"
     fleet.end()
 
 
@@ -245,9 +244,9 @@ def test_bins_tell_their_state_and_nonsense_gets_an_error(fleet):
     published = until(states, lambda state: True)
     assert (published["full"], published["fill"], published["coupled_to"]) == (False, 0.0, "picker_01")
     assert someone.ask("orchard/bin_01/state")[0]["coupled_to"] == "picker_01"
-    for key in ("hosts/me/join", "command", "picker_01/mail"):
+    for key in ("hosts/me/join", "set_simulation_state", "picker_01/mail"):
         assert "malformed" in someone.ask(f"orchard/{key}", b"\x93nonsense")[0]
-    assert "other run" in someone.ask("orchard/command", msgpack.packb({"run": "another", "command": "stop"}))[0]
+    assert "other run" in someone.ask("orchard/set_simulation_state", msgpack.packb({"run": "another", "state": "quitting"}))[0]
     answer = someone.ask("orchard/scenario")[0]
     assert answer["run"] == fleet.run
     assert Scenario.model_validate(answer["scenario"]) == SMALL

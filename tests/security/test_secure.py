@@ -23,7 +23,18 @@ from orchard.security.certificates import Authority
 from orchard.security.identity import Identity, Keyring
 from orchard.security.roles import AUTHORITY, RIGHTS, SERVANTS, Role, access_control
 from orchard.wire.keys import TABLE
-from orchard.wire.messages import Command, Figures, Join, Joined, Odometry, RefusedThere, Report, Stop, Velocities
+from orchard.wire.messages import (
+    Figures,
+    Join,
+    Joined,
+    Odometry,
+    RefusedThere,
+    Report,
+    ResetSimulation,
+    SetSimulationState,
+    Stop,
+    Velocities,
+)
 from orchard.wire.types import read
 
 NONE = [word for name in agent_names(SMALL) for word in ("--absent", name)]
@@ -182,7 +193,7 @@ def test_the_logger_moves_nothing_and_stops_nothing(farm):
     start = logger.pose(MINE)
     logger.drive(MINE, start.tick)
     logger.bus.declare_alive(KEYS.of("alive", MINE, logger.bus.id))
-    assert logger.asks("command", Command(farm.run, "stop")) == []
+    assert logger.asks("set_simulation_state", SetSimulationState(farm.run, "quitting")) == []
     assert logger.asks("join", Join(farm.run, logger.bus.id, [MINE]), logger.bus.id) == []
     logger.bus.publish(KEYS.of("refused", session=logger.bus.id), pack(RefusedThere(farm.run, {"malformed": 7})))
     counted = operator.wait(Sample, lambda sample: read(sample.payload, Figures).messages_refused.get("malformed") == 7)
@@ -194,9 +205,9 @@ def test_the_logger_moves_nothing_and_stops_nothing(farm):
 
 def test_the_emergency_operator_stops_the_run_and_an_agent_cannot(farm):
     amy, operator = farm.come("amy"), farm.come("operator")
-    stop = Command(farm.run, "stop")
-    assert amy.asks("command", stop) == []
-    assert len(operator.asks("command", stop)) == 1
+    end = SetSimulationState(farm.run, "quitting")
+    assert amy.asks("set_simulation_state", end) == []
+    assert len(operator.asks("set_simulation_state", end)) == 1
     code, out, err = farm.physics.end()
     assert code == 0, err
     assert "stopped" in out
@@ -208,7 +219,7 @@ def test_the_warden_stops_a_robot_and_an_agent_cannot(farm):
     assert amy.asks("stop", stop) == []
     assert len(operator.asks("stop", stop)) == 1
     witness.bus.subscribe(KEYS.of("pose", MINE))
-    assert operator.asks("command", Command(farm.run, "stop")) == []
+    assert operator.asks("reset_simulation", ResetSimulation(farm.run)) == []
     assert witness.pose(MINE)
 
 

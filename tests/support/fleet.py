@@ -182,6 +182,11 @@ class Client:
     def drive(self, name: str, tick: int, x: float, **message) -> None:
         self.put(self.keys.of("velocity", name), tick=tick, linear={"x": x}, angular={"z": 0.0}, **message)
 
+    def quit(self) -> dict:
+        """End the run, as a person does."""
+        (reply,) = self.ask("orchard/set_simulation_state", msgpack.packb({"run": self.run, "state": "quitting"}))
+        return reply
+
     def ask(self, key: str, payload: bytes = b"") -> list:
         """All replies to a get: maps, or the texts of errors."""
         replies = list(self.session.get(key, payload=payload, timeout=20.0, consolidation=zenoh.ConsolidationMode.NONE))

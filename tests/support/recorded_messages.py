@@ -20,7 +20,7 @@ from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
 from orchard.wire.keys import TABLE, Keys
-from orchard.wire.messages import Command, Recall, Stop
+from orchard.wire.messages import Recall, Stop
 
 KEYS = Keys()
 HOST = "host1"
@@ -175,7 +175,7 @@ def recorded(scenario, run: str, ticks: int) -> dict[str, list[tuple[str, bytes]
         found[what].append((key, payload))
     for what, key in TABLE.items():
         for message in [type_ for type_ in (key.message, *key.replies) if type_ is not None]:
-            example = pack(EXAMPLES[message] if message is not Command else Command(run, "stop"))
+            example = pack(EXAMPLES[message])
             found[what].append((KEYS.of(what, "picker_01", "stranger"), rewritten(example, run=run)))
     return {what: messages[:: max(1, len(messages) // 40)] for what, messages in found.items()}
 

@@ -22,7 +22,6 @@ from orchard.wire import codec
 from orchard.wire.codec import odometry_of, orchard_of, report_of, scan_of, seen_of, twist_of
 from orchard.wire.messages import (
     Answered,
-    Command,
     Join,
     Letter,
     Orchard,
@@ -31,6 +30,7 @@ from orchard.wire.messages import (
     Recalled,
     Received,
     Seen,
+    Stop,
     Velocities,
     Velocity,
 )
@@ -196,7 +196,7 @@ def test_what_is_too_big_is_not_even_read():
         read_message(bytes(MAX_PAYLOAD + 1), Velocity, RUN)
 
 
-MESSAGES = (Velocity, Velocities, Seen, Recall, Recalled, Letter, Join, Command)
+MESSAGES = (Velocity, Velocities, Seen, Recall, Recalled, Letter, Join, Stop)
 
 
 @given(st.binary(max_size=200), st.sampled_from(MESSAGES))

@@ -52,11 +52,3 @@ def test_animals_change_their_mind_although_they_do_not_see_every_tick():
         memory = dog.tick(replace(seen, tick=tick), Mail(), memory).memory
         minds.append(memory.speed)
     assert minds[0] != minds[1] == minds[2] != minds[3]
-
-
-@pytest.mark.parametrize("kind", ["dog", "cat"])
-def test_animals_turn_away_from_obstacles(kind):
-    stage = one_guest(kind, 47.0, 31.0)  # in a corner between two fences
-    stage.run(120)
-    assert stage.world.distance[stage.world.index[f"{kind}_01"]] > 30
-    assert stage.world.collisions[stage.world.index[f"{kind}_01"]] == 0

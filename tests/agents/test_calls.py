@@ -65,7 +65,8 @@ def exchanges(stage: Stage) -> list[tuple[str, str]]:
     return [(e.who, e.whom) for e in stage.happened("coupled") if e.who.startswith("carrier")]
 
 
-def assert_every_bin_was_taken_once(stage: Stage, rows: int) -> None:
+def assert_every_bin_is_taken_once(stage: Stage, rows: int = 3) -> None:
+    stage.run_to_the_end()
     bins = [bin_name for _, bin_name in exchanges(stage)]
     assert len(bins) == len(set(bins)) == rows
     assert stage.world.delivered == rows
@@ -81,13 +82,12 @@ def test_two_bins_that_call_at_the_same_tick_get_two_carriers():
     stage = Stage(calling_orchard(rows=3, pickers=3, carriers=3))
     stage.run_to_the_end()
     assert len({carrier for carrier, _ in exchanges(stage)}) == 3
-    assert_every_bin_was_taken_once(stage, 3)
+    assert_every_bin_is_taken_once(stage)
 
 
 def test_bins_that_call_while_all_carriers_work_wait_their_turn():
     stage = Stage(calling_orchard(rows=4, pickers=4, carriers=2))
-    stage.run_to_the_end()
-    assert_every_bin_was_taken_once(stage, 4)
+    assert_every_bin_is_taken_once(stage, 4)
 
 
 def answers(stage: Stage, tick: int, *calls: tuple[str, int]) -> list[type[Answer]]:
@@ -152,16 +152,14 @@ def test_a_call_that_nobody_answers_is_repeated():
     stage = stage_with(lambda name, agent: HardOfHearing(agent, Call, until=2000))
     stage.run(195)
     assert exchanges(stage) == []
-    stage.run_to_the_end()
-    assert_every_bin_was_taken_once(stage, 3)
+    assert_every_bin_is_taken_once(stage)
 
 
 def test_a_carrier_that_does_not_answer_when_it_is_sent_is_given_up_for_the_head_of_another_line():
     stage = stage_with(lambda name, agent: HardOfHearing(agent, Come, until=60000 if name == "carrier_13" else 0), carriers=13)
     stage.run_until(lambda: stage.world.delivered == 1, 1000)
     assert stage.pose("carrier_13")[0] == 35.4, "nearest by road, but it never answers"
-    stage.run_to_the_end()
-    assert_every_bin_was_taken_once(stage, 3)
+    assert_every_bin_is_taken_once(stage)
 
 
 def test_only_the_head_of_a_line_is_sent_so_that_nobody_who_stays_stands_before_it():
@@ -169,13 +167,12 @@ def test_only_the_head_of_a_line_is_sent_so_that_nobody_who_stays_stands_before_
     stage.run_to_the_end()
     order = [event.who for event in stage.happened("uncoupled") if event.who.startswith("carrier")]
     assert sorted(order) == [f"carrier_{i + 1:02d}" for i in range(6)]
-    assert_every_bin_was_taken_once(stage, 6)
+    assert_every_bin_is_taken_once(stage, 6)
 
 
 def test_a_carrier_that_came_although_its_answer_was_lost_is_still_the_only_one():
     stage = stage_with(lambda name, agent: LateAnswerer(agent, until=760))
-    stage.run_to_the_end()
-    assert_every_bin_was_taken_once(stage, 3)
+    assert_every_bin_is_taken_once(stage)
 
 
 def test_a_carrier_whose_confirmation_is_not_heard_waits_and_then_goes():
@@ -184,12 +181,10 @@ def test_a_carrier_whose_confirmation_is_not_heard_waits_and_then_goes():
         stage.local.agents[name] = HardOfHearing(stage.local.agents[name], Confirm, until=1000)
     stage.run(99)
     assert stage.pose("carrier_01")[0] == 35.4, "it stays in the queue until the bin has confirmed"
-    stage.run_to_the_end()
-    assert_every_bin_was_taken_once(stage, 3)
+    assert_every_bin_is_taken_once(stage)
 
 
 def test_a_carrier_that_forgot_its_job_on_the_way_is_replaced_by_a_new_call():
     stage = stage_with(lambda name, agent: Forgetful(agent, at=715 if name == "carrier_01" else -1), carriers=3)
     stage.run_until(lambda: len(exchanges(stage)) == 1, 400)
-    stage.run_to_the_end()
-    assert_every_bin_was_taken_once(stage, 3)
+    assert_every_bin_is_taken_once(stage)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from quiet_orchards import meadow
+from quiet_orchards import meadow, one_guest
 from stage import empty_orchard
 
 from orchard.agents.walker import Person, WalkerMemory
@@ -46,6 +46,25 @@ def test_walkers_stop_and_turn_left_within_a_metre():
     twist = walk_on(facing((0.8, 0.0)))
     assert twist.x == 0.0
     assert twist.yaw > 0
+
+
+@pytest.mark.parametrize("kind", ["worker", "visitor"])
+def test_people_walk_straight_on_where_nothing_is_in_their_path(kind):
+    stage = one_guest(kind, -20.0, 20.0)
+    stage.run(20)
+    stage.assert_at(f"{kind}_01", 0.0, 20.0, "EAST")
+
+
+AT_A_FENCE, IN_A_CORNER = (42.0, 8.0, 60, 40), (47.0, 31.0, 120, 30)  # x, y, s, and the least metres in that time
+
+
+@pytest.mark.parametrize(("kind", "where"), [("worker", AT_A_FENCE), ("visitor", AT_A_FENCE), ("dog", IN_A_CORNER), ("cat", IN_A_CORNER)])
+def test_walkers_turn_away_from_an_obstacle_and_go_on(kind, where):
+    x, y, seconds, metres = where
+    stage = one_guest(kind, x, y)
+    stage.run(seconds)
+    assert stage.world.distance[stage.world.index[f"{kind}_01"]] > metres
+    assert stage.world.collisions.sum() == 0
 
 
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.soak) for seed in (6, 16))])

@@ -20,22 +20,19 @@ def test_the_harvest_is_over_when_all_is_picked_unloaded_and_back():
     assert harvest_is_over(finished().world)
 
 
-@pytest.mark.parametrize("missing", ["row", "bin", "place", "heading", "hitch", "rest", "picker"])
+MISSING = {
+    "row": lambda end, carrier: end.world.row_picked.__setitem__(-1, 69.9),
+    "bin": lambda end, carrier: end.world.fill.__setitem__(end.world.index["bin_01"], 70.0),
+    "place": lambda end, carrier: end.put(carrier, 40.0, 24.5, 0.0),
+    "heading": lambda end, carrier: end.put(carrier, *end.pose(carrier)[:2], 1e-5),
+    "hitch": lambda end, carrier: end.do(carrier, Uncouple()),
+    "rest": lambda end, carrier: end.drive(1, carrier_01=Twist(0.001)),
+    "picker": lambda end, carrier: end.drive(1, picker_01=Twist(0.001)),
+}
+
+
+@pytest.mark.parametrize("missing", MISSING)
 def test_the_harvest_is_not_over_before(missing):
     end = finished()
-    world, carrier = end.world, end.world.index["carrier_01"]
-    if missing == "row":
-        world.row_picked[-1] = 69.9
-    elif missing == "bin":
-        world.fill[world.index["bin_01"]] = 70.0
-    elif missing == "place":
-        world.pose[carrier, :2] = 40.0, 24.5
-    elif missing == "heading":
-        world.pose[carrier, 2] = 1e-5
-    elif missing == "hitch":
-        end.do("carrier_01", Uncouple())
-    elif missing == "rest":
-        end.drive(1, carrier_01=Twist(0.001))
-    else:
-        end.drive(1, picker_01=Twist(0.001))
-    assert not harvest_is_over(world)
+    MISSING[missing](end, "carrier_01")
+    assert not harvest_is_over(end.world)

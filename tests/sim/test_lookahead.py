@@ -53,8 +53,7 @@ def stage_of(scenario=None, **agents):
 
 def asked_in(ticks, agent, scenario=None, name="picker_01", **others):
     stage = stage_of(scenario, **{name: agent}, **others)
-    for _ in range(ticks):
-        stage.tick()
+    stage.run(ticks / 10)
     return agent.asked
 
 
@@ -65,8 +64,7 @@ def same_run(scenario, ticks):
     """Assert that holds change neither the hash nor a figure of a run, and return the share of agents that were asked."""
     runs = {holds: Stage(scenario, holds=holds) for holds in (Lookahead, IgnoredHolds)}
     for run in runs.values():
-        for _ in range(ticks):
-            run.tick()
+        run.run(ticks / 10)
     on, ignored = runs[Lookahead], runs[IgnoredHolds]
     assert on.local.engine.hash == ignored.local.engine.hash
     assert on.local.engine.states.figures() == ignored.local.engine.states.figures()
@@ -150,8 +148,7 @@ def test_an_agent_that_says_nothing_of_holds_is_asked_at_every_tick():
 def test_a_hold_ends_at_its_tick_and_its_velocity_is_applied_until_then():
     stage = stage_of(visitor_01=(visitor := Holder(Twist(0.5), until=3)), scenario=empty_orchard(people=People(workers=0, visitors=1)))
     x, y, _ = stage.pose("visitor_01")
-    for _ in range(7):
-        stage.tick()
+    stage.run(0.7)
     assert visitor.asked == [0, 3, 6]
     moved = stage.pose("visitor_01")
     assert (moved[0] - x) ** 2 + (moved[1] - y) ** 2 == pytest.approx((0.5 * 0.7) ** 2)
@@ -171,8 +168,7 @@ def test_mail_ends_a_hold_a_request_and_the_reply_to_an_own_one():
 
 def test_a_refused_step_ends_a_hold():
     stage = stage_of(picker_01=(picker := Holder(Twist(1.0))), bin_01=Holder())  # its bin stays, and soon holds it back
-    for _ in range(6):
-        stage.tick()
+    stage.run(0.6)
     refused = int(stage.world.held[stage.world.index["picker_01"]])
     assert refused > 0
     assert picker.asked[:2] == [0, 6 - refused + 1]
@@ -181,12 +177,12 @@ def test_a_refused_step_ends_a_hold():
 def test_a_stop_ends_the_hold_of_what_moves():
     scenario = empty_orchard(tractor=True)
     stage = stage_of(scenario, tractor_01=(tractor := Holder(Twist(0.5))))
-    stage.tick(), stage.tick()
+    stage.run(0.2)
     stage.local.engine.stop(["tractor_01"])
-    stage.tick(), stage.tick()
+    stage.run(0.2)
     assert tractor.asked == [0, 3]  # the step from tick 2 was not done
     stage.local.engine.reset(["tractor_01"])
-    stage.tick(), stage.tick(), stage.tick()
+    stage.run(0.3)
     assert tractor.asked == [0, 3, 4]
 
 
@@ -201,7 +197,7 @@ def test_another_velocity_at_the_other_end_of_the_bar_ends_a_hold():
     stage = Stage(empty_orchard())
     stage.local.agents["bin_01"] = bin_ = Holder()
     stage.give("picker_01", [DriveTo(x=-30.0, speed=0.1)])
-    stage.tick(), stage.tick(), stage.tick()
+    stage.run(0.3)
     assert bin_.asked == [0, 1]  # the picker drives since tick 0
 
 
@@ -210,8 +206,7 @@ def test_a_zone_that_becomes_occupied_or_free_ends_a_hold():
     walker, watcher = Holder(Twist(0.5)), Holder(watch=(AHEAD,))
     stage = stage_of(scenario, worker_01=watcher, visitor_01=walker)
     stage.put("worker_01", 0.0, -30.0), stage.put("visitor_01", 1.0, -33.0, "NORTH")
-    for _ in range(130):
-        stage.tick()
+    stage.run(13)
     entered, left = watcher.asked[1:]
     assert 30 < entered < left < 100
     assert left - entered == pytest.approx((1.0 + 0.55) / 0.05, abs=6)  # the zone's width, and the visitor's length
@@ -222,8 +217,7 @@ def test_a_still_zone_ends_a_hold_at_each_change_in_it():
     walker, watcher = Holder(Twist(0.5), until=FOREVER), Holder(still=(AHEAD,))
     stage = stage_of(scenario, worker_01=watcher, visitor_01=walker)
     stage.put("worker_01", 0.0, -30.0), stage.put("visitor_01", 1.0, -33.0, "NORTH")
-    for _ in range(130):
-        stage.tick()
+    stage.run(13)
     assert len(watcher.asked) > 20
     assert watcher.asked[1:] == list(range(watcher.asked[1], watcher.asked[-1] + 1))
 

@@ -1,9 +1,10 @@
 """Picking: fruit goes from the rows into a bin."""
 
 import math
+from functools import partial
 
 import pytest
-from bare_world import AHEAD, LANE, picker_with_bin, train, yard
+from bare_world import AHEAD, LANE, Yard, picker_with_bin, train, yard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -39,17 +40,36 @@ def test_what_grows_in_the_row_goes_into_the_bin_and_driving_back_and_forth_adds
     assert row.of("fill", "bin_02") == pytest.approx(11.0)
 
 
-def test_a_picker_that_begins_amid_a_row_picks_nothing():
-    row = picker_with_bin(x=0.0)
-    row.drive(100, **train(x=1.0))
-    assert (row.world.row_picked[0], row.world.row_from[0]) == (0.0, 0)
+def carrier_with_bin() -> Yard:
+    pair = yard(("carrier", Pose(ROW_WEST, LANE, EAST)), ("bin", Pose(ROW_WEST - 1.9, LANE, EAST)))
+    pair.couple("carrier_01", "bin_02")
+    return pair
 
 
-def test_a_picker_with_a_full_bin_begins_no_row():
-    row = picker_with_bin()
-    row.world.fill[1] = 70.0
-    row.drive(20, **train(x=1.0))
-    assert (row.world.row_picked[0], row.world.row_from[0]) == (0.0, 0)
+def picker_with_full_bin() -> Yard:
+    full = picker_with_bin()
+    full.world.fill[1] = 70.0
+    return full
+
+
+NOTHING_IS_PICKED = {
+    "by one that begins amid a row": partial(picker_with_bin, x=0.0),
+    "into a full bin": picker_with_full_bin,
+    "north of the lane": partial(picker_with_bin, y=LANE + 1.01),
+    "south of the lane": partial(picker_with_bin, y=LANE - 1.01),
+    "between two lanes": partial(picker_with_bin, y=LANE - 2.75),
+    "without a bin": partial(yard, ("picker", Pose(ROW_WEST, LANE, EAST))),
+    "by a carrier": carrier_with_bin,
+    "by one that passes on the headland": partial(picker_with_bin, x=ROW_WEST - 0.05, y=LANE + 3, yaw=-math.pi / 2),
+}
+
+
+@pytest.mark.parametrize("case", NOTHING_IS_PICKED)
+def test_nothing_is_picked(case):
+    row = NOTHING_IS_PICKED[case]()
+    row.drive(100, **dict.fromkeys(row.world.layout.names, AHEAD))
+    assert row.of("distance", row.world.layout.names[0]) > 9.9
+    assert not row.world.row_picked.any() and not row.world.row_from.any()
 
 
 def test_a_second_bin_goes_on_where_the_first_one_ended_and_not_beyond_a_gap():
@@ -70,32 +90,6 @@ def test_a_bin_takes_70_m_and_the_row_keeps_the_rest():
     assert row.of("fill", "bin_02") == 70.0
     assert row.world.row_picked[0] == pytest.approx(1.95)
     assert [event.what for event in row.events] == ["bin full"]
-
-
-@pytest.mark.parametrize("y", [LANE + 1.01, LANE - 1.01, LANE - 2.75])
-def test_beside_a_lane_nothing_is_picked(y):
-    row = picker_with_bin(y=y)
-    row.drive(20, **train(x=1.0))
-    assert not row.world.row_picked.any()
-
-
-def test_without_a_bin_nothing_is_picked():
-    row = yard(("picker", Pose(ROW_WEST, LANE, EAST)))
-    row.drive(20, picker_01=AHEAD)
-    assert not row.world.row_picked.any()
-
-
-def test_a_carrier_picks_nothing():
-    row = yard(("carrier", Pose(ROW_WEST, LANE, EAST)), ("bin", Pose(ROW_WEST - 1.9, LANE, EAST)))
-    row.couple("carrier_01", "bin_02")
-    row.drive(20, carrier_01=AHEAD, bin_02=AHEAD)
-    assert not row.world.row_picked.any()
-
-
-def test_passing_a_lane_on_the_headland_begins_no_row():
-    by = picker_with_bin(x=ROW_WEST - 0.05, y=LANE + 3, yaw=-math.pi / 2)
-    by.drive(60, **train(x=1.0))
-    assert not by.world.row_from.any()
 
 
 def test_a_picker_picks_at_the_picking_speed_and_drives_on_at_its_own():

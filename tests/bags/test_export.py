@@ -27,10 +27,12 @@ NANOSECONDS = 10**8  # of a tick
 ROBOTS = ["carrier_01", "picker_01", "picker_02"]
 
 
-def record(file, ticks=range(1, TICKS + 1), run="one", known=None):
-    """Record these ticks of a run; return (pose, twist, wanted) of each tick."""
-    local, recorder = Local(SMALL), Recorder(lay_out(SMALL), run, file)
-    frames, was = FrameBuilder(local.engine.world), known if known is not None else {}
+def record(file, ticks=range(1, TICKS + 1), gap=None):
+    """Record these ticks of a run, and a gap before them; return (pose, twist, wanted) of each tick."""
+    local, recorder = Local(SMALL), Recorder(lay_out(SMALL), "one", file)
+    frames, was = FrameBuilder(local.engine.world), {}
+    if gap is not None:
+        recorder.gap(*gap)
     while local.engine.tick < max(ticks):
         events = local.tick()
         world, wanted = local.engine.world, local.engine.lookahead.wanted
@@ -124,17 +126,8 @@ def test_the_robots_of_a_bag_are_chosen_by_name_or_kind(recorded):
 
 
 def test_a_gap_is_told_and_is_a_gap_in_the_bag(tmp_path):
-    was = {}
-    record(tmp_path / "run.rrd", range(1, 11), known=was)
-    local, recorder = Local(SMALL), Recorder(lay_out(SMALL), "one", tmp_path / "run.part2.rrd")
-    frames = FrameBuilder(local.engine.world)
-    while local.engine.tick < 30:
-        events = local.tick()
-        if local.engine.tick == 21:
-            recorder.gap(10, 21, "the logger was away")
-        if local.engine.tick >= 21:
-            recorder.tick(frames.frame(local.engine.scans, local.actions, events, local.engine.lookahead.wanted))
-    recorder.close()
+    record(tmp_path / "run.rrd", range(1, 11))
+    record(tmp_path / "run.part2.rrd", range(21, 31), (10, 21, "the logger was away"))
     drives = read_drives(tmp_path / "run.rrd")
     assert lacks(drives) == ["nothing recorded from 1.0 s to 2.1 s; the bag lacks that, too"]
     export(drives, ROBOTS, tmp_path / "run.mcap", lambda ticks, _: ticks)
@@ -164,14 +157,18 @@ def test_what_is_no_recording_is_told(tmp_path, content, told):
         read_drives(tmp_path / "run.rrd")
 
 
-def test_files_that_a_bag_must_not_replace_are_told(tmp_path):
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("notes.mcap", r"notes.mcap: this is no bag, and is not replaced; expected another name"),
+        ("run.bag", r"run.bag: expected a name that ends in .mcap, as .*run.mcap"),
+        ("nowhere/run.mcap", "nowhere is no directory"),
+    ],
+)
+def test_files_that_a_bag_must_not_replace_are_told(tmp_path, name, words):
     (tmp_path / "notes.mcap").write_text("notes")
-    with pytest.raises(ValueError, match=r"notes.mcap: this is no bag, and is not replaced; expected another name"):
-        check_bag(tmp_path / "notes.mcap")
-    with pytest.raises(ValueError, match=r"run.bag: expected a name that ends in .mcap, as .*run.mcap"):
-        check_bag(tmp_path / "run.bag")
-    with pytest.raises(OSError, match="nowhere is no directory"):
-        check_bag(tmp_path / "nowhere" / "run.mcap")
+    with pytest.raises((ValueError, OSError), match=words):
+        check_bag(tmp_path / name)
 
 
 def test_a_bag_that_ends_with_an_error_leaves_no_file(recorded, tmp_path):

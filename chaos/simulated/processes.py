@@ -1,0 +1,270 @@
+"""The processes of a run as tasks: their own code, the supervisor's own rules, and a disk whose writes take time."""
+
+import io
+import logging
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+from signal import SIGTERM
+from typing import Any
+from unittest.mock import patch
+
+import msgspec
+
+from chaos.simulated.network import Network, SimulatedBus
+from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
+from orchard.field.layout import lay_out
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import check
+from orchard.launch.supervisor import ProcessSpec, Supervisor
+from orchard.net.bus import Bus, Signal
+from orchard.net.endpoints import BusError
+from orchard.net.host import Host, HostEnded
+from orchard.net.lifeline import OVER
+from orchard.net.requests import fetch_run
+from orchard.processes import agents, physics
+from orchard.record.logger import FrameQueue, Logger
+from orchard.server import snapshots
+from orchard.server.options import RunOptions
+from orchard.sim.snapshot import SnapshotError
+from orchard.wire.keys import LOGGER, PHYSICS, Keys
+
+MISTAKES = (BusError, ValueError, ScenarioError, SnapshotError, OSError)  # that a process logs, and ends with code 2
+KILLED = -9  # exit code
+
+
+class SimulatedFuture(Future[Any]):
+    """The result of a job of the disk, for which a task waits in virtual time."""
+
+    def __init__(self, world: "World", task: Task) -> None:
+        super().__init__()
+        self._world, self._task = world, task
+
+    def result(self, timeout: float | None = None) -> Any:
+        deadline = None if timeout is None else self._world.scheduler.now + timeout
+        while not self.done():
+            if deadline is not None and self._world.scheduler.now >= deadline:
+                raise TimeoutError
+            self._task.wait(0.01)
+        return super().result(0)
+
+
+class SimulatedDisk(Executor):
+    """Does one job of a process after the other, each after some time."""
+
+    def __init__(self, world: "World", process: "SimulatedProcess") -> None:
+        self._world, self._process = world, process
+        self._free_at = 0.0  # s
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future, now = SimulatedFuture(self._world, self._process.task), self._world.scheduler.now
+        self._free_at = max(self._free_at, now) + self._world.random.random() * self._world.disk_seconds
+        self._world.scheduler.after(self._free_at - now, lambda: self._do(future, fn, args))
+        return future
+
+    def _do(self, future: Future[Any], fn: Callable[..., Any], args: tuple[Any, ...]) -> None:
+        if not self._process.task.is_over and future.set_running_or_notify_cancel():
+            try:
+                future.set_result(fn(*args))
+            except Exception as error:
+                future.set_exception(error)
+
+
+class SimulatedProcess:
+    """A process of the supervisor: what `subprocess.Popen` is for a real one."""
+
+    def __init__(self, world: "World", spec: ProcessSpec, arguments: list[str], pid: int) -> None:
+        self.world, self.spec, self.pid, self.code = world, spec, pid, None
+        self.arguments = arguments
+        self.inbox = VirtualInbox(world.scheduler)
+        self.task = world.scheduler.spawn(spec.name, self._run)
+        self.inbox.read_by(self.task)
+        self.disk = SimulatedDisk(world, self)
+        self.buses: list[SimulatedBus] = []
+        self.hosts: list[Host] = []  # those that it has run
+        self.stdin = self  # its line: to close it asks the process to end
+
+    code: int | None
+
+    def _run(self) -> None:
+        self.task.wait(self.world.random.random() * self.world.start_seconds)  # it loads its modules
+        try:
+            self.code = _code_of(self) or OVER
+        except Exception as error:
+            self.code = 1
+            self.world.crash(self, error)
+        self.world.network.trace(f"{self.spec.name} has ended with code {self.code}")
+
+    def poll(self) -> int | None:
+        return self.code
+
+    def close(self) -> None:
+        self.inbox.put(Signal(SIGTERM))
+
+    def kill(self) -> None:
+        if self.code is None:
+            self.code = KILLED
+            for bus in self.buses:
+                self.world.network.end(bus, self.world.random.random())
+            self.task.kill()
+
+    def wait(self, timeout: float | None = None) -> int | None:
+        return self.code
+
+    @contextmanager
+    def opened(self, is_router: bool = False) -> Iterator[Bus]:
+        """Open its session."""
+        network = self.world.network
+        open_session = network.router_session if is_router else network.client_session
+        with open_session(self.spec.name, self.task, self.inbox, self.disk) as bus:
+            self.buses.append(bus)
+            yield bus
+
+
+def _code_of(process: SimulatedProcess) -> int:
+    """Run the code of a process. Return its exit code."""
+    try:
+        return BODIES[process.spec.module](process)
+    except HostEnded as end:
+        if end.code:
+            process.world.say(f"{process.spec.name}: {end}")
+        return end.code
+    except MISTAKES as error:
+        process.world.say(f"{process.spec.name}: {type(error).__name__}: {error}")
+        return 2
+
+
+def _physics(process: SimulatedProcess) -> int:
+    options = msgspec.json.decode(process.spec.told, type=RunOptions)
+    if "--resume" in process.arguments:
+        options = msgspec.structs.replace(options, resume=True)
+    is_router = options.connect is None
+    return physics.simulate(process.inbox, options, opened=lambda options, inbox: process.opened(is_router), ready=lambda engine: None)
+
+
+def _agents(process: SimulatedProcess) -> int:
+    agents.host(process.inbox, agents.options_of(process.arguments), lambda inbox: process.opened(), ready=process.hosts.append)
+
+
+class _NoWriter:
+    """Takes the place of the thread that writes a recording: the frames stay in the queue."""
+
+    error = None
+
+    def join(self) -> None:
+        pass
+
+
+def _logger(process: SimulatedProcess) -> int:
+    with process.opened() as bus:
+        keys = Keys()
+        run = fetch_run(bus, keys)
+        queue = FrameQueue()
+        process.world.frames.append(queue)
+        logger = Logger(bus, keys, run.run, lay_out(check(run.scenario, "the scenario that physics sent")), queue)
+        logger.listen(run.run)
+        return logger.run(_NoWriter())  # type: ignore[arg-type]
+
+
+BODIES: dict[str, Callable[[SimulatedProcess], int]] = {
+    "orchard.processes.physics": _physics,
+    "orchard.processes.agents": _agents,
+    "orchard.processes.logger": _logger,
+}
+
+
+class SimulatedSupervisor(Supervisor):
+    """The supervisor, by its own rules, with processes in virtual time."""
+
+    def __init__(self, world: "World", run: str) -> None:
+        super().__init__(world.say, run, clock=lambda: world.scheduler.now)
+        self._world, self._pids = world, 0
+
+    def _open(self, program: ProcessSpec, arguments: Any) -> Any:
+        self._pids += 1
+        self._world.network.trace(f"{program.name} is started{' again' if list(arguments) != list(program.arguments) else ''}")
+        return SimulatedProcess(self._world, program, list(arguments), self._pids)
+
+    def _end_forks(self, running: Any) -> None:
+        pass
+
+
+@dataclass
+class World:
+    """All that one schedule needs: its time, network, disk, processes, and what was said."""
+
+    scheduler: Scheduler
+    network: Network
+    random: Random
+    folder: Path  # for snapshots
+    start_seconds: float = 1.0  # that a process takes at most to load its modules
+    disk_seconds: float = 0.1  # that a write takes at most
+    is_disk_full: bool = False
+    lines: list[str] = field(default_factory=list)  # what users are told
+    crashes: list[str] = field(default_factory=list)  # what no user should see
+    frames: list[FrameQueue] = field(default_factory=list)  # of each logger
+
+    def say(self, line: str) -> None:
+        """Take a line for the user."""
+        self.lines.append(line)
+        self.network.trace(f"  says: {line}")
+
+    def crash(self, process: SimulatedProcess, error: Exception) -> None:
+        """Take an error that no process may have."""
+        import traceback
+
+        self.crashes.append(f"{process.spec.name}: {''.join(traceback.format_exception(error)[-4:])}")
+        self.say(f"{process.spec.name} crashed: {type(error).__name__}: {error}")
+
+    @contextmanager
+    def entered(self) -> Iterator[None]:
+        """Let the project's log, its printed lines and its writes come here."""
+        log, handler = logging.getLogger("orchard"), _Handler(self)
+        propagates, log.propagate = log.propagate, False
+        log.addHandler(handler)
+        try:
+            with patch.object(snapshots, "store", self._store), patch("sys.stdout", io.StringIO()):
+                yield
+        finally:
+            log.removeHandler(handler)
+            log.propagate = propagates
+
+    def _store(self, name: str, content: bytes, folder: Path) -> Path:
+        if self.is_disk_full:
+            raise OSError(28, os.strerror(28))
+        path: Path = _store(name, content, folder)
+        at = int(self.scheduler.now * 1e9) + 10**18
+        os.utime(path, ns=(at, at))
+        return path
+
+
+_store = snapshots.store
+
+
+class _Handler(logging.Handler):
+    def __init__(self, world: World) -> None:
+        super().__init__(logging.WARNING)
+        self._world = world
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._world.say(record.getMessage())
+
+
+def spec_of_physics(options: RunOptions) -> ProcessSpec:
+    """The process of physics, as run.py starts it."""
+    told = msgspec.json.encode(options).decode()
+    order, again = ["--request", "-"], ["--resume"]
+    return ProcessSpec(PHYSICS, "orchard.processes.physics", order, again=True, afterwards=again, told=told, may_refuse=False)
+
+
+def spec_of_host(name: str, share: list[str]) -> ProcessSpec:
+    """A process that hosts these agents, as run.py starts it."""
+    only = [word for agent in share for word in ("--only", agent)]
+    return ProcessSpec(name, "orchard.processes.agents", ["--connect", Network.ENDPOINT, *only], again=True, agents=share)
+
+
+SPEC_OF_LOGGER = ProcessSpec(LOGGER, "orchard.processes.logger", [], again=True)

@@ -1,0 +1,143 @@
+"""Virtual time: tasks that run one at a time and wait without cost, and events in the order of their time.
+
+A task is a greenlet: the code of a process runs in it unchanged, and is left where it waits.
+"""
+
+import heapq
+import itertools
+from collections import deque
+from collections.abc import Callable
+from math import inf
+
+from greenlet import GreenletExit, getcurrent, greenlet
+
+from orchard.net.bus import Inbox, Item, Signal
+
+
+class Scheduler:
+    """The clock and the events of one schedule. `now`: s."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self._events: list[tuple[float, int, Callable[[], None]]] = []
+        self._numbers = itertools.count()  # events of one time happen in the order in which they were planned
+        self._hub = getcurrent()
+
+    def after(self, seconds: float, act: Callable[[], None]) -> None:
+        """Let `act` happen in so many seconds."""
+        heapq.heappush(self._events, (self.now + seconds, next(self._numbers), act))
+
+    def spawn(self, name: str, body: Callable[[], None]) -> "Task":
+        """Start a task."""
+        task = Task(self, self._hub, name, body)
+        self.after(0.0, task.resume)
+        return task
+
+    def run(self, is_over: Callable[[], bool], limit: float) -> None:
+        """Let events happen until `is_over()`, or the time `limit`, or until there are none."""
+        while self._events and not is_over():
+            at, _, act = heapq.heappop(self._events)
+            if at > limit:
+                return
+            self.now = at
+            act()
+
+
+class Task:
+    """A task of a schedule. `frozen`: it does not run, as after SIGSTOP. `error`: the exception that ended it."""
+
+    def __init__(self, scheduler: Scheduler, hub: greenlet, name: str, body: Callable[[], None]) -> None:
+        self.name, self.error = name, None
+        self._scheduler, self._hub, self._greenlet = scheduler, hub, greenlet(self._run, hub)
+        self._body: Callable[[], None] = body
+        self._waits = 0  # the number of this wait: an alarm of an earlier one does not count
+        self._is_frozen = self._is_due = False
+        self.is_over = False
+
+    def _run(self) -> None:
+        try:
+            self._body()
+        except Exception as error:
+            self.error: Exception | None = error
+        self.is_over = True
+
+    def wait(self, seconds: float) -> None:
+        """Let other tasks run for so long, or until `wake`. Only the task itself calls it."""
+        if self.is_over:
+            raise GreenletExit
+        self._waits += 1
+        if seconds < inf:
+            number = self._waits
+            self._scheduler.after(max(0.0, seconds), lambda: self.resume(number))
+        self._hub.switch()
+
+    def wake(self) -> None:
+        """End its wait."""
+        number = self._waits
+        self._scheduler.after(0.0, lambda: self.resume(number))
+
+    def resume(self, number: int = 0) -> None:
+        """Go on after the wait of this number, unless that is over."""
+        if self.is_over or number != self._waits:
+            return
+        if self._is_frozen:
+            self._is_due = True
+            return
+        self._waits += 1
+        self._greenlet.switch()
+
+    def freeze(self) -> None:
+        self._is_frozen = True
+
+    def thaw(self) -> None:
+        self._is_frozen = False
+        if self._is_due:
+            self._is_due = False
+            self.wake()
+
+    def kill(self) -> None:
+        """End it where it waits. None of its code has an effect any more."""
+        if not self.is_over:
+            self.is_over = True
+            self._greenlet.throw(GreenletExit)
+
+
+class VirtualInbox(Inbox):
+    """An inbox that is read in virtual time, by one task."""
+
+    def __init__(self, scheduler: Scheduler) -> None:
+        self._scheduler = scheduler
+        self._items: deque[Item] = deque()
+        self._enough = 1
+        self._reader: Task | None = None  # the task that waits
+
+    def read_by(self, task: Task) -> None:
+        """Say which task reads it."""
+        self._task = task
+
+    def forget(self) -> None:
+        self._items = deque(item for item in self._items if isinstance(item, Signal))
+
+    def put(self, item: Item) -> None:
+        self._items.append(item)
+        self._wake()
+
+    def put_quietly(self, item: Item) -> None:
+        self._items.append(item)
+        if len(self._items) >= self._enough:
+            self._wake()
+
+    def _wake(self) -> None:
+        if self._reader is not None:
+            self._reader.wake()
+
+    def take(self, seconds: float = inf, enough: int = 1) -> Item | None:
+        self._enough, deadline = enough, self._scheduler.now + seconds
+        while not self._items:
+            left = deadline - self._scheduler.now
+            if left <= 0.0:
+                return None
+            self._reader = self._task
+            self._task.wait(min(left, self.POLL) if enough > 1 else left)
+            self._reader = None
+        return self._items.popleft()

@@ -28,7 +28,7 @@ def fuzz(endpoint: str, run: str, seed: int) -> None:
     with suppress(BusError), client(endpoint, seconds=2.0) as bus:
         samples = _received(bus)
         for _ in range(SAYS):
-            key, payload = _invalid_message(random, samples, run)
+            key, payload = invalid_message(random, samples, run)
             bus.publish(key, payload, newest_wins=True)
         for what in ASKED:
             bus.ask(Keys().of(what, random.choice(NAMES), "unknown"), random.randbytes(1 + random.randrange(60)), None, 5.0)
@@ -43,8 +43,8 @@ def mutated(random: Random, payload: bytes, run: str) -> bytes:
     return bytes(random.choice((message, message[:cut], message + message[cut:])))
 
 
-def _invalid_message(random: Random, samples: list[Sample], run: str) -> tuple[str, bytes]:
-    """A key and the payload to publish on it."""
+def invalid_message(random: Random, samples: list[Sample], run: str) -> tuple[str, bytes]:
+    """Return a key and the payload to publish on it."""
     sessions = sorted({sample.key.split("/")[2] for sample in samples if "/hosts/" in sample.key}) or ["unknown"]
     keys = [Keys().of(what, name, random.choice(sessions)) for what in TABLE if what not in SILENT for name in NAMES]
     real = [sample for sample in samples if run.encode() in sample.payload]

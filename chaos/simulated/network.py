@@ -572,6 +572,15 @@ class Network:
 
     # -- faults
 
+    def start_router(self) -> None:
+        """Start a router of its own, which belongs to no process of the run."""
+        self.router = Router(self.scheduler)
+
+    def end_router(self) -> None:
+        """End it: all links are closed."""
+        if self.router is not None:
+            self.router.close()
+
     def links_of(self, name: str) -> list[Link]:
         """Return the links of a process."""
         return [bus.link for bus in self.sessions if bus.name == name and bus.link is not None and not isinstance(bus.link, DirectLink)]

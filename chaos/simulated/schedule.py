@@ -1,29 +1,33 @@
 """One schedule: a run, its faults by a seed, and the verdict on it."""
 
-import gc
 import tempfile
 from collections.abc import Callable
+from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
 
+from chaos.simulated.clients import CHANGES_THE_HASH, Client, let_act
 from chaos.simulated.network import DOWN, UP, Delays, Network
 from chaos.simulated.processes import SPEC_OF_LOGGER, SimulatedProcess, SimulatedSupervisor, World, spec_of_host, spec_of_physics
-from chaos.simulated.scheduler import Scheduler
+from chaos.simulated.scheduler import Scheduler, VirtualInbox
 from orchard.field.layout import lay_out
 from orchard.field.scenario import TIME_STEP, Scenario
-from orchard.launch.supervisor import Watchdog
 from orchard.local import Local
+from orchard.net.endpoints import BusError
 from orchard.net.lifeline import OVER
 from orchard.server.options import RunOptions
 from orchard.server.run import read_end
 from orchard.wire.keys import LOGGER, PHYSICS
 from orchard.wire.messages import End
 
+NO_EXECUTOR = Executor()  # of clients, which write nothing
 LOOK_SECONDS = 0.2  # between two looks of run.py at its processes
 LIMIT = 300.0  # s of virtual time within which each schedule ends
+MOST_TICKS = 300
 LEAVE_LIMIT = 30.0  # s of virtual time within which all processes end after physics: a host that misses the end waits 20 s
 
 
@@ -53,6 +57,11 @@ class Plan:
     faults: tuple[Fault, ...]
     mode: str = "lockstep"
 
+    @property
+    def has_hash(self) -> bool:
+        """Whether the run has the hash of local mode."""
+        return self.mode == "lockstep" and not any(fault.what in CHANGES_THE_HASH for fault in self.faults)
+
 
 @dataclass
 class Verdict:
@@ -65,44 +74,58 @@ class Verdict:
     lines: list[str] = field(default_factory=list)  # the trace, if it was wanted
 
 
-SCENARIOS = (
+ALONE = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0}
+SCENARIOS: tuple[dict[str, Any], ...] = (
     {"rows": 3, "seed": 1},
-    {"rows": 3, "seed": 2, "dispatch": "nearest"},
-    {"rows": 3, "seed": 3, "route": "two-way"},
-    {"rows": 4, "seed": 4, "dispatch": "assignment"},
+    {"rows": 3, "seed": 2, "dispatch": "nearest", **ALONE},
+    {"rows": 3, "seed": 3, "route": "two-way", **ALONE},
+    {"rows": 4, "seed": 4, "dispatch": "assignment", "tractor": False, **ALONE},
 )
-HOST_FAULTS = ("kill", "kill", "kill", "freeze", "cut", "cut", "silence", "silence up", "silence down")
-PHYSICS_FAULTS = ("kill", "kill", "kill", "freeze", "full disk", "torn snapshot")
-LOGGER_FAULTS = ("kill", "freeze", "cut", "silence")
+CLIENT, RUN_PY, ROUTER = "client", "run.py", "router"
+FAULTS = {
+    "host": ("kill", "kill", "kill", "freeze", "cut", "cut", "silence", "silence up", "silence down"),
+    PHYSICS: ("kill", "kill", "kill", "freeze", "full disk", "torn snapshot"),
+    LOGGER: ("kill", "freeze", "cut", "silence"),
+    CLIENT: ("claim", "claim", "nonsense", "repeat", "pause", "pause", "listen", "reset", "quit"),
+    RUN_PY: ("kill",),
+    ROUTER: ("kill",),
+}
+AT_A_MOMENT = ("kill", "torn snapshot")
 
 
-def draw(seed: int, ticks: int = 300) -> Plan:
+def draw(seed: int) -> Plan:
     """Return the plan of a seed."""
     random = Random(f"plan {seed}")
-    scenario, hosts = random.choice(SCENARIOS), random.randint(1, 3)
+    scenario, hosts, ticks = random.choice(SCENARIOS), random.randint(1, 3), random.choice((30, 100, 100, 200, 300))
+    mode = "realtime" if random.random() < 0.1 else "lockstep"
     has_logger, has_router = random.random() < 0.15, random.random() < 0.2
     delays = Delays(10.0 ** random.uniform(-4.0, -2.0), random.choice((0.05, 0.3, 1.0)), random.choice((0.0, 0.003, 0.02)))
     length = 1.0 + ticks * 4.0 * delays.typical + ticks * 2.0 * delays.share * delays.slow  # s, roughly
     names = [f"agents_{number}" for number in range(hosts)]
+    targets = [*names, *names, *names, PHYSICS, PHYSICS, CLIENT, RUN_PY, *([LOGGER] if has_logger else []), *([ROUTER] if has_router else [])]
     faults = []
     for _ in range(random.choice((0, 1, 1, 2, 2, 3, 4, 6))):
-        who = random.choice([*names, *names, PHYSICS, *([LOGGER] if has_logger else [])])
-        choices = PHYSICS_FAULTS if who == PHYSICS else LOGGER_FAULTS if who == LOGGER else HOST_FAULTS
+        who = random.choice(targets)
+        choices = FAULTS.get(who, FAULTS["host"])
         if who == PHYSICS and has_router:
             choices += ("cut", "silence")
         what = random.choice(choices)
-        seconds = 0.0 if what in ("kill", "torn snapshot") else 10.0 ** random.uniform(-1.5, 0.9)
+        seconds = 0.0 if what in AT_A_MOMENT else 10.0 ** random.uniform(-1.5, 0.9)
         faults.append(Fault(what, who, random.uniform(0.0, length * 1.3), seconds))
-    return Plan(seed, scenario, ticks, hosts, has_logger, has_router, delays, tuple(sorted(faults, key=lambda fault: fault.at)))
+    if mode == "lockstep" and random.random() < 0.05:  # what an open run cannot tell from the truth while a link is cut or physics is gone
+        faults = [Fault(random.choice(("false end", "advise", "stop robots")), CLIENT, random.uniform(0.0, length), 1.0)]
+    in_order = tuple(sorted(faults, key=lambda fault: fault.at))
+    return Plan(seed, scenario, ticks, hosts, has_logger, has_router, delays, in_order, mode)
 
 
-@lru_cache(maxsize=100)
-def local_end(scenario: tuple[tuple[str, Any], ...], ticks: int) -> tuple[int, str]:
-    """Return tick and hash of a run in local mode."""
-    local = Local(Scenario(**dict(scenario)))
-    while local.engine.tick < ticks and not local.engine.over:
+@lru_cache(maxsize=len(SCENARIOS))
+def hashes_of(scenario: int) -> list[str]:
+    """Return the hash of local mode at each tick."""
+    local, hashes = Local(Scenario(**SCENARIOS[scenario])), []
+    while len(hashes) <= MOST_TICKS:
+        hashes.append(local.engine.hash)
         local.tick()
-    return local.engine.tick, local.engine.hash
+    return hashes
 
 
 class Schedule:
@@ -114,15 +137,19 @@ class Schedule:
         network = Network(scheduler, str(plan.seed), plan.delays)
         network.is_traced = is_traced
         self.world = World(scheduler, network, Random(f"world {plan.seed}"), folder)
-        self.supervisor = SimulatedSupervisor(self.world, "run1")
+        self.supervisor = SimulatedSupervisor(self.world, "")
         self.is_over = False
         self._over_at: float | None = None
-        self.processes: list[SimulatedProcess] = []
+        self._is_ending = False  # run.py is gone, and its processes end
+        self._clients = 0
 
     def run(self) -> Verdict:
         """Carry it out, and judge it."""
         with self.world.entered():
+            if self.plan.has_router:
+                self.world.network.start_router()
             self._start()
+            self.world.scheduler.after(LOOK_SECONDS, self._look)
             for fault in self.plan.faults:
                 self.world.scheduler.after(fault.at, lambda fault=fault: self._inflict(fault))
             self.world.scheduler.run(lambda: self.is_over, LIMIT)
@@ -133,53 +160,69 @@ class Schedule:
 
     # -- what run.py does
 
-    def _start(self) -> None:
+    def _start(self, resume: bool = False) -> None:
         plan, folder = self.plan, self.world.folder
-        if plan.has_router:
-            self.world.scheduler.spawn("router", self._route)
         options = RunOptions(
             scenario=Scenario(**plan.scenario).model_dump(),
             run="run1",
             connect=Network.ENDPOINT if plan.has_router else None,
+            mode=plan.mode,  # type: ignore[arg-type]
+            speed=20.0 if plan.mode == "realtime" else None,
             duration=plan.ticks * TIME_STEP,
             snapshots=str(folder / "snapshots"),
             snapshot_every=0.5,
             result=str(folder / "end"),
             recorded=plan.has_logger,
+            resume=resume,
         )
         names = sorted(lay_out(Scenario(**plan.scenario)).agents)
+        self.supervisor = SimulatedSupervisor(self.world, "run1")
         self.supervisor.start(spec_of_physics(options))
         if plan.has_logger:
             self.supervisor.start(SPEC_OF_LOGGER)
         for number in range(plan.hosts):
             self.supervisor.start(spec_of_host(f"agents_{number}", names[number :: plan.hosts]))
-        self.world.scheduler.after(LOOK_SECONDS, self._look)
-
-    def _route(self) -> None:
-        """A router of its own: `orchard router`."""
-        from chaos.simulated.network import Router
-
-        self.world.network.router = Router(self.world.scheduler)
 
     def _look(self) -> None:
         """Restart what has died, until physics is over; then wait for the others."""
         scheduler, supervisor = self.world.scheduler, self.supervisor
-        if self._over_at is None and (supervisor.is_over(PHYSICS) or PHYSICS in supervisor.given_up):
+        if self._is_ending:
+            if None not in supervisor.exit_codes():
+                self._is_ending = False
+                self._start(resume=True)
+        elif self._over_at is not None:
+            self.is_over = None not in supervisor.exit_codes() or scheduler.now > self._over_at + LEAVE_LIMIT
+        elif supervisor.is_over(PHYSICS) or PHYSICS in supervisor.given_up:
             self._over_at = scheduler.now
-        if self._over_at is None:
+            supervisor.terminate(*(name for name in supervisor.running if name.startswith("agents")))
+            if not self.world.network.links_of(LOGGER):
+                supervisor.kill(LOGGER)
+        else:
             supervisor.watch()
-        elif None not in supervisor.exit_codes() or scheduler.now > self._over_at + LEAVE_LIMIT:
-            self.is_over = True
         scheduler.after(LOOK_SECONDS, self._look)
+
+    def _die(self) -> None:
+        """End as run.py does by SIGKILL: the lines of all processes close. A moment later, a user continues the run."""
+        if not self._is_ending and self._over_at is None and not self.supervisor.is_over(PHYSICS):
+            self._is_ending = True
+            self.supervisor.terminate(*self.supervisor.running)
 
     # -- faults
 
     def _inflict(self, fault: Fault) -> None:
-        running = self.supervisor.running.get(fault.who)
-        if running is None or running.popen.poll() is not None or self._over_at is not None:
-            return
         self.world.network.trace(f"fault: {fault.what} {fault.who} {fault.seconds:.2f}")
-        network, process = self.world.network, running.popen
+        if fault.who == RUN_PY:
+            self._die()
+        elif fault.who == CLIENT:
+            self._connect_client(fault)
+        elif fault.who == ROUTER:
+            self.world.network.end_router()
+            self.world.scheduler.after(1.0 + fault.at % 5.0, self.world.network.start_router)
+        elif (running := self.supervisor.running.get(fault.who)) is not None and running.popen.poll() is None:
+            self._hurt(fault, running.popen)  # type: ignore[arg-type]
+
+    def _hurt(self, fault: Fault, process: SimulatedProcess) -> None:
+        network = self.world.network
         match fault.what:
             case "kill":
                 process.kill()
@@ -200,6 +243,18 @@ class Schedule:
                 self._tear()
                 process.kill()
 
+    def _connect_client(self, fault: Fault) -> None:
+        self._clients += 1
+        name = f"client_{self._clients}"
+        inbox = VirtualInbox(self.world.scheduler)
+
+        def body() -> None:
+            with suppress(BusError), self.world.network.client_session(name, task, inbox, NO_EXECUTOR) as bus:
+                let_act(fault.what, Client(bus, Random(f"{name} {self.plan.seed}"), fault.seconds))
+
+        task = self.world.scheduler.spawn(name, body)
+        inbox.read_by(task)
+
     def _empty_disk(self) -> None:
         self.world.is_disk_full = False
 
@@ -217,18 +272,22 @@ class Schedule:
 
     def _judge(self) -> Verdict:
         verdict = Verdict(self.plan, read_end(self.world.folder / "end", "run1"), self.world.scheduler.now, lines=self.world.network.lines)
-        complain = verdict.complaints.append
+        complain, end, plan = verdict.complaints.append, verdict.end, self.plan
         for crash in self.world.crashes:
             complain(f"crash: {crash}")
-        if verdict.end is None:
+        if end is None:
             complain(f"no end: {'; '.join(self.world.lines[-3:])}")
             return verdict
-        if verdict.end.summary["violations"]:
-            complain(f"violated: {verdict.end.summary['violations'][0]}")
-        wanted = local_end(tuple(self.plan.scenario.items()), self.plan.ticks)
-        if verdict.end.tick != wanted[0]:
-            complain(f"ended at tick {verdict.end.tick} of {wanted[0]}: {verdict.end.why}")
-        elif verdict.end.hash != wanted[1]:
+        if end.summary["violations"]:
+            complain(f"violated: {end.summary['violations'][0]}")
+        if end.summary["broken_agents"]:
+            complain(f"broken: {end.summary['broken_agents'][0]}")
+        may_quit = any(fault.what == "quit" for fault in plan.faults)
+        if end.why != "duration" and not (may_quit and end.why == "stopped"):
+            complain(f"ended by itself: {end.why}, at tick {end.tick}")
+        elif end.why == "duration" and end.tick != plan.ticks:
+            complain(f"wrong tick: {end.tick} of {plan.ticks}")
+        if plan.has_hash and end.hash != hashes_of(SCENARIOS.index(plan.scenario))[end.tick]:
             complain("another hash than local mode")
         self._judge_codes(complain)
         return verdict
@@ -267,8 +326,3 @@ def shrink(plan: Plan) -> Plan:
 
 def _kind_of(verdict: Verdict) -> str:
     return verdict.complaints[0].partition(":")[0] if verdict.complaints else ""
-
-
-def collect() -> None:
-    """Free what the schedules so far have left."""
-    gc.collect()

@@ -75,8 +75,7 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
         end = read_end(Path(folder) / RESULT, run_id)
         if summary is not None:
             launched.watchdog.end()
-            if why == "stopped":  # a host that was still connecting has not received the end
-                supervisor.terminate(*(name for name, _ in shares))
+            supervisor.terminate(*(name for name, _ in shares))  # a host that was still connecting has not received the end
         elif end is not None:
             supervisor.terminate(*supervisor.running)  # the others have not received the end either; they close their files and sessions
         if end is not None:  # what physics has written counts more than a message, which any client may send

@@ -37,7 +37,7 @@ class RunLoop:
         self.run = Run(bus, keys, engine, options, before)
         self.arrivals = Inbound(bus, keys, self.run)
         self._drivers = self.run.drivers
-        self._held_before = before.held if before else None
+        self._held_before = before.held if before and engine.tick > 0 else None  # before the first tick not all had come
         self._clock = self.run.control.clock
         self._pacer = Pacer(options.pace, self._clock)
         self.reset_to: dict[str, Any] | None = None  # after the end: the scenario with which the run begins again
@@ -88,7 +88,7 @@ class RunLoop:
     def gather(self) -> None:
         """Wait for all expected agents, and for the logger if the run is recorded, so that the recording begins with the run.
 
-        A new run waits without limit. A resumed run waits for the agents that were held before, for `patience` seconds; each agent that
+        A run that has not begun waits without limit. A resumed run waits for the agents that were held before, for `patience` seconds; each agent that
         returns renews the wait, because many start slowly.
         """
         names = self._drivers.roster.names if self._held_before is None else tuple(self._held_before)

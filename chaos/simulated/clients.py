@@ -1,0 +1,147 @@
+"""Foreign clients of a simulated run: each connects, does one thing, and goes."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from random import Random
+
+from chaos.fuzzer import ASKED, NAMES, invalid_message
+from orchard.contract.messages import pack
+from orchard.net.bus import Bus, Final, Item, Sample
+from orchard.net.endpoints import BusError
+from orchard.net.requests import fetch_run
+from orchard.wire import messages as wire
+from orchard.wire.keys import Keys
+from orchard.wire.types import RunMessage
+
+RUN = "run1"
+KEYS = Keys()
+
+
+@dataclass
+class Client:
+    """A client with its session."""
+
+    bus: Bus
+    random: Random
+    seconds: float  # how long it stays
+
+    def hear(self, seconds: float) -> list[Item]:
+        """Return what arrives in so many seconds."""
+        deadline, items = self.bus.clock() + seconds, []
+        while (left := deadline - self.bus.clock()) > 0.0:
+            if (item := self.bus.inbox.take(left)) is not None:
+                items.append(item)
+        return items
+
+    def ask(self, what: str, message: RunMessage, session: str = "*", seconds: float = 3.0) -> None:
+        """Send a query, and wait until its replies have come."""
+        self.bus.ask(KEYS.of(what, session=session), pack(message), what, seconds)
+        while not isinstance(self.bus.inbox.take(seconds), Final | None):
+            pass
+
+
+def claim(client: Client) -> None:
+    """Ask for agents that a host has, which is refused; or which it gets, if that host is just gone. Then leave."""
+    bus = client.bus
+    names = client.random.sample(fetch_run(bus, KEYS).agents, 3)
+    for name in names:
+        bus.declare_alive(KEYS.of("alive", name, bus.id))
+    client.ask("join", wire.Join(RUN, bus.id, names), bus.id)
+    client.hear(client.seconds)
+    for name in names:
+        bus.withdraw(KEYS.of("alive", name, bus.id))
+
+
+def talk_nonsense(client: Client) -> None:
+    """Publish and ask what makes no sense, and what other runs and sessions would send."""
+    bus = client.bus
+    bus.subscribe(f"{KEYS.prefix}/**")
+    samples = [item for item in client.hear(client.seconds) if isinstance(item, Sample)]
+    for _ in range(30):
+        key, payload = invalid_message(client.random, samples, RUN)
+        bus.publish(key, payload, newest_wins=True)
+    for what in ASKED:
+        bus.ask(KEYS.of(what, client.random.choice(NAMES), "unknown"), client.random.randbytes(20), None, 5.0)
+    for key in ("orchard/*", "orchard/**", "**"):
+        bus.ask(key, pack(wire.Command(RUN, "stop")), None, 5.0)
+
+
+def repeat(client: Client) -> None:
+    """Publish again what others have published: late, and twice."""
+    client.bus.subscribe(f"{KEYS.prefix}/hosts/*/velocities")
+    for item in client.hear(client.seconds):
+        if isinstance(item, Sample):
+            client.bus.publish(item.key, item.payload)
+
+
+def end_it(client: Client) -> None:
+    """Say that the run is over, which only physics may say."""
+    for _ in range(5):
+        client.bus.publish(KEYS.of("end"), pack(wire.End(RUN, 3, True, "harvested", "0" * 64, {})))
+        client.hear(client.seconds / 5.0)
+
+
+def pause(client: Client) -> None:
+    """Pause the run, do some steps, and let it play."""
+    client.ask("set_simulation_state", wire.SetSimulationState(RUN, "paused"))
+    client.hear(client.seconds)
+    for _ in range(client.random.randrange(3)):
+        client.ask("step_simulation", wire.StepSimulation(RUN, client.random.randint(1, 5)))
+    client.hear(client.random.random())
+    for _ in range(3):  # one may be lost
+        client.ask("set_simulation_state", wire.SetSimulationState(RUN, "playing"))
+
+
+def listen(client: Client) -> None:
+    """Hear all that is published."""
+    client.bus.subscribe(f"{KEYS.prefix}/**")
+    client.hear(client.seconds)
+
+
+def stop_robots(client: Client) -> None:
+    """Stop all robots in an emergency, and reset them."""
+    client.ask("stop", wire.Stop(RUN, True, []))
+    client.hear(client.seconds)
+    client.ask("stop", wire.Stop(RUN, False, []))
+
+
+def advise(client: Client) -> None:
+    """Drive a robot whose agent goes on."""
+    client.bus.subscribe(KEYS.of("clock"))
+    ticks = [item.payload for item in client.hear(client.seconds) if isinstance(item, Sample)]
+    for _ in ticks[:20]:
+        tick = fetch_run(client.bus, KEYS).tick
+        advice = wire.Advice(RUN, tick, wire.Linear(client.random.uniform(-0.5, 1.0)), wire.Angular(0.0))
+        client.bus.publish(KEYS.of("advice", client.random.choice(["picker_01", "carrier_01", "tractor_01"])), pack(advice))
+
+
+def reset(client: Client) -> None:
+    """Let the run begin again, as before."""
+    client.ask("reset_simulation", wire.ResetSimulation(RUN))
+
+
+def quit_run(client: Client) -> None:
+    """End the run."""
+    client.ask("command", wire.Command(RUN, "stop"))
+
+
+CLIENTS: dict[str, Callable[[Client], None]] = {
+    "claim": claim,
+    "nonsense": talk_nonsense,
+    "repeat": repeat,
+    "false end": end_it,
+    "pause": pause,
+    "listen": listen,
+    "stop robots": stop_robots,
+    "advise": advise,
+    "reset": reset,
+    "quit": quit_run,
+}
+CHANGES_THE_HASH = ("stop robots", "advise")
+
+
+def let_act(what: str, client: Client) -> None:
+    """Let a client do its thing. What it hears, and that it may not connect, is its own affair."""
+    with suppress(BusError):
+        CLIENTS[what](client)

@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 SECONDS := 600
+COUNT := 1000
 QUICK := tests/field tests/wire tests/agents/test_steps.py tests/net/test_lockstep.py tests/docs/test_package.py \
  $(patsubst %,tests/contract/test_%.py,read_only zones) \
  $(patsubst %,tests/sim/test_%.py,deeds digest end_of_harvest invariants movement observe picking repeatable scan snapshot unloading)
@@ -10,7 +11,7 @@ INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check --constra
 
 unexport PYTHONDONTWRITEBYTECODE  # each of hundreds of processes would compile all its modules
 
-.PHONY: run app study lint test quick ecosystem pythons package soak chaos bench view docs site pictures clean
+.PHONY: run app study lint test quick ecosystem pythons package soak chaos schedules bench view docs site pictures clean
 .DEFAULT_GOAL := run
 
 $(VENV)/installed: pyproject.toml constraints.txt
@@ -75,6 +76,9 @@ soak: $(VENV)/installed-dev  ## the long matrix of equal hashes
 
 chaos: $(VENV)/installed-dev  ## ten minutes of kills, freezes, cuts and nonsense, and 100,000 ticks: chaos/results.md; SECONDS=120 is the short one
 	$(RUN) -m chaos --seconds $(SECONDS)
+
+schedules: $(VENV)/installed-dev  ## runs on a simulated network, with faults, one for each seed; COUNT=1000
+	$(RUN) -m chaos.simulated --count $(COUNT)
 
 bench: $(VENV)/installed-dev  ## how fast it is, beside what else one could use: bench/results.md
 	$(RUN) -m bench

@@ -47,7 +47,8 @@ def schedules(
         raise typer.Exit(_tell(seed))
     begun, failed, done = monotonic(), [], 0
     with _workers() as workers:
-        for number, complaints in track(_in_turn(workers, range(first, first + count), begun + seconds), "schedules", count, console=console):
+        runs = _in_turn(workers, range(first, first + count), begun + seconds)
+        for number, complaints in track(runs, "schedules", count, console=console):
             done += 1
             if complaints:
                 failed.append(number)

@@ -16,6 +16,7 @@ from orchard.server.publisher import Publisher
 from orchard.server.roster import RecoveryLog, Roster
 from orchard.server.run_clock import RunClock
 from orchard.sim import snapshot
+from orchard.wire import messages as wire
 from orchard.wire.messages import Joined
 
 
@@ -42,7 +43,7 @@ def _expects_without_waking(self: Drivers, names: Any, holder: str) -> None:
 
 
 def _keeps_the_old_answer(self: lockstep.LockstepBarrier, name: str) -> None:
-    if name not in self.velocities:
+    if name not in self.reports:
         self.missing.add(name)
 
 
@@ -50,16 +51,9 @@ def _without_memories(run: str, tick: int, memories: Any, refused: Any) -> Joine
     return Joined(run, tick, dict.fromkeys(memories), refused)
 
 
-def _takes_any_tick(self: lockstep.LockstepBarrier, name: str, velocity: Any) -> None:
-    self._refuse_unless_held_by(name, velocity.holder)
+def _takes_any_tick(self: lockstep.LockstepBarrier, name: str, holder: str, tick: int, report: Any) -> None:
     if name in self.missing:
-        _take(self, name, velocity._replace(tick=self.tick) if hasattr(velocity, "_replace") else _at(velocity, self.tick))
-
-
-def _at(velocity: Any, tick: int) -> Any:
-    import msgspec
-
-    return msgspec.structs.replace(velocity, tick=tick)
+        _take(self, name, holder, self.tick, report)
 
 
 def _tracks_nothing(self: host.Host, up: bool) -> None:
@@ -67,14 +61,14 @@ def _tracks_nothing(self: host.Host, up: bool) -> None:
     self._leave_if_over()
 
 
-def _keeps_one_tick(self: RecoveryLog, tick: int, velocities: Any) -> None:
-    _keep(self, tick, velocities)
+def _keeps_one_tick(self: RecoveryLog, tick: int, reports: Any) -> None:
+    _keep(self, tick, reports)
     self.letters = {at: letters for at, letters in self.letters.items() if at >= tick}
 
 
-def _keeps_no_memory(self: RecoveryLog, tick: int, velocities: Any) -> None:
+def _keeps_no_memory(self: RecoveryLog, tick: int, reports: Any) -> None:
     before = dict(self.memories)
-    _keep(self, tick, velocities)
+    _keep(self, tick, reports)
     self.memories = before
 
 
@@ -140,7 +134,7 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "a join without a token is not tried again": (Cut(host, "JOIN_TRIES", 1),),
     "a join of a taken agent is not tried again": (Cut(host, "TAKEN_TRIES", 1),),
     "a host without its memory": (Cut(host.AgentRunner, "resume", _nothing),),
-    "physics gives no memory": (Cut(inbound.wire, "Joined", _without_memories),),
+    "physics gives no memory": (Cut(wire, "Joined", _without_memories),),
     "physics keeps no memory": (Cut(RecoveryLog, "keep", _keeps_no_memory),),
     "physics keeps the letters of one tick": (Cut(RecoveryLog, "keep", _keeps_one_tick),),
     "physics does not ask a session that joins": (Cut(Drivers, "expect", _expects_without_waking),),

@@ -10,7 +10,7 @@ What it does is what Zenoh does, and no better: `tests/net/test_bus_contract.py`
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import inf
 from random import Random
 from typing import Any, NamedTuple
@@ -89,7 +89,7 @@ class Link:
         since = self._scheduler.now
         if seconds >= LEASE:
             for way in ways:  # the receiver of a direction notices
-                self._scheduler.after(LEASE, lambda way=way: self.close(session=way == DOWN, router=way == UP))
+                self._scheduler.after(LEASE, partial(self.close, session=way == DOWN, router=way == UP))
         self._scheduler.after(seconds, lambda: self._speak(ways, since))
 
     def _speak(self, ways: tuple[int, ...], since: float) -> None:
@@ -201,7 +201,7 @@ class Router:
         if self._is_linked(link):
             self._watchers[link.session.id].append(tokens)
             for token in [token for present in self._tokens.values() for token in present if meets(tokens, token)]:
-                link.send(DOWN, lambda token=token: link.session.hear_token(token, True), CONTROL)
+                link.send(DOWN, partial(link.session.hear_token, token, True), CONTROL)
 
     def token(self, link: Link, token: str, up: bool) -> None:
         if not self._is_linked(link):
@@ -220,13 +220,13 @@ class Router:
         for session, keys in list(self._watchers.items()):
             if any(meets(watched, token) for watched in keys):
                 link = self.links[session]
-                link.send(DOWN, lambda link=link: link.session.hear_token(token, up), CONTROL)
+                link.send(DOWN, partial(link.session.hear_token, token, up), CONTROL)
 
     def _tell_subscribers(self) -> None:
         for session in sorted(self._interested & self.links.keys()):
             link, known = self.links[session], [keys for other, keys in self._subscribers.items() if other != session]
             all_keys = [one for keys in known for one in keys]
-            link.send(DOWN, lambda link=link, all_keys=all_keys: link.session.hear_subscribers(all_keys), CONTROL)
+            link.send(DOWN, partial(link.session.hear_subscribers, all_keys), CONTROL)
 
     def subscribers_beside(self, session: str) -> list[str]:
         """Return the keys to which other sessions subscribe."""
@@ -238,7 +238,7 @@ class Router:
         for session, keys in list(self._subscribers.items()):
             if session != link.session.id and any(meets(one, key) for one in keys):
                 to = self.links[session]
-                to.send(DOWN, lambda to=to: to.session.hear_sample(key, payload), DATA, may_drop)
+                to.send(DOWN, partial(to.session.hear_sample, key, payload), DATA, may_drop)
 
     def ask(self, link: Link, number: int, key: str, payload: bytes) -> None:
         asker = link.session.id
@@ -246,7 +246,7 @@ class Router:
         self._pending[number] = asker, list(repliers)
         for session in repliers:
             to = self.links[session]
-            to.send(DOWN, lambda to=to: to.session.hear_query(to, number, key, payload))
+            to.send(DOWN, partial(to.session.hear_query, to, number, key, payload))
         if not repliers:
             self.finish(number, "")
 
@@ -315,7 +315,7 @@ class SimulatedBus(Bus):
         return self._scheduler.now
 
     def sleep(self, seconds: float) -> None:
-        deadline = self._scheduler.now + seconds
+        deadline = self._scheduler.in_future(seconds)
         while (left := deadline - self._scheduler.now) > 0.0:
             self._task.wait(left)
 
@@ -356,8 +356,7 @@ class SimulatedBus(Bus):
         number = self._network.next_number()
         self._asks[number] = ticket, len(own) + (self.link is not None)
         for _ in own:
-            query = SimulatedQuery(key, payload, lambda reply, error: self.hear_reply(number, reply, error), lambda: self.hear_final(number))
-            self.inbox.put(query)
+            self.inbox.put(SimulatedQuery(key, payload, partial(self.hear_reply, number), partial(self.hear_final, number)))
         self._send(lambda link: link.router.ask(link, number, key, payload))
         self._scheduler.after(seconds, lambda: self._time_out(number))
 

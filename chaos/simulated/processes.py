@@ -30,7 +30,7 @@ from orchard.processes import agents, physics
 from orchard.record.logger import FrameQueue, Logger
 from orchard.server import snapshots
 from orchard.server.options import RunOptions
-from orchard.sim.snapshot import SnapshotError
+from orchard.sim.snapshot import SnapshotError, store
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 
 MISTAKES = (BusError, ValueError, ScenarioError, SnapshotError, OSError)  # that a process logs, and ends with code 2
@@ -236,13 +236,10 @@ class World:
     def _store(self, name: str, content: bytes, folder: Path) -> Path:
         if self.is_disk_full:
             raise OSError(28, os.strerror(28))
-        path: Path = _store(name, content, folder)
+        path = store(name, content, folder)
         at = int(self.scheduler.now * 1e9) + 10**18
         os.utime(path, ns=(at, at))
         return path
-
-
-_store = snapshots.store
 
 
 class _Handler(logging.Handler):

@@ -7,7 +7,7 @@ import heapq
 import itertools
 from collections import deque
 from collections.abc import Callable
-from math import inf
+from math import inf, nextafter
 
 from greenlet import GreenletExit, getcurrent, greenlet
 
@@ -25,7 +25,11 @@ class Scheduler:
 
     def after(self, seconds: float, act: Callable[[], None]) -> None:
         """Let `act` happen in so many seconds."""
-        heapq.heappush(self._events, (self.now + seconds, next(self._numbers), act))
+        heapq.heappush(self._events, (self.in_future(seconds), next(self._numbers), act))
+
+    def in_future(self, seconds: float) -> float:
+        """Return the time in so many seconds: later than now, however few they are, for a clock that is read twice has moved."""
+        return max(self.now + seconds, nextafter(self.now, inf)) if seconds > 0.0 else self.now
 
     def spawn(self, name: str, body: Callable[[], None]) -> "Task":
         """Start a task."""
@@ -47,7 +51,8 @@ class Task:
     """A task of a schedule. `frozen`: it does not run, as after SIGSTOP. `error`: the exception that ended it."""
 
     def __init__(self, scheduler: Scheduler, hub: greenlet, name: str, body: Callable[[], None]) -> None:
-        self.name, self.error = name, None
+        self.name = name
+        self.error: Exception | None = None
         self._scheduler, self._hub, self._greenlet = scheduler, hub, greenlet(self._run, hub)
         self._body: Callable[[], None] = body
         self._waits = 0  # the number of this wait: an alarm of an earlier one does not count
@@ -58,7 +63,7 @@ class Task:
         try:
             self._body()
         except Exception as error:
-            self.error: Exception | None = error
+            self.error = error
         self.is_over = True
 
     def wait(self, seconds: float) -> None:
@@ -110,6 +115,7 @@ class VirtualInbox(Inbox):
         self._items: deque[Item] = deque()
         self._enough = 1
         self._reader: Task | None = None  # the task that waits
+        self._task: Task
 
     def read_by(self, task: Task) -> None:
         """Say which task reads it."""
@@ -132,7 +138,7 @@ class VirtualInbox(Inbox):
             self._reader.wake()
 
     def take(self, seconds: float = inf, enough: int = 1) -> Item | None:
-        self._enough, deadline = enough, self._scheduler.now + seconds
+        self._enough, deadline = enough, self._scheduler.in_future(seconds)
         while not self._items:
             left = deadline - self._scheduler.now
             if left <= 0.0:

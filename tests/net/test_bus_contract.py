@@ -65,18 +65,22 @@ def over_zenoh(script) -> None:
 
 def simulated(script) -> None:
     for seed in range(5):
-        scheduler = Scheduler()
-        network = Network(scheduler, f"contract {seed}", Delays(share=Random(seed).random()), pauses=0.1)
+        _simulated(script, seed)
 
-        def body(network=network) -> None:
-            with ExitStack() as stack:
-                script(Simulated(stack, network, task))
 
-        task = scheduler.spawn("script", body)
-        scheduler.run(lambda task=task: task.is_over, 1000.0)
-        if task.error is not None:
-            raise task.error
-        assert task.is_over
+def _simulated(script, seed: int) -> None:
+    scheduler = Scheduler()
+    network = Network(scheduler, f"contract {seed}", Delays(share=Random(seed).random()), pauses=0.1)
+
+    def body() -> None:
+        with ExitStack() as stack:
+            script(Simulated(stack, network, task))
+
+    task = scheduler.spawn("script", body)
+    scheduler.run(lambda: task.is_over, 1000.0)
+    if task.error is not None:
+        raise task.error
+    assert task.is_over
 
 
 @pytest.fixture(params=[over_zenoh, simulated], ids=["zenoh", "simulated"])

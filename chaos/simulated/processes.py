@@ -24,7 +24,6 @@ from orchard.launch.supervisor import ProcessSpec, Supervisor
 from orchard.net.bus import Bus, Signal
 from orchard.net.endpoints import BusError
 from orchard.net.host import Host, HostEnded
-from orchard.net.lifeline import OVER
 from orchard.net.requests import fetch_run
 from orchard.processes import agents, physics
 from orchard.record.logger import FrameQueue, Logger
@@ -74,26 +73,40 @@ class SimulatedDisk(Executor):
                 future.set_exception(error)
 
 
+class SimulatedLine:
+    """run.py's end of the line to a process: what `lifeline.Line` is for a real one."""
+
+    def __init__(self, process: "SimulatedProcess") -> None:
+        self._process = process
+        self.code: int | None = None
+
+    def let_go(self) -> None:
+        self._process.inbox.put(Signal(SIGTERM))
+
+    def close(self) -> None:
+        self.code = None
+
+
 class SimulatedProcess:
     """A process of the supervisor: what `subprocess.Popen` is for a real one."""
 
     def __init__(self, world: "World", spec: ProcessSpec, arguments: list[str], pid: int) -> None:
         self.world, self.spec, self.pid, self.code = world, spec, pid, None
         self.arguments = arguments
+        self.line = SimulatedLine(self)
         self.inbox = VirtualInbox(world.scheduler)
         self.task = world.scheduler.spawn(spec.name, self._run)
         self.inbox.read_by(self.task)
         self.disk = SimulatedDisk(world, self)
         self.buses: list[SimulatedBus] = []
         self.hosts: list[Host] = []  # those that it has run
-        self.stdin = self  # its line: to close it asks the process to end
 
     code: int | None
 
     def _run(self) -> None:
         self.task.wait(self.world.random.random() * self.world.start_seconds)  # it loads its modules
         try:
-            self.code = _code_of(self) or OVER
+            self.code = self.line.code = _code_of(self)
         except Exception as error:
             self.code = 1
             self.world.crash(self, error)
@@ -101,9 +114,6 @@ class SimulatedProcess:
 
     def poll(self) -> int | None:
         return self.code
-
-    def close(self) -> None:
-        self.inbox.put(Signal(SIGTERM))
 
     def kill(self) -> None:
         if self.code is None:
@@ -187,10 +197,11 @@ class SimulatedSupervisor(Supervisor):
     def _open(self, program: ProcessSpec, arguments: Any) -> Any:
         self._pids += 1
         self._world.network.trace(f"{program.name} is started{' again' if list(arguments) != list(program.arguments) else ''}")
-        return SimulatedProcess(self._world, program, list(arguments), self._pids)
+        process = SimulatedProcess(self._world, program, list(arguments), self._pids)
+        return process, process.line
 
-    def _end_forks(self, running: Any) -> None:
-        pass
+    def _clear_up(self, running: Any) -> None:
+        running.line.close()
 
 
 @dataclass

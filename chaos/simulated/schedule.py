@@ -19,7 +19,6 @@ from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.launch.supervisor import BAD_ORDER
 from orchard.local import Local
 from orchard.net.endpoints import BusError
-from orchard.net.lifeline import OVER
 from orchard.server.options import RunOptions
 from orchard.server.run import read_end
 from orchard.wire.keys import LOGGER, PHYSICS
@@ -189,11 +188,11 @@ class Schedule:
         """Restart what has died, until physics is over; then wait for the others."""
         scheduler, supervisor = self.world.scheduler, self.supervisor
         if self._is_ending:
-            if None not in supervisor.exit_codes():
+            if not supervisor.is_any_left():
                 self._is_ending = False
                 self._start(resume=True)
         elif self._over_at is not None:
-            self.is_over = None not in supervisor.exit_codes() or scheduler.now > self._over_at + LEAVE_LIMIT
+            self.is_over = not supervisor.is_any_left() or scheduler.now > self._over_at + LEAVE_LIMIT
         elif supervisor.is_over(PHYSICS) or PHYSICS in supervisor.given_up:
             self._over_at = scheduler.now
             supervisor.terminate(*(name for name in supervisor.running if name.startswith("agents")))
@@ -299,7 +298,7 @@ class Schedule:
             code = running.popen.poll()
             if code is None:
                 complain(f"{name} still runs {LEAVE_LIMIT:g} s after the end")
-            elif code not in (OVER, 1, -9) and not (code == BAD_ORDER and running.is_asked):  # it was asked while it connected
+            elif code not in (0, 1, -9) and not (code == BAD_ORDER and running.is_asked):  # it was asked while it connected
                 complain(f"{name} ended with code {code}")
         for name in self.supervisor.given_up:
             complain(f"{name} was given up")

@@ -64,7 +64,7 @@ def talk_nonsense(client: Client) -> None:
     for what in ASKED:
         bus.ask(KEYS.of(what, client.random.choice(NAMES), "unknown"), client.random.randbytes(20), None, 5.0)
     for key in ("orchard/*", "orchard/**", "**"):
-        bus.ask(key, pack(wire.Command(RUN, "stop")), None, 5.0)
+        bus.ask(key, pack(wire.SetSimulationState(RUN, "quitting")), None, 5.0)
 
 
 def repeat(client: Client) -> None:
@@ -123,7 +123,7 @@ def reset(client: Client) -> None:
 
 def quit_run(client: Client) -> None:
     """End the run."""
-    client.ask("command", wire.Command(RUN, "stop"))
+    client.ask("set_simulation_state", wire.SetSimulationState(RUN, "quitting"))
 
 
 CLIENTS: dict[str, Callable[[Client], None]] = {

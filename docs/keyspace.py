@@ -69,7 +69,7 @@ def _filled(name: str, **more: Any) -> str:
         "watchdog": WATCHDOG,
         "zones": MOST_ZONES,
     }
-    return NOTE + (TEMPLATES / name).read_text().format(**figures, **more)
+    return NOTE + (TEMPLATES / f"{name}.in").read_text().format(**figures, **more)
 
 
 def _digest_example() -> tuple[str, str]:
@@ -93,7 +93,7 @@ def messages() -> str:
     types = list(dict.fromkeys(type_ for key in TABLE.values() for type_ in _types_of(key)))
     parts = sorted({part for type_ in types for part in parts_of(type_)} - set(types), key=lambda part: part.__name__)
     where = {type_: [f"`{what}`" for what, key in TABLE.items() if type_ in _types_of(key)] for type_ in types}
-    lines = [NOTE + (TEMPLATES / "messages.md").read_text()]
+    lines = [NOTE + (TEMPLATES / "messages.md.in").read_text()]
     lines += [_struct(type_, f"On {', '.join(where[type_])}. ") for type_ in types]
     lines += ["## Maps in messages\n", *map(_struct, parts), *(_union(*item) for item in UNIONS.items())]
     return "\n".join(lines)

@@ -10,7 +10,7 @@ from orchard.contract.messages import FASTEST, Answer, Deed, Request
 from orchard.wire.messages import FARTHEST
 
 UNIONS: dict[str, Any] = {"deeds": Deed, "requests": Request, "answers": Answer}
-WIDE = ((-FARTHEST, FARTHEST), (-FASTEST, FASTEST))  # bounds that docs/templates/messages.md names once
+WIDE = ((-FARTHEST, FARTHEST), (-FASTEST, FASTEST))  # bounds that docs/templates/messages.md.in names once
 MEMBERS = {member for union in UNIONS.values() for member in get_args(union)}
 
 

@@ -64,7 +64,7 @@ def _of_pi(radians: float) -> str:
 
 # -- the sections
 
-HEAD = """<!-- Made by docs/reference.py and docs/templates/results.md from the constants of the code: `make docs`. -->
+HEAD = """<!-- Made by docs/reference.py and docs/templates/results.md.in from the constants of the code: `make docs`. -->
 # Reference: scenario, results and the orchard in figures
 
 For people who look up a value. After this page you know every setting of a scenario, every figure that a run leaves, and every size, speed
@@ -73,7 +73,7 @@ and rule of the orchard.
 Units are SI: m, s, rad. In the frame `map`, x points east, y north and z up; a yaw of 0 faces east, and yaw grows counter-clockwise
 (REP-103, REP-105). The figures of the orchard come from measurements, and from
 [the student system](design.md#what-it-is-built-on) of 2015 that this one continues."""
-RESULTS = Path(__file__).with_name("templates") / "results.md"
+RESULTS = Path(__file__).with_name("templates") / "results.md.in"
 
 
 def document() -> str:

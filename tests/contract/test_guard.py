@@ -192,13 +192,23 @@ def test_whatever_the_guard_passes_physics_accepts_and_hears_as_local_mode_does(
         ({"requests": [("carrier_01/mail", Where())]}, "a request to 'carrier_01/mail': no agent has that name"),
         ({"requests": [("carrier_1", Where())]}, "a request to 'carrier_1': no agent has that name"),
         ({"requests": None}, "requests NoneType: must be a list"),
+        ({"requests": [("carrier_01", Call(1, "north", 0))]}, "matching regex"),
+        ({"requests": [("carrier_01", Here("x" * 40_000))]}, r"messages take \d+ bytes; at most 32768"),
+        ({"deeds": None}, "deeds NoneType: must be a list"),
+        ({"deeds": [Uncouple()] * 17}, "17 deeds in one tick; at most 16"),
+        ({"twist": Twist(0.0, 1.0)}, "a picker does not move sideways"),
+        ({"doing": None}, "doing None.*both must be text"),
+        ({"steps_done": -1}, "steps_done -1: must be a whole number from 0"),
         ({"steps_done": True}, "steps_done True: must be a whole number from 0 to 9007199254740991"),
         ({"steps_done": 2**60}, "steps_done 1152921504606846976: must be a whole number from 0 to 9007199254740991"),
         ({"memory": "\ud800"}, "surrogates not allowed"),
+        ({"memory": object()}, "memory: Encoding objects of type object is unsupported"),
+        ({"memory": b"x" * 300_000}, "its memory takes 300005 bytes; at most 32768"),
+        (None, "tick returned NoneType; it must return an Action"),
     ],
 )
-def test_what_is_too_much_is_told_with_the_agent_the_limit_and_the_figure(slip, said, caplog):
-    _, action = of_the_guard(Action(Twist(x=1.0), **slip))
+def test_what_is_too_much_or_wrong_is_told_with_the_agent_the_limit_and_the_figure(slip, said, caplog):
+    _, action = of_the_guard(slip and Action(**{"twist": Twist(x=1.0)} | slip))
     assert (action.state, action.twist.x, action.memory) == ("broken", 0.0, {"a": 1})
     assert len(caplog.text) < 3000, "not the whole of it"
     (record,) = caplog.records
@@ -233,20 +243,13 @@ class Busy:
         return Action()
 
 
-def test_a_real_ctrl_c_ends_the_program_whatever_agent_is_at_work():
-    old = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell starts a program in the background with SIGINT ignored
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            Guard("picker_01", Busy(), NAMES).tick(without_body("picker_01", 7), Mail(), None)
-    finally:
-        signal.signal(signal.SIGINT, old)
+def stop(number, frame):
+    raise KeyboardInterrupt
 
 
-def test_a_real_ctrl_c_with_a_handler_of_the_programs_own_ends_it_too():
-    def stop(number, frame):
-        raise KeyboardInterrupt
-
-    old = signal.signal(signal.SIGINT, stop)
+@pytest.mark.parametrize("handler", [signal.default_int_handler, stop])
+def test_a_real_ctrl_c_ends_the_program_whatever_agent_is_at_work(handler):
+    old = signal.signal(signal.SIGINT, handler)  # a shell starts a program in the background with SIGINT ignored
     try:
         with pytest.raises(KeyboardInterrupt):
             Guard("picker_01", Busy(), NAMES).tick(without_body("picker_01", 7), Mail(), None)

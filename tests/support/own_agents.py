@@ -10,7 +10,7 @@ from threading import Event, Thread
 import numpy as np
 
 from orchard.contract.agent import Action
-from orchard.contract.messages import Call, Couple, CustomMessage, Here, No, Uncouple, Where
+from orchard.contract.messages import Couple, CustomMessage, Here, No, Where
 from orchard.field.geometry import Twist
 
 
@@ -49,15 +49,9 @@ class Unmakeable:
 class Wrong(Eastward):
     """Returns an invalid velocity from tick 3 on."""
 
-    wrong = Twist(x=math.nan)
-
     def tick(self, observation, mail, memory):
         good = super().tick(observation, mail, memory)
-        return Action(twist=self.wrong, memory=memory) if observation.tick >= 3 else good
-
-
-class Sideways(Wrong):
-    wrong = Twist(0.0, 1.0)
+        return Action(twist=Twist(x=math.nan), memory=memory) if observation.tick >= 3 else good
 
 
 class Hostile(Eastward):
@@ -67,18 +61,6 @@ class Hostile(Eastward):
 
     def tick(self, observation, mail, memory):
         raise RuntimeError(f"\x1b[31m{self.words}")
-
-
-class Silent(Eastward):
-    def tick(self, observation, mail, memory):
-        return None
-
-
-class Secretive(Eastward):
-    """Its memory cannot be encoded."""
-
-    def tick(self, observation, mail, memory):
-        return Action(twist=Twist(x=0.25), memory=object())
 
 
 class Quitter(Eastward):
@@ -95,39 +77,6 @@ class Refuser(Eastward):
         raise SystemExit("no licence")
 
 
-class Slip(Eastward):
-    """Returns an action with one fault."""
-
-    slip: dict[str, object] = {}  # noqa: RUF012 - each subclass sets the fault
-
-    def tick(self, observation, mail, memory):
-        return Action(twist=Twist(x=0.25), **self.slip)
-
-
-class Wordless(Slip):
-    slip = {"doing": None}  # noqa: RUF012
-
-
-class Backward(Slip):
-    slip = {"steps_done": -1}  # noqa: RUF012
-
-
-class Busy(Slip):
-    slip = {"deeds": [Uncouple()] * 17}  # noqa: RUF012
-
-
-class Lost(Slip):
-    slip = {"requests": [("carrier_01", Call(1, "north", 0))]}  # noqa: RUF012
-
-
-class Talkative(Slip):
-    slip = {"memory": b"x" * 300_000}  # noqa: RUF012
-
-
-class Idle(Slip):
-    slip = {"deeds": None}  # noqa: RUF012
-
-
 class Stillborn(Eastward):
     """Ends its process when it is made."""
 
@@ -138,9 +87,11 @@ class Stillborn(Eastward):
 class Mortal(Eastward):
     """Ends its process at tick 20."""
 
+    code = 7
+
     def tick(self, observation, mail, memory):
         if observation.tick >= 20:
-            os._exit(7)
+            os._exit(self.code)
         return super().tick(observation, mail, memory)
 
 
@@ -167,13 +118,10 @@ class Stubborn(Endless):
                 pass
 
 
-class Leaver(Eastward):
-    """Ends its process at tick 20, with the exit code of one that has ended well."""
+class Leaver(Mortal):
+    """Ends its process with the exit code of one that has ended well."""
 
-    def tick(self, observation, mail, memory):
-        if observation.tick >= 20:
-            os._exit(0)
-        return super().tick(observation, mail, memory)
+    code = 0
 
 
 def lost(layout, names):
@@ -184,13 +132,6 @@ def lost(layout, names):
 def nobody(layout, names):
     """Makes no agents."""
     return {}
-
-
-class Verbose(Eastward):
-    """Its request does not fit into what an agent may send at a tick."""
-
-    def tick(self, observation, mail, memory):
-        return Action(requests=[("bin_01", Here("x" * 40_000))], memory=memory)
 
 
 class Speechless(Eastward):

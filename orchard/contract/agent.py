@@ -198,14 +198,10 @@ class Scans(Sequence[np.ndarray]):
         return len(self._begin) - 1
 
     def __getitem__(self, body: Any) -> Any:
-        if type(body) is int and 0 <= body < len(self._begin) - 1:  # the usual case
-            return self.ranges[self._begin[body] : self._begin[body + 1]]
-        if isinstance(body, slice):
-            return [self[i] for i in range(*body.indices(len(self)))]
-        if not -len(self) <= body < len(self):
-            raise IndexError(f"scan {body} of {len(self)}")
-        body %= len(self)
-        return self.ranges[self._begin[body] : self._begin[body + 1]]
+        which = range(len(self))[body]
+        if isinstance(which, range):
+            return [self[i] for i in which]
+        return self.ranges[self._begin[which] : self._begin[which + 1]]
 
     def __iter__(self) -> Iterator[np.ndarray]:
         return (self.ranges[first:end] for first, end in pairwise(self._begin))

@@ -110,9 +110,13 @@ class Guard:
         memory, before = action.memory, self._packed
         packed = None if memory is None else _packed_memory(memory)
         if packed is not None:
-            action.memory = _unpacked(packed, self.Memory)
-            if memory != action.memory or packed != before:
-                _refuse_change(memory, action.memory)
+            try:
+                action.memory = unpack(packed, self.Memory)
+            except ValueError as error:
+                raise TypeError(f"its memory does not fit its `Memory`, {self.Memory}: {error}") from None
+            is_new = memory != action.memory or packed != before
+            if is_new and (change := difference(memory, action.memory, "memory")):
+                raise TypeError(f"its memory would be another after a kill: {change}. Use {SURVIVES}")
         self._packed = packed
 
     def _checked(self, action: Any) -> Action:
@@ -242,20 +246,6 @@ def _place_of_fault(data: Any, where: str) -> str:
         except NOT_PLAIN:
             return _place_of_fault(value, at)
     return where
-
-
-def _unpacked(packed: bytes, type_: Any) -> Any:
-    """Decode a memory. Raises TypeError if it does not fit the agent's `Memory`."""
-    try:
-        return unpack(packed, type_)
-    except ValueError as error:
-        raise TypeError(f"its memory does not fit its `Memory`, {type_}: {error}") from None
-
-
-def _refuse_change(memory: Any, back: Any) -> None:
-    """Raise TypeError if a memory is not the same after the round trip of its bytes."""
-    if change := difference(memory, back, "memory"):
-        raise TypeError(f"its memory would be another after a kill: {change}. Use {SURVIVES}")
 
 
 NOT_PLAIN = (TypeError, OverflowError, UnicodeError)  # what `pack` raises

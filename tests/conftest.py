@@ -16,7 +16,6 @@ from orchard.launch.supervisor import QUICK_START
 from orchard.memory import collect_seldom
 from orchard.sim.engine import Engine
 from orchard.sim.kernels.cache import are_compiled
-from orchard.view.recorder import Recorder
 
 sys.path.insert(0, str(Path(__file__).parent / "support"))
 os.environ |= QUICK_START | os.environ  # hundreds of processes follow
@@ -26,6 +25,7 @@ from fleet import Fleet
 from local_runs import SMALL, TICKS, local_hash
 from page_server import WINDOW, chromium_with, served
 from recorded_messages import recorded
+from recordings import recording_of
 from scripted_orchard import ACTED_SECONDS, acted_layout, frames
 from secured_run import make_roles
 
@@ -151,8 +151,4 @@ def acted(layout):
 def recording(layout, acted, tmp_path_factory):
     """The file in which it is recorded."""
     path = tmp_path_factory.mktemp("picture") / "run.rrd"
-    recorder = Recorder(layout, "a test", path)
-    for frame in acted:
-        recorder.tick(frame)
-    recorder.close()
-    return path
+    return recording_of(path, layout, acted)

@@ -1,13 +1,31 @@
 """What is in a recording, read back with Rerun's own reader."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 from rerun.chunk import RrdReader
 
+from orchard.contract.events import Frame
+from orchard.field.layout import Layout
 from orchard.view.files import parts_of
+from orchard.view.recorder import Recorder
 
 History = dict[tuple[str, str], list[tuple[float, object]]]  # (entity, component) -> (s, simulated, value) in the order of time
+
+
+def starts(layout: Layout) -> np.ndarray:
+    """Where all bodies begin, (n, 3)."""
+    return np.array([start.pose for start in layout.starts])
+
+
+def recording_of(path: Path, layout: Layout, frames: Iterable[Frame], run: str = "a run") -> Path:
+    """Record these frames as a file."""
+    recorder = Recorder(layout, run, path)
+    for frame in frames:
+        recorder.tick(frame)
+    recorder.close()
+    return path
 
 
 class Rows:

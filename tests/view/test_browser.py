@@ -12,12 +12,12 @@ import pytest
 from browser import Browser
 from page_server import ROOT, chromium_with, skip_without_packages
 from PIL import Image
+from recordings import recording_of, starts
 from scripted_orchard import acted_layout
 
 from orchard.contract.events import Frame
 from orchard.field.kinds import KINDS
 from orchard.view.palette import STATES
-from orchard.view.recorder import Recorder
 from orchard.view.web import free_pair
 
 skip_without_packages()
@@ -31,13 +31,10 @@ NEAR = 40  # sum of the differences of a colour's three parts; leaves are 59 fro
 def address(tmp_path: Path) -> Iterator[str]:
     """A recording of two parts whose pickers pick until they call at its end; `orchard view` serves it, and prints this address."""
     layout = acted_layout(rows=3, pickers=2)
-    poses = np.array([start.pose for start in layout.starts])
     names = ("picker_01", "picker_02")
     for file, ticks, state in (("run.rrd", (0, 10), "picking"), ("run.part2.rrd", (END, END + 10), "calling")):
-        recorder = Recorder(layout, "run", tmp_path / file)
-        for tick in ticks:
-            recorder.tick(Frame(tick, poses, dict.fromkeys(names, state), states=dict.fromkeys(names, state)))
-        recorder.close()
+        doing = dict.fromkeys(names, state)
+        recording_of(tmp_path / file, layout, [Frame(tick, starts(layout), doing, states=doing) for tick in ticks])
     line = [sys.executable, str(ROOT / "run.py"), "view", "run.rrd", "--web", str(free_pair())]
     with subprocess.Popen(line, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as server:
         try:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import Rows, poses_at
+from recordings import Rows, poses_at, recording_of, starts
 from scripted_orchard import ACTED_SECONDS, acted_layout
 
 from orchard.contract.events import Frame
@@ -12,18 +12,11 @@ from orchard.field.layout import Layout
 from orchard.view.blueprint import for_page
 from orchard.view.focus import FOCUS, HOLD, Focus
 from orchard.view.names import DROP, points_to_metres
-from orchard.view.recorder import Recorder
-
-
-def starts(layout: Layout) -> np.ndarray:
-    return np.array([start.pose for start in layout.starts])
 
 
 def test_no_name_on_the_plan_covers_another_in_the_largest_orchard(tmp_path: Path) -> None:
-    layout, path = acted_layout(rows=20, pickers=20), tmp_path / "large.rrd"
-    recorder = Recorder(layout, "large", path)
-    recorder.tick(Frame(0, starts(layout)))
-    recorder.close()
+    layout = acted_layout(rows=20, pickers=20)
+    path = recording_of(tmp_path / "large.rrd", layout, [Frame(0, starts(layout))])
     ((_, points),) = Rows(path, "/plan/names").values("Points3D:positions")
     labels, scale = Rows(path, "/plan/names").static["Points3D:labels"], points_to_metres(layout)
     middles = np.array(points)[:, :2] - (0.0, DROP * scale)
@@ -34,11 +27,9 @@ def test_no_name_on_the_plan_covers_another_in_the_largest_orchard(tmp_path: Pat
 
 
 def test_a_name_stands_below_its_pin_and_stays_there(layout: Layout, tmp_path: Path) -> None:
-    path, poses, i = tmp_path / "alone.rrd", starts(layout), layout.index["picker_01"]
-    recorder = Recorder(layout, "alone", path)
+    poses, i = starts(layout), layout.index["picker_01"]
     poses[i, :2] = 0.0, layout.bottom + 10.0
-    recorder.tick(Frame(0, poses))
-    recorder.close()
+    path = recording_of(tmp_path / "alone.rrd", layout, [Frame(0, poses)])
     place = Rows(path, "/plan/names").static["Points3D:labels"].index("P01")
     assert np.hypot(*(np.array(Rows(path, "/plan/names").rows[0][1]["Points3D:positions"][place])[:2] - poses[i, :2])) < 2.0
 

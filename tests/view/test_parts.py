@@ -1,10 +1,9 @@
 """The parts of a recording: where it goes on, and what is missing between them."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-from recordings import lines_of, rows_of, seen_at
+from recordings import lines_of, recording_of, rows_of, seen_at, starts
 from scripted_orchard import acted_layout, frames
 
 from orchard.contract.events import Frame
@@ -15,17 +14,14 @@ from orchard.view.recorder import Recorder
 LAYOUT = acted_layout(rows=3, pickers=2)
 
 
-def recorded(path: Path, run: str, ticks: range) -> None:
-    recorder = Recorder(LAYOUT, run, path)
-    for frame in list(frames(LAYOUT, ticks.stop / 10))[ticks.start : ticks.stop]:
-        recorder.tick(frame)
-    recorder.close()
+def course(ticks: range) -> list[Frame]:
+    return list(frames(LAYOUT, ticks.stop / 10))[ticks.start : ticks.stop]
 
 
 def test_a_recording_goes_on_where_it_can_be_read_to(tmp_path):
     path = tmp_path / "run.rrd"
     assert before(path, "a")[:2] == (path, 0)
-    recorded(path, "a", range(0, 53))
+    recording_of(path, LAYOUT, course(range(0, 53)), "a")
     assert before(path, "a")[:2] == (tmp_path / "run.part2.rrd", 52)
     whole = path.read_bytes()
     recorder = Recorder(LAYOUT, "a", path)
@@ -46,13 +42,13 @@ def test_a_recording_goes_on_where_it_can_be_read_to(tmp_path):
 
 
 def test_a_recording_of_another_run_is_not_gone_on_with(tmp_path):
-    recorded(tmp_path / "run.rrd", "a", range(0, 20))
+    recording_of(tmp_path / "run.rrd", LAYOUT, course(range(0, 20)), "a")
     assert before(tmp_path / "run.rrd", "b")[:2] == (tmp_path / "run.rrd", 0)
 
 
 def test_what_is_missing_is_read_from_the_parts(tmp_path):
     path = tmp_path / "run.rrd"
-    recorded(path, "a", range(0, 53))
+    recording_of(path, LAYOUT, course(range(0, 53)), "a")
     recorder = Recorder(LAYOUT, "a", before(path, "a").file)
     recorder.gap(52, 90, "the logger was away")
     for frame in list(frames(LAYOUT, 15.0))[90:150]:
@@ -81,7 +77,7 @@ def test_every_tick_counts_when_pictures_are_left_out(tmp_path):
 
 def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
     """A weed, a bar, the fruit of a row: the part before says that they are there."""
-    path, poses = tmp_path / "run.rrd", np.array([start.pose for start in LAYOUT.starts])
+    path, poses = tmp_path / "run.rrd", starts(LAYOUT)
     weed, picker = LAYOUT.index["weed_01"], LAYOUT.index["picker_01"]
     alive, coupled = np.ones(len(poses), bool), np.full(len(poses), -1)
     coupled[picker] = LAYOUT.index["bin_01"]
@@ -89,9 +85,7 @@ def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
     early = Frame(1, poses, coupled=coupled.copy(), fill=np.zeros(len(poses)), alive=alive.copy(), row_picked=np.zeros(3), **begun)
     alive[weed], coupled[picker] = False, -1
     late = Frame(60, poses, coupled=coupled, fill=np.zeros(len(poses)), alive=alive, row_picked=np.array([70.0, 0.0, 0.0]))
-    recorder = Recorder(LAYOUT, "a", path)
-    recorder.tick(early)
-    recorder.close()
+    recording_of(path, LAYOUT, [early], "a")
     further = Recorder(LAYOUT, "a", before(path, "a").file)
     further.gap(1, 60, "the logger was away")
     further.tick(late)

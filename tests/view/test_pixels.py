@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recordings import recording_of
 from rerun.experimental import ViewerClient
 from scripted_orchard import acted_layout, frames
 
@@ -14,7 +15,6 @@ from docs.pictures import at, looking_at
 from orchard.contract.events import Frame
 from orchard.field.layout import Layout
 from orchard.view.palette import STATES
-from orchard.view.recorder import Recorder
 from orchard.view.scenery import plan_size
 
 WINDOW = (1000, 640)  # pixels
@@ -60,11 +60,8 @@ class TestInTheViewer:
 
     @pytest.mark.soak
     def test_the_largest_orchard_opens_well(self, tmp_path: Path) -> None:
-        recorder = Recorder(acted_layout(rows=20, pickers=20), "large", tmp_path / "large.rrd")
-        for frame in frames(recorder.layout, 2.0):
-            recorder.tick(frame)
-        recorder.close()
-        with looking_at(WINDOW, tmp_path / "large.rrd") as viewer:
+        layout = acted_layout(rows=20, pickers=20)
+        with looking_at(WINDOW, recording_of(tmp_path / "large.rrd", layout, frames(layout, 2.0))) as viewer:
             assert picture(viewer, 1.0, "At work").std() > 20 and picture(viewer, 1.0, "Plan").std() > 20
             assert [(view.name, report.summary) for view in viewer.get_state().views for report in view.reports] == []
 

@@ -10,7 +10,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from made_surveys import UNEQUAL, orchard_of
-from recordings import Rows, chunks, entities_with, poses_at
+from recordings import Rows, chunks, entities_with, poses_at, recording_of, starts
 from rerun.chunk import RrdReader
 from scripted_orchard import ACTED_SECONDS
 
@@ -41,10 +41,7 @@ def test_every_body_is_drawn_where_the_frame_says(layout: Layout, acted: list[Fr
 
 
 def test_the_recording_shows_the_start_before_the_first_step(layout: Layout, acted: list[Frame], tmp_path: Path) -> None:
-    path = tmp_path / "start.rrd"
-    recorder = Recorder(layout, "start", path)
-    recorder.tick(acted[1])
-    recorder.close()
+    path = recording_of(tmp_path / "start.rrd", layout, [acted[1]])
     seen = poses_at(path, 0.0)
     assert [start.name for start in layout.starts if not same_pose(seen[start.name], np.array(start.pose))] == []
     assert Rows(path, "/world/pickers/picker_01").values("StateChange:state") == [(0.0, ["picking row 1"])]
@@ -104,22 +101,20 @@ def test_a_row_turns_pale_as_it_is_picked_and_its_fruit_goes(recording: Path) ->
 
 
 def test_a_row_that_is_picked_from_the_east_turns_pale_there(layout: Layout, tmp_path: Path) -> None:
-    recorder, poses = Recorder(layout, "east", tmp_path / "east.rrd"), np.array([start.pose for start in layout.starts])
+    poses = starts(layout)
     poses[layout.index["picker_01"]] = 24.5, layout.lane(1).y, np.pi
-    recorder.tick(Frame(0, poses, row_picked=np.array([10.0, 0.0, 0.0])))
-    recorder.close()
-    (_, colours), = Rows(tmp_path / "east.rrd", "/world/rows/row_01").values("Mesh3D:vertex_colors")  # fmt: skip
+    path = recording_of(tmp_path / "east.rrd", layout, [Frame(0, poses, row_picked=np.array([10.0, 0.0, 0.0]))])
+    (_, colours), = Rows(path, "/world/rows/row_01").values("Mesh3D:vertex_colors")  # fmt: skip
     assert colours[0] != colours[-1] and colours[-1] == colours[-20]
 
 
 def test_a_bin_fills_and_its_bar_comes_and_goes(layout: Layout, tmp_path: Path) -> None:
-    path, i, j = tmp_path / "bins.rrd", layout.index["picker_01"], layout.index["bin_01"]
-    recorder, poses = Recorder(layout, "bins", path), np.array([start.pose for start in layout.starts])
-    fill, coupled = np.zeros(len(poses)), np.full(len(poses), -1)
-    for tick, (metres, other) in enumerate([(0.0, j), (35.0, j), (70.0, -1)]):
-        fill[j], coupled[i] = metres, other
-        recorder.tick(Frame(tick, poses, fill=fill, coupled=coupled))
-    recorder.close()
+    i, j, n = layout.index["picker_01"], layout.index["bin_01"], np.arange(len(layout.starts))
+    course = [
+        Frame(tick, starts(layout), fill=np.where(n == j, metres, 0.0), coupled=np.where(n == i, other, -1))
+        for tick, (metres, other) in enumerate([(0.0, j), (35.0, j), (70.0, -1)])
+    ]
+    path = recording_of(tmp_path / "bins.rrd", layout, course)
     heights = [pose[0][2] for _, pose in Rows(path, "/world/bins/bin_01/fruit").values("InstancePoses3D:translations")]
     assert heights == sorted(heights) and len(heights) == 3
     flags = [scale[0][0] for _, scale in Rows(path, "/world/bins/bin_01/full").values("InstancePoses3D:scales")]
@@ -129,11 +124,8 @@ def test_a_bin_fills_and_its_bar_comes_and_goes(layout: Layout, tmp_path: Path) 
 
 @pytest.fixture
 def surveyed(tmp_path: Path) -> tuple[Layout, Path]:
-    layout, path = lay_out(orchard_of(UNEQUAL)), tmp_path / "surveyed.rrd"
-    recorder, poses = Recorder(layout, "surveyed", path), np.array([start.pose for start in layout.starts])
-    recorder.tick(Frame(0, poses, row_picked=np.array([29.0, 10.0, 0.0, 0.0])))
-    recorder.close()
-    return layout, path
+    layout = lay_out(orchard_of(UNEQUAL))
+    return layout, recording_of(tmp_path / "surveyed.rrd", layout, [Frame(0, starts(layout), row_picked=np.array([29.0, 10.0, 0.0, 0.0]))])
 
 
 def test_surveyed_rows_and_their_trees_are_drawn_where_they_are(surveyed: tuple[Layout, Path]) -> None:
@@ -173,11 +165,8 @@ def test_the_legend_names_every_state_each_laser_flags_and_the_queue(recording: 
 
 
 def test_what_is_said_again_is_no_news(layout: Layout, tmp_path: Path) -> None:
-    path, poses = tmp_path / "again.rrd", np.array([start.pose for start in layout.starts])
-    recorder = Recorder(layout, "again", path)
-    for tick in (0, 20, 40, 400):
-        recorder.tick(Frame(tick, poses, events=[Event(0, "call", "bin_01", "carrier_01", "")]))
-    recorder.close()
+    call = Event(0, "call", "bin_01", "carrier_01", "")
+    path = recording_of(tmp_path / "again.rrd", layout, [Frame(tick, starts(layout), events=[call]) for tick in (0, 20, 40, 400)])
     assert [level[0] for _, level in Rows(path, "/events").values("TextLog:level")] == ["INFO", "DEBUG", "DEBUG", "INFO"]
 
 

@@ -120,19 +120,6 @@ def test_without_a_screen_it_says_so_at_once_and_offers_a_browser(stand_in, monk
     assert not stand_in.with_name("words.json").exists(), "nothing was opened"
 
 
-def test_a_recording_is_served_to_browsers_with_all_its_parts(stand_in, monkeypatch, tmp_path):
-    monkeypatch.delenv("DISPLAY")
-    parts = [tmp_path / "run.rrd", tmp_path / "run.part2.rrd"]
-    for part in parts:
-        part.touch()
-    port = free_pair()
-    done = run_py("view", parts[0], "--web", port)
-    assert done.returncode == 0, done.stderr
-    assert f"http://127.0.0.1:{port}/" in done.stdout
-    assert told(stand_in) == command(port, *map(str, parts))[1:]
-    assert told(stand_in)[-2:] == [f"http://127.0.0.1:{port + 1}/{part.name}" for part in parts]
-
-
 @pytest.mark.parametrize(
     ("path", "headers", "answers"),
     [
@@ -160,13 +147,20 @@ def test_a_recording_is_read_on_this_machine_only_and_nothing_beside_it(stand_in
         server.terminate()
 
 
-def test_a_recording_beside_the_user_is_served_over_ssh_too_and_a_server_that_fails_is_told(stand_in, monkeypatch, tmp_path):
+def test_a_recording_beside_the_user_is_served_with_all_its_parts_over_ssh_too_and_a_server_that_fails_is_named(
+    stand_in, monkeypatch, tmp_path
+):
     monkeypatch.setenv("SSH_CONNECTION", "192.0.2.1 50000 192.0.2.2 22")
-    (tmp_path / "run.rrd").touch()
+    monkeypatch.delenv("DISPLAY")
     monkeypatch.chdir(tmp_path)
-    port = free_pair()
+    port, parts = free_pair(), ["run.rrd", "run.part2.rrd"]
+    for part in parts:
+        (tmp_path / part).touch()
     done = run_py("view", "run.rrd", "--web", port)
-    assert told(stand_in) == command(port, "run.rrd")[1:]
+    assert done.returncode == 0, done.stderr
+    assert told(stand_in) == command(port, *parts)[1:]
+    assert told(stand_in)[-2:] == [f"http://127.0.0.1:{port + 1}/{part}" for part in parts]
+    assert f"http://127.0.0.1:{port}/" in done.stdout
     assert f"-L {port}:127.0.0.1:{port} -L {port + 1}:127.0.0.1:{port + 1} 192.0.2.2" in done.stdout
     stand_in.write_text(f"#!{sys.executable}\nraise SystemExit(3)\n")
     done = run_py("view", "run.rrd", "--web", port)

@@ -311,7 +311,7 @@ class Host:
                 self._ending.hear(read_message(sample.payload, End, self.run_id))
                 self._leave_if_over()
             case ["lost"]:
-                if read_message(sample.payload, Lost, self.run_id).holder == self.bus.id:
+                if read_message(sample.payload, Lost, self.run_id).owner == self.bus.id:
                     raise _JoinAgain
             case _:
                 raise Refused("no such key")

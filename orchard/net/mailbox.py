@@ -44,7 +44,7 @@ class LatestObservations:
         if message.tick == self.tick:
             return False
         if not self._names.issuperset(message.due):
-            raise Refused("not held", "an agent of another session")
+            raise Refused("not owned", "an agent of another session")
         if not self._bodies.intersection(message.due).issubset(message.names):
             raise Refused("not all", "bodies are missing")
         try:

@@ -17,7 +17,7 @@ M = TypeVar("M", bound=RunMessage)
 log = logging.getLogger("orchard")
 MOST_LOGGED = 1000  # pairs of key and reason that are logged
 MOST_SESSIONS = 1000  # sessions whose refusals are added up
-# why physics refuses that a session holds an agent
+# why physics refuses that a session owns an agent
 NO_TOKEN = "its liveliness token is missing"
 TAKEN = "it is taken"
 

@@ -9,7 +9,7 @@ from orchard.net.refusals import refuse_other_tick
 from orchard.wire.codec import twist_of
 from orchard.wire.messages import Advice
 
-ADVICE_TICKS = 5  # steps that one velocity drives a robot: 0.5 s, as the watchdog of a robot without a holder
+ADVICE_TICKS = 5  # steps that one velocity drives a robot: 0.5 s, as the watchdog of a robot without an owner
 
 
 class Advised:

@@ -1,4 +1,4 @@
-"""Collects the velocities for each tick: those of sessions that hold agents, and those for robots that no session holds."""
+"""Collects the velocities for each tick: those of sessions that own agents, and those for robots that no session owns."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
@@ -12,7 +12,7 @@ from orchard.net.refusals import Refused
 from orchard.server.advice import Advised
 from orchard.server.lockstep import LockstepBarrier
 from orchard.server.publisher import Publisher
-from orchard.server.realtime import RealtimeBarrier, UnheldCommands
+from orchard.server.realtime import RealtimeBarrier, UnownedCommands
 from orchard.server.roster import RecoveryLog, Roster
 from orchard.wire.codec import twist_of
 from orchard.wire.messages import Advice, Report, Velocities, Velocity
@@ -38,53 +38,53 @@ class Drivers:
         """`clock`: the clock of the run, s."""
         self._engine, self._publisher = engine, publisher
         self.roster, self.answers, self.recovery_log = roster, answers, recovery_log
-        self.unheld, self.advised = UnheldCommands(clock, answers.watchdog), Advised()
+        self.unowned, self.advised = UnownedCommands(clock, answers.watchdog), Advised()
         self.lost: dict[str, int] = {}  # agent -> the first tick for which lockstep has not waited for it
         self.due: dict[str, list[str]] = {}  # session id -> its agents that are asked at this tick
         self._seen: Observations | None = None
 
-    # -- which session holds which agent
+    # -- which session owns which agent
 
-    def token(self, name: str, holder: str, up: bool) -> None:
+    def token(self, name: str, owner: str, up: bool) -> None:
         """Record a token as `Roster.token` does. In realtime, release an agent if its session is gone."""
-        self.roster.token(name, holder, up)
-        if self.answers.releases_at_once and not up and self.roster.holders.get(name) == holder:
+        self.roster.token(name, owner, up)
+        if self.answers.releases_at_once and not up and self.roster.owners.get(name) == owner:
             self.release({name})
 
-    def join(self, names: Sequence[str], holder: str) -> dict[str, str]:
-        """Let a session hold all these agents, or none. Return name -> why it cannot; empty if it holds all."""
-        refused = {name: why for name in names if (why := self.roster.may_join(name, holder))}
-        before = set(self.roster.by_holder())
+    def join(self, names: Sequence[str], owner: str) -> dict[str, str]:
+        """Let a session own all these agents, or none. Return name -> why it cannot; empty if it holds all."""
+        refused = {name: why for name in names if (why := self.roster.may_join(name, owner))}
+        before = set(self.roster.by_owner())
         for name in () if refused else names:
-            self.roster.join(name, holder)
-        self._publisher.retire(before.difference(self.roster.by_holder()))
+            self.roster.join(name, owner)
+        self._publisher.retire(before.difference(self.roster.by_owner()))
         return refused
 
-    def expect(self, names: Sequence[str], holder: str) -> None:
+    def expect(self, names: Sequence[str], owner: str) -> None:
         """Ask agents that have just joined: in the tick that is under way, else in the next."""
         if names and self.answers.tick == self._engine.tick:
             for name in names:
                 self.answers.expect(name)
-            self.due.setdefault(holder, [])
-            self.due[holder] += [name for name in names if name not in self.due[holder]]
-            self.show([holder])
+            self.due.setdefault(owner, [])
+            self.due[owner] += [name for name in names if name not in self.due[owner]]
+            self.show([owner])
         self._engine.wake(names)
 
     def release(self, names: set[str]) -> None:
-        """Remove the holders of these agents, and publish that they are lost."""
+        """Remove the owners of these agents, and publish that they are lost."""
         for name in names:
             self.answers.release(name)
         self._engine.wake(names)
         self.miss(names)
         released = self.roster.release(names)
         self._publisher.publish_lost(self._engine.tick, released)
-        self._publisher.retire(set(released).difference(self.roster.by_holder()))
+        self._publisher.retire(set(released).difference(self.roster.by_owner()))
 
     def give_up(self) -> None:
         """Stop waiting for the missing answers. A session loses all of its agents if none of them has answered this tick."""
         missing = self.answers.give_up()
-        silent = [holder for holder, names in self.due.items() if missing.issuperset(names)]
-        self.release(missing.union(*(self.roster.by_holder()[holder] for holder in silent)))
+        silent = [owner for owner, names in self.due.items() if missing.issuperset(names)]
+        self.release(missing.union(*(self.roster.by_owner()[owner] for owner in silent)))
 
     def miss(self, names: Collection[str]) -> None:
         """Record that the run goes on without these agents."""
@@ -92,31 +92,31 @@ class Drivers:
             self.lost = dict.fromkeys(sorted(names), self._engine.tick) | self.lost
 
     def drives(self, name: str) -> bool:
-        """Whether a session holds this agent, or another client drives its robot."""
-        return name in self.roster.holders or self.unheld.drives(name)
+        """Whether a session owns this agent, or another client drives its robot."""
+        return name in self.roster.owners or self.unowned.drives(name)
 
     # -- a tick
 
     def begin(self, seen: Observations, lag: float) -> None:
         """Ask the agents that are due, and publish the tick. `lag`: seconds that the tick begins late."""
         self._seen, self.due = seen, {}
-        self.unheld.begin(seen.tick)
+        self.unowned.begin(seen.tick)
         for name in self._engine.due(self.recovery_log.hearing(seen.tick)):
-            if (holder := self.roster.holders.get(name)) is not None:
-                self.due.setdefault(holder, []).append(name)
+            if (owner := self.roster.owners.get(name)) is not None:
+                self.due.setdefault(owner, []).append(name)
         self.answers.open(seen.tick, lag, chain.from_iterable(self.due.values()))
         self._publisher.show(seen, self.due, self.recovery_log.asked(seen.tick - 1) if self.due else [])
         self._publish(seen)
 
     def silent(self) -> set[str]:
         """Return the sessions with missing answers."""
-        return {self.roster.holders[name] for name in self.answers.missing}
+        return {self.roster.owners[name] for name in self.answers.missing}
 
-    def show(self, holders: Collection[str]) -> None:
+    def show(self, owners: Collection[str]) -> None:
         """Send the tick that is under way to these sessions, again or because they have just joined."""
         assert self._seen is not None
         self._publisher.refresh_subscribers()
-        shown = {holder: self.due[holder] for holder in sorted(holders)}
+        shown = {owner: self.due[owner] for owner in sorted(owners)}
         self._publisher.show(self._seen, shown, self.recovery_log.asked(self._seen.tick - 1))
         self._publish(self._seen)
 
@@ -126,7 +126,7 @@ class Drivers:
     def actions(self, tick: int) -> dict[str, Action]:
         """Return the actions for the step from this tick to the next. Memories and letters are kept for sessions that join later."""
         self.recovery_log.keep(tick, self.answers.reports)
-        own = {**self.answers.actions(), **self.unheld.actions(tick)}
+        own = {**self.answers.actions(), **self.unowned.actions(tick)}
         advised = self.advised.actions(tick, own, self._engine.actions)
         self._engine.wake(advised)
         return own | advised
@@ -147,20 +147,20 @@ class Drivers:
 
     def drive(self, name: str, velocity: Velocity) -> None:
         """Take a velocity for a robot. Raises Refused if it does not count."""
-        if name in self.roster.holders:
+        if name in self.roster.owners:
             report = Report(twist_of(velocity), velocity.deeds, once=velocity.once)
-            self._act(name, velocity.holder, velocity.tick, report)
+            self._act(name, velocity.owner, velocity.tick, report)
         elif name in self._engine.layout.index:
             self._refuse_sideways(name, twist_of(velocity))
-            self.unheld.take(name, velocity)
+            self.unowned.take(name, velocity)
         else:
             raise Refused("no such robot", name)
 
-    def _act(self, name: str, holder: str, tick: int, report: Report) -> None:
-        if name not in self.roster.holders:
-            raise Refused("not held" if name in self.roster.names else "no such robot", name)
+    def _act(self, name: str, owner: str, tick: int, report: Report) -> None:
+        if name not in self.roster.owners:
+            raise Refused("not owned" if name in self.roster.names else "no such robot", name)
         self._refuse_sideways(name, report.twist)
-        self.answers.take(name, holder, tick, report)
+        self.answers.take(name, owner, tick, report)
 
     def act_all(self, message: Velocities, malformed: Mapping[str, Refused]) -> list[Refused]:
         """Take the actions of a session, each by itself. Return the refusals.
@@ -171,14 +171,14 @@ class Drivers:
         refused, is_heard = dict(malformed), self._publisher.are_robots_heard()
         for name, report in message.velocities.items():
             try:
-                self._act(name, message.holder, message.tick, report)
+                self._act(name, message.owner, message.tick, report)
             except Refused as refusal:
                 refused[name] = refusal
             else:
                 if is_heard:
-                    self._publisher.publish_velocity(name, message.holder, message.tick, report)
+                    self._publisher.publish_velocity(name, message.owner, message.tick, report)
         for name, why in refused.items():
             if why.reason in ("malformed", "out of bounds"):
                 with suppress(Refused):  # it is not the action that this tick waits for
-                    self._act(name, message.holder, message.tick, BROKEN)
+                    self._act(name, message.owner, message.tick, BROKEN)
         return list(refused.values())

@@ -72,15 +72,15 @@ class Queries:
         query.reply(pack(orchard_of(self._run.id, self._run.engine.tick, self._run.engine.layout)))
 
     def _join(self, session: str, query: Query) -> None:
-        """Let a host hold all the agents that it names, or none."""
+        """Let a host own all the agents that it names, or none."""
         join = read_message(query.payload, wire.Join, self._run.id)
-        _refuse_other_session(join.holder, session)
+        _refuse_other_session(join.owner, session)
         drivers = self._run.drivers
-        refused = drivers.join(join.names, join.holder)
+        refused = drivers.join(join.names, join.owner)
         held = [] if refused else join.names
         memories = {name: drivers.recovery_log.memories.get(name) for name in held}
         query.reply(pack(wire.Joined(self._run.id, self._run.engine.tick, memories, refused)))
-        drivers.expect(held, join.holder)
+        drivers.expect(held, join.owner)
 
     def _recall(self, query: Query) -> None:
         recall, tick = read_message(query.payload, wire.Recall, self._run.id), self._run.engine.tick
@@ -230,7 +230,7 @@ class Inbound:
         try:
             self._run.drivers.drive(name, velocity)
         except Refused as refusal:
-            refusal.session = velocity.holder
+            refusal.session = velocity.owner
             raise
 
     def _drive_all(self, payload: bytes, session: str) -> list[Refused]:
@@ -240,18 +240,18 @@ class Inbound:
         except ValueError as error:
             raise Refused("malformed", str(error)) from error
         refuse_other_run(actions, self._run.id)
-        _refuse_other_session(actions.holder, session)
+        _refuse_other_session(actions.owner, session)
         refused = {name: Refused("malformed", f"{name}: {fault}") for name, fault in faults.items()}
         return self._run.drivers.act_all(actions, refused)
 
     def _token(self, alive: Alive) -> None:
-        name, holder = self._owner_of(alive)
+        name, owner = self._owner_of(alive)
         if name == PHYSICS:
-            self._refuse_another_run(alive.up, holder)
+            self._refuse_another_run(alive.up, owner)
             return
         if name == LOGGER and alive.up:
             self._run.account.show_all()
-        self._run.drivers.token(name, holder, alive.up)
+        self._run.drivers.token(name, owner, alive.up)
 
     def _owner_of(self, alive: Alive) -> tuple[str, str]:
         match self._keys.parts(alive.key):
@@ -266,10 +266,10 @@ class Inbound:
             raise BusError(f"{self._bus.endpoint}: run {run} is active there, {where}")
 
 
-def _refuse_other_session(holder: str, session: str) -> None:
-    """Raise Refused unless the holder is the session of the key: a secured router makes sure that a session uses only its own key."""
-    if holder != session:
-        raise Refused("not the holder", f"{holder!r} is not the session of the key")
+def _refuse_other_session(owner: str, session: str) -> None:
+    """Raise Refused unless the owner is the session of the key: a secured router makes sure that a session uses only its own key."""
+    if owner != session:
+        raise Refused("not the owner", f"{owner!r} is not the session of the key")
 
 
 def _session(text: str) -> str:

@@ -1,6 +1,6 @@
 """Lockstep, without a network: which answers a tick still waits for.
 
-Physics does not wait for an agent that no session holds: its robot stands, unless a client drives it.
+Physics does not wait for an agent that no session owns: its robot stands, unless a client drives it.
 """
 
 import math
@@ -27,12 +27,12 @@ class Barrier:
         self.missing: set[str] = set()
         self.reports: dict[str, Report] = {}
 
-    def _refuse_unless_held_by(self, name: str, holder: str) -> None:
-        if holder != self._roster.holders[name]:
-            raise Refused("not the holder", "another session holds this agent")
+    def _refuse_unless_held_by(self, name: str, owner: str) -> None:
+        if owner != self._roster.owners[name]:
+            raise Refused("not the owner", "another session owns this agent")
 
     def give_up(self) -> set[str]:
-        """Stop waiting for the missing agents. Return the agents that lose their holder."""
+        """Stop waiting for the missing agents. Return the agents that lose their owner."""
         lost, self.missing = self.missing, set()
         return lost
 
@@ -62,12 +62,12 @@ class LockstepBarrier(Barrier):
 
     def open(self, tick: int, lag: float = 0.0, due: Iterable[str] | None = None) -> None:
         """Open a tick, and wait for the agents that are `due`; None means all that are held. `lag`: how late the tick begins, s."""
-        self.tick, self.missing, self.reports = tick, set(self._roster.holders if due is None else due), {}
+        self.tick, self.missing, self.reports = tick, set(self._roster.owners if due is None else due), {}
         self._back = set()
         self.deadline = self._clock() + self._patience
 
     def expect(self, name: str) -> None:
-        """Wait for an agent that a session has just taken; an answer of its previous holder to this tick does not count.
+        """Wait for an agent that a session has just taken; an answer of its previous owner to this tick does not count.
 
         The deadline moves for all agents, because many sessions start slowly; but each agent moves it only once in a tick.
         """
@@ -78,12 +78,12 @@ class LockstepBarrier(Barrier):
             self.deadline = self._clock() + self._patience
 
     def release(self, name: str) -> None:
-        """Stop waiting for an agent that no session holds any more."""
+        """Stop waiting for an agent that no session owns any more."""
         self.missing.discard(name)
 
-    def take(self, name: str, holder: str, tick: int, report: Report) -> None:
-        """Take the action of a held agent. Ignore a repetition. Raises Refused if the action is not one that physics waits for."""
-        self._refuse_unless_held_by(name, holder)
+    def take(self, name: str, owner: str, tick: int, report: Report) -> None:
+        """Take the action of a owned agent. Ignore a repetition. Raises Refused if the action is not one that physics waits for."""
+        self._refuse_unless_held_by(name, owner)
         if tick == self.tick and name in self.missing:
             self.reports[name] = report
             self._last[name] = [*self._last.get(name, [])[-1:], (tick, report)]

@@ -35,9 +35,9 @@ class Publisher:
 
         `due`: session id -> the names of these agents. `asked`: the requests of the last tick.
         """
-        for holder, names in due.items():
+        for owner, names in due.items():
             heard = [of for of in asked if of.to in names]
-            self._put(self._keys.of("seen", session=holder), seen_of(self.run, seen, names, heard))
+            self._put(self._keys.of("seen", session=owner), seen_of(self.run, seen, names, heard))
 
     def publish_tick(self, seen: Observations, others: Mapping[str, Callable[[], Observations]]) -> None:
         """Publish the pose and the scan of each body, and then the clock, if a session subscribes to them.
@@ -55,10 +55,10 @@ class Publisher:
             sec, ticks = divmod(seen.tick, TICKS_PER_SECOND)
             self._put(self._keys.of("clock"), Clock(self.run, seen.tick, Stamp(sec, ticks * (10**9 // TICKS_PER_SECOND))))
 
-    def retire(self, holders: Iterable[str]) -> None:
-        """Remove the publishers of sessions that do not hold an agent any more."""
-        for holder in holders:
-            self._bus.retire(self._keys.of("seen", session=holder))
+    def retire(self, owners: Iterable[str]) -> None:
+        """Remove the publishers of sessions that do not own an agent any more."""
+        for owner in owners:
+            self._bus.retire(self._keys.of("seen", session=owner))
 
     def _put_single(self, what: str, seen: Observations, body: int, name: str) -> None:
         key = self._keys.of(what, name)
@@ -67,20 +67,20 @@ class Publisher:
         elif self._is_heard(key):
             self._put(key, scan_of(self.run, seen[name], KINDS[self._layout.starts[body].kind].laser, KINDS["bin"].laser))
 
-    def publish_velocity(self, name: str, holder: str, tick: int, report: Report) -> None:
+    def publish_velocity(self, name: str, owner: str, tick: int, report: Report) -> None:
         """Publish a velocity that came in a session's message on the key of its robot, if a session subscribes to that."""
         if self._is_heard(key := self._keys.of("velocity", name)):
             x, y, turn = report.twist
-            self._bus.publish(key, pack(Velocity(self.run, tick, Linear(x, y), Angular(turn), holder, report.once, report.deeds)))
+            self._bus.publish(key, pack(Velocity(self.run, tick, Linear(x, y), Angular(turn), owner, report.once, report.deeds)))
 
     def _put(self, key: str, message: SubMessage) -> None:
         self._bus.publish(key, pack(message), self._newest_wins)
 
     def publish_lost(self, tick: int, released: dict[str, list[str]]) -> None:
-        """Publish and log that agents have lost their holder. `released`: session id -> the names that it held."""
-        for holder, names in released.items():
+        """Publish and log that agents have lost their owner. `released`: session id -> the names that it owned."""
+        for owner, names in released.items():
             log.warning("no answer to tick %d from %s: no longer waited for", tick, ", ".join(names))
-            self.publish("lost", Lost(self.run, tick, names, holder))
+            self.publish("lost", Lost(self.run, tick, names, owner))
 
     # -- subscribers
 

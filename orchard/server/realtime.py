@@ -1,7 +1,7 @@
 """Realtime, without a network: the wall clock goes on, and the newest velocity counts.
 
 A tick's answers have until the next tick is due; where the machine hiccups they have a moment longer, which the ticks after it make up
-for. Then the step is done without those that are missing. `UnheldCommands` is used in both modes.
+for. Then the step is done without those that are missing. `UnownedCommands` is used in both modes.
 """
 
 from collections import deque
@@ -58,8 +58,8 @@ class TimedReport(NamedTuple):
     at: float  # s, on the clock
 
 
-class UnheldCommands:
-    """The velocities of robots that no session holds: the newest one drives a robot, for half a second."""
+class UnownedCommands:
+    """The velocities of robots that no session owns: the newest one drives a robot, for half a second."""
 
     def __init__(self, clock: Callable[[], float], seconds: float = WATCHDOG) -> None:
         """`seconds`: of wall time that a velocity drives at least; 0 in lockstep, where simulated time alone counts."""
@@ -71,9 +71,9 @@ class UnheldCommands:
         self._recent.begin(tick)
 
     def take(self, name: str, velocity: Velocity) -> None:
-        """Take a velocity for a robot. Raises Refused if it names a holder, or if its tick is too old or in the future."""
-        if velocity.holder:
-            raise Refused("not held", "no session holds this agent; join first")
+        """Take a velocity for a robot. Raises Refused if it names an owner, or if its tick is too old or in the future."""
+        if velocity.owner:
+            raise Refused("not owned", "no session owns this agent; join first")
         newest_put = self._puts[name][0] if name in self._puts else 0
         refuse_other_tick(velocity.tick, max(self._recent.oldest, newest_put), self._recent.newest)
         self._puts[name] = velocity.tick, twist_of(velocity), self._recent.clock()
@@ -91,7 +91,7 @@ class UnheldCommands:
 
 
 class RealtimeBarrier(Barrier):
-    """The newest action of each held agent. The counterpart is `lockstep.LockstepBarrier`."""
+    """The newest action of each owned agent. The counterpart is `lockstep.LockstepBarrier`."""
 
     mode = "realtime"
     watchdog = WATCHDOG
@@ -116,7 +116,7 @@ class RealtimeBarrier(Barrier):
     def open(self, tick: int, lag: float = 0.0, due: Iterable[str] | None = None) -> None:
         """Open a tick and wait for the agents that are due, None: all that are held. `lag`: seconds that it begins late."""
         self._recent.begin(tick)
-        self.tick, self.missing, self._begun = tick, set(self._roster.holders if due is None else due), self._clock()
+        self.tick, self.missing, self._begun = tick, set(self._roster.owners if due is None else due), self._clock()
         self._patient = self._begun + max(self._step + SLACK - lag, self._step * SHARE)
         self._late += lag > self._step * LATE
 
@@ -131,15 +131,15 @@ class RealtimeBarrier(Barrier):
         self.missing.add(name)
 
     def release(self, name: str) -> None:
-        """Stop waiting for an agent that no session holds any more; its robot stands."""
+        """Stop waiting for an agent that no session owns any more; its robot stands."""
         self._newest.pop(name, None)
         self._fresh.pop(name, None)
         self.missing.discard(name)
         self._tardy.discard(name)
 
-    def take(self, name: str, holder: str, tick: int, report: Report) -> None:
-        """Take the action of a held agent. Raises Refused if it does not count."""
-        self._refuse_unless_held_by(name, holder)
+    def take(self, name: str, owner: str, tick: int, report: Report) -> None:
+        """Take the action of a owned agent. Raises Refused if it does not count."""
+        self._refuse_unless_held_by(name, owner)
         last = self._newest[name].tick if name in self._newest else -1
         if tick == last:
             if report == self._newest[name].report:
@@ -153,7 +153,7 @@ class RealtimeBarrier(Barrier):
             self._delays.add(self._newest[name].at - self._begun)
 
     def give_up(self) -> set[str]:
-        """Stop waiting for the missing agents. None of them loses its holder."""
+        """Stop waiting for the missing agents. None of them loses its owner."""
         super().give_up()
         return set()
 
@@ -161,7 +161,7 @@ class RealtimeBarrier(Barrier):
 
     def actions(self) -> dict[str, Action]:
         """Return the actions to apply, in the order of names; each deed is in them once."""
-        held = sorted(self._roster.holders)
+        held = sorted(self._roster.owners)
         self._tardy = {name for name in held if name not in self._newest or self._newest[name].tick != self.tick}
         self._missed += len(self._tardy)
         self.reports, self._fresh = self._fresh, {}

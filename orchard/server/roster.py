@@ -1,4 +1,4 @@
-"""Which session holds which agent, and what a session needs to take over agents: their memories, and the mail of the last two ticks."""
+"""Which session owns which agent, and what a session needs to take over agents: their memories, and the mail of the last two ticks."""
 
 from collections.abc import Iterable, Mapping
 
@@ -10,60 +10,60 @@ MOST_TOKENS = 10_000  # liveliness tokens that are stored
 
 
 class Roster:
-    """The holder of each agent: a session, identified by the session id in its liveliness tokens."""
+    """The owner of each agent: a session, identified by the session id in its liveliness tokens."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self.names = tuple(names)
-        self.holders: dict[str, str] = {}  # name -> session id
-        self._by_holder: dict[str, list[str]] = {}  # computed on demand
+        self.owners: dict[str, str] = {}  # name -> session id
+        self._by_owner: dict[str, list[str]] = {}  # computed on demand
         self.tokens: set[tuple[str, str]] = set()  # (name, session id) of each liveliness token
-        self._leaving: set[str] = set()  # holders that have said that they leave
+        self._leaving: set[str] = set()  # owners that have said that they leave
 
-    def token(self, name: str, holder: str, up: bool) -> None:
+    def token(self, name: str, owner: str, up: bool) -> None:
         """Record that a liveliness token appeared (`up`) or disappeared. Raises Refused if there are too many.
 
         A session that is gone keeps its agents until another session takes them over or they are released.
         """
         if up and len(self.tokens) >= MOST_TOKENS:
             raise Refused("too many", f"there are {MOST_TOKENS} liveliness tokens")
-        (self.tokens.add if up else self.tokens.discard)((name, holder))
+        (self.tokens.add if up else self.tokens.discard)((name, owner))
 
-    def may_join(self, name: str, holder: str) -> str:
-        """Return why a session cannot hold an agent; '' if it can."""
+    def may_join(self, name: str, owner: str) -> str:
+        """Return why a session cannot own an agent; '' if it can."""
         if name not in self.names:
             return "there is no such agent"
-        if (name, holder) not in self.tokens:
+        if (name, owner) not in self.tokens:
             return NO_TOKEN
-        owner = self.holders.get(name, holder)
-        return f"{TAKEN}, by session {owner}" if owner != holder and (name, owner) in self.tokens else ""
+        before = self.owners.get(name, owner)
+        return f"{TAKEN}, by session {before}" if before != owner and (name, before) in self.tokens else ""
 
-    def join(self, name: str, holder: str) -> None:
-        self.holders[name], self._by_holder = holder, {}
-        self._leaving.discard(holder)
+    def join(self, name: str, owner: str) -> None:
+        self.owners[name], self._by_owner = owner, {}
+        self._leaving.discard(owner)
 
-    def leave(self, holder: str) -> None:
+    def leave(self, owner: str) -> None:
         """Record that a session says that it leaves. When its tokens are gone, it has left."""
-        if holder in self.by_holder():
-            self._leaving.add(holder)
+        if owner in self.by_owner():
+            self._leaving.add(owner)
 
     def all_have_left(self) -> bool:
-        """Whether no token is there, and every holder has said that it leaves: one that has not may only be cut off."""
-        return not self.tokens and self._leaving.issuperset(self.by_holder())
+        """Whether no token is there, and every owner has said that it leaves: one that has not may only be cut off."""
+        return not self.tokens and self._leaving.issuperset(self.by_owner())
 
-    def by_holder(self) -> dict[str, list[str]]:
-        """Return session id -> the names that it holds."""
-        if not self._by_holder:
+    def by_owner(self) -> dict[str, list[str]]:
+        """Return session id -> the names that it owns."""
+        if not self._by_owner:
             for name in self.names:
-                if name in self.holders:
-                    self._by_holder.setdefault(self.holders[name], []).append(name)
-        return self._by_holder
+                if name in self.owners:
+                    self._by_owner.setdefault(self.owners[name], []).append(name)
+        return self._by_owner
 
     def release(self, names: Iterable[str]) -> dict[str, list[str]]:
-        """Remove the holders of these agents. Return session id -> its released names."""
+        """Remove the owners of these agents. Return session id -> its released names."""
         released: dict[str, list[str]] = {}
-        self._by_holder = {}
+        self._by_owner = {}
         for name in sorted(names):
-            released.setdefault(self.holders.pop(name), []).append(name)
+            released.setdefault(self.owners.pop(name), []).append(name)
         return released
 
 

@@ -128,7 +128,7 @@ class Run:
 
     def _snapshot(self) -> Snapshot:
         engine, recovery_log = self.engine, self.drivers.recovery_log
-        scenario, held = engine.layout.scenario.model_dump(), sorted(self.drivers.roster.holders)
+        scenario, held = engine.layout.scenario.model_dump(), sorted(self.drivers.roster.owners)
         letters, figures = sorted(recovery_log.letters.items()), self.account.figures.as_data() | {"refused": self.refusal_totals.as_data()}
         return Snapshot(
             self.id, scenario, engine.as_data(), engine.digest, recovery_log.memories, letters, figures, held, self.drivers.lost
@@ -137,6 +137,6 @@ class Run:
     def end(self, why: str) -> End:
         """Return the last message of the run. `why`: why it ended."""
         engine, answers = self.engine, self.drivers.answers
-        hosts, refused = len(set(self.drivers.roster.holders.values())), self.refusal_totals.total()
+        hosts, refused = len(set(self.drivers.roster.owners.values())), self.refusal_totals.total()
         summary = self.account.summary(why, answers.mode, hosts, refused, answers.figures())
         return End(self.id, engine.tick, engine.over, why, engine.hash, summary)

@@ -50,7 +50,7 @@ def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> wir
 
 
 def seen_of(run: str, seen: Observations, due: Sequence[str], asked: list[wire.AskedOf]) -> wire.Seen:
-    """Return the message for the session that holds these agents, which are asked now. `asked`: the requests that they hear now."""
+    """Return the message for the session that owns these agents, which are asked now. `asked`: the requests that they hear now."""
     names = [name for name in due if name in seen.names]
     bodies = [seen.names[name] for name in names]
     states = b"".join([seen.states[body].tobytes() for body in bodies])
@@ -203,7 +203,7 @@ def velocities_of(payload: bytes) -> tuple[wire.Velocities, dict[str, str]]:
     except ValueError:
         parts = read(payload, wire.VelocityParts)
     faults: dict[str, str] = {}
-    whole = wire.Velocities(parts.run, parts.tick, parts.holder, {})
+    whole = wire.Velocities(parts.run, parts.tick, parts.owner, {})
     for name, part in parts.velocities.items():
         try:
             whole.velocities[name] = unpack(bytes(part), wire.Report)

@@ -37,14 +37,14 @@ IF_HEARD = ", while a session subscribes"
 
 # fmt: off
 TABLE: dict[str, Key] = {
-    "velocity": Key("{prefix}/{body}/velocity", wire.Velocity, "the client that drives the robot, or the session that holds its agent",
+    "velocity": Key("{prefix}/{body}/velocity", wire.Velocity, "the client that drives the robot, or the session that owns its agent",
                     _EVERY_TICK, NEVER_LOST,
                     "The velocity of the robot in the step from this tick to the next. While a session subscribes, physics also "
                     "publishes here the velocities that it received in `velocities`."),
     "advice": Key("{prefix}/{body}/advice", wire.Advice, "a client that drives a robot whose agent goes on", _EVERY_TICK, NEVER_LOST,
                   "The velocity of the robot in the step from this tick to the next, in place of that of its agent. See "
                   "docs/protocol.md."),
-    "velocities": Key("{prefix}/hosts/{session}/velocities", wire.Velocities, "a session that holds agents", _ASKED, NEVER_LOST,
+    "velocities": Key("{prefix}/hosts/{session}/velocities", wire.Velocities, "a session that owns agents", _ASKED, NEVER_LOST,
                       "The velocities of all agents of a session in one message: the answer to `seen`."),
     "pose": Key("{prefix}/{body}/pose", wire.Odometry, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                 "The pose of the robot at this tick, its velocity in the last step, and the body that is coupled to it, as its sensors "
@@ -61,7 +61,7 @@ TABLE: dict[str, Key] = {
     "clock": Key("{prefix}/clock", wire.Clock, "physics", _EVERY_TICK + IF_HEARD, NEWEST,
                  "Simulated time. Physics sends it after all poses and scans of its tick."),
     "seen": Key("{prefix}/hosts/{session}/seen", wire.Seen, "physics", _ASKED + IF_HEARD, NEWEST,
-                "For a session that holds agents: the poses and scans of those that are asked, so that it need not subscribe to "
+                "For a session that owns agents: the poses and scans of those that are asked, so that it need not subscribe to "
                 "each. While an answer is missing physics sends it again, and the session must answer again."),
     "mail": Key("{prefix}/{agent}/mail", wire.Letter, "any agent", "when it sends a request", QUERY,
                 "A request to the agent of the robot. The host of that agent replies.", (wire.Received, wire.Answered)),
@@ -86,7 +86,7 @@ TABLE: dict[str, Key] = {
                     NEWEST_WINS,
                     "A message that physics did not apply: its key, the reason, and the session that sent it, if the message says so. "
                     "At most 100 a second; `figures` has the count of all."),
-    "left": Key("{prefix}/hosts/{session}/left", wire.Left, "a session that holds agents", "once, at its end", NEVER_LOST,
+    "left": Key("{prefix}/hosts/{session}/left", wire.Left, "a session that owns agents", "once, at its end", NEVER_LOST,
                 "The session leaves for good. Physics waits for that at the end: a session whose tokens are gone may only be cut off, and "
                 "then it has not heard the end."),
     "scenario": Key("{prefix}/scenario", None, "any client", "when it connects", QUERY,
@@ -95,8 +95,8 @@ TABLE: dict[str, Key] = {
     "layout": Key("{prefix}/layout", None, "any client", "when it connects", QUERY,
                   "Fences, trunks, posts and rows; the bodies and where they start; the sizes, speeds and lasers of their kinds. The "
                   "payload of the query is empty. Physics replies.", (wire.Orchard,)),
-    "join": Key("{prefix}/hosts/{session}/join", wire.Join, "a session that wants to hold agents", "when it starts", QUERY,
-                "A request to hold agents. Physics replies with their memories, sends their poses and scans of the present tick "
+    "join": Key("{prefix}/hosts/{session}/join", wire.Join, "a session that wants to own agents", "when it starts", QUERY,
+                "A request to own agents. Physics replies with their memories, sends their poses and scans of the present tick "
                 "(again), and waits for their velocities from this tick on.", (wire.Joined,)),
     "lost": Key("{prefix}/lost", wire.Lost, "physics", "when a session loses agents", NEVER_LOST,
                 "Agents that physics no longer waits for, because their session is gone or was silent for too long. Their robots stand. "
@@ -130,7 +130,7 @@ TABLE: dict[str, Key] = {
                "physics goes within 3 s of it."),
     "alive": Key("{prefix}/alive/{name}/{session}", None, "each host, one for each of its agents; physics and the logger, one each",
                  "while the process lives", LIVELINESS,
-                 "The process is present. `session` is a text of letters and digits that no other process uses: the id of the holder."),
+                 "The process is present. `session` is a text of letters and digits that no other process uses: the id of the owner."),
 }
 # fmt: on
 

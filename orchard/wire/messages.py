@@ -21,7 +21,7 @@ MOST_BODIES = 10_000
 ALL_RANGES = "m, little-endian float32: for each body as many as its laser has beams; +inf for a beam without a return"
 ASKED = "lockstep: the requests of the tick before that these agents hear now"
 DUE = "its agents that are asked at this tick"
-HOLDER = "the session id in the sender's liveliness token; '' if the sender holds no agent"
+OWNER = "the session id in the sender's liveliness token; '' if the sender owns no agent"
 ONCE = "realtime; true: it drives for one step, from the pose that it answers; false: until a newer one"
 POSES = "x, y (m), yaw (rad) of each body, in the order of `agents` in the reply to `scenario`, little-endian float64"
 RANGE_MIN = "m, 0: the laser has no blind zone"
@@ -35,7 +35,7 @@ VELOCITIES = "name -> linear.x, linear.y (m/s), angular.z (rad/s) of the step, t
 Name = Annotated[str, Meta(max_length=64, pattern=r"^[a-z][a-z0-9_]*\Z")]
 KnownName = Annotated[str, Meta(max_length=64)]  # a name that is looked up; matching the pattern costs more time than reading the rest
 Session = Annotated[str, Meta(max_length=64, pattern=r"^[A-Za-z0-9_-]+\Z")]
-Holder = Annotated[str, Meta(max_length=64, pattern=r"^[A-Za-z0-9_-]*\Z", description=HOLDER)]
+Owner = Annotated[str, Meta(max_length=64, pattern=r"^[A-Za-z0-9_-]*\Z", description=OWNER)]
 Speed = Annotated[float, Meta(ge=-FASTEST, le=FASTEST)]
 Zero = Annotated[float, Meta(ge=0.0, le=0.0, description="0")]
 Unit = Annotated[float, Meta(ge=-1.001, le=1.001)]
@@ -196,14 +196,14 @@ class Report(Action, omit_defaults=True):
 class Velocities(Message):
     """The actions of the agents of one session that are asked: its answer to `Seen` of the same tick."""
 
-    holder: Holder
+    owner: Owner
     velocities: Annotated[dict[KnownName, Report], Meta(max_length=MOST_BODIES, description="name -> the action of its agent")]
 
 
 class VelocityParts(Message):
     """`Velocities` of which some action is malformed: each as bytes, so that the others count."""
 
-    holder: Holder
+    owner: Owner
     velocities: Annotated[dict[KnownName, Raw], Meta(max_length=MOST_BODIES)]
 
 
@@ -212,7 +212,7 @@ class Velocity(Message):
 
     linear: Linear
     angular: Angular
-    holder: Holder = ""
+    owner: Owner = ""
     once: Once = False
     deeds: Deeds = []
 
@@ -318,24 +318,24 @@ class Orchard(Message):
 
 
 class Join(RunMessage):
-    """A request of a host to hold agents. The host declares its liveliness tokens, subscribers and queryables before it joins."""
+    """A request of a host to own agents. The host declares its liveliness tokens, subscribers and queryables before it joins."""
 
-    holder: Holder
-    names: Annotated[list[Name], Meta(max_length=MOST_BODIES, description="the agents that it wants to hold; it gets all of them or none")]
+    owner: Owner
+    names: Annotated[list[Name], Meta(max_length=MOST_BODIES, description="the agents that it wants to own; it gets all of them or none")]
 
 
 class Joined(Message):
-    """The reply to a join: from this tick on, physics waits for the holder's velocities for these agents."""
+    """The reply to a join: from this tick on, physics waits for the owner's velocities for these agents."""
 
     memories: Annotated[dict[Name, bytes | None], Meta(description="name -> its last memory; nil: it never had one")]
-    refused: Annotated[dict[Name, str], Meta(description="name -> why the session cannot hold it")]
+    refused: Annotated[dict[Name, str], Meta(description="name -> why the session cannot own it")]
 
 
 class Lost(Message):
     """Agents that physics no longer waits for, because their session is gone or was silent for too long. It may join again."""
 
     names: Annotated[list[Name], Meta(description="the agents")]
-    holder: Annotated[Holder, Meta(description="the session that held them")]
+    owner: Annotated[Owner, Meta(description="the session that owned them")]
 
 
 StateOfSimulation = Literal["stopped", "playing", "paused", "quitting"]
@@ -383,7 +383,7 @@ class Stopped(Message):
 
 
 Reason = Literal[
-    "malformed", "other run", "past tick", "future tick", "not the holder", "not held", "answered already",
+    "malformed", "other run", "past tick", "future tick", "not the owner", "not owned", "answered already",
     "no such robot", "no such agent", "no such key", "out of bounds", "not all", "too many", "not paused", "recorded",
 ]  # fmt: skip
 
@@ -403,11 +403,11 @@ class Refusal(Message):
     key: Annotated[Text, Meta(description="the key on which it came")]
     reason: Annotated[Reason, Meta(description="see 'What is refused' in keyspace.md")]
     detail: Annotated[str, Meta(description="what is wrong with it")]
-    session: Annotated[str, Meta(description="its session: the one in its key, or its `holder`; '' if it names none")] = ""
+    session: Annotated[str, Meta(description="its session: the one in its key, or its `owner`; '' if it names none")] = ""
 
 
 class Left(RunMessage):
-    """A session that holds agents leaves for good: the run is over for it, or a user has asked it to end."""
+    """A session that owns agents leaves for good: the run is over for it, or a user has asked it to end."""
 
 
 RESET = "reset"  # why a run has ended that begins again

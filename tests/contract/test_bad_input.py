@@ -27,7 +27,7 @@ def running(fleet, tmp_path):
 
 
 def sessions_of(someone):
-    """The ids of all sessions that hold something."""
+    """The ids of all sessions that own something."""
     return {str(reply.ok.key_expr).rsplit("/", 1)[1] for reply in someone.session.liveliness().get("orchard/alive/**") if reply.ok}
 
 
@@ -73,7 +73,7 @@ def test_what_is_of_another_run_or_past_changes_nothing(fleet, running, undistur
         until(heard[key], lambda later, first=message: later["tick"] > first["tick"] + 2)
         someone.put(key, **message)
         someone.put(key, **message | {"run": "another"})
-    someone.put("orchard/lost", run="another", tick=1, names=[], holder="x")
+    someone.put("orchard/lost", run="another", tick=1, names=[], owner="x")
     someone.put("orchard/end", run="another", tick=1, finished=True, why="", hash="", summary={})
     out, _ = wait_for_the_end(fleet, logger)
     assert undisturbed in out

@@ -22,7 +22,7 @@ HARVEST_SECONDS = 240.0  # of wall time, on a busy machine
 
 
 def harvest(fleet, scenario, name="carrier_01", seconds=HARVEST_SECONDS) -> dict:
-    """The last message of a harvest in which the foreign carrier holds an agent, and how many bins it took."""
+    """The last message of a harvest in which the foreign carrier owns an agent, and how many bins it took."""
     fleet.physics(scenario, "--duration", "20000")
     ends = fleet.client().hear("orchard/end")
     fleet.host("--without", name)

@@ -95,29 +95,29 @@ def test_a_robot_stands_until_someone_drives_it(fleet):
     stop(fleet, someone)
 
 
-def test_only_the_holder_drives_a_robot(fleet):
+def test_only_the_owner_drives_a_robot(fleet):
     fleet.physics(SMALL, "--absent", "picker_02", "--speed", "20")
     someone = fleet.client()
     figures, clock, told = (someone.hear(f"orchard/{key}") for key in ("figures", "clock", "refusals"))
     fleet.host("--without", "picker_02", agents=TOY)
     tick = until(clock, lambda message: True)["tick"]
     someone.drive("picker_01", tick, 1.0)
-    someone.drive("picker_02", tick, 1.0, holder="me")
-    someone.drive("picker_02", tick, 1.0, holder="me")
+    someone.drive("picker_02", tick, 1.0, owner="me")
+    someone.drive("picker_02", tick, 1.0, owner="me")
     someone.put("orchard/picker_02/velocity", tick=tick, linear={"x": 0.0, "y": 1.0}, angular={"z": 0.0})
     someone.put("orchard/picker_02/velocity", tick=tick + 10**6, linear={"x": 0.0}, angular={"z": 0.0})
     someone.put("orchard/picker_02/velocity", tick=tick, linear={"x": float("nan")}, angular={"z": 0.0})
     someone.put("orchard/picker_99/velocity", tick=tick, linear={"x": 0.0}, angular={"z": 0.0})
     someone.put("orchard/picker_02/velocity", run="another", tick=tick, linear={"x": 0.0}, angular={"z": 0.0})
-    wanted = {"not the holder", "not held", "out of bounds", "future tick", "malformed", "no such robot", "other run"}
+    wanted = {"not the owner", "not owned", "out of bounds", "future tick", "malformed", "no such robot", "other run"}
     refused = until(figures, lambda message: sum(message["messages_refused"].values()) > len(wanted))["messages_refused"]
-    assert refused == dict.fromkeys(wanted, 1) | {"not held": 2}
+    assert refused == dict.fromkeys(wanted, 1) | {"not owned": 2}
     said = [told.get(timeout=SECONDS) for _ in wanted]
     assert {refusal["reason"]: refusal["key"] for refusal in said} == dict.fromkeys(wanted, "orchard/picker_02/velocity") | {
-        "not the holder": "orchard/picker_01/velocity",
+        "not the owner": "orchard/picker_01/velocity",
         "no such robot": "orchard/picker_99/velocity",
     }
-    assert {refusal["reason"]: refusal["session"] for refusal in said} == dict.fromkeys(wanted, "") | {"not held": "me"}
+    assert {refusal["reason"]: refusal["session"] for refusal in said} == dict.fromkeys(wanted, "") | {"not owned": "me"}
     assert told.empty(), "each key and reason once a second"
     fleet.world.signal(signal.SIGTERM)
     fleet.end()
@@ -129,14 +129,14 @@ def test_a_bare_client_is_waited_for_in_lockstep(fleet):
     someone = fleet.client()
     poses, clock = someone.hear("orchard/worker_01/pose"), someone.hear("orchard/clock")
     token = someone.session.liveliness().declare_token("orchard/alive/worker_01/me")
-    join = msgpack.packb({"run": fleet.run, "holder": "me", "names": ["worker_01"]})
+    join = msgpack.packb({"run": fleet.run, "owner": "me", "names": ["worker_01"]})
     assert someone.ask("orchard/hosts/me/join", join)[0]["memories"] == {"worker_01": None}
     places = []
     for tick in range(30):
         until(clock, lambda message, tick=tick: message["tick"] == tick)
         pose = until(poses, lambda message, tick=tick: message["tick"] == tick)["pose"]["position"]
         places.append((pose["x"], pose["y"]))
-        someone.drive("worker_01", tick, 0.5, holder="me")
+        someone.drive("worker_01", tick, 0.5, owner="me")
     token.undeclare()
     fleet.end()
     assert math.dist(places[0], places[-1]) == pytest.approx(0.5 * 2.9)

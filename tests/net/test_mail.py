@@ -1,4 +1,4 @@
-"""The rules of lockstep without a network: mail, which session holds which agent, and velocities that physics does not wait for."""
+"""The rules of lockstep without a network: mail, which session owns which agent, and velocities that physics does not wait for."""
 
 import pytest
 from stand_ins import RUN, Clock, Query, heard_at, letter, roster
@@ -10,7 +10,7 @@ from orchard.field.geometry import Twist
 from orchard.net.mailbox import Mailbox
 from orchard.net.refusals import Refused
 from orchard.server.lockstep import LockstepBarrier
-from orchard.server.realtime import UnheldCommands
+from orchard.server.realtime import UnownedCommands
 from orchard.server.roster import RecoveryLog
 from orchard.server.run_clock import Pacer
 from orchard.wire.messages import Angular, Answered, AskedOf, Linear, Received, Report, Velocity
@@ -180,10 +180,10 @@ def test_who_joins_again_forgets_all_mail():
     assert box.deliver(7) == {}
 
 
-# -- which session holds which agent
+# -- which session owns which agent
 
 
-def test_an_agent_has_one_holder_until_that_one_is_gone():
+def test_an_agent_has_one_owner_until_that_one_is_gone():
     one = roster(("picker_01", "a"))
     one.token("picker_01", "b", True)
     assert one.may_join("picker_01", "b") == "it is taken, by session a"
@@ -197,24 +197,24 @@ def test_strangers_and_the_silent_cannot_join():
     assert roster().may_join("picker_01", "a") == "its liveliness token is missing"
 
 
-def test_the_released_are_told_by_holder():
+def test_the_released_are_told_by_owner():
     one = roster(("picker_01", "a"), ("bin_01", "a"))
     assert one.release({"picker_01", "bin_01"}) == {"a": ["bin_01", "picker_01"]}
-    assert one.holders == {}
+    assert one.owners == {}
 
 
 def velocity(tick):
     return Velocity(RUN, tick, Linear(1.0), Angular(0.0))
 
 
-def action(holder="a", tick=3, x=1.0):
-    return holder, tick, Report(Twist(x))
+def action(owner="a", tick=3, x=1.0):
+    return owner, tick, Report(Twist(x))
 
 
-def test_a_tick_takes_one_answer_from_each_holder():
+def test_a_tick_takes_one_answer_from_each_owner():
     answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "b")), Clock())
     answers.open(3)
-    for wrong, reason in [(action("b"), "not the holder"), (action(tick=2), "past tick"), (action(tick=4), "future tick")]:
+    for wrong, reason in [(action("b"), "not the owner"), (action(tick=2), "past tick"), (action(tick=4), "future tick")]:
         with pytest.raises(Refused, match=reason):
             answers.take("picker_01", *wrong)
     answers.take("picker_01", *action())
@@ -298,7 +298,7 @@ def test_answers_are_applied_in_one_order():
 
 def loose(ticks):
     clock = Clock()
-    one = UnheldCommands(clock)
+    one = UnownedCommands(clock)
     for tick in range(ticks):
         one.begin(tick)
     return one, clock

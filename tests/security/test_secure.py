@@ -71,8 +71,8 @@ def test_an_agent_moves_its_own_robot_and_no_other(farm):
     def amy_drives(tick: int) -> None:
         amy.drive(HERS, tick)
         for session in (amy.bus.id, ben.bus.id):
-            for holder in ("", amy.bus.id, ben.bus.id):
-                amy.drive_as(session, holder, HERS, tick)
+            for owner in ("", amy.bus.id, ben.bus.id):
+                amy.drive_as(session, owner, HERS, tick)
         amy.drive(MINE, tick)
 
     moved = witness.sees_it_move(MINE, amy_drives)
@@ -130,7 +130,7 @@ def test_nobody_joins_in_anothers_name(farm):
         assert amy.asks("join", wish, session) == [], "it goes nowhere"
     assert amy.asks("join", Join(farm.run, amy.bus.id, [HERS]), ben.bus.id) == []
     [refusal] = amy.asks("join", wish, amy.bus.id)
-    assert refusal.error.startswith("not the holder")
+    assert refusal.error.startswith("not the owner")
     [reply] = ben.asks("join", wish, ben.bus.id)
     assert read(reply.payload, Joined).memories == {HERS: b"where it hid the key"}
 

@@ -14,7 +14,7 @@ from orchard.field.scenario import Animals, People, Scenario
 from orchard.net.bus import Sample
 from orchard.net.refusals import Refused
 from orchard.server.advice import ADVICE_TICKS, Advised
-from orchard.server.realtime import UnheldCommands
+from orchard.server.realtime import UnownedCommands
 from orchard.wire.messages import Advice, Angular, Linear, Odometry, Velocity
 from orchard.wire.types import read
 
@@ -173,9 +173,9 @@ def test_a_deed_comes_with_the_velocity_of_a_robot_that_no_session_holds(run):
 
 
 def test_a_deed_is_done_once_though_a_bare_velocity_follows_in_the_same_tick():
-    unheld = UnheldCommands(Clock())
-    unheld.take(NAME, driving(0, deeds=[Uncouple()]))
-    unheld.take(NAME, driving(0, 0.5))
-    assert unheld.actions(0)[NAME] == Action(Twist(0.5), [Uncouple()])
-    unheld.begin(1)
-    assert unheld.actions(1)[NAME] == Action(Twist(0.5))
+    unowned = UnownedCommands(Clock())
+    unowned.take(NAME, driving(0, deeds=[Uncouple()]))
+    unowned.take(NAME, driving(0, 0.5))
+    assert unowned.actions(0)[NAME] == Action(Twist(0.5), [Uncouple()])
+    unowned.begin(1)
+    assert unowned.actions(1)[NAME] == Action(Twist(0.5))

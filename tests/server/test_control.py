@@ -207,7 +207,7 @@ def test_an_agent_that_is_silent_while_the_run_is_paused_is_not_missed(fleet):
     asked(someone, "set_simulation_state", state="paused")
     deadline = time.monotonic() + SECONDS
     token = someone.session.liveliness().declare_token("orchard/alive/traffic/silent")
-    join = msgpack.packb({"run": fleet.run, "holder": "silent", "names": ["traffic"]})
+    join = msgpack.packb({"run": fleet.run, "owner": "silent", "names": ["traffic"]})
     while someone.ask("orchard/hosts/silent/join", join)[0]["refused"]:  # its token may come later
         assert time.monotonic() < deadline
     for _ in range(4):

@@ -7,7 +7,7 @@ from orchard.contract.agent import Action, Hold
 
 
 def coming(drivers, session, names):
-    """A session comes, and holds agents."""
+    """A session comes, and owns agents."""
     for name in names:
         drivers.token(name, session, True)
     assert drivers.join(names, session) == {}
@@ -54,5 +54,5 @@ def test_a_session_that_is_silent_for_too_long_loses_also_its_agents_that_hold()
     assert drivers.answers.missing == {"worker_01", "picker_01"}
     drivers.answers.missing.discard("picker_01")  # it has answered
     drivers.give_up()
-    assert sorted(drivers.roster.holders) == ["picker_01"]
+    assert sorted(drivers.roster.owners) == ["picker_01"]
     assert sorted(drivers.lost) == ["traffic", "worker_01"]

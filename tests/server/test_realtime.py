@@ -19,7 +19,7 @@ from orchard.net.mailbox import STALE_TICKS, LatestObservations, RealtimeMailbox
 from orchard.net.refusals import Refused
 from orchard.server.figures import RunFigures
 from orchard.server.lockstep import LockstepBarrier
-from orchard.server.realtime import SLACK, Delays, RealtimeBarrier, UnheldCommands
+from orchard.server.realtime import SLACK, Delays, RealtimeBarrier, UnownedCommands
 from orchard.sim.physics import is_full
 from orchard.sim.snapshot import as_file, store
 from orchard.wire.messages import Angular, Answered, AskedOf, Linear, Received, Report, Seen, Velocity
@@ -36,8 +36,8 @@ def live(*held):
     return RealtimeBarrier(roster(*held or [("picker_01", "a")]), STEP, clock), clock
 
 
-def driving(tick, x=1.0, holder="a", **more):
-    return holder, tick, Report(Twist(x), **more)
+def driving(tick, x=1.0, owner="a", **more):
+    return owner, tick, Report(Twist(x), **more)
 
 
 def velocity(tick):
@@ -70,32 +70,32 @@ def test_a_velocity_drives_on_until_its_half_second_is_over():
 def test_a_robot_that_no_session_holds_moves_for_half_a_second_and_at_most_one_step_more(first, later, steps):
     """The velocity for tick 0 comes 0.05 s after the pose. `first` and `later`: s from a pose to its step; the answers of others decide."""
     clock = Clock()
-    unheld, moved = UnheldCommands(clock), 0
+    unowned, moved = UnownedCommands(clock), 0
     moments = [(0.05, "comes"), (first, "step"), *((0.1 * tick + later, "step") for tick in range(1, 10))]
     begun, tick = clock.now, 0
     for moment, what in sorted(moments):
         clock.now = begun + moment
         if what == "comes":
-            unheld.take("picker_01", velocity(0))
+            unowned.take("picker_01", velocity(0))
         else:
-            moved += "picker_01" in unheld.actions(tick)
+            moved += "picker_01" in unowned.actions(tick)
             tick += 1
-            unheld.begin(tick)
+            unowned.begin(tick)
     assert moved == steps
 
 
 @pytest.mark.parametrize("pause", [0.0001, 10.0], ids=["full speed", "a slow run"])
 def test_in_lockstep_a_robot_that_no_session_holds_moves_for_half_a_second_of_simulated_time(pause):
     clock = Clock()
-    unheld, moved = UnheldCommands(clock, LockstepBarrier.watchdog), 0
-    unheld.take("picker_01", velocity(0))
+    unowned, moved = UnownedCommands(clock, LockstepBarrier.watchdog), 0
+    unowned.take("picker_01", velocity(0))
     for tick in range(20):
-        moved += "picker_01" in unheld.actions(tick)
+        moved += "picker_01" in unowned.actions(tick)
         clock.now += pause
-        unheld.begin(tick + 1)
+        unowned.begin(tick + 1)
     assert moved == 5
     with pytest.raises(Refused, match="past tick"):
-        unheld.take("picker_01", velocity(15))
+        unowned.take("picker_01", velocity(15))
 
 
 def test_the_newest_velocity_counts_although_it_is_late():
@@ -110,8 +110,8 @@ def test_the_newest_velocity_counts_although_it_is_late():
     for wrong, reason in [(driving(1), "past tick"), (driving(2), "answered already"), (driving(9), "future tick")]:
         with pytest.raises(Refused, match=reason):
             one.take("picker_01", *wrong)
-    with pytest.raises(Refused, match="not the holder"):
-        one.take("picker_01", *driving(2, holder="b"))
+    with pytest.raises(Refused, match="not the owner"):
+        one.take("picker_01", *driving(2, owner="b"))
 
 
 def test_what_is_older_than_half_a_second_is_refused():

@@ -120,15 +120,15 @@ def test_what_one_says_late_who_was_given_up_is_refused_until_it_joins_again(fle
     lost, figures, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "figures", "clock"))
     fleet.host("--without", "worker_01")
     token = someone.session.liveliness().declare_token("orchard/alive/worker_01/me")
-    join = msgpack.packb({"run": fleet.run, "holder": "me", "names": ["worker_01"]})
+    join = msgpack.packb({"run": fleet.run, "owner": "me", "names": ["worker_01"]})
     assert not someone.ask("orchard/hosts/me/join", join)[0]["refused"]
-    until(lost, lambda message: message["holder"] == "me")
-    someone.drive("worker_01", 0, 0.5, holder="me")
-    until(figures, lambda message: message["messages_refused"] == {"not held": 1})
+    until(lost, lambda message: message["owner"] == "me")
+    someone.drive("worker_01", 0, 0.5, owner="me")
+    until(figures, lambda message: message["messages_refused"] == {"not owned": 1})
     until(clock, lambda message: message["tick"] >= 20)
     assert not someone.ask("orchard/hosts/me/join", join)[0]["refused"]
-    someone.drive("worker_01", 0, 0.5, holder="me")
-    until(figures, lambda message: message["messages_refused"] == {"not held": 1, "past tick": 1})
+    someone.drive("worker_01", 0, 0.5, owner="me")
+    until(figures, lambda message: message["messages_refused"] == {"not owned": 1, "past tick": 1})
     token.undeclare()
     fleet.world.signal(signal.SIGTERM)
     fleet.end()
@@ -273,7 +273,7 @@ def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(s
     bus = SlowStart(names, seconds)
     physics = RunLoop(bus, Keys(), Engine.resume(before), RunOptions(patience=15.0), before)
     physics.gather()
-    assert (sorted(physics.run.drivers.roster.holders) == names) == is_there
+    assert (sorted(physics.run.drivers.roster.owners) == names) == is_there
     assert (physics.run.drivers.lost == {}) == is_there
 
 

@@ -203,12 +203,12 @@ def test_the_latch_outlives_the_agent_and_its_host(fleet):
     poses, velocities = someone.hear("orchard/picker_01/pose"), someone.hear("orchard/picker_01/velocity")
     fleet.host("--without", "picker_01")
     killed = fleet.host("--only", "picker_01")
-    old = until(velocities, lambda velocity: velocity["linear"]["x"] > 0.0)["holder"]
+    old = until(velocities, lambda velocity: velocity["linear"]["x"] > 0.0)["owner"]
     ask(someone, True, "picker_01")
     killed.signal(signal.SIGKILL)
     fleet.hosts.remove(killed)
     fleet.host("--only", "picker_01")
-    until(velocities, lambda velocity: velocity["holder"] != old and velocity["linear"]["x"] > 0.0)
+    until(velocities, lambda velocity: velocity["owner"] != old and velocity["linear"]["x"] > 0.0)
     assert_stands(poses)
     ask(someone, False)
     assert_goes_on(poses)

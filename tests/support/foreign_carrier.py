@@ -19,7 +19,7 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
-# -- keys, and how to hold an agent in lockstep
+# -- keys, and how to own an agent in lockstep
 
 SESSION = "foreigncarrier"
 
@@ -61,7 +61,7 @@ class Host:
 
     def join(self):
         for _ in range(50):
-            joined = self.query(f"hosts/{SESSION}/join", {"holder": SESSION, "names": [self.name]})
+            joined = self.query(f"hosts/{SESSION}/join", {"owner": SESSION, "names": [self.name]})
             if not joined["refused"]:
                 break
             time.sleep(0.1)
@@ -109,7 +109,7 @@ class Host:
                 self.put("left", msgpack.packb({"run": self.run}))
                 raise RunOver
             case "lost", [payload]:
-                if msgpack.unpackb(payload)["holder"] == SESSION:
+                if msgpack.unpackb(payload)["owner"] == SESSION:
                     self.join()
             case _, [payload]:
                 self.see(msgpack.unpackb(payload))
@@ -162,7 +162,7 @@ class Host:
 
     def send(self, drive, requests, answers):
         tick = self.last = self.seen["tick"]
-        velocities = {"run": self.run, "tick": tick, "holder": SESSION, "velocities": {self.name: drive}}
+        velocities = {"run": self.run, "tick": tick, "owner": SESSION, "velocities": {self.name: drive}}
         self.answer = msgpack.packb(velocities)
         self.publish()
         new = {"tick": tick, "final": False, "answered": False}

@@ -26,7 +26,7 @@ with zenoh.open(config) as session:
     run, heard, tick = unpacked(next(iter(session.get("orchard/scenario"))).ok)["run"], queue.Queue(), -1
     listen = [session.declare_subscriber(f"orchard/{key}", heard.put) for key in (f"hosts/{me}/seen", "end")]
     token = session.liveliness().declare_token(f"orchard/alive/{name}/{me}")
-    join = msgpack.packb({"run": run, "holder": me, "names": [name]})
+    join = msgpack.packb({"run": run, "owner": me, "names": [name]})
     while unpacked(next(iter(session.get(f"orchard/hosts/{me}/join", payload=join))).ok)["refused"]:
         pass  # physics learns of the token a moment later
     while str((sample := heard.get()).key_expr) != "orchard/end":
@@ -34,7 +34,7 @@ with zenoh.open(config) as session:
         tick, (x, y, z, w, *twist) = seen["tick"], struct.unpack("<7d", seen["states"])  # yaw = 2 atan2(z, w)
         ranges = struct.unpack("<180f", seen["ranges"])  # m, from the right to the left
         speed = 0.5 if min(ranges[60:120]) > 1.0 else 0.0  # decide here
-        put(f"{name}/velocity", tick=tick, holder=me, linear={"x": speed}, angular={"z": 0.0})
+        put(f"{name}/velocity", tick=tick, owner=me, linear={"x": speed}, angular={"z": 0.0})
     put(f"hosts/{me}/left")
     token.undeclare()
     print(tick + 1, "ticks answered")

@@ -34,7 +34,7 @@ def walk(session, name):
     declared = [session.declare_subscriber(key, put) for key in (f"{KEY}/seen", "orchard/end")]
     run = unpacked(session.get("orchard/scenario"))["run"]
     declared.append(session.liveliness().declare_token(f"orchard/alive/{name}/{SESSION}"))
-    wish = msgpack.packb({"run": run, "holder": SESSION, "names": [name]})
+    wish = msgpack.packb({"run": run, "owner": SESSION, "names": [name]})
     while unpacked(session.get(f"{KEY}/join", payload=wish))["refused"]:
         pass
     last = -1
@@ -45,7 +45,7 @@ def walk(session, name):
             return asked, message["tick"]
         if message["tick"] > last:
             asked, last = asked + 1, message["tick"]
-            drives = msgpack.packb({"run": run, "tick": last, "holder": SESSION, "velocities": {name: drive(message)}})
+            drives = msgpack.packb({"run": run, "tick": last, "owner": SESSION, "velocities": {name: drive(message)}})
         session.put(f"{KEY}/velocities", drives, congestion_control=zenoh.CongestionControl.BLOCK)
 
 

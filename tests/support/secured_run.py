@@ -38,13 +38,13 @@ class Somebody:
     def drive(self, name: str, tick: int) -> None:
         self.bus.publish(KEYS.of("velocity", name), pack(Velocity(self.run, tick, Linear(1.0), Angular(0.0))))
 
-    def drive_as(self, session: str, holder: str, name: str, tick: int) -> None:
-        """By a message for all that a session holds."""
-        velocities = Velocities(self.run, tick, holder, {name: Report(Twist(1.0))})
+    def drive_as(self, session: str, owner: str, name: str, tick: int) -> None:
+        """By a message for all that a session owns."""
+        velocities = Velocities(self.run, tick, owner, {name: Report(Twist(1.0))})
         self.bus.publish(KEYS.of("velocities", session=session), pack(velocities))
 
     def join(self, name: str) -> str:
-        """Why it may not hold an agent; '' if it may."""
+        """Why it may not own an agent; '' if it may."""
         [reply] = self.asks("join", Join(self.run, self.bus.id, [name]), self.bus.id)
         return read(reply.payload, Joined).refused.get(name, "")
 
@@ -79,7 +79,7 @@ class Somebody:
 
 
 class Farm:
-    """A secured run in which no session holds an agent, and the sessions that join it."""
+    """A secured run in which no session owns an agent, and the sessions that join it."""
 
     def __init__(self, folder: Path, endpoint: str, run: str, stack: ExitStack) -> None:
         self.keyring, self.endpoint, self.run, self._stack = Keyring.load(folder), endpoint, run, stack

@@ -1,4 +1,4 @@
-"""What stands in for the network and the clock in the tests of lockstep's and realtime's rules: queries, letters, holders, time."""
+"""What stands in for the network and the clock in the tests of lockstep's and realtime's rules: queries, letters, owners, time."""
 
 from orchard.contract.messages import StateRequest, pack
 from orchard.server.roster import Roster
@@ -37,9 +37,9 @@ def letter(sender="bin_01", tick=4, number=0):
 
 def roster(*held):
     one = Roster(["bin_01", "picker_01"])
-    for name, holder in held:
-        one.token(name, holder, True)
-        one.join(name, holder)
+    for name, owner in held:
+        one.token(name, owner, True)
+        one.join(name, owner)
     return one
 
 

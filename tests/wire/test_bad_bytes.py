@@ -1,7 +1,7 @@
 """A hundred thousand bad messages on all keys: refused, counted, without effect; memory stays as it is.
 
 In an unsecured run a stranger can do what keyspace.md allows to anybody: stop robots and the run, drive what nobody holds, hold what
-nobody holds; and, who gives itself out for physics or for a holder, whatever these can. Such messages are none of these tests', which
+nobody holds; and, who gives itself out for physics or for an owner, whatever these can. Such messages are none of these tests', which
 throw what was meant for another run, what is no message, and what cannot be.
 """
 
@@ -46,12 +46,12 @@ def impossible(what: str, tick: int, host: str = HOST):
     one, many = {"run": RUN, **drive}, {"run": RUN, "velocities": {name: drive for name in ("picker_01", "bin_02", "worker_01")}}
     return {
         "velocity": [
-            (one | {"tick": tick + 5000, "holder": host}, 1),
-            (one | {"tick": tick, "holder": "stranger"}, 1),
+            (one | {"tick": tick + 5000, "owner": host}, 1),
+            (one | {"tick": tick, "owner": "stranger"}, 1),
             (one | {"tick": tick}, 1),
         ],
-        "velocities": [(many | {"tick": tick + 5000, "holder": host}, 1), (many | {"tick": tick, "holder": "stranger"}, 3)],
-        "join": [({"run": RUN, "holder": "stranger", "names": ["picker_01"]}, 1)],
+        "velocities": [(many | {"tick": tick + 5000, "owner": host}, 1), (many | {"tick": tick, "owner": "stranger"}, 3)],
+        "join": [({"run": RUN, "owner": "stranger", "names": ["picker_01"]}, 1)],
         "recall": [({"run": RUN, "tick": tick + 5000}, 1)],
         "stop": [({"run": RUN, "stop": True, "names": ["nobody"]}, 1), ({"run": RUN, "stop": True, "names": ["picker_01", "cat"]}, 1)],
         "mail": [
@@ -127,7 +127,7 @@ def test_a_run_under_a_rain_of_bad_messages_is_the_same_to_the_last_bit(other, c
     assert sum(thrower.by_key.values()) > 75_000
     assert max(thrower.memory) - thrower.memory[len(thrower.memory) // 5] < MOST_MEMORY
     drivers = run.physics.run.drivers
-    assert len(run.physics.run.refusal_totals.there) <= 1000 and not drivers.unheld._puts and len(drivers.recovery_log.memories) <= AGENTS
+    assert len(run.physics.run.refusal_totals.there) <= 1000 and not drivers.unowned._puts and len(drivers.recovery_log.memories) <= AGENTS
     assert not any("Traceback" in record.getMessage() or record.exc_info or len(record.getMessage()) > 700 for record in caplog.records)
     refused = run.physics.run.refusal_totals.counts, run.host.refusals.counts
     print(dict(thrower.by_key), *map(dict, refused), [m >> 20 for m in thrower.memory[::10]])

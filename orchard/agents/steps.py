@@ -121,16 +121,20 @@ class Face(Step, frozen=True):
     swings: ClassVar[float] = 0.4
 
     def act(self, robot: PlanExecutor) -> bool:
-        left = angle_between(robot.pose.yaw, HEADINGS[self.heading])
         robot.course.heading = self.heading
-        if abs(left) <= EXACT:
-            return True
-        robot.turn_by(left, self.blind_to)
-        return False
+        return _turns_to(robot, HEADINGS[self.heading], self.blind_to)
 
     def motion(self, start: Pose) -> tuple[Pose, float]:
         yaw = HEADINGS[self.heading]
         return start._replace(yaw=yaw), abs(angle_between(start.yaw, yaw)) / EIGHTH
+
+
+def _turns_to(robot: PlanExecutor, yaw: float, blind_to: list[Box]) -> bool:
+    """Turn on the spot. Return whether the robot has this yaw."""
+    left = angle_between(robot.pose.yaw, yaw)
+    if abs(left) > EXACT:
+        robot.turn_by(left, blind_to)
+    return abs(left) <= EXACT
 
 
 class Realign(Step, frozen=True):
@@ -273,11 +277,7 @@ class Aim(Step, frozen=True):
     yaw: float
 
     def act(self, robot: PlanExecutor) -> bool:
-        left = angle_between(robot.pose.yaw, self.yaw)
-        if abs(left) <= EXACT:
-            return True
-        robot.turn_by(left, [])
-        return False
+        return _turns_to(robot, self.yaw, [])
 
 
 class Shift(Step, frozen=True):

@@ -82,7 +82,8 @@ class DiscreteHarvest:
         if picker.bin not in self.left or self.left[picker.bin].triggered:
             self.left[picker.bin] = self.env.event()
         lane = self.layout.lane(row)
-        seconds = until_full(self.layout, row, side.name, lane.length / lane.picking_speed, before)
+        speed = self.layout.scenario.picking_speed if before else lane.picking_speed  # a bin sees how fast its row is picked only there
+        seconds = until_full(self.layout, row, side.name, lane.length / speed, before)
         self.calls.begins(picker, row, side, seconds, picker.tick + (1 if before else 0))  # its bin must see that it drives
 
     def go_on(self, picker: Robot) -> None:

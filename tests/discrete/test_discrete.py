@@ -37,6 +37,10 @@ HARVESTS: dict[str, dict[str, Any]] = {
         **{"rows": 3, "pickers": 3, "carriers": 1, "row_length": 40.0},
         **{"dispatch": "predictive", "rows_to_pickers": "balanced-ends"},
     },
+    "bins that see how fast their row is picked only in it": {
+        **{"rows": 4, "pickers": 3, "carriers": 1, "row_length": 30.0, "picking_speed": 0.5, "seed": 9},
+        **{"dispatch": "predictive", "rows_to_pickers": "balanced-ends", "picking": {"spread": {"distribution": "gamma", "cv": 0.5}}},
+    },
 }
 
 

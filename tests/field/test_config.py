@@ -93,7 +93,7 @@ def test_carriers_follow_the_pickers(pickers: int, carriers: int) -> None:
 # -- what is fine
 
 
-@pytest.mark.parametrize("text", ["", "# nothing but a comment\n", "---\n", "{}", "\ufeff", "people: {}\n"])
+@pytest.mark.parametrize("text", ["", "# nothing but a comment\n", "---\n", "{}", "\ufeff", "people: {}\n", "null"])
 def test_an_empty_file_is_all_defaults(text: str, tmp_path: Path) -> None:
     file = tmp_path / "empty.yaml"
     file.write_text(text, encoding="utf-8")

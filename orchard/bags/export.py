@@ -49,7 +49,7 @@ def _begin(bag: Bag, drives: Drives, robots: Sequence[str]) -> None:
     """Write what never changes, at the first tick: the map, the robots' shapes, and the transforms between their parts."""
     first = drives.first
     bag.write(SCENARIO, "", first, messages.text(drives.scenario.model_dump_json()))
-    bag.write(topics.GRID, "", first, grid_of(lay_out(drives.scenario).walls.tolist()))
+    bag.write(topics.GRID, "", first, grid_of(lay_out(drives.scenario.without_code).walls.tolist()))
     for name in robots:
         kind = KINDS[kind_of(name)]
         shape = description(name, (kind.length, kind.width, kind.height), kind.colour, kind.laser.ahead)

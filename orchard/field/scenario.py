@@ -207,9 +207,17 @@ class Scenario(_Section):
     @property
     def own_classes(self) -> dict[str, str]:
         """The classes and functions of a user's own that it names, by the key of a rule or the agent that names them: code."""
+        return self.agents | self.agents_without_body | self._own_rules
+
+    @property
+    def without_code(self) -> "Scenario":
+        """The same with the default for each rule of a user's own: the names of the bodies, and walls and trees, are as they were."""
+        return self.model_copy(update={name: type(self).model_fields[name].default for name in self._own_rules})
+
+    @property
+    def _own_rules(self) -> dict[str, str]:
         builtin = {name: field.examples for name, field in type(self).model_fields.items() if field.examples}
-        rules = {name: path for name, known in builtin.items() if (path := getattr(self, name)) not in known}
-        return self.agents | self.agents_without_body | rules
+        return {name: path for name, known in builtin.items() if (path := getattr(self, name)) not in known}
 
     @model_validator(mode="after")
     def _new_names_and_no_idle_pickers(self) -> "Scenario":

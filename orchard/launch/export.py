@@ -39,7 +39,7 @@ def check_bag(file: Path) -> None:
         raise ValueError(f"{file}: expected a name that ends in .mcap, as {file.with_suffix('.mcap')}")
     if not file.parent.is_dir():
         raise OSError(f"{file}: cannot be written: {file.parent} is no directory")
-    if file.is_dir() or (file.exists() and not file.read_bytes()[: len(HEAD)] == HEAD):
+    if file.exists() and not (file.is_file() and file.read_bytes().startswith(HEAD)):
         raise ValueError(f"{file}: this is no bag, and is not replaced; expected another name")
 
 

@@ -78,7 +78,7 @@ def read_drives(recording: Path, with_scans: bool = False) -> Drives:
 
 
 def _begun(scenario: Scenario) -> Drives:
-    return Drives(scenario, list(lay_out(scenario).names))
+    return Drives(scenario, list(lay_out(scenario.without_code).names))
 
 
 def _chunks_of(part: Path, with_scans: bool) -> list[Chunk]:

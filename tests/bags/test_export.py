@@ -1,6 +1,7 @@
 """A bag of a recording: the same bits where the recording has them, and in words what it lacks."""
 
 import math
+import os
 import sys
 
 import numpy as np
@@ -19,6 +20,7 @@ from orchard.launch.commands import app
 from orchard.launch.export import check_bag, export_bag, lacks
 from orchard.local import Local
 from orchard.sim.frames import FrameBuilder
+from orchard.view import drives as drives_module
 from orchard.view.drives import RecordingError, ranges_of, read_drives
 from orchard.view.recorder import SCAN_BEAMS, Recorder, hits
 
@@ -122,6 +124,13 @@ def test_the_robots_of_a_bag_are_chosen_by_name_or_kind(recorded):
         chosen(drives, ["rocket"])
 
 
+@pytest.mark.parametrize("rule", ["rows_to_pickers", "route"])
+def test_code_that_the_scenario_in_a_recording_names_is_not_imported(recorded, tmp_path, monkeypatch, rule):
+    monkeypatch.setattr(drives_module, "_scenario_in", lambda *_: SMALL.model_copy(update={rule: "nowhere.Mine"}))
+    export(read_drives(recorded[0]), ROBOTS, tmp_path / "run.mcap", lambda ticks, _: ticks)
+    assert rule in read(tmp_path / "run.mcap")["/orchard/scenario"][0][1].data
+
+
 # -- what goes wrong
 
 
@@ -163,10 +172,12 @@ def test_what_is_no_recording_is_told(tmp_path, content, told):
         ("notes.mcap", r"notes.mcap: this is no bag, and is not replaced; expected another name"),
         ("run.bag", r"run.bag: expected a name that ends in .mcap, as .*run.mcap"),
         ("nowhere/run.mcap", "nowhere is no directory"),
+        ("pipe.mcap", "pipe.mcap: this is no bag, and is not replaced"),
     ],
 )
 def test_files_that_a_bag_must_not_replace_are_told(tmp_path, name, words):
     (tmp_path / "notes.mcap").write_text("notes")
+    os.mkfifo(tmp_path / "pipe.mcap")
     with pytest.raises((ValueError, OSError), match=words):
         check_bag(tmp_path / name)
 

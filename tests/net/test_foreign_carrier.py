@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import foreign_carrier
+import foreign_host
 import msgpack
 import pytest
 from local_runs import SMALL
@@ -65,8 +66,9 @@ def test_it_does_so_in_other_orchards_too(fleet, what):
 
 
 def test_it_reads_nothing_of_this_program():
-    imports = re.findall(r"^\s*(?:import|from) ([\w.]+)", Path(foreign_carrier.__file__).read_text(), re.M)
-    assert {name.partition(".")[0] for name in imports} - sys.stdlib_module_names == {"msgpack", "zenoh"}
+    text = "".join(Path(module.__file__).read_text() for module in (foreign_carrier, foreign_host))
+    imports = re.findall(r"^\s*(?:import|from) ([\w.]+)", text, re.M)
+    assert {name.partition(".")[0] for name in imports} - sys.stdlib_module_names == {"msgpack", "zenoh", "foreign_host"}
 
 
 def test_it_ignores_a_field_that_it_does_not_know():
@@ -90,10 +92,10 @@ def test_its_digest_of_mail_is_ours():
         Reply("cat_01", 3, Where(), Offer(0.1, -0.0, 2.0**40)),
     ]
     on_the_wire = msgpack.unpackb(pack([[*heard], [(reply.sender, reply.number, reply.body) for reply in replies]]))
-    requests = foreign_carrier.in_order(on_the_wire[0])
+    requests = foreign_host.in_order(on_the_wire[0])
     assert [request[0] for request in requests] == [request.sender for request in in_hearing_order(heard)]
-    assert foreign_carrier.digest_of(requests, on_the_wire[1]) == digest_of(Mail(in_hearing_order(heard), replies))
-    assert foreign_carrier.digest_of([], []) == digest_of(Mail())
+    assert foreign_host.digest_of(requests, on_the_wire[1]) == digest_of(Mail(in_hearing_order(heard), replies))
+    assert foreign_host.digest_of([], []) == digest_of(Mail())
 
 
 @pytest.mark.parametrize("number", [1, 13, 40])

@@ -1,73 +1,41 @@
 """Several machines: the hash is that of local mode, wherever the agents run; and the commands that a document has for it, as they stand."""
 
-import re
 import shlex
 import signal
 import subprocess
-from contextlib import ExitStack
 
 import pytest
 from code_blocks import block, commands
 from command_line import line_with, orchard, starting, summary_of
-from fleet import ROOT, SECONDS, Process
+from fleet import ROOT, SECONDS
 from local_runs import SMALL, local_hash
 from machines import machines, needs_machines, within
 
-from orchard.field.scenario import Scenario, to_yaml
+from orchard.field.scenario import Scenario
 from orchard.net.zenoh_bus import router
 
 TICKS = 200
 PORT = 7447
 
 
-@pytest.fixture
-def start(tmp_path):
-    """Start a process on a machine; it does not survive the test."""
-    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
-    with ExitStack() as stack:
-
-        def start_on(machine: str, module: str, *arguments: str) -> Process:
-            process = Process(module, *arguments, before=within(machine))
-            stack.callback(process.kill)
-            return process
-
-        yield start_on
-
-
-def hash_of(physics: Process) -> str:
-    code, out, err = physics.end()
-    assert code == 0, out + err
-    return re.search(r"hash (\w+)", out).group(1)
-
-
 @needs_machines
-def test_lockstep_over_two_machines_is_local_mode(start, tmp_path):
+def test_lockstep_over_two_machines_is_local_mode(fleet):
     with machines("a") as (host, guest):
-        physics = start(
-            host, "orchard.processes.physics", f"{tmp_path}/scenario.yaml", "--listen", f"tcp/0.0.0.0:{PORT}", "--duration", "20"
-        )
-        assert physics.line().startswith("listening on")
-        here = start(host, "orchard.processes.agents", "--connect", f"tcp/127.0.0.1:{PORT}", "--without", "picker")
-        there = start(guest, "orchard.processes.agents", "--connect", f"tcp/192.168.1.10:{PORT}", "--only", "picker")
-        assert hash_of(physics) == local_hash(SMALL, TICKS)
-        assert here.end(10.0)[0] == there.end(10.0)[0] == 0
+        fleet.physics(SMALL, "--listen", f"tcp/0.0.0.0:{PORT}", "--duration", "20", before=within(host))
+        fleet.host("--without", "picker", endpoint=f"tcp/127.0.0.1:{PORT}", before=within(host))
+        fleet.host("--only", "picker", endpoint=f"tcp/192.168.1.10:{PORT}", before=within(guest))
+        assert fleet.end() == local_hash(SMALL, TICKS)
 
 
 @needs_machines
-def test_lockstep_over_three_machines_with_a_router_of_its_own_is_local_mode(start, tmp_path):
+def test_lockstep_over_three_machines_with_a_router_of_its_own_is_local_mode(fleet):
     with machines("a", "b") as (middle, one, other):
-        routing = start(middle, "orchard.processes.router", "--listen", f"tcp/0.0.0.0:{PORT}")
-        assert routing.line() == f"listening on tcp/0.0.0.0:{PORT}\n"
-        physics = start(
-            one, "orchard.processes.physics", f"{tmp_path}/scenario.yaml", "--connect", f"tcp/192.168.1.10:{PORT}", "--duration", "20"
-        )
-        assert physics.line().startswith("connected to")
-        hosts = [
-            start(one, "orchard.processes.agents", "--connect", f"tcp/192.168.1.10:{PORT}", "--only", "bin", "--only", "traffic"),
-            start(other, "orchard.processes.agents", "--connect", f"tcp/192.168.2.10:{PORT}", "--without", "bin", "--without", "traffic"),
-        ]
-        assert hash_of(physics) == local_hash(SMALL, TICKS)
-        assert [host.end(10.0)[0] for host in hosts] == [0, 0]
+        routing = fleet.router(f"tcp/0.0.0.0:{PORT}", before=within(middle))
+        first, second = (f"tcp/192.168.{n}.10:{PORT}" for n in (1, 2))
+        fleet.physics(SMALL, "--connect", first, "--duration", "20", before=within(one))
+        fleet.host("--only", "bin", "--only", "traffic", endpoint=first, before=within(one))
+        fleet.host("--without", "bin", "--without", "traffic", endpoint=second, before=within(other))
+        assert fleet.end() == local_hash(SMALL, TICKS)
         routing.signal(signal.SIGTERM)
         assert routing.end(10.0)[0] == 0
 
@@ -126,18 +94,6 @@ def test_what_cannot_be_is_named_within_ten_seconds(arguments, named):
     assert done.returncode == 2, done.stdout + done.stderr
     assert named in done.stderr
     assert "Traceback" not in done.stderr
-
-
-def test_a_second_run_at_one_router_is_refused(tmp_path):
-    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
-    with router() as middle, ExitStack() as stack:
-        for _ in range(2):
-            physics = Process("orchard.processes.physics", f"{tmp_path}/scenario.yaml", "--connect", middle.endpoint)
-            stack.callback(physics.kill)
-            assert physics.line().startswith("connected to")
-        code, _, err = physics.end()
-        assert code == 2
-        assert f"{middle.endpoint}: run" in err
 
 
 def test_a_port_in_use_is_named():

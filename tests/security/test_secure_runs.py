@@ -3,13 +3,11 @@
 import shutil
 import signal
 import subprocess
-from contextlib import ExitStack
 
 import pytest
 from code_blocks import block, commands
 from command_line import line_with, orchard, summary_of
 from fleet import SECONDS, Process
-from fleet import Fleet as Processes
 from local_runs import SMALL, local_hash
 from machines import machines, needs_machines, within
 from secured_run import KEYS, Somebody
@@ -21,6 +19,8 @@ from orchard.net.zenoh_bus import client
 from orchard.security.identity import Keyring
 from orchard.wire.messages import Clock
 from orchard.wire.types import read
+
+HOSTS = ("amy", "ben", "shed", "agents_1", "agents_2")  # roles of the small scenario
 
 # -- a whole run
 
@@ -37,77 +37,59 @@ def test_a_secured_run_is_local_mode(folder, tmp_path):
 
 
 @pytest.mark.parametrize("its", ["router", pytest.param("physics", marks=pytest.mark.soak)])
-def test_a_machine_needs_no_more_than_its_roles_directory(its, folder, tmp_path):
+def test_a_machine_needs_no_more_than_its_roles_directory(its, fleet, folder, tmp_path):
     """Each process with a copy of its own role's files, and nothing beside them; physics is the router, or there is one of its own."""
-    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
     copies = {path.name: str(shutil.copytree(path, tmp_path / f"machine of {path.name}" / path.name)) for path in folder.iterdir()}
-    with ExitStack() as stack:
-
-        def start(role: str, module: str, *arguments: str) -> Process:
-            process = Process(f"orchard.processes.{module}", *arguments, "--secure", copies[role])
-            stack.callback(process.kill)
-            return process
-
-        where = ["--listen", "tls/127.0.0.1:0"]
-        if its == "router":
-            where = ["--connect", start("router", "router", *where).line().split()[-1]]
-        physics = start("physics", "physics", f"{tmp_path}/scenario.yaml", *where, "--duration", "20")
-        endpoint = physics.line().split()[2].rstrip(",")
-        hosts = [start(role, "agents", "--connect", endpoint) for role in ("amy", "ben", "shed", "agents_1", "agents_2")]
-        code, out, err = physics.end()
-        assert code == 0, out + err
-        assert out.split()[-1] == local_hash(SMALL, 200)
-        assert [host.end(10.0)[0] for host in hosts] == [0] * 5
+    where = ["--listen", "tls/127.0.0.1:0"]
+    if its == "router":
+        where = ["--connect", fleet.start("orchard.processes.router", *where, "--secure", copies["router"]).line().split()[-1]]
+    fleet.physics(SMALL, *where, "--secure", copies["physics"], "--duration", "20")
+    for role in HOSTS:
+        fleet.host("--secure", copies[role])
+    assert fleet.end() == local_hash(SMALL, 200)
 
 
 @pytest.mark.parametrize("killed", ["host", *(pytest.param(one, marks=pytest.mark.soak) for one in ("physics", "router"))])
-def test_who_is_killed_comes_back_as_the_same_role(killed, folder, tmp_path):
+def test_who_is_killed_comes_back_as_the_same_role(killed, fleet, folder, tmp_path):
     """Under the same session, which the others may still have in mind."""
-    with ExitStack() as stack:
-        fleet = Processes(tmp_path, stack)
-        pace = ["--secure", str(folder / "physics"), "--speed", "15", "--duration", "20", "--snapshots", str(tmp_path / "snapshots")]
-        place = ["--listen", f"tls/127.0.0.1:{free_port()}"]
-        routing = ["orchard.processes.router", *place, "--secure", str(folder / "router")]
-        if killed == "router":
-            middle = fleet.start(*routing)
-            assert middle.line().startswith("listening on")
-            place = ["--connect", place[1]]
-        fleet.physics(SMALL, *place, *pace)
-        for role in ("amy", "ben", "shed", "agents_1", "agents_2"):
-            fleet.host("--secure", str(folder / role))
-        with client(fleet.endpoint, identity=Keyring.load(folder).of("logger")) as bus:
-            bus.subscribe(KEYS.of("clock"))
-            Somebody(bus, fleet.run).wait(Sample, lambda sample: read(sample.payload, Clock).tick >= 30)
-        match killed:
-            case "host":
-                fleet.hosts.pop(0).kill()
-                fleet.host("--secure", str(folder / "amy"))
-            case "physics":
-                fleet.world.kill()
-                fleet.physics(SMALL, *place, *pace, "--resume", "--run", fleet.run)
-            case "router":
-                middle.kill()
-                assert fleet.start(*routing).line().startswith("listening on")
-        assert fleet.end() == local_hash(SMALL, 200)
+    pace = ["--secure", str(folder / "physics"), "--speed", "15", "--duration", "20", "--snapshots", str(tmp_path / "snapshots")]
+    place = ["--listen", f"tls/127.0.0.1:{free_port()}"]
+    routing = ["orchard.processes.router", *place, "--secure", str(folder / "router")]
+    if killed == "router":
+        middle = fleet.start(*routing)
+        assert middle.line().startswith("listening on")
+        place = ["--connect", place[1]]
+    fleet.physics(SMALL, *place, *pace)
+    for role in HOSTS:
+        fleet.host("--secure", str(folder / role))
+    with client(fleet.endpoint, identity=Keyring.load(folder).of("logger")) as bus:
+        bus.subscribe(KEYS.of("clock"))
+        Somebody(bus, fleet.run).wait(Sample, lambda sample: read(sample.payload, Clock).tick >= 30)
+    match killed:
+        case "host":
+            fleet.hosts.pop(0).kill()
+            fleet.host("--secure", str(folder / "amy"))
+        case "physics":
+            fleet.world.kill()
+            fleet.physics(SMALL, *place, *pace, "--resume", "--run", fleet.run)
+        case "router":
+            middle.kill()
+            assert fleet.start(*routing).line().startswith("listening on")
+    assert fleet.end() == local_hash(SMALL, 200)
 
 
 @needs_machines
-def test_a_secured_run_over_two_machines_is_local_mode(folder, tmp_path):
+def test_a_secured_run_over_two_machines_is_local_mode(fleet, folder, tmp_path):
     """The guest has its own role's files only, and knows the other machine by its address."""
-    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
     own = str(shutil.copytree(folder / "shed", tmp_path / "shed"))
-    with machines("s") as (host, guest), ExitStack() as stack:
-        here, there = "tls/127.0.0.1:7447", "tls/192.168.1.10:7447"
+    with machines("s") as (host, guest):
         listen = ["--listen", "tls/0.0.0.0:7447", "--secure", str(folder / "physics")]
-        physics = Process("orchard.processes.physics", f"{tmp_path}/scenario.yaml", *listen, "--duration", "20", before=within(host))
-        stack.callback(physics.kill)
-        assert physics.line().startswith("listening on")
-        for role in ("amy", "ben", "agents_1", "agents_2"):
-            stack.callback(Process("orchard.processes.agents", "--connect", here, "--secure", str(folder / role), before=within(host)).kill)
-        stack.callback(Process("orchard.processes.agents", "--connect", there, "--secure", own, before=within(guest)).kill)
-        code, out, err = physics.end()
-        assert code == 0, out + err
-        assert out.split()[-1] == local_hash(SMALL, 200)
+        fleet.physics(SMALL, *listen, "--duration", "20", before=within(host))
+        for role in HOSTS:
+            if role != "shed":
+                fleet.host("--secure", str(folder / role), endpoint="tls/127.0.0.1:7447", before=within(host))
+        fleet.host("--secure", own, endpoint="tls/192.168.1.10:7447", before=within(guest))
+        assert fleet.end() == local_hash(SMALL, 200)
 
 
 @needs_machines

@@ -5,52 +5,30 @@
 It walks on until something is in the zone before it, and then turns on the spot. It is asked only when its hold ends.
 """
 
-import json
 import math
-import queue
 import struct
 import sys
+from pathlib import Path
 
-import msgpack
-import zenoh
+sys.path.insert(0, str(Path(__file__).parent))
+from foreign_host import Host, opened
 
-SESSION, KEY = "foreignholder", "orchard/hosts/foreignholder"
 ZONE = (0.0, 1.5, -0.5, 0.5)
 HELD = 40  # ticks
 
 
 def main(endpoint, name):
-    config = zenoh.Config()
-    for key, value in {"mode": "client", "scouting/multicast/enabled": False, "connect/endpoints": [endpoint]}.items():
-        config.insert_json5(key, json.dumps(value))
-    with zenoh.open(config) as session:
-        print(*walk(session, name), flush=True)
+    """Hold the velocity of an agent until the end. Print how often it was asked, and the last tick."""
+    asked = []
 
+    def decide(seen, heard, mine):
+        asked.append(seen["tick"])
+        return drive(seen), [], []
 
-def walk(session, name):
-    """Hold the agent until the end. Return how often it was asked, and the last tick."""
-    heard, asked = queue.Queue(), 0
-    put = lambda sample: heard.put((str(sample.key_expr), msgpack.unpackb(sample.payload.to_bytes())))  # noqa: E731
-    declared = [session.declare_subscriber(key, put) for key in (f"{KEY}/seen", "orchard/end")]
-    run = unpacked(session.get("orchard/scenario"))["run"]
-    declared.append(session.liveliness().declare_token(f"orchard/alive/{name}/{SESSION}"))
-    wish = msgpack.packb({"run": run, "owner": SESSION, "names": [name]})
-    while unpacked(session.get(f"{KEY}/join", payload=wish))["refused"]:
-        pass
-    last = -1
-    while True:
-        key, message = heard.get(timeout=60.0)
-        if key == "orchard/end":
-            session.put(f"{KEY}/left", msgpack.packb({"run": run}), congestion_control=zenoh.CongestionControl.BLOCK)
-            return asked, message["tick"]
-        if message["tick"] > last:
-            asked, last = asked + 1, message["tick"]
-            drives = msgpack.packb({"run": run, "tick": last, "owner": SESSION, "velocities": {name: drive(message)}})
-        session.put(f"{KEY}/velocities", drives, congestion_control=zenoh.CongestionControl.BLOCK)
-
-
-def unpacked(replies):
-    return msgpack.unpackb(next(iter(replies)).ok.payload.to_bytes())
+    with opened(endpoint) as session:
+        host = Host(session, name)
+        host.ticks(decide)
+        print(len(asked), host.end["tick"], flush=True)
 
 
 def drive(seen):

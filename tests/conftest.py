@@ -123,10 +123,9 @@ def chromium(tmp_path_factory, downloads):
 
 @pytest.fixture
 def browser(chromium, server):
-    """The page, freshly opened, with the default orchard."""
+    """The page with the default orchard. One page serves many tests: to open it takes longer than most of them."""
     chromium.driver.set_window_size(*WINDOW)
-    chromium.driver.get(f"{server[0]}/?rows={Scenario().rows}")  # a link, whatever the test before has left in the form
-    chromium.until(lambda: chromium.tree_lines() == 6, "the default plan is drawn")
+    chromium.begin(server[0])
     return chromium
 
 

@@ -18,16 +18,15 @@ except ModuleNotFoundError as missing:
     print(f"The page needs the package {missing.name}: pip install 'orchard-sim[app]'", file=sys.stderr)
     raise SystemExit(2) from None
 
-from orchard.app.desks import Desks
-from orchard.app.harvest_run import Harvests, Run
+from orchard.app.desks import desk_of
+from orchard.app.harvest_run import Harvests
 from orchard.app.link import draft_of
 from orchard.app.own_address import only_own_address
-from orchard.app.page import Page, complain
-from orchard.app.study_run import Studies, StudyRun
+from orchard.app.page import PATIENCE, Page, complain
+from orchard.app.study_run import Studies
 from orchard.folders import runs_folder
 
 ICON = "🥝"
-PATIENCE = 30.0  # s that a browser may be too busy to answer, for example while it loads the Rerun viewer
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -42,10 +41,10 @@ def main(argv: list[str] | None = None) -> int:
     if problem := _problem(host, port):
         print(problem, file=sys.stderr)
         return 2
-    desks, runs, studies = Desks(), Harvests(arguments.runs, "harvest", Run), Studies(arguments.runs, "study", StudyRun)
+    runs, studies = Harvests(arguments.runs, "harvest"), Studies(arguments.runs, "study")
 
     def page() -> None:
-        desk, query = desks.of(app.storage.browser["id"]), ui.context.client.request.query_params.multi_items()
+        desk, query = desk_of(app.storage.browser["id"]), ui.context.client.request.query_params.multi_items()
         desk.draft, unknown = draft_of(query) if query else (desk.draft, [])
         if query:
             ui.navigate.history.replace("/")  # or a reload would bring the link's scenario back

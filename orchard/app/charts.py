@@ -1,29 +1,25 @@
 """The figures of runs over simulated time, as charts, one line for each run."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from nicegui import ui
 
-from orchard.app.course import Course, Points
+from orchard.app.course import BINS, BUSY, WAITING, Course, Points
 
 COLOURS = ["#5a9e54", "#d9822b", "#4a90d9", "#b062c4", "#c9a227", "#d1495b"]  # of the runs, on light and on dark
 INK = "#7d8778"  # of axes and names, on light and on dark
-FIGURES: dict[str, tuple[Callable[[Course], Points], str | bool]] = {
-    "Bins delivered": (Course.bins, "end"),
-    "Pickers that wait, %": (Course.waiting, False),
-    "Carriers at work, %": (Course.busy, False),
-}  # title -> the values of a run, and the steps of its line
+STEPS = {BINS: "end", WAITING: "", BUSY: ""}  # title of a chart -> the steps of its lines
 
 
 class Charts:
-    """A chart for each of FIGURES."""
+    """A chart for each of STEPS."""
 
     def __init__(self) -> None:
         self._shown: Mapping[str, Course] = {}
         self._legend = ui.element("div").classes("legend")
         with ui.element("div").classes("charts"):
-            self._charts = {title: _chart(title) for title in FIGURES}
+            self._charts = {title: _chart(title) for title in STEPS}
 
     def show(self, courses: Mapping[str, Course]) -> None:
         """Draw these runs, by name. A figure that is known of none of them has no chart."""
@@ -31,11 +27,10 @@ class Charts:
             return
         self._shown = dict(courses)
         self._name(courses)
-        for title, (values, step) in FIGURES.items():
-            box, chart = self._charts[title]
-            lines = {name: points for name, course in courses.items() if (points := values(course))}
+        for title, (box, chart) in self._charts.items():
+            lines = {name: points for name, course in courses.items() if (points := course[title])}
             box.set_visibility(bool(lines))
-            chart.options["series"] = [_line(name, points, step, n) for n, (name, points) in enumerate(lines.items())]
+            chart.options["series"] = [_line(name, points, STEPS[title], n) for n, (name, points) in enumerate(lines.items())]
             chart.update()
 
     def _name(self, names: Iterable[str]) -> None:
@@ -77,6 +72,6 @@ def _options() -> dict[str, Any]:
     }
 
 
-def _line(name: str, points: Points, step: str | bool, number: int) -> dict[str, Any]:
+def _line(name: str, points: Points, step: str, number: int) -> dict[str, Any]:
     look = {"type": "line", "showSymbol": False, "lineStyle": {"width": 2}, "color": colour(number)}
-    return look | {"name": name, "step": step, "data": [[0.0, 0.0], *points]}
+    return look | {"name": name, "step": step or False, "data": [[0.0, 0.0], *points]}

@@ -5,11 +5,14 @@ import os
 import signal
 import subprocess
 import threading
+from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import TypeVar
 
 import msgspec
 
+from orchard.field.scenario import Scenario, to_yaml
 from orchard.folders import RUNS, regular
 
 Result = TypeVar("Result")
@@ -18,19 +21,64 @@ AGAIN = 6.0  # s after which a command that has not begun is asked to stop once 
 PATIENCE = 60.0  # s that a command may take to end after a stop request, with its files; a healthy one on an idle machine takes less than 3
 
 
+class RunState(StrEnum):
+    """The state of a command."""
+
+    running = "running"
+    stopping = "stopping"
+    finished = "finished"
+    stopped = "stopped"
+    failed = "failed"
+
+    @property
+    def is_over(self) -> bool:
+        return self not in (RunState.running, RunState.stopping)
+
+
+STATE_COLOURS = {"running": "primary", "stopping": "warning", "finished": "positive", "stopped": "warning", "failed": "negative"}
+
+
+@dataclass(frozen=True)
+class Files:
+    """The files of a command: in one folder, under one name."""
+
+    folder: Path
+    name: str
+
+    @property
+    def scenario(self) -> Path:
+        return self.folder / f"{self.name}.yaml"
+
+    @property
+    def recording(self) -> Path:
+        return self.folder / f"{self.name}.rrd"
+
+    @property
+    def summary(self) -> Path:
+        return self.folder / f"{self.name}.json"
+
+    @property
+    def views(self) -> Path:
+        """The file with the views of the page's picture."""
+        return self.folder / f"{self.name}.rbl"
+
+
 class PageCommand:
     """A process of its own. `said`: the number of lines printed so far, and the last KEPT_LINES of them.
 
-    A kind of command says what a line means (`words_of`), whether it has begun to work, and what follows when it has ended (`finish`).
+    A kind of command says what a line means (`words_of`), whether it has begun to work, what follows when it has ended (`finish`), and
+    whether it has done all of its work.
     """
 
     has_begun = False
 
-    def __init__(self, line: list[str], folder: Path) -> None:
-        """Start the command. `folder`: of the runs."""
+    def __init__(self, scenario: Scenario, files: Files, line: list[str]) -> None:
+        """Start the command, which reads the scenario in its file."""
+        self.scenario, self.files = scenario, files
         self.said: tuple[int, tuple[str, ...]] = (0, ())
         self.asked_to_stop = self._is_hushed = False
-        self._process = _open(line, folder)
+        files.scenario.write_text(to_yaml(scenario))
+        self._process = _open(line, files.folder)
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
 
@@ -39,7 +87,12 @@ class PageCommand:
         return line.rstrip()
 
     def finish(self) -> None:
-        """Read what the command has left. Afterwards `is_over` is true."""
+        """Read what the command has left. Afterwards `is_over` is true, and nothing changes any more."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all of its work is done."""
+        return False
 
     def read(self, path: Path, kind: type[Result]) -> Result | None:
         """Return what the command has left in a file; None if there is none. A file that holds something else is named in `said`."""
@@ -72,9 +125,13 @@ class PageCommand:
         return not self._listener.is_alive()
 
     @property
-    def exit_code(self) -> int | None:
-        """None while it runs."""
-        return self._process.returncode
+    def state(self) -> RunState:
+        """The present state. Read it first: if the command is over, all else is final."""
+        if not self.is_over:
+            return RunState.stopping if self.asked_to_stop else RunState.running
+        if self._process.returncode == 0 and self.is_complete:
+            return RunState.finished
+        return RunState.stopped if self.asked_to_stop else RunState.failed
 
     def stop(self) -> None:
         """Ask the command to end. It is killed if it has not ended after PATIENCE, so one call is enough."""

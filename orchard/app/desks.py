@@ -1,6 +1,7 @@
 """What each browser has set. The server keeps it while it runs, so that a reload of the page shows it again."""
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from orchard.app.draft import Draft
 from orchard.app.run_controls import RunSettings
@@ -20,16 +21,7 @@ class Desk:
     dark: bool | None = None  # None: as the browser prefers
 
 
-class Desks:
-    """The desks of all browsers, by the browser's id. Beyond MOST, the one that has been away longest is dropped."""
-
-    def __init__(self) -> None:
-        self._desks: dict[str, Desk] = {}
-
-    def of(self, browser: str) -> Desk:
-        """Return the desk of a browser; a new one for a browser that is not known."""
-        desk = self._desks.pop(browser, None) or Desk()
-        self._desks[browser] = desk
-        if len(self._desks) > MOST:
-            del self._desks[next(iter(self._desks))]
-        return desk
+@lru_cache(MOST)
+def desk_of(browser: str) -> Desk:
+    """Return the desk of a browser, by the browser's id. Beyond MOST, the one that has been away longest is dropped."""
+    return Desk()

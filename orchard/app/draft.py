@@ -41,6 +41,18 @@ def hint(text: object) -> str:
     return ""
 
 
+def span(limits: tuple[float, float]) -> str:
+    """Return limits in words: '0.1 to 1000'."""
+    return f"{limits[0]:g} to {limits[1]:.0f}"
+
+
+def number_problem(text: str, limits: tuple[float, float], is_whole: bool = False, also: str = "") -> str:
+    """Return the problem of a text; '' if it is a number within the limits, both included. `also` is added to the message."""
+    number = number_of(text)
+    is_right = not isinstance(number, str) and isinstance(number, int) >= is_whole and limits[0] <= number <= limits[1]
+    return "" if is_right else f"must be a {'whole ' if is_whole else ''}number from {span(limits)}{also}{hint(text)}"
+
+
 FROM_FILE = (*AGENTS, "survey")  # come from a file, and are not entered on the page
 NEEDED = ("laser", "odometry")  # sections whose names belong to the labels of their values
 LABELS = {  # where the words of the file are too short for a reader of the page

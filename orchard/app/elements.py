@@ -1,6 +1,7 @@
-"""Elements of a page that NiceGUI does not have: headings, and a plain table."""
+"""Elements of a page that NiceGUI does not have: headings, words that come and go, dialogs, and a plain table."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from nicegui import ui
@@ -10,6 +11,28 @@ def heading(level: int, words: str = "") -> ui.label:
     """Return the text of a new heading. Screen readers go from one heading to the next."""
     with ui.element(f"h{level}"):
         return ui.label(words)
+
+
+def note(props: str, classes: str = "field-problem") -> ui.label:
+    """Return a label that is seen as long as it has words."""
+    label = ui.label().classes(classes).props(props)
+    return label.bind_visibility_from(label, "text", backward=bool)
+
+
+def button(words: str, act: Callable[..., Any], action: str, icon: str | None = None, props: str = "flat") -> ui.button:
+    """Return a button with its words as they are. `action`: its name for tests."""
+    return ui.button(words, icon=icon, on_click=act).props(f"{props} no-caps data-action={action}")
+
+
+@contextmanager
+def dialog(title: str, lines: Iterable[str] = (), view: str = "complaint") -> Iterator[ui.dialog]:
+    """Open a dialog with a title and lines, to which more can be added. `view`: its name for tests."""
+    with ui.dialog(value=True) as opened, ui.card().classes("complaint").props(f"data-view={view}"):
+        opened.props["aria-label"] = title
+        heading(2, title).classes("group-title")
+        for line in lines:
+            ui.label(line).classes("complaint-line")
+        yield opened
 
 
 def table(lines: Iterable[Sequence[str]], head: Sequence[str] = (), act: Callable[[int], Any] | None = None) -> None:

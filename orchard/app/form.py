@@ -6,7 +6,7 @@ from typing import Any
 from nicegui import ui
 
 from orchard.app.draft import Draft, Entry, entries, flat, number_of, shown, words_of
-from orchard.app.elements import heading
+from orchard.app.elements import button, heading, note
 from orchard.app.own_classes import AGENTS
 from orchard.field.scenario import Scenario
 
@@ -34,10 +34,8 @@ class Control:
             if entry.optional:
                 self._automatic = ui.checkbox(entry.none, on_change=self._entered).classes("field-more")
                 self._automatic.props(f'dense size=sm data-field={entry.path}-automatic aria-label="{entry.label}: {entry.none}"')
-            self._problem = ui.label().classes("field-problem").props(f"data-problem={entry.path} role=alert")
-            self._mark = ui.label().classes("field-mark").props(f"data-mark={entry.path}")
-        self.complain("")
-        self.mark("")
+            self._problem = note(f"data-problem={entry.path} role=alert")
+            self._mark = note(f"data-mark={entry.path}", "field-mark")
 
     def _switch(self) -> ui.switch:
         self.box.classes("inline")
@@ -74,13 +72,11 @@ class Control:
     def complain(self, problem: str) -> None:
         """Show a problem of the value; '' clears it."""
         self._problem.set_text(problem)
-        self._problem.set_visibility(bool(problem))
         self.box.classes(add="wrong" if problem else "", remove="" if problem else "wrong")
 
     def mark(self, running: str) -> None:
         """Show the value of the harvest that runs, if it is another one; '' clears it."""
-        self._mark.set_text(f"the harvest that runs has {running}")
-        self._mark.set_visibility(bool(running))
+        self._mark.set_text(f"the harvest that runs has {running}" if running else "")
 
     def _entered(self) -> None:
         value = bool(self._value.value) if self.entry.kind is bool else self._value.value or ""
@@ -123,8 +119,8 @@ class Form:
                 self._controls |= {path: Control(entries()[path], change) for path in paths}
         with _group("Own classes") as self._classes:
             self._names = ui.label().classes("classes").props("data-view=classes")
-            self._problem = ui.label().classes("field-problem").props("data-problem=agents role=alert")
-            ui.button("Use the built-in classes", on_click=drop).props("flat dense no-caps data-action=drop-classes")
+            self._problem = note("data-problem=agents role=alert")
+            button("Use the built-in classes", drop, "drop-classes", props="flat dense")
         self._classes.set_visibility(False)
 
     def show(self, values: Mapping[str, Any]) -> None:
@@ -147,7 +143,6 @@ class Form:
         self._names.set_text("\n".join(f"{word}: {path}" for word, path in draft.classes.items()))
         problems = [words for path, words in draft.problems.items() if path.split(".")[0] in AGENTS]
         self._problem.set_text("\n".join(problems))
-        self._problem.set_visibility(bool(problems))
 
 
 def _group(title: str) -> ui.element:

@@ -1,19 +1,17 @@
 """A harvest from the page: the command `orchard` that does it, what it says, and its picture."""
 
 import contextlib
-from dataclasses import dataclass
-from enum import StrEnum
 from typing import Any
 
 import msgspec
 
-from orchard.app.command import PageCommand
-from orchard.app.course import Course
+from orchard.app.command import Files, PageCommand
+from orchard.app.course import Course, course_of
 from orchard.app.latest import Latest
 from orchard.app.past import Record
-from orchard.app.run_controls import Files, RunSettings, command
+from orchard.app.run_controls import RunSettings, command
 from orchard.field.layout import lay_out
-from orchard.field.scenario import Scenario, to_yaml
+from orchard.field.scenario import Scenario
 from orchard.report.history import NAMES
 from orchard.report.progress import Headline
 from orchard.view.blueprint import for_page
@@ -21,47 +19,19 @@ from orchard.view.files import parts_of
 from orchard.view.web import address, data_uri, free_pair, is_open, page_url, serve_web
 
 
-class RunState(StrEnum):
-    """The state of a run."""
-
-    running = "running"
-    stopping = "stopping"
-    finished = "finished"
-    stopped = "stopped"
-    failed = "failed"
-
-
-STATE_COLOURS = {"running": "primary", "stopping": "warning", "finished": "positive", "stopped": "warning", "failed": "negative"}
-
-
-@dataclass(frozen=True)
-class RunReport:
-    """A run at one moment. All views of an update use one report, because a run may end between two reads."""
-
-    run: "Run"
-    state: RunState
-    headline: Headline | None
-    summary: dict[str, Any] | None
-
-    @property
-    def is_over(self) -> bool:
-        return self.state not in (RunState.running, RunState.stopping)
-
-
 class Run(PageCommand):
     """One run."""
 
     def __init__(self, scenario: Scenario, settings: RunSettings, files: Files) -> None:
-        self.scenario, self.settings, self.files = scenario, settings, files
+        self.settings = settings
         self.port, self.views_port = free_pair(), free_pair()
         self._shown = [data_uri(self.port)]  # what the picture shows: the live run, and later the parts of its recording
         self.headline: Headline | None = None
         self.summary: dict[str, Any] | None = None
         self._course: dict[str, list[float]] = {name: [] for name in NAMES}  # what the lines of progress say
-        files.scenario.write_text(to_yaml(scenario))
         for_page(lay_out(scenario)).save("orchard", files.views)
         self._servers = [serve_web(self.views_port, str(files.views))]  # of the views, and later of the recording
-        super().__init__(command(settings, files, self.port), files.folder)
+        super().__init__(scenario, files, command(settings, files, self.port))
 
     def words_of(self, line: str) -> str | None:
         """Take the progress that a line tells."""
@@ -79,7 +49,7 @@ class Run(PageCommand):
             self._course[name].append(value)
 
     def finish(self) -> None:
-        """Read the summary and serve the recording. Both are ready before `report` says that the run is over."""
+        """Read the summary and serve the recording. Both are ready before the run is over."""
         if (record := self.read(self.files.summary, Record)) is not None:
             self.headline, self.summary = record, self.read(self.files.summary, dict[str, Any])
         if self.files.recording.exists():
@@ -97,18 +67,12 @@ class Run(PageCommand):
     def course(self) -> Course:
         """The course of the run as far as it is known."""
         known = self._course if self.summary is None else self.summary["history"]
-        return Course({name: list(values) for name, values in known.items()}, self.scenario)
+        return course_of({name: list(values) for name, values in known.items()}, self.scenario)
 
-    def report(self) -> RunReport:
-        """Return the present report. The state is read first: if the run is over, the other values are final."""
-        return RunReport(run=self, state=self._state(), headline=self.headline, summary=self.summary)
-
-    def _state(self) -> RunState:
-        if not self.is_over:
-            return RunState.stopping if self.asked_to_stop else RunState.running
-        if self.exit_code == 0 and self.summary is not None:
-            return RunState.stopped if self.asked_to_stop and not self.summary["finished"] else RunState.finished
-        return RunState.stopped if self.asked_to_stop else RunState.failed
+    @property
+    def is_complete(self) -> bool:
+        """Whether the run came to its end, and there is a summary."""
+        return self.summary is not None and bool(self.summary["finished"] or not self.asked_to_stop)
 
     def close(self) -> None:
         """End the run and the servers of its picture."""
@@ -118,4 +82,4 @@ class Run(PageCommand):
                 server.terminate()
 
 
-Harvests = Latest[Run, RunSettings]
+Harvests = Latest[Run]

@@ -1,34 +1,22 @@
 """The harvest, or the study, that all pages share: the one that goes on, or else the last one."""
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
-from orchard.app.command import PageCommand
-from orchard.app.run_controls import Files
-from orchard.field.scenario import Scenario
-
-
-class Settings(Protocol):
-    """How a command is to go, as a user entered it."""
-
-    @property
-    def problems(self) -> Mapping[str, str]:
-        """Messages for the invalid settings, by name."""
-
+from orchard.app.command import Files, PageCommand
 
 Started = TypeVar("Started", bound=PageCommand)
-Entered = TypeVar("Entered", bound=Settings, contravariant=True)
 
 
-class Latest(Generic[Started, Entered]):
+class Latest(Generic[Started]):
     """Starts commands of one kind, one at a time. `command`: the last one; None at first."""
 
-    def __init__(self, folder: Path, what: str, kind: Callable[[Scenario, Entered, Files], Started]) -> None:
+    def __init__(self, folder: Path, what: str) -> None:
         """`folder`: of the files of all commands. `what`: a word for one, with which its files begin: harvest, study."""
-        self.folder, self.what, self._kind = folder, what, kind
+        self.folder, self.what = folder, what
         self.command: Started | None = None
 
     @property
@@ -36,14 +24,12 @@ class Latest(Generic[Started, Entered]):
         """The command that has not ended."""
         return None if self.command is None or self.command.is_over else self.command
 
-    def start(self, scenario: Scenario, settings: Entered) -> None:
-        """Start a command. Raises OSError if its files cannot be written, RuntimeError while another one goes on, ValueError."""
+    def start(self, kind: Callable[[Files], Started]) -> None:
+        """Start a command with files of its own. Raises OSError if they cannot be written, RuntimeError while another one goes on."""
         if self.going is not None:
             raise RuntimeError(f"another {self.what} is in progress; stop it first")
-        if settings.problems:
-            raise ValueError("; ".join(f"{name} {words}" for name, words in settings.problems.items()))
         self.close()
-        self.command = self._kind(scenario, settings, fresh_files(self.folder, self.what))
+        self.command = kind(fresh_files(self.folder, self.what))
 
     def stop(self) -> None:
         """Ask the command to end."""

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from nicegui import ui
 
-from orchard.app.elements import heading
+from orchard.app.elements import button, dialog
 from orchard.field.scenario import Scenario
 
 AGENTS = ("agents", "agents_without_body")  # maps of classes, named in a file, not entered on the page
@@ -34,12 +34,9 @@ def _is_in(path: str, folder: Path) -> bool:
 
 async def may_run(classes: dict[str, str], file: str) -> bool:
     """Ask whether the classes that a file names may run."""
-    with ui.dialog(value=True).props('aria-label="Own classes"') as dialog, ui.card().classes("complaint").props("data-view=question"):
-        heading(2, f"{file} runs code on this computer").classes("group-title")
-        ui.label("It names these classes. They can do whatever you can: read, change and send your files. Do you trust them?")
-        for key, path in classes.items():
-            ui.label(f"{key}: {path}").classes("complaint-line")
-        with ui.row().classes("self-end"):
-            ui.button("Do not open", on_click=lambda: dialog.submit(False)).props("flat no-caps data-action=refuse-classes")
-            ui.button("Open and let them run", on_click=lambda: dialog.submit(True)).props("no-caps unelevated data-action=trust-classes")
-    return bool(await dialog)
+    warning = "It names these classes. They can do whatever you can: read, change and send your files. Do you trust them?"
+    named = [f"{key}: {path}" for key, path in classes.items()]
+    with dialog(f"{file} runs code on this computer", [warning, *named], "question") as question, ui.row().classes("self-end"):
+        button("Do not open", lambda: question.submit(False), "refuse-classes")
+        button("Open and let them run", lambda: question.submit(True), "trust-classes", props="unelevated")
+    return bool(await question)

@@ -1,14 +1,15 @@
 """The page: presets, files and link on top; the form on the left; the run, the stage and the derived figures on the right."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from nicegui import events, run, ui
 
 from orchard.app.desks import Desk
-from orchard.app.elements import heading
+from orchard.app.elements import button, dialog, note
 from orchard.app.form import Form
-from orchard.app.harvest_run import Harvests, RunReport
+from orchard.app.harvest_run import Harvests, Run
 from orchard.app.link import query_of
 from orchard.app.own_classes import from_elsewhere, may_run
 from orchard.app.preview import FiguresView
@@ -23,6 +24,7 @@ from orchard.field.yaml_file import LARGEST_FILE
 
 STYLE = Path(__file__).with_name("style.css")
 REDRAW_SECONDS = 0.1  # s between two checks for changed input
+PATIENCE = 30.0  # s that a browser may be too busy to answer, for example while it loads the Rerun viewer
 WATCH_SECONDS = 0.3  # s between two updates of the run
 FIRST = (
     "Choose a scenario at the top, change what you like, and press Run. Watch the harvest under Picture; Summary tells how well it went."
@@ -35,7 +37,7 @@ class Page:
     def __init__(self, runs: Harvests, studies: Studies, desk: Desk) -> None:
         self.runs, self.studies, self.desk, self.draft = runs, studies, desk, desk.draft.copy()
         self._changed = True
-        self._seen: RunReport | None = None  # the report on the stage
+        self._seen: tuple[Run, bool] | None = None  # the run on the stage, and whether it was over
         self._build()
         self.form.show(self.draft.values)
         ui.timer(REDRAW_SECONDS, self._redraw)
@@ -64,29 +66,25 @@ class Page:
         """Build the buttons for the presets, Open, Save, Link, the study and dark mode."""
         for name, scenario in presets().items():
             words = name.replace("_", " ").capitalize()
-            ui.button(words, on_click=lambda scenario=scenario: self._take(scenario)).props(f"flat no-caps data-preset={name}")
+            ui.button(words, on_click=partial(self._take, scenario)).props(f"flat no-caps data-preset={name}")
         ui.element("div").classes("divider")
         limit = 10 * LARGEST_FILE  # bytes; a larger file is not read, `parse` reports a smaller one above LARGEST_FILE
         self._upload = ui.upload(on_upload=self._open, on_rejected=self._rejected, max_file_size=limit, auto_upload=True)
         self._upload.props("accept=.yaml,.yml").classes("hidden")
-        ui.button("Open", icon="folder_open", on_click=lambda: self._upload.run_method("pickFiles")).props("flat no-caps data-action=open")
-        self._save = ui.button("Save", icon="download", on_click=self._download).props("flat no-caps data-action=save")
-        self._link = ui.button("Link", icon="link", on_click=self._show_link).props("flat no-caps data-action=link")
-        ask = ui.button("How many carriers?", icon="query_stats", on_click=self._ask_how_many)
-        ask.props("flat no-caps data-action=how-many")
-        dark = ui.button(icon="contrast", on_click=self._turn_dark)
-        dark.props('flat data-action=dark aria-label="Dark or light" title="Dark or light"')
+        button("Open", lambda: self._upload.run_method("pickFiles"), "open", "folder_open")
+        self._save = button("Save", self._download, "save", "download")
+        self._link = button("Link", self._show_link, "link", "link")
+        button("How many carriers?", self._ask_how_many, "how-many", "query_stats")
+        button("", self._turn_dark, "dark", "contrast").props('aria-label="Dark or light" title="Dark or light"')
 
     def _build_run(self) -> None:
         with ui.element("section").classes("run-card").props('aria-label="The run"'):
             with ui.element("div").classes("wishes-and-run"):
                 self.wishes = RunControls(self._mark, self.desk.settings)
-                self.start_button = ui.button("Run", icon="play_arrow", on_click=self._start)
-                self.start_button.props("no-caps unelevated data-action=run")
-                self.stop_button = ui.button("Stop", icon="stop", on_click=self._stop)
-                self.stop_button.props("no-caps unelevated color=negative data-action=stop")
+                self.start_button = button("Run", self._start, "run", "play_arrow", "unelevated")
+                self.stop_button = button("Stop", self._stop, "stop", "stop", "unelevated color=negative")
             self.first = ui.label(FIRST).classes("figure-line").props("data-view=first")
-            self.trouble = ui.label().classes("field-problem").props("data-view=trouble role=alert")
+            self.trouble = note("data-view=trouble role=alert")
             self.progress = ProgressView()
 
     # -- user actions
@@ -135,7 +133,7 @@ class Page:
     async def _show_link(self) -> None:
         """Show the link to this page with the scenario of the form, to be copied."""
         if self.draft.scenario is not None:
-            here = await ui.run_javascript("location.origin + location.pathname")
+            here = await ui.run_javascript("location.origin + location.pathname", timeout=PATIENCE)
             lacks = ["Your own classes are not in the link, because they are code."] if self.draft.classes else []
             lacks += ["The surveyed rows are not in the link: it opens rows that are alike."] if self.draft.scenario.survey else []
             show_link(f"{here}?{query_of(self.draft.scenario)}", lacks)
@@ -147,18 +145,19 @@ class Page:
 
     async def _turn_dark(self) -> None:
         """Turn to dark, or back to light. At first the page is as the browser prefers, which only the browser knows."""
-        self.desk.dark = not await ui.run_javascript("document.body.classList.contains('body--dark')")
+        self.desk.dark = not await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=PATIENCE)
         self._dark.set_value(self.desk.dark)
 
     def _mark(self) -> None:
         self._changed = True
 
     def _start(self) -> None:
-        if self.draft.scenario is None:
+        scenario, settings = self.draft.scenario, self.wishes.settings
+        if scenario is None or settings.problems:
             return
         try:
-            self.runs.start(self.draft.scenario, self.wishes.settings)
-        except (OSError, RuntimeError, ValueError) as error:
+            self.runs.start(partial(Run, scenario, settings))
+        except (OSError, RuntimeError) as error:
             complain("The harvest was not started", [str(error)])
         self._watch()
 
@@ -187,16 +186,15 @@ class Page:
     def _update_buttons(self) -> None:
         """Update the buttons and the number of invalid fields."""
         wrong = len(self.draft.problems) + len(self.wishes.settings.problems)
-        self.trouble.set_text(f"{wrong} field{'s have' if wrong > 1 else ' has'} an invalid value")
-        self.trouble.set_visibility(wrong > 0)
+        self.trouble.set_text(f"{wrong} field{'s have' if wrong > 1 else ' has'} an invalid value" if wrong else "")
         going = self.runs.going
         self.wishes.lock(going is not None)
         self.start_button.set_visibility(going is None)
         self.start_button.set_enabled(not wrong)
         self.stop_button.set_visibility(going is not None)
         self.stop_button.set_enabled(going is not None and not going.asked_to_stop)
-        for button in (self._save, self._link):
-            button.set_enabled(self.draft.scenario is not None)
+        for action in (self._save, self._link):
+            action.set_enabled(self.draft.scenario is not None)
 
     def _watch(self) -> None:
         """Update the views of the run."""
@@ -204,15 +202,16 @@ class Page:
         if self.runs.command is None:
             return
         self.first.set_visibility(False)
-        now, before = self.runs.command.report(), self._seen
-        if before is None or before.run is not now.run or now.is_over != before.is_over:
-            self.stage.turn_to_run(now)
+        harvest, before = self.runs.command, self._seen
+        state = harvest.state
+        if before != (harvest, state.is_over):
+            self.stage.turn_to_run(harvest, state)
             self._mark()  # the marks in the form
-        elif before.is_over and self.stage.is_settled(now):
+        elif state.is_over and self.stage.is_settled(harvest):
             return
-        self._seen = now
-        self.progress.show(now)
-        self.stage.show(now)
+        self._seen = harvest, state.is_over
+        self.progress.show(harvest, state)
+        self.stage.show(harvest, state)
 
 
 def presets() -> dict[str, Scenario]:
@@ -222,18 +221,12 @@ def presets() -> dict[str, Scenario]:
 
 def complain(title: str, lines: list[str]) -> None:
     """Open a dialog with a title and error lines. Nothing else changes."""
-    with ui.dialog(value=True).props(f'aria-label="{title}"') as dialog, ui.card().classes("complaint").props("data-view=complaint"):
-        heading(2, title).classes("group-title")
-        for line in lines:
-            ui.label(line).classes("complaint-line")
-        ui.button("OK", on_click=dialog.close).props("no-caps unelevated").classes("self-end")
+    with dialog(title, lines) as opened:
+        ui.button("OK", on_click=opened.close).props("no-caps unelevated").classes("self-end")
 
 
 def show_link(link: str, lacks: list[str]) -> None:
     """Open a dialog with a link to copy. `lacks`: sentences on what of the scenario no link holds."""
-    with ui.dialog(value=True).props('aria-label="A link to this orchard"'), ui.card().classes("complaint"):
-        heading(2, "A link to this orchard")
+    with dialog("A link to this orchard", [f"{words} A file holds them: Save." for words in lacks], "link-dialog"):
         ui.input(value=link).props('readonly outlined dense data-view=link aria-label="Link"').classes("w-full")
-        for words in lacks:
-            ui.label(f"{words} A file holds them: Save.").classes("complaint-line")
-        ui.button("Copy", on_click=lambda: ui.clipboard.write(link)).props("no-caps unelevated data-action=copy").classes("self-end")
+        button("Copy", lambda: ui.clipboard.write(link), "copy", props="unelevated").classes("self-end")

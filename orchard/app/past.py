@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from orchard.app.course import Course
+from orchard.app.course import Course, course_of
 from orchard.app.draft import entries, flat, words_of
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, check
@@ -45,7 +45,7 @@ class PastRun:
 
     @property
     def course(self) -> Course:
-        return Course(self.record.history, self.scenario)
+        return course_of(self.record.history, self.scenario)
 
     @property
     def figures(self) -> dict[str, str]:

@@ -4,33 +4,20 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from orchard.app.draft import hint, number_of, shown
+from orchard.app.command import Files
+from orchard.app.draft import number_of, number_problem, shown, span
 
 MODES = {
     "lockstep": "processes over Zenoh, as on separate machines",
     "local": "all in one process, without a network",
     "realtime": "processes by the wall clock; physics does not wait for late agents",
 }
-
-
 SPEEDS = (0.1, 1000)  # limits, both included: x real time
 DURATIONS = (1, 1_000_000)  # limits, both included: s, simulated
-
-
-def _words(limits: tuple[float, float]) -> str:
-    return f"{limits[0]:g} to {limits[1]:.0f}"
-
-
-def _problem(text: str, limits: tuple[float, float], also: str) -> str:
-    """The problem of a text; '' if it is a number within the limits. `also` is added to the message."""
-    number = number_of(text)
-    good = not isinstance(number, str) and limits[0] <= number <= limits[1]
-    return "" if good else f"must be a number from {_words(limits)}{also}{hint(text)}"
 
 
 @dataclass(frozen=True)
@@ -57,35 +44,10 @@ class RunSettings:
         """Messages for the invalid settings, by name."""
         clock = "; the wall clock sets the pace, so it cannot be max" if self.is_by_the_clock else ""
         told = {
-            "speed": "" if self.is_fastest else _problem(self.speed, SPEEDS, f"; 1 is real time{clock}"),
-            "duration": _problem(self.duration, DURATIONS, "; empty: the whole harvest") if self.duration.strip() else "",
+            "speed": "" if self.is_fastest else number_problem(self.speed, SPEEDS, also=f"; 1 is real time{clock}"),
+            "duration": number_problem(self.duration, DURATIONS, also="; empty: the whole harvest") if self.duration.strip() else "",
         }
         return {name: words for name, words in told.items() if words}
-
-
-@dataclass(frozen=True)
-class Files:
-    """The files of a run: in one folder, under one name."""
-
-    folder: Path
-    name: str
-
-    @property
-    def scenario(self) -> Path:
-        return self.folder / f"{self.name}.yaml"
-
-    @property
-    def recording(self) -> Path:
-        return self.folder / f"{self.name}.rrd"
-
-    @property
-    def summary(self) -> Path:
-        return self.folder / f"{self.name}.json"
-
-    @property
-    def views(self) -> Path:
-        """The file with the views of the page's picture."""
-        return self.folder / f"{self.name}.rbl"
 
 
 def command(settings: RunSettings, files: Files, web_port: int) -> list[str]:
@@ -144,7 +106,7 @@ class RunControls:
             self._slider.on("update:model-value", self._slid, throttle=0.05)
             self._speed = ui.input(value=shown(AT_FIRST), suffix="x", on_change=self._entered).classes("number")
             self._speed.props("dense outlined inputmode=decimal autocomplete=off data-field=speed aria-label=Speed input-class=figure")
-            self._speed.props(f'title="times real time, {_words(SPEEDS)}"')
+            self._speed.props(f'title="times real time, {span(SPEEDS)}"')
             self._fastest = ui.checkbox("fastest", on_change=self._update).props("dense data-field=fastest")
             self._fastest.props('title="as fast as this machine can"')
 
@@ -153,7 +115,7 @@ class RunControls:
             self._duration = ui.input(placeholder="all rows", suffix="s", on_change=self._update).classes("number wide")
             self._duration.props("dense outlined clearable inputmode=decimal autocomplete=off data-field=duration input-class=figure")
             self._duration.props('aria-label="End after"')
-            self._duration.props(f'title="simulated seconds, {_words(DURATIONS)}; empty: the whole harvest"')
+            self._duration.props(f'title="simulated seconds, {span(DURATIONS)}; empty: the whole harvest"')
 
     def _setting(self, name: str, path: str) -> ui.element:
         """Return the container for the controls of a setting. Its problem or explanation is shown below."""

@@ -2,20 +2,18 @@
 
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any
 
 from nicegui import ui
 from nicegui.events import TableSelectionEventArguments
 
 from orchard.app.charts import Charts
 from orchard.app.draft import title_of
-from orchard.app.elements import heading, table
+from orchard.app.elements import button, heading, note, table
 from orchard.app.past import PastRun, differences, past_runs
 from orchard.field.scenario import Scenario
 
-TEXTS = ("Ended", "Scenario", "Mode")
-COLUMNS = (*TEXTS, "Bins", "Simulated", "Bins per hour", "Mean wait", "Carriers at work")
-BY_NUMBER = "(a, b) => parseFloat(a.replace(':', '.')) - parseFloat(b.replace(':', '.'))"  # 10:24 min comes after 9:50 min
+COLUMNS = ("Ended", "Scenario", "Mode", "Bins", "Simulated", "Bins per hour", "Mean wait", "Carriers at work")
+BY_NUMBER = "(a, b) => a.localeCompare(b, 'en', {numeric: true})"  # 10:24 min comes after 9:50 min
 CHECKBOX = "<q-checkbox v-model=\"props.selected\" dense :aria-label=\"'Compare ' + props.row.Ended + ', ' + props.row.Scenario\" />"
 MOST_NAMED = 5  # files that are passed over
 PAGE = 8  # runs on a page of the list
@@ -28,17 +26,17 @@ class RunsView:
         """`folder`: of the runs. `take`: sets the form to the scenario of a run; it is given the run's name, too."""
         self._folder, self._take = folder, take
         self._past: dict[str, PastRun] = {}
-        columns = [_column(name) for name in COLUMNS]
+        columns = [{"name": name, "label": name, "field": name, "align": "left", "sortable": True, ":sort": BY_NUMBER} for name in COLUMNS]
         self._hint = ui.label("Runs that have ended are listed here. Choose two or more to compare them.").classes("hint")
         self._list = ui.table(rows=[], columns=columns, row_key="name", selection="multiple", pagination=PAGE, on_select=self._choose)
         self._list.classes("runs").props("flat dense wrap-cells :rows-per-page-options=[0] data-view=runs")
         self._list.add_slot("header-selection", "Compare")
         self._list.add_slot("body-selection", CHECKBOX)
-        self._others = ui.label().classes("classes").props("data-view=passed-over")
+        self._others = note("data-view=passed-over", "classes")
         with ui.element("div").props("data-view=comparison") as self._comparison:
             self._charts = Charts()
             self._sides = ui.element("div").classes("summary sides")
-            self._use = ui.button("Set the form to this scenario", on_click=self._use_chosen).props("flat no-caps data-action=use-scenario")
+            self._use = button("Set the form to this scenario", self._use_chosen, "use-scenario")
         self._compare([])
 
     def refresh(self) -> None:
@@ -74,12 +72,7 @@ def _name(past: PastRun) -> str:
     return f"{past.ended:%d %b %H:%M:%S}"
 
 
-def _column(name: str) -> dict[str, Any]:
-    column = {"name": name, "label": name, "field": name, "align": "left", "sortable": True}
-    return column if name in TEXTS else column | {":sort": BY_NUMBER}
-
-
-def _row(past: PastRun) -> dict[str, Any]:
+def _row(past: PastRun) -> dict[str, str]:
     known = {"name": past.name, "Ended": f"{past.ended:%Y-%m-%d %H:%M:%S}", "Scenario": title_of(past.scenario), "Mode": past.record.mode}
     return known | past.figures
 

@@ -7,20 +7,14 @@ from functools import cached_property
 
 import msgspec
 
-from orchard.app.command import PageCommand
-from orchard.app.draft import hint, number_of, shown
-from orchard.app.harvest_run import RunState
+from orchard.app.command import Files, PageCommand
+from orchard.app.draft import number_problem, shown
 from orchard.app.latest import Latest
-from orchard.app.run_controls import Files
 from orchard.field.queue import MOST_CARRIERS
-from orchard.field.scenario import Scenario, to_yaml
+from orchard.field.scenario import Scenario
 from orchard.study.result import Goal, StudyResult
 
-GOALS: dict[Goal, str] = {
-    "bins_per_hour": "most bins an hour",
-    "cost_per_bin": "least cost of a bin",
-    "harvest_seconds": "shortest harvest",
-}
+CARRIERS = (1, MOST_CARRIERS)
 BUDGET = (1, 86_400)  # s of wall time, both included
 
 
@@ -39,22 +33,14 @@ class StudySettings:
     @cached_property
     def problems(self) -> dict[str, str]:
         """Messages for the invalid settings, by name."""
-        first, last, budget = number_of(self.first), number_of(self.last), number_of(self.budget)
         told = {
-            "first": _problem(first, 1, MOST_CARRIERS, isinstance(first, int), self.first),
-            "last": _problem(last, 1, MOST_CARRIERS, isinstance(last, int), self.last),
-            "budget": _problem(budget, *BUDGET, True, self.budget),
+            "first": number_problem(self.first, CARRIERS, is_whole=True),
+            "last": number_problem(self.last, CARRIERS, is_whole=True),
+            "budget": number_problem(self.budget, BUDGET),
         }
-        if isinstance(first, int) and isinstance(last, int) and first > last and not told["first"]:
-            told["last"] = told["last"] or f"must be at least {first}, with which it begins"
+        if not told["first"] and not told["last"] and int(self.first) > int(self.last):
+            told["last"] = f"must be at least {int(self.first)}, with which it begins"
         return {name: words for name, words in told.items() if words}
-
-
-def _problem(number: float | str, least: int, most: int, is_right: bool, text: str) -> str:
-    """The problem of a number; '' if it is within the limits."""
-    if not isinstance(number, str) and is_right and least <= number <= most:
-        return ""
-    return f"must be a {'whole ' if most == MOST_CARRIERS else ''}number from {least} to {most}{hint(text)}"
 
 
 def lacks_prices(settings: StudySettings, scenario: Scenario) -> bool:
@@ -79,10 +65,9 @@ class StudyRun(PageCommand):
     """One study. `result`: what is known so far, and at its end the answer."""
 
     def __init__(self, scenario: Scenario, settings: StudySettings, files: Files) -> None:
-        self.scenario, self.settings, self.files = scenario, settings, files
+        self.settings = settings
         self.result: StudyResult | None = None
-        files.scenario.write_text(to_yaml(scenario))
-        super().__init__(study_command(settings, files), files.folder)
+        super().__init__(scenario, files, study_command(settings, files))
 
     def words_of(self, line: str) -> str | None:
         """Take the partial result that a line tells."""
@@ -97,12 +82,9 @@ class StudyRun(PageCommand):
         self.result = self.read(self.files.summary, StudyResult) or self.result
 
     @property
-    def state(self) -> RunState:
-        if not self.is_over:
-            return RunState.stopping if self.asked_to_stop else RunState.running
-        if self.exit_code == 0 and self.result is not None and not self.asked_to_stop:
-            return RunState.finished
-        return RunState.stopped if self.asked_to_stop else RunState.failed
+    def is_complete(self) -> bool:
+        """Whether there is an answer to all that was asked."""
+        return self.result is not None and not self.asked_to_stop
 
 
-Studies = Latest[StudyRun, StudySettings]
+Studies = Latest[StudyRun]

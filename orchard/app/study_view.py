@@ -1,20 +1,21 @@
 """How many carriers? What to compare, the picture that grows while the study runs, the answer, and the settings that one can watch."""
 
 from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any
 
 from nicegui import run, ui
 
+from orchard.app.command import STATE_COLOURS
 from orchard.app.desks import Desk
-from orchard.app.elements import heading, table
-from orchard.app.harvest_run import STATE_COLOURS
+from orchard.app.elements import button, heading, note, table
 from orchard.app.own_classes import CHOICES
-from orchard.app.study_run import GOALS, Studies, StudyRun, StudySettings, lacks_prices
+from orchard.app.study_run import Studies, StudyRun, StudySettings, lacks_prices
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.study.answer import sentence
 from orchard.study.result import StudyResult
 from orchard.study.table import legend, words
-from orchard.study.words import setting_words
+from orchard.study.words import GOALS, setting_words
 
 REDRAW_SECONDS = 1.0  # s between two pictures
 Take = Callable[[Scenario, str], Awaitable[None]]
@@ -40,21 +41,16 @@ class StudyView:
             with ui.element("div").classes("study-fields") as self._fields:
                 self._build_fields()
             with ui.element("div").classes("study-buttons"):
-                self._start_button = ui.button("Start", icon="play_arrow", on_click=self._start).props(
-                    "no-caps unelevated data-action=study-start"
-                )
-                self._stop_button = ui.button("Stop", icon="stop", on_click=self._stop)
-                self._stop_button.props("no-caps unelevated color=negative data-action=study-stop")
+                self._start_button = button("Start", self._start, "study-start", "play_arrow", "unelevated")
+                self._stop_button = button("Stop", self._stop, "study-stop", "stop", "unelevated color=negative")
                 self._badge = ui.badge().props("data-view=study-state")
-            self._trouble = ui.label().classes("field-problem").props("data-problem=study role=alert")
+            self._trouble = note("data-problem=study role=alert")
             self._answer = ui.label().classes("answer").props("data-view=answer role=status")
             self._orchard = ui.label().classes("path").props("data-view=study-orchard")
             self._notes = ui.label().classes("classes").props("data-view=study-notes")
             self._picture = ui.html("", sanitize=False).classes("study-picture").props("data-view=study-picture")
             self._table = ui.element("div").classes("summary sides").props("data-view=study-table")
-            self._report = ui.button("Save the report", icon="download", on_click=self._download).props(
-                "flat no-caps data-action=study-report"
-            )
+            self._report = button("Save the report", self._download, "study-report", "download")
         self._entered()
         ui.timer(REDRAW_SECONDS, self._watch)
 
@@ -113,22 +109,24 @@ class StudyView:
         names = {"first": "Carriers from", "last": "Carriers to", "budget": "Time to take"}
         told = [f"{names[name]}: {problem}" for name, problem in settings.problems.items()]
         self._trouble.set_text("; ".join(told))
-        self._trouble.set_visibility(bool(told))
         self._start_button.set_enabled(not told)
 
     def _start(self) -> None:
-        scenario = self._drafted()
-        why = "The form has an invalid value" if scenario is None else ""
-        if scenario is not None and lacks_prices(self.settings, scenario):
-            why = "The least cost needs a price: enter one under Prices in the form"
-        if scenario is not None and not why:
-            try:
-                self._studies.start(scenario, self.settings)
-            except (OSError, RuntimeError, ValueError) as error:
-                why = f"The study was not started: {error}"
-        self._trouble.set_text(why)
-        self._trouble.set_visibility(bool(why))
+        self._trouble.set_text(self._started())
         self._update_buttons()
+
+    def _started(self) -> str:
+        """Start the study. Return why it was not started; '' if it was."""
+        scenario, settings = self._drafted(), self.settings
+        if scenario is None or settings.problems:
+            return "The form has an invalid value"
+        if lacks_prices(settings, scenario):
+            return "The least cost needs a price: enter one under Prices in the form"
+        try:
+            self._studies.start(partial(StudyRun, scenario, settings))
+        except (OSError, RuntimeError) as error:
+            return f"The study was not started: {error}"
+        return ""
 
     def _stop(self) -> None:
         self._studies.stop()
@@ -180,9 +178,8 @@ class StudyView:
 
         def act(number: int) -> None:
             said = setting_words(result.table[number].setting)
-            ui.button("Set the form", on_click=lambda: self._use(result, number)).props(
-                f'flat dense no-caps data-action=study-use-{number} aria-label="Set the form to {said}"'
-            )
+            use = button("Set the form", partial(self._use, result, number), f"study-use-{number}", props="flat dense")
+            use.props["aria-label"] = f"Set the form to {said}"
 
         with self._table:
             heading(3, "Settings")

@@ -8,15 +8,17 @@ from typing import Any, TypeVar
 from nicegui import ui
 
 from orchard.app.charts import Charts
+from orchard.app.command import STATE_COLOURS, RunState
 from orchard.app.desks import Desk
 from orchard.app.draft import title_of
 from orchard.app.elements import heading, table
-from orchard.app.harvest_run import STATE_COLOURS, Run, RunReport, RunState
+from orchard.app.harvest_run import Run
 from orchard.app.preview import PlanView
 from orchard.app.runs_view import RunsView
 from orchard.app.study_run import Studies
 from orchard.app.study_view import StudyView, Take
 from orchard.field.scenario import Scenario
+from orchard.report.progress import Headline
 from orchard.report.sentence import clock, share_picked
 from orchard.report.summary import as_table
 
@@ -38,25 +40,24 @@ class ProgressView:
             self._words = ui.label().classes("figure-line").props("data-view=progress")
         self._box.set_visibility(False)
 
-    def show(self, report: RunReport) -> None:
-        """Show the progress in a report."""
-        colour = STATE_COLOURS[report.state]
+    def show(self, run: Run, state: RunState) -> None:
+        """Show the progress of a run."""
         self._box.set_visibility(True)
-        self._badge.set_text(report.state)
-        self._title.set_text(title_of(report.run.scenario))
-        self._badge.props(f"color={colour}")
-        known = report.headline
-        done = 1.0 if report.state is RunState.finished else known.fraction if known else 0.0
-        self._bar.set_value(done)
-        is_unknown = not known and not report.is_over
-        self._bar.props(f"color={colour} {'indeterminate' if is_unknown else ''}", remove="" if is_unknown else "indeterminate")
-        self._words.set_text(_progress(report))
+        colour = f"color={STATE_COLOURS[state]}"
+        self._badge.set_text(state)
+        self._badge.props(colour)
+        self._title.set_text(title_of(run.scenario))
+        known = run.headline
+        self._bar.set_value(1.0 if state is RunState.finished else known.fraction if known else 0.0)
+        is_unknown = not known and not state.is_over
+        self._bar.props(
+            f"color={STATE_COLOURS[state]} {'indeterminate' if is_unknown else ''}", remove="" if is_unknown else "indeterminate"
+        )
+        self._words.set_text(_progress(known, state) if known else "starting" if is_unknown else "")
 
 
-def _progress(report: RunReport) -> str:
-    if (known := report.headline) is None:
-        return "" if report.is_over else "starting"
-    left = math.inf if report.is_over else known.seconds_left()
+def _progress(known: Headline, state: RunState) -> str:
+    left = math.inf if state.is_over else known.seconds_left()
     parts = [
         f"simulated {clock(known.sim_seconds)} at {known.times_real_time:g} x real time",
         f"{share_picked(known.metres_picked, known.rows * known.row_length)} picked",
@@ -74,9 +75,8 @@ class MessagesView:
         self._run: Run | None = None
         self._shown = 0
 
-    def show(self, report: RunReport) -> None:
+    def show(self, run: Run, state: RunState) -> None:
         """Append the new lines of a run."""
-        run = report.run
         if run is not self._run:
             self._log.clear()
             self._run, self._shown = run, 0
@@ -104,9 +104,9 @@ class PictureView:
         """Whether the frame shows the recording of a finished run, or no recording exists."""
         return self._bare is run or self._shown == (run, True)
 
-    def show(self, report: RunReport) -> None:
+    def show(self, run: Run, state: RunState) -> None:
         """Point the frame at a run once its servers answer. The frame then stays unchanged: a new address would reload the viewer."""
-        run, now = report.run, (report.run, report.is_over)
+        now = run, state.is_over
         if self.is_seen:
             self._figures.show({"": run.course})
         if now == self._shown or not self.is_seen:
@@ -116,8 +116,8 @@ class PictureView:
             self._frame.props(f'src="{ready}"')
             self._link.props(f'href="{ready}"')
         self._shown = now if ready else None
-        self._show_hint("" if ready else _without_picture(report))
-        self._bare = run if not ready and report.is_over and not run.files.recording.exists() else None
+        self._show_hint("" if ready else _without_picture(run, state))
+        self._bare = run if not ready and state.is_over and not run.files.recording.exists() else None
 
     def _show_hint(self, words: str) -> None:
         self._hint.set_text(words)
@@ -126,10 +126,10 @@ class PictureView:
             element.set_visibility(not words)
 
 
-def _without_picture(report: RunReport) -> str:
-    if not report.is_over:
-        return "The picture is being prepared." if report.run.settings.live else "The recording appears here when the run is over."
-    return "The recording is being opened." if report.run.files.recording.exists() else "No recording was made."
+def _without_picture(run: Run, state: RunState) -> str:
+    if not state.is_over:
+        return "The picture is being prepared." if run.settings.live else "The recording appears here when the run is over."
+    return "The recording is being opened." if run.files.recording.exists() else "No recording was made."
 
 
 class SummaryView:
@@ -146,24 +146,24 @@ class SummaryView:
         with self._box:
             ui.label("The summary appears here when a harvest has ended.").classes("hint")
 
-    def show(self, report: RunReport) -> None:
+    def show(self, run: Run, state: RunState) -> None:
         """Show the summary once, when the run is over."""
-        if not report.is_over or report.run is self._run:
+        if not state.is_over or run is self._run:
             return
-        self._run = run = report.run
+        self._run = run
         self._result.set_visibility(True)
         self._title.set_text(title_of(run.scenario))
-        self._words.set_text(f"{run.settings.mode}, {report.state}, {run.files.name}")
+        self._words.set_text(f"{run.settings.mode}, {state}, {run.files.name}")
         self._charts.show({"": run.course})
         self._box.clear()
         with self._box:
-            if report.summary is not None:
-                _table(report.summary, report.run.files.recording)
-            elif report.state is RunState.stopped:
+            if run.summary is not None:
+                _table(run.summary, run.files.recording)
+            elif state is RunState.stopped:
                 ui.label("The run was stopped before it wrote a summary.").classes("hint")
             else:
                 ui.label("There is no summary. The last messages of the run:").classes("hint")
-                ui.label("\n".join(report.run.said[1][-12:])).classes("last-words")
+                ui.label("\n".join(run.said[1][-12:])).classes("last-words")
 
 
 def _table(summary: dict[str, Any], recording: Path) -> None:
@@ -208,17 +208,17 @@ class Stage:
         """Select the study."""
         self._choice.set_value("Study")
 
-    def is_settled(self, report: RunReport) -> bool:
-        """Whether the run is over and its views need no further update."""
-        return report.is_over and self._picture.is_settled(report.run)
+    def is_settled(self, run: Run) -> bool:
+        """Whether the views of a run that is over need no further update."""
+        return self._picture.is_settled(run)
 
-    def show(self, report: RunReport) -> None:
+    def show(self, run: Run, state: RunState) -> None:
         """Update the views of a run."""
         self._picture.is_seen = self._choice.value == "Picture"
         for view in (self._picture, self._summary, self._messages):
-            view.show(report)
+            view.show(run, state)
 
-    def turn_to_run(self, report: RunReport) -> None:
+    def turn_to_run(self, run: Run, state: RunState) -> None:
         """Select the view of a run that is new on this page, or has ended."""
-        live = "Picture" if report.run.settings.live else "Messages"
-        self._choice.set_value("Summary" if report.is_over else live)
+        live = "Picture" if run.settings.live else "Messages"
+        self._choice.set_value("Summary" if state.is_over else live)

@@ -15,8 +15,7 @@ def sentence(result: StudyResult) -> str:
     """Return the answer: the best setting, its figures, what cannot be told apart from it, and what the simulator says."""
     if not result.table:
         return "No setting has been run yet."
-    best = next((row for row in result.table if row.setting == result.best), None)
-    if best is None:
+    if (best := result.best_row) is None:
         return _jammed(result)
     figures = f"{setting_words(best.setting)}: {_figures(best, result)}{_of_those_that_were_run(result)}"
     parts = [figures, _ties(result), _checked(best, result), _unsure(best)]
@@ -63,10 +62,9 @@ def _ties(result: StudyResult) -> str:
 
 def _nearest_first(result: StudyResult) -> list[dict[str, Any]]:
     """The settings that cannot be told apart from the best, those first with the mean that is nearest to its mean."""
-    means = {i: figure.mean for i, row in enumerate(result.table) if (figure := getattr(row, result.goal)) is not None}
-    best = next(means[i] for i, row in enumerate(result.table) if row.setting == result.best)
-    order = sorted(means, key=lambda i: abs(means[i] - best))
-    return [result.table[i].setting for i in order if result.table[i].setting in result.indistinguishable]
+    best = getattr(result.best_row, result.goal).mean
+    rows = [row for row in result.table if row.setting in result.indistinguishable]
+    return [row.setting for row in sorted(rows, key=lambda row: abs(getattr(row, result.goal).mean - best))]
 
 
 def _one(setting: dict[str, Any]) -> str:
@@ -113,12 +111,10 @@ def _overtaken(best: Row, result: StudyResult) -> str:
     """The setting that is better than the best for certain in the simulator, if it is about bins or time; '' if there is none."""
     if best.check is None or result.goal == "cost_per_bin":
         return ""
-    ahead = [row for row in result.table if row.check is not None and row.check.bins_per_hour.low > best.check.bins_per_hour.high]
-    if not ahead:
-        return ""
-    first = max(ahead, key=lambda row: row.check.bins_per_hour.mean if row.check else 0.0)
-    assert first.check is not None
-    return f", and prefers {setting_words(first.setting)} with {interval_words(first.check.bins_per_hour)}"
+    rates = [(row.check.bins_per_hour, row.setting) for row in result.table if row.check is not None]
+    first, setting = max(rates, key=lambda one: one[0].mean)
+    is_ahead = first.low > best.check.bins_per_hour.high
+    return f", and prefers {setting_words(setting)} with {interval_words(first)}" if is_ahead else ""
 
 
 def _unsure(best: Row) -> str:

@@ -71,18 +71,17 @@ class Content:
     def lines(self) -> list[Curve]:
         """The lines, at most MOST_LINES of them: those that reach most of the goal."""
         rows: dict[tuple[Any, ...], list[Row]] = {}
-        for row in self.result.table:
+        for row in sorted(self.result.table, key=self.place):
             rows.setdefault(tuple(row.setting.get(key) for key in self.others), []).append(row)
-        made = [Curve(dict(zip(self.others, rest, strict=True)), sorted(some, key=self.place)) for rest, some in rows.items()]
-        if len(made) <= MOST_LINES:
-            return made
+        made = [Curve(dict(zip(self.others, rest, strict=True)), some) for rest, some in rows.items()]
         best = sorted(made, key=self._reached)[:MOST_LINES]
         return [line for line in made if line in best]
 
     def _reached(self, line: Curve) -> float:
         """The best figure of a line, smaller if it is better."""
-        figures = [figure.mean for row in line.known if (figure := getattr(row, self.result.goal)) is not None]
-        return min((-figure if self.result.goal == "bins_per_hour" else figure for figure in figures), default=float("inf"))
+        sign = -1.0 if self.result.goal == "bins_per_hour" else 1.0
+        figures = (getattr(row, self.result.goal) for row in line.known)
+        return min((sign * figure.mean for figure in figures if figure is not None), default=float("inf"))
 
     def place(self, row: Row) -> float:
         """Where a row stands along the axis."""
@@ -90,22 +89,12 @@ class Content:
         return float(value) if self.is_numeric and value is not None else float(self.values.index(value)) if self.values else 0.0
 
     @cached_property
-    def best(self) -> Row | None:
-        return next((row for row in self.result.table if row.setting == self.result.best), None)
-
-    @cached_property
     def knee(self) -> Row | None:
         """On the line of the best setting, the fewest from which on no more gain over WORTH; None if only the last one is that."""
-        line = next((line for line in self.lines if self.best in line.rows), None)
-        if not self.is_numeric or line is None or len(line.known) < 2:
-            return None
-        rows = enumerate(line.known[:-1])
-        return next((row for i, row in rows if _rate(row) * (1.0 + WORTH) >= max(map(_rate, line.known[i:]))), None)
-
-
-def _rate(row: Row) -> float:
-    assert row.bins_per_hour is not None
-    return row.bins_per_hour.mean
+        known = next((line.known for line in self.lines if self.result.best_row in line.rows), [])
+        rates = [row.bins_per_hour.mean for row in known if row.bins_per_hour is not None]
+        enough = (row for i, row in enumerate(known[:-1]) if rates[i] * (1.0 + WORTH) >= max(rates[i:]))
+        return next(enough, None) if self.is_numeric else None
 
 
 def figure(result: StudyResult) -> Figure:
@@ -131,10 +120,8 @@ def _draw_rates(axes: Axes, content: Content) -> None:
         places, colour = _places(content, line, number), COLOURS[number % len(COLOURS)]
         bounds = [row.bound_bins_per_hour for row in line.rows]
         said = "bound" if number == 0 else None
-        if content.is_numeric:
-            axes.plot(places, bounds, color=colour, lw=1, ls=(0, (1, 2)), label=said)
-        else:
-            axes.plot(places, bounds, color=colour, ls="", marker="_", ms=16, label=said)
+        look: dict[str, Any] = {"lw": 1, "ls": (0, (1, 2))} if content.is_numeric else {"ls": "", "marker": "_", "ms": 16}
+        axes.plot(places, bounds, color=colour, label=said, **look)
         _draw_figures(axes, content, line, number, [row.bins_per_hour for row in line.rows])
         checked = [(place, row.check) for place, row in zip(places, line.rows, strict=True) if row.check is not None]
         if checked:
@@ -186,7 +173,7 @@ def _draw_figures(axes: Axes, content: Content, line: Curve, number: int, figure
     else:
         axes.errorbar(along, [one.mean for one in shown], _halves(shown), ls="", capsize=5, lw=1.4, label=name, **look)
     for place, one, row in zip(places, figures, line.rows, strict=True):
-        if row is content.best and one is not None:
+        if row is content.result.best_row and one is not None:
             axes.plot([place], [one.mean], marker="o", ms=14, mfc="none", mec=INK, mew=1.5, ls="", zorder=4, label="best")
             axes.annotate(interval_words(one), (place, one.mean), xytext=(10, -16), textcoords="offset points", fontsize=9, color=INK)
 

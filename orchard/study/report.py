@@ -12,9 +12,8 @@ from orchard.study.answer import sentence
 from orchard.study.picture import inline_svg
 from orchard.study.result import StudyResult
 from orchard.study.table import legend, words
-from orchard.study.words import key_words, value_words
+from orchard.study.words import GOALS, key_words, value_words
 
-GOALS = {"bins_per_hour": "most bins an hour", "cost_per_bin": "least cost of a bin", "harvest_seconds": "shortest harvest"}
 HORIZONS = {"harvest": "one harvest, with its beginning and its end", "long": "a long harvest, without its beginning and its end"}
 ENDS = {
     "certain": "the best setting was certain",
@@ -41,7 +40,7 @@ def document(result: StudyResult) -> str:
         picture=Markup(inline_svg(result)),  # matplotlib has escaped its words
         heads=heads,
         lines=lines,
-        best=next((i for i, row in enumerate(result.table) if row.setting == result.best), None),
+        best=result.table.index(result.best_row) if result.best_row else None,
         legend=legend(result),
         made=_made(result),
         notes=result.notes,

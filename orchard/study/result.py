@@ -81,3 +81,8 @@ class StudyResult:
     notes: list[str]  # what the budget did not allow, what jammed, where fast and full model disagree
     version: str
     violations: list[str] = field(default_factory=list)  # of invariants, in full runs: a fault of the simulator or of an agent
+
+    @property
+    def best_row(self) -> Row | None:
+        """The line of the best setting."""
+        return next((row for row in self.table if row.setting == self.best), None)

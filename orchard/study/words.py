@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from orchard.field.scenario import Scenario
 from orchard.study.result import Interval
 
+GOALS = {"bins_per_hour": "most bins an hour", "cost_per_bin": "least cost of a bin", "harvest_seconds": "shortest harvest"}
 COUNTED = ("rows", "pickers", "carriers", "people.workers", "people.visitors", "animals.dogs", "animals.cats", "weeds")  # numbers of things
 SAID = {"dispatch": "with {}", "rows_to_pickers": "with {} rows", "route": "on {}"}  # keys whose value says enough
 SAME = 1e-9  # of the mean: an interval narrower than that is rounding

@@ -8,7 +8,7 @@ from local_runs import local_hash
 from own_agents import Hostile
 from page_server import RUN_SECONDS, skip_without_packages
 
-from orchard.app.charts import FIGURES
+from orchard.app.charts import STEPS
 from orchard.field.scenario import Scenario, load
 
 skip_without_packages()
@@ -70,7 +70,7 @@ def test_a_run_in_realtime_takes_numbers_only(small):
     small.until(lambda: "% picked" in small.view("progress").text, "progress of a run of processes", RUN_SECONDS)
     assert small.view("state").text == "running"
     small.turn_to("Picture")
-    small.until(lambda: shown_charts(small) == list(FIGURES), "all charts grow while it runs", RUN_SECONDS)
+    small.until(lambda: shown_charts(small) == list(STEPS), "all charts grow while it runs", RUN_SECONDS)
     small.press("stop")
     small.tell_state("stopped", RUN_SECONDS)
     small.turn_to("Summary")

@@ -6,13 +6,13 @@ import sys
 
 import pytest
 
-from orchard.app.course import Course
-from orchard.app.desks import MOST, Desks
+from orchard.app.command import Files
+from orchard.app.course import BINS, BUSY, WAITING, course_of
+from orchard.app.desks import MOST, desk_of
 from orchard.app.draft import Draft, title_of
 from orchard.app.harvest_run import Run
 from orchard.app.link import draft_of, query_of
 from orchard.app.past import differences, past_runs
-from orchard.app.run_controls import Files
 from orchard.app.study_run import StudyRun, StudySettings
 from orchard.field.scenario import Scenario, with_changes
 
@@ -40,17 +40,17 @@ def test_what_is_wrong_in_a_link_is_told():
 
 
 def test_each_browser_has_its_desk_and_two_pages_of_one_do_not_change_each_other():
-    desks = Desks()
-    desks.of("one").draft.set("rows", "9")
-    assert desks.of("one").draft.scenario == Scenario(rows=9)
-    assert desks.of("other").draft.scenario == Scenario()
-    page = desks.of("one").draft.copy()
+    desk_of.cache_clear()
+    desk_of("one").draft.set("rows", "9")
+    assert desk_of("one").draft.scenario == Scenario(rows=9)
+    assert desk_of("other").draft.scenario == Scenario()
+    page = desk_of("one").draft.copy()
     page.set("rows", "x")
-    assert desks.of("one").draft.scenario == Scenario(rows=9)
+    assert desk_of("one").draft.scenario == Scenario(rows=9)
     for n in range(MOST - 1):
-        desks.of(str(n))
-    assert desks.of("one").draft.scenario == Scenario(rows=9), "it was there last"
-    assert desks.of("other").draft.scenario == Scenario() and len(desks._desks) == MOST
+        desk_of(str(n))
+    assert desk_of("one").draft.scenario == Scenario(rows=9), "it was there last"
+    assert desk_of("other").draft.scenario == Scenario() and desk_of.cache_info().currsize == MOST
 
 
 def test_a_scenario_has_a_title_and_a_draft_its_own_values():
@@ -105,7 +105,5 @@ def test_a_summary_that_no_run_can_have_written_is_no_summary(tmp_path, change):
 
 
 def test_the_course_is_what_the_charts_show():
-    course = Course(SUMMARY["history"], Scenario(rows=3, pickers=2, carriers=2))
-    assert course.bins() == [[0.17, 0], [0.33, 1]]
-    assert course.waiting() == [[0.17, 0.0], [0.33, 50.0]]
-    assert course.busy() == [[0.17, 100.0], [0.33, 50.0]]
+    course = course_of(SUMMARY["history"], Scenario(rows=3, pickers=2, carriers=2))
+    assert course == {BINS: [[0.17, 0], [0.33, 1]], WAITING: [[0.17, 0.0], [0.33, 50.0]], BUSY: [[0.17, 100.0], [0.33, 50.0]]}

@@ -15,7 +15,7 @@ from command_line import SECONDS, orchard, starting
 from typer.testing import CliRunner
 
 from orchard.field.scenario import load
-from orchard.launch.commands import app
+from orchard.launch import commands
 from orchard.study.runs import PlannedRun
 from orchard.study.store import Store, StoreFailed
 
@@ -124,45 +124,34 @@ def test_a_study_that_ends_early_goes_on_to_the_same_table(folder, undisturbed, 
         (["--summary", "/no/such/folder/file.json"], ["/no/such/folder/file.json: cannot be written"]),
     ],
 )
-def test_mistakes_are_told_with_exit_code_2(options, told, capsys, monkeypatch, tmp_path):
-    from orchard.launch import commands
+def test_mistakes_are_told_with_exit_code_2(options, told, mistakes):
+    said = mistakes("--vary", "rows=3,4", "--model", "fast", *options)
+    assert all(words in said for words in told), said
+    assert "Traceback" not in said
+
+
+@pytest.fixture
+def mistakes(capsys, monkeypatch, tmp_path):
+    """What the command says to words that are wrong."""
+
+    def said(*words):
+        monkeypatch.setattr("sys.argv", ["orchard", "study", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            commands.main()
+        assert ended.value.code == 2
+        return capsys.readouterr().err
 
     monkeypatch.setenv("ORCHARD_RUNS", str(tmp_path))
     monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr("sys.argv", ["orchard", "study", "--vary", "rows=3,4", "--model", "fast", *options])
-    with pytest.raises(SystemExit) as ended:
-        commands.main()
-    said = capsys.readouterr()
-    assert ended.value.code == 2
-    assert all(words in said.err for words in told), said.err
-    assert "Traceback" not in said.err
+    return said
 
 
-def test_faults_of_the_file_the_options_and_the_ranges_are_told_at_once(capsys, monkeypatch, tmp_path):
+def test_faults_of_the_file_the_options_and_the_ranges_are_told_at_once(mistakes, tmp_path):
     """Nothing is told that may follow from a fault of the file: here a price, and the number of rows."""
-    from orchard.launch import commands
-
     (tmp_path / "bad.yaml").write_text("rows: 99\nprices: {per_bin: -1}\n")
-    options = [
-        "--goal",
-        "cost_per_bin",
-        "--model",
-        "slow",
-        "--within",
-        "3",
-        "--workers",
-        "0",
-        "--csv",
-        "/no/such/folder/file.csv",
-        "--out",
-        "README.md",
-    ]
-    varied = ["--vary", "carriers=0..5", "--vary", "pickers=20"]
-    monkeypatch.setattr("sys.argv", ["orchard", "study", str(tmp_path / "bad.yaml"), *varied, *options])
-    with pytest.raises(SystemExit) as ended:
-        commands.main()
-    assert ended.value.code == 2
-    assert [line.removeprefix(str(tmp_path))[:22] for line in capsys.readouterr().err.splitlines()] == [
+    options = "--goal cost_per_bin --model slow --within 3 --workers 0 --csv /no/such/folder/file.csv --out README.md"
+    said = mistakes(tmp_path / "bad.yaml", "--vary", "carriers=0..5", "--vary", "pickers=20", *options.split())
+    assert [line.removeprefix(str(tmp_path))[:22] for line in said.splitlines()] == [
         "--within: 3: expected ",
         "--model: slow: expecte",
         "--workers: 0: expected",
@@ -174,18 +163,9 @@ def test_faults_of_the_file_the_options_and_the_ranges_are_told_at_once(capsys, 
     ]
 
 
-def test_of_a_file_that_cannot_be_read_only_what_is_wrong_anyway_is_told(capsys, monkeypatch):
-    from orchard.launch import commands
-
-    words = ["no_such.yaml", "--vary", "seed=1,2", "--vary", "pickers=20", "--goal", "cost_per_bin"]
-    monkeypatch.setattr("sys.argv", ["orchard", "study", *words])
-    with pytest.raises(SystemExit) as ended:
-        commands.main()
-    assert ended.value.code == 2
-    assert [line.split(": ")[:2] for line in capsys.readouterr().err.splitlines()] == [
-        ["--vary seed=1,2", "seed"],
-        ["no_such.yaml", "no such file"],
-    ]
+def test_of_a_file_that_cannot_be_read_only_what_is_wrong_anyway_is_told(mistakes):
+    said = mistakes("no_such.yaml", "--vary", "seed=1,2", "--vary", "pickers=20", "--goal", "cost_per_bin")
+    assert [line.split(": ")[:2] for line in said.splitlines()] == [["--vary seed=1,2", "seed"], ["no_such.yaml", "no such file"]]
 
 
 def test_a_budget_too_short_for_one_run_is_exit_code_1(folder):
@@ -213,5 +193,5 @@ def test_a_store_that_fails_is_a_failure_and_no_bad_input(folder, monkeypatch):
         raise StoreFailed("full.db: a run cannot be kept: disk I/O error")
 
     monkeypatch.setattr("orchard.launch.study.study", fail)
-    done = CliRunner().invoke(app, ["study", "--vary", "carriers=1,2", "--out", str(folder / "full.db")])
+    done = CliRunner().invoke(commands.app, ["study", "--vary", "carriers=1,2", "--out", str(folder / "full.db")])
     assert (done.exit_code, done.stderr) == (1, "full.db: a run cannot be kept: disk I/O error\n")

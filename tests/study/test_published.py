@@ -7,10 +7,11 @@ from statistics import fmean
 from typing import Any
 
 import simpy
+from made_studies import run_race
 from scipy import stats
 
 from orchard.field.repeatable import draw, exponential, normal
-from orchard.study.racing import LOOKS, Race
+from orchard.study.racing import Race
 from orchard.study.statistics import interval
 
 # Six machines and one repairman, M/M/1//6: each fails after 20 on average, and a repair takes 2. As published: P0 0.4845, waiting 0.3297,
@@ -61,15 +62,8 @@ RACES = 100
 
 def raced(number: int) -> tuple[Race, dict[int, list[float]]]:
     """A race among the five designs, and what it saw of each."""
-    race, seen = Race(len(MEANS), False, 0.95, 1e-9), {i: list[float]() for i in range(len(MEANS))}
-    for look in LOOKS:
-        for i in race.left:
-            more = range(len(seen[i]), look)
-            seen[i] += [MEANS[i] + sqrt(VARIANCES[i]) * normal(*draw(number, f"design {i}", seed, 2)) for seed in more]
-        race.look({i: seen[i] for i in race.left}, look == LOOKS[-1])
-        if race.why is not None:
-            break
-    return race, seen
+    race = Race(len(MEANS), False, 0.95, 1e-9)
+    return race, run_race(race, lambda i, seed: MEANS[i] + sqrt(VARIANCES[i]) * normal(*draw(number, f"design {i}", seed, 2)))
 
 
 def test_a_race_finds_the_published_best_of_five_designs_with_fewer_runs_than_equal_shares_need() -> None:

@@ -31,12 +31,13 @@ def test_a_run_without_its_hash_is_the_same_run():
     assert len(hashed.engine.hash) == 64 and bare.engine.hash == ""
 
 
-def test_an_error_in_a_run_is_told_with_the_run(monkeypatch):
+@pytest.mark.parametrize("error", [LookupError("no such bin"), SystemExit(0)])
+def test_an_error_in_a_run_is_told_with_the_run_and_does_not_end_the_program(error, monkeypatch):
     def fail(*_):
-        raise LookupError("no such bin")
+        raise error
 
     monkeypatch.setattr("orchard.study.runs._fast", fail)
-    with pytest.raises(RunFailed, match=r"seed 1, fast model, predictive: LookupError: no such bin"):
+    with pytest.raises(RunFailed, match=rf"seed 1, fast model, predictive: {type(error).__name__}: {error}"):
         do(PlannedRun(SCENARIO, "fast"), time.time())
 
 
@@ -53,15 +54,6 @@ def test_what_is_wrong_with_a_policy_is_told_with_its_place_in_the_users_own_fil
     fault = rf"dispatch policy own_policies\.{policy}, tick \d+: {words} \([^()]*own_policies\.py, line \d+\)$"
     with pytest.raises(RunFailed, match=fault):
         do(PlannedRun(with_changes(SCENARIO, dispatch=f"own_policies.{policy}"), "fast"), time.time())
-
-
-def test_a_run_that_would_end_the_program_is_told_as_failed(monkeypatch):
-    def leave(*_):
-        raise SystemExit(0)
-
-    monkeypatch.setattr("orchard.study.runs._fast", leave)
-    with pytest.raises(RunFailed, match="SystemExit: 0"):
-        do(PlannedRun(SCENARIO, "fast"), time.time())
 
 
 def test_a_full_run_tells_what_failed_in_a_policy_of_the_users_own():

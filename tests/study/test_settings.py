@@ -128,11 +128,6 @@ def test_chance_needs_people_animals_spread_failures_or_noise() -> None:
     assert random == [False, True, True, True, True, True]
 
 
-def test_nothing_is_random_in_the_scenario_undisturbed() -> None:
-    (setting,) = settings_of(load_or_shipped(Path("undisturbed")), {})
-    assert not setting.is_random
-
-
 def test_a_policy_of_the_users_own_may_draw_by_the_seed() -> None:
     undisturbed = load_or_shipped(Path("undisturbed"))
     assert [setting.is_random for setting in settings_of(undisturbed, {"dispatch": ["nearest", "my.Own"]})] == [False, True]

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from made_studies import run_race
 from scipy import stats
 
 from orchard.field.repeatable import draw, normal
-from orchard.study.racing import LOOKS, Race
+from orchard.study.racing import Race
 from orchard.study.statistics import holm, interval, paired_p_value
 
 # NIST/SEMATECH e-Handbook, 1.3.5.2: heat flow meter, ZARR13.DAT: n 195, mean 9.261460, deviation 0.022789, 95 %: 9.258242 to 9.264679
@@ -49,18 +50,13 @@ ALIKE = [60.0] * 20  # true means of settings of which the best is a matter of l
 
 def raced(number: int, means: list[float], within: float) -> tuple[Race, dict[int, list[float]]]:
     """A race of settings with these true means, whose results have a common and an own part, and what it saw."""
-    common = [normal(*draw(number, "common", seed, 2)) for seed in range(LOOKS[-1])]
-    values = [
-        [mean + DEVIATION * (0.3 * common[seed] + 0.95 * normal(*draw(number, f"setting {i}", seed, 2))) for seed in range(LOOKS[-1])]
-        for i, mean in enumerate(means)
-    ]
-    race, seen = Race(len(means), True, 0.95, within), {}
-    for look in LOOKS:
-        seen |= {i: values[i][:look] for i in race.left}
-        race.look(seen, look == LOOKS[-1])
-        if race.why is not None:
-            break
-    return race, seen
+
+    def value(i: int, seed: int) -> float:
+        common, own = (normal(*draw(number, name, seed, 2)) for name in ("common", f"setting {i}"))
+        return means[i] + DEVIATION * (0.3 * common + 0.95 * own)
+
+    race = Race(len(means), True, 0.95, within)
+    return race, run_race(race, value)
 
 
 @pytest.fixture(scope="module")

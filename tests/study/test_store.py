@@ -20,6 +20,20 @@ def record():
     return PlannedRun(SCENARIO, "fast").do(time.time() + 100.0)
 
 
+@pytest.fixture
+def path(tmp_path, record):
+    """A store that knows a run."""
+    with Store(tmp_path / "studies.db") as made:
+        made.keep(record)
+    return made.path
+
+
+def execute(path, statement):
+    """Do what another program may do with a store."""
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute(statement)
+
+
 def test_a_run_is_kept_once_and_found_again(tmp_path, record):
     path = tmp_path / "new" / "studies.db"
     with Store(path) as first:
@@ -30,16 +44,12 @@ def test_a_run_is_kept_once_and_found_again(tmp_path, record):
         assert again.known([]) == {}
 
 
-def test_many_keys_are_looked_up(tmp_path, record):
-    with Store(tmp_path / "studies.db") as many:
-        many.keep(record)
+def test_many_keys_are_looked_up(path, record):
+    with Store(path) as many:
         assert list(many.known([*map(str, range(2000)), record.key])) == [record.key]
 
 
-def test_a_store_of_another_version_is_named_and_forgotten_only_if_asked(tmp_path, record, monkeypatch):
-    path = tmp_path / "studies.db"
-    with Store(path) as first:
-        first.keep(record)
+def test_a_store_of_another_version_is_named_and_forgotten_only_if_asked(path, record, monkeypatch):
     monkeypatch.setattr(store, "software", lambda: "9.9.9+abc")
     with pytest.raises(StoreError, match=r"studies\.db: is a store of version .*, and this is 9\.9\.9\+abc; --anew forgets its runs"):
         Store(path)
@@ -55,9 +65,7 @@ def test_a_store_of_another_version_is_named_and_forgotten_only_if_asked(tmp_pat
 def test_a_file_that_is_no_store_stays_as_it_is(tmp_path, content):
     path = tmp_path / "mine.db"
     if content == "database":
-        with sqlite3.connect(path) as database:
-            database.execute("CREATE TABLE mine (x)")
-        database.close()
+        execute(path, "CREATE TABLE mine (x)")
     else:
         path.write_bytes(content)
     before = path.read_bytes()
@@ -72,11 +80,8 @@ def test_a_file_that_is_no_store_stays_as_it_is(tmp_path, content):
     ("broken_by", "told"),
     [("DELETE FROM software", "is no store of a study"), ("DROP TABLE runs", "the runs in it cannot be read: no such table")],
 )
-def test_a_store_that_another_program_has_changed_is_told(tmp_path, record, broken_by, told):
-    path = tmp_path / "studies.db"
-    Store(path).__exit__()
-    with closing(sqlite3.connect(path)) as database, database:
-        database.execute(broken_by)
+def test_a_store_that_another_program_has_changed_is_told(path, record, broken_by, told):
+    execute(path, broken_by)
     with pytest.raises((StoreError, StoreFailed), match=rf"studies\.db: {told}"), Store(path) as again:
         again.known([record.key])
 
@@ -159,16 +164,16 @@ def test_a_store_that_another_study_makes_at_the_same_time_is_used(tmp_path, rec
         ("seed = -7", "these are not the values of the run with its key"),
     ],
 )
-def test_a_damaged_run_is_named_passed_over_and_done_again(tmp_path, record, change, told):
-    path = tmp_path / "studies.db"
-    with Store(path) as first:
-        first.keep(record)
-    with closing(sqlite3.connect(path)) as database, database:
-        database.execute(f"UPDATE runs SET {change}")
+def test_a_damaged_run_is_named_and_passed_over(path, record, change, told):
+    execute(path, f"UPDATE runs SET {change}")
     with Store(path) as damaged:
         assert damaged.known([record.key]) == {}
         assert damaged.damaged == {record.key: told}
-    options = StudyOptions(model="fast", store=path, workers=1)
-    assert [note for note in study(SCENARIO, {}, options).notes if "studies.db: 1 of the runs in it were damaged" in note]
+
+
+def test_a_damaged_run_is_told_and_done_again(path, record):
+    execute(path, "UPDATE runs SET bins_per_hour = 'many'")
+    found = study(SCENARIO, {}, StudyOptions(model="fast", store=path, workers=1))
+    assert [note for note in found.notes if "studies.db: 1 of the runs in it were damaged" in note]
     with Store(path) as mended:
         assert mended.known([record.key])[record.key].bins_per_hour == record.bins_per_hour

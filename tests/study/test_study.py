@@ -80,8 +80,6 @@ def test_other_workers_and_another_order_give_the_same_table(result, folder):
 
 
 def test_what_is_known_is_not_run_again(result, folder, monkeypatch):
-    done = []
-    monkeypatch.setattr("orchard.study.runs.PlannedRun.do", lambda run, until: done.append(run))
     path = folder / "first.db"
     changed = path.stat().st_size
     workers = Watched()
@@ -125,19 +123,6 @@ def test_faults_of_a_policy_of_the_users_own_are_told(tmp_path):
     found = study(own, {}, replace(AMPLE, model="full", within=0.5, store=tmp_path / "s.db"))
     (note,) = [note for note in found.notes if "had faults" in note]
     assert note.startswith("the scenario: 5 of 5 runs had faults; seed 1: ")
-
-
-def test_a_study_that_is_stopped_tells_what_it_knows_and_goes_on_to_the_same_table(result, folder):
-    options = replace(AMPLE, store=folder / "stopped.db")
-
-    def known() -> int:
-        with Store(options.store) as store:
-            return store._database.execute("SELECT count(*) FROM runs").fetchone()[0]
-
-    part = study(CHANCE, VARIED, options, is_stopped=lambda: known() >= 3)
-    assert part.stopped_by == "stopped"
-    assert 3 <= known() < sum(row.replications for row in result.table)
-    assert table(study(CHANCE, VARIED, options)) == table(result)
 
 
 def test_without_chance_one_run_stands_for_all_seeds(tmp_path):
@@ -190,17 +175,6 @@ def test_the_simulator_confirms_the_best_two_on_the_same_seeds(tmp_path):
     assert best.check.difference == pytest.approx(1.0 - best.bins_per_hour.mean / best.check.bins_per_hour.mean)
     assert abs(best.check.difference) < 0.05
     assert "the simulator says" in both.answer
-
-
-def test_a_violated_invariant_is_told(tmp_path, monkeypatch):
-    """A run by the full model that is in the store already, as one that broke an invariant."""
-    scenario = Scenario(rows=3, **QUIET)
-    run = PlannedRun.of(scenario, scenario.seed, "full", "harvest")
-    sound = PlannedRun(scenario, "fast").do(time.time() + 100.0)
-    with Store(tmp_path / "s.db") as store:
-        store.keep(replace(sound, key=run.key, model="full", ended="violated", violations="bin_01: is in two places"))
-    found = study(scenario, {}, replace(AMPLE, model="full", store=tmp_path / "s.db"))
-    assert found.violations == ["bin_01: is in two places"]
 
 
 @pytest.mark.soak

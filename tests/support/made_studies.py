@@ -1,8 +1,10 @@
 """Results of studies, made by hand, for tests of what is shown of them."""
 
+from collections.abc import Callable
 from typing import Any
 
 from orchard.field.scenario import Scenario
+from orchard.study.racing import LOOKS, Race
 from orchard.study.result import Check, Comparison, Interval, Row, StudyResult
 from orchard.study.words import orchard_words
 
@@ -38,6 +40,18 @@ def a_result(table: list[Row], best: dict[str, Any] | None, ties: tuple[dict[str
                   comparisons=compared, goal="bins_per_hour", horizon="harvest", confidence=0.95, scenario=scenario.model_dump(),
                   varied=varied, wall_seconds=12.3, stopped_by="certain", notes=[], version="0.1.0")  # fmt: skip
     return StudyResult(**result | changes)
+
+
+def run_race(race: Race, value: Callable[[int, int], float]) -> dict[int, list[float]]:
+    """Run a race of settings with these values by setting and seed to its end. Return what it has seen of each."""
+    seen: dict[int, list[float]] = {i: [] for i in race.left}
+    for look in LOOKS:
+        for i in race.left:
+            seen[i] += [value(i, seed) for seed in range(len(seen[i]), look)]
+        race.look({i: seen[i] for i in race.left}, look == LOOKS[-1])
+        if race.why is not None:
+            break
+    return seen
 
 
 def carriers(number: int) -> dict[str, int]:

@@ -3,7 +3,6 @@
 Each example of examples/seams/ runs in local mode and in lockstep with the same hash.
 """
 
-import sys
 from functools import cache
 
 import pytest
@@ -88,7 +87,7 @@ def test_the_nearest_policy_harvests_alike_through_the_dispatcher():
 def test_rows_follow_the_rule_that_is_named():
     blocks = lay_out(Scenario(rows=4, pickers=2, **EXAMPLES["rows"])).blocks
     assert blocks == {"picker_01": Block((1, 2), "east"), "picker_02": Block((3, 4), "east")}
-    assert lay_out(Scenario(rows=4, pickers=2, rows_to_pickers="test_seams.own_rule")).blocks["picker_02"] == Block((4,), "west")
+    assert lay_out(Scenario(rows=4, pickers=2, rows_to_pickers="test_seams.plain_rows")).blocks["picker_02"] == Block((4,), "west")
 
 
 def test_bounds_and_drawings_follow_the_route_that_is_named():
@@ -166,6 +165,30 @@ class NoSuchQueue(OneWay):
     QUEUE = "nowhere"
 
 
+def no_rows(scenario):
+    return None
+
+
+def plain_rows(scenario):
+    return {"picker_01": [1, 2, 3], "picker_02": [4]}
+
+
+def from_the_north(scenario):
+    return {"picker_01": Block((1, 2)), "picker_02": Block((3, 4), start="north")}
+
+
+def upwards(scenario):
+    return {"picker_01": Block((1, 2)), "picker_02": Block((4, 3), start="east")}
+
+
+def odd_and_even(scenario):
+    return {"picker_01": (1, 3), "picker_02": (2, 4)}
+
+
+def one_row_each(scenario):
+    return {"picker_01": (1,), "picker_02": (2,)}
+
+
 @pytest.mark.parametrize(
     ("named", "why"),
     [
@@ -179,38 +202,17 @@ class NoSuchQueue(OneWay):
         ({"route": "test_seams.Nested"}, "Detour is not in `Steps`, or is within a step"),
         ({"route": "test_seams.Failing"}, r"LookupError: no road \(.*test_seams.py, line \d+"),
         ({"route": "test_seams.NoSuchQueue"}, "its QUEUE is 'nowhere'; must be one-way or two-way"),
+        ({"rows_to_pickers": "test_seams.no_rows"}, r"it returned None; .* with the keys picker_01, picker_02 \(.*test_seams.py, line \d+"),
+        ({"rows_to_pickers": "test_seams.odd_and_even"}, "must be neighbours"),
+        ({"rows_to_pickers": "test_seams.upwards"}, "in their order from north to south"),
+        ({"rows_to_pickers": "test_seams.from_the_north"}, "starts at the end 'west' or 'east', and not picker_02 at 'north'"),
+        ({"rows_to_pickers": "test_seams.one_row_each"}, "each row of 1 to 4 must go to one picker"),
         ({"rows_to_pickers": "test_seams.nothing"}, "no attribute 'nothing'"),
     ],
 )
 def test_what_cannot_be_used_is_named_before_the_run(named, why):
     with pytest.raises(ScenarioError, match=why):
         check_plugins(lay_out(scenario(**named)))
-
-
-ROWS: object = {"picker_01": [1, 2, 3], "picker_02": [4]}
-
-
-def own_rule(scenario):
-    return ROWS
-
-
-@pytest.mark.parametrize(
-    ("rows", "why"),
-    [
-        (None, r"it returned None; .* with the keys picker_01, picker_02 \(.*test_seams.py, line \d+"),
-        ({"picker_01": (1, 3), "picker_02": (2, 4)}, "must be neighbours"),
-        ({"picker_01": Block((1, 2)), "picker_02": Block((4, 3), "east")}, "in their order from north to south"),
-        (
-            {"picker_01": [1, 2], "picker_02": Block((3, 4), start="north")},
-            "starts at the end 'west' or 'east', and not picker_02 at 'north'",
-        ),
-        ({"picker_01": (1,), "picker_02": (2,)}, "each row of 1 to 4 must go to one picker"),
-    ],
-)
-def test_rows_that_cannot_be_are_named_before_the_run(rows, why, monkeypatch):
-    monkeypatch.setattr(sys.modules[__name__], "ROWS", rows)
-    with pytest.raises(ScenarioError, match=why):
-        lay_out(scenario(rows_to_pickers="test_seams.own_rule"))
 
 
 @pytest.mark.parametrize("name", ["picker_x", "traffic", "traffic_2", "dispatch", "physics", "Weather", "a b"])

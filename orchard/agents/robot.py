@@ -39,7 +39,8 @@ EXACT = 1e-9  # m or rad: nearer than this counts as there
 SLACK = 1e-6  # m or rad, far more than rounding: a motion acts again rather a tick too early than too late
 LITTLE = 0.02  # m off its course from which a robot comes back to it
 NEAR = 0.005  # m off its course at which it is back
-SLANT = 0.25  # rad, at most, to its course on the way back
+FAR = 0.3  # m off its course from which it may come back more steeply
+SLANT = 0.25  # rad, at most, to its course on any other way back
 ABOUT = 0.02  # rad by which this may be off
 SHIFT = 0.2  # m/s of a robot that shifts its place
 
@@ -66,6 +67,7 @@ class RobotMemory(msgspec.Struct):
     claimed: int = -PATIENCE  # tick of the last claim to traffic
     moving: bool = False  # whether it wanted to move in the last tick
     bumped: int = -RECOVERY  # tick at which it last found that it had collided
+    bumps: int = 0  # collisions in a row, each as soon as it went on after the one before
     sighted: dict[str, Sighting] = {}  # person or animal -> its reported position
     asked: dict[str, int] = {}  # question -> tick at which the present step last asked it
     left: str = ""  # the bin that it has found left in its lane
@@ -157,14 +159,17 @@ class PlanExecutor:
             self.memory.course = Course(self.pose.x, self.pose.y, nearest_heading(self.pose.yaw))
         return cast(Course, self.memory.course)
 
-    def realigns(self, blind_to: list[Box], way: float = 1.0) -> bool:
+    def realigns(self, blind_to: list[Box], speed: float, room: float = math.inf) -> bool:
         """Whether the robot must turn before it goes on: to the heading of its course or, off its line, to one that leads back to it.
 
-        `way`: 1 forward; -1 back; 0: it has arrived, and only its heading counts.
+        `speed`: at which it goes on, m/s; negative back; 0: it has arrived, and only its heading counts.
+        `room`: m of its way that are left. If they are too few to come back so, it comes back more steeply.
         """
         _, left, off = self._off_course()
-        is_off = abs(left) > self.doubt + (LITTLE if abs(off) <= SLACK else NEAR)
-        slant = -way * max(-SLANT, min(SLANT, left)) if is_off else 0.0
+        is_off = speed and abs(left) > self.doubt + (LITTLE if abs(off) <= SLACK else NEAR)
+        most = SLANT if abs(left) <= max(SLANT * room, FAR + self.doubt) else EIGHTH * 4
+        steep = min(most, max(abs(left), NEAR / abs(speed * TIME_STEP))) if is_off else 0.0  # a step passes no more than NEAR
+        slant = -math.copysign(steep, left * speed)
         if abs(slant - off) <= (ABOUT if slant else SLACK):
             return False
         if away := way_off(self.seen, slant - off):
@@ -188,14 +193,20 @@ class PlanExecutor:
         """Whether the robot stands off its course, and comes back: off its line it drives back aslant, and then ahead to its place."""
         if self.memory.course is None or self.seen.accuracy:
             return False
-        ahead, left, _ = self._off_course()
-        if self.realigns([], -1.0):
+        ahead, left, off = self._off_course()
+        is_forward = abs(left) > NEAR and (off * left < 0.0 if abs(off) > SLANT / 2 else ahead < 0.0 and not self.is_blocked([]))
+        speed = SHIFT if is_forward else -SHIFT
+        if self.realigns([], speed):
             return True
         is_off = abs(left) > (LITTLE if self.is_aligned else NEAR)
         if not is_off and abs(ahead) <= (SLACK if self.memory.moving else LITTLE):
             return False
-        self.move(Twist(x=-SHIFT if is_off else max(-SHIFT, min(SHIFT, -ahead / TIME_STEP))), [])
+        self.move(Twist(x=speed if is_off else max(-SHIFT, min(SHIFT, -ahead / TIME_STEP))), [])
         return True
+
+    def is_blocked(self, blind_to: list[Box]) -> bool:
+        """Whether anything but the boxes `blind_to` is nearer ahead than the stopping distance."""
+        return something_ahead(self.seen, blind_to)
 
     def hold(self, ticks: int = MOST_HOLD) -> None:
         """Say that the present step would command the same for so many ticks, unless it hears something or something gets in the way."""
@@ -322,13 +333,20 @@ class PlanExecutor:
         self.action.twist, self.action.waits_for, self.action.state = STILL, obstacle, "stopped"
 
     def _recover(self) -> None:
-        """Stand for a second after a collision: there was an obstacle that no laser saw, and physics refused the step."""
+        """Stand for a second after a collision: there was an obstacle that no laser saw, and physics refused the step.
+
+        If it is still there, move off it for another second.
+        """
         memory, tick = self.memory, self.seen.tick
         if memory.moving and self.seen.twist == STILL:
+            memory.bumps = memory.bumps + 1 if tick - memory.bumped <= RECOVERY + 1 else 1
             memory.bumped = tick
         if tick - memory.bumped < RECOVERY and self.action.twist != STILL:
             self._hold_up("what it collided with")
             self._timers.append(memory.bumped + RECOVERY)
+        elif memory.bumps > 1 and tick - memory.bumped < 2 * RECOVERY and self.action.twist != STILL:
+            backward = self.action.twist.x > 0.0 or (self._turn and something_ahead(self.seen, []))
+            self.move(Twist(x=-SHIFT if backward else SHIFT), [])
 
     def _hear_traffic(self) -> None:
         for reply in self.mail.replies:

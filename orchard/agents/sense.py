@@ -24,7 +24,7 @@ from orchard.field.scenario import TIME_STEP
 
 STOP_DISTANCE = 0.8  # m from the front edge: a robot stops for what is nearer (docs/reference.md, "The behaviours")
 SIDE_MARGIN = 0.2  # m by which the corridor ahead is wider on either side
-UNSURE_MARGIN = 0.05  # m, of a robot that is not sure of its place: beside its road, 0.25 m from its side, stand waiting pickers
+UNSURE_MARGIN = 0.03  # m, of a robot that is not sure of its place: beside its road, 0.25 m from its side, stand waiting pickers
 TURN_MARGIN = 0.05  # m around the area that a turn sweeps
 _SWEEP_STEP = repeatable.PI / 48  # rad between the poses at which a turn is checked
 _BIN_HALF = KINDS["bin"].length / 2

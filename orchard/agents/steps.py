@@ -34,6 +34,7 @@ UNCOUPLE = BIN_FOLLOWS + COUPLE
 TRIES = 5  # ticks for which it tries to couple in one place
 GRID = 0.14  # m from one place to the next: none of the area between is farther from a place than a bin can be coupled
 SEARCH = [(GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in (0, 1, -1, 2)]  # from the first, m
+PASSED = 0.5  # m past a gate from which a robot that is not sure of its place takes it to be behind; none gives a place back so soon
 LOOK_AHEAD = 3.0  # s before a robot is at a gate, at which it asks for its places: earlier would keep others off them for nothing
 
 
@@ -72,7 +73,8 @@ class DriveTo(Step, frozen=True):
             if ahead * (here - gate.at) > -EXACT:
                 robot.free(gate.places)
         left = ahead * (self._limit(robot, here, ahead, target) - here)
-        if robot.realigns(self.blind_to, 0.0 if left <= EXACT else 1.0):
+        waits = self.queueing and robot.is_blocked(self.blind_to)
+        if robot.realigns(self.blind_to, 0.0 if left <= EXACT or waits else self.speed, left):
             return False
         if left <= EXACT:
             robot.hold()
@@ -102,7 +104,7 @@ class DriveTo(Step, frozen=True):
     def _limit(self, robot: PlanExecutor, here: float, ahead: float, target: float) -> float:
         """The target, or the first gate before it with places that the robot does not hold."""
         for gate in self.needs:
-            if ahead * (gate.at - here) >= -EXACT - robot.doubt and not robot.holds(gate.places):
+            if ahead * (gate.at - here) >= -(PASSED if robot.doubt else EXACT) and not robot.holds(gate.places):
                 if ahead * (gate.at - here) < self.asks_before and (not gate.bin or robot.is_left(gate.bin)):
                     robot.want(gate.places)
                 return gate.at if ahead * (target - gate.at) > 0 else target

@@ -9,6 +9,7 @@ from stage import Stage, empty_orchard
 from orchard.agents.steps import DriveTo, Face, Wait
 from orchard.field.geometry import Twist
 from orchard.field.kinds import EIGHTH
+from orchard.report.metrics import collisions
 
 ROBOTS = ("picker_01", "picker_02", "carrier_01", "carrier_02", "tractor_01")
 
@@ -71,3 +72,51 @@ def harvest(route: str, name: str, tick: int, rate: float, ticks: int) -> None:
 )
 def test_a_harvest_in_which_advice_turns_a_robot_finishes(route, name, tick, rate, ticks):
     harvest(route, name, tick, rate, ticks)
+
+
+@pytest.mark.parametrize(
+    "changes, advice",
+    [
+        pytest.param(
+            {"rows": 5, "row_length": 50.0, "seed": 14460, "dispatch": "predictive-farthest", "route": "two-way"},
+            [
+                (1645, "picker_02", 0.949166901372354, -0.34200036362679015, 3),
+                (2374, "picker_02", 0.0, -0.3155027663612042, 5),
+                (4515, "carrier_01", 0.6866357807898149, 0.1942637528050758, 20),
+            ],
+            id="in a turn, 1.2 m off the next line, beside a full bin",
+        ),
+        pytest.param(
+            {"rows": 4, "row_length": 40.0, "carriers": 4, "seed": 82031, "tractor": True, "route": "two-way"},
+            [
+                (181, "picker_02", 0.37631310680089003, 0.26098980563623364, 2),
+                (2235, "carrier_01", 0.42636171792004385, -0.04665318254538581, 16),
+                (5202, "carrier_03", 0.0, -0.026005985185407365, 19),
+            ],
+            id="aslant in the queue, behind another one",
+        ),
+        pytest.param(
+            {"rows": 5, "carriers": 1, "seed": 502694, "tractor": True, "dispatch": "assignment"},
+            [
+                (590, "carrier_01", 0.0, 0.07719545572934472, 7),
+                (2012, "picker_01", 0.17111112491881508, -0.1607517764608366, 19),
+                (2299, "picker_01", -0.297743710622897, 0.0647417695607021, 12),
+            ],
+            id="far back to a line, past the place of the empty bin",
+        ),
+        pytest.param(
+            {"rows": 6, "pickers": 4, "row_length": 30.0, "carriers": 3, "seed": 251196, "tractor": True, "dispatch": "assignment"},
+            [(2589, "tractor_01", 0.9806336947484193, -0.20920873895287542, 18)],
+            id="behind its place, before a fence",
+        ),
+    ],
+)
+def test_a_harvest_in_which_advice_drives_robots_off_their_lines_finishes(changes, advice):
+    """Each of these jammed, or hit the same thing again and again."""
+    stage = Stage(empty_orchard(**changes))
+    for tick, name, speed, rate, ticks in advice:
+        while stage.world.tick < tick and not stage.local.engine.over:
+            stage.tick()
+        advise(stage, name, Twist(x=speed, yaw=rate), ticks)
+    stage.run_until(lambda: stage.local.engine.over, 3000)
+    assert collisions(stage.world) <= len(advice), stage.happened("collision")[-5:]

@@ -43,11 +43,6 @@ class StudySettings:
         return {name: words for name, words in told.items() if words}
 
 
-def lacks_prices(settings: StudySettings, scenario: Scenario) -> bool:
-    """Whether the goal needs prices, and the scenario has none."""
-    return settings.goal == "cost_per_bin" and all(price is None for price in scenario.prices.model_dump().values())
-
-
 def study_command(settings: StudySettings, files: Files) -> list[str]:
     """Return the command line of a study."""
     varied = {

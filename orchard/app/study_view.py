@@ -10,10 +10,11 @@ from orchard.app.command import STATE_COLOURS
 from orchard.app.desks import Desk
 from orchard.app.elements import button, heading, note, table
 from orchard.app.own_classes import CHOICES
-from orchard.app.study_run import Studies, StudyRun, StudySettings, lacks_prices
+from orchard.app.study_run import Studies, StudyRun, StudySettings
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.study.answer import sentence
 from orchard.study.result import StudyResult
+from orchard.study.settings import Setting
 from orchard.study.table import legend, words
 from orchard.study.words import GOALS, setting_words
 
@@ -120,7 +121,7 @@ class StudyView:
         scenario, settings = self._drafted(), self.settings
         if scenario is None or settings.problems:
             return "The form has an invalid value"
-        if lacks_prices(settings, scenario):
+        if settings.goal == "cost_per_bin" and not Setting({}, scenario).has_prices:
             return "The least cost needs a price: enter one under Prices in the form"
         try:
             self._studies.start(partial(StudyRun, scenario, settings))

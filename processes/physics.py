@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
+from msgspec import inspect
 
 from orchard.field.kinds import select_agents
 from orchard.field.problems import ScenarioError
@@ -49,6 +50,9 @@ def rehearsed(engine: "Engine") -> None:
     """Compile what the first tick needs, and settle the memory of the process."""
     engine.rehearse()
     settle()
+
+
+ACTIONS: dict[Any, str] = {inspect.BoolType: "store_true", inspect.ListType: "append"}  # of argparse, for the type of an option
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -145,25 +149,15 @@ def _arguments(argv: list[str] | None) -> dict[str, Any]:
     )
     parser.add_argument("scenario_file", nargs="?", metavar="SCENARIO.yaml", help="default: the built-in scenario")
     parser.add_argument("--request", type=_text, metavar="FILE.json", help="all options in JSON; -: the first line of stdin")
-    place = parser.add_mutually_exclusive_group()
-    place.add_argument("--listen", metavar="ENDPOINT", help="default: a free port of 127.0.0.1")
-    place.add_argument("--connect", metavar="ENDPOINT", help="endpoint of another router")
-    parser.add_argument("--secure", metavar="DIR", help="directory of the role; endpoints are tls/..., and rights depend on the role")
-    parser.add_argument("--run", metavar="ID", help="id of the run; default: a new one")
-    parser.add_argument("--prefix", help="first part of every key")
-    parser.add_argument("--mode", choices=["lockstep", "realtime"], help="wait for all agents, or for none")
-    parser.add_argument("--speed", metavar="X|max", help="simulated seconds per second; default: max, in realtime 1")
-    parser.add_argument("--duration", metavar="SECONDS", help="simulated seconds after which the run ends")
-    parser.add_argument("--patience", metavar="SECONDS", help="wall time that an agent may be silent")
-    parser.add_argument("--absent", action="append", metavar="KIND|NAME", help="do not wait for these agents (repeatable)")
-    parser.add_argument("--recorded", action="store_true", help="wait for a logger before the first tick, at most 10 s")
-    parser.add_argument("--snapshots", metavar="DIR", help="folder for snapshots of the run")
-    parser.add_argument("--table", metavar="DIR", help="folder for tables of the run; those of the same run there go on")
-    parser.add_argument("--snapshot-every", metavar="SECONDS", help="wall time between two snapshots; default: 2")
-    parser.add_argument("--holds", choices=["on", "ignored", "checked"], help="ask agents that hold, and check them; default: on")
-    parser.add_argument("--result", metavar="FILE", help="file for the end of the run, for the program that started this one")
-    parser.add_argument("--resume", action="store_true", help="continue from the newest snapshot in the folder, if there is one")
-    return vars(parser.parse_args(argv))
+    declared: Any = inspect.type_info(RunOptions)
+    for option in declared.fields:
+        if option.name != "scenario":
+            action = ACTIONS.get(type(option.type.type), "store")
+            parser.add_argument(f"--{option.name.replace('_', '-')}", action=action, help=option.type.extra_json_schema["description"])
+    arguments = vars(parser.parse_args(argv))
+    if {"listen", "connect"} <= arguments.keys():
+        parser.error("--connect: not allowed with --listen")
+    return arguments
 
 
 def _text(path: str) -> str:

@@ -16,6 +16,7 @@ from orchard.wire.messages import Mode
 
 PATIENCE = 15.0  # s of wall time that an agent may take to answer
 Positive = Annotated[float, Meta(gt=0.0, le=1e12)]  # neither NaN nor infinite
+Simulated = Annotated[float, Meta(gt=0.0, le=LAST_TICK * TIME_STEP)]  # s
 
 
 def last_tick(duration: float | None) -> float:
@@ -27,24 +28,24 @@ class RunOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How physics runs an orchard: the options of its command line, or of the request that `run.py` hands over."""
 
     scenario: dict[str, Any] = {}  # a value that is missing keeps its default
-    listen: str | None = None  # endpoint; None: a free port of 127.0.0.1
-    connect: str | None = None  # endpoint of another router, instead of listening
-    secure: str | None = None  # directory of the role
-    prefix: str = PREFIX
-    run: str = ""  # the run's id; '': a new one
-    mode: Mode = "lockstep"
-    speed: Positive | None = None  # simulated s per s of wall time; None: as fast as possible, in realtime 1
-    duration: Annotated[float, Meta(gt=0.0, le=LAST_TICK * TIME_STEP)] | None = None  # s, simulated
-    patience: Positive = PATIENCE  # s of wall time that an agent may take to answer
-    absent: list[str] = []  # agents for which the first tick does not wait
-    recorded: bool = False  # the first tick waits for a logger, at most loop.LOGGER_SECONDS
-    snapshots: str | None = None  # folder
-    table: str | None = None  # folder for tables; None: none are written
-    snapshot_every: Positive = SNAPSHOT_SECONDS  # s of wall time
-    result: str | None = None  # file for a copy of the last message, which may be lost on the network
-    resume: bool = False  # continue from the newest snapshot in the folder
-    paused: bool = False  # the first tick waits until a client lets the run play, or does steps
-    holds: Holds = "on"  # which agents are asked at a tick, see orchard.sim.lookahead; in realtime all are
+    listen: Annotated[str | None, Meta(description="endpoint; default: a free port of 127.0.0.1")] = None
+    connect: Annotated[str | None, Meta(description="endpoint of another router, instead of --listen")] = None
+    secure: Annotated[str | None, Meta(description="directory of the role; endpoints are tls/..., and rights depend on the role")] = None
+    prefix: Annotated[str, Meta(description="first part of every key")] = PREFIX
+    run: Annotated[str, Meta(description="id of the run; default: a new one")] = ""
+    mode: Annotated[Mode, Meta(description="lockstep: wait for all agents; realtime: for none")] = "lockstep"
+    speed: Annotated[Positive | None, Meta(description="simulated s per s of wall time; default: max, in realtime 1")] = None
+    duration: Annotated[Simulated | None, Meta(description="simulated s after which the run ends")] = None
+    patience: Annotated[Positive, Meta(description="s of wall time that an agent may take to answer")] = PATIENCE
+    absent: Annotated[list[str], Meta(description="agent or kind for which the first tick does not wait (repeatable)")] = []
+    recorded: Annotated[bool, Meta(description="wait for a logger before the first tick, at most 10 s")] = False
+    snapshots: Annotated[str | None, Meta(description="folder for snapshots of the run")] = None
+    table: Annotated[str | None, Meta(description="folder for tables of the run; those of the same run there go on")] = None
+    snapshot_every: Annotated[Positive, Meta(description="s of wall time between two snapshots")] = SNAPSHOT_SECONDS
+    result: Annotated[str | None, Meta(description="file for the end of the run, for the program that started this one")] = None
+    resume: Annotated[bool, Meta(description="continue from the newest snapshot in the folder, if there is one")] = False
+    paused: Annotated[bool, Meta(description="begin when a client lets the run play, or does steps")] = False
+    holds: Annotated[Holds, Meta(description="on, ignored, checked: ask agents that hold, and check them")] = "on"
 
     @property
     def pace(self) -> float:

@@ -5,10 +5,8 @@
 The scenario comes from physics. Without --only and --without it hosts all agents; --share 0/3 hosts every third agent.
 """
 
-import argparse
 import importlib
 import logging
-import math
 import sys
 from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager
@@ -26,12 +24,13 @@ from orchard.field.scenario import check
 from orchard.memory import settle
 from orchard.net.bus import Bus, Inbox, Item, Signal
 from orchard.net.endpoints import BusError
-from orchard.net.host import GONE_SECONDS, Host, HostEnded
+from orchard.net.host import Host, HostEnded
+from orchard.net.options import HostOptions
 from orchard.net.process import monitor, run_process
 from orchard.net.requests import TRIES, fetch_run
 from orchard.net.zenoh_bus import client
 from orchard.security.identity import Identity, identity_in
-from orchard.wire.keys import PREFIX, Keys
+from orchard.wire.keys import Keys
 from orchard.wire.messages import RESET
 
 log = logging.getLogger("orchard")
@@ -39,7 +38,6 @@ log = logging.getLogger("orchard")
 Factory = Callable[[Layout, Collection[str]], dict[str, Agent]]
 Opened = Callable[[Inbox], AbstractContextManager[Bus]]
 SESSIONS = 6  # that are tried after a reset, all but the last one for a sixth of the tries
-FACTORY = "orchard.agents.catalogue:make_agents"
 
 
 def _only_signals(item: Item) -> None:
@@ -73,21 +71,17 @@ def watched(host: Host) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Host agents until the run ends. Return the exit code."""
-    options = options_of(argv)
+    return run_process("agents", HostOptions, argv, _run, BusError, ValueError, ScenarioError)
+
+
+def _run(inbox: Inbox, options: HostOptions) -> NoReturn:
     identity = identity_in(options.secure, options.prefix)
-
-    def opened(inbox: Inbox) -> AbstractContextManager[Bus]:
-        return client(options.connect, inbox, identity=identity)
-
-    def hosted(inbox: Inbox) -> NoReturn:
-        with printed(log.warning):
-            host(inbox, options, opened, identity)
-
-    return run_process("agents", hosted, BusError, ValueError, ScenarioError)
+    with printed(log.warning):
+        host(inbox, options, lambda inbox: client(options.connect, inbox, identity=identity), identity)
 
 
 def host(
-    inbox: Inbox, options: argparse.Namespace, opened: Opened, identity: Identity | None = None, ready: Callable[[Host], None] = watched
+    inbox: Inbox, options: HostOptions, opened: Opened, identity: Identity | None = None, ready: Callable[[Host], None] = watched
 ) -> NoReturn:
     """Host agents until their run ends, again after each reset. Raises HostEnded at the end.
 
@@ -111,7 +105,7 @@ def host(
         inbox.forget()  # the run begins again: nothing of it is kept
 
 
-def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None, tries: int) -> Host:
+def _host(bus: Bus, options: HostOptions, identity: Identity | None, tries: int) -> Host:
     keys = Keys(options.prefix)
     run = fetch_run(bus, keys, _only_signals, tries)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
@@ -121,7 +115,7 @@ def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None, trie
     if options.replay is not None:
         from orchard.bags.replay import read_commands, replayed  # not at the top: its packages are an extra
 
-        agents = replayed(agents, read_commands(options.replay))
+        agents = replayed(agents, read_commands(Path(options.replay)))
     guards = {name: guarded(layout, name, agent) for name, agent in agents.items()}
     if options.check_agents:
         for guard in guards.values():
@@ -129,28 +123,6 @@ def _host(bus: Bus, options: argparse.Namespace, identity: Identity | None, trie
     host = Host(bus, keys, run.run, run.mode, layout, guards, options.patience)
     host.listen()
     return host
-
-
-def _seconds(text: str) -> float:
-    if not 0 < (value := float(text)) < math.inf:
-        raise ValueError
-    return value
-
-
-def options_of(argv: list[str] | None) -> argparse.Namespace:
-    """Read the command line of the process."""
-    parser = argparse.ArgumentParser(prog="python -m orchard.processes.agents", description="Host agents of an orchard.")
-    parser.add_argument("--connect", required=True, metavar="ENDPOINT", help="endpoint of physics or a router, such as tcp/127.0.0.1:7447")
-    parser.add_argument("--secure", metavar="DIR", help="directory of the role; only its agents can be hosted")
-    parser.add_argument("--prefix", default=PREFIX, help="first part of every key")
-    parser.add_argument("--only", action="append", default=[], metavar="KIND|NAME", help="host these (repeatable)")
-    parser.add_argument("--without", action="append", default=[], metavar="KIND|NAME", help="host all but these (repeatable)")
-    parser.add_argument("--share", default="0/1", metavar="I/N", help="of these, host the I-th (from 0) and every N-th after it")
-    parser.add_argument("--patience", type=_seconds, default=GONE_SECONDS, metavar="SECONDS", help="time that physics may be gone")
-    parser.add_argument("--check-agents", action="store_true", help="check that own agents are repeatable")
-    parser.add_argument("--agents", default=FACTORY, metavar="MODULE:FUNCTION", help="factory: (layout, names) -> {name: agent}")
-    parser.add_argument("--replay", type=Path, metavar="FILE.mcap", help="a bag whose velocities drive its robots")
-    return parser.parse_args(argv)
 
 
 if __name__ == "__main__":

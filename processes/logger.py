@@ -5,7 +5,6 @@
 Killing it does not disturb the run. If it is started again with the same file, it continues in a further part of the recording.
 """
 
-import argparse
 import logging
 import sys
 from pathlib import Path
@@ -13,31 +12,32 @@ from pathlib import Path
 from orchard.field.problems import ScenarioError
 from orchard.net.bus import Inbox
 from orchard.net.endpoints import BusError
+from orchard.net.options import LoggerOptions
 from orchard.net.process import run_process
 from orchard.net.zenoh_bus import client
 from orchard.record.logger import record
 from orchard.security.identity import identity_in
 from orchard.view.files import check_recording
 from orchard.view.reader import optimize
-from orchard.wire.keys import PREFIX, Keys
+from orchard.wire.keys import Keys
 
 log = logging.getLogger("orchard")
 
 
 def main(argv: list[str] | None = None) -> int:
     """Record a run until it ends; the exit code."""
-    arguments = _arguments(argv)
+    return run_process("logger", LoggerOptions, argv, _run, BusError, ScenarioError, ValueError, OSError, RuntimeError)
 
-    def run(inbox: Inbox) -> int:
-        if arguments.record is not None:
-            check_recording(arguments.record)
-        with client(arguments.connect, inbox, identity=identity_in(arguments.secure, arguments.prefix)) as bus:
-            code, file = record(bus, Keys(arguments.prefix), arguments.record, arguments.serve, arguments.session)
-        if file is not None and code == 0:
-            _pack(file)
-        return code
 
-    return run_process("logger", run, BusError, ScenarioError, ValueError, OSError, RuntimeError)
+def _run(inbox: Inbox, options: LoggerOptions) -> int:
+    part = None if options.record is None else Path(options.record)
+    if part is not None:
+        check_recording(part)
+    with client(options.connect, inbox, identity=identity_in(options.secure, options.prefix)) as bus:
+        code, file = record(bus, Keys(options.prefix), part, options.serve, options.session)
+    if file is not None and code == 0:
+        _pack(file)
+    return code
 
 
 def _pack(file: Path) -> None:
@@ -46,17 +46,6 @@ def _pack(file: Path) -> None:
         optimize(file)
     except OSError as error:
         log.error("%s", error)
-
-
-def _arguments(argv: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m orchard.processes.logger", description="Record a run for Rerun.")
-    parser.add_argument("--connect", required=True, metavar="ENDPOINT", help="where physics or a router listens, like tcp/127.0.0.1:7447")
-    parser.add_argument("--secure", metavar="DIR", help="directory of the logger's role")
-    parser.add_argument("--prefix", default=PREFIX, help="first part of every key")
-    parser.add_argument("--record", type=Path, metavar="FILE.rrd", help="write a recording, or a further part of one of the same run")
-    parser.add_argument("--serve", type=int, metavar="PORT", help="serve live viewers on this port of 127.0.0.1")
-    parser.add_argument("--session", default="", metavar="ID", help="session id in the liveliness token: letters and digits")
-    return parser.parse_args(argv)
 
 
 if __name__ == "__main__":

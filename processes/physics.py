@@ -2,19 +2,16 @@
 
     python -m orchard.processes.physics --listen tcp/127.0.0.1:7447
 
-It is the router for the other processes, unless `--connect` names another one. `run.py` passes all options in a line, with `--request -`.
+It is the router for the other processes, unless `--connect` names another one.
 """
 
-import argparse
-import json
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
-from msgspec import inspect
 
 from orchard.field.kinds import select_agents
 from orchard.field.problems import ScenarioError
@@ -52,37 +49,24 @@ def rehearsed(engine: "Engine") -> None:
     settle()
 
 
-ACTIONS: dict[Any, str] = {inspect.BoolType: "store_true", inspect.ListType: "append"}  # of argparse, for the type of an option
-
-
 def main(argv: list[str] | None = None) -> int:
     """Run an orchard. Return the exit code: 0; 1 if it jammed, broke an invariant or had a broken agent; 2 for bad input.
 
     With --result it is 0 in place of 1: the file tells how the run went.
     """
-    arguments = _arguments(argv)
-    file = arguments.pop("scenario_file", None)
-    return run_process(
-        "physics", lambda inbox: simulate(inbox, _options(arguments), file), BusError, ScenarioError, SnapshotError, ValueError, OSError
-    )
+    return run_process("physics", RunOptions, argv, simulate, BusError, ScenarioError, SnapshotError, ValueError, OSError)
 
 
-def simulate(
-    inbox: Inbox,
-    options: RunOptions,
-    file: str | None = None,
-    opened: Opened = opened_over_zenoh,
-    ready: Callable[["Engine"], None] = rehearsed,
-) -> int:
+def simulate(inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zenoh, ready: Callable[["Engine"], None] = rehearsed) -> int:
     """Simulate an orchard until its run ends, again after each reset. Return the exit code.
 
-    `file`: of the scenario, in place of that in the options. `opened`: opens the session. `ready`: called before the first tick.
+    `opened`: opens the session. `ready`: called before the first tick.
     """
     keys, snapshots = Keys(options.prefix), options.snapshot_folder
     with sole(snapshots):
         before = last(snapshots, options.run) if options.resume and snapshots else None
-        if before is None and file is not None:  # a snapshot holds the scenario, and the file may be gone
-            options = msgspec.structs.replace(options, scenario=load(file).model_dump())
+        if before is None and isinstance(options.scenario, str):  # a snapshot holds the scenario, and the file may be gone
+            options = msgspec.structs.replace(options, scenario=load(options.scenario).model_dump())
         if options.table is not None and not options.resume:
             from orchard.tables.folder import check_folder  # not at the top: pyarrow takes some time to load
 
@@ -118,53 +102,6 @@ def _simulate_once(
         print(f"violated: {violation}", flush=True)
     is_bad = end.why == "jammed" or end.summary["violations"] or end.summary["broken_agents"]
     return 1 if is_bad and options.result is None else 0, physics.again
-
-
-# -- the options
-
-
-def _options(arguments: dict[str, Any]) -> RunOptions:
-    """The options of the request file, if there is one, and of the command line. Raises ValueError or ScenarioError for bad ones."""
-    request = arguments.pop("request", None)
-    values = {} if request is None else json.loads(request)
-    if not isinstance(values, dict):
-        raise ValueError("--request: the file must hold a JSON object")
-    values |= arguments
-    if values.get("speed") == "max":
-        values["speed"] = None
-        if values.get("mode") == "realtime":
-            raise ValueError("--speed max: in realtime the wall clock sets the pace; expected is a number, 1 for real time")
-    try:
-        return msgspec.convert(values, RunOptions, strict=False)
-    except msgspec.ValidationError as error:
-        words, _, path = str(error).partition(" - at `$.")
-        option = f"--{path.rstrip('`').replace('_', '-')}" if path else "--request"
-        raise ValueError(f"{option}: {words}") from None
-
-
-def _arguments(argv: list[str] | None) -> dict[str, Any]:
-    """The options that are given on the command line; `RunOptions` checks them."""
-    parser = argparse.ArgumentParser(
-        prog="python -m orchard.processes.physics", description="Simulate the world of an orchard.", argument_default=argparse.SUPPRESS
-    )
-    parser.add_argument("scenario_file", nargs="?", metavar="SCENARIO.yaml", help="default: the built-in scenario")
-    parser.add_argument("--request", type=_text, metavar="FILE.json", help="all options in JSON; -: the first line of stdin")
-    declared: Any = inspect.type_info(RunOptions)
-    for option in declared.fields:
-        if option.name != "scenario":
-            action = ACTIONS.get(type(option.type.type), "store")
-            parser.add_argument(f"--{option.name.replace('_', '-')}", action=action, help=option.type.extra_json_schema["description"])
-    arguments = vars(parser.parse_args(argv))
-    if {"listen", "connect"} <= arguments.keys():
-        parser.error("--connect: not allowed with --listen")
-    return arguments
-
-
-def _text(path: str) -> str:
-    try:
-        return sys.stdin.readline() if path == "-" else Path(path).read_text()
-    except OSError as error:
-        raise argparse.ArgumentTypeError(f"{path}: {error.strerror}") from error
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from orchard.launch.supervisor import ProcessSpec, Supervisor
 from orchard.net.bus import Bus, Signal
 from orchard.net.endpoints import BusError
 from orchard.net.host import Host, HostEnded
+from orchard.net.options import HostOptions
 from orchard.net.requests import fetch_run
 from orchard.processes import agents, physics
 from orchard.record.logger import FrameQueue, Logger
@@ -90,9 +91,9 @@ class SimulatedLine:
 class SimulatedProcess:
     """A process of the supervisor: what `subprocess.Popen` is for a real one."""
 
-    def __init__(self, world: "World", spec: ProcessSpec, arguments: list[str], pid: int) -> None:
+    def __init__(self, world: "World", spec: ProcessSpec, order: Any, pid: int) -> None:
         self.world, self.spec, self.pid, self.code = world, spec, pid, None
-        self.arguments = arguments
+        self.order = order
         self.line = SimulatedLine(self)
         self.inbox = VirtualInbox(world.scheduler)
         self.task = world.scheduler.spawn(spec.name, self._run)
@@ -149,15 +150,13 @@ def _code_of(process: SimulatedProcess) -> int:
 
 
 def _physics(process: SimulatedProcess) -> int:
-    options = msgspec.json.decode(process.spec.told, type=RunOptions)
-    if "--resume" in process.arguments:
-        options = msgspec.structs.replace(options, resume=True)
+    options = process.order
     is_router = options.connect is None
     return physics.simulate(process.inbox, options, opened=lambda options, inbox: process.opened(is_router), ready=lambda engine: None)
 
 
 def _agents(process: SimulatedProcess) -> int:
-    agents.host(process.inbox, agents.options_of(process.arguments), lambda inbox: process.opened(), ready=process.hosts.append)
+    agents.host(process.inbox, process.order, lambda inbox: process.opened(), ready=process.hosts.append)
 
 
 class _NoWriter:
@@ -194,10 +193,10 @@ class SimulatedSupervisor(Supervisor):
         super().__init__(world.say, run, clock=lambda: world.scheduler.now)
         self._world, self._pids = world, 0
 
-    def _open(self, program: ProcessSpec, arguments: Any) -> Any:
+    def _open(self, program: ProcessSpec, order: Any) -> Any:
         self._pids += 1
-        self._world.network.trace(f"{program.name} is started{' again' if list(arguments) != list(program.arguments) else ''}")
-        process = SimulatedProcess(self._world, program, list(arguments), self._pids)
+        self._world.network.trace(f"{program.name} is started{' again' if order is not program.order else ''}")
+        process = SimulatedProcess(self._world, program, order, self._pids)
         return process, process.line
 
     def _clear_up(self, running: Any) -> None:
@@ -264,15 +263,13 @@ class _Handler(logging.Handler):
 
 def spec_of_physics(options: RunOptions) -> ProcessSpec:
     """The process of physics, as run.py starts it."""
-    told = msgspec.json.encode(options).decode()
-    order, again = ["--request", "-"], ["--resume"]
-    return ProcessSpec(PHYSICS, "orchard.processes.physics", order, again=True, afterwards=again, told=told, may_refuse=False)
+    again = msgspec.structs.replace(options, resume=True)
+    return ProcessSpec(PHYSICS, "orchard.processes.physics", options, again=True, afterwards=again, may_refuse=False)
 
 
 def spec_of_host(name: str, share: list[str]) -> ProcessSpec:
     """A process that hosts these agents, as run.py starts it."""
-    only = [word for agent in share for word in ("--only", agent)]
-    return ProcessSpec(name, "orchard.processes.agents", ["--connect", Network.ENDPOINT, *only], again=True, agents=share)
+    return ProcessSpec(name, "orchard.processes.agents", HostOptions(connect=Network.ENDPOINT, only=share), again=True, agents=share)
 
 
 SPEC_OF_LOGGER = ProcessSpec(LOGGER, "orchard.processes.logger", [], again=True)

@@ -25,6 +25,7 @@ from orchard.launch.terminal import typed
 from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError, check_free, check_security, reachable, with_port
+from orchard.net.options import HostOptions, LoggerOptions
 from orchard.net.refusals import Refusals, Refused, read_message
 from orchard.net.requests import fetch_run
 from orchard.net.zenoh_bus import client
@@ -126,11 +127,11 @@ def _endpoint_of(options: HarvestOptions, credentials: Credentials) -> str:
 
 def start_hosts(supervisor: Supervisor, endpoint: str, shares: Shares, credentials: Credentials) -> None:
     """Start the agent processes, one for each share."""
+    replay = None if credentials.replay is None else str(credentials.replay.resolve())
     for name, share in shares:
-        only = [word for agent in share for word in ("--only", agent)]
-        checks = ["--check-agents"] if credentials.checks else []
-        replay = [] if credentials.replay is None else ["--replay", str(credentials.replay.resolve())]
-        order = ["--connect", endpoint, *credentials.option(name), *checks, *replay, *only]
+        order = HostOptions(
+            connect=endpoint, secure=credentials.folder(name), only=[*share], check_agents=credentials.checks, replay=replay
+        )
         supervisor.start(ProcessSpec(name, "orchard.processes.agents", order, again=True, agents=share))
 
 
@@ -154,12 +155,12 @@ class _Launched:
 
     def start(self, folder: Path, listen: str) -> subprocess.Popen[bytes] | None:
         """Start physics, the logger and the viewers. Return the viewer's window, if any. `folder`: for the file RESULT."""
-        request, given, identity = self.request, self.request.options, self.credentials.identity(PHYSICS)
+        request, given = self.request, self.request.options
         options = RunOptions(
             scenario=request.scenario.model_dump(),
             listen=None if given.connect else listen,
             connect=given.connect,
-            secure=None if identity is None else str(identity.folder),
+            secure=self.credentials.folder(PHYSICS),
             run=self.run_id,
             mode="realtime" if given.mode == "realtime" else "lockstep",
             speed=None if math.isinf(given.pace) else given.pace,
@@ -172,11 +173,8 @@ class _Launched:
             result=str(folder / RESULT),
             resume=request.resumed is not None,
         )
-        told = msgspec.json.encode(options).decode()  # not a file, which may be gone when physics is restarted
-        order, again = ["--request", "-"], ["--resume"]
-        self.supervisor.start(
-            ProcessSpec(PHYSICS, "orchard.processes.physics", order, again=True, afterwards=again, told=told, may_refuse=False)
-        )
+        again = msgspec.structs.replace(options, resume=True)
+        self.supervisor.start(ProcessSpec(PHYSICS, "orchard.processes.physics", options, again=True, afterwards=again, may_refuse=False))
         self._start_logger()
         if given.web is not None:
             from orchard.view.web import how_to_open
@@ -188,12 +186,16 @@ class _Launched:
 
     def _start_logger(self) -> None:
         """Start the logger if the run is recorded or watched."""
-        request = self.request
-        file = [] if request.recording is None else ["--record", str(request.recording.resolve())]
-        live = ["--serve", str(request.data_port)] if request.options.is_live else []
-        if file or live:
-            where = ["--connect", self.endpoint, *self.credentials.option(LOGGER), "--session", self.run_id]
-            self.supervisor.start(ProcessSpec(LOGGER, "orchard.processes.logger", [*where, *file, *live], again=True))
+        request, is_live = self.request, self.request.options.is_live
+        if request.recording is not None or is_live:
+            order = LoggerOptions(
+                connect=self.endpoint,
+                secure=self.credentials.folder(LOGGER),
+                record=None if request.recording is None else str(request.recording.resolve()),
+                serve=request.data_port if is_live else None,
+                session=self.run_id,
+            )
+            self.supervisor.start(ProcessSpec(LOGGER, "orchard.processes.logger", order, again=True))
 
     # -- its progress
 

@@ -72,10 +72,10 @@ class Credentials:
             raise ValueError(f"{self.keyring.folder}: it has {len(roles)} roles; with --only choose one of them: DIR/<role>")
         return self.keyring.of(roles[0])
 
-    def option(self, role: str) -> list[str]:
-        """Return the command line options of a process with this role."""
+    def folder(self, role: str) -> str | None:
+        """Return the directory of a role; None for an open run."""
         identity = self.identity(role)
-        return ["--secure", str(identity.folder)] if identity else []
+        return None if identity is None else str(identity.folder)
 
     def shares(self, names: Sequence[str], all_names: Sequence[str]) -> Shares:
         """Return the shares of this machine's agent processes."""

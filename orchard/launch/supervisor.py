@@ -13,9 +13,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
+
 from orchard.field.problems import printable
 from orchard.net import lifeline
 from orchard.net.lifeline import Line
+from orchard.net.options import FROM_STDIN, ProcessOptions
 from orchard.view.files import window
 
 ROOT = Path(__file__).parents[2]
@@ -36,15 +39,14 @@ QUICK_TICKS = {  # the thread that waits for a message handles it, instead of tw
 
 @dataclass(frozen=True)
 class ProcessSpec:
-    """A process to start: `python -m module arguments`."""
+    """A process to start: `python -m module`, with arguments, or with options that it reads from its standard input."""
 
     name: str
     module: str
-    arguments: Sequence[str]
+    order: Sequence[str] | ProcessOptions
     again: bool = False  # restart it when it dies
-    afterwards: Sequence[str] = ()  # further arguments of a restart
+    afterwards: ProcessOptions | None = None  # the options of a restart, if they are others
     agents: Sequence[str] = ()  # the agents that it hosts
-    told: str = ""  # what it reads from its line at its start
     may_refuse: bool = True  # False: if it ends with BAD_ORDER at its first start, it is not restarted
 
 
@@ -83,9 +85,9 @@ class Supervisor:
 
     def start(self, program: ProcessSpec) -> None:
         """Start a process."""
-        self.running[program.name] = _Running(program, *self._open(program, program.arguments), self.clock())
+        self.running[program.name] = _Running(program, *self._open(program, program.order), self.clock())
 
-    def _open(self, program: ProcessSpec, arguments: Sequence[str]) -> tuple[subprocess.Popen[str], Line]:
+    def _open(self, program: ProcessSpec, order: Sequence[str] | ProcessOptions) -> tuple[subprocess.Popen[str], Line]:
         """Start a process in its own process group, so that Ctrl-C reaches only run.py, which stops the others in order.
 
         It has no session of its own: Linux divides the processor among sessions first, which costs processes that work together an eighth
@@ -93,6 +95,7 @@ class Supervisor:
         """
         paths = [os.environ.get("PYTHONPATH", ""), os.getcwd()]  # modules in the user's current directory are found
         environment = QUICK_START | QUICK_TICKS | os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+        arguments = [FROM_STDIN] if isinstance(order, ProcessOptions) else order
         command, line = [sys.executable, "-m", program.module, *arguments], Line()
         popen = subprocess.Popen(
             command, cwd=ROOT, env=environment | lifeline.environment(self.run), stdin=line.of_process.fileno(), stdout=subprocess.DEVNULL,
@@ -100,8 +103,8 @@ class Supervisor:
         )  # fmt: skip
         line.of_process.close()
         take_turns(popen.pid)
-        if program.told:
-            line.write(program.told)
+        if isinstance(order, ProcessOptions):  # not in a file, which may be gone when it is restarted
+            line.write(msgspec.json.encode(order).decode())
         threading.Thread(target=self._pass_on, args=(program, popen), daemon=True).start()
         return popen, line
 
@@ -138,7 +141,7 @@ class Supervisor:
             if running.due == math.inf:
                 self._count_death(running, code)
             if self.clock() >= running.due:
-                opened = self._open(program, [*program.arguments, *program.afterwards])
+                opened = self._open(program, program.afterwards or program.order)
                 self.running[name] = _Running(program, *opened, self.clock(), running.deaths)
 
     def _count_death(self, running: _Running, code: int) -> None:

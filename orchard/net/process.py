@@ -6,41 +6,45 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from orchard.contract.guard import place_in_agent
 from orchard.net import lifeline
 from orchard.net.bus import Inbox, Signal
 from orchard.net.host import Host, HostEnded
+from orchard.net.options import Options, read_options
 
 log = logging.getLogger("orchard")
 
 LONG_SECONDS = 3.0  # after which an agent is too slow
 
 
-def run_process(name: str, body: Callable[[Inbox], int], *mistakes: type[Exception]) -> int:
-    """Run the body of a process and return its exit code. Requests to end arrive in its inbox as items.
+def run_process(
+    name: str, kind: type[Options], argv: Sequence[str] | None, body: Callable[[Inbox, Options], int], *mistakes: type[Exception]
+) -> int:
+    """Run the body of a process with its options, and return its exit code. Requests to end arrive in its inbox as items.
 
     Such a request is SIGINT or SIGTERM; for a process of run.py, that run.py lets go of its line.
 
     `mistakes`: errors that a user can correct; they are logged without a traceback, and the exit code is 2.
     """
+    options = read_options(kind, f"orchard.processes.{name}", argv)
     gc.freeze()  # what is imported stays
     logging.basicConfig(level=logging.WARNING, format=f"{name}: %(message)s")
     inbox = Inbox()
     if lifeline.is_held():
         announce = lifeline.hold_on(lambda: inbox.put(Signal(signal.SIGTERM)))
-        code = _code_of(inbox, body, *mistakes)
+        code = _code_of(lambda: body(inbox, options), *mistakes)
         announce(code)
         return code
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
-    return _code_of(inbox, body, *mistakes)
+    return _code_of(lambda: body(inbox, options), *mistakes)
 
 
-def _code_of(inbox: Inbox, body: Callable[[Inbox], int], *mistakes: type[Exception]) -> int:
+def _code_of(body: Callable[[], int], *mistakes: type[Exception]) -> int:
     try:
-        return body(inbox)
+        return body()
     except HostEnded as end:
         if end.code:
             log.error("%s", end)

@@ -19,6 +19,7 @@ from orchard.launch.request import Credentials, RunRequest
 from orchard.launch.supervisor import BAD_ORDER, DEATHS, QUICK_SECONDS, REFUSALS, ProcessSpec, Supervisor, take_turns
 from orchard.net.bus import Inbox
 from orchard.report.progress import Progress
+from orchard.server.options import RunOptions
 from orchard.wire.keys import PHYSICS
 
 
@@ -32,8 +33,8 @@ class Clock:
 class Child:
     """A process that runs until it is told to die."""
 
-    def __init__(self, arguments):
-        self.arguments, self.returncode, self.code = arguments, None, None
+    def __init__(self, order):
+        self.order, self.returncode, self.code = order, None, None
 
     def poll(self):
         return self.returncode
@@ -61,8 +62,8 @@ class Watched(Supervisor):
         super().__init__(say=lambda line: self.said.append(line), clock=clock)
         self.said, self.children = [], []
 
-    def _open(self, program, arguments):
-        self.children.append(Child(list(arguments)))
+    def _open(self, program, order):
+        self.children.append(Child(order))
         return self.children[-1], self.children[-1]
 
     def _clear_up(self, running):
@@ -72,18 +73,18 @@ class Watched(Supervisor):
 @pytest.fixture
 def fleet(clock):
     fleet = Watched(clock)
-    fleet.start(
-        ProcessSpec("agents 1", "orchard.processes.agents", ["--only", "picker"], again=True, afterwards=["--resume"], agents=["picker_01"])
-    )
+    fleet.start(ProcessSpec("agents 1", "orchard.processes.agents", [], again=True, agents=["picker_01"]))
     return fleet
 
 
-def test_who_dies_is_started_again_at_once_with_what_it_is_told_afterwards(fleet, clock):
+def test_who_dies_is_started_again_at_once_with_the_options_of_a_restart(fleet, clock):
+    first, again = RunOptions(run="a"), RunOptions(run="a", resume=True)
+    fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", first, again=True, afterwards=again))
     clock.now += 60.0
-    fleet.children[0].die()
+    fleet.children[-1].die()
     fleet.watch()
-    assert [child.arguments for child in fleet.children] == [["--only", "picker"], ["--only", "picker", "--resume"]]
-    assert fleet.said == ["agents 1 ended with code -9; starting it again"]
+    assert [child.order for child in fleet.children[1:]] == [first, again]
+    assert fleet.said == ["physics ended with code -9; starting it again"]
 
 
 def test_what_a_child_says_that_is_no_text_is_passed_on_and_does_not_block_it(tmp_path, monkeypatch):

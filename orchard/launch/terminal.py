@@ -148,7 +148,7 @@ def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str)
         print_error(slow)
     troubles = [f"violated: {violation}" for violation in result["violations"]]
     troubles += [f"broken: {agent}" for agent in result["broken_agents"]]
-    troubles += [] if why in ("harvested", "duration", "stopped", "refused") else [why, *result["jam"]]
+    troubles += [] if why in ("harvested", "duration", "stopped", "broken", "refused") else [why, *result["jam"]]
     try:
         if summary is not None:
             write_summary(summary, result)

@@ -20,6 +20,7 @@ from orchard.report.sentence import clock, share_picked
 
 LINE_SECONDS = 2.0  # s of wall time between two plain lines
 STILL_SECONDS = 10.0  # s of wall time between two plain lines while the run gets ready; a terminal shows each second
+NAMED = 3  # broken agents that a line names
 NARROWEST = 24  # characters, the minimum width of a column
 SILENT = "no agent"  # shown for a robot whose agent was lost
 STANDS = (STOPPED, SILENT)  # shown in red
@@ -37,6 +38,7 @@ class Headline(msgspec.Struct):
     bins_delivered: int
     schedule_sim_seconds: float
     carrier_utilisation: float
+    broken_agents: list[str]  # each with the tick since which it is
     state_seconds: dict[str, dict[str, float]]  # kind of robot -> state -> s, all robots of the kind together
 
     @property
@@ -63,11 +65,20 @@ class Headline(msgspec.Struct):
         return self.line()
 
     def line(self, until: float | None = None) -> str:
-        """Return the headline as a line of at most 80 characters. `until`: as in `seconds_left`."""
+        """Return the headline as a line of at most 80 characters, and the broken agents. `until`: as in `seconds_left`."""
         left, picked = self.seconds_left(until), share_picked(self.metres_picked, self.rows * self.row_length)
-        return (
-            f"{self.sim_seconds:7.1f} s  {self.times_real_time:6.1f} x real time  {picked:>5} picked  "
-            f"{self.bins_delivered}/{self.rows} bins" + (f"  {clock(left)} left" if left < math.inf else "")
+        ends = [f"{clock(left)} left"] if left < math.inf else []
+        if self.broken_agents:
+            names, more = [agent.partition(",")[0] for agent in self.broken_agents[:NAMED]], len(self.broken_agents) - NAMED
+            ends.append(f"broken: {', '.join(names)}{f' and {more} more' if more > 0 else ''}")
+        return "  ".join(
+            [
+                f"{self.sim_seconds:7.1f} s",
+                f"{self.times_real_time:6.1f} x real time",
+                f"{picked:>5} picked",
+                f"{self.bins_delivered}/{self.rows} bins",
+                *ends,
+            ]
         )
 
 

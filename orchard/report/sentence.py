@@ -5,6 +5,7 @@ from orchard.report.summary import Outcome
 ENDS = {  # other words come from the processes of the run
     "duration": "Ended by --duration",
     "stopped": "Stopped",
+    "broken": "Ended because all pickers were broken,",
     "jammed": "Jammed",
     "refused": "Ended because an order of the dispatch policy was refused,",
 }

@@ -48,7 +48,7 @@ class Outcome(msgspec.Struct):
     sim_seconds: float
     wall_seconds: float
     finished: bool
-    ended: str  # 'harvested', 'duration', 'stopped', 'jammed' or 'refused'
+    ended: str  # 'harvested', 'duration', 'stopped', 'broken' (all pickers), 'jammed' or 'refused'
     rows: Annotated[int, Meta(ge=1)]
     row_length: Annotated[float, Meta(gt=0.0)]
     rows_picked: int

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from orchard.contract.agent import state_of
+from orchard.contract.agent import STATES, state_of
+from orchard.field.kinds import kind_of
 from orchard.field.scenario import END, TIME_STEP
 from orchard.sim.snapshot import SnapshotError
 from orchard.sim.stops import as_shown
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from orchard.sim.engine import Engine
 
 Seconds = Annotated[float, Meta(ge=0.0, le=1e9)]
+BROKEN_TICKS = 10
 FIGURES_SECONDS = 0.5  # s of wall time between two messages with figures
 
 
@@ -68,15 +70,26 @@ class RunFigures:
 
     @property
     def fault(self) -> str:
-        """Why the run must end before the harvest is over: 'jammed', or 'refused' if the scenario says so; '' if it goes on."""
+        """Why the run must end before the harvest is over: 'broken', 'jammed', or 'refused' if the scenario says so; '' if it goes on."""
         if self._world.layout.scenario.dispatch_errors == END and self._has_refused_order():
             return "refused"
+        if self._are_pickers_broken():
+            return "broken"
         return "jammed" if self._figures.jammed(self._world) else ""
 
     def _has_refused_order(self) -> bool:
         from orchard.report.metrics import orders_refused
 
         return bool(self._figures.orders_refused or orders_refused(self._engine.answers))  # the last step may not be counted yet
+
+    def _are_pickers_broken(self) -> bool:
+        """Whether all pickers are broken now, and each was for BROKEN_TICKS: an agent that errs once may recover."""
+        pickers = [name for name in self._world.layout.index if kind_of(name) == "picker"]
+        actions = [self._engine.actions.get(name) for name in pickers]
+        if not all(action is not None and action.state == "broken" for action in actions):
+            return False
+        ticks = self._engine.states.counts.ticks
+        return all(ticks[name][STATES.index("broken")] >= BROKEN_TICKS for name in pickers)
 
     def figures(self) -> dict[str, Any]:
         """Return the figures so far, as the summary has them."""

@@ -418,7 +418,11 @@ class End(Message):
 
     finished: Annotated[bool, Meta(description="whether the harvest is complete")]
     why: Annotated[
-        str, Meta(description="why it ended: 'harvested', 'duration', 'stopped', 'jammed' or 'refused'; 'reset': it begins again")
+        str,
+        Meta(
+            description="why it ended: 'harvested', 'duration', 'stopped', 'broken' (all pickers), 'jammed' or 'refused'; "
+            "'reset': it begins again"
+        ),
     ]
     hash: Annotated[str, Meta(description="SHA-256 over all ticks, hexadecimal")]
     summary: Annotated[dict[str, Any], Meta(description="the figures of the whole run")]

@@ -9,7 +9,7 @@ from importlib import metadata
 
 import psutil
 import pytest
-from command_line import SECONDS, orchard, running, summary_of, wait_until_simulated
+from command_line import ROOT, SECONDS, orchard, running, summary_of, wait_until_simulated
 from local_runs import SMALL, local_hash
 from recordings import seconds_of
 
@@ -165,6 +165,18 @@ def test_a_run_without_its_logger_goes_on(tmp_path):
         run.communicate(timeout=SECONDS)
         assert run.returncode == 0
     assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), 1500)
+
+
+@pytest.mark.parametrize("mode", ["local", "lockstep"])
+def test_a_run_whose_pickers_are_all_broken_ends_at_once(tmp_path, monkeypatch, mode):
+    monkeypatch.setenv("PYTHONPATH", f"{ROOT}:{ROOT / 'tests' / 'support'}")
+    scenario, path = tmp_path / "broken.yaml", tmp_path / "summary.json"
+    scenario.write_text(to_yaml(SMALL.model_copy(update={"agents": {"picker": "own_agents.Unmakeable"}})))
+    done = orchard(scenario, "--mode", mode, "--record", "none", "--summary", path, "--duration", 60)
+    summary = summary_of(path)
+    assert (done.returncode, summary["ended"], summary["ticks"]) == (1, "broken", 10), done.stderr
+    assert "Ended because all pickers were broken, after 0:01 min" in done.stdout
+    assert "broken: picker_01, since tick 0" in done.stderr
 
 
 # -- bad input

@@ -12,7 +12,7 @@ from orchard.report.progress import Headline, Progress, headline_of, robots
 FIGURES = {
     "sim_seconds": 61.5, "times_real_time": 30.0, "rows_picked": 2, "rows": 20, "row_length": 70.0,
     "metres_picked": 525.0, "bins_delivered": 1,
-    "schedule_sim_seconds": 1411.5, "carrier_utilisation": 0.5,
+    "schedule_sim_seconds": 1411.5, "carrier_utilisation": 0.5, "broken_agents": [],
     "state_seconds": {"picker": {"picking": 100.0, "waiting": 12.0, "calling": 3.5}, "carrier": {"waiting": 9.0}},
 }  # fmt: skip
 
@@ -72,6 +72,12 @@ def test_a_robot_that_is_stopped_or_lost_its_agent_stands_out():
 def test_the_headline_tells_the_share_of_metres_and_the_time_left_in_eighty_columns():
     assert headline_of(FIGURES).line() == "   61.5 s    30.0 x real time   37 % picked  1/20 bins  0:45 min left"
     assert len(headline_of({**FIGURES, "sim_seconds": 9999.9, "times_real_time": 0.01, "metres_picked": 1400.0}).line()) <= 80
+
+
+def test_the_headline_names_broken_agents():
+    broken = [f"picker_0{i}, since tick {i}" for i in range(1, 6)]
+    assert headline_of(FIGURES | {"broken_agents": broken[:2]}).line().endswith("  0:45 min left  broken: picker_01, picker_02")
+    assert headline_of(FIGURES | {"broken_agents": broken}).line().endswith("  broken: picker_01, picker_02, picker_03 and 2 more")
 
 
 @pytest.mark.parametrize(

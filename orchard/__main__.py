@@ -1,5 +1,6 @@
 """The command `orchard`, also `python -m orchard`: `orchard.launch.commands`, and what Ctrl-C does until that is imported."""
 
+import os
 import signal
 
 from orchard.memory import collect_seldom
@@ -9,6 +10,8 @@ def main() -> None:
     """Run the command line."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C during the imports ends the process silently: nothing runs yet
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # a program that starts this one may block the signal until here
+    if os.environ.get("COLUMNS") == "0":  # the width of a terminal that does not know its own: Rich would print nothing
+        del os.environ["COLUMNS"]
     collect_seldom()
     from orchard.launch import commands
 

@@ -5,7 +5,6 @@ import signal
 if __name__ == "__main__":  # Ctrl-C during the imports ends the process at once and without a message
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
-import argparse
 import contextlib
 import socket
 import sys
@@ -25,13 +24,14 @@ from orchard.app.own_address import only_own_address
 from orchard.app.page import PATIENCE, Page, complain
 from orchard.app.study_run import Studies
 from orchard.folders import runs_folder
+from orchard.net.options import CommandLine
 
 ICON = "🥝"
 
 
 def main(argv: list[str] | None = None) -> int:
     """Serve the page until Ctrl-C. Return the exit code: 2 if the address cannot be used."""
-    parser = argparse.ArgumentParser(prog="orchard app", description="Set up an orchard in the browser, run it, and watch it.")
+    parser = CommandLine(prog="orchard app", description="Set up an orchard in the browser, run it, and watch it.")
     parser.add_argument("--port", type=int, default=8080, help="port of the page")
     parser.add_argument("--host", default="127.0.0.1", help="any client that reaches it can start runs; 0.0.0.0: under this machine's name")
     parser.add_argument("--runs", type=Path, default=runs_folder(), metavar="DIRECTORY", help="directory of recordings and summaries")

@@ -18,12 +18,13 @@ import os
 import signal
 import sys
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import typer
+from typer.exceptions import TyperException
 
 from orchard.agents.catalogue import check_plugins
 from orchard.field.layout import lay_out
@@ -33,37 +34,57 @@ from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
 from orchard.launch import options
-from orchard.launch.options import HarvestOptions
+from orchard.launch.faults import fault_of
+from orchard.launch.options import HarvestOptions, ReplayOptions
 from orchard.launch.request import Credentials, RunRequest, shares
-from orchard.launch.runs import Runs, check_writable
+from orchard.launch.runs import Runs, alone, check_writable
 from orchard.launch.study_options import StudyArguments
-from orchard.launch.terminal import BAD_INPUT, FAILED, console, errors, exit_on_errors, own_classes_run, print_error, print_line, report
+from orchard.launch.terminal import (
+    BAD_INPUT,
+    FAILED,
+    FINISHED,
+    console,
+    errors,
+    exit_on_errors,
+    own_classes_run,
+    print_error,
+    print_line,
+    report,
+)
 from orchard.launch.watch import check_ports, open_window, serve
 from orchard.net.endpoints import BusError
 from orchard.report.progress import Progress
 from orchard.server.snapshots import examine, sole
 from orchard.sim.snapshot import Snapshot, SnapshotError, newest
-from orchard.view.files import parts_of, viewer_program, window
+from orchard.view.files import parts_of, remove_further_parts, viewer_program, window
 
 EPILOG = """A clone keeps recordings and snapshots in its folder runs/, an installed package in the user's own data directory.
 ORCHARD_RUNS=DIR names another folder.
 
 Exit code: 0 if the harvest was finished or stopped, or reached its --duration; 1 if it failed; 2 for bad input."""
 
-app = typer.Typer(add_completion=False, no_args_is_help=False, pretty_exceptions_enable=False)
-
-
-@app.callback()
-def interruptible() -> None:
-    """From here on Ctrl-C raises KeyboardInterrupt in the command, which may have something to stop. Typer sets the exit code."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+unnamed = typer.Typer(add_completion=False, pretty_exceptions_enable=False)  # what is done without the name of a command
 
 
 # -- a harvest
 
 
-@app.command(help=options.HELP, epilog=EPILOG)
+@app.command("replay", cls=options.Command, epilog=EPILOG)
+@options.with_options(ReplayOptions)
+def replay(chosen: ReplayOptions) -> None:
+    """Let the velocities in a bag drive its robots again, in a harvest with any of its options: docs/ros2.md."""
+    harvest(chosen)
+
+
+@app.command("harvest", cls=options.Command, help=options.HELP, epilog=EPILOG)
+@unnamed.command(cls=options.Command, help=options.HELP, epilog=EPILOG)
 @options.with_options(HarvestOptions)
+def harvest_with(chosen: HarvestOptions) -> None:
+    """Harvest an orchard."""
+    harvest(chosen)
+
+
 def harvest(chosen: HarvestOptions) -> None:
     """Harvest an orchard to the end."""
     chosen.check()
@@ -71,11 +92,15 @@ def harvest(chosen: HarvestOptions) -> None:
         print_error(note)
     if chosen.only and chosen.connect:
         raise typer.Exit(_join_run(chosen, chosen.connect, chosen.only))
-    with own_classes_run():
+    with own_classes_run(), ExitStack() as stack:
         with exit_on_errors(ScenarioError, SnapshotError, BusError, OSError, ValueError):
             request = _request(chosen)
+            stack.enter_context(alone(request.recording, chosen.table))
+            if request.recording is not None:
+                remove_further_parts(request.recording)
         result, why = _run_local(request) if chosen.mode == "local" else _run_processes(request)
-        raise typer.Exit(report(request, result, why))
+        code = report(request, result, why)
+    raise typer.Exit(code)
 
 
 def _request(chosen: HarvestOptions) -> RunRequest:
@@ -93,6 +118,7 @@ def _request(chosen: HarvestOptions) -> RunRequest:
     if chosen.table is not None:
         from orchard.tables.folder import check_folder
 
+        str(chosen.table).encode()  # pyarrow takes no other names
         check_folder(chosen.table, scenario, None if before is None else before.tick)
     if chosen.web is not None:
         check_ports(chosen.web)
@@ -189,7 +215,7 @@ def _join_run(chosen: HarvestOptions, endpoint: str, only: list[str]) -> int:
 # -- the emergency stop
 
 
-@app.command()
+@app.command(cls=options.Command)
 def stop(robots: options.Robots = None, connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
     """Stop robots, each with its bin, of all active runs on this machine. They stand until they are reset."""
     from orchard.launch.stopping import stop_or_reset
@@ -197,7 +223,7 @@ def stop(robots: options.Robots = None, connect: options.There = None, secure: o
     raise typer.Exit(stop_or_reset(runs_folder(), robots or [], connect, secure, stop=True))
 
 
-@app.command()
+@app.command(cls=options.Command)
 def reset(robots: options.Robots = None, connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
     """Let stopped robots of a run go on."""
     from orchard.launch.stopping import stop_or_reset
@@ -208,7 +234,7 @@ def reset(robots: options.Robots = None, connect: options.There = None, secure: 
 # -- pause and step
 
 
-@app.command()
+@app.command(cls=options.Command)
 def pause(connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
     """Pause a run: simulated time stands, and no agent is late."""
     from orchard.launch import pausing
@@ -216,7 +242,7 @@ def pause(connect: options.There = None, secure: options.EmergencyOperator = Non
     raise typer.Exit(pausing.pause(runs_folder(), connect, secure))
 
 
-@app.command()
+@app.command(cls=options.Command)
 def resume(connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
     """Let a paused run go on."""
     from orchard.launch import pausing
@@ -224,7 +250,7 @@ def resume(connect: options.There = None, secure: options.EmergencyOperator = No
     raise typer.Exit(pausing.resume(runs_folder(), connect, secure))
 
 
-@app.command(context_settings={"ignore_unknown_options": True})  # -3 is a wrong number, and no option
+@app.command(cls=options.Command, context_settings={"ignore_unknown_options": True})  # -3 is a wrong number, and no option
 def step(
     steps: options.Steps = "1",  # type: ignore[assignment]  # Typer parses defaults too
     connect: options.There = None,
@@ -239,7 +265,7 @@ def step(
 # -- security
 
 
-@app.command()
+@app.command(cls=options.Command)
 def secure(
     folder: options.Certificates,
     scenario: options.File = None,
@@ -278,7 +304,9 @@ def needs_extra(what: str, extra: str, otherwise: str = "") -> Iterator[None]:
 
 # -- an orchard of one's own
 
-layout = typer.Typer(help="Import the rows of an orchard of your own.", add_completion=False, pretty_exceptions_enable=False)
+layout = typer.Typer(
+    no_args_is_help=True, help="Import the rows of an orchard of your own.", add_completion=False, pretty_exceptions_enable=False
+)
 app.add_typer(layout, name="layout")
 
 
@@ -287,7 +315,7 @@ def layouts() -> None:
     """Import the rows of an orchard of your own."""
 
 
-@layout.command("import")
+@layout.command("import", cls=options.Command)
 def import_layout(file: options.GeoJson, out: options.NewScenario = None, crs: options.System = None) -> None:
     """Make a scenario from surveyed rows."""
     from orchard.launch.own_orchard import write_scenario
@@ -299,7 +327,7 @@ def import_layout(file: options.GeoJson, out: options.NewScenario = None, crs: o
 # -- a study
 
 
-@app.command()
+@app.command(cls=options.Command)
 @options.with_options(StudyArguments)
 def study(chosen: StudyArguments) -> None:
     """Compare settings of an orchard, and tell which is best, and with what confidence."""
@@ -311,7 +339,7 @@ def study(chosen: StudyArguments) -> None:
 # -- recordings and the page
 
 
-@app.command()
+@app.command(cls=options.Command)
 def view(recording: options.Recording = None, web: options.Browser = None) -> None:
     """Open a recording, with all its parts, in the Rerun viewer."""
     path = _recording(recording)
@@ -320,7 +348,7 @@ def view(recording: options.Recording = None, web: options.Browser = None) -> No
     raise typer.Exit(code)
 
 
-@app.command()
+@app.command(cls=options.Command)
 def export(
     mcap: options.Mcap, recording: options.Recording = None, robots: options.Exported = None, with_scans: options.WithScans = False
 ) -> None:
@@ -348,11 +376,13 @@ def main() -> None:
         from orchard.app.__main__ import main as serve  # its packages are an extra
 
         raise SystemExit(serve(arguments[1:]))
-    if arguments[:1] == ["replay"]:  # a harvest with all its options
-        arguments = ["harvest", *(["--replay"] if not arguments[1:2] or arguments[1][:1] != "-" else []), *arguments[1:]]
-    is_named = arguments[:1] and arguments[0] in ("harvest", *options.COMMANDS)
+    command = app if arguments[:1] and arguments[0] in ("harvest", *options.COMMANDS) else unnamed
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # the command may have something to stop; Typer sets the exit code
     try:
-        app(arguments if is_named else ["harvest", *arguments])
+        raise SystemExit(command(arguments, standalone_mode=False) or FINISHED)
+    except TyperException as error:
+        print_error(fault_of(error))
+        raise SystemExit(error.exit_code) from None
     except SystemExit as end:
         end_soon(end.code if isinstance(end.code, int) else FAILED, print_error)
         raise

@@ -24,7 +24,7 @@ from orchard.launch.supervisor import BAD_ORDER, ProcessSpec, Supervisor, Watchd
 from orchard.launch.terminal import typed
 from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal
 from orchard.net.ending import Ending
-from orchard.net.endpoints import BusError, check_free, check_security, reachable, with_port
+from orchard.net.endpoints import BusError, check_free, check_loopback, check_security, reachable, with_port
 from orchard.net.options import HostOptions, LoggerOptions
 from orchard.net.refusals import Refusals, Refused, read_message
 from orchard.net.requests import fetch_run
@@ -82,7 +82,7 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
         if end is not None:  # what physics has written counts more than a message, which any client may send
             summary, why = end.summary, end.why
         if summary is not None:
-            stood = [agent for program in supervisor.given_up.values() for agent in program.agents]
+            stood = supervisor.lost_agents
             summary["broken_agents"] += [f"{agent}, its process died again and again" for agent in stood]
         if summary is not None and options.summary is not None:
             with suppress(OSError):  # what is known now; packing the recording may take long, or be ended by force. `report` writes it all
@@ -105,7 +105,8 @@ def _await_exits(supervisor: Supervisor, hosts: list[str], inbox: Inbox, seconds
             supervisor.stop(STOP_SECONDS)
         if time.monotonic() - begun >= THINK_SECONDS:
             for name in [name for name in hosts if name in supervisor.running and supervisor.exit_code(name) is None]:
-                supervisor.say(f"{name} still thinks, {THINK_SECONDS:g} s after the end; ended by force")
+                agents = ", ".join(supervisor.running[name].program.agents)
+                supervisor.say(f"{name} has not ended {THINK_SECONDS:g} s after the run, and is ended by force; its agents: {agents}")
                 supervisor.kill(name)
 
 
@@ -119,6 +120,7 @@ def _endpoint_of(options: HarvestOptions, credentials: Credentials) -> str:
     if options.connect:
         with client(options.connect, seconds=LOOK_SECONDS, identity=credentials.identity("operator")):
             return options.connect
+    check_loopback()
     endpoint = with_port(options.listen or f"{'tls' if credentials.keyring else 'tcp'}/127.0.0.1:{free_port()}")
     check_security(endpoint, credentials.identity(PHYSICS) is not None)
     check_free(endpoint)
@@ -277,13 +279,12 @@ class _Launched:
 
     def _why_over(self, begun: bool) -> str:
         """Why the run cannot go on without a message of its end; '' if it can. `begun`: whether all agents have been there."""
-        given_up = self.supervisor.given_up
         if self.supervisor.is_over(PHYSICS):
             code = self.supervisor.exit_code(PHYSICS)
             return HOW_PHYSICS_ENDED.get(code, f"physics ended with code {code}")
-        if PHYSICS in given_up:
+        if PHYSICS in self.supervisor.given_up:
             return f"physics died repeatedly; to go on: {typed('--resume', self.request.snapshots)}"
-        if not begun and (missing := [agent for program in given_up.values() for agent in program.agents]):
+        if not begun and (missing := self.supervisor.lost_agents):
             return f"the run cannot begin without {', '.join(missing)}: the processes that hosted them died repeatedly"
         return ""
 

@@ -4,7 +4,7 @@ import inspect
 import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from difflib import get_close_matches
 from functools import wraps
 from importlib.metadata import PackageNotFoundError, version
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 from typer import Argument, BadParameter, Exit, Option
+from typer.core import TyperCommand, TyperOption
 
 from orchard.contract.agent import MOST_STEPS, Holds
 from orchard.contract.messages import LAST_TICK
@@ -292,6 +293,13 @@ class HarvestOptions:
         return notes
 
 
+@dataclass(frozen=True, kw_only=True)
+class ReplayOptions(HarvestOptions):
+    """The options of a harvest in which a bag drives its robots."""
+
+    replay: Annotated[Path, Argument(metavar="FILE.mcap", help="The bag.", show_default=False)] = field()
+
+
 def named(parameters: Iterable[str]) -> str:
     """Return the options as a user types them: --row-width, --seed."""
     return ", ".join(f"--{name.replace('_', '-')}" for name in parameters)
@@ -308,10 +316,22 @@ def with_options(kind: type[Chosen]) -> Callable[[Callable[[Chosen], None]], Cal
         def called(**values: Any) -> None:
             command(kind(**values))
 
-        vars(called)["__signature__"] = inspect.signature(kind)
+        parameters = inspect.signature(kind).parameters.values()
+        vars(called)["__signature__"] = inspect.Signature(
+            sorted(parameters, key=lambda parameter: parameter.default is not parameter.empty)
+        )
         return called
 
     return decorate
+
+
+class Command(TyperCommand):
+    """A command whose option --help is shown without a value."""
+
+    def get_help_option(self, ctx: Any) -> TyperOption | None:
+        if option := super().get_help_option(ctx):
+            option.metavar = ""
+        return option
 
 
 # -- other commands

@@ -10,6 +10,7 @@ from orchard.field.problems import printable
 from orchard.field.scenario import Scenario, to_short_yaml
 from orchard.field.survey import Survey
 from orchard.launch.terminal import BAD_INPUT, print_error, print_line
+from orchard.sim.disk import write_whole
 
 
 def write_scenario(file: Path, out: Path | None, crs: str | None) -> None:
@@ -23,11 +24,13 @@ def write_scenario(file: Path, out: Path | None, crs: str | None) -> None:
     if out is None:
         print_line(text.rstrip())
         return
-    try:
-        with open(out, "x", encoding="utf-8") as new:
-            new.write(text)
-    except FileExistsError:
+    if out.exists():
         print_error(f"{out}: there is such a file; --out must name a new one")
+        raise typer.Exit(BAD_INPUT)
+    try:
+        write_whole(out, text.encode())
+    except OSError as error:
+        print_error(f"{out}: not written: {error.strerror}")
         raise typer.Exit(BAD_INPUT) from None
     print_line(f"{out}: {_sizes(scenario)}")
 

@@ -1,14 +1,16 @@
 """The folder of runs, for recordings and snapshots: names for new ones, and the newest of the existing ones."""
 
+import fcntl
 import itertools
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
 from orchard.sim.snapshot import SnapshotError
-from orchard.view.files import check_recording, is_further_part, remove_further_parts
+from orchard.view.files import check_recording, is_further_part
 
 LAST = "last"  # for --resume: the run with the newest snapshots
 
@@ -34,7 +36,6 @@ class Runs:
             why = str(error) if error.strerror is None else f"{path.parent}: cannot be made: {error.strerror}"
             raise OSError(f"{why}; --record FILE.rrd records elsewhere, --record none not at all") from error
         check_recording(path)
-        remove_further_parts(path)
         return path
 
     def newest_recording(self) -> Path | None:
@@ -53,6 +54,29 @@ class Runs:
         if last is None:
             raise SnapshotError(f"{self.folder}: no run there to resume; a run leaves its snapshots there when it is stopped")
         return last
+
+
+@contextmanager
+def alone(*paths: Path | None) -> Iterator[None]:
+    """In this context no other run that starts here writes to these files and folders. Raises ValueError if one does.
+
+    The locks end with this process, however that ends. A file that is not there is made; if it is empty at the end, it goes.
+    """
+    with ExitStack() as stack:
+        for path in filter(None, paths):
+            opened = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR | os.O_CREAT, 0o666)
+            stack.callback(os.close, opened)
+            try:
+                fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise ValueError(f"{path}: another run writes there now; name another one, or wait until it has ended") from None
+            stack.callback(_remove_empty, path)
+        yield
+
+
+def _remove_empty(path: Path) -> None:
+    if path.is_file() and not path.stat().st_size:
+        path.unlink()
 
 
 def check_writable(path: Path) -> None:

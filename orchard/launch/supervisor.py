@@ -116,6 +116,11 @@ class Supervisor:
             for line in lines:
                 self.say(f"{program.name}: {printable(line.rstrip().removeprefix(f'{module}: '), LONGEST_LINE)}")
 
+    @property
+    def lost_agents(self) -> list[str]:
+        """The agents of the processes that were given up."""
+        return [agent for program in self.given_up.values() for agent in program.agents]
+
     def exit_code(self, name: str) -> int | None:
         """Return the exit code of a process; None while it runs, or if it was never started."""
         return self.running[name].popen.poll() if name in self.running else None

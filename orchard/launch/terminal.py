@@ -28,6 +28,11 @@ CTRL_C = "Ctrl-C ends the run"
 LATE_SECONDS, LATE_SHARE = 1.0, 0.1  # of wall time that a run may take longer than at its speed: s, and share; more is told
 
 
+def harmless(words: str) -> str:
+    """Return text that may hold anything, such as a path, without what would control a terminal."""
+    return "".join(c if c.isprintable() or c == "\n" else "?" for c in words)
+
+
 class Output(Console):
     """Stdout or stderr. What cannot be written, as on a full disk, is lost, and the run goes on. The other of the two says so once."""
 
@@ -38,7 +43,7 @@ class Output(Console):
 
     def print(self, *objects: Any, **options: Any) -> None:
         try:
-            super().print(*objects, **options)
+            super().print(*(harmless(one) if isinstance(one, str) else one for one in objects), **options)
         except OSError as error:
             self._buffer.clear()  # Rich would print it again with the next line
             is_first, self.has_lost = not self.has_lost, True
@@ -108,6 +113,8 @@ def exit_on_errors(*mistakes: type[Exception]) -> Iterator[None]:
 
 def in_words(error: Exception) -> str:
     """Return what is wrong, without the number of an error of the operating system: "runs: Permission denied"."""
+    if isinstance(error, UnicodeEncodeError):
+        return f"{error.object}: this name is no text in UTF-8, which a run needs; expected another folder or file"
     if isinstance(error, OSError) and error.strerror and error.filename:
         return f"{error.filename}: {error.strerror}"
     return str(error)
@@ -135,7 +142,7 @@ def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str)
     """Print the result, and write it to the file of --summary. Return the exit code."""
     recording, summary = request.recording, request.options.summary
     if result is None:
-        errors.print(why, markup=False)
+        print_error(why)
         return FAILED
     if recording is not None:
         from orchard.view.reader import missing  # not at the top: Rerun takes half a second to load

@@ -5,6 +5,7 @@ import socket
 from contextlib import suppress
 
 LOOPBACK, SECURE_LOOPBACK = "tcp/127.0.0.1:0", "tls/127.0.0.1:0"
+LOOPBACK_SECONDS = 5.0  # that a connection to this machine may take
 NO_ENDPOINT = "not an endpoint; use one such as tcp/127.0.0.1:7447"
 OUTSIDE = {"0.0.0.0": "192.0.2.1", "[::]": "2001:db8::1"}  # address that means all -> an address that is on no machine (RFC 5737, 3849)
 IN_USE = "cannot listen there; the port is in use, or the address is not of this machine"
@@ -49,6 +50,16 @@ def check_free(endpoint: str) -> None:
             probe.listen()
     except OSError as error:
         raise BusError(f"{endpoint}: {IN_USE}") from error
+
+
+def check_loopback() -> None:
+    """Raise BusError if this machine cannot connect to itself, as in a network namespace in which the loopback is down."""
+    try:
+        with socket.create_server(("127.0.0.1", 0)) as server, socket.create_connection(server.getsockname(), LOOPBACK_SECONDS):
+            pass
+    except OSError as error:
+        why = f"127.0.0.1: processes of this machine cannot reach each other there: {error.strerror or error}"
+        raise BusError(f"{why}; `ip link set lo up` makes it work, and --mode local does without") from error
 
 
 def reachable(endpoint: str) -> str:

@@ -6,14 +6,16 @@
 import argparse
 import sys
 from collections.abc import Sequence
-from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
+from typing import Annotated, Any, NoReturn, TypeVar, get_origin, get_type_hints
 
 import msgspec
 from msgspec import Meta
 
+from orchard.field.problems import printable
 from orchard.net.host import GONE_SECONDS
 from orchard.wire.keys import PREFIX
 
+MOST_SHOWN = 500  # characters of an error
 FROM_STDIN = "-"  # the only argument of a process that reads its options from its standard input
 FACTORY = "orchard.agents.catalogue:make_agents"
 Positive = Annotated[float, Meta(gt=0.0, le=1e12)]  # neither NaN nor infinite
@@ -64,6 +66,13 @@ class LoggerOptions(ClientOptions, frozen=True, kw_only=True):
     session: Annotated[str, option("ID", "session id in the liveliness token: letters and digits")] = ""
 
 
+class CommandLine(argparse.ArgumentParser):
+    """A command line whose errors are harmless in a terminal, whatever was typed."""
+
+    def error(self, message: str) -> NoReturn:
+        super().error(printable(message, MOST_SHOWN))
+
+
 def read_options(kind: type[Options], module: str, argv: Sequence[str] | None = None) -> Options:
     """Return the options of a process: of its command line, or of the JSON line at its standard input.
 
@@ -72,7 +81,7 @@ def read_options(kind: type[Options], module: str, argv: Sequence[str] | None = 
     words = sys.argv[1:] if argv is None else argv
     if [*words] == [FROM_STDIN]:
         return msgspec.json.decode(sys.stdin.readline(), type=kind)
-    parser = argparse.ArgumentParser(prog=f"python -m {module}", description=kind.__doc__, argument_default=argparse.SUPPRESS)
+    parser = CommandLine(prog=f"python -m {module}", description=kind.__doc__, argument_default=argparse.SUPPRESS)
     required = {field.name for field in msgspec.structs.fields(kind) if field.required}
     for name, hint in get_type_hints(kind, include_extras=True).items():
         if get_origin(hint) is Annotated:
@@ -83,7 +92,7 @@ def read_options(kind: type[Options], module: str, argv: Sequence[str] | None = 
         parser.error(str(error))
 
 
-def _add(parser: argparse.ArgumentParser, name: str, hint: Any, is_required: bool) -> None:
+def _add(parser: CommandLine, name: str, hint: Any, is_required: bool) -> None:
     """Add a field to a command line: as a switch, an option, one that may be repeated, or an argument."""
     of, note = hint.__origin__, hint.__metadata__[-1]
     flag, words = f"--{name.replace('_', '-')}", {"help": note.description, "required": is_required}

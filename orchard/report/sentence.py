@@ -42,7 +42,8 @@ def _unfinished(outcome: Outcome) -> str:
     end = ENDS.get(outcome.ended, f"Ended ({outcome.ended})")
     picked = share_picked(outcome.metres_picked, outcome.rows * outcome.row_length)
     return (
-        f"{end} after {clock(outcome.sim_seconds)}, simulated, before the harvest was finished: {picked} of {outcome.rows} rows picked, "
+        f"{end} after {clock(outcome.sim_seconds)}, simulated, before the harvest was finished: "
+        f"{outcome.rows_picked} of {outcome.rows} rows and {picked} of their metres picked, "
         f"{outcome.bins_delivered} of {outcome.rows} bins delivered"
     )
 

@@ -84,7 +84,8 @@ class Drivers:
         """Stop waiting for the missing answers. A session loses all of its agents if none of them has answered this tick."""
         missing = self.answers.give_up()
         silent = [owner for owner, names in self.due.items() if missing.issuperset(names)]
-        self.release(missing.union(*(self.roster.by_owner()[owner] for owner in silent)))
+        owned = self.roster.by_owner()
+        self.release(missing.union(*(owned.get(owner, []) for owner in silent)))  # another session may have taken over all of one
 
     def miss(self, names: Collection[str]) -> None:
         """Record that the run goes on without these agents."""

@@ -14,6 +14,7 @@ from orchard.field.scenario import Scenario, with_changes
 from orchard.study.own_source import own_classes
 
 MOST_SETTINGS = 10_000
+MOST_NAMED = 3  # values that have one fault
 SEED = "seed"
 
 _RANGE = re.compile(r"(-?\d{1,9})\.\.(-?\d{1,9})(?:\.\.(\d{1,9}))?")
@@ -114,16 +115,26 @@ def settings_of(scenario: Scenario, varied: Mapping[str, Sequence[Any]]) -> tupl
     if found := _unusable(varied):
         return [], found
     settings: list[Setting] = []
-    problems: dict[tuple[str, str, str], Problem] = {}
+    problems: dict[tuple[str, str], Problem] = {}
+    values_of: dict[tuple[str, str], list[str]] = {}  # problem -> the values that have it
     for values in product(*varied.values()):
         setting = dict(zip(varied, values, strict=True))
         try:
             settings.append(Setting(setting, with_changes(scenario, **setting)))
         except ScenarioError as error:
             for problem in error.problems:
-                value = "" if problem.text.startswith("unknown key") else problem.value
-                problems.setdefault((problem.path, value, problem.text), _placed(replace(problem, value=value), setting, varied))
-    return settings, list(problems.values())
+                key = problem.path, problem.text
+                problems.setdefault(key, _placed(problem, setting, varied))
+                of_key = values_of.setdefault(key, [])
+                if not problem.text.startswith("unknown key") and problem.value not in of_key:
+                    of_key.append(problem.value)
+    return settings, [replace(problem, value=_together(values_of[key])) for key, problem in problems.items()]
+
+
+def _together(values: Sequence[str]) -> str:
+    """Return values as text, the first MOST_NAMED by name: 50, 51, 52 and 18 more."""
+    more = len(values) - MOST_NAMED
+    return ", ".join(values[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _unusable(varied: Mapping[str, Sequence[Any]]) -> list[Problem]:

@@ -67,7 +67,7 @@ def read_part(path: Path) -> RecordingPart | None:
     If it cannot be repaired, as on a full disk, that is logged.
     """
     with suppress(*UNREADABLE):
-        return _read(path) if path.exists() else None
+        return _read(path) if path.exists() and path.stat().st_size else None
     try:
         optimize(path)  # it is torn, or cut off where a message ended
     except OSError as error:

@@ -5,7 +5,6 @@ import re
 import signal
 import subprocess
 import time
-from importlib import metadata
 
 import psutil
 import pytest
@@ -15,7 +14,6 @@ from recordings import seconds_of
 
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, to_yaml
-from orchard.launch import commands
 
 FIRST_CALLS = 90  # s, simulated: two bins are full by 83 s, and carriers are under way
 FIRST_UNLOADING = 300  # s, simulated: the first bin of 3 rows and 2 pickers is unloaded before, with seeds 1 to 5
@@ -177,87 +175,3 @@ def test_a_run_whose_pickers_are_all_broken_ends_at_once(tmp_path, monkeypatch, 
     assert (done.returncode, summary["ended"], summary["ticks"]) == (1, "broken", 10), done.stderr
     assert "Ended because all pickers were broken, after 0:01 min" in done.stdout
     assert "broken: picker_01, since tick 0" in done.stderr
-
-
-# -- bad input
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (["--rows", "21"], "command line: --rows = 21"),
-        (["--rows", "3", "--pickers", "4"], "command line: --pickers = 4, --rows = 3: must be at most one picker a row"),
-        (["--row-width", "4.9", "--carriers", "0"], "carriers = 0"),
-        (["nothing.yaml"], "nothing.yaml: no such file"),
-        (["veiw", "runs/harvest.rrd"], "veiw: no such file; did you mean the command view?"),
-        (["--dispatch", "nearst"], "did you mean nearest?"),
-        (["runs/harvest.rrd"], "a recording, not a scenario; did you mean the command view?"),
-        (["--speed", "0"], "--speed"),
-        (["--hosts", "0"], "--hosts"),
-        (["--duration", "-1"], "--duration"),
-        (["--duration", "1e308"], "at most 6871947674"),
-        (["--only", "picker", "--connect", "tcp/127.0.0.1:9", "--seed", "0", "--resume", "last", "--mode", "realtime"], "--seed, --mode"),
-        (["--patience", "1"], "--patience"),
-        (["--summary", "/nowhere/at/all.json"], "/nowhere/at"),
-        (["--mode", "sideways"], "--mode"),
-        (["view", "nothing.rrd"], "nothing.rrd"),
-    ],
-)
-def test_bad_input_is_named_with_exit_code_2_and_no_traceback(arguments, named):
-    done = orchard(*arguments, seconds=30)
-    assert done.returncode == 2
-    assert named in done.stderr
-    assert "Traceback" not in done.stderr + done.stdout
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (["step", "-3"], "-3: neither a number of steps, from 1 on, nor an option"),
-        (["step", "0"], "0: neither a number of steps"),
-        (["step", "2.5"], "2.5: neither a number of steps"),
-        (["step", "--conect"], "--conect: neither a number of steps, from 1 on, nor an option"),
-        (["run", "--resume", "last"], "run: no such file, and no such command (see --help); expected a scenario's file, or one of hand"),
-        (["realistik"], "realistik: no such file; did you mean the scenario realistic?"),
-        (["--pickers", "9"], "command line: --pickers = 9, rows = 5: must be at most one picker a row"),  # nobody typed --rows
-        (["--resume", "last", "mine.yaml", "--rows", "3"], "--resume: leave out mine.yaml, --rows: the snapshot has its scenario"),
-        (["mine.yaml", "--only", "picker", "--connect", "tcp/127.0.0.1:9"], "leave out mine.yaml: the run itself defines that"),
-    ],
-)
-def test_what_is_wrong_is_called_as_the_user_typed_it(arguments, named, monkeypatch, capsys):
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr("sys.argv", ["orchard", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        commands.main()
-    assert (ended.value.code, named in " ".join(capsys.readouterr().err.split())) == (2, True)
-
-
-def test_the_version_is_that_of_the_package_and_a_switch_takes_no_value(monkeypatch, capsys):
-    for arguments in (["--version"], ["--help"]):
-        monkeypatch.setattr("sys.argv", ["orchard", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            commands.main()
-        assert ended.value.code == 0
-    version, _, told = capsys.readouterr().out.partition("\n")
-    assert version == f"orchard {metadata.version('orchard-sim')}"
-    assert [line for line in told.splitlines() if "<bool>" in line and "--help" not in line] == []
-
-
-@pytest.mark.parametrize(
-    ("word", "told"),
-    [("piker", "own.yaml:1: agents.piker: not a kind (picker"), ("picker_99", "agents.picker_99: no such agent or kind")],
-)
-def test_a_class_for_nobody_is_named(tmp_path, word, told):
-    file = tmp_path / "own.yaml"
-    file.write_text(f"agents: {{{word}: my_package.MyPicker}}\n")
-    done = orchard(file, seconds=30)
-    assert done.returncode == 2
-    assert told in done.stderr
-
-
-def test_all_errors_of_a_scenario_file_are_told_at_once(tmp_path):
-    file = tmp_path / "bad.yaml"
-    file.write_text("rows: 99\npikers: 3\npeople:\n  workers: many\n")
-    done = orchard(file, seconds=30)
-    assert done.returncode == 2
-    assert all(words in done.stderr for words in ("rows = 99", "pikers", "people.workers", "did you mean pickers"))

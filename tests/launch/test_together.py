@@ -103,7 +103,7 @@ def test_an_agent_that_thinks_on_after_the_end_is_not_waited_for(deaf, monkeypat
     fleet, said = deaf
     distributed._await_exits(fleet, ["agents 1"], Inbox(), 60.0)
     assert fleet.exit_code("agents 1") == -signal.SIGKILL
-    assert said[0].startswith("agents 1 still thinks")
+    assert said[0].startswith("agents 1 has not ended 0 s after the run, and is ended by force")
 
 
 def test_ctrl_c_ends_the_waiting_for_those_who_have_not_ended(deaf, monkeypatch):

@@ -7,7 +7,7 @@ from orchard.report.sentence import clock, sentence
 
 WELL = "5 of 5 rows in 16:10 min, simulated: 18.6 bins an hour, 74 % of the 24.9 that the carriers would allow without traffic"
 HALF = {"finished": False, "sim_seconds": 300.0, "rows_picked": 2, "metres_picked": 209.9, "bins_delivered": 0, "bins_per_hour": 0.0}
-HALVED = "after 5:00 min, simulated, before the harvest was finished: 59 % of 5 rows picked, 0 of 5 bins delivered"
+HALVED = "after 5:00 min, simulated, before the harvest was finished: 2 of 5 rows and 59 % of their metres picked, 0 of 5 bins delivered"
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,7 @@ def test_the_first_sentence_tells_how_the_run_ended(figures, told):
 
 def test_a_run_that_is_stopped_before_its_first_tick_has_a_sentence():
     nothing = harvested(**HALF | {"ended": "stopped", "sim_seconds": 0.0, "metres_picked": 0.0})
-    assert sentence(nothing).startswith("Stopped after 0:00 min, simulated, before the harvest was finished: 0 % of 5 rows")
+    assert sentence(nothing).startswith("Stopped after 0:00 min, simulated, before the harvest was finished: 2 of 5 rows and 0 %")
 
 
 @pytest.mark.parametrize(("seconds", "told"), [(0.4, "0:00 min"), (3599.4, "59:59 min"), (3599.6, "1:00:00 h"), (9219.0, "2:33:39 h")])

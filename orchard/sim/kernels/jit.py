@@ -19,6 +19,7 @@ from numba.extending import register_jitable
 from orchard.field import repeatable
 from orchard.sim.kernels.cache import KernelFiles, kernels_folder
 
+numba.config.DISABLE_JIT = False  # whatever NUMBA_DISABLE_JIT says: functions that are not compiled give other bits
 _folder = kernels_folder()
 _files = None if _folder is None else KernelFiles(_folder)
 

@@ -1,0 +1,174 @@
+"""What `orchard` says of a mistake: in words, where it is, what would be right; and nothing that controls a terminal."""
+
+import errno
+import os
+import subprocess
+import sys
+from importlib import metadata
+
+import pytest
+from code_blocks import ROOT
+from command_line import SECONDS
+from run_endings import harvested
+
+from orchard.launch import commands, own_orchard
+from orchard.report.sentence import sentence
+
+ESCAPE = "\x1b[31mX"
+RAW = ("\x1b", "Traceback", "Input should be", "Value error", "Invalid value", "<bool>", "codec", "Errno")
+FILES = {
+    "agents.yaml": "agents: {piker: my_package.MyPicker}\n",
+    "nobody.yaml": "agents: {picker_99: my_package.MyPicker}\n",
+    "bad.yaml": "rows: 99\npikers: 3\npeople:\n  workers: many\n",
+}
+NOWHERE = ("--connect", "tcp/127.0.0.1:9")
+SHORT = ("--mode", "local", "--rows", "3", "--duration", "0.1", "--record", "none")
+
+
+def said(arguments, monkeypatch, capfd) -> tuple[int, str]:
+    """The exit code of a command, and all that it says, in one line."""
+    monkeypatch.setattr("sys.argv", ["orchard", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        commands.main()
+    out, err = capfd.readouterr()
+    return ended.value.code or 0, " ".join((out + err).split())
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        *([option, ESCAPE] for option in (
+            "--rows", "--row-width", "--mode", "--speed", "--hosts", "--duration", "--web", "--progress", "--patience", "--seed",
+            "--dispatch", "--route", "--rows-to-pickers", "--resume", "--replay", "--secure", "--connect", "--listen", "--without")),
+        [ESCAPE], [f"{ESCAPE}.yaml"], [f"{ESCAPE}.rrd"], [f"--{ESCAPE}"], ["--only", ESCAPE, *NOWHERE],
+        ["--record", f"{ESCAPE}.txt"], ["--record", f"/dev/null/{ESCAPE}.rrd"], [*SHORT, "--summary", f"/dev/null/{ESCAPE}"],
+        [*SHORT, "--table", f"/dev/null/{ESCAPE}"],
+        ["view", ESCAPE], ["export", ESCAPE, "--mcap", "a.mcap"], ["export", "--mcap", ESCAPE], ["replay", ESCAPE],
+        ["stop", "--connect", ESCAPE], ["stop", ESCAPE, *NOWHERE], ["stop", "--secure", ESCAPE, *NOWHERE], ["step", ESCAPE],
+        ["secure", "roles", ESCAPE], ["secure", "roles", "--role", f"{ESCAPE}=picker"], ["secure", "roles", "--bridge", ESCAPE],
+        ["secure", "roles", "--address", ESCAPE], ["layout", ESCAPE], ["layout", "import", ESCAPE],
+        ["study", ESCAPE], ["study", "--vary", ESCAPE], ["study", "--goal", ESCAPE], ["study", "--csv", f"/dev/null/{ESCAPE}"],
+    ],
+)  # fmt: skip
+def test_no_option_and_no_path_can_control_the_terminal(arguments, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    code, words = said(arguments, monkeypatch, capfd)
+    assert (code, [raw for raw in RAW if raw in words]) == (2, []), words
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--rows", "x"], "--rows: x: expected a whole number"),
+        (["--row-width", "wide"], "--row-width: wide: expected a number"),
+        (["--web", "80"], "--web: 80: expected a number from 1024 on"),
+        (["--mode", "sideways"], "--mode: 'sideways' is not one of 'local', 'lockstep', 'realtime'."),
+        (["replay"], "Missing argument 'FILE.mcap'."),
+        (["export"], "Missing option '--mcap'."),
+        (
+            ["study", "--vary", "carriers=50..70"],
+            "--vary carriers=50..70: carriers = 50, 51, 52 and 18 more: must be null or a whole number",
+        ),
+        (["--rows", "21"], "command line: --rows = 21"),
+        (["--rows", "3", "--pickers", "4"], "command line: --pickers = 4, --rows = 3: must be at most one picker a row"),
+        (["--row-width", "4.9", "--carriers", "0"], "carriers = 0"),
+        (["nothing.yaml"], "nothing.yaml: no such file"),
+        (["veiw", "runs/harvest.rrd"], "veiw: no such file; did you mean the command view?"),
+        (["--dispatch", "nearst"], "did you mean nearest?"),
+        (["runs/harvest.rrd"], "a recording, not a scenario; did you mean the command view?"),
+        (["--speed", "0"], "--speed"),
+        (["--hosts", "0"], "--hosts"),
+        (["--duration", "-1"], "--duration"),
+        (["--duration", "1e308"], "at most 6871947674"),
+        (["--only", "picker", "--connect", "tcp/127.0.0.1:9", "--seed", "0", "--resume", "last", "--mode", "realtime"], "--seed, --mode"),
+        (["--patience", "1"], "--patience"),
+        (["--summary", "/nowhere/at/all.json"], "/nowhere/at"),
+        (["view", "nothing.rrd"], "nothing.rrd"),
+        (["step", "-3"], "-3: neither a number of steps, from 1 on, nor an option"),
+        (["step", "0"], "0: neither a number of steps"),
+        (["step", "2.5"], "2.5: neither a number of steps"),
+        (["step", "--conect"], "--conect: neither a number of steps, from 1 on, nor an option"),
+        (["run", "--resume", "last"], "run: no such file, and no such command (see --help); expected a scenario's file, or one of hand"),
+        (["realistik"], "realistik: no such file; did you mean the scenario realistic?"),
+        (["--pickers", "9"], "command line: --pickers = 9, rows = 5: must be at most one picker a row"),  # nobody typed --rows
+        (["--resume", "last", "mine.yaml", "--rows", "3"], "--resume: leave out mine.yaml, --rows: the snapshot has its scenario"),
+        (["mine.yaml", "--only", "picker", "--connect", "tcp/127.0.0.1:9"], "leave out mine.yaml: the run itself defines that"),
+        (["agents.yaml"], "agents.yaml:1: agents.piker: not a kind (picker"),
+        (["nobody.yaml"], "agents.picker_99: no such agent or kind"),
+        (["bad.yaml"], "bad.yaml:1: rows = 99: "),
+        (["bad.yaml"], "did you mean pickers"),
+        (["bad.yaml"], "bad.yaml:4: people.workers = 'many'"),
+        ([*SHORT, "--table", b"\xff"], "?: this name is no text in UTF-8, which a run needs; expected another folder or file"),
+    ],
+)
+def test_a_mistake_is_told_once_with_what_would_be_right(arguments, told, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text)
+    code, words = said([os.fsdecode(word) if isinstance(word, bytes) else word for word in arguments], monkeypatch, capfd)
+    assert (code, words.count(told)) == (2, 1), words
+    assert [raw for raw in RAW if raw in words] == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "usage"),
+    [
+        (["--help"], "orchard [OPTIONS] [SCENARIO.yaml]"),
+        (["realistic", "--help"], "orchard [OPTIONS] [SCENARIO.yaml]"),
+        (["harvest", "--help"], "orchard harvest [OPTIONS] [SCENARIO.yaml]"),
+        (["replay", "--help"], "orchard replay [OPTIONS] {FILE.mcap} [SCENARIO.yaml] Let the velocities in a bag"),
+    ],
+)
+def test_help_is_that_of_the_command_that_was_typed(arguments, usage, monkeypatch, capfd):
+    code, words = said(arguments, monkeypatch, capfd)
+    assert (code, usage in words, "<bool>" in words) == (0, True, False), words
+
+
+def test_the_version_is_that_of_the_package(monkeypatch, capfd):
+    assert said(["--version"], monkeypatch, capfd) == (0, f"orchard {metadata.version('orchard-sim')}")
+
+
+def test_the_sentence_counts_rows_as_the_table_does():
+    half = harvested(finished=False, ended="stopped", rows=20, rows_picked=10, metres_picked=15.0 * 70.0, row_length=70.0)
+    assert "10 of 20 rows and 75 % of their metres picked" in sentence(half)
+
+
+def test_a_disk_that_is_full_is_told_with_the_file_and_no_empty_file_is_left(tmp_path, monkeypatch, capfd):
+    pytest.importorskip("pyproj")
+
+    def full(path, content):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(own_orchard, "write_whole", full)
+    sample, out = ROOT / "examples" / "te_puke.geojson", tmp_path / "mine.yaml"
+    assert said(["layout", "import", sample, "--out", out], monkeypatch, capfd) == (2, f"{out}: not written: No space left on device")
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("before", "variable", "arguments", "code", "told"),
+    [
+        ([], {"COLUMNS": "0"}, ["--help"], 0, "Usage: run.py"),
+        ([], {"NUMBA_DISABLE_JIT": "1"}, SHORT, 0, "Ended by --duration"),
+        (["unshare", "-rn"], {}, [*SHORT, "--mode", "lockstep"], 2, "`ip link set lo up` makes it work, and --mode local does without"),
+    ],
+    ids=["no width", "no compiler", "no loopback"],
+)
+def test_a_strange_place_ends_in_words_at_once(before, variable, arguments, code, told, tmp_path):
+    if before and subprocess.run([*before, "true"], capture_output=True).returncode:
+        pytest.skip("this machine makes no network namespaces")
+    there = os.environ | {"ORCHARD_RUNS": str(tmp_path)} | variable
+    command = [*before, sys.executable, str(ROOT / "run.py"), *arguments]
+    done = subprocess.run(command, env=there, capture_output=True, text=True, timeout=SECONDS)
+    assert (done.returncode, told in done.stdout + done.stderr) == (code, True), done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("option", ["--record", "--table"])
+def test_of_two_runs_that_write_to_one_place_the_second_is_refused(option, tmp_path, monkeypatch, capfd):
+    place = tmp_path / ("run.rrd" if option == "--record" else "tables")
+    (place.touch if option == "--record" else place.mkdir)()
+    with commands.alone(place):
+        code, words = said([*SHORT, "--record", "none", option, place], monkeypatch, capfd)
+    assert (code, words) == (2, f"{place}: another run writes there now; name another one, or wait until it has ended")
+    assert place.exists() == (option == "--table"), "an empty file is not left"

@@ -73,8 +73,7 @@ class DriveTo(Step, frozen=True):
             if ahead * (here - gate.at) > -EXACT:
                 robot.free(gate.places)
         left = ahead * (self._limit(robot, here, ahead, target) - here)
-        waits = self.queueing and robot.is_blocked(self.blind_to)
-        if robot.realigns(self.blind_to, 0.0 if left <= EXACT or waits else self.speed, left):
+        if robot.realigns(self.blind_to, 0.0 if left <= EXACT or self.queueing else self.speed, left):
             return False
         if left <= EXACT:
             robot.hold()

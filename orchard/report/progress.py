@@ -26,7 +26,7 @@ SILENT = "no agent"  # shown for a robot whose agent was lost
 STANDS = (STOPPED, SILENT)  # shown in red
 
 
-class Headline(msgspec.Struct):
+class Headline(msgspec.Struct, kw_only=True):
     """The main figures of a run, and a line of `--progress json`."""
 
     sim_seconds: float
@@ -38,8 +38,8 @@ class Headline(msgspec.Struct):
     bins_delivered: int
     schedule_sim_seconds: float
     carrier_utilisation: float
-    broken_agents: list[str]  # each with the tick since which it is
     state_seconds: dict[str, dict[str, float]]  # kind of robot -> state -> s, all robots of the kind together
+    broken_agents: list[str] = []  # each with the tick since which it is
 
     @property
     def pickers_waited_seconds(self) -> float:

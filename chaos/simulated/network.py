@@ -7,7 +7,7 @@ What it does is what Zenoh does, and no better: `tests/net/test_bus_contract.py`
 - A receiver that takes nothing fills its link: samples that may be dropped are lost, others close the link after a moment.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from functools import lru_cache, partial
@@ -56,6 +56,8 @@ class Link:
         self.is_open = [True, True]  # as the session sees it, as the router sees it
         self._last = {(way, lane): 0.0 for way in (UP, DOWN) for lane in (DATA, CONTROL)}  # s: the newest arrival
         self._silent = [0, 0]  # how many faults silence each direction
+        self._since = [0, 0]  # the number of the silence that lasts, 0 without one
+        self._silences = 0
         self._waiting: list[list[Callable[[], None]]] = [[], []]
         self._is_full = False
 
@@ -82,24 +84,27 @@ class Link:
         elif self.is_open[1 - way]:
             act()
 
-    def silence(self, seconds: float, ways: tuple[int, ...] = (UP, DOWN)) -> None:
-        """Let nothing through for so long. After LEASE each side that hears nothing closes the link."""
+    def silence(self, ways: Iterable[int]) -> None:
+        """Let nothing through until `speak`. After LEASE the side that hears nothing closes the link."""
         for way in ways:
             self._silent[way] += 1
-        since = self._scheduler.now
-        if seconds >= LEASE:
-            for way in ways:  # the receiver of a direction notices
-                self._scheduler.after(LEASE, partial(self.close, session=way == DOWN, router=way == UP))
-        self._scheduler.after(seconds, lambda: self._speak(ways, since))
+            self._silences += 1
+            self._scheduler.after(LEASE, partial(self._close_if_silent, way, self._silences))
+            self._since[way] = self._since[way] or self._silences
 
-    def _speak(self, ways: tuple[int, ...], since: float) -> None:
+    def speak(self, ways: Iterable[int]) -> None:
+        """End a silence. What has waited arrives."""
         for way in ways:
             self._silent[way] -= 1
             if not self._silent[way]:
-                waiting, self._waiting[way], self._is_full = self._waiting[way], [], False
+                waiting, self._waiting[way], self._is_full, self._since[way] = self._waiting[way], [], False, 0
                 for act in waiting:
-                    if self.is_open[0] and self.is_open[1]:
+                    if all(self.is_open):
                         act()
+
+    def _close_if_silent(self, way: int, number: int) -> None:
+        if 0 < self._since[way] <= number:
+            self.close(session=way == DOWN, router=way == UP)
 
     def end(self, share: float) -> None:
         """Close it from the session's side. `share`: how much of what it has sent still arrives."""
@@ -122,7 +127,10 @@ class Link:
 class DirectLink(Link):
     """The link of a router's own session: it has no delay and no fault."""
 
-    def silence(self, seconds: float, ways: tuple[int, ...] = (UP, DOWN)) -> None:
+    def silence(self, ways: Iterable[int]) -> None:
+        pass
+
+    def speak(self, ways: Iterable[int]) -> None:
         pass
 
     def send(self, way: int, act: Callable[[], None], lane: int = DATA, may_drop: bool = False) -> None:
@@ -133,8 +141,9 @@ class DirectLink(Link):
 class Router:
     """A router: it passes on what the sessions that are linked to it send and declare."""
 
-    def __init__(self, scheduler: Scheduler) -> None:
-        self.scheduler = scheduler
+    def __init__(self, scheduler: Scheduler, owner: str = "") -> None:
+        """`owner`: the name of the process that has it; '' for a router of its own."""
+        self.scheduler, self.owner = scheduler, owner
         self.links: dict[str, Link] = {}  # session id ->
         self._subscribers: dict[str, list[str]] = {}  # session id -> keys
         self._queryables: dict[str, list[str]] = {}
@@ -143,7 +152,6 @@ class Router:
         self._interested: set[str] = set()  # sessions that ask who subscribes
         self._pending: dict[int, tuple[str, list[str]]] = {}  # number of a query -> who asks, and the sessions that are to reply
         self.is_open = True
-        self.frozen_until = -inf  # s: until then nobody can connect
 
     @property
     def pending(self) -> int:
@@ -491,6 +499,7 @@ class Network:
         self._ids: dict[str, int] = {}
         self._number = 0
         self._cut_until: dict[str, float] = {}  # name of a process -> s
+        self._frozen: dict[str, int] = {}  # name of a process -> how often
 
     def trace(self, line: str) -> None:
         """Write a line of the trace."""
@@ -510,7 +519,7 @@ class Network:
         """Open a router with a session of its own. Raises BusError if there is one already."""
         if self.router is not None and self.router.is_open:
             raise BusError(f"{self.ENDPOINT}: another program listens there")
-        router = self.router = Router(self.scheduler)
+        router = self.router = Router(self.scheduler, name)
         bus = SimulatedBus(self, name, task, inbox, executor)
         self.sessions.append(bus)
         bus.use(DirectLink(bus, router, Delays(), Random(0)))
@@ -546,8 +555,9 @@ class Network:
             self.sessions.remove(bus)
 
     def _can_connect(self, bus: SimulatedBus) -> bool:
-        now, router = self.scheduler.now, self.router
-        return router is not None and router.is_open and now >= max(router.frozen_until, self._cut_until.get(bus.name, -inf))
+        if self.router is None or not self.router.is_open or self.scheduler.now < self._cut_until.get(bus.name, -inf):
+            return False
+        return not self._frozen.get(bus.name) and not self._frozen.get(self.router.owner)
 
     def _connect(self, bus: SimulatedBus) -> None:
         assert self.router is not None
@@ -590,18 +600,31 @@ class Network:
         for link in self.links_of(name):
             link.close()
 
-    def freeze(self, name: str, seconds: float) -> None:
-        """Let a process take no part for so long. If it has the router, that takes none either."""
-        until, router = self.scheduler.now + seconds, self.router
-        self._cut_until[name] = max(until, self._cut_until.get(name, -inf))
-        for bus in self.sessions:
-            if bus.name == name and isinstance(bus.link, DirectLink) and router is not None:
-                router.frozen_until = until
-                for link in list(router.links.values()):
-                    link.silence(seconds)
-        self.silence(name, seconds)
+    def freeze(self, name: str) -> Callable[[], None]:
+        """Let a process take no part. If it has the router, that takes none either. Return a function that ends it."""
+        self._frozen[name] = self._frozen.get(name, 0) + 1
+        has_router = any(bus.name == name and isinstance(bus.link, DirectLink) for bus in self.sessions)
+        links = list(self.router.links.values()) if has_router and self.router is not None else self.links_of(name)
+        speak = self._silenced(links, (UP, DOWN))
+
+        def thaw() -> None:
+            self._frozen[name] -= 1
+            speak()
+
+        return thaw
 
     def silence(self, name: str, seconds: float, ways: tuple[int, ...] = (UP, DOWN)) -> None:
         """Let nothing through on the links of a process for so long."""
-        for link in self.links_of(name):
-            link.silence(seconds, ways)
+        self.scheduler.after(seconds, self._silenced(self.links_of(name), ways))
+
+    @staticmethod
+    def _silenced(links: list[Link], ways: tuple[int, ...]) -> Callable[[], None]:
+        """Silence links. Return a function that ends it."""
+        for link in links:
+            link.silence(ways)
+
+        def speak() -> None:
+            for link in links:
+                link.speak(ways)
+
+        return speak

@@ -101,6 +101,7 @@ class SimulatedProcess:
         self.disk = SimulatedDisk(world, self)
         self.buses: list[SimulatedBus] = []
         self.hosts: list[Host] = []  # those that it has run
+        self._thaws: list[Callable[[], None]] = []
 
     code: int | None
 
@@ -122,6 +123,18 @@ class SimulatedProcess:
             for bus in self.buses:
                 self.world.network.end(bus, self.world.random.random())
             self.task.kill()
+
+    def freeze(self) -> None:
+        """Stop it, as SIGSTOP does."""
+        self.task.freeze()
+        self._thaws.append(self.world.network.freeze(self.spec.name))
+
+    def thaw(self) -> None:
+        """Let it go on."""
+        if self._thaws:
+            self._thaws.pop()()
+            if not self._thaws:
+                self.task.thaw()
 
     def wait(self, timeout: float | None = None) -> int | None:
         return self.code

@@ -260,9 +260,8 @@ class Schedule:
         self.world.is_disk_full = False
 
     def _freeze(self, process: SimulatedProcess, seconds: float) -> None:
-        process.task.freeze()
-        self.world.network.freeze(process.spec.name, seconds)
-        self.world.scheduler.after(seconds, process.task.thaw)
+        process.freeze()
+        self.world.scheduler.after(seconds, process.thaw)
 
     def _tear(self) -> None:
         files = sorted((self.world.folder / "snapshots").glob("tick-*.snapshot"))

@@ -28,6 +28,7 @@ from recorded_messages import recorded
 from recordings import recording_of
 from scripted_orchard import ACTED_SECONDS, acted_layout, frames
 from secured_run import make_roles
+from simulated_fleet import SimulatedFleet
 
 settings.register_profile("orchard", deadline=None)  # a time limit would depend on what else the machine does
 settings.load_profile("orchard")
@@ -66,10 +67,10 @@ def invariants_hold(monkeypatch):
 
 
 @pytest.fixture
-def fleet(tmp_path):
-    """Processes of a run, to be started; none is left behind."""
+def fleet(tmp_path, request):
+    """Processes of a run, to be started; none is left behind. They are simulated, unless the test is marked as one about processes."""
     with ExitStack() as stack:
-        yield Fleet(tmp_path, stack)
+        yield (Fleet if request.node.get_closest_marker("processes") else SimulatedFleet)(tmp_path, stack)
 
 
 @pytest.fixture(scope="session")

@@ -106,10 +106,10 @@ class Link:
         if 0 < self._since[way] <= number:
             self.close(session=way == DOWN, router=way == UP)
 
-    def end(self, share: float) -> None:
-        """Close it from the session's side. `share`: how much of what it has sent still arrives."""
-        under_way = max(self._last[UP, DATA], self._last[UP, CONTROL]) - self._scheduler.now
-        self.is_open[0] = False
+    def end(self, way: int, share: float) -> None:
+        """Close it from the side that sends in a direction. `share`: how much of what it has sent still arrives."""
+        under_way = max(self._last[way, DATA], self._last[way, CONTROL]) - self._scheduler.now
+        self.is_open[way] = False
         self._scheduler.after(max(0.0, under_way) * share, self.close)
 
     def close(self, session: bool = True, router: bool = True) -> None:
@@ -182,11 +182,12 @@ class Router:
                 self.finish(number, session)
         self._tell_subscribers()
 
-    def close(self) -> None:
-        """End: all links are closed."""
-        self.is_open = False
-        for link in list(self.links.values()):
-            link.close(session=False)
+    def close(self, share: float = 1.0) -> None:
+        """End: all links are closed. `share`: how much of what it has sent still arrives."""
+        if self.is_open:
+            self.is_open = False
+            for link in list(self.links.values()):
+                link.end(DOWN, share)
 
     # -- declarations
 
@@ -304,9 +305,11 @@ class SimulatedQuery(Query):
 class SimulatedBus(Bus):
     """A session in virtual time. It is the same for the code of a process as one of Zenoh."""
 
-    def __init__(self, network: "Network", name: str, task: Task, inbox: VirtualInbox, executor: Executor) -> None:
+    def __init__(self, network: "Network", name: str, task: Task | None, inbox: VirtualInbox, executor: Executor | None) -> None:
         self._network, self._scheduler, self._task = network, network.scheduler, task
-        self.inbox, self.executor, self.endpoint, self.id = inbox, executor, network.ENDPOINT, network.new_id(name)
+        self.inbox, self.endpoint, self.id = inbox, network.ENDPOINT, network.new_id(name)
+        if executor is not None:
+            self.executor = executor
         self.name, self.is_dead, self.link = name, False, None
         self._random = Random(f"{network.seed} {self.id}")
         self._declared: list[tuple[str, str]] = []  # (what, key), in their order
@@ -324,7 +327,7 @@ class SimulatedBus(Bus):
 
     def sleep(self, seconds: float) -> None:
         deadline = self._scheduler.in_future(seconds)
-        while (left := deadline - self._scheduler.now) > 0.0:
+        while self._task is not None and (left := deadline - self._scheduler.now) > 0.0:
             self._task.wait(left)
 
     def _work(self) -> None:
@@ -436,7 +439,7 @@ class SimulatedBus(Bus):
         """Take part no more. `share`: how much of what is under way still arrives: all if the process has closed the session."""
         self.is_dead = True
         if self.link is not None:
-            self.link.end(share)
+            self.link.end(UP, share)
 
     # -- what arrives
 
@@ -547,6 +550,13 @@ class Network:
         finally:
             self.end(bus)
 
+    def open(self, name: str, inbox: VirtualInbox) -> SimulatedBus:
+        """Open a session that no task waits with. It is linked as soon as there is a router."""
+        bus = SimulatedBus(self, name, None, inbox, None)
+        self.sessions.append(bus)
+        self._try_again(bus, 0)
+        return bus
+
     def end(self, bus: SimulatedBus, share: float = 1.0) -> None:
         """End a session. `share`: how much of what it has sent still arrives."""
         if not bus.is_dead:
@@ -581,14 +591,14 @@ class Network:
 
     # -- faults
 
-    def start_router(self) -> None:
-        """Start a router of its own, which belongs to no process of the run."""
-        self.router = Router(self.scheduler)
+    def start_router(self, name: str) -> None:
+        """Start a router of its own."""
+        self.router = Router(self.scheduler, name)
 
-    def end_router(self) -> None:
-        """End it: all links are closed."""
-        if self.router is not None:
-            self.router.close()
+    def end_router(self, name: str, share: float = 1.0) -> None:
+        """End the router of a process. `share`: how much of what it has sent still arrives."""
+        if self.router is not None and self.router.owner == name:
+            self.router.close(share)
 
     def links_of(self, name: str) -> list[Link]:
         """Return the links of a process."""

@@ -1,6 +1,5 @@
 """The processes of a run as tasks: their own code, the supervisor's own rules, and a disk whose writes take time."""
 
-import io
 import logging
 import os
 from collections.abc import Callable, Iterator
@@ -25,6 +24,7 @@ from orchard.net.bus import Bus, Signal
 from orchard.net.endpoints import BusError
 from orchard.net.host import Host, HostEnded
 from orchard.net.options import HostOptions
+from orchard.net.options import HostOptions, Options, read_options
 from orchard.net.requests import fetch_run
 from orchard.processes import agents, physics
 from orchard.record.logger import FrameQueue, Logger
@@ -33,6 +33,7 @@ from orchard.server.options import RunOptions
 from orchard.sim.snapshot import SnapshotError, store
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 
+log = logging.getLogger("orchard")
 MISTAKES = (BusError, ValueError, ScenarioError, SnapshotError, OSError)  # that a process logs, and ends with code 2
 KILLED = -9  # exit code
 
@@ -97,10 +98,13 @@ class SimulatedProcess:
         self.line = SimulatedLine(self)
         self.inbox = VirtualInbox(world.scheduler)
         self.task = world.scheduler.spawn(spec.name, self._run)
+        world.processes[self.task] = self
         self.inbox.read_by(self.task)
         self.disk = SimulatedDisk(world, self)
         self.buses: list[SimulatedBus] = []
         self.hosts: list[Host] = []  # those that it has run
+        self.printed: list[str] = []  # lines
+        self.complaints: list[str] = []  # lines of its log
         self._thaws: list[Callable[[], None]] = []
 
     code: int | None
@@ -122,6 +126,7 @@ class SimulatedProcess:
             self.code = KILLED
             for bus in self.buses:
                 self.world.network.end(bus, self.world.random.random())
+            self.world.network.end_router(self.spec.name, self.world.random.random())
             self.task.kill()
 
     def freeze(self) -> None:
@@ -155,21 +160,39 @@ def _code_of(process: SimulatedProcess) -> int:
         return BODIES[process.spec.module](process)
     except HostEnded as end:
         if end.code:
-            process.world.say(f"{process.spec.name}: {end}")
+            log.error("%s", end)
         return end.code
     except MISTAKES as error:
-        process.world.say(f"{process.spec.name}: {type(error).__name__}: {error}")
+        log.error("%s", error)
         return 2
 
 
+def _options_of(process: SimulatedProcess, kind: type[Options]) -> Options:
+    """Return what run.py gives the process, or what its command line says."""
+    order = process.order
+    return order if isinstance(order, kind) else read_options(kind, process.spec.module, order)
+
+
 def _physics(process: SimulatedProcess) -> int:
-    options = process.order
+    options = _options_of(process, RunOptions)
     is_router = options.connect is None
-    return physics.simulate(process.inbox, options, opened=lambda options, inbox: process.opened(is_router), ready=lambda engine: None)
+    return physics.simulate(process.inbox, options, lambda options, inbox: process.opened(is_router), lambda engine: None)
 
 
 def _agents(process: SimulatedProcess) -> int:
-    agents.host(process.inbox, process.order, lambda inbox: process.opened(), ready=process.hosts.append)
+    agents.host(process.inbox, _options_of(process, HostOptions), lambda inbox: process.opened(), ready=process.hosts.append)
+
+
+def _router(process: SimulatedProcess) -> int:
+    network = process.world.network
+    network.start_router(process.spec.name)
+    print(f"listening on {network.ENDPOINT}")
+    try:
+        while not isinstance(process.inbox.take(), Signal):
+            pass
+    finally:
+        network.end_router(process.spec.name)
+    return 0
 
 
 class _NoWriter:
@@ -196,6 +219,7 @@ BODIES: dict[str, Callable[[SimulatedProcess], int]] = {
     "orchard.processes.physics": _physics,
     "orchard.processes.agents": _agents,
     "orchard.processes.logger": _logger,
+    "orchard.processes.router": _router,
 }
 
 
@@ -228,6 +252,7 @@ class World:
     disk_seconds: float = 0.1  # that a write takes at most
     is_disk_full: bool = False
     lines: list[str] = field(default_factory=list)  # what users are told
+    processes: dict[Task, SimulatedProcess] = field(default_factory=dict)
     crashes: list[str] = field(default_factory=list)  # what no user should see
     frames: list[FrameQueue] = field(default_factory=list)  # of each logger
 
@@ -235,6 +260,26 @@ class World:
         """Take a line for the user."""
         self.lines.append(line)
         self.network.trace(f"  says: {line}")
+
+    def log(self, line: str) -> None:
+        """Take a line of the log of the process that runs."""
+        if (process := self._running) is not None:
+            process.complaints.append(line)
+            line = f"{process.spec.name}: {line}"
+        self.say(line)
+
+    def write(self, words: str) -> None:
+        """Take what the process that runs prints: it is the standard output of all."""
+        if words.strip() and (process := self._running) is not None:
+            process.printed += words.splitlines()
+
+    def flush(self) -> None:
+        """Do nothing: what is printed is there at once."""
+
+    @property
+    def _running(self) -> SimulatedProcess | None:
+        task = self.scheduler.current
+        return None if task is None else self.processes.get(task)
 
     def crash(self, process: SimulatedProcess, error: Exception) -> None:
         """Take an error that no process may have."""
@@ -250,7 +295,7 @@ class World:
         propagates, log.propagate = log.propagate, False
         log.addHandler(handler)
         try:
-            with patch.object(snapshots, "store", self._store), patch("sys.stdout", io.StringIO()):
+            with patch.object(snapshots, "store", self._store), patch("sys.stdout", self):
                 yield
         finally:
             log.removeHandler(handler)
@@ -271,7 +316,7 @@ class _Handler(logging.Handler):
         self._world = world
 
     def emit(self, record: logging.LogRecord) -> None:
-        self._world.say(record.getMessage())
+        self._world.log(record.getMessage())
 
 
 def spec_of_physics(options: RunOptions) -> ProcessSpec:

@@ -148,7 +148,7 @@ class Schedule:
         """Carry it out, and judge it."""
         with self.world.entered():
             if self.plan.has_router:
-                self.world.network.start_router()
+                self.world.network.start_router(ROUTER)
             self._start()
             self.world.scheduler.after(LOOK_SECONDS, self._look)
             for fault in self.plan.faults:
@@ -217,8 +217,8 @@ class Schedule:
         elif fault.who == CLIENT:
             self._connect_client(fault)
         elif fault.who == ROUTER:
-            self.world.network.end_router()
-            self.world.scheduler.after(1.0 + fault.at % 5.0, self.world.network.start_router)
+            self.world.network.end_router(ROUTER, self.world.random.random())
+            self.world.scheduler.after(1.0 + fault.at % 5.0, partial(self.world.network.start_router, ROUTER))
         elif (running := self.supervisor.running.get(fault.who)) is not None and running.popen.poll() is None:
             self._hurt(fault, running.popen)  # type: ignore[arg-type]
 

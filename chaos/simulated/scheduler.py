@@ -13,6 +13,8 @@ from greenlet import GreenletExit, getcurrent, greenlet
 
 from orchard.net.bus import Inbox, Item, Signal
 
+LOOK_SECONDS = 2e-5  # that a look at an empty inbox takes: no process does anything in no time
+
 
 class Scheduler:
     """The clock and the events of one schedule. `now`: s."""
@@ -22,6 +24,7 @@ class Scheduler:
         self._events: list[tuple[float, int, Callable[[], None]]] = []
         self._numbers = itertools.count()  # events of one time happen in the order in which they were planned
         self._hub = getcurrent()
+        self.current: Task | None = None  # the task that runs
 
     def after(self, seconds: float, act: Callable[[], None]) -> None:
         """Let `act` happen in so many seconds."""
@@ -89,7 +92,9 @@ class Task:
             self._is_due = True
             return
         self._waits += 1
+        self._scheduler.current = self
         self._greenlet.switch()
+        self._scheduler.current = None
 
     def freeze(self) -> None:
         self._is_frozen = True
@@ -138,7 +143,7 @@ class VirtualInbox(Inbox):
             self._reader.wake()
 
     def take(self, seconds: float = inf, enough: int = 1) -> Item | None:
-        self._enough, deadline = enough, self._scheduler.in_future(seconds)
+        self._enough, deadline = enough, self._scheduler.in_future(max(seconds, LOOK_SECONDS))
         while not self._items:
             left = deadline - self._scheduler.now
             if left <= 0.0:

@@ -10,6 +10,8 @@ from local_runs import SMALL, TICKS, TOY
 
 from orchard.wire.keys import TABLE
 
+pytestmark = pytest.mark.processes
+
 NAMES = ("picker_01", "bin_02", "traffic", "nobody")
 
 
@@ -82,7 +84,7 @@ def test_what_is_of_another_run_or_past_changes_nothing(fleet, running, undistur
 
 def test_who_pretends_to_be_physics_and_leaves_is_not_missed(fleet, running, undisturbed):
     someone, _, logger = running
-    someone.session.liveliness().declare_token("orchard/alive/physics/another").undeclare()
+    someone.declare("orchard/alive/physics/another").undeclare()
     assert undisturbed in wait_for_the_end(fleet, logger)[0]
 
 

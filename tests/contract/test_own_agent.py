@@ -36,6 +36,7 @@ def with_picker_01(agent_class):
     return local_hash(SMALL, 40, make_agents(layout) | {"picker_01": agent_class(layout, "picker_01")})
 
 
+@pytest.mark.processes
 def test_the_documents_agent_drives_a_picker(fleet):
     fleet.physics(SMALL, "--duration", "4")
     fleet.host("--without", "picker_01")
@@ -45,6 +46,7 @@ def test_the_documents_agent_drives_a_picker(fleet):
     assert fleet.end() != local_hash(SMALL, 40)
 
 
+@pytest.mark.processes
 def test_a_client_that_knows_only_keyspace_drives_a_picker(fleet):
     fleet.physics(SMALL, "--duration", "4")
     fleet.host("--without", "picker_01")
@@ -60,6 +62,7 @@ def test_who_only_drives_begins_with_a_velocity_for_tick_0(fleet):
     fleet.end()
 
 
+@pytest.mark.processes
 def test_a_name_that_is_taken_is_refused_to_an_own_agent_as_well(fleet):
     fleet.physics(SMALL, "--speed", "10")
     fleet.host()

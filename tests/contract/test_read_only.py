@@ -117,6 +117,7 @@ def test_the_idiom_that_writes_into_a_scan_is_told_what_to_do_in_local_mode(capl
     assert re.search(rf"picker_01 raised an error at tick 0.*\n(.|\n)*read-only\n  {re.escape(ADVICE)}", record.getMessage())
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
 def test_the_idiom_that_writes_into_a_scan_is_told_what_to_do_over_the_network(fleet, mode, caplog):
     named = SMALL.model_copy(update={"agents": {"picker_01": "own_agents.Scribbler"}})

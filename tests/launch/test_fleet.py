@@ -22,6 +22,8 @@ from orchard.report.progress import Progress
 from orchard.server.options import RunOptions
 from orchard.wire.keys import PHYSICS
 
+pytestmark = pytest.mark.processes
+
 
 class Clock:
     now = 100.0

@@ -19,6 +19,8 @@ from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Animals, Scenario
 
+pytestmark = pytest.mark.processes
+
 HARVEST_SECONDS = 240.0  # of wall time, on a busy machine
 
 

@@ -4,10 +4,13 @@ import subprocess
 import sys
 
 import foreign_holder
+import pytest
 from stage import empty_orchard
 
 from orchard import Action, Hold, Local, Twist, Zone
 from orchard.field.scenario import People
+
+pytestmark = pytest.mark.processes
 
 TICKS = 400
 SCENARIO = empty_orchard(people=People(workers=1, visitors=0))

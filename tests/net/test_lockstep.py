@@ -27,6 +27,7 @@ from orchard.wire.keys import TABLE
 # -- the same as local mode
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("hosts", [1, 2, AGENTS])
 def test_agents_that_call_each_other_do_as_in_local_mode(fleet, undisturbed, hosts):
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
@@ -40,6 +41,7 @@ def test_slow_agents_and_slow_handlers_change_nothing(fleet, undisturbed):
     assert fleet.end() == undisturbed
 
 
+@pytest.mark.processes
 def test_someone_who_hears_everything_changes_nothing(fleet, undisturbed):
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
     client, heard = fleet.client(), queue.Queue()
@@ -50,6 +52,7 @@ def test_someone_who_hears_everything_changes_nothing(fleet, undisturbed):
     until(heard, lambda key: missing.discard(key) or not missing)
 
 
+@pytest.mark.processes
 def test_the_harvest_begins_as_in_local_mode(fleet):
     scenario = Scenario(rows=3)
     fleet.physics(scenario, "--duration", "60")
@@ -128,7 +131,7 @@ def test_a_bare_client_is_waited_for_in_lockstep(fleet):
     fleet.host("--without", "worker_01", agents=TOY)
     someone = fleet.client()
     poses, clock = someone.hear("orchard/worker_01/pose"), someone.hear("orchard/clock")
-    token = someone.session.liveliness().declare_token("orchard/alive/worker_01/me")
+    token = someone.declare("orchard/alive/worker_01/me")
     join = msgpack.packb({"run": fleet.run, "owner": "me", "names": ["worker_01"]})
     assert someone.ask("orchard/hosts/me/join", join)[0]["memories"] == {"worker_01": None}
     places = []
@@ -253,6 +256,7 @@ def test_bins_tell_their_state_and_nonsense_gets_an_error(fleet):
     stop(fleet, someone)
 
 
+@pytest.mark.processes
 def test_bad_bytes_on_every_key_change_nothing(fleet, undisturbed):
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
     someone, chance = fleet.client(), random.Random(1)
@@ -285,6 +289,7 @@ def test_an_endpoint_that_is_none_is_named():
         pass
 
 
+@pytest.mark.processes
 def test_a_port_in_use_is_named(fleet):
     with router() as taken:
         process = fleet.start("orchard.processes.physics", "--listen", taken.endpoint)

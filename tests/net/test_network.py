@@ -12,6 +12,8 @@ from machines import machines, needs_machines, slowed, unplugged, within
 from chaos.relay import Relay
 from orchard.launch.supervisor import free_port
 
+pytestmark = pytest.mark.processes
+
 PACE = ("--speed", "5", "--duration", str(TICKS / 10))  # slow enough that a fault meets the run where it shall
 PORT = 7447
 LIVE = ("--mode", "realtime", "--speed", "2")

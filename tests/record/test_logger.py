@@ -39,7 +39,7 @@ def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
     fleet.share(2)
     before_ = until(pictures, lambda told: told["tick"] % 50 == 5)
     assert before_["alive"] is None
-    token = someone.session.liveliness().declare_token(someone.keys.of("alive", "logger", "me"))
+    token = someone.declare(someone.keys.of("alive", "logger", "me"))
     whole = until(pictures, lambda told: told["alive"] is not None)
     assert whole["tick"] % 50 != 0
     assert None not in (whole["coupled"], whole["fill"], whole["row_picked"])
@@ -73,6 +73,7 @@ def test_a_logger_begins_with_a_whole_picture_and_not_with_one_in_which_everythi
     assert queue.take().frame.tick == 102
 
 
+@pytest.mark.processes
 def test_a_slow_recorder_holds_physics_up_no_more_than_none(fleet, tmp_path):
     file, ticks = tmp_path / "slow.rrd", 600
     fleet.physics(Scenario(rows=3), "--duration", str(ticks / 10))

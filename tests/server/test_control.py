@@ -206,7 +206,7 @@ def test_an_agent_that_is_silent_while_the_run_is_paused_is_not_missed(fleet):
     clock, lost = (someone.hear(f"orchard/{what}") for what in ("clock", "lost"))
     asked(someone, "set_simulation_state", state="paused")
     deadline = time.monotonic() + SECONDS
-    token = someone.session.liveliness().declare_token("orchard/alive/traffic/silent")
+    token = someone.declare("orchard/alive/traffic/silent")
     join = msgpack.packb({"run": fleet.run, "owner": "silent", "names": ["traffic"]})
     while someone.ask("orchard/hosts/silent/join", join)[0]["refused"]:  # its token may come later
         assert time.monotonic() < deadline
@@ -258,7 +258,7 @@ def leave_tables(scenario, folder) -> str:
 def test_a_run_that_is_recorded_is_not_reset(fleet):
     fleet.physics(SMALL)
     someone = fleet.client()
-    token = someone.session.liveliness().declare_token("orchard/alive/logger/somebody")
+    token = someone.declare("orchard/alive/logger/somebody")
     assert asked(someone, "simulation_state") == (0, "stopped")
     (error,) = someone.ask("orchard/reset_simulation", msgpack.packb({"run": someone.run}))
     assert "--record none" in error

@@ -19,6 +19,8 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, to_yaml
 from orchard.launch.supervisor import free_port
 
+pytestmark = pytest.mark.processes
+
 SECONDS = 30.0  # simulated
 PACE = ("--rows", 3, "--hosts", 1, "--speed", 10, "--duration", SECONDS)
 

@@ -250,6 +250,7 @@ def nothing_at(tick):
 # -- real processes
 
 
+@pytest.mark.processes
 def test_the_clock_goes_on_while_a_host_hangs_and_its_robot_stands(fleet):
     fleet.physics(SMALL, "--mode", "realtime", "--speed", "2")
     someone = fleet.client()

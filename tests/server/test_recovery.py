@@ -119,7 +119,7 @@ def test_what_one_says_late_who_was_given_up_is_refused_until_it_joins_again(fle
     someone = fleet.client()
     lost, figures, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "figures", "clock"))
     fleet.host("--without", "worker_01")
-    token = someone.session.liveliness().declare_token("orchard/alive/worker_01/me")
+    token = someone.declare("orchard/alive/worker_01/me")
     join = msgpack.packb({"run": fleet.run, "owner": "me", "names": ["worker_01"]})
     assert not someone.ask("orchard/hosts/me/join", join)[0]["refused"]
     until(lost, lambda message: message["owner"] == "me")

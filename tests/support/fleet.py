@@ -176,6 +176,10 @@ class Client:
         self.session.liveliness().declare_subscriber(keys, lambda sample: heard.put(sample.kind == zenoh.SampleKind.PUT), history=True)
         return heard
 
+    def declare(self, token: str):
+        """A liveliness token, until its `undeclare`."""
+        return self.session.liveliness().declare_token(token)
+
     def put(self, key: str, **message) -> None:
         self.session.put(key, msgpack.packb({"run": self.run} | message), congestion_control=zenoh.CongestionControl.BLOCK)
 

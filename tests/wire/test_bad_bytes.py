@@ -30,6 +30,8 @@ from orchard.record.logger import FrameQueue, Logger
 from orchard.wire.keys import TABLE
 from orchard.wire.messages import Angular, Linear, Velocity
 
+pytestmark = pytest.mark.processes
+
 TICKS = 60
 MOST_MEMORY = 64 << 20  # bytes, that 100,000 messages may leave behind
 CONTROL = ("simulation_state", "set_simulation_state", "step_simulation", "reset_simulation")
@@ -218,9 +220,7 @@ def test_thousands_over_the_network_change_nothing(tmp_path, other):
             for key, payload in bad(other, what, 1000, 7):
                 someone.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
                 thrown += 1
-        tokens = [
-            someone.session.liveliness().declare_token(key) for key in ("orchard/**", "orchard/alive/*/x", "orchard/alive/picker_01/*")
-        ]
+        tokens = [someone.declare(key) for key in ("orchard/**", "orchard/alive/*/x", "orchard/alive/picker_01/*")]
         for what in ("join", "recall", "stop", *CONTROL[1:]):
             for key, payload in bad(other, what, 50, 7):
                 (error,) = someone.ask(key, payload)

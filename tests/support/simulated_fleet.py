@@ -1,0 +1,236 @@
+"""Physics and hosts as `fleet.Fleet` has them, on a simulated network: no process is started, and no time passes while they wait."""
+
+import queue
+import re
+import signal
+from collections import deque
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from random import Random
+
+import msgpack
+from msgpack import UnpackException
+
+from chaos.simulated.network import Delays, Network, SimulatedBus
+from chaos.simulated.processes import SimulatedProcess, World
+from chaos.simulated.scheduler import Scheduler, VirtualInbox
+from orchard.field.scenario import Scenario, to_yaml
+from orchard.launch.supervisor import ProcessSpec
+from orchard.net.bus import Alive, Final, Item, Replied, Sample, Signal
+from orchard.wire.keys import Keys
+
+SECONDS = 200.0  # of virtual time that any one wait may take
+
+
+class SimulatedFleet:
+    """A physics process and its hosts."""
+
+    def __init__(self, folder: Path, stack: ExitStack) -> None:
+        self._folder = folder
+        self.scheduler = Scheduler()
+        self.network = Network(self.scheduler, "fleet", Delays())
+        self.all = World(self.scheduler, self.network, Random("fleet"), folder, start_seconds=0.2)
+        self.hosts: list[Process] = []
+        self._count = 0
+        stack.callback(self._kill_all)
+
+    def _kill_all(self) -> None:
+        for process in self.all.processes.values():
+            process.kill()
+
+    def physics(self, scenario: Scenario, *arguments: str) -> None:
+        path = self._folder / "scenario.yaml"
+        path.write_text(to_yaml(scenario))
+        self.world = self.start("orchard.processes.physics", str(path), *arguments)
+        found = re.match(r"(?:listening on|connected to) (\S+), prefix (\S+), run (\w+)", self.world.line())
+        self.endpoint, _, self.run = found.groups()
+
+    def host(self, *arguments: str, agents: str = "orchard.agents.catalogue:make_agents") -> "Process":
+        self.hosts.append(self.start("orchard.processes.agents", "--connect", Network.ENDPOINT, "--agents", agents, *arguments))
+        return self.hosts[-1]
+
+    def router(self, endpoint: str) -> "Process":
+        """A router of its own, which listens."""
+        router = self.start("orchard.processes.router", "--listen", endpoint)
+        assert "listening" in router.line()
+        return router
+
+    def share(self, hosts: int, agents: str = "orchard.agents.catalogue:make_agents") -> None:
+        for i in range(hosts):
+            self.host("--share", f"{i}/{hosts}", agents=agents)
+
+    def end(self, seconds: float = SECONDS) -> str:
+        """The hash, once physics and all hosts have ended well."""
+        code, out, err = self.world.end(seconds)
+        assert code == 0, out + err
+        for host in self.hosts:
+            code, _, err = host.end(10.0)
+            assert code == 0, err
+        return re.search(r"hash (\w+)", out).group(1)
+
+    def client(self) -> "Client":
+        return Client(self)
+
+    def start(self, module: str, *arguments: str) -> "Process":
+        self._count += 1
+        name = f"{module.rpartition('.')[2]}_{self._count}"
+        return Process(self, SimulatedProcess(self.all, ProcessSpec(name, module, arguments), arguments, self._count))
+
+    def wait(self, is_so: Callable[[], bool], seconds: float = SECONDS) -> bool:
+        """Let virtual time pass until something is so. Return whether it is, within so many seconds."""
+        with self.all.entered():  # not for longer: pytest has an output of its own for each phase of a test
+            self.scheduler.run(is_so, self.scheduler.now + seconds)
+        return is_so()
+
+
+class Process:
+    """One process."""
+
+    def __init__(self, fleet: SimulatedFleet, process: SimulatedProcess) -> None:
+        self._fleet, self._process = fleet, process
+        self._read = 0
+
+    def line(self) -> str:
+        """The next line that it prints."""
+        return self._next(self._process.printed)
+
+    def error(self) -> str:
+        """The next line that it complains."""
+        return f"{self._process.spec.module.rpartition('.')[2]}: {self._next(self._process.complaints)}"
+
+    def _next(self, lines: list[str]) -> str:
+        assert self._fleet.wait(lambda: bool(lines) or self._process.code is not None), "the process says nothing"
+        return f"{lines.pop(0)}\n" if lines else ""
+
+    @property
+    def complaints(self) -> str:
+        return "\n".join(self._process.complaints)
+
+    def end(self, seconds: float = SECONDS) -> tuple[int, str, str]:
+        """Its exit code, and what it printed since, once it has ended by itself."""
+        assert self._fleet.wait(lambda: self._process.code is not None, seconds), "the process does not end"
+        return self._process.code, "\n".join(self._process.printed), self.complaints
+
+    def signal(self, number: signal.Signals) -> None:
+        match number:
+            case signal.SIGKILL:
+                self._process.kill()
+            case signal.SIGSTOP:
+                self._process.freeze()
+            case signal.SIGCONT:
+                self._process.thaw()
+            case _:
+                self._process.inbox.put(Signal(number))
+
+    def kill(self) -> None:
+        self._process.kill()
+
+
+class Heard:
+    """What a client has heard and not yet taken: what `queue.Queue` is for a real one."""
+
+    def __init__(self, fleet: SimulatedFleet) -> None:
+        self._fleet, self._messages = fleet, deque()
+
+    def put(self, message) -> None:
+        self._messages.append(message)
+
+    def get(self, timeout: float = SECONDS):
+        if not self._fleet.wait(lambda: bool(self._messages), timeout):
+            raise queue.Empty
+        return self._messages.popleft()
+
+    def get_nowait(self):
+        return self.get(0.0)
+
+    def qsize(self) -> int:
+        return len(self._messages)
+
+    def empty(self) -> bool:
+        return not self._messages
+
+
+class _Passing(VirtualInbox):
+    """An inbox that passes each item on as it arrives."""
+
+    def __init__(self, scheduler: Scheduler, take: Callable[[Item], None]) -> None:
+        super().__init__(scheduler)
+        self._pass_on = take
+
+    def put(self, item: Item) -> None:
+        self._pass_on(item)
+
+    put_quietly = put
+
+
+class Token:
+    """A liveliness token of a client."""
+
+    def __init__(self, bus: SimulatedBus, key: str) -> None:
+        self._bus, self._key = bus, key
+        bus.declare_alive(key)
+
+    def undeclare(self) -> None:
+        self._bus.withdraw(self._key)
+
+
+class Client:
+    """A client that has only the bus, msgpack and keyspace.md."""
+
+    def __init__(self, fleet: SimulatedFleet) -> None:
+        self._fleet, self.run, self.keys = fleet, fleet.run, Keys()
+        self.bus = self._session(self._hear_reply)
+        self._replies: list[Replied] = []
+        self._is_final = False
+
+    def _session(self, take: Callable[[Item], None]):
+        self._fleet.network.pauses = 0.0
+        return self._fleet.network.open(f"client_{len(self._fleet.network.sessions)}", _Passing(self._fleet.scheduler, take))
+
+    def hear(self, key: str) -> Heard:
+        """Everything that is put on a key from now on, unpacked."""
+        heard = Heard(self._fleet)
+
+        def take(item: Item) -> None:
+            if isinstance(item, Sample):
+                try:
+                    heard.put(msgpack.unpackb(item.payload))
+                except (ValueError, UnpackException):
+                    return  # of tests that put nonsense
+
+        self._session(take).subscribe(key)
+        return heard
+
+    def tokens(self, keys: str) -> Heard:
+        """Whether a liveliness token appears, from now on."""
+        heard = Heard(self._fleet)
+        self._session(lambda item: heard.put(item.up) if isinstance(item, Alive) else None).watch(keys)
+        return heard
+
+    def declare(self, token: str) -> "Token":
+        """A liveliness token, until its `undeclare`."""
+        return Token(self.bus, token)
+
+    def put(self, key: str, **message) -> None:
+        self.bus.publish(key, msgpack.packb({"run": self.run} | message))
+
+    def drive(self, name: str, tick: int, x: float, **message) -> None:
+        self.put(self.keys.of("velocity", name), tick=tick, linear={"x": x}, angular={"z": 0.0}, **message)
+
+    def quit(self) -> dict:
+        """End the run, as a person does."""
+        (reply,) = self.ask("orchard/set_simulation_state", msgpack.packb({"run": self.run, "state": "quitting"}))
+        return reply
+
+    def ask(self, key: str, payload: bytes = b"") -> list:
+        """All replies to a get: maps, or the texts of errors."""
+        self._replies, self._is_final = [], False
+        self.bus.ask(key, payload, None, 20.0)
+        assert self._fleet.wait(lambda: self._is_final)
+        return [reply.error or msgpack.unpackb(reply.payload) for reply in self._replies]
+
+    def _hear_reply(self, item: Item) -> None:
+        if isinstance(item, Replied):
+            self._replies.append(item)
+        self._is_final = self._is_final or isinstance(item, Final)

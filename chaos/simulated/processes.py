@@ -23,7 +23,6 @@ from orchard.launch.supervisor import ProcessSpec, Supervisor
 from orchard.net.bus import Bus, Signal
 from orchard.net.endpoints import BusError
 from orchard.net.host import Host, HostEnded
-from orchard.net.options import HostOptions
 from orchard.net.options import HostOptions, Options, read_options
 from orchard.net.requests import fetch_run
 from orchard.processes import agents, physics

@@ -53,9 +53,14 @@ def test_a_process_that_does_not_end_when_asked_ends_when_its_parent_is_gone(tmp
     [("return 0", 0, 0), ("return 2", 2, 2), ("os._exit(0)", 0, None), ("os._exit(100)", 100, None), ("os._exit(2)", 2, None)],
 )
 def test_only_a_process_that_ends_by_itself_says_so(body, exit_code, code, tmp_path, monkeypatch):
-    program = (
-        f"import os, sys\nfrom orchard.net.process import run_process\ndef body(inbox):\n    {body}\nsys.exit(run_process('child', body))"
-    )
+    program = f"""\
+import os, sys
+from orchard.net.options import RouterOptions
+from orchard.net.process import run_process
+def body(inbox, options):
+    {body}
+sys.exit(run_process("child", RouterOptions, None, body))
+"""
     (tmp_path / "child.py").write_text(program)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with Supervisor(print) as supervisor:

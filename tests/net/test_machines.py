@@ -14,6 +14,8 @@ from machines import machines, needs_machines, within
 from orchard.field.scenario import Scenario
 from orchard.net.zenoh_bus import router
 
+pytestmark = pytest.mark.processes
+
 TICKS = 200
 PORT = 7447
 

@@ -20,6 +20,8 @@ from orchard.security.identity import Keyring
 from orchard.wire.messages import Clock
 from orchard.wire.types import read
 
+pytestmark = pytest.mark.processes
+
 HOSTS = ("amy", "ben", "shed", "agents_1", "agents_2")  # roles of the small scenario
 
 # -- a whole run

@@ -66,7 +66,7 @@ class RobotMemory(msgspec.Struct):
     blockers: list[str] = []  # robots that hold the places it wants, by traffic's last answer
     claimed: int = -PATIENCE  # tick of the last claim to traffic
     moving: bool = False  # whether it wanted to move in the last tick
-    bumped: int = -RECOVERY  # tick at which it last found that it had collided
+    bumped: int = -2 * RECOVERY  # tick at which it last found that it had collided
     bumps: int = 0  # collisions in a row, each as soon as it went on after the one before
     sighted: dict[str, Sighting] = {}  # person or animal -> its reported position
     asked: dict[str, int] = {}  # question -> tick at which the present step last asked it
@@ -335,7 +335,7 @@ class PlanExecutor:
     def _recover(self) -> None:
         """Stand for a second after a collision: there was an obstacle that no laser saw, and physics refused the step.
 
-        If it is still there, move off it for another second.
+        If it hinders a turn again, move off it for another second; if that is refused too, as in an emergency stop, try the turn again.
         """
         memory, tick = self.memory, self.seen.tick
         if memory.moving and self.seen.twist == STILL:
@@ -344,9 +344,8 @@ class PlanExecutor:
         if tick - memory.bumped < RECOVERY and self.action.twist != STILL:
             self._hold_up("what it collided with")
             self._timers.append(memory.bumped + RECOVERY)
-        elif memory.bumps > 1 and tick - memory.bumped < 2 * RECOVERY and self.action.twist != STILL:
-            backward = self.action.twist.x > 0.0 or (self._turn and something_ahead(self.seen, []))
-            self.move(Twist(x=-SHIFT if backward else SHIFT), [])
+        elif self._turn and memory.bumps % 2 == 0 and tick - memory.bumped < 2 * RECOVERY:
+            self.move(Twist(x=-SHIFT if something_ahead(self.seen, []) else SHIFT), [])
 
     def _hear_traffic(self) -> None:
         for reply in self.mail.replies:

@@ -48,6 +48,20 @@ def test_a_robot_and_its_bin_stand_though_their_agents_drive_until_they_are_rese
     assert driven.pose("bin_01")[0] == pytest.approx(where[1][0] + 2.0)
 
 
+def test_a_robot_that_is_reset_after_any_time_goes_on_and_never_back():
+    stage = Stage(empty_orchard())
+    stage.run(5.0)
+    for ticks in range(5, 45, 3):
+        stage.local.engine.stop()
+        stage.run(ticks / 10)
+        stage.local.engine.reset()
+        xs = [stage.pose("picker_01")[0]]
+        for _ in range(15):
+            stage.tick()
+            xs.append(stage.pose("picker_01")[0])
+        assert xs == sorted(xs) and xs[-1] > xs[0], ticks
+
+
 def test_all_robots_stand_and_people_and_animals_walk_on():
     stage = Stage(Scenario(rows=3))
     stage.run(5.0)

@@ -5,8 +5,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from random import Random
 
+import msgspec
+
 from chaos.fuzzer import ASKED, NAMES, invalid_message
-from orchard.contract.messages import pack
+from orchard.contract.messages import pack, unpack
+from orchard.field.geometry import Twist
 from orchard.net.bus import Bus, Final, Item, Sample
 from orchard.net.endpoints import BusError
 from orchard.net.requests import fetch_run
@@ -75,6 +78,21 @@ def repeat(client: Client) -> None:
             client.bus.publish(item.key, item.payload)
 
 
+def lie(client: Client) -> None:
+    """Drive robots in the name of sessions that own them not, in that of another run, and for ticks that are over."""
+    client.bus.subscribe(f"{KEYS.prefix}/hosts/*/velocities")
+    for item in client.hear(client.seconds):
+        if isinstance(item, Sample):
+            heard = unpack(item.payload, wire.Velocities)
+            for report in heard.velocities.values():
+                report.twist = Twist(0.1, 0.0, 0.1)
+            owner, own = heard.owner, KEYS.of("velocities", session=client.bus.id)
+            client.bus.publish(own, pack(msgspec.structs.replace(heard, owner=client.bus.id)))
+            client.bus.publish(own, pack(heard))
+            client.bus.publish(item.key, pack(msgspec.structs.replace(heard, run="another", owner=owner)))
+            client.bus.publish(item.key, pack(msgspec.structs.replace(heard, tick=heard.tick + 10**6)))
+
+
 def end_it(client: Client) -> None:
     """Say that the run is over, which only physics may say."""
     for _ in range(5):
@@ -130,6 +148,7 @@ CLIENTS: dict[str, Callable[[Client], None]] = {
     "claim": claim,
     "nonsense": talk_nonsense,
     "repeat": repeat,
+    "lie": lie,
     "false end": end_it,
     "pause": pause,
     "listen": listen,

@@ -29,6 +29,7 @@ from orchard.processes import agents, physics
 from orchard.record.logger import FrameQueue, Logger
 from orchard.server import snapshots
 from orchard.server.options import RunOptions
+from orchard.sim.engine import Engine
 from orchard.sim.snapshot import SnapshotError, store
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 
@@ -175,7 +176,7 @@ def _options_of(process: SimulatedProcess, kind: type[Options]) -> Options:
 def _physics(process: SimulatedProcess) -> int:
     options = _options_of(process, RunOptions)
     is_router = options.connect is None
-    return physics.simulate(process.inbox, options, lambda options, inbox: process.opened(is_router), lambda engine: None)
+    return physics.simulate(process.inbox, options, lambda options, inbox: process.opened(is_router), process.world.begin)
 
 
 def _agents(process: SimulatedProcess) -> int:
@@ -250,10 +251,15 @@ class World:
     start_seconds: float = 1.0  # that a process takes at most to load its modules
     disk_seconds: float = 0.1  # that a write takes at most
     is_disk_full: bool = False
+    engine: Engine | None = None  # of physics
     lines: list[str] = field(default_factory=list)  # what users are told
     processes: dict[Task, SimulatedProcess] = field(default_factory=dict)
     crashes: list[str] = field(default_factory=list)  # what no user should see
     frames: list[FrameQueue] = field(default_factory=list)  # of each logger
+
+    def begin(self, engine: Engine) -> None:
+        """Know the engine of physics, which is about to begin."""
+        self.engine = engine
 
     def say(self, line: str) -> None:
         """Take a line for the user."""

@@ -25,6 +25,7 @@ from orchard.wire.keys import LOGGER, PHYSICS
 from orchard.wire.messages import End
 
 NO_EXECUTOR = Executor()  # of clients, which write nothing
+WATCH_SECONDS = 0.001  # between two looks at the tick
 LOOK_SECONDS = 0.2  # between two looks of run.py at its processes
 LIMIT = 300.0  # s of virtual time within which each schedule ends
 MOST_TICKS = 300
@@ -32,15 +33,16 @@ LEAVE_LIMIT = 30.0  # s of virtual time within which all processes end after phy
 
 
 class Fault(NamedTuple):
-    """A fault: what happens to which process, when (s), and for how long (s)."""
+    """A fault: what happens to which process, so many seconds after a tick, and for how long (s). Before the first tick: tick -1."""
 
     what: str
     who: str
-    at: float
-    seconds: float
+    tick: int
+    delay: float = 0.0
+    seconds: float = 0.0
 
     def __str__(self) -> str:
-        return f"{self.at:.3f} s: {self.what} {self.who}" + (f" for {self.seconds:.2f} s" if self.seconds else "")
+        return f"tick {self.tick} + {self.delay:.4f} s: {self.what} {self.who}" + (f" for {self.seconds:.2f} s" if self.seconds else "")
 
 
 @dataclass(frozen=True)
@@ -83,10 +85,10 @@ SCENARIOS: tuple[dict[str, Any], ...] = (
 )
 CLIENT, RUN_PY, ROUTER = "client", "run.py", "router"
 FAULTS = {
-    "host": ("kill", "kill", "kill", "freeze", "cut", "cut", "silence", "silence up", "silence down"),
+    "host": ("kill", "kill", "kill", "freeze", "cut", "cut", "silence", "silence up", "silence down", "vanish"),
     PHYSICS: ("kill", "kill", "kill", "freeze", "full disk", "torn snapshot"),
     LOGGER: ("kill", "freeze", "cut", "silence"),
-    CLIENT: ("claim", "claim", "nonsense", "repeat", "pause", "pause", "listen", "reset", "quit"),
+    CLIENT: ("claim", "claim", "nonsense", "repeat", "lie", "lie", "pause", "pause", "listen", "reset", "reset", "quit"),
     RUN_PY: ("kill",),
     ROUTER: ("kill",),
 }
@@ -100,9 +102,8 @@ def draw(seed: int) -> Plan:
     mode = "realtime" if random.random() < 0.1 else "lockstep"
     has_logger, has_router = random.random() < 0.15, random.random() < 0.2
     delays = Delays(10.0 ** random.uniform(-4.0, -2.0), random.choice((0.05, 0.3, 1.0)), random.choice((0.0, 0.003, 0.02)))
-    length = 1.0 + ticks * 4.0 * delays.typical + ticks * 2.0 * delays.share * delays.slow  # s, roughly
     names = [f"agents_{number}" for number in range(hosts)]
-    targets = [*names, *names, *names, PHYSICS, PHYSICS, CLIENT, RUN_PY, *[LOGGER] * has_logger, *[ROUTER] * has_router]
+    targets = [*names, *names, *names, PHYSICS, PHYSICS, CLIENT, CLIENT, RUN_PY, *[LOGGER] * has_logger, *[ROUTER] * has_router]
     faults = []
     for _ in range(random.choice((0, 1, 1, 2, 2, 3, 4, 6))):
         who = random.choice(targets)
@@ -111,11 +112,18 @@ def draw(seed: int) -> Plan:
             choices += ("cut", "silence")
         what = random.choice(choices)
         seconds = 0.0 if what in AT_A_MOMENT else 10.0 ** random.uniform(-1.5, 0.9)
-        faults.append(Fault(what, who, random.uniform(0.0, length * 1.3), seconds))
+        tick, delay = _moment(random, ticks)
+        faults.append(Fault(what, who, max(tick, 0) if who == ROUTER else tick, delay, seconds))  # without a router nothing begins
     if mode == "lockstep" and random.random() < 0.05:  # what an open run cannot tell from the truth while a link is cut or physics is gone
-        faults = [Fault(random.choice(("false end", "advise", "stop robots")), CLIENT, random.uniform(0.0, length), 1.0)]
-    in_order = tuple(sorted(faults, key=lambda fault: fault.at))
-    return Plan(seed, scenario, ticks, hosts, has_logger, has_router, delays, in_order, mode)
+        faults = [Fault(random.choice(("false end", "advise", "stop robots")), CLIENT, *_moment(random, ticks), 1.0)]
+    return Plan(seed, scenario, ticks, hosts, has_logger, has_router, delays, tuple(sorted(faults, key=lambda fault: fault.tick)), mode)
+
+
+def _moment(random: Random, ticks: int) -> tuple[int, float]:
+    """A tick and a delay, s: at the start, at the end or between."""
+    if (kind := random.random()) < 0.1:
+        return -1, random.random() * 1.5
+    return ticks - random.randrange(3) if kind < 0.3 else random.randrange(ticks), 10.0 ** random.uniform(-4.0, -1.0)
 
 
 @lru_cache(maxsize=len(SCENARIOS))
@@ -151,8 +159,7 @@ class Schedule:
                 self.world.network.start_router(ROUTER)
             self._start()
             self.world.scheduler.after(LOOK_SECONDS, self._look)
-            for fault in self.plan.faults:
-                self.world.scheduler.after(fault.at, partial(self._inflict, fault))
+            self._watch(list(self.plan.faults))
             self.world.scheduler.run(lambda: self.is_over, LIMIT)
             verdict = self._judge()
             for running in self.supervisor.running.values():
@@ -210,6 +217,15 @@ class Schedule:
 
     # -- faults
 
+    def _watch(self, faults: list[Fault]) -> None:
+        """Let each fault happen when its tick has come."""
+        tick = -1 if self.world.engine is None else self.world.engine.tick
+        due = [fault for fault in faults if fault.tick <= tick]
+        for fault in due:
+            self.world.scheduler.after(fault.delay, partial(self._inflict, fault))
+        if left := [fault for fault in faults if fault not in due]:
+            self.world.scheduler.after(WATCH_SECONDS, partial(self._watch, left))
+
     def _inflict(self, fault: Fault) -> None:
         self.world.network.trace(f"fault: {fault.what} {fault.who} {fault.seconds:.2f}")
         if fault.who == RUN_PY:
@@ -218,7 +234,7 @@ class Schedule:
             self._connect_client(fault)
         elif fault.who == ROUTER:
             self.world.network.end_router(ROUTER, self.world.random.random())
-            self.world.scheduler.after(1.0 + fault.at % 5.0, partial(self.world.network.start_router, ROUTER))
+            self.world.scheduler.after(1.0 + fault.delay * 30.0, partial(self.world.network.start_router, ROUTER))
         elif (running := self.supervisor.running.get(fault.who)) is not None and running.popen.poll() is None:
             self._hurt(fault, running.popen)  # type: ignore[arg-type]
 
@@ -226,6 +242,9 @@ class Schedule:
         network = self.world.network
         match fault.what:
             case "kill":
+                process.kill()
+            case "vanish":  # with its machine: the router does not hear that it is gone
+                network.silence(fault.who, fault.seconds)
                 process.kill()
             case "freeze":
                 self._freeze(process, fault.seconds)
@@ -266,7 +285,8 @@ class Schedule:
     def _tear(self) -> None:
         files = sorted((self.world.folder / "snapshots").glob("tick-*.snapshot"))
         if files:
-            files[-1].write_bytes(files[-1].read_bytes()[: self.world.random.randint(0, 5000)])
+            content = files[-1].read_bytes()
+            files[-1].write_bytes(content[: self.world.random.randrange(len(content))])
 
     # -- the verdict
 

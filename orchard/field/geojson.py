@@ -57,7 +57,8 @@ def import_rows(path: Path, crs: str | None = None) -> Scenario:
     found = list(_lines(content, file))
     lines, problems = [one for one in found if isinstance(one, SurveyedLine)], [one for one in found if isinstance(one, Problem)]
     if not FEWEST_ROWS <= len(lines) <= MOST_ROWS:
-        problems.append(Problem(file, f"has {len(lines)} rows; must be {FEWEST_ROWS} to {MOST_ROWS} LineStrings"))
+        wanted = f"must be {FEWEST_ROWS} to {MOST_ROWS} LineStrings; of a larger orchard, a file for each block"
+        problems.append(Problem(file, f"has {len(lines)} rows; {wanted}"))
     if not lines:
         raise ScenarioError(problems)
     try:

@@ -161,6 +161,7 @@ def _plugin(builtin: Sequence[str], what: str) -> Any:
     return Field(pattern=pattern, max_length=200, examples=list(builtin), description=f"{what}: {names}, or module.Class")
 
 
+ROWS = "number of rows to pick; each fills one bin; of a larger orchard, simulate each block by itself"
 CARRIERS = "number of carriers; null: 7 for every 10 pickers, rounded up"
 
 
@@ -170,7 +171,7 @@ SURVEYED = ("rows", "row_length", "row_width")  # what `survey` decides
 class Scenario(_Section):
     """An orchard with its robots, people, animals and weeds. Figures: docs/reference.md."""
 
-    rows: Annotated[int, Field(ge=FEWEST_ROWS, le=MOST_ROWS, description="number of rows to pick; each fills one bin")] = 5
+    rows: Annotated[int, Field(ge=FEWEST_ROWS, le=MOST_ROWS, description=ROWS)] = 5
     pickers: Annotated[int, Field(ge=2, le=20, description="number of picking robots; at most one for each row")] = 2
     row_length: Annotated[float, Field(ge=SHORTEST_ROW, le=LONGEST_ROW, description="length of the picked part of a row, m")] = USUAL_ROW
     row_width: Annotated[float, Field(ge=NARROWEST_ROW, le=WIDEST_ROW, description="width of a row between its trees, m")] = NARROWEST_ROW

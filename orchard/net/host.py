@@ -215,6 +215,7 @@ class Host:
         mail = self.mailbox.deliver(tick)
         if not doubts:
             return mail
+        self.mailbox.recall(tick)  # before the query: late requests may come while it waits
         request = pack(Recall(self.run_id, tick))
         try:
             recalled = self._query("recall", request, Recalled, RECALL_SECONDS)
@@ -222,7 +223,6 @@ class Host:
             raise _JoinAgain from error
         if recalled.tick != tick:
             raise _JoinAgain
-        self.mailbox.recall(tick)
         return LocalMail(dict(recalled.letters)).deliver(tick)
 
     def _packed(self, tick: int, reports: dict[str, Report]) -> list[bytes]:

@@ -128,7 +128,7 @@ class Mailbox:
         question.reply(pack(Received(self._run, letter.tick)))
 
     def recall(self, tick: int) -> None:
-        """Record that the agents heard the mail of a tick from the copies of physics: its requests may still come, and are no news."""
+        """Record that the agents hear the mail of a tick from the copies of physics: its requests may still come, and are no news."""
         self._recalled.append(tick - 1)
 
     def _checked(self, payload: bytes) -> Letter:

@@ -1,5 +1,7 @@
 """The whole protocol on a simulated network: `python -m chaos.simulated` carries out thousands of such schedules."""
 
+from dataclasses import replace
+
 import pytest
 
 from chaos.simulated.clients import CLIENTS
@@ -35,6 +37,14 @@ def test_a_run_without_faults_ends_well_and_soon(others):
     verdict = carry_out(plan(**others))
     assert verdict.complaints == []
     assert verdict.seconds < 15.0
+
+
+@pytest.mark.parametrize("seed", [20, 67, 91])
+def test_a_run_without_faults_refuses_nothing(seed):
+    """A request that comes while its host recalls the same mail is no late one."""
+    end = carry_out(replace(draw(seed), faults=(), ticks=10)).end
+    assert end is not None
+    assert end.summary["messages_refused"] == {}
 
 
 def test_a_mutation_is_found_and_shrinks_to_the_faults_that_it_needs():

@@ -12,6 +12,7 @@ from orchard.field.scenario import People, Scenario, parse
     [
         ("rows: 2", "rows = 2: must be a whole number from 3 to 20"),
         ("rows: 21", "rows = 21: must be a whole number from 3 to 20"),
+        ("rows: 26", "of a larger orchard, simulate each block by itself)"),
         ("pickers: 1", "pickers = 1: must be a whole number from 2 to 20"),
         ("row_width: 4.99", "row_width = 4.99: must be a number from 5.0 to 12.0 (width of a row between its trees, m)"),
         ("row_width: 12.01", "row_width = 12.01: must be a number from 5.0 to 12.0"),

@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import datetime
 
-from orchard.launch.emergency_stop import RunNote, noted
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
+from orchard.launch.run_notes import RunNote, noted
 from orchard.launch.terminal import CTRL_C, typed
 from orchard.net.endpoints import from_elsewhere, is_public
 

@@ -33,8 +33,9 @@ from orchard.field.problems import Problem, ScenarioError, printable
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
-from orchard.launch import options
+from orchard.launch import asking, options
 from orchard.launch.faults import fault_of
+from orchard.launch.left_over import end_left_over
 from orchard.launch.options import HarvestOptions, ReplayOptions
 from orchard.launch.request import Credentials, RunRequest, shares
 from orchard.launch.runs import Runs, alone, check_writable
@@ -171,8 +172,6 @@ def _snapshot(chosen: HarvestOptions, where: str, runs: Runs) -> Snapshot:
 
     Raises SnapshotError, or ValueError for options that a snapshot defines.
     """
-    from orchard.launch.left_over import end_left_over
-
     if given := chosen.typed(name for name in chosen.given() if name in (*options.CHANGES, "scenario")):
         raise ValueError(f"--resume: leave out {given}: the snapshot has its scenario")
     refused: list[str] = []
@@ -212,54 +211,11 @@ def _join_run(chosen: HarvestOptions, endpoint: str, only: list[str]) -> int:
         return join_run(endpoint, only, chosen.without or [], Credentials.of(chosen), progress)
 
 
-# -- the emergency stop
+# -- questions to a run
 
-
-@app.command(cls=options.Command)
-def stop(robots: options.Robots = None, connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
-    """Stop robots, each with its bin, of all active runs on this machine. They stand until they are reset."""
-    from orchard.launch.stopping import stop_or_reset
-
-    raise typer.Exit(stop_or_reset(runs_folder(), robots or [], connect, secure, stop=True))
-
-
-@app.command(cls=options.Command)
-def reset(robots: options.Robots = None, connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
-    """Let stopped robots of a run go on."""
-    from orchard.launch.stopping import stop_or_reset
-
-    raise typer.Exit(stop_or_reset(runs_folder(), robots or [], connect, secure, stop=False))
-
-
-# -- pause and step
-
-
-@app.command(cls=options.Command)
-def pause(connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
-    """Pause a run: simulated time stands, and no agent is late."""
-    from orchard.launch import pausing
-
-    raise typer.Exit(pausing.pause(runs_folder(), connect, secure))
-
-
-@app.command(cls=options.Command)
-def resume(connect: options.There = None, secure: options.EmergencyOperator = None) -> None:
-    """Let a paused run go on."""
-    from orchard.launch import pausing
-
-    raise typer.Exit(pausing.resume(runs_folder(), connect, secure))
-
-
-@app.command(cls=options.Command, context_settings={"ignore_unknown_options": True})  # -3 is a wrong number, and no option
-def step(
-    steps: options.Steps = "1",  # type: ignore[assignment]  # Typer parses defaults too
-    connect: options.There = None,
-    secure: options.EmergencyOperator = None,
-) -> None:
-    """Do some steps of a paused run, 0.1 s each."""
-    from orchard.launch import pausing
-
-    raise typer.Exit(pausing.step(runs_folder(), connect, secure, steps))
+for command in (asking.stop, asking.reset, asking.pause, asking.resume):
+    app.command(cls=options.Command)(command)
+app.command(cls=options.Command, context_settings={"ignore_unknown_options": True})(asking.step)  # -3 is a wrong number, and no option
 
 
 # -- security

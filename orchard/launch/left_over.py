@@ -10,7 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from orchard.launch.emergency_stop import running_here
+from orchard.launch.run_notes import running_here
 from orchard.net.lifeline import ALONE_SECONDS, STARTED_BY
 
 POLL_SECONDS = 0.1  # between two looks whether a process has ended

@@ -8,9 +8,9 @@ import pytest
 
 from orchard.field.scenario import Scenario
 from orchard.launch.advice import announced, how_to_join
-from orchard.launch.emergency_stop import running_here
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
+from orchard.launch.run_notes import running_here
 
 HERE = "tcp/127.0.0.1:7447"
 

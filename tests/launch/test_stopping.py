@@ -13,9 +13,9 @@ from command_line import orchard, running, summary_of
 from fleet import Client, assert_goes_on, assert_stands, until
 
 from orchard.contract.messages import pack
-from orchard.launch import emergency_stop
-from orchard.launch.emergency_stop import RunNote, find_run, find_runs, noted, running_here, switch
-from orchard.launch.stopping import stop_or_reset
+from orchard.launch import asking
+from orchard.launch.asking import control, of_robots, reset, stop
+from orchard.launch.run_notes import RunNote, find_run, find_runs, noted, running_here
 from orchard.net.endpoints import BusError
 from orchard.net.zenoh_bus import router
 from orchard.wire.messages import RunInfo, Stopped
@@ -84,11 +84,12 @@ def test_a_stop_without_a_run_is_told_so():
 
 
 def test_whom_physics_lets_wait_is_told_so_and_gets_the_answer_that_comes_late(monkeypatch):
-    monkeypatch.setattr(emergency_stop, "QUIET_SECONDS", 0.2)
+    monkeypatch.setattr(asking, "QUIET_SECONDS", 0.2)
     told, robots = SimpleQueue(), ["picker_01"]
+    monkeypatch.setattr(asking, "print_error", told.put)
     with router() as physics, ThreadPoolExecutor() as pool:
         physics.answer("orchard/stop")
-        asked = pool.submit(switch, RunNote("a", physics.endpoint), robots, True, None, told.put)
+        asked = pool.submit(control, RunNote("a", physics.endpoint), of_robots(robots, is_stop=True))
         question = physics.inbox.take(20.0)
         assert "does not answer yet" in told.get(timeout=20.0)
         question.reply(pack(Stopped("a", 0, robots, robots)))
@@ -101,7 +102,7 @@ def test_where_the_run_must_first_be_asked_for_the_stop_is_still_asked_once():
     with router() as physics, ThreadPoolExecutor() as pool:
         for what in ("scenario", "stop"):
             physics.answer(f"orchard/{what}")
-        asked = pool.submit(switch, RunNote("", physics.endpoint), [], True, None, print)
+        asked = pool.submit(control, RunNote("", physics.endpoint), of_robots([], is_stop=True))
         replies = {"scenario": RunInfo("a", 0, "lockstep", [], {}), "stop": Stopped("a", 0, [], [])}
         for what in replies:
             question = physics.inbox.take(20.0)
@@ -113,10 +114,10 @@ def test_where_the_run_must_first_be_asked_for_the_stop_is_still_asked_once():
 
 
 def test_whom_physics_never_answers_is_told_that_nobody_knows(monkeypatch):
-    monkeypatch.setattr(emergency_stop, "ANSWER_SECONDS", 1.0)
+    monkeypatch.setattr(asking, "ANSWER_SECONDS", 1.0)
     with router() as physics, pytest.raises(BusError, match="did not answer within 1 s; the command may have arrived"):
         physics.answer("orchard/stop")
-        switch(RunNote("a", physics.endpoint), [], True, None, print)
+        control(RunNote("a", physics.endpoint), of_robots([], is_stop=True))
 
 
 @contextmanager
@@ -129,32 +130,34 @@ def two_runs(folder: Path):
         yield one, other
 
 
-def test_a_stop_stops_all_runs_here_whatever_becomes_of_one_of_them(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(emergency_stop, "LOOK_SECONDS", 0.5)
-    gone = noted(tmp_path, RunNote("c", "tcp/127.0.0.1:9", "run c"))
-    with two_runs(tmp_path) as runs, gone, ThreadPoolExecutor() as pool:
-        asked = pool.submit(stop_or_reset, tmp_path, [], None, None, True)
-        questions = [physics.inbox.take(20.0) for physics in runs]  # the second one is asked before the first one has answered
+def test_a_stop_stops_all_runs_here_whatever_becomes_of_one_of_them(runs, monkeypatch, capsys):
+    monkeypatch.setattr(asking, "LOOK_SECONDS", 0.5)
+    gone = noted(runs, RunNote("c", "tcp/127.0.0.1:9", "run c"))
+    with two_runs(runs) as going, gone, ThreadPoolExecutor() as pool:
+        asked = pool.submit(stop)
+        questions = [physics.inbox.take(20.0) for physics in going]  # the second one is asked before the first one has answered
         for question, name in zip(questions, "ab", strict=True):
             question.reply(pack(Stopped(name, 0, [f"picker_{name}"], [f"picker_{name}"], True)))
             question.drop()
-        assert asked.result(20.0) == 2
+        with pytest.raises(typer.Exit) as ended:
+            asked.result(20.0)
+    assert ended.value.exit_code == 2
     out, err = capsys.readouterr()
     assert sorted(out.splitlines()) == ["run a: stopped: picker_a", "run b: stopped: picker_b"]
     assert err.startswith("run c: tcp/127.0.0.1:9: ")
 
 
-def test_robots_of_several_runs_are_not_reset_together(tmp_path, capsys):
-    with two_runs(tmp_path) as runs, pytest.raises(typer.Exit) as ended:
-        stop_or_reset(tmp_path, [], None, None, False)
+def test_robots_of_several_runs_are_not_reset_together(runs, capsys):
+    with two_runs(runs) as going, pytest.raises(typer.Exit) as ended:
+        reset()
     assert ended.value.exit_code == 2
-    lines = [f"  --connect {physics.endpoint}  (run {name})" for physics, name in zip(runs, "ab", strict=True)]
+    lines = [f"  --connect {physics.endpoint}  (run {name})" for physics, name in zip(going, "ab", strict=True)]
     assert capsys.readouterr().err.splitlines() == ["2 runs are active here; choose one:", *lines]
 
 
 def test_a_run_that_was_killed_is_none_of_the_active_ones(tmp_path):
     with noted(tmp_path, RunNote("b", "tcp/127.0.0.1:2")):
         (tmp_path / "killed.going").write_text('{"run": "killed", "endpoint": "tcp/127.0.0.1:3"}')
-        assert find_run(tmp_path, None) == RunNote("b", "tcp/127.0.0.1:2")
+        assert find_run(tmp_path, None) == [RunNote("b", "tcp/127.0.0.1:2")]
         with noted(tmp_path, RunNote("a", "tcp/127.0.0.1:1")):
             assert [note.run for note in find_runs(tmp_path, None)] == ["a", "b"]

@@ -7,17 +7,13 @@ import pytest
 import yaml
 
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import TIME_STEP, People, Scenario, check, load, parse, schema_text, with_changes
+from orchard.field.scenario import People, Scenario, check, load, parse, schema_text, with_changes
 from orchard.field.shipped import load_or_shipped
 
 CONFIG = Path(__file__).parents[2] / "orchard" / "config"
 
 
 # -- what is shipped
-
-
-def test_the_time_step_is_a_tenth_of_a_second() -> None:
-    assert TIME_STEP == 0.1
 
 
 def test_the_default_file_says_exactly_the_defaults() -> None:
@@ -100,6 +96,11 @@ def test_an_empty_file_is_all_defaults(text: str, tmp_path: Path) -> None:
     assert load(file) == Scenario()
 
 
+def test_marks_and_line_ends_of_other_systems_are_no_harm(tmp_path: Path) -> None:
+    (tmp_path / "good.yaml").write_bytes(b"\xef\xbb\xbfrows: 4\r\npickers: 2\r\n")
+    assert load(tmp_path / "good.yaml") == Scenario(rows=4, pickers=2)
+
+
 def test_an_integer_is_fine_where_a_number_is_wanted() -> None:
     assert parse("row_width: 6\nlaser: {noise: 0}").row_width == 6.0
     assert type(parse("row_width: 6").row_width) is float
@@ -108,16 +109,6 @@ def test_an_integer_is_fine_where_a_number_is_wanted() -> None:
 @pytest.mark.parametrize(("text", "speed"), [("1e-1", 0.1), ("5.0E-2", 0.05), (".5", 0.5), ("1.", 1.0), ("+0.25", 0.25), ("1", 1.0)])
 def test_numbers_are_written_in_any_usual_way(text: str, speed: float) -> None:
     assert parse(f"picking_speed: {text}").picking_speed == speed
-
-
-@pytest.mark.parametrize(("pickers", "rows"), [(2, 3), (3, 3), (20, 20)])
-def test_a_picker_a_row_is_fine(pickers: int, rows: int) -> None:
-    assert parse(f"pickers: {pickers}\nrows: {rows}").pickers == pickers
-
-
-def test_fifty_people_and_fifty_animals_are_fine() -> None:
-    scenario = parse("people: {workers: 25, visitors: 25}\nanimals: {dogs: 0, cats: 50}")
-    assert (scenario.people.visitors, scenario.animals.cats) == (25, 50)
 
 
 # -- changes and back

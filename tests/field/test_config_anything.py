@@ -2,7 +2,7 @@
 
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from orchard.field.problems import ScenarioError
@@ -35,7 +35,7 @@ def scenario_or_error(make: object, *arguments: object) -> None:
         assert isinstance(make(*arguments), Scenario)
     except ScenarioError as error:
         assert error.problems
-        str(error).encode("utf-8")
+        assert len(str(error).encode("utf-8")) < 20_000
 
 
 names = st.sampled_from([*Scenario.model_fields, "workers", "visitors", "dogs", "cats", "noise", "spread", "failure", "cv", "rowz"])
@@ -74,10 +74,15 @@ SCRAPS = [*"\n\n :-?[]{},#&*!|>'\"%@`~=<\t\r\\", ": ", "\n  ", "- ", "---\n", ".
 SCRAPS += ["!!int ", "!!map ", "!!set ", "%TAG ! x\n", '"\\x41"', "\\U00110000", "rows", "people", "workers", "laser", "noise"]
 SCRAPS += ["5", "0x1F", "0o7", "1e3", ".inf", ".nan", "true", "null", "2001-01-01"]
 scraps = st.lists(st.sampled_from(SCRAPS) | st.text(max_size=2), max_size=25).map("".join)
+TEXT = "rows: 4\npeople: {workers: 3, visitors: 0}\nlaser: {noise: 0.01}\nagents: {picker: my.Picker}\n"
+damaged = st.builds(lambda at, scrap, gone: TEXT[:at] + scrap + TEXT[at + gone :], st.integers(0, len(TEXT)), scraps, st.integers(0, 2))
 
 
-@settings(max_examples=300)
-@given(st.text() | scraps)
+@settings(max_examples=400)
+@given(st.text() | scraps | damaged)
+@example("agents: {1: 2}")
+@example("rows: 3\n" * 8000)
+@example("{" + "a," * 30_000 + "}")
 def test_any_text_is_a_scenario_or_an_error(text: str) -> None:
     scenario_or_error(parse, text)
 

@@ -32,6 +32,8 @@ def test_not_utf8(tmp_path: Path) -> None:
     file = tmp_path / "latin.yaml"
     file.write_bytes(b"rows: 5\n# caf\xe9\n")
     assert unreadable(file) == f"{file}:2: is not UTF-8 text"
+    file.write_bytes("rows: 3".encode("utf-16"))
+    assert unreadable(file) == f"{file}:1: is not UTF-8 text"
 
 
 @pytest.mark.parametrize(
@@ -47,7 +49,7 @@ def test_not_yaml_tells_line_and_column(text: str) -> None:
 @pytest.mark.parametrize(
     ("words", "texts"),
     [
-        ("is not YAML", ["\0", "a: \x07", 'a: "\\UFFFFFFFF"', "%YAML 1." + "9" * 5000 + "\n--- {}"]),
+        ("is not YAML", ["\0", "rows: 3\0", "a: \x07", "rows: \x1b[2J", 'a: "\\UFFFFFFFF"', "%YAML 1." + "9" * 5000 + "\n--- {}"]),
         ("must be a map of keys and values", ["[1, 2]", "5", "rows", "- rows: 5"]),
         ("tags (!name): not allowed", ["rows: !!python/object/apply:os.system [ls]", "!!python/name:os.system", "rows: !!int 5"]),
         ("tags (!name): not allowed", ["rows: !mine 5", "seed: !!timestamp x"]),

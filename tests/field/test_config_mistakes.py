@@ -40,6 +40,7 @@ def test_out_of_range(text: str, wanted: str) -> None:
     ["rows: true", "rows: 5.0", "rows: '5'", "rows: null", "rows: [5]", "rows: {a: 5}", "rows: five", "rows: 010", "rows: 1:05",
      "rows: 1_0", "rows: 2020-02-02", "row_width: true", "row_width: wide", "row_width: .nan", "row_width: .inf", "picking_speed: -.inf",
      "laser: {noise: .NaN}", "carriers: true", "carriers: many", "seed: 1.5", "tractor: 1", "tractor: yes", "tractor: null", "people: 3",
+     "picking_speed: 1e999999999", 'rows: "\\ud800"',
      "people: null", "people: [1, 2]", "animals: dogs", "laser: 0.1", "weeds: .inf"],
 )  # fmt: skip
 def test_wrong_type(text: str) -> None:

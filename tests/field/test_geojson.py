@@ -6,12 +6,12 @@ import math
 from pathlib import Path
 
 import pytest
+from bare_world import overlapping_starts
 from code_blocks import ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_surveys import CIRCUIT, THERE, UNEQUAL, Row, points_of, rows, write_geojson
 from stage import Stage
-from test_layout import overlapping
 
 from orchard.field.geojson import import_rows
 from orchard.field.layout import lay_out
@@ -50,11 +50,10 @@ def test_any_survey_within_the_limits_is_imported_and_laid_out_without_overlaps(
     order = data.draw(st.permutations(list(lines_of(drawn).items())))
     scenario = import_rows(write_geojson(file, dict(order), yaw))
     layout, survey = lay_out(scenario), scenario.survey
-    assert survey is not None and survey.origin is not None
     assert [row.id for row in survey.rows] == list(lines_of(drawn))
     for row, wanted in zip(survey.rows, drawn, strict=True):
         assert (row.south, row.start, row.length) == pytest.approx(wanted, abs=0.002)
-    assert overlapping(layout) == []
+    assert overlapping_starts(layout) == []
     assert survey.origin.crs == CIRCUIT
     for row, lane in zip(drawn, layout.lanes, strict=True):
         there = complex(row.start, -row.south) * cmath.exp(1j * yaw)
@@ -80,7 +79,6 @@ def test_the_same_rows_come_from_any_coordinate_system(crs: str, file: Path):
     del content["crs"]
     file.write_text(json.dumps(content))
     other = import_rows(file, None if crs == "OGC:CRS84" else crs).survey
-    assert survey is not None and other is not None and survey.origin is not None and other.origin is not None
     for one, same in zip(survey.rows, other.rows, strict=True):
         assert (same.south, same.start, same.length) == pytest.approx((one.south, one.start, one.length), abs=0.003)
     back = pyproj.Transformer.from_crs(other.origin.crs, "EPSG:2193", always_xy=True)
@@ -89,10 +87,9 @@ def test_the_same_rows_come_from_any_coordinate_system(crs: str, file: Path):
 
 def test_rows_from_south_to_north_are_turned_by_the_smaller_angle(file: Path):
     scenario = import_rows(write_geojson(file, lines_of(UNEQUAL), math.radians(80.0)))
-    assert scenario.survey is not None and scenario.survey.origin is not None
     assert scenario.survey.origin.yaw == pytest.approx(math.radians(80.0), abs=1e-6)
     back = import_rows(write_geojson(file, lines_of(UNEQUAL), math.radians(100.0))).survey
-    assert back is not None and back.origin is not None and back.origin.yaw == pytest.approx(math.radians(-80.0), abs=1e-6)
+    assert back.origin.yaw == pytest.approx(math.radians(-80.0), abs=1e-6)
     assert [row.id for row in back.rows] == ["r4", "r3", "r2", "r1"], "the last one in the north"
 
 
@@ -109,7 +106,6 @@ def test_a_system_that_counts_to_the_south_does_not_mirror_or_turn_the_rows(crs:
     ]
     file.write_text(json.dumps({"features": features}))
     survey = import_rows(file, crs).survey
-    assert survey is not None and survey.origin is not None
     assert survey.origin.crs == utm and survey.origin.yaw == pytest.approx(0.3, abs=1e-5)
     for row, wanted in zip(survey.rows, UNEQUAL, strict=True):
         assert (row.south, row.start, row.length) == pytest.approx(wanted, abs=0.03)
@@ -117,10 +113,7 @@ def test_a_system_that_counts_to_the_south_does_not_mirror_or_turn_the_rows(crs:
 
 def test_lines_that_go_there_and_back_are_rows(file: Path):
     there_and_back = {name: [*points, *points[-2::-1]] for name, points in lines_of(UNEQUAL).items()}
-    survey, other = (
-        import_rows(write_geojson(file, there_and_back, 0.3)).survey,
-        import_rows(write_geojson(file, lines_of(UNEQUAL), 0.3)).survey,
-    )
+    survey, other = (import_rows(write_geojson(file, lines, 0.3)).survey for lines in (there_and_back, lines_of(UNEQUAL)))
     assert survey == other
 
 
@@ -128,7 +121,7 @@ def test_lines_that_go_there_and_back_are_rows(file: Path):
 def test_a_name_that_looks_like_something_else_stays_the_name_in_the_scenario_file(name: str, file: Path):
     lines = lines_of(UNEQUAL)
     scenario = import_rows(write_geojson(file, {name if old == "r1" else old: points for old, points in lines.items()}))
-    assert scenario.survey is not None and scenario.survey.rows[0].id == name
+    assert scenario.survey.rows[0].id == name
     assert parse(to_short_yaml(scenario)) == scenario
 
 

@@ -3,16 +3,16 @@
 import dataclasses
 import math
 import time
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from bare_world import overlapping_starts
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from orchard.field import layout as layouts
 from orchard.field import placement
-from orchard.field.geometry import HEADINGS, WEST, Pose
+from orchard.field.geometry import HEADINGS, WEST, Pose, from_frame
 from orchard.field.kinds import ANIMALS, KINDS, PEOPLE, kind_of, name_of
 from orchard.field.layout import BAY, DRIVEWAY, ROW_WEST, Layout, Start, lay_out
 from orchard.field.scenario import Animals, People, Scenario
@@ -47,45 +47,10 @@ def scenarios(draw: st.DrawFn) -> Scenario:
     )
 
 
-def corners(x: float, y: float, half_length: float, half_width: float, yaw: float) -> np.ndarray:
-    s, c = math.sin(yaw), math.cos(yaw)
-    signs = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    return np.array([(x + c * i * half_length - s * j * half_width, y + s * i * half_length + c * j * half_width) for i, j in signs])
-
-
 def box(start: Start) -> np.ndarray:
-    kind = KINDS[start.kind]
-    return corners(start.pose.x, start.pose.y, kind.length / 2, kind.width / 2, start.pose.yaw)
-
-
-def overlap(a: np.ndarray, b: np.ndarray) -> bool:
-    """Whether two boxes share ground: no side of either separates their corners."""
-    for one in (a, b):
-        for axis in (one[1] - one[0], one[2] - one[1]):
-            in_a, in_b = a @ axis, b @ axis
-            if in_a.max() <= in_b.min() or in_b.max() <= in_a.min():
-                return False
-    return True
-
-
-def near(boxes: list[tuple[str, np.ndarray]], others: list[tuple[str, np.ndarray]]) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]:
-    """Pairs of boxes whose upright bounds touch: the rest is apart anyway."""
-    low, high = np.array([b.min(axis=0) for _, b in others]), np.array([b.max(axis=0) for _, b in others])
-    for name, b in boxes:
-        for i in np.flatnonzero(np.all((low <= b.max(axis=0)) & (high >= b.min(axis=0)), axis=1)):
-            yield name, others[i][0], b, others[i][1]
-
-
-def overlapping(layout: Layout) -> list[tuple[str, str]]:
-    """All pairs that overlap and should not. Weeds are not solid: people and animals may stand on them."""
-    bodies = [(start.name, box(start)) for start in layout.starts]
-    walls = [(f"wall {i}", corners(*wall, 0.0)) for i, wall in enumerate(layout.walls)]
-    pairs = [(a, b) for a, b, one, other in near(bodies, bodies + walls) if a < b and overlap(one, other)]
-    return [pair for pair in pairs if not may_overlap(*map(kind_of, pair))]
-
-
-def may_overlap(a: str, b: str) -> bool:
-    return "weed" in (a, b) and bool({a, b} & {*PEOPLE, *ANIMALS})
+    """The corners of a body, (4, 2)."""
+    ahead, left = KINDS[start.kind].length / 2, KINDS[start.kind].width / 2
+    return np.array([from_frame(start.pose, i * ahead, j * left) for i, j in ((1, 1), (-1, 1), (-1, -1), (1, -1))])
 
 
 def of(layout: Layout, *kinds: str) -> list[Start]:
@@ -108,7 +73,7 @@ def strictly_in(points: np.ndarray, west: float, south: float, east: float, nort
 @example(Scenario())
 def test_every_legal_scenario_lays_out(scenario: Scenario) -> None:
     layout = lay_out(scenario)
-    assert overlapping(layout) == []
+    assert overlapping_starts(layout) == []
     assert all(inside_the_fences(layout, start) for start in layout.starts)
     assert len(set(layout.names)) == len(layout.names)
     assert all(kind_of(start.name) == start.kind for start in layout.starts)
@@ -190,11 +155,6 @@ def test_another_seed_moves_the_weeds_and_not_the_given_places() -> None:
     one, other = lay_out(Scenario(seed=1)), lay_out(Scenario(seed=2))
     assert not {s.pose for s in of(one, "weed")} & {s.pose for s in of(other, "weed")}
     assert [s.pose[:2] for s in of(one, *PEOPLE, *ANIMALS)] == [s.pose[:2] for s in of(other, *PEOPLE, *ANIMALS)]
-
-
-def test_the_weeds_are_laid_in_halves() -> None:
-    weeds = of(lay_out(Scenario(weeds=10)), "weed")
-    assert sum(weed.pose.y > 13.5 for weed in weeds) == 5
 
 
 @pytest.mark.parametrize("scenario", [BIGGEST, FULLEST], ids=["biggest", "fullest"])

@@ -1,10 +1,10 @@
 """Orchards with surveyed rows: what they look like, what is refused, and that they are harvested to the end on both routes."""
 
 import pytest
+from bare_world import overlapping_starts
 from hypothesis import given, settings
 from made_surveys import UNEQUAL, Row, orchard_of, rows
 from stage import Stage
-from test_layout import overlapping
 
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import ROW_WEST, lay_out
@@ -20,7 +20,7 @@ from orchard.report.schedule import schedule_seconds
 @given(rows())
 def test_surveyed_rows_lie_where_the_survey_says_and_nothing_overlaps(drawn: list[Row]):
     layout = lay_out(orchard_of(drawn))
-    assert overlapping(layout) == []
+    assert overlapping_starts(layout) == []
     first = layout.lane(1).y
     for row, lane in zip(drawn, layout.lanes, strict=True):
         assert (first - lane.y, lane.west - ROW_WEST, lane.length) == pytest.approx(row, abs=1e-9)

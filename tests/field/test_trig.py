@@ -18,29 +18,12 @@ lengths = st.one_of(st.floats(-100.0, 100.0), st.floats(-1e-6, 1e-6), st.integer
 
 
 @settings(max_examples=500)
-@given(angles)
-def test_sine_and_cosine_are_right_to_the_last_digits(angle):
-    s, c = repeatable.sin_cos(angle)
-    assert s == pytest.approx(math.sin(angle), abs=ERROR, rel=0)
-    assert c == pytest.approx(math.cos(angle), abs=ERROR, rel=0)
-
-
-@settings(max_examples=500)
-@given(lengths, lengths)
-def test_the_arc_tangent_is_right_to_the_last_digits(y, x):
+@given(angles, lengths, lengths, st.floats(1e-300, 1e300), st.floats(-700.0, 700.0))
+def test_the_functions_are_right_to_the_last_digits(angle, y, x, positive, power):
+    assert repeatable.sin_cos(angle) == pytest.approx((math.sin(angle), math.cos(angle)), abs=ERROR, rel=0)
     assert repeatable.atan2(y, x) == pytest.approx(math.atan2(y + 0.0, x + 0.0), abs=2 * ERROR, rel=0)
-
-
-@settings(max_examples=500)
-@given(st.floats(1e-300, 1e300))
-def test_the_logarithm_is_right_to_the_last_digits(x):
-    assert repeatable.log(x) == pytest.approx(math.log(x), abs=ERROR, rel=ERROR)
-
-
-@settings(max_examples=500)
-@given(st.floats(-700.0, 700.0))
-def test_the_exponential_is_right_to_the_last_digits(x):
-    assert repeatable.exp(x) == pytest.approx(math.exp(x), rel=4 * ERROR, abs=0)
+    assert repeatable.log(positive) == pytest.approx(math.log(positive), abs=ERROR, rel=ERROR)
+    assert repeatable.exp(power) == pytest.approx(math.exp(power), rel=4 * ERROR, abs=0)
 
 
 @settings(max_examples=300)

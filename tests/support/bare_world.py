@@ -8,8 +8,10 @@ from raycaster import world_of
 
 from orchard.contract.messages import Deed
 from orchard.field.geometry import EAST, Pose, Twist
-from orchard.field.layout import ROW_WEST, lay_out
+from orchard.field.kinds import ANIMALS, PEOPLE
+from orchard.field.layout import ROW_WEST, Layout, lay_out
 from orchard.field.scenario import Scenario
+from orchard.sim.kernels.boxes import RADIUS, overlap, place
 from orchard.sim.physics import step
 from orchard.sim.world import NONE, World
 
@@ -77,6 +79,22 @@ def picker_with_bin(x: float = ROW_WEST, y: float = LANE, yaw: float = EAST, **k
 def train(**kwargs) -> dict[str, Twist]:
     """Return the same twist for picker_01 and bin_02 behind it. That keeps the bin in place while they drive straight."""
     return {"picker_01": Twist(**kwargs), "bin_02": Twist(**kwargs)}
+
+
+def overlapping(world: World) -> list[tuple[str, str]]:
+    """Return the pairs of things that overlap; the name of a wall is its number."""
+    boxes = world.fixed.shapes.copy()
+    place(world.pose, boxes)
+    things, names = np.vstack([boxes, world.fixed.walls]), [*world.layout.names, *map(str, range(len(world.fixed.walls)))]
+    apart = np.hypot(*(boxes[:, None, :2] - things[None, :, :2]).T)
+    near = np.argwhere(boxes[:, None, RADIUS] + things[None, :, RADIUS] > apart.T)
+    return [(names[i], names[j]) for i, j in near if i < j and overlap(boxes[i], things[j])]
+
+
+def overlapping_starts(layout: Layout) -> list[tuple[str, str]]:
+    """Return the pairs that overlap at the begin and should not: people and animals may stand on weeds."""
+    pairs = [(pair, {name.split("_")[0] for name in pair}) for pair in overlapping(World(layout))]
+    return [pair for pair, kinds in pairs if "weed" not in kinds or not kinds & {*PEOPLE, *ANIMALS}]
 
 
 def everybody() -> Yard:

@@ -17,7 +17,7 @@ from orchard.field.scenario import Scenario
 from orchard.field.shipped import load_or_shipped
 from orchard.launch.runs import check_writable
 from orchard.launch.study_options import StudyArguments
-from orchard.launch.terminal import FAILED, FINISHED, console, exit_on_errors, print_error, print_line
+from orchard.launch.terminal import FAILED, FINISHED, console, exit_on_errors, own_classes_run, print_error, print_line
 from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
 from orchard.study.settings import Varied, varied_of
@@ -32,7 +32,7 @@ STOPPED = "stopped; the runs so far are kept, and the same command goes on from 
 
 def run_study(chosen: StudyArguments) -> int:
     """Do a study, and print and write its answer. Return the exit code: 1 if an invariant is violated, or a run or a file fails."""
-    with exit_on_errors(ScenarioError, StoreError, OSError):
+    with own_classes_run(), exit_on_errors(ScenarioError, StoreError, OSError):
         scenario, varied = _question(chosen)
         try:
             with _stoppable() as is_stopped, _progress(chosen) as tell:

@@ -4,6 +4,7 @@ Both do work in any order and lose none of it when a worker dies. So what a stud
 """
 
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, ProcessPoolExecutor, wait
@@ -13,6 +14,8 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from threading import Thread
 from typing import Any, TypeVar, cast
+
+from orchard.contract.printed import Printed
 
 GLANCE = 0.2  # s between two looks whether to stop
 MOST_DEATHS = 3  # of workers, one after another, without any work done between: then the work itself kills them
@@ -83,9 +86,14 @@ class _Processes(ProcessPoolExecutor):
 
 
 def _end_with_parent(alive: Connection) -> None:
-    """In a worker: end as soon as the parent closes its end of the pipe, or is killed. Ctrl-C at the terminal is the parent's."""
+    """In a worker: end as soon as the parent closes its end of the pipe, or is killed. Ctrl-C at the terminal is the parent's.
+
+    Some of what own classes print is shown; what they write to the file of stdout is not.
+    """
     import signal
 
+    sys.stdout = sys.stderr = Printed(partial(print, file=sys.stderr, flush=True))
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_exit_after, args=(alive,), daemon=True).start()
 

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import psutil
 import pytest
-from work import deadly, double, faulty, slow
+from work import deadly, double, faulty, loud, slow
 
+from orchard.contract.printed import MOST_LINES
 from orchard.field.scenario import Scenario
 from orchard.study.study import StudyOptions, study
 from orchard.study.workers import WorkersError, processes, scheduled
@@ -41,6 +42,15 @@ def test_work_that_kills_each_worker_ends_the_study_with_words():
 def test_an_error_of_the_work_comes_back():
     with processes(1) as workers, pytest.raises(LookupError, match="no 1"):
         list(workers.do(faulty, [1], always))
+
+
+def test_of_what_own_classes_print_some_harmless_lines_are_shown(capfd):
+    with processes(1) as workers:
+        list(workers.do(loud, ["\x1b[2Jown"], always))
+    out, said = capfd.readouterr()
+    assert out == ""
+    assert said.count("printed: ?[2Jown") == MOST_LINES
+    assert "\x1b" not in said
 
 
 def is_gone(pid: int) -> bool:

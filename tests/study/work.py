@@ -23,6 +23,12 @@ def faulty(item: int) -> int:
     raise LookupError(f"no {item}")
 
 
+def loud(item: str) -> None:
+    """Print much, in a way that a redirected stdout notices and in one that it does not."""
+    print(f"{item}\n" * 1000)
+    os.write(1, item.encode())
+
+
 def slow(item: Path) -> None:
     """Tell who works, and work for a long time."""
     item.write_text(str(os.getpid()))

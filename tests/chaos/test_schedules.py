@@ -7,7 +7,7 @@ import pytest
 from chaos.simulated.clients import CLIENTS
 from chaos.simulated.mutations import cut_out
 from chaos.simulated.network import Delays
-from chaos.simulated.schedule import CLIENT, RUN_PY, SCENARIOS, Fault, Plan, carry_out, draw, shrink
+from chaos.simulated.schedule import CLIENT, ROUTER, RUN_PY, SCENARIOS, Fault, Plan, carry_out, draw, shrink
 from orchard.wire.keys import PHYSICS
 
 
@@ -56,6 +56,43 @@ def test_a_mutation_is_found_and_shrinks_to_the_faults_that_it_needs():
     assert carry_out(small).complaints == []
 
 
+# -- one fault after the other, in the middle of a run
+
+ONE, OTHER = "agents_0", "agents_1"
+FAULTS = {
+    "a host before its first tick": [Fault("kill", ONE, -1, 0.3)],
+    "both hosts": [Fault("kill", ONE, 40), Fault("kill", OTHER, 40)],
+    "a host again and again": [Fault("kill", ONE, tick) for tick in (10, 25, 26)],
+    "a host sleeps": [Fault("freeze", ONE, 40, seconds=1.0)],
+    "a host sleeps for longer than its lease": [Fault("freeze", ONE, 40, seconds=4.0)],
+    "a host vanishes with its machine": [Fault("vanish", ONE, 40)],
+    "a link is silent": [Fault("silence", ONE, 40, seconds=1.0)],
+    "a link is silent for longer than its lease": [Fault("silence", ONE, 40, seconds=4.0)],
+    "all links are silent": [Fault("silence", who, 40, seconds=10.0) for who in (ONE, OTHER)],
+    "a link is cut": [Fault("cut", ONE, 40, seconds=5.0)],
+    "physics as soon as it is there": [Fault("kill", PHYSICS, -1, 0.3)],
+    "physics": [Fault("kill", PHYSICS, 40)],
+    "physics and a host": [Fault("kill", PHYSICS, 40), Fault("kill", ONE, 40)],
+    "physics, and its newest snapshot is torn": [Fault("torn snapshot", PHYSICS, 140)],
+    "physics beside a router": [Fault("kill", PHYSICS, 40)],
+    "beside a router the links of physics and of a host": [Fault("cut", PHYSICS, 40, seconds=5.0), Fault("cut", OTHER, 100, seconds=5.0)],
+    "the router twice, and once with a host": [Fault("kill", ROUTER, 40), Fault("kill", ROUTER, 100), Fault("kill", ONE, 100)],
+}
+
+
+@pytest.mark.parametrize("what", FAULTS)
+def test_whatever_happens_to_processes_and_links_the_run_goes_on_to_the_same_hash(what):
+    assert carry_out(plan(*FAULTS[what], ticks=150, has_router="router" in what)).complaints == []
+
+
+@pytest.mark.parametrize("fault", [Fault("kill", who, tick) for who, tick in ((ONE, 100), (PHYSICS, 100), (ROUTER, 100), (ROUTER, 299))])
+def test_in_realtime_too_a_run_goes_on_and_ends_well(fault):
+    """Also if the router is down at its end."""
+    verdict = carry_out(plan(fault, ticks=300, mode="realtime", has_router=fault.who == ROUTER, has_logger=True))
+    assert verdict.complaints == []
+    assert verdict.end.summary["distance_metres"]["picker"] > 5.0
+
+
 # -- what schedules have found
 
 
@@ -69,7 +106,3 @@ def test_a_host_that_is_started_again_as_the_run_ends_does_not_wait_for_physics(
     verdict = carry_out(plan(Fault("kill", "agents_1", tick)))
     assert verdict.complaints == []
     assert verdict.seconds < 15.0
-
-
-def test_physics_that_is_killed_goes_on_from_its_snapshot():
-    assert carry_out(plan(Fault("kill", PHYSICS, 150), ticks=200)).complaints == []

@@ -3,14 +3,13 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from local_runs import SMALL
+from local_runs import SHORT, SMALL
 from recorded_messages import KEYS, Run
 from stand_ins import RUN, Clock
 
 from orchard.contract.agent import Action, Hold
 from orchard.contract.messages import Couple, Uncouple, pack
 from orchard.field.geometry import Twist
-from orchard.field.scenario import Animals, People, Scenario
 from orchard.net.bus import Sample
 from orchard.net.refusals import Refused
 from orchard.server.advice import ADVICE_TICKS, Advised
@@ -124,11 +123,6 @@ def test_advice_that_cannot_be_is_refused(run, key, message, reason):
     assert speed(run) == 0.0
 
 
-ROWS = Scenario(
-    rows=3, carriers=1, row_length=30.0, people=People(workers=0, visitors=0), animals=Animals(dogs=0, cats=0), weeds=0, tractor=False
-)  # fmt: skip
-
-
 LETS_GO = 250  # ticks, of 300
 
 
@@ -150,7 +144,7 @@ class Outside:
 
 
 def test_a_harvest_finishes_while_a_pickers_velocity_comes_from_outside():
-    run = Run(ROWS, RUN, 20_000)
+    run = Run(SHORT, RUN, 20_000)
     outside = Outside(run)
     end = run.to_the_end()
     assert (end.why, end.summary["rows_picked"], end.summary["bins_delivered"]) == ("harvested", 3, 3)

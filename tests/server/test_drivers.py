@@ -56,18 +56,3 @@ def test_a_session_that_is_silent_for_too_long_loses_also_its_agents_that_hold()
     drivers.give_up()
     assert sorted(drivers.roster.owners) == ["picker_01"]
     assert sorted(drivers.lost) == ["traffic", "worker_01"]
-
-
-def test_a_session_that_another_replaced_in_the_same_tick_is_given_up_with_it():
-    """A host dies and comes back within one tick, and is silent: both sessions were asked, and only the second owns agents."""
-    run = Run(SMALL, "run1", 10)
-    drivers, engine = run.physics.run.drivers, run.physics.run.engine
-    names = ["picker_01", "worker_01"]
-    coming(drivers, "first", names)
-    engine.wake(names)
-    drivers.begin(engine.observe(), 0.0)
-    going(drivers, "first", names), coming(drivers, "second", names)
-    drivers.expect(names, "second")
-    drivers.give_up()
-    assert drivers.roster.owners == {}
-    assert sorted(drivers.lost) == names

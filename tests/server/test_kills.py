@@ -3,7 +3,6 @@
 import json
 import re
 import signal
-import socket
 import subprocess
 import time
 from contextlib import suppress
@@ -11,13 +10,11 @@ from contextlib import suppress
 import psutil
 import pyarrow.parquet as pq
 import pytest
-from command_line import ROOT, line_with, orchard, running, starting, summary_of, wait_until_simulated
+from command_line import ROOT, orchard, running, starting, summary_of, wait_until_simulated
 from local_runs import SMALL, local_hash
-from recordings import seconds_of
 
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, to_yaml
-from orchard.launch.supervisor import free_port
 
 pytestmark = pytest.mark.processes
 
@@ -50,7 +47,7 @@ def end(run: subprocess.Popen) -> str:
     return printed
 
 
-@pytest.mark.parametrize("word", ["physics", "agents", pytest.param("logger", marks=pytest.mark.soak)])
+@pytest.mark.parametrize("word", ["physics", "agents"])
 def test_whatever_is_killed_the_same_run_goes_on(tmp_path, undisturbed, word):
     path, tables = tmp_path / "summary.json", tmp_path / "tables"
     with running(*PACE, "--hosts", 2, "--record", tmp_path / "run.rrd", "--summary", path, "--table", tables) as run:
@@ -86,38 +83,6 @@ def test_a_signal_to_all_stops_the_run(tmp_path):
         printed = end(run)
     assert "again" not in printed
     assert summary_of(path)["ticks"] >= 20
-
-
-@pytest.mark.soak
-def test_physics_whose_port_is_taken_is_tried_again_until_it_is_free(tmp_path, undisturbed):
-    port, path = free_port(), tmp_path / "summary.json"
-    arguments = ("--record", "none", "--listen", f"tcp/127.0.0.1:{port}", "--summary", path)
-    with running(*PACE, "--speed", 5, *arguments) as run, socket.socket() as other:
-        wait_until_simulated(run, 2.0)
-        physics = process_of(run, "physics")
-        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        physics.kill()
-        deadline = time.monotonic() + 10.0
-        while time.monotonic() < deadline:
-            with suppress(OSError):  # until it has let go
-                other.bind(("127.0.0.1", port))
-                break
-        other.listen()
-        for _ in range(5):
-            line_with("physics ended with code 2; starting it again", run)
-        other.close()
-        printed = end(run)
-    assert "giving up" not in printed
-    assert summary_of(path)["hash"] == undisturbed
-
-
-def test_physics_that_is_killed_as_soon_as_it_is_there_is_started_again(tmp_path):
-    path = tmp_path / "summary.json"
-    with starting("--rows", 3, "--hosts", 1, "--duration", 10, "--record", "none", "--summary", path) as run:
-        first_process(run, "physics").kill()
-        printed = end(run)
-    assert "physics ended with code -9; starting it again" in printed
-    assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), 100)
 
 
 def test_ctrl_c_while_physics_does_not_listen_yet_ends_the_run():
@@ -194,39 +159,3 @@ def test_the_robots_of_a_process_that_dies_again_and_again_stand_and_the_run_goe
     assert "broken: picker_01, its process died again and again" in done.stderr
     assert re.search("no answer to tick 20 from .*picker_01.*: no longer waited for", done.stdout)
     assert summary_of(path)["ticks"] == 400
-
-
-# -- realtime
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("word", ["physics", "agents"])
-def test_in_realtime_too_whatever_is_killed_the_run_goes_on_and_finishes(tmp_path, word):
-    path = tmp_path / "summary.json"
-    arguments = ("--rows", 3, "--mode", "realtime", "--speed", 10, "--hosts", 1, "--duration", 80, "--record", "none", "--summary", path)
-    with running(*arguments) as run:
-        wait_until_simulated(run, 5.0)
-        process_of(run, word).kill()
-        printed = end(run)
-    assert re.search(rf"{word}.* ended with code -9; starting it again", printed)
-    summary = summary_of(path)
-    assert summary["ticks"] == 800
-    assert summary["distance_metres"]["picker"] > 60.0, "they drive again"
-
-
-# -- the end, without a bus
-
-
-@pytest.mark.soak
-def test_a_run_whose_router_is_down_at_its_end_has_ended_well(fleet, tmp_path):
-    endpoint, path, recording = f"tcp/127.0.0.1:{free_port()}", tmp_path / "summary.json", tmp_path / "run.rrd"
-    arguments = ("--mode", "realtime", "--speed", 2, "--duration", 12, "--record", recording, "--summary", path)
-    router = fleet.router(endpoint)
-    with running("--rows", 3, "--hosts", 1, "--connect", endpoint, *arguments) as run:
-        wait_until_simulated(run, 5.0)
-        router.kill()
-        printed = end(run)
-    summary = summary_of(path)
-    assert summary["ticks"] == 120
-    assert "To watch it" in printed
-    assert seconds_of(recording) > 4.0

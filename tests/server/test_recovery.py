@@ -1,8 +1,7 @@
-"""Kill it, freeze it, cut it off: lockstep waits, goes on, and has the hash of a run that nothing happened to."""
+"""What comes back after a kill or a freeze, and what is told of it. `tests/chaos/test_schedules.py`: all else that may happen."""
 
 import os
 import signal
-from pathlib import Path
 
 import msgpack
 import pytest
@@ -11,10 +10,7 @@ from local_runs import SMALL, TICKS, TOY, local_hash
 from recorded_messages import Net, StandIn
 from stage import empty_orchard
 
-from orchard.contract.messages import pack
-from orchard.launch.supervisor import free_port
 from orchard.local import Local
-from orchard.net.bus import Alive, Query
 from orchard.net.refusals import Refused
 from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions
@@ -22,7 +18,6 @@ from orchard.server.snapshots import last
 from orchard.sim.engine import Engine
 from orchard.sim.snapshot import as_file, newest
 from orchard.wire.keys import Keys
-from orchard.wire.messages import Join
 
 PACE = ("--speed", "15", "--duration", str(TICKS / 10))  # slow enough that a fault meets the run where it shall
 
@@ -40,22 +35,6 @@ def end(process):
 # -- agents
 
 
-IN_SOAK = [pytest.param(2, 2, marks=pytest.mark.soak), pytest.param(1, 17, marks=pytest.mark.soak)]
-
-
-@pytest.mark.parametrize(("killed", "tick"), [(1, 1), (2, 60), *IN_SOAK])
-def test_hosts_that_are_killed_at_any_tick_and_started_again_change_nothing(fleet, undisturbed, killed, tick):
-    fleet.physics(SMALL, *PACE)
-    fleet.share(2, TOY)
-    wait_for_tick(fleet, tick)
-    for host in fleet.hosts[:killed]:
-        end(host)
-    fleet.hosts = fleet.hosts[killed:]
-    for number in range(killed):
-        fleet.host("--share", f"{number}/2", agents=TOY)
-    assert fleet.end() == undisturbed
-
-
 @pytest.mark.parametrize(
     "dispatch", ["predictive", *(pytest.param(name, marks=pytest.mark.soak) for name in ("farthest-first", "nearest"))]
 )
@@ -68,30 +47,6 @@ def test_hosts_that_are_killed_while_bins_call_and_carriers_leave_early_change_n
         end(fleet.hosts.pop(0))
         fleet.host("--share", f"{0 if tick != 300 else 1}/2")
     assert fleet.end() == local_hash(scenario, 900)
-
-
-def test_a_host_that_is_killed_again_and_again_changes_nothing(fleet, undisturbed):
-    fleet.physics(SMALL, *PACE)
-    fleet.share(2, TOY)
-    for tick in (10, 25, 26, 50, 80):
-        wait_for_tick(fleet, tick)
-        end(fleet.hosts.pop(0))
-        fleet.hosts.insert(0, fleet.host("--share", "0/2", agents=TOY))
-        fleet.hosts.pop()
-    assert fleet.end() == undisturbed
-
-
-def test_a_host_that_sleeps_for_a_while_changes_nothing(fleet, undisturbed):
-    fleet.physics(SMALL, *PACE, "--patience", "30")
-    fleet.share(2, TOY)
-    clock = fleet.client().hear("orchard/clock")
-    until(clock, lambda message: message["tick"] >= 20)
-    fleet.hosts[0].signal(signal.SIGSTOP)
-    seen_again = fleet.client().hear("orchard/hosts/*/seen")
-    first = seen_again.get(timeout=20)
-    until(seen_again, lambda message: message["tick"] == first["tick"])  # physics asks again, for it is not answered
-    fleet.hosts[0].signal(signal.SIGCONT)
-    assert fleet.end() == undisturbed
 
 
 def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_it_wakes(fleet, tmp_path):
@@ -137,144 +92,55 @@ def test_what_one_says_late_who_was_given_up_is_refused_until_it_joins_again(fle
 # -- physics
 
 
-@pytest.mark.parametrize("tick", [3, pytest.param(40, marks=pytest.mark.soak)])
-def test_physics_that_is_killed_goes_on_from_its_last_snapshot_to_the_same_hash(fleet, undisturbed, tmp_path, tick):
-    keeping = ("--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "0.2")
-    fleet.physics(SMALL, *PACE, *keeping)
-    fleet.share(2, TOY)
-    wait_for_tick(fleet, tick)
-    end(fleet.world)
-    fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
-    assert fleet.end() == undisturbed
-
-
-def test_physics_and_a_host_that_are_killed_together_change_nothing(fleet, undisturbed, tmp_path):
-    keeping = ("--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "0.2")
-    fleet.physics(SMALL, *PACE, *keeping)
+def killed_with_snapshots(fleet, tmp_path) -> tuple[str, ...]:
+    """Kill physics at tick 30. Return its arguments to go on."""
+    keeping = (*PACE, "--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "0.2")
+    fleet.physics(SMALL, *keeping)
     fleet.share(2, TOY)
     wait_for_tick(fleet, 30)
-    end(fleet.hosts.pop())
     end(fleet.world)
-    fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
-    fleet.host("--share", "1/2", agents=TOY)
-    assert fleet.end() == undisturbed
+    return (*keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
 
 
-def test_a_torn_snapshot_is_named_and_the_one_before_it_is_used(fleet, undisturbed, tmp_path):
-    folder = tmp_path / "snapshots"
-    keeping = ("--snapshots", str(folder), "--snapshot-every", "0.1", "--speed", "5")
-    fleet.physics(SMALL, *PACE, *keeping)
-    fleet.share(2, TOY)
-    until(fleet.client().hear("orchard/clock"), lambda _: len(list(folder.glob("tick-*.snapshot"))) >= 2)
-    end(fleet.world)
+def test_physics_whose_scenario_file_is_gone_goes_on_from_the_newest_snapshot_that_is_its_own_and_whole(fleet, undisturbed, tmp_path):
+    keeping, folder, gone = killed_with_snapshots(fleet, tmp_path), tmp_path / "snapshots", tmp_path / "scenario.yaml"
+    gone.unlink()
     torn = max(folder.glob("tick-*.snapshot"))
     torn.write_bytes(torn.read_bytes()[:1000])
-    fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
-    assert torn.name in fleet.world.error()
-    assert fleet.end() == undisturbed
-
-
-def killed_with_snapshots(fleet, tmp_path) -> tuple[Path, tuple[str, ...]]:
-    """Kill physics at tick 30. Return the folder of its snapshots, and its arguments for them."""
-    folder = tmp_path / "snapshots"
-    keeping = ("--snapshots", str(folder), "--snapshot-every", "0.2")
-    fleet.physics(SMALL, *PACE, *keeping)
-    fleet.share(2, TOY)
-    wait_for_tick(fleet, 30)
-    end(fleet.world)
-    return folder, keeping
-
-
-def test_physics_whose_scenario_file_is_gone_goes_on_from_the_newest_snapshot_that_is_its_own(fleet, undisturbed, tmp_path):
-    folder, keeping = killed_with_snapshots(fleet, tmp_path)
-    (tmp_path / "scenario.yaml").unlink()
     os.mkfifo(folder / "tick-000000999.snapshot")
     alien = Local(SMALL).snapshot()
     alien.run = "another"
     (folder / "tick-000000998.snapshot").write_bytes(as_file(alien)[1])
-    gone = str(tmp_path / "scenario.yaml")
-    fleet.world = fleet.start(
-        "orchard.processes.physics", gone, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint
-    )
+    fleet.world = fleet.start("orchard.processes.physics", str(gone), *keeping)
     assert fleet.end() == undisturbed
-    assert "tick-000000999.snapshot: not a snapshot" in fleet.world.complaints
-    assert "tick-000000998.snapshot: of another run, another" in fleet.world.complaints
+    for words in (torn.name, "tick-000000999.snapshot: not a snapshot", "tick-000000998.snapshot: of another run, another"):
+        assert words in fleet.world.complaints
 
 
 def test_physics_that_has_only_a_torn_snapshot_begins_anew_and_says_so(fleet, undisturbed, tmp_path):
-    folder, keeping = killed_with_snapshots(fleet, tmp_path)
-    for path in folder.glob("tick-*.snapshot"):
+    keeping = killed_with_snapshots(fleet, tmp_path)
+    for path in (tmp_path / "snapshots").glob("tick-*.snapshot"):
         path.write_bytes(path.read_bytes()[:1000])
-    fleet.physics(SMALL, *PACE, *keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
+    fleet.physics(SMALL, *keeping)
     assert fleet.end() == undisturbed
     assert "the run begins anew" in fleet.world.complaints
-
-
-# -- the router
-
-
-def test_a_router_that_is_killed_and_started_again_changes_nothing(fleet, undisturbed):
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    router = fleet.start("orchard.processes.router", "--listen", endpoint)
-    router.line()
-    fleet.physics(SMALL, *PACE, "--connect", endpoint)
-    fleet.share(2, TOY)
-    wait_for_tick(fleet, 30)
-    end(router)
-    again = fleet.start("orchard.processes.router", "--listen", endpoint)
-    assert "listening" in again.line()
-    assert fleet.end() == undisturbed
 
 
 # -- what comes back
 
 
-class SlowStart:
-    """A bus at which one agent after another joins again, each so many seconds after the last, on a clock of its own."""
-
-    id, endpoint, executor = "here", "nowhere", None
-
-    def __init__(self, names, seconds):
-        self.inbox, self.now, self._seconds = self, 0.0, seconds
-        self._items = iter([item for name in names for item in (Alive(f"orchard/alive/{name}/s-{name}", True), Knock(name, f"s-{name}"))])
-
-    def take(self, seconds, enough=1):
-        item = next(self._items, None)
-        self.now += seconds if item is None else 0.5 * self._seconds
-        return item
-
-    def clock(self):
-        return self.now
-
-
-class Knock(Query):
-    """The wish to join."""
-
-    def __init__(self, name, session):
-        self.key, self.payload = f"orchard/hosts/{session}/join", pack(Join("here", session, [name]))
-
-    def reply(self, payload):
-        pass
-
-    def refuse(self, reason):
-        raise AssertionError(reason)
-
-    def drop(self):
-        pass
-
-
 @pytest.mark.parametrize(("seconds", "is_there"), [(10.0, True), (20.0, False)])
-def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(seconds, is_there):
-    local = Local(SMALL)
-    local.tick()
-    before = local.snapshot()
-    before.run = "here"
-    names = before.held = before.held[:4]
-    bus = SlowStart(names, seconds)
-    physics = RunLoop(bus, Keys(), Engine.resume(before), RunOptions(patience=15.0), before)
-    physics.gather()
-    assert (sorted(physics.run.drivers.roster.owners) == names) == is_there
-    assert (physics.run.drivers.lost == {}) == is_there
+def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(fleet, tmp_path, seconds, is_there):
+    keeping = killed_with_snapshots(fleet, tmp_path)
+    for host in fleet.hosts:
+        end(host)
+    fleet.hosts.clear()
+    fleet.physics(SMALL, *keeping, "--patience", "15", "--duration", "4")
+    for number in range(4):
+        fleet.wait(lambda: False, seconds)
+        fleet.host("--share", f"{number}/4")
+    fleet.world.end()
+    assert ("no longer waited for" not in fleet.world.complaints) == is_there, fleet.world.complaints
 
 
 # -- what was refused

@@ -6,6 +6,8 @@ from orchard.field.scenario import Animals, People, Scenario
 from orchard.local import Local
 
 SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)
+ALONE = dict(people=People(workers=0, visitors=0), animals=Animals(dogs=0, cats=0), weeds=0, tractor=False)
+SHORT = Scenario(rows=3, carriers=1, row_length=30.0, **ALONE)  # a harvest of 7 minutes
 AGENTS = 10  # of the small scenario
 TICKS = 120
 TOY = "calling_agents:cast"  # agents that only call each other

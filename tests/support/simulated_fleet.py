@@ -88,8 +88,7 @@ class Process:
     """One process."""
 
     def __init__(self, fleet: SimulatedFleet, process: SimulatedProcess) -> None:
-        self._fleet, self._process = fleet, process
-        self._read = 0
+        self._fleet, self._process, self.name = fleet, process, process.spec.name
 
     def line(self) -> str:
         """The next line that it prints."""

@@ -79,7 +79,7 @@ def _refuse_what_is_not_plain(text: str, source: str) -> None:
     depth = 0
     for event in yaml.parse(text, Loader=_Loader):
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        what = "nested too deeply" if depth > DEEPEST else "aliases (*name)" if False else ""
+        what = "nested too deeply" if depth > DEEPEST else "aliases (*name)" if isinstance(event, yaml.AliasEvent) else ""
         what = what or ("tags (!name)" if getattr(event, "tag", None) else "")
         if what:
             raise ScenarioError([_at(event.start_mark, source, f"{what}: not allowed in a scenario")])

@@ -1,24 +1,11 @@
-"""Harvest an orchard: start its processes, supervise them, show the progress and report the result.
-
-orchard [SCENARIO.yaml] [--rows 5 --pickers 2 ...]
-orchard view [FILE.rrd] [--web 9090]
-orchard export [FILE.rrd] --mcap FILE.mcap
-orchard replay FILE.mcap
-orchard app [--port 8080]
-orchard stop [ROBOT ...]
-orchard reset [ROBOT ...]
-orchard pause | resume | step [N]
-orchard secure DIR [SCENARIO.yaml]
-orchard study [SCENARIO.yaml] --vary carriers=1..20 [--vary dispatch=nearest,predictive]
-orchard layout import FILE.geojson [--out SCENARIO.yaml]
-"""
+"""The command line: its commands, each with its options in `options.py`. Without the name of a command it harvests."""
 
 import gc
 import os
 import signal
 import sys
-from collections.abc import Collection, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Collection
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +20,7 @@ from orchard.field.problems import Problem, ScenarioError, printable
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
-from orchard.launch import asking, options
+from orchard.launch import asking, options, own_orchard
 from orchard.launch.faults import fault_of
 from orchard.launch.left_over import end_left_over
 from orchard.launch.options import HarvestOptions, ReplayOptions
@@ -47,6 +34,7 @@ from orchard.launch.terminal import (
     console,
     errors,
     exit_on_errors,
+    needs_extra,
     own_classes_run,
     print_error,
     print_line,
@@ -248,36 +236,11 @@ def secure(
         print_line(f"{folder / made_role.name}: {', '.join(made_role.names) or made_role.duty}")
 
 
-@contextmanager
-def needs_extra(what: str, extra: str, otherwise: str = "") -> Iterator[None]:
-    """In this context, modules are imported that need the packages of an extra. Raises typer.Exit if one is missing, and says so."""
-    try:
-        yield
-    except ModuleNotFoundError as missing:
-        print_error(f"{what} needs the package {missing.name}: pip install 'orchard-sim[{extra}]'{otherwise}")
-        raise typer.Exit(BAD_INPUT) from None
-
-
 # -- an orchard of one's own
 
-layout = typer.Typer(
-    no_args_is_help=True, help="Import the rows of an orchard of your own.", add_completion=False, pretty_exceptions_enable=False
-)
-app.add_typer(layout, name="layout")
-
-
-@layout.callback()
-def layouts() -> None:
-    """Import the rows of an orchard of your own."""
-
-
-@layout.command("import", cls=options.Command)
-def import_layout(file: options.GeoJson, out: options.NewScenario = None, crs: options.System = None) -> None:
-    """Make a scenario from surveyed rows."""
-    from orchard.launch.own_orchard import write_scenario
-
-    with exit_on_errors(ScenarioError, OSError):
-        write_scenario(file, out, crs)
+layout = typer.Typer(help="Import the rows of an orchard of your own.", add_completion=False, pretty_exceptions_enable=False)
+app.add_typer(layout, name="layout", no_args_is_help=True, callback=lambda: None)  # the callback makes `import` the name of a command
+layout.command("import", cls=options.Command)(own_orchard.write_scenario)
 
 
 # -- a study

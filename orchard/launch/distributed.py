@@ -1,7 +1,6 @@
 """A run in many processes: start the processes of this machine, follow the run, and stop them; or host agents of a run elsewhere."""
 
 import math
-import signal
 import subprocess
 import threading
 import time
@@ -62,7 +61,7 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
     endpoint = _endpoint_of(options, credentials)
     run_id = (request.resumed.run if request.resumed else "") or uuid.uuid4().hex[:16]
     inbox = Inbox()
-    _put_signals(inbox)  # from here on Ctrl-C is an item: it must not come between a process's start and its entry in the supervisor
+    inbox.take_signals()  # from here on Ctrl-C is an item: it must not come between a process's start and its entry in the supervisor
     with TemporaryDirectory() as folder, Supervisor(progress.say, run_id) as supervisor, ExitStack() as stack:
         launched = _Launched(request, credentials, reachable(endpoint), run_id, supervisor, progress)
         stack.enter_context(announced(request, run_id, launched.endpoint, progress.say))
@@ -135,12 +134,6 @@ def start_hosts(supervisor: Supervisor, endpoint: str, shares: Shares, credentia
             connect=endpoint, secure=credentials.folder(name), only=[*share], check_agents=credentials.checks, replay=replay
         )
         supervisor.start(ProcessSpec(name, "orchard.processes.agents", order, again=True, agents=share))
-
-
-def _put_signals(inbox: Inbox) -> None:
-    """Let SIGINT and SIGTERM arrive in the inbox as items."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
 
 
 class _Launched:
@@ -314,7 +307,7 @@ def join_run(endpoint: str, only: list[str], without: list[str], credentials: Cr
     names = select_agents(all_names, only, without)
     shares = credentials.shares(names, all_names)
     inbox = Inbox()
-    _put_signals(inbox)
+    inbox.take_signals()
     with Supervisor(progress.say) as supervisor:
         start_hosts(supervisor, endpoint, shares, credentials)
         progress.say(f"hosting {', '.join(names)} at {endpoint}")

@@ -2,7 +2,7 @@
 
 import inspect
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from difflib import get_close_matches
@@ -258,31 +258,33 @@ class HarvestOptions:
 
     def check(self) -> None:
         """Check which options are together. Raises BadParameter."""
+        for option, why in self._faults():
+            raise BadParameter(why, param_hint=option)
+
+    def _faults(self) -> Iterator[tuple[str, str]]:
+        """The options that do not go together with others, and why."""
         if self.mode == "local" and (self.listen or self.connect or self.without or self.only):
-            raise BadParameter("local mode is one process; leave out --listen, --connect, --without and --only", param_hint="--mode")
+            yield "--mode", "local mode is one process; leave out --listen, --connect, --without and --only"
         if self.listen and self.connect:
-            raise BadParameter("a run either listens or uses another router: give --listen or --connect", param_hint="--listen")
+            yield "--listen", "a run either listens or uses another router: give --listen or --connect"
         if self.only and not self.connect:
-            raise BadParameter("--connect ENDPOINT is needed: it names the run of these agents", param_hint="--only")
+            yield "--only", "--connect ENDPOINT is needed: it names the run of these agents"
         if (self.check_holds or self.ignore_holds) and self.mode == "realtime":
-            raise BadParameter(
-                "in realtime all agents are asked at every tick; leave out --check-holds and --ignore-holds", param_hint="--mode"
-            )
+            yield "--mode", "in realtime all agents are asked at every tick; leave out --check-holds and --ignore-holds"
         if self.check_holds and self.ignore_holds:
-            raise BadParameter("holds are either checked or ignored: give --check-holds or --ignore-holds", param_hint="--check-holds")
+            yield "--check-holds", "holds are either checked or ignored: give --check-holds or --ignore-holds"
         if self.secure and self.mode == "local":
-            raise BadParameter("local mode is one process, and has no network to secure", param_hint="--secure")
+            yield "--secure", "local mode is one process, and has no network to secure"
         if self.secure and self.hosts is not None:
-            raise BadParameter("leave out --hosts: the roles say which process hosts which agents", param_hint="--secure")
+            yield "--secure", "leave out --hosts: the roles say which process hosts which agents"
         if self.only and (wrong := self.typed(name for name in self.given() if name not in OF_ONLY)):
-            raise BadParameter(f"leave out {wrong}: the run itself defines that", param_hint="--only")
+            yield "--only", f"leave out {wrong}: the run itself defines that"
         if self.replay and self.resume:
-            raise BadParameter("a run that is resumed has its own velocities; leave out --replay", param_hint="--replay")
+            yield "--replay", "a run that is resumed has its own velocities; leave out --replay"
         if self.own_code and not self.replay:
-            raise BadParameter("it is about the scenario in a bag: give --replay FILE.mcap, too", param_hint="--own-code")
+            yield "--own-code", "it is about the scenario in a bag: give --replay FILE.mcap, too"
         if self.mode == "realtime" and self.speed == math.inf:
-            why = "max: in realtime the wall clock sets the pace; expected a number, 1 for real time"
-            raise BadParameter(why, param_hint="--speed")
+            yield "--speed", "max: in realtime the wall clock sets the pace; expected a number, 1 for real time"
 
     def notes(self) -> list[str]:
         """Return what a user may not expect of these options: what is ignored, and what is chosen."""

@@ -1,38 +1,31 @@
 """The command `orchard layout import`: writes a scenario with the rows of a survey."""
 
 from itertools import pairwise
-from pathlib import Path
-
-import typer
 
 from orchard.field.geojson import import_rows
-from orchard.field.problems import printable
+from orchard.field.problems import ScenarioError, printable
 from orchard.field.scenario import Scenario, to_short_yaml
 from orchard.field.survey import Survey
-from orchard.launch.terminal import BAD_INPUT, print_error, print_line
+from orchard.launch import options
+from orchard.launch.terminal import exit_on_errors, needs_extra, print_line
 from orchard.sim.disk import write_whole
 
 
-def write_scenario(file: Path, out: Path | None, crs: str | None) -> None:
-    """Write the scenario of surveyed rows to a new file, and tell their sizes; or print it. Raises ScenarioError, OSError or typer.Exit."""
-    try:
+def write_scenario(file: options.GeoJson, out: options.NewScenario = None, crs: options.System = None) -> None:
+    """Make a scenario from surveyed rows."""
+    with exit_on_errors(ScenarioError, OSError), needs_extra("An import", "survey"):
         scenario = import_rows(file, crs)
-    except ModuleNotFoundError as missing:
-        print_error(f"An import needs the package {missing.name}: pip install 'orchard-sim[survey]'")
-        raise typer.Exit(BAD_INPUT) from None
-    text = f"# The rows of {printable(file.name)}; `orchard layout import` made this scenario.\n{to_short_yaml(scenario)}"
-    if out is None:
-        print_line(text.rstrip())
-        return
-    if out.exists():
-        print_error(f"{out}: there is such a file; --out must name a new one")
-        raise typer.Exit(BAD_INPUT)
-    try:
-        write_whole(out, text.encode())
-    except OSError as error:
-        print_error(f"{out}: not written: {error.strerror}")
-        raise typer.Exit(BAD_INPUT) from None
-    print_line(f"{out}: {_sizes(scenario)}")
+        text = f"# The rows of {printable(file.name)}; `orchard layout import` made this scenario.\n{to_short_yaml(scenario)}"
+        if out is None:
+            print_line(text.rstrip())
+            return
+        if out.exists():
+            raise FileExistsError(f"{out}: there is such a file; --out must name a new one")
+        try:
+            write_whole(out, text.encode())
+        except OSError as error:
+            raise OSError(f"{out}: not written: {error.strerror}") from error
+        print_line(f"{out}: {_sizes(scenario)}")
 
 
 def _sizes(scenario: Scenario) -> str:

@@ -111,6 +111,16 @@ def exit_on_errors(*mistakes: type[Exception]) -> Iterator[None]:
         raise typer.Exit(BAD_INPUT) from None
 
 
+@contextmanager
+def needs_extra(what: str, extra: str, otherwise: str = "") -> Iterator[None]:
+    """In this context, modules are imported that need the packages of an extra. Raises typer.Exit if one is missing, and says so."""
+    try:
+        yield
+    except ModuleNotFoundError as missing:
+        print_error(f"{what} needs the package {missing.name}: pip install 'orchard-sim[{extra}]'{otherwise}")
+        raise typer.Exit(BAD_INPUT) from None
+
+
 def in_words(error: Exception) -> str:
     """Return what is wrong, without the number of an error of the operating system: "runs: Permission denied"."""
     if isinstance(error, UnicodeEncodeError):

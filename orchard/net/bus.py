@@ -5,6 +5,7 @@ process: whoever waits, waits with it.
 """
 
 import ctypes
+import signal
 from abc import ABC, abstractmethod
 from collections import deque
 from concurrent.futures import Executor
@@ -108,6 +109,11 @@ class Inbox:
 
     def __len__(self) -> int:
         return len(self._items)
+
+    def take_signals(self) -> None:
+        """Let SIGINT and SIGTERM arrive as items from now on."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda number, frame: self.put(Signal(number)))
 
     def put(self, item: Item) -> None:
         self._settle()

@@ -37,8 +37,7 @@ def run_process(
         code = _code_of(lambda: body(inbox, options), *mistakes)
         announce(code)
         return code
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda number, frame: inbox.put(Signal(number)))
+    inbox.take_signals()
     return _code_of(lambda: body(inbox, options), *mistakes)
 
 

@@ -20,6 +20,7 @@ from orchard.wire import messages as wire
 from orchard.wire.codec import orchard_of, velocities_of
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 
+NO_PAYLOAD = ("scenario", "layout", "simulation_state")  # the queries that only ask
 MOST_TOLD = 100  # refusals that are published in a second
 OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run that appears later is the newer one, and must end itself
 
@@ -43,32 +44,30 @@ class Queries:
     def reply(self, query: Query) -> None:
         """Reply to a query, and drop it, or later if it is for steps. A query that is refused gets an error reply, and raises Refused."""
         try:
-            self._reply_to(query.key)(query)
+            self._method_for(query)(query)
         except Refused as refusal:
             query.refuse(str(refusal))
             raise
         if not self._run.control.keeps(query):
             query.drop()
 
-    def _reply_to(self, key: str) -> Callable[[Query], None]:
-        """The method that replies on a key. Raises Refused for an unknown key, or one with a wildcard."""
-        match self._keys.parts(key):
+    def _method_for(self, query: Query) -> Callable[[Query], None]:
+        """The method that replies to a query. Raises Refused for an unknown key, one with a wildcard, or a payload where none belongs."""
+        match self._keys.parts(query.key):
             case [what] if what in self.replies:
+                if query.payload and what in NO_PAYLOAD:
+                    raise Refused("malformed", f"a query for {what} has no payload")
                 return self.replies[what]
             case ["hosts", session, "join"]:
                 return partial(self._join, session)
         raise Refused("no such key")
 
     def _scenario(self, query: Query) -> None:
-        if query.payload:
-            raise Refused("malformed", "the scenario query has no payload")
         engine, drivers = self._run.engine, self._run.drivers
         scenario = engine.layout.scenario.model_dump()
         query.reply(pack(wire.RunInfo(self._run.id, engine.tick, drivers.answers.mode, list(drivers.roster.names), scenario)))
 
     def _layout(self, query: Query) -> None:
-        if query.payload:
-            raise Refused("malformed", "the layout query has no payload")
         query.reply(pack(orchard_of(self._run.id, self._run.engine.tick, self._run.engine.layout)))
 
     def _join(self, session: str, query: Query) -> None:
@@ -102,8 +101,6 @@ class Queries:
         query.reply(pack(wire.Stopped(run.id, engine.tick, changed, stopped(engine.world), kept)))
 
     def _simulation_state(self, query: Query) -> None:
-        if query.payload:
-            raise Refused("malformed", "a query for the state has no payload; to change it: set_simulation_state")
         query.reply(pack(self._run.control.state))
 
     def _set_simulation_state(self, query: Query) -> None:

@@ -45,7 +45,7 @@ from orchard.net.endpoints import BusError
 from orchard.report.progress import Progress
 from orchard.server.snapshots import examine, sole
 from orchard.sim.snapshot import Snapshot, SnapshotError, newest
-from orchard.view.files import parts_of, remove_further_parts, viewer_program, window
+from orchard.view.files import is_recording, parts_of, remove_further_parts, viewer_program, window
 
 EPILOG = """A clone keeps recordings and snapshots in its folder runs/, an installed package in the user's own data directory.
 ORCHARD_RUNS=DIR names another folder.
@@ -284,6 +284,10 @@ def _recording(path: Path | None) -> Path:
     if found is None or not found.is_file():
         print_error(f"{found or runs.folder}: no recording there; a run without --record none makes one")
         raise typer.Exit(BAD_INPUT)
+    with exit_on_errors(OSError):
+        if not is_recording(found):
+            print_error(f"{found}: it cannot be read: it is no recording; expected a file NAME.rrd that a run has written")
+            raise typer.Exit(BAD_INPUT)
     return found
 
 

@@ -36,15 +36,22 @@ def remove_half_packed(path: Path) -> None:
         packing(whole).unlink(missing_ok=True)
 
 
+def is_recording(path: Path) -> bool:
+    """Return whether a file begins as a recording. Raises OSError if it cannot be read."""
+    return _head_of(path) == HEAD
+
+
+def _head_of(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(len(HEAD))
+
+
 def check_recording(path: Path) -> None:
     """Raise ValueError for a file that a recording must not replace: one of another name than NAME.rrd, or one with other contents."""
     if path.suffix != ".rrd":
         raise ValueError(f"{path}: a recording would replace this file; expected a name that ends in .rrd, as {path.with_suffix('.rrd')}")
-    if path.is_file():
-        with path.open("rb") as file:
-            head = file.read(len(HEAD))
-        if head not in (HEAD, b""):
-            raise ValueError(f"{path}: this file is no recording, and is not replaced; expected another name, or a recording")
+    if path.is_file() and _head_of(path) not in (HEAD, b""):
+        raise ValueError(f"{path}: this file is no recording, and is not replaced; expected another name, or a recording")
 
 
 def remove_further_parts(path: Path) -> None:

@@ -84,6 +84,7 @@ def test_no_option_and_no_path_can_control_the_terminal(arguments, tmp_path, mon
         (["--patience", "1"], "--patience"),
         (["--summary", "/nowhere/at/all.json"], "/nowhere/at"),
         (["view", "nothing.rrd"], "nothing.rrd"),
+        (["view", "bad.yaml"], "bad.yaml: it cannot be read: it is no recording; expected a file NAME.rrd"),
         (["step", "-3"], "-3: neither a number of steps, from 1 on, nor an option"),
         (["step", "0"], "0: neither a number of steps"),
         (["step", "2.5"], "2.5: neither a number of steps"),

@@ -12,7 +12,7 @@ import pytest
 from page_server import wait_for
 
 from orchard.launch.supervisor import open_viewer
-from orchard.view.files import viewer_program
+from orchard.view.files import HEAD, viewer_program
 from orchard.view.reader import optimize
 from orchard.view.web import address, command, free_pair, serve_web
 
@@ -84,7 +84,7 @@ def test_why_a_recording_is_not_packed_is_said_in_words(stand_in, tmp_path, monk
 def test_a_recording_is_opened_by_it_with_all_its_parts(stand_in, tmp_path):
     parts = [tmp_path / "run.rrd", tmp_path / "run.part2.rrd"]
     for part in parts:
-        part.touch()
+        part.write_bytes(HEAD)
     done = run_py("view", parts[0])
     assert done.returncode == 0, done.stderr
     assert told(stand_in) == ["--bind", "127.0.0.1", *map(str, parts)], "and no other machine can send it data"
@@ -100,7 +100,7 @@ def test_a_live_run_is_shown_by_it_in_a_window_and_to_browsers(stand_in):
 def test_a_variable_that_names_no_program_is_told_at_once(monkeypatch, tmp_path, words):
     monkeypatch.setenv("RERUN_CLI_PATH", str(tmp_path / "nothing"))
     recording = tmp_path / "run.rrd"
-    recording.touch()
+    recording.write_bytes(HEAD)
     done = run_py(*words, recording)
     assert done.returncode == 2
     assert f"RERUN_CLI_PATH={tmp_path}/nothing: no such program" in done.stderr
@@ -112,7 +112,7 @@ def test_a_variable_that_names_no_program_is_told_at_once(monkeypatch, tmp_path,
 def test_without_a_screen_it_says_so_at_once_and_offers_a_browser(stand_in, monkeypatch, tmp_path, words):
     monkeypatch.delenv("DISPLAY")
     recording = tmp_path / "run.rrd"
-    recording.touch()
+    recording.write_bytes(HEAD)
     done = run_py(*words, recording)
     assert done.returncode == 2
     assert "no screen" in done.stderr and "--web 9090" in done.stderr
@@ -155,7 +155,7 @@ def test_a_recording_beside_the_user_is_served_with_all_its_parts_over_ssh_too_a
     monkeypatch.chdir(tmp_path)
     port, parts = free_pair(), ["run.rrd", "run.part2.rrd"]
     for part in parts:
-        (tmp_path / part).touch()
+        (tmp_path / part).write_bytes(HEAD)
     done = run_py("view", "run.rrd", "--web", port)
     assert done.returncode == 0, done.stderr
     assert told(stand_in) == command(port, *parts)[1:]

@@ -10,19 +10,23 @@ from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
 
-from chaos.simulated.clients import CHANGES_THE_HASH, Client, let_act
+from chaos.simulated.clients import CHANGES_THE_HASH, KEYS, RUN, Client, let_act
 from chaos.simulated.network import DOWN, UP, Delays, Network
 from chaos.simulated.processes import SPEC_OF_LOGGER, SimulatedProcess, SimulatedSupervisor, World, spec_of_host, spec_of_physics
-from chaos.simulated.scheduler import Scheduler, VirtualInbox
+from chaos.simulated.scheduler import PassingInbox, Scheduler, VirtualInbox
 from orchard.field.layout import lay_out
 from orchard.field.scenario import TIME_STEP, Scenario
+from orchard.launch.distributed import THINK_SECONDS
 from orchard.launch.supervisor import BAD_ORDER
 from orchard.local import Local
+from orchard.net.bus import Alive, Item, Sample
+from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
+from orchard.net.refusals import Refused, read_message
 from orchard.server.options import RunOptions
 from orchard.server.run import read_end
 from orchard.wire.keys import LOGGER, PHYSICS
-from orchard.wire.messages import End
+from orchard.wire.messages import RESET, End
 
 NO_EXECUTOR = Executor()  # of clients, which write nothing
 WATCH_SECONDS = 0.001  # between two looks at the tick
@@ -158,6 +162,9 @@ class Schedule:
             if self.plan.has_router:
                 self.world.network.start_router(ROUTER)
             self._start()
+            session = self.world.network.open(RUN_PY, PassingInbox(self.world.scheduler, self._hear))
+            session.subscribe(KEYS.of("end"))
+            session.watch(KEYS.of("alive", PHYSICS, RUN))
             self.world.scheduler.after(LOOK_SECONDS, self._look)
             self._watch(list(self.plan.faults))
             self.world.scheduler.run(lambda: self.is_over, LIMIT)
@@ -172,7 +179,7 @@ class Schedule:
         plan, folder = self.plan, self.world.folder
         options = RunOptions(
             scenario=Scenario(**plan.scenario).model_dump(),
-            run="run1",
+            run=RUN,
             connect=Network.ENDPOINT if plan.has_router else None,
             mode=plan.mode,  # type: ignore[arg-type]
             speed=20.0 if plan.mode == "realtime" else None,
@@ -183,8 +190,9 @@ class Schedule:
             recorded=plan.has_logger,
             resume=resume,
         )
+        self._ending = Ending(lambda: self.world.scheduler.now)
         names = sorted(lay_out(Scenario(**plan.scenario)).agents)
-        self.supervisor = SimulatedSupervisor(self.world, "run1")
+        self.supervisor = SimulatedSupervisor(self.world, RUN)
         self.supervisor.start(spec_of_physics(options))
         if plan.has_logger:
             self.supervisor.start(SPEC_OF_LOGGER)
@@ -199,8 +207,10 @@ class Schedule:
                 self._is_ending = False
                 self._start(resume=True)
         elif self._over_at is not None:
+            if scheduler.now > self._over_at + THINK_SECONDS:
+                supervisor.kill(PHYSICS)
             self.is_over = not supervisor.is_any_left() or scheduler.now > self._over_at + LEAVE_LIMIT
-        elif supervisor.is_over(PHYSICS) or PHYSICS in supervisor.given_up:
+        elif supervisor.is_over(PHYSICS) or PHYSICS in supervisor.given_up or self._has_heard_the_end():
             self._over_at = scheduler.now
             supervisor.terminate(*(name for name in supervisor.running if name.startswith("agents")))
             if not self.world.network.links_of(LOGGER):
@@ -208,6 +218,18 @@ class Schedule:
         else:
             supervisor.watch()
         scheduler.after(LOOK_SECONDS, self._look)
+
+    def _has_heard_the_end(self) -> bool:
+        return self._ending.end is not None and self.supervisor.exit_code(PHYSICS) is None
+
+    def _hear(self, item: Item) -> None:
+        """Hear of the end, as run.py does."""
+        if isinstance(item, Alive):
+            self._ending.track(item.up)
+        elif isinstance(item, Sample):
+            with suppress(Refused):
+                if (end := read_message(item.payload, End, RUN)).why != RESET:
+                    self._ending.hear(end)
 
     def _die(self) -> None:
         """End as run.py does by SIGKILL: the lines of all processes close. A moment later, a user continues the run."""
@@ -291,7 +313,7 @@ class Schedule:
     # -- the verdict
 
     def _judge(self) -> Verdict:
-        verdict = Verdict(self.plan, read_end(self.world.folder / "end", "run1"), self.world.scheduler.now, lines=self.world.network.lines)
+        verdict = Verdict(self.plan, read_end(self.world.folder / "end", RUN), self.world.scheduler.now, lines=self.world.network.lines)
         complain, end, plan = verdict.complaints.append, verdict.end, self.plan
         for crash in self.world.crashes:
             complain(f"crash: {crash}")

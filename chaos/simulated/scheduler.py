@@ -152,3 +152,16 @@ class VirtualInbox(Inbox):
             self._task.wait(min(left, self.POLL) if enough > 1 else left)
             self._reader = None
         return self._items.popleft()
+
+
+class PassingInbox(VirtualInbox):
+    """An inbox that passes each item on as it arrives."""
+
+    def __init__(self, scheduler: Scheduler, take: Callable[[Item], None]) -> None:
+        super().__init__(scheduler)
+        self._pass_on = take
+
+    def put(self, item: Item) -> None:
+        self._pass_on(item)
+
+    put_quietly = put

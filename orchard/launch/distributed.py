@@ -91,21 +91,25 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
         supervisor.terminate(WEB_VIEWER)
         if summary is None:  # the other processes do not know that the run is over
             supervisor.stop(STOP_SECONDS)
-        _await_exits(supervisor, [name for name, _ in shares], inbox, STOP_SECONDS if why == "stopped" else PACK_SECONDS)
+        _await_exits(supervisor, [PHYSICS, *(name for name, _ in shares)], inbox, STOP_SECONDS if why == "stopped" else PACK_SECONDS)
         let_go(viewer, why == "stopped", progress.say)
         return summary, why
 
 
-def _await_exits(supervisor: Supervisor, hosts: list[str], inbox: Inbox, seconds: float) -> None:
-    """Wait until all processes have ended, at most `seconds`. Kill hosts that still run after THINK_SECONDS. Ctrl-C stops all."""
+def _await_exits(supervisor: Supervisor, names: list[str], inbox: Inbox, seconds: float) -> None:
+    """Wait until all processes have ended, at most `seconds`. Ctrl-C stops all.
+
+    After THINK_SECONDS kill those of `names` that still run: a host may think, and physics may have died after the end, and wait for hosts.
+    """
     begun = time.monotonic()
     while supervisor.is_any_left() and time.monotonic() - begun < seconds:
         if isinstance(inbox.take(POLL_SECONDS), Signal):
             supervisor.stop(STOP_SECONDS)
         if time.monotonic() - begun >= THINK_SECONDS:
-            for name in [name for name in hosts if name in supervisor.running and supervisor.exit_code(name) is None]:
+            for name in [name for name in names if name in supervisor.running and supervisor.exit_code(name) is None]:
                 agents = ", ".join(supervisor.running[name].program.agents)
-                supervisor.say(f"{name} has not ended {THINK_SECONDS:g} s after the run, and is ended by force; its agents: {agents}")
+                its = f"; its agents: {agents}" if agents else ""
+                supervisor.say(f"{name} has not ended {THINK_SECONDS:g} s after the run, and is ended by force{its}")
                 supervisor.kill(name)
 
 

@@ -169,6 +169,7 @@ class RunLoop:
             if now >= again:
                 again = now + END_SECONDS
                 self.run.publisher.publish("end", end)
-            if isinstance(self.arrivals.take_after_end(min(deadline, again) - now), Signal):
+            if isinstance(item := self.arrivals.take_after_end(min(deadline, again) - now), Signal):
+                self.bus.inbox.put(item)  # it ends the next run too, if this one was reset
                 return
             now = self.bus.clock()

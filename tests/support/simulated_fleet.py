@@ -14,7 +14,7 @@ from msgpack import UnpackException
 
 from chaos.simulated.network import Delays, Network, SimulatedBus
 from chaos.simulated.processes import SimulatedProcess, World
-from chaos.simulated.scheduler import Scheduler, VirtualInbox
+from chaos.simulated.scheduler import PassingInbox, Scheduler
 from orchard.field.scenario import Scenario, to_yaml
 from orchard.launch.supervisor import ProcessSpec
 from orchard.net.bus import Alive, Final, Item, Replied, Sample, Signal
@@ -150,19 +150,6 @@ class Heard:
         return not self._messages
 
 
-class _Passing(VirtualInbox):
-    """An inbox that passes each item on as it arrives."""
-
-    def __init__(self, scheduler: Scheduler, take: Callable[[Item], None]) -> None:
-        super().__init__(scheduler)
-        self._pass_on = take
-
-    def put(self, item: Item) -> None:
-        self._pass_on(item)
-
-    put_quietly = put
-
-
 class Token:
     """A liveliness token of a client."""
 
@@ -185,7 +172,7 @@ class Client:
 
     def _session(self, take: Callable[[Item], None]):
         self._fleet.network.pauses = 0.0
-        return self._fleet.network.open(f"client_{len(self._fleet.network.sessions)}", _Passing(self._fleet.scheduler, take))
+        return self._fleet.network.open(f"client_{len(self._fleet.network.sessions)}", PassingInbox(self._fleet.scheduler, take))
 
     def hear(self, key: str) -> Heard:
         """Everything that is put on a key from now on, unpacked."""

@@ -256,7 +256,7 @@ class Schedule:
             self._connect_client(fault)
         elif fault.who == ROUTER:
             self.world.network.end_router(ROUTER, self.world.random.random())
-            self.world.scheduler.after(1.0 + fault.delay * 30.0, partial(self.world.network.start_router, ROUTER))
+            self.world.scheduler.after(1.0 + fault.delay * 50.0 % 5.0, partial(self.world.network.start_router, ROUTER))
         elif (running := self.supervisor.running.get(fault.who)) is not None and running.popen.poll() is None:
             self._hurt(fault, running.popen)  # type: ignore[arg-type]
 

@@ -73,6 +73,7 @@ class RobotMemory(msgspec.Struct):
     left: str = ""  # the bin that it has found left in its lane
     place: Estimate | None = None  # its estimate of its own pose; None if its receiver is exact
     course: Course | None = None  # None: as the robot stands now
+    way: float = 0.0  # in which it comes back to its line: 1 forward, -1 back; 0: it does not
 
 
 class Gate(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -190,23 +191,32 @@ class PlanExecutor:
         return *to_frame(Pose(course.x, course.y, yaw), self.pose.x, self.pose.y), angle_between(yaw, self.pose.yaw)
 
     def _comes_back(self) -> bool:
-        """Whether the robot stands off its course, and comes back: off its line it drives back aslant, and then ahead to its place."""
-        if self.memory.course is None or self.seen.accuracy:
+        """Whether the robot stands off its course, and comes back: off its line it drives aslant, and then ahead or back to its place.
+
+        No laser looks back: if it collides on one way, it takes the other one.
+        """
+        memory = self.memory
+        if memory.course is None or self.seen.accuracy:
             return False
         ahead, left, off = self._off_course()
-        is_forward = abs(left) > NEAR and (off * left < 0.0 if abs(off) > SLANT / 2 else ahead < 0.0 and not self.is_blocked([]))
-        speed = SHIFT if is_forward else -SHIFT
-        if self.realigns([], speed):
+        if not memory.way:
+            is_forward = off * left < 0.0 if abs(off) > SLANT / 2 else ahead < 0.0 and not something_ahead(self.seen, [])
+            memory.way = 1.0 if is_forward else -1.0
+        if self.realigns([], SHIFT * memory.way):
             return True
         is_off = abs(left) > (LITTLE if self.is_aligned else NEAR)
-        if not is_off and abs(ahead) <= (SLACK if self.memory.moving else LITTLE):
+        if not is_off and abs(ahead) <= (SLACK if memory.moving else LITTLE):
+            memory.way = 0.0
             return False
-        self.move(Twist(x=speed if is_off else max(-SHIFT, min(SHIFT, -ahead / TIME_STEP))), [])
+        if self._has_collided:
+            memory.way = -memory.way
+        self.move(Twist(x=SHIFT * memory.way if is_off else max(-SHIFT, min(SHIFT, -ahead / TIME_STEP))), [])
         return True
 
-    def is_blocked(self, blind_to: list[Box]) -> bool:
-        """Whether anything but the boxes `blind_to` is nearer ahead than the stopping distance."""
-        return something_ahead(self.seen, blind_to)
+    @property
+    def _has_collided(self) -> bool:
+        """Whether physics refused its motion in the last step."""
+        return bool(self.memory.moving and self.seen.twist == STILL)
 
     def hold(self, ticks: int = MOST_HOLD) -> None:
         """Say that the present step would command the same for so many ticks, unless it hears something or something gets in the way."""
@@ -338,7 +348,7 @@ class PlanExecutor:
         If it hinders a turn again, move off it for another second; if that is refused too, as in an emergency stop, try the turn again.
         """
         memory, tick = self.memory, self.seen.tick
-        if memory.moving and self.seen.twist == STILL:
+        if self._has_collided:
             memory.bumps = memory.bumps + 1 if tick - memory.bumped <= RECOVERY + 1 else 1
             memory.bumped = tick
         if tick - memory.bumped < RECOVERY and self.action.twist != STILL:

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from stage import Stage, empty_orchard
 
-from orchard.agents.steps import DriveTo, Face, Wait
+from orchard.agents.steps import DriveTo, Face, TakeBin, Wait
 from orchard.field.geometry import Twist
 from orchard.field.kinds import EIGHTH
 from orchard.report.metrics import collisions
@@ -52,6 +52,22 @@ def test_a_robot_that_stands_is_back_at_its_place_before_it_acts():
     advise(stage, "carrier_01", Twist(x=0.5, yaw=0.2), 8)
     stage.run_until(lambda: stage.doing("carrier_01") == "" and abs(stage.pose("carrier_01")[2]) > 3.0, 60)
     assert stage.pose("carrier_01")[:2] == pytest.approx((-5.0, 29.0), abs=0.03)
+
+
+@pytest.mark.parametrize("route", ["one-way", "two-way"])
+@pytest.mark.parametrize("twist", [Twist(x=0.93, yaw=-0.08), Twist(x=0.787, yaw=-0.33), Twist(x=-0.3, yaw=0.3)])
+def test_a_carrier_off_its_place_before_a_full_bin_comes_back_to_it_and_takes_the_bin(route, twist):
+    """It drove back into the bin again and again: no laser looks back."""
+    stage = Stage(empty_orchard(route=route))
+    stage.tick()
+
+    def plan() -> list[type]:
+        return [type(step) for step in stage.local.memories["carrier_01"].plan[:2]]
+
+    stage.run_until(lambda: plan() == [Face, TakeBin], 600)
+    advise(stage, "carrier_01", twist, 16)
+    stage.run_until(lambda: TakeBin not in plan(), 200)
+    assert collisions(stage.world) <= 4
 
 
 def harvest(route: str, name: str, tick: int, rate: float, ticks: int) -> None:

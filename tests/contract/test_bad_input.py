@@ -103,15 +103,13 @@ def test_every_query_with_nonsense_gets_an_error(fleet):
     fleet.end()
 
 
-def test_a_velocity_beyond_the_kind_is_cut_and_a_sideways_one_is_refused(fleet):
+def test_a_velocity_beyond_the_kind_is_cut(fleet):
     fleet.physics(SMALL, "--absent", "picker_01", "--speed", "5")
     someone = fleet.client()
-    poses, figures = someone.hear("orchard/picker_01/pose"), someone.hear("orchard/figures")
+    poses = someone.hear("orchard/picker_01/pose")
     fleet.host("--without", "picker_01")
     tick = until(poses, lambda pose: True)["tick"]
     someone.drive("picker_01", tick, 50.0)
     assert until(poses, lambda pose: pose["twist"]["linear"]["x"] > 0)["twist"]["linear"]["x"] == 1.0
-    someone.put("orchard/picker_01/velocity", tick=tick, linear={"x": 0.0, "y": 1.0}, angular={"z": 0.0})
-    until(figures, lambda message: message["messages_refused"].get("out of bounds") == 1)
     someone.quit()
     fleet.end()

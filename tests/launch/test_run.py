@@ -8,7 +8,7 @@ import time
 
 import psutil
 import pytest
-from command_line import ROOT, SECONDS, orchard, running, summary_of, wait_until_simulated
+from command_line import ROOT, orchard, running, summary_of, wait_until_simulated
 from local_runs import SMALL, local_hash
 from recordings import seconds_of
 
@@ -153,16 +153,6 @@ def test_ctrl_c_stops_everything_within_three_seconds_and_closes_the_recording(t
         assert not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children)
     assert "To watch it" in printed
     assert seconds_of(recording) > 0.5
-
-
-@pytest.mark.soak
-def test_a_run_without_its_logger_goes_on(tmp_path):
-    path = tmp_path / "summary.json"
-    with running("--rows", 3, "--record", tmp_path / "run.rrd", "--duration", 150, "--summary", path) as run:
-        processes_of(run)["logger"].kill()
-        run.communicate(timeout=SECONDS)
-        assert run.returncode == 0
-    assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), 1500)
 
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])

@@ -144,13 +144,6 @@ def test_a_run_that_can_never_begin_ends_and_names_whom_it_lacks(tmp_path, own_a
 
 
 @pytest.mark.soak
-def test_an_agent_that_ends_its_process_as_if_all_were_well_is_started_again(tmp_path, own_agents):
-    done = orchard(with_class(tmp_path, "Leaver"), "--hosts", 2, "--record", "none", "--duration", 4, "--patience", 3)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert re.search(r"agents \d ended with code 0; starting it again", done.stdout)
-
-
-@pytest.mark.soak
 def test_the_robots_of_a_process_that_dies_again_and_again_stand_and_the_run_goes_on(tmp_path, own_agents):
     arguments = ("--hosts", 2, "--record", "none", "--duration", 40, "--patience", 3)
     path = tmp_path / "summary.json"

@@ -66,6 +66,7 @@ def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_
     fleet.world.signal(signal.SIGTERM)
     fleet.end()
     assert "no answer" in fleet.world.complaints
+    assert "joining again" in hung.complaints
     assert newest(tmp_path / "snapshots", []).lost == {"picker_01": named["tick"]}, "and the person that resumes the run is told"
 
 

@@ -9,7 +9,6 @@ import time
 
 import msgspec
 
-from orchard.agents import catalogue
 from orchard.contract.agent import Action, Mail, Observation
 from orchard.contract.messages import BinState, StateRequest
 from orchard.field.geometry import Twist
@@ -68,18 +67,9 @@ class Slow:
 
 def slow(layout: Layout, names: object = None) -> dict[str, Slow]:
     """Return callers that are slow at random, in a process with handlers that are slow too."""
-    return _all_slow(cast(layout), 1e-3)
-
-
-def slow_harvesters(layout: Layout, names: object = None) -> dict[str, Slow]:
-    """Return the built-in agents, slow in the same way."""
-    return _all_slow(catalogue.make_agents(layout), 1e-4)
-
-
-def _all_slow(cast: dict, seconds: float) -> dict[str, Slow]:
     for handler in ("_sample", "_alive", "_replied", "_question"):
         setattr(zenoh_bus, handler, _slowly(getattr(zenoh_bus, handler)))
-    return {name: Slow(agent, seconds) for name, agent in cast.items()}
+    return {name: Slow(agent, 1e-3) for name, agent in cast(layout).items()}
 
 
 def _slowly(function):

@@ -87,11 +87,9 @@ class Stillborn(Eastward):
 class Mortal(Eastward):
     """Ends its process at tick 20."""
 
-    code = 7
-
     def tick(self, observation, mail, memory):
         if observation.tick >= 20:
-            os._exit(self.code)
+            os._exit(7)
         return super().tick(observation, mail, memory)
 
 
@@ -116,12 +114,6 @@ class Stubborn(Endless):
         with suppress(BaseException):
             while True:
                 pass
-
-
-class Leaver(Mortal):
-    """Ends its process with the exit code of one that has ended well."""
-
-    code = 0
 
 
 def lost(layout, names):

@@ -8,16 +8,13 @@ throw what was meant for another run, what is no message, and what cannot be.
 import logging
 import math
 from collections import Counter
-from contextlib import ExitStack
 from types import SimpleNamespace
 
 import msgpack
 import numpy as np
 import psutil
 import pytest
-import zenoh
 from bad_messages import RUN, bad, refusal_of
-from fleet import Fleet, until
 from local_runs import AGENTS, SMALL, local_hash
 from recorded_messages import HOST, KEYS, Net, Query, Run, StandIn, oversized
 
@@ -208,30 +205,3 @@ def test_a_query_with_wildcards_moves_nothing(fleet, key):
         assert replies and set(replies) == {"no such key"}
     fleet.share(1)
     assert fleet.end() == local_hash(SMALL, 60)
-
-
-def test_thousands_over_the_network_change_nothing(tmp_path, other):
-    with ExitStack() as stack:
-        fleet = Fleet(tmp_path, stack)
-        fleet.physics(SMALL, "--duration", "6")
-        someone = fleet.client()
-        ends, thrown = someone.hear("orchard/end"), 0
-        for what in ("velocity", "velocities", "refused"):
-            for key, payload in bad(other, what, 1000, 7):
-                someone.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
-                thrown += 1
-        tokens = [someone.declare(key) for key in ("orchard/**", "orchard/alive/*/x", "orchard/alive/picker_01/*")]
-        for what in ("join", "recall", "stop", *CONTROL[1:]):
-            for key, payload in bad(other, what, 50, 7):
-                (error,) = someone.ask(key, payload)
-                assert isinstance(error, str) and error.split(":")[0] in ("malformed", "other run")
-                thrown += 1
-        fleet.share(2)
-        for what in ("seen", "lost", "end", "velocities", "picture"):
-            for key, payload in bad(other, what, 300, 8):
-                someone.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
-        for token in tokens:
-            token.undeclare()
-        end = until(ends, lambda message: isinstance(message, dict) and message.get("run") == fleet.run)
-        assert fleet.end() == local_hash(SMALL, 60)
-        assert sum(end["summary"]["messages_refused"].values()) >= thrown + len(tokens)

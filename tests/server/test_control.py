@@ -7,8 +7,8 @@ import msgpack
 import pyarrow.parquet as pq
 import pytest
 from fleet import SECONDS, until
-from local_runs import SMALL, TICKS, TOY, local_hash
-from recorded_messages import KEYS, Query, Run
+from local_runs import SMALL, TICKS, TOY
+from recorded_messages import KEYS, Run
 from stand_ins import RUN, Clock, roster
 
 from orchard.contract.messages import pack
@@ -22,7 +22,7 @@ from orchard.server.options import RunOptions
 from orchard.server.run_clock import Pacer, RunClock
 from orchard.sim.engine import Engine
 from orchard.tables import tables_of
-from orchard.wire.messages import Angular, Linear, Odometry, SetSimulationState, SimulationState, StepSimulation, Velocity
+from orchard.wire.messages import Angular, Linear, Odometry, Velocity
 from orchard.wire.types import read
 
 ERRING = with_changes(SMALL, **{"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02, "sensors.odometry.heading": 0.01})
@@ -68,74 +68,6 @@ def test_a_pause_makes_no_agent_late_and_no_tick():
     assert pacer.wait() == pytest.approx(0.1)
 
 
-# -- a run, without a network
-
-
-class Answers:
-    """Asks a run for something when the clock of a tick comes, and keeps what it replies."""
-
-    def __init__(self, run: Run, at: dict[int, list[tuple[str, bytes]]]) -> None:
-        self.run, self.at, self.queries, self.ticks, self.states = run, at, [], [], []
-        run.net.on_put = self.hear
-
-    def hear(self, key: str, payload: bytes) -> None:
-        if key == KEYS.of("simulation_state"):
-            self.states.append(read(payload, SimulationState))
-        elif key == KEYS.of("clock"):
-            self.ticks.append(tick := msgpack.unpackb(payload)["tick"])
-            for what, message in self.at.pop(tick, []):
-                self.queries.append(Query(KEYS.of(what), message))
-                self.run.physics.bus.inbox.put(self.queries[-1])
-
-    def replied(self) -> list[SimulationState | str]:
-        return [read(query.replies[0], SimulationState) if query.replies else query.errors[0] for query in self.queries]
-
-
-def wanted(state: str) -> tuple[str, bytes]:
-    return "set_simulation_state", pack(SetSimulationState(RUN, state))
-
-
-def steps(number: int) -> tuple[str, bytes]:
-    return "step_simulation", pack(StepSimulation(RUN, number))
-
-
-def test_a_paused_and_stepped_run_is_the_same_to_the_last_bit():
-    run = Run(SMALL, RUN, 60)
-    asks = Answers(run, {10: [wanted("paused"), steps(6)], 16: [wanted("playing")], 40: [wanted("paused"), wanted("playing")]})
-    end = run.to_the_end()
-    assert end.hash == local_hash(SMALL, 60)
-    replies = asks.replied()
-    assert [reply.tick for reply in replies] == [10, 16, 16, 40, 40], "the steps are done when tick 16 is published"
-    assert [reply.state for reply in (replies[0], *replies[2:])] == ["paused", "playing", "paused", "playing"]
-    assert (asks.states[0].state, asks.states[-1].state) == ("playing", "quitting")
-    assert all(query.dropped for query in asks.queries)
-    assert (run.physics.run.refusal_totals.total(), end.summary["messages_refused"]) == ({}, {})
-
-
-def test_a_run_that_plays_does_no_single_steps():
-    run = Run(SMALL, RUN, 30)
-    asks = Answers(run, {4: [steps(3)]})
-    end = run.to_the_end()
-    assert "not paused" in asks.replied()[0]
-    assert (end.tick, end.summary["messages_refused"]) == (30, {"not paused": 1})
-
-
-@pytest.mark.parametrize("state", ["paused", "playing"])
-def test_quitting_ends_a_run_also_while_it_is_paused(state):
-    run = Run(SMALL, RUN, 1000)
-    asks = Answers(run, {4: [wanted(state), wanted("quitting")]})
-    end = run.to_the_end()
-    assert (end.why, end.tick) == ("stopped", 4)
-    assert [reply.state for reply in asks.replied()] == [state, "quitting"]
-
-
-def test_the_end_of_a_run_ends_the_steps_of_a_query():
-    run = Run(SMALL, RUN, 30)
-    asks = Answers(run, {4: [wanted("paused"), steps(1000)]})
-    assert run.to_the_end().why == "duration"
-    assert (asks.replied()[-1].tick, asks.replied()[-1].state) == (30, "quitting")
-
-
 # -- what arrives within a tick
 
 
@@ -173,7 +105,7 @@ def test_a_velocity_that_arrives_before_the_next_tick_is_due_counts_in_this_one(
     assert poses[bus.inbox.at + 1] == 0.5
 
 
-# -- real processes
+# -- a run
 
 
 def asked(someone, what: str, **fields):
@@ -196,6 +128,43 @@ def test_a_run_is_paused_before_it_begins_stepped_and_played(fleet, undisturbed)
     assert (tick, asked(someone, "simulation_state")) == (13, (13, "paused"))
     assert asked(someone, "set_simulation_state", state="playing") == (13, "playing")
     assert fleet.end() == undisturbed
+
+
+def test_a_run_that_plays_does_no_single_steps(fleet):
+    fleet.physics(SMALL, "--duration", "3")
+    someone = fleet.client()
+    ends = someone.hear("orchard/end")
+    assert asked(someone, "set_simulation_state", state="playing") == (0, "stopped")
+    (error,) = someone.ask("orchard/step_simulation", msgpack.packb({"run": someone.run, "steps": 3}))
+    assert "not paused" in error
+    fleet.share(1)
+    fleet.end()
+    end = ends.get()
+    assert (end["tick"], end["summary"]["messages_refused"]) == (30, {"not paused": 1})
+
+
+@pytest.mark.parametrize("state", ["paused", "playing"])
+def test_quitting_ends_a_run_also_while_it_is_paused(fleet, state):
+    fleet.physics(SMALL)
+    someone = fleet.client()
+    ends, clock = someone.hear("orchard/end"), someone.hear("orchard/clock")
+    fleet.share(1)
+    until(clock, lambda message: message["tick"] >= 4)
+    tick, now = asked(someone, "set_simulation_state", state=state)
+    assert now == state
+    assert asked(someone, "set_simulation_state", state="quitting")[1] == "quitting"
+    fleet.end()
+    end = ends.get()
+    assert (end["why"], end["tick"] == tick) == ("stopped", state == "paused")
+
+
+def test_the_end_of_a_run_ends_the_steps_of_a_query(fleet):
+    fleet.physics(SMALL, "--duration", "3")
+    someone = fleet.client()
+    asked(someone, "set_simulation_state", state="paused")
+    fleet.share(1)
+    assert asked(someone, "step_simulation", steps=1000) == (30, "quitting")
+    fleet.end()
 
 
 def test_an_agent_that_is_silent_while_the_run_is_paused_is_not_missed(fleet):

@@ -86,7 +86,8 @@ def _messages(bag: Path, topics: set[str]) -> Iterator[tuple[Connection, int, An
             for connection, time, data in reader.messages(wanted) if wanted else ():  # of no connections it would yield all
                 yield connection, time, reader.deserialize(data, connection.msgtype)
     except Exception as error:  # a damaged file lets its library raise any, such as KeyError
-        why = f"it cannot be read as a bag: {error or type(error).__name__}" if bag.exists() else "no such file or folder"
+        fault = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        why = f"it cannot be read as a bag: {fault}" if bag.exists() else "no such file or folder"
         raise ValueError(f"{bag}: {why}; expected {A_BAG}") from error
 
 

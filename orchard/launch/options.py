@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 from typer import Argument, BadParameter, Exit, Option
-from typer.core import TyperCommand, TyperOption
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from orchard.contract.agent import MOST_STEPS, Holds
 from orchard.contract.messages import LAST_TICK
@@ -329,6 +329,15 @@ def with_options(kind: type[Chosen]) -> Callable[[Callable[[Chosen], None]], Cal
 
 class Command(TyperCommand):
     """A command whose option --help is shown without a value."""
+
+    def get_help_option(self, ctx: Any) -> TyperOption | None:
+        if option := super().get_help_option(ctx):
+            option.metavar = ""
+        return option
+
+
+class Group(TyperGroup):
+    """The same of a command that has commands."""
 
     def get_help_option(self, ctx: Any) -> TyperOption | None:
         if option := super().get_help_option(ctx):

@@ -116,6 +116,7 @@ def test_a_mistake_is_told_once_with_what_would_be_right(arguments, told, tmp_pa
     [
         (["--help"], "orchard [OPTIONS] [SCENARIO.yaml]"),
         (["realistic", "--help"], "orchard [OPTIONS] [SCENARIO.yaml]"),
+        (["layout", "--help"], "orchard layout [OPTIONS] COMMAND [ARGS]..."),
         (["harvest", "--help"], "orchard harvest [OPTIONS] [SCENARIO.yaml]"),
         (["replay", "--help"], "orchard replay [OPTIONS] {FILE.mcap} [SCENARIO.yaml] Let the velocities in a bag"),
     ],

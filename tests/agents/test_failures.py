@@ -3,12 +3,10 @@
 from functools import cache
 
 import pytest
-from local_runs import local_hash
+from local_runs import local_hash, start_afresh
 from stage import NOBODY_ABOUT, Stage, empty_orchard
 
 from orchard import Local, Scenario
-from orchard.agents.catalogue import make_agents
-from orchard.contract.messages import pack, unpack
 from orchard.field.picking import failure
 from orchard.report.metrics import JAM_SECONDS
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
@@ -75,11 +73,8 @@ def test_with_spread_and_failures_the_seed_matters():
 
 
 def test_holds_change_nothing_when_pickers_fail_and_rows_differ(caplog):
-    runs = [Local(varied(rows_to_pickers="balanced-ends"), holds=holds) for holds in (Lookahead, CheckedHolds, IgnoredHolds)]
-    for _ in range(SHORT):
-        for run in runs:
-            run.tick()
-    assert len({run.engine.hash for run in runs}) == 1
+    scenario = varied(rows_to_pickers="balanced-ends")
+    assert len({local_hash(scenario, SHORT, holds=holds) for holds in (Lookahead, CheckedHolds, IgnoredHolds)}) == 1
     assert "holds wrongly" not in caplog.text
 
 
@@ -88,8 +83,7 @@ def test_an_agent_that_is_made_anew_in_the_middle_of_a_failure_changes_nothing()
     for tick in range(SHORT):
         run.tick()
         if tick % 10 == 0 and any(action.state == "failed" for action in run.actions.values()):
-            run.agents = make_agents(run.engine.layout)
-            run.memories = {name: unpack(pack(memory), run.agents[name].Memory) for name, memory in run.memories.items()}
+            start_afresh(run)
             restarts += 1
     assert restarts > 3
     assert run.engine.hash == local_hash(varied(), SHORT)

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from local_runs import local_hash, start_afresh
 from msgspec.structs import replace
 from stage import Stage, Standing, empty_orchard
 
 from orchard import Assignment, BinReport, CarrierReport, Local, Scenario, ScenarioError, draw, lay_out
 from orchard.agents import route
-from orchard.agents.catalogue import check_plugins, make_agents
+from orchard.agents.catalogue import check_plugins
 from orchard.agents.dispatch import Dispatch, dispatch_of
 from orchard.agents.dispatcher import checked
 from orchard.agents.forecast import Forecast
-from orchard.contract.messages import pack, unpack
 from orchard.field.scenario import DISPATCH_POLICIES
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds
 
@@ -165,16 +165,13 @@ def test_agents_started_afresh_and_asked_at_every_tick_give_the_same_harvest(nam
     local = Local(small(name), holds=IgnoredHolds)
     while not local.engine.over:
         if local.engine.tick % 25 == 1:
-            local.agents = make_agents(local.engine.layout)
-            local.memories = {agent: unpack(pack(memory), local.agents[agent].Memory) for agent, memory in local.memories.items()}
+            start_afresh(local)
         local.tick()
     assert local.engine.hash == whole.local.engine.hash
 
 
 def test_no_agent_of_an_early_harvest_holds_too_long(caplog):
-    local = Local(small("predictive", rows=3, picking_speed=0.7), holds=CheckedHolds)
-    for _ in range(2500):
-        local.tick()
+    local_hash(small("predictive", rows=3, picking_speed=0.7), 2500, holds=CheckedHolds)
     assert "holds wrongly" not in caplog.text
 
 

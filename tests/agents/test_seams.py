@@ -6,10 +6,11 @@ Each example of examples/seams/ runs in local mode and in lockstep with the same
 from functools import cache
 
 import pytest
+from local_runs import start_afresh
 
 from orchard import Assignment, BinReport, Block, CarrierReport, Local, OneWay, Scenario, ScenarioError, Step, lay_out
-from orchard.agents.catalogue import check_plugins, make_agents
-from orchard.contract.messages import CustomMessage, pack, unpack
+from orchard.agents.catalogue import check_plugins
+from orchard.contract.messages import CustomMessage
 from orchard.field.scenario import check
 from orchard.report.bounds import Bounds
 from orchard.report.plan import orchard_plan
@@ -66,8 +67,7 @@ def test_every_agent_can_be_started_afresh_from_its_bytes(name):
     while local.engine.tick < TICKS:
         local.tick()
         if local.engine.tick % 240 == 0:
-            local.agents = make_agents(local.engine.layout)
-            local.memories = {agent: unpack(pack(memory), local.agents[agent].Memory) for agent, memory in local.memories.items()}
+            start_afresh(local)
     assert local.engine.hash == harvested(name)[0]
 
 

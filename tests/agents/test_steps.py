@@ -8,7 +8,8 @@ from orchard.agents.robot import Step
 from orchard.agents.sense import stop_zone
 from orchard.agents.steps import Again, Ahead, DriveTo, Face, MoveTo, Realign
 from orchard.contract.agent import IN_TURN
-from orchard.field.geometry import HEADINGS, Twist
+from orchard.field.geometry import HEADINGS, Pose, Twist, from_frame
+from orchard.field.kinds import KINDS, kind_of
 
 # -- sensing
 
@@ -31,9 +32,7 @@ def test_sensing_a_robot_stops_for_what_its_laser_sees():
 def test_turning_by_ninety_degrees_takes_four_seconds_and_is_exact(heading, seconds):
     stage = meadow()
     stage.put("carrier_01", 0.0, 20.0)
-    stage.give("carrier_01", [Face(heading)])
-    took = stage.run_until(lambda: not stage.local.memories["carrier_01"].plan, 20)
-    assert took == pytest.approx(seconds + 0.1), "a tick more to see that it is done"
+    assert stage.follow("carrier_01", [Face(heading)], 20) == pytest.approx(seconds + 0.1), "a tick more to see that it is done"
     stage.assert_at("carrier_01", 0.0, 20.0, heading)
 
 
@@ -66,16 +65,14 @@ def test_directed_movement_to_a_point_goes_along_its_own_axis_first():
     stage.give("carrier_01", [MoveTo(6.0, 24.0)])
     stage.run_until(lambda: stage.pose("carrier_01")[1] > 18.1, 60)
     stage.assert_at("carrier_01", x=6.0, heading="NORTH")
-    stage.run_until(lambda: not stage.local.memories["carrier_01"].plan, 60)
-    stage.assert_at("carrier_01", 6.0, 24.0, "NORTH")
 
 
-def test_directed_movement_to_a_point_behind_turns_about():
+@pytest.mark.parametrize(("x", "y", "heading"), [(6.0, 24.0, "NORTH"), (-5.0, 18.0, "WEST")])
+def test_directed_movement_ends_at_its_point_also_behind_the_robot(x, y, heading):
     stage = meadow()
     stage.put("carrier_01", 0.0, 18.0)
-    stage.give("carrier_01", [MoveTo(-5.0, 18.0)])
-    stage.run_until(lambda: not stage.local.memories["carrier_01"].plan, 60)
-    stage.assert_at("carrier_01", -5.0, 18.0, "WEST")
+    stage.follow("carrier_01", [MoveTo(x, y)])
+    stage.assert_at("carrier_01", x, y, heading)
 
 
 def test_directed_movement_ends_right_although_something_was_in_the_way():
@@ -100,8 +97,7 @@ def test_awareness_realigns_to_the_nearest_heading_exactly(off):
     stage.world.coupled[[i, j]] = -1
     stage.world.pose[j] = 20.0, 20.0, 0.0
     stage.world.pose[i, 2] = HEADINGS["NORTH"] + off
-    stage.give("carrier_01", [Realign()])
-    stage.run_until(lambda: not stage.local.memories["carrier_01"].plan, 20)
+    stage.follow("carrier_01", [Realign()], 20)
     stage.assert_at("carrier_01", 0.0, 20.0, "NORTH")
 
 
@@ -126,9 +122,6 @@ def test_following_a_bin_keeps_its_place_behind_its_robot(robot):
 
 
 def off_its_place(stage: Stage, robot: str, fruit: str) -> float:
-    from orchard.field.geometry import Pose, from_frame
-    from orchard.field.kinds import KINDS, kind_of
-
     x, y = from_frame(Pose(*stage.pose(robot)), -KINDS[kind_of(robot)].tows, 0.0)
     here = stage.pose(fruit)
     return ((here[0] - x) ** 2 + (here[1] - y) ** 2) ** 0.5

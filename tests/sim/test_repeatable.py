@@ -5,13 +5,8 @@ import subprocess
 import sys
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from local_runs import HARVEST_TICKS, harvest_hash, local_hash
+from local_runs import HARVEST_TICKS, harvest_hash, local_hash, start_afresh
 
-from orchard.agents.catalogue import AGENTS, make_agents
-from orchard.contract.messages import pack, unpack
-from orchard.field.kinds import kind_of
 from orchard.field.scenario import LaserSettings, Scenario
 from orchard.local import Local
 
@@ -74,36 +69,13 @@ def test_a_step_that_is_accounted_for_later_counts_the_same(asked):
     assert ASKED[asked](later.engine) == ASKED[asked](at_once.engine)
 
 
-NAMES = sorted(make_agents(Local(Scenario(rows=3)).engine.layout))
-RESTARTS = st.lists(st.tuples(st.integers(1, HARVEST_TICKS - 1), st.sampled_from(NAMES)), min_size=1, max_size=40)
-
-
-@settings(max_examples=4)  # the test below is stricter
-@given(RESTARTS)
-def test_an_agent_started_afresh_from_its_memory_at_any_tick_changes_nothing(restarts):
-    local = Local(Scenario(rows=3))
-    for tick in range(HARVEST_TICKS):
-        for when, name in restarts:
-            if when == tick:
-                start_afresh(local, name)
-        local.tick()
-    assert local.engine.hash == harvest_hash()
-
-
 def test_all_agents_started_afresh_at_every_tick_changes_nothing():
     local = Local(Scenario(rows=3))
     for tick in range(HARVEST_TICKS):
         if tick:
-            for name in local.agents:
-                start_afresh(local, name)
+            start_afresh(local)
         local.tick()
     assert local.engine.hash == harvest_hash()
-
-
-def start_afresh(local: Local, name: str) -> None:
-    """Replace an agent as another process would: a new agent, and its memory from bytes."""
-    local.agents[name] = AGENTS[kind_of(name)](local.engine.layout, name)
-    local.memories[name] = unpack(pack(local.memories[name]), local.agents[name].Memory)
 
 
 OTHER_PROCESSORS = {

@@ -115,11 +115,6 @@ def test_a_laser_that_touches_a_box_measures_0_and_inside_one_the_way_out():
     assert scan_of(inside)[AHEAD] == pytest.approx(1.0 / math.cos(math.pi / 358), abs=1e-6)
 
 
-def test_the_nearer_of_two_hides_the_farther():
-    world = world_of(("worker", Pose(0, 0, 0)), ("visitor", Pose(6, 0, math.pi)), ("dog", Pose(3, 0, math.pi / 2)))
-    assert scan_of(world)[AHEAD] == pytest.approx(3 - 0.4 - 0.275, abs=1e-3)
-
-
 def test_a_scan_that_was_kept_does_not_change():
     world = world_of(("worker", Pose(0, 0, 0)), walls=[(5.0, 0, 1.0, 1.0)])
     scanner = Scanner(world)

@@ -3,6 +3,7 @@
 import math
 import random
 import re
+import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -193,45 +194,11 @@ def nested(levels: int) -> bytes:
 
 
 HUGE = "x" * 300_000
-JUNK = [
-    None,
-    True,
-    -1,
-    2**63,
-    2**64 - 1,
-    -(2**63),
-    1.5,
-    math.nan,
-    math.inf,
-    -math.inf,
-    1e308,
-    "",
-    "nobody_99",
-    "picker_01\n",
-    "\x1b[2J\x00",
-    b"",
-    b"\xff" * 57,
-    [],
-    {},
-    [[]],
-    {"a": {}},
-    [None] * 300,
-    msgpack.Timestamp(1, 1),
-    msgpack.ExtType(5, b"ab"),
-    {1: 2},
-    {b"x": 1},
-    "../../*",
-    "**",
-    [math.nan] * 7,
-    {"x" * 300: 0},
-]
-BAD_ARRAYS = [
-    b"\x00\x00\xc0\x7f",
-    b"\x00\x00\x80\xff",
-    b"\x00\x00\x80\xbf",
-    b"\x00",
-    b"\x00\x00\x00\x00\x00\x00\xf8\x7f",
-]  # NaN, -inf, -1 ...
+NUMBERS = [-1, 2**63, 2**64 - 1, -(2**63), 1.5, math.nan, math.inf, -math.inf, 1e308]
+TEXTS = ["", "nobody_99", "picker_01\n", "\x1b[2J\x00", "../../*", "**", b"", b"\xff" * 57]
+TREES = [[], {}, [[]], {"a": {}}, [None] * 300, {1: 2}, {b"x": 1}, [math.nan] * 7, {"x" * 300: 0}]
+JUNK = [None, True, *NUMBERS, *TEXTS, *TREES, msgpack.Timestamp(1, 1), msgpack.ExtType(5, b"ab")]
+BAD_ARRAYS = [struct.pack("<f", number) for number in (math.nan, -math.inf, -1.0)] + [b"\0", struct.pack("<d", math.nan)]
 
 
 def of_bytes(payload: bytes, chance: random.Random) -> bytes:
@@ -283,19 +250,11 @@ def doubled(tree: dict) -> bytes:
     """A map in which the last field stands twice."""
     *_, (key, value) = tree.items()
     packer = msgpack.Packer()
-    return (
-        packer.pack_map_header(len(tree) + 1)
-        + b"".join(map(packer.pack, (part for item in tree.items() for part in item)))
-        + packer.pack(key)
-        + packer.pack(value)
-    )
+    parts = [part for item in [*tree.items(), (key, value)] for part in item]
+    return packer.pack_map_header(len(tree) + 1) + b"".join(map(packer.pack, parts))
 
 
 def oversized() -> list[bytes]:
     """Up to the most that is read, and over it."""
-    return [
-        bytes(MAX_PAYLOAD + 1),
-        msgpack.packb({"run": "x" * (MAX_PAYLOAD - 20)}),
-        msgpack.packb([[]] * (MAX_PAYLOAD // 2)),
-        bytes(1 << 22),
-    ]
+    packed = [msgpack.packb(tree) for tree in ({"run": "x" * (MAX_PAYLOAD - 20)}, [[]] * (MAX_PAYLOAD // 2))]
+    return [bytes(MAX_PAYLOAD + 1), *packed, bytes(1 << 22)]

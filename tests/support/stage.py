@@ -75,6 +75,11 @@ class Stage:
         self.local.engine.wake([name])
         self.local.memories[name] = agent.Memory(plan=list(steps), **memory)
 
+    def follow(self, name: str, steps: list, seconds: float = 60.0) -> float:
+        """Set a robot's plan, run until it is done, and return the seconds that it took."""
+        self.give(name, steps)
+        return self.run_until(lambda: not self.local.memories[name].plan, seconds)
+
     def tick(self) -> None:
         events = self.local.tick()
         self.account.update(events)

@@ -2,9 +2,7 @@
 
 import random
 
-import msgpack
 import pytest
-import zenoh
 from fleet import until
 from local_runs import SMALL, TICKS, TOY
 
@@ -62,45 +60,10 @@ def test_random_bytes_on_every_key_change_nothing(fleet, running, undisturbed):
     assert refused["malformed"] > 30, refused
 
 
-def test_what_is_of_another_run_or_past_changes_nothing(fleet, running, undisturbed):
-    someone, summary, logger = running
-    heard = {}
-    for what in ("pose", "scan"):
-        key = someone.keys.of(what, "worker_01")
-        heard[key] = someone.hear(key)
-    for key in ("orchard/clock", "orchard/picture"):
-        heard[key] = someone.hear(key)
-    messages = {key: until(queue, lambda message: True) for key, queue in heard.items()}
-    for key, message in messages.items():
-        until(heard[key], lambda later, first=message: later["tick"] > first["tick"] + 2)
-        someone.put(key, **message)
-        someone.put(key, **message | {"run": "another"})
-    someone.put("orchard/lost", run="another", tick=1, names=[], owner="x")
-    someone.put("orchard/end", run="another", tick=1, finished=True, why="", hash="", summary={})
-    out, _ = wait_for_the_end(fleet, logger)
-    assert undisturbed in out
-    assert summary()["messages_refused"]["other run"] >= 3
-
-
 def test_who_pretends_to_be_physics_and_leaves_is_not_missed(fleet, running, undisturbed):
     someone, _, logger = running
     someone.declare("orchard/alive/physics/another").undeclare()
     assert undisturbed in wait_for_the_end(fleet, logger)[0]
-
-
-def test_every_query_with_nonsense_gets_an_error(fleet):
-    fleet.physics(SMALL, "--speed", "10")
-    someone = fleet.client()
-    clock = someone.hear("orchard/clock")
-    fleet.host(agents=TOY)
-    until(clock, lambda message: message["tick"] > 2)
-    for key in ("scenario", "hosts/me/join", "set_simulation_state", "picker_01/mail", "bin_01/state"):
-        for nonsense in (b"\x93nonsense", msgpack.packb({"run": fleet.run}), bytes((1 << 20) + 1)):
-            (reply,) = someone.ask(f"orchard/{key}", nonsense)
-            assert reply.startswith("malformed"), key
-    someone.session.put("orchard/set_simulation_state", b"", congestion_control=zenoh.CongestionControl.BLOCK)
-    assert someone.quit()["run"] == fleet.run
-    fleet.end()
 
 
 def test_a_velocity_beyond_the_kind_is_cut(fleet):

@@ -10,6 +10,7 @@ import psutil
 import pytest
 from fleet import until
 from rich.console import Console
+from stand_ins import Clock
 
 from orchard.field.scenario import Scenario
 from orchard.launch import distributed
@@ -23,13 +24,6 @@ from orchard.server.options import RunOptions
 from orchard.wire.keys import PHYSICS
 
 pytestmark = pytest.mark.processes
-
-
-class Clock:
-    now = 100.0
-
-    def __call__(self):
-        return self.now
 
 
 class Child:

@@ -239,9 +239,8 @@ def secure(
 # -- an orchard of one's own
 
 layout = typer.Typer(help="Import the rows of an orchard of your own.", add_completion=False, pretty_exceptions_enable=False)
-app.add_typer(
-    layout, name="layout", cls=options.Group, no_args_is_help=True, callback=lambda: None
-)  # the callback makes `import` the name of a command
+# the callback makes `import` the name of a command
+app.add_typer(layout, name="layout", cls=options.Group, no_args_is_help=True, callback=lambda: None)
 layout.command("import", cls=options.Command)(own_orchard.write_scenario)
 
 

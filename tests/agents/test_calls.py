@@ -78,13 +78,6 @@ def test_the_nearest_carrier_by_road_is_sent_which_is_the_head_of_the_nearest_li
     assert exchanges(stage)[0][0] == "carrier_25", "its line is the southernmost; it is the last by name"
 
 
-def test_two_bins_that_call_at_the_same_tick_get_two_carriers():
-    stage = Stage(calling_orchard(rows=3, pickers=3, carriers=3))
-    stage.run_to_the_end()
-    assert len({carrier for carrier, _ in exchanges(stage)}) == 3
-    assert_every_bin_is_taken_once(stage)
-
-
 def test_bins_that_call_while_all_carriers_work_wait_their_turn():
     stage = Stage(calling_orchard(rows=4, pickers=4, carriers=2))
     assert_every_bin_is_taken_once(stage, 4)

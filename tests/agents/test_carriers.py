@@ -33,13 +33,6 @@ def test_carriers_bring_the_full_bin_to_the_driveway_and_come_back_to_the_queue(
     stage.run_until(lambda: stage.doing(carrier) == "waiting in the queue", 200)
 
 
-def test_carriers_do_not_answer_calls_while_they_work():
-    stage = Stage(empty_orchard(carriers=1, rows=3, pickers=3))
-    stage.run_to_the_end()
-    jobs = [event for event in stage.happened("uncoupled") if event.who == "carrier_01"]
-    assert len(jobs) == 3, "one exchange after another, none lost"
-
-
 def test_a_carrier_at_work_stops_for_a_person_beside_the_bin_that_it_ignores():
     stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), worker_01=Standing())
     stage.put("worker_01", 33.2, stage.world.layout.lane(1).y - 1.9, "NORTH")  # in the way of its loop, a metre off the full bin

@@ -108,6 +108,12 @@ def test_what_cannot_be_run_is_named(arguments, named, folder, tmp_path):
     assert named in " ".join(done.stderr.split())
 
 
+@pytest.fixture
+def roles(folder, tmp_path) -> Path:
+    """A directory of roles that a test may spoil."""
+    return shutil.copytree(folder, tmp_path / "roles")
+
+
 def spoil(what: str, own: Path, stranger: Path) -> None:
     """Make a role's directory useless in one way."""
     match what:
@@ -143,28 +149,25 @@ def spoil(what: str, own: Path, stranger: Path) -> None:
         ("agents of others", "role.json has changed .duty host, names picker_01, picker_02."),
     ],
 )
-def test_a_directory_of_no_use_is_named(what, named, folder, stranger, tmp_path):
-    shutil.copytree(folder, tmp_path / "roles")
-    spoil(what, tmp_path / "roles" / "amy", stranger)
+def test_a_directory_of_no_use_is_named(what, named, roles, stranger):
+    spoil(what, roles / "amy", stranger)
     with pytest.raises(ValueError, match=named):
-        Keyring.load(tmp_path / "roles").of("amy")
+        Keyring.load(roles).of("amy")
 
 
 @pytest.mark.parametrize(
     "rules", ["{}", "", "[]", '{"enabled": false}', '{"enabled": true, "default_permission": "allow", "subjects": []}']
 )
-def test_access_rules_that_let_all_through_are_refused(rules, folder, tmp_path):
-    shutil.copytree(folder, tmp_path / "roles")
-    (tmp_path / "roles" / "router" / "access.json").write_text(rules)
+def test_access_rules_that_let_all_through_are_refused(rules, roles):
+    (roles / "router" / "access.json").write_text(rules)
     with pytest.raises(ValueError, match=r"access\.json: "):
-        Keyring.load(tmp_path / "roles").of("router").rules()
+        Keyring.load(roles).of("router").rules()
 
 
-def test_a_private_key_that_others_can_read_is_named(folder, tmp_path, caplog):
-    shutil.copytree(folder, tmp_path / "roles")
-    key = tmp_path / "roles" / "amy" / "key.pem"
-    Keyring.load(tmp_path / "roles").of("amy")
+def test_a_private_key_that_others_can_read_is_named(roles, caplog):
+    key = roles / "amy" / "key.pem"
+    Keyring.load(roles).of("amy")
     assert not caplog.records
     key.chmod(0o644)
-    Keyring.load(tmp_path / "roles").of("amy")
+    Keyring.load(roles).of("amy")
     assert f"{key}: other users can read this private key (mode 644)" in caplog.text

@@ -1,32 +1,21 @@
 """A harvest that is only acted: bodies on rails, no physics, no agents. It feeds the picture in tests and measurements."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from orchard.contract.agent import State
 from orchard.contract.events import Event, Frame
-from orchard.field.geometry import Pose
-from orchard.field.kinds import KINDS, name_of
+from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout, Start, lay_out
 from orchard.field.scenario import Scenario
 
-GUESTS = {
-    "worker": [(-20, 22), (25, 20), (44, 18), (-44, -15)], "visitor": [(-47, 8), (-6, 22), (44, 6)],
-    "dog": [(20, -11), (20, 15)], "cat": [(-47, -11)], "weed": [(-30 + 6 * i, 19.0 - 0.3 * i) for i in range(10)],
-}  # fmt: skip
 ACTED_SECONDS = 90.0  # of the recording that tests share
 WAIT = 25.0  # s that a picker waits at the end of a row
 
 
 def acted_layout(**scenario: object) -> Layout:
-    """A layout with its guests, also while no code places them yet."""
-    layout = lay_out(Scenario(**scenario))
-    if any(start.kind == "worker" for start in layout.starts):
-        return layout
-    guests = tuple(Start(name_of(kind, i + 1), kind, Pose(x, y, 0.0)) for kind, spots in GUESTS.items() for i, (x, y) in enumerate(spots))
-    return replace(layout, starts=layout.starts + guests)
+    return lay_out(Scenario(**scenario))
 
 
 def frames(layout: Layout, seconds: float, scanner: object = None) -> Iterator[Frame]:
@@ -96,7 +85,7 @@ class Stage:
     def _picker(self, i: int, start: Start, now: float) -> None:
         rows, name, bin_ = self.layout.blocks[start.name].rows, start.name, self.layout.index[start.bin]
         turn = 76.0 + WAIT + 7.0
-        block, into = divmod(now + 13.0 * (i % 3) * 0, turn)
+        block, into = divmod(now, turn)
         if int(block) >= len(rows):
             self.doing[name] = "resting", "resting"
             return

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from orchard.contract.agent import Action, Agent, Mail, Observation
 from orchard.contract.events import Event
-from orchard.field.geometry import HEADINGS, STILL, Twist, angle_between
+from orchard.field.geometry import HEADINGS, Twist, angle_between
 from orchard.field.scenario import Animals, People, Scenario
 from orchard.local import Local
 from orchard.report.metrics import collisions
@@ -123,9 +123,6 @@ class Stage:
     def is_full(self, name: str) -> bool:
         return bool(self.world.fill[self.world.index[name]] >= 70.0)
 
-    def is_still(self, name: str) -> bool:
-        return not self.world.twist[self.world.index[name]].any()
-
     def doing(self, name: str) -> str:
         return self.local.actions[name].doing
 
@@ -144,6 +141,3 @@ class Stage:
 
     def assert_no_collisions(self) -> None:
         assert collisions(self.world) == 0, self.happened("collision")
-
-
-__all__ = ["NOBODY_ABOUT", "STILL", "Driven", "Stage", "Standing", "empty_orchard"]

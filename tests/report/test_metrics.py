@@ -12,31 +12,16 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, People, Scenario, load
 from orchard.report.bounds import Bounds
 from orchard.report.losses import lost_seconds
-from orchard.report.metrics import HarvestFigures, harvest_figures, who_waits
 from orchard.report.schedule import enough_carriers, schedule_seconds
-
-
-class Watched(Stage):
-    """A stage that keeps the figures, too."""
-
-    def __init__(self, scenario: Scenario, **agents) -> None:
-        super().__init__(scenario, **agents)
-        self.figures = HarvestFigures()
-
-    def tick(self) -> None:
-        told = len(self.events)
-        super().tick()
-        self.figures.update(self.world, self.events[told:], self.local.actions)
 
 
 def test_a_run_in_which_nothing_goes_on_for_ten_minutes_is_jammed_and_names_who_waits_for_whom():
     idle = {f"carrier_0{i}": Standing() for i in (1, 2)}
-    stage = Watched(empty_orchard(), **idle)
-    took = stage.run_until(lambda: stage.figures.jammed(stage.world), 900)
+    stage = Stage(empty_orchard(), **idle)
+    took = stage.run_until(lambda: bool(stage.account.jam), 900)
     assert 600 + 70 < took < 600 + 90, "the last thing that happened is a picker that came to its waiting place"
-    told = "\n".join(who_waits(stage.local.actions))
-    assert "picker_01 (waiting for an empty bin) waits for bin_01" in told
-    assert "bin_01 (full, calling) waits for a carrier" in told
+    assert "picker_01 (waiting for an empty bin) waits for bin_01" in stage.account.jam
+    assert any(line.startswith("bin_01 (full, calling) waits for a carrier") for line in stage.account.jam)
 
 
 @pytest.mark.parametrize(
@@ -52,19 +37,19 @@ def test_a_jam_names_who_is_in_the_way(stands, x, named):
 
 
 def test_a_run_in_which_somebody_works_is_not_jammed():
-    stage = Watched(empty_orchard(picking_speed=0.02))
+    stage = Stage(empty_orchard(picking_speed=0.02))
     stage.run(700)
-    assert not stage.figures.jammed(stage.world)
+    assert stage.account.jam == []
 
 
 def test_the_figures_of_a_whole_harvest():
-    stage = Watched(empty_orchard(rows=4, pickers=4, carriers=2))
+    stage = Stage(empty_orchard(rows=4, pickers=4, carriers=2))
     stage.run_to_the_end()
-    figures = harvest_figures(stage.world, stage.figures)
+    figures = stage.account.figures()
     assert figures["rows_picked"] == figures["bins_delivered"] == 4
     assert figures["distance_metres"]["picker"] == pytest.approx(4 * (OneWay.PARKED + 35.5))
     assert figures["bins_per_hour"] == pytest.approx(4 * 36000 / stage.world.tick)
-    assert len(stage.figures.waits) == 4
+    assert len(stage.account.as_data()["harvest"]["waits"]) == 4
     assert figures["bins_per_hour"] <= figures["limit_bins_per_hour"]
     assert 0.5 < figures["carrier_utilisation"] <= 1.0
 

@@ -167,7 +167,8 @@ class PlanExecutor:
         `room`: m of its way that are left. If they are too few to come back so, it comes back more steeply.
         """
         _, left, off = self._off_course()
-        is_off = speed and abs(left) > self.doubt + (LITTLE if abs(off) <= SLACK else NEAR)
+        drives_back = abs(off) > SLACK and self.seen.twist.x  # if it is held up aslant, it may be free to go straight on
+        is_off = speed and abs(left) > self.doubt + (NEAR if drives_back else LITTLE)
         most = SLANT if abs(left) <= max(SLANT * room, FAR + self.doubt) else EIGHTH * 4
         steep = min(most, max(abs(left), NEAR / abs(speed * TIME_STEP))) if is_off else 0.0  # a step passes no more than NEAR
         slant = -math.copysign(steep, left * speed)

@@ -125,6 +125,15 @@ def test_a_harvest_in_which_advice_turns_a_robot_finishes(route, name, tick, rat
             [(2589, "tractor_01", 0.9806336947484193, -0.20920873895287542, 18)],
             id="behind its place, before a fence",
         ),
+        pytest.param(
+            {"rows": 5, "pickers": 4, "carriers": 2, "seed": 485947, "tractor": True, "route": "two-way"},
+            [
+                (2640, "picker_01", 0.0, 0.012313167436511119, 15),
+                (3196, "picker_01", 0.0, 0.30920989680203304, 5),
+                (3433, "carrier_02", 0.8504667721745955, -0.07967350334625789, 14),
+            ],
+            id="aslant beside a picker that waits for the next one",
+        ),
     ],
 )
 def test_a_harvest_in_which_advice_drives_robots_off_their_lines_finishes(changes, advice):

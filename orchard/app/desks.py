@@ -16,7 +16,7 @@ class Desk:
     """The settings of one browser, on all its pages."""
 
     draft: Draft = field(default_factory=lambda: Draft(Scenario()))
-    settings: RunSettings | None = None  # None: as they are at first
+    settings: RunSettings = field(default_factory=RunSettings)
     study: StudySettings = field(default_factory=StudySettings)
     dark: bool | None = None  # None: as the browser prefers
 

@@ -2,11 +2,12 @@
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 from nicegui import ui
-from nicegui.events import GenericEventArguments
+from nicegui.events import GenericEventArguments, ValueChangeEventArguments
 
 from orchard.app.command import Files
 from orchard.app.draft import number_of, number_problem, shown, span
@@ -24,8 +25,8 @@ DURATIONS = (1, 1_000_000)  # limits, both included: s, simulated
 class RunSettings:
     """How a run is to go, as a user entered it."""
 
-    mode: str
-    speed: str
+    mode: str = "lockstep"
+    speed: str = "8"  # x real time
     duration: str = ""  # '': the whole harvest
     as_fast_as_it_goes: bool = False  # overrides the speed, except in realtime
     live: bool = True  # whether to serve the live picture
@@ -61,34 +62,21 @@ def command(settings: RunSettings, files: Files, web_port: int) -> list[str]:
 
 
 FASTEST = 50  # x real time, the maximum of the slider; the text field accepts more
-AT_FIRST = 8.0  # x real time
 
 
 class RunControls:
     """The controls above the stage."""
 
-    def __init__(self, change: Callable[[], None], last: RunSettings | None) -> None:
+    def __init__(self, change: Callable[[], None], last: RunSettings) -> None:
         """`change()` is called when a setting changes. `last`: the settings to start with."""
-        self._change = change
+        self._change, self.settings = change, last
         self._problems: dict[str, ui.label] = {}
         with ui.element("div").classes("wishes") as self._box:
             self._build_mode()
             self._build_speed()
             self._build_duration()
-            self._live = ui.switch("Live picture", value=True, on_change=change).props("dense data-field=live")
-        if last is not None:
-            self._mode.set_value(last.mode)
-            self._fastest.set_value(last.is_fastest)
-            self._speed.set_value(shown(AT_FIRST) if last.is_fastest else last.speed)
-            self._duration.set_value(last.duration.strip())
-            self._live.set_value(last.live)
+            ui.switch("Live picture", value=last.live, on_change=self._enters("live")).props("dense data-field=live")
         self._update()
-
-    @property
-    def settings(self) -> RunSettings:
-        """The settings as entered, valid or not."""
-        speed, duration, fastest = self._speed.value or "", self._duration.value or "", bool(self._fastest.value)
-        return RunSettings(str(self._mode.value), speed, duration, fastest, bool(self._live.value))
 
     def lock(self, is_locked: bool) -> None:
         """Lock all controls, while they are those of a run, or unlock them."""
@@ -98,24 +86,26 @@ class RunControls:
 
     def _build_mode(self) -> None:
         with self._setting("Mode", "mode"):
-            self._mode = ui.toggle(list(MODES), value="lockstep", on_change=self._update).props("dense no-caps unelevated data-field=mode")
+            mode = ui.toggle(list(MODES), value=self.settings.mode, on_change=self._enters("mode"))
+            mode.props("dense no-caps unelevated data-field=mode")
 
     def _build_speed(self) -> None:
         with self._setting("Speed", "speed"):
-            self._slider = ui.slider(min=1, max=FASTEST, step=1, value=AT_FIRST).classes("speed-slider").props("aria-label=Speed")
+            self._slider = ui.slider(min=1, max=FASTEST, step=1, value=1).classes("speed-slider").props("aria-label=Speed")
             self._slider.on("update:model-value", self._slid, throttle=0.05)
-            self._speed = ui.input(value=shown(AT_FIRST), suffix="x", on_change=self._entered).classes("number")
+            self._speed = ui.input(value=self.settings.speed, suffix="x", on_change=self._enters("speed")).classes("number")
             self._speed.props("dense outlined inputmode=decimal autocomplete=off data-field=speed aria-label=Speed input-class=figure")
             self._speed.props(f'title="times real time, {span(SPEEDS)}"')
-            self._fastest = ui.checkbox("fastest", on_change=self._update).props("dense data-field=fastest")
+            self._fastest = ui.checkbox("fastest", value=self.settings.is_fastest, on_change=self._enters("as_fast_as_it_goes"))
+            self._fastest.props("dense data-field=fastest")
             self._fastest.props('title="as fast as this machine can"')
 
     def _build_duration(self) -> None:
         with self._setting("End after", "duration"):
-            self._duration = ui.input(placeholder="all rows", suffix="s", on_change=self._update).classes("number wide")
-            self._duration.props("dense outlined clearable inputmode=decimal autocomplete=off data-field=duration input-class=figure")
-            self._duration.props('aria-label="End after"')
-            self._duration.props(f'title="simulated seconds, {span(DURATIONS)}; empty: the whole harvest"')
+            duration = ui.input(value=self.settings.duration, placeholder="all rows", suffix="s", on_change=self._enters("duration"))
+            duration.props("dense outlined clearable inputmode=decimal autocomplete=off data-field=duration input-class=figure")
+            duration.props(f'aria-label="End after" title="simulated seconds, {span(DURATIONS)}; empty: the whole harvest"')
+            duration.classes("number wide")
 
     def _setting(self, name: str, path: str) -> ui.element:
         """Return the container for the controls of a setting. Its problem or explanation is shown below."""
@@ -130,11 +120,15 @@ class RunControls:
     def _slid(self, event: GenericEventArguments) -> None:
         self._speed.set_value(shown(event.args))
 
-    def _entered(self) -> None:
-        speed = number_of(self._speed.value or "")
-        if not isinstance(speed, str):
-            self._slider.set_value(min(max(speed, 1), FASTEST))
-        self._update()
+    def _enters(self, name: str) -> Callable[[ValueChangeEventArguments[Any]], None]:
+        """Return what keeps a new value of a setting."""
+
+        def enter(event: ValueChangeEventArguments[Any]) -> None:
+            changed: dict[str, Any] = {name: "" if event.value is None else event.value}
+            self.settings = replace(self.settings, **changed)
+            self._update()
+
+        return enter
 
     def _update(self) -> None:
         """Show the problem or the explanation of each setting, and report the change."""
@@ -142,6 +136,8 @@ class RunControls:
         self._fastest.set_visibility(not settings.is_by_the_clock)
         for element in (self._slider, self._speed):
             element.set_enabled(not settings.is_fastest)
+        if not isinstance(speed := number_of(settings.speed), str):
+            self._slider.set_value(min(max(speed, 1), FASTEST))
         clock = "the wall clock sets the pace; fastest is not available" if settings.is_by_the_clock else ""
         notes = {"mode": MODES[settings.mode], "speed": clock}
         for path, label in self._problems.items():

@@ -1,16 +1,18 @@
 """How many carriers? What to compare, the picture that grows while the study runs, the answer, and the settings that one can watch."""
 
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from nicegui import run, ui
+from nicegui.events import ValueChangeEventArguments
 
 from orchard.app.command import STATE_COLOURS
 from orchard.app.desks import Desk
 from orchard.app.elements import button, heading, note, table
 from orchard.app.own_classes import CHOICES
-from orchard.app.study_run import Studies, StudyRun, StudySettings
+from orchard.app.study_run import Studies, StudyRun
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.study.answer import sentence
 from orchard.study.result import StudyResult
@@ -36,6 +38,7 @@ class StudyView:
         `take`: sets the form to a scenario; it is given its name, too.
         """
         self._studies, self._desk, self._drafted, self._take = studies, desk, drafted, take
+        self._settings = desk.study
         self._shown: tuple[StudyRun, StudyResult | None, bool] | None = None
         with ui.element("div").props("data-view=study"):
             ui.label(HINT).classes("study-hint")
@@ -52,63 +55,52 @@ class StudyView:
             self._picture = ui.html("", sanitize=False).classes("study-picture").props("data-view=study-picture")
             self._table = ui.element("div").classes("summary sides").props("data-view=study-table")
             self._report = button("Save the report", self._download, "study-report", "download")
-        self._entered()
+        self._enter()
         ui.timer(REDRAW_SECONDS, self._watch)
 
     # -- the fields
 
     def _build_fields(self) -> None:
-        last = self._desk.study
-        self._first = self._text("Carriers from", "study-first", last.first)
-        self._last = self._text("to", "study-last", last.last)
-        self._dispatch = self._choice("Dispatch policies", "study-dispatch", CHOICES["dispatch"], last.dispatch)
-        self._route = self._choice("Routes", "study-route", CHOICES["route"], last.route)
+        self._text("Carriers from", "first")
+        self._text("to", "last", "Carriers to")
+        self._choice("Dispatch policies", "dispatch")
+        self._choice("Routes", "route")
         with self._labelled("Goal"):
-            self._goal: Any = ui.select(dict(GOALS), value=last.goal, on_change=self._entered)
-            self._goal.props('dense outlined options-dense data-field=study-goal aria-label="Goal"')
-        self._budget = self._text("Time to take, s", "study-budget", last.budget)
-        self._is_checked = ui.switch("Check the best two with the simulator", value=last.is_checked, on_change=self._entered)
-        self._is_checked.props("dense data-field=study-check")
+            goal = ui.select(dict(GOALS), value=self._settings.goal, on_change=lambda event: self._enter(goal=event.value))
+            goal.props('dense outlined options-dense data-field=study-goal aria-label="Goal"')
+        self._text("Time to take, s", "budget")
+        check = ui.switch("Check the best two with the simulator", value=self._settings.is_checked)
+        check.props("dense data-field=study-check").on_value_change(lambda event: self._enter(is_checked=bool(event.value)))
 
     def _labelled(self, name: str) -> ui.element:
         with ui.element("div").classes("study-field") as box:
             ui.label(name).classes("field-label")
         return box
 
-    def _text(self, name: str, path: str, value: str) -> Any:
+    def _text(self, name: str, field: str, label: str = "") -> None:
         with self._labelled(name):
-            text = ui.input(value=value, on_change=self._entered).classes("number")
-            label = "Carriers to" if name == "to" else name
-            return text.props(
-                f'dense outlined autocomplete=off inputmode=decimal input-class=figure data-field={path} aria-label="{label}"'
-            )
+            text = ui.input(value=getattr(self._settings, field), on_change=lambda event: self._enter(**{field: event.value or ""}))
+            text.props(f'dense outlined autocomplete=off inputmode=decimal data-field=study-{field} aria-label="{label or name}"')
+            text.props("input-class=figure").classes("number")
 
-    def _choice(self, name: str, path: str, choices: list[str], last: tuple[str, ...]) -> Any:
-        """Several of some names. None of them: as in the form."""
+    def _choice(self, name: str, field: str) -> None:
+        """Several of some names, in their order. None of them: as in the form."""
+        names, chosen = CHOICES[field], list(getattr(self._settings, field))
+
+        def choose(event: ValueChangeEventArguments[Any]) -> None:
+            self._enter(**{field: tuple(name for name in names if name in event.value)})
+
         with self._labelled(name):
-            chosen = ui.select(choices, value=list(last), multiple=True, on_change=self._entered).classes("study-choice")
-            return chosen.props(f'dense outlined options-dense display-value-html=false data-field={path} aria-label="{name}"')
-
-    @property
-    def settings(self) -> StudySettings:
-        """The settings as entered, valid or not."""
-        return StudySettings(
-            first=self._first.value or "",
-            last=self._last.value or "",
-            dispatch=tuple(name for name in CHOICES["dispatch"] if name in self._dispatch.value),
-            route=tuple(name for name in CHOICES["route"] if name in self._route.value),
-            goal=self._goal.value,
-            budget=self._budget.value or "",
-            is_checked=bool(self._is_checked.value),
-        )
+            some = ui.select(names, value=chosen, multiple=True, on_change=choose).classes("study-choice")
+            some.props(f'dense outlined options-dense display-value-html=false data-field=study-{field} aria-label="{name}"')
 
     # -- user actions
 
-    def _entered(self) -> None:
-        """Keep what is entered, for a reload of the page, and show what is wrong with it."""
-        self._desk.study = settings = self.settings
+    def _enter(self, **settings: Any) -> None:
+        """Keep what is entered, also for a reload of the page, and show what is wrong with it."""
+        self._desk.study = self._settings = replace(self._settings, **settings)
         names = {"first": "Carriers from", "last": "Carriers to", "budget": "Time to take"}
-        told = [f"{names[name]}: {problem}" for name, problem in settings.problems.items()]
+        told = [f"{names[name]}: {problem}" for name, problem in self._settings.problems.items()]
         self._trouble.set_text("; ".join(told))
         self._start_button.set_enabled(not told)
 
@@ -118,7 +110,7 @@ class StudyView:
 
     def _started(self) -> str:
         """Start the study. Return why it was not started; '' if it was."""
-        scenario, settings = self._drafted(), self.settings
+        scenario, settings = self._drafted(), self._settings
         if scenario is None or settings.problems:
             return "The form has an invalid value"
         if settings.goal == "cost_per_bin" and not Setting({}, scenario).has_prices:

@@ -63,21 +63,11 @@ def observation_space(name: str) -> spaces.Dict:
     )
 
 
-def velocity_space(name: str) -> spaces.Box:
-    """Return the space of a body's velocity: forward, m/s; counter-clockwise, rad/s."""
-    kind = KINDS[kind_of(name)]
-    return _box((-kind.speed, kind.speed), (-kind.turn, kind.turn))
-
-
 def action_space(name: str, deeds: bool) -> spaces.Space[Any]:
-    """Return the space of what a body does: its velocity; with `deeds` also `deed`: 0, 1 couple, 2 uncouple."""
-    return spaces.Dict({"velocity": velocity_space(name), "deed": spaces.Discrete(3)}) if deeds else velocity_space(name)
-
-
-def scan_of(seen: Observation) -> np.ndarray:
-    """Return a body's ranges, (beams,) float32 m, with the laser's range where there is no return."""
-    ranges: np.ndarray = np.minimum(seen.scan, _NO_RETURN)
-    return ranges
+    """Return the space of what a body does: forward, m/s, and counter-clockwise, rad/s. With `deeds` these are `velocity`, beside `deed`:
+    0, 1 couple, 2 uncouple."""
+    velocity = _box(*[(-most, most) for most in (KINDS[kind_of(name)].speed, KINDS[kind_of(name)].turn)])
+    return spaces.Dict({"velocity": velocity, "deed": spaces.Discrete(3)}) if deeds else velocity
 
 
 def goal_of(seen: Observation, memory: Any) -> Goal:
@@ -122,7 +112,7 @@ def observed(seen: Observation, fill: float, goal: Goal, action: Action) -> Arra
     told = seen.x, seen.y, cosine, sine, forward, turn, float(seen.hitch is not None), fill, *towards, *mail_of(action)
     numbers = np.array(told, np.float32)
     arrays = {key: numbers[part] for key, part in _PARTS.items()}
-    arrays["scan"] = scan_of(seen)
+    arrays["scan"] = np.minimum(seen.scan, _NO_RETURN)
     return arrays
 
 
@@ -135,18 +125,17 @@ class Command(NamedTuple):
 
 def command_of(name: str, given: Any, deeds: bool) -> Command:
     """Return what an action commands. Raises ValueError for one that is not in the action space, but for its limits."""
-    velocity, deed = _with_deed(name, given) if deeds else (given, NOTHING)
-    return Command(_velocity_of(name, velocity), deed)
-
-
-def _with_deed(name: str, given: Any) -> tuple[Any, int]:
-    """Return the two parts of an action with a deed: its velocity, as given, and the number of the deed. Raises ValueError."""
+    kind = KINDS[kind_of(name)]
     try:
-        velocity, deed = given["velocity"], _numbers(given["deed"], "iu").item()
-        return velocity, (NOTHING, COUPLE, UNCOUPLE).index(deed)
+        velocity, deed = (given["velocity"], given["deed"]) if deeds else (given, NOTHING)
+        forward, turn = map(float, _numbers(velocity, "iuf").tolist())
+        number = (NOTHING, COUPLE, UNCOUPLE).index(_numbers(deed, "iu").item())
     except (TypeError, ValueError, LookupError):
-        words = "it must be {'velocity': two numbers, 'deed': 0, 1 to couple, or 2 to uncouple}"
-        raise ValueError(f"{name}: action {given!r}; {words}") from None
+        words = "{'velocity': two numbers, 'deed': 0, 1 to couple, or 2 to uncouple}; the numbers are" if deeds else "two numbers,"
+        raise ValueError(f"{name}: action {given!r}; it must be {words} m/s forward and rad/s counter-clockwise") from None
+    if not (math.isfinite(forward) and math.isfinite(turn)):
+        raise ValueError(f"{name}: action {given!r}; its numbers must be finite")
+    return Command(Twist(min(max(forward, -kind.speed), kind.speed), 0.0, min(max(turn, -kind.turn), kind.turn)), number)
 
 
 def _numbers(given: Any, kinds: str) -> np.ndarray:
@@ -155,18 +144,6 @@ def _numbers(given: Any, kinds: str) -> np.ndarray:
     if numbers.dtype.kind not in kinds:
         raise ValueError(given)
     return numbers
-
-
-def _velocity_of(name: str, given: Any) -> Twist:
-    """Return an action's velocity, within the limits of the body. Raises ValueError for one that is not two finite numbers."""
-    try:
-        forward, turn = map(float, _numbers(given, "iuf").tolist())
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: action {given!r}; it must be two numbers, m/s forward and rad/s counter-clockwise") from None
-    if not (math.isfinite(forward) and math.isfinite(turn)):
-        raise ValueError(f"{name}: action {given!r}; its numbers must be finite")
-    kind = KINDS[kind_of(name)]
-    return Twist(min(max(forward, -kind.speed), kind.speed), 0.0, min(max(turn, -kind.turn), kind.turn))
 
 
 def deeds_of(world: World, name: str, deed: int) -> list[Deed]:

@@ -8,28 +8,19 @@ from importlib.util import find_spec, resolve_name
 from itertools import accumulate
 from pathlib import Path
 
-from orchard.agents.dispatch import POLICIES
-from orchard.agents.routes import ROUTES
 from orchard.field.plugins import is_own, load_plugin
-from orchard.field.scenario import ROW_RULES, Scenario
-
-
-def own_classes(scenario: Scenario) -> tuple[tuple[str, str], ...]:
-    """Return the keys of a scenario that name classes or functions of the user's own, each with what it names."""
-    rules = {"dispatch": POLICIES, "route": ROUTES, "rows_to_pickers": ROW_RULES}
-    named = [(key, path) for key, builtin in rules.items() if (path := getattr(scenario, key)) not in builtin]
-    return (*named, *sorted((f"agents.{name}", path) for name, path in (scenario.agents | scenario.agents_without_body).items()))
+from orchard.field.scenario import Scenario
 
 
 @cache
 def own_source(classes: tuple[tuple[str, str], ...]) -> tuple[bytes, ...]:
-    """Return the files of a user's own classes, and the user's files that these import, each once. Raises ScenarioError.
+    """Return the files of a scenario's own classes, and the user's files that these import, each once. Raises ScenarioError.
 
     Also those that are imported in a function. What else the classes read, such as a table of data, is not in it: after a change there,
     take another store.
     """
     for key, path in classes:
-        load_plugin(key, path)
+        load_plugin(key if key in Scenario.model_fields else f"agents.{key}", path)
     files: dict[str, bytes] = {}
     left = [path.replace(":", ".").rpartition(".")[0] for _, path in classes]
     packages = {module.partition(".")[0] for module in left}  # one that is installed as a library is the user's too

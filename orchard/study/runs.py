@@ -21,7 +21,7 @@ from orchard.field.scenario import Scenario
 from orchard.local import Local
 from orchard.report.bounds import Bounds
 from orchard.report.metrics import HarvestFigures, harvest_figures
-from orchard.study.own_source import own_classes, own_source
+from orchard.study.own_source import own_source
 from orchard.study.result import Model
 
 Horizon = Literal["harvest", "long"]
@@ -54,8 +54,8 @@ class PlannedRun:
     @cached_property
     def own_source(self) -> str:
         """The digest of the files of the user's own classes, with those that they import; '' if there are none. Raises ScenarioError."""
-        classes = own_classes(self.scenario)
-        return digest(*own_source(classes)) if classes else ""
+        classes = self.scenario.own_classes
+        return digest(*own_source(tuple(classes.items()))) if classes else ""
 
     @cached_property
     def scenario_digest(self) -> str:

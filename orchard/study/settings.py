@@ -11,7 +11,6 @@ from typing import Any
 
 from orchard.field.problems import Problem, ScenarioError, show
 from orchard.field.scenario import Scenario, with_changes
-from orchard.study.own_source import own_classes
 
 MOST_SETTINGS = 10_000
 MOST_NAMED = 3  # values that have one fault
@@ -39,8 +38,8 @@ class Setting:
         """Whether two seeds can give two results. Without people, animals, spread, failures and noise all seeds give the same harvest."""
         scenario = self.scenario
         guests = [*scenario.people.model_dump().values(), *scenario.animals.model_dump().values()]
-        own = bool(own_classes(scenario))  # they may draw by the seed
-        return scenario.picking.is_drawn or any(guests) or scenario.laser.noise > 0.0 or not scenario.sensors.are_exact or own
+        guests += scenario.own_classes.values()  # they may draw by the seed
+        return scenario.picking.is_drawn or any(guests) or scenario.laser.noise > 0.0 or not scenario.sensors.are_exact
 
     @property
     def has_prices(self) -> bool:

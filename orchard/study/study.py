@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import fmean
@@ -17,7 +16,6 @@ from orchard.folders import runs_folder
 from orchard.report.losses import lost_seconds
 from orchard.study.answer import sentence
 from orchard.study.confirmation import Confirmation
-from orchard.study.own_source import own_classes
 from orchard.study.racing import LOOKS, Race, StoppedBy
 from orchard.study.replications import Replications
 from orchard.study.result import Check, Comparison, Goal, Model, Row, StudyResult
@@ -77,12 +75,9 @@ def study(
     settings, problems = checked_settings(scenario, varied, options)
     if problems:
         raise ScenarioError(problems)
-    with Store(options.store_file, options.anew) as store, _workers(options) as workers:
+    started = scheduled(options.scheduler) if options.scheduler else processes(options.workers)
+    with Store(options.store_file, options.anew) as store, started as workers:
         return _Study(scenario, varied, settings, options, store, workers, tell, is_stopped).run()
-
-
-def _workers(options: StudyOptions) -> AbstractContextManager[Workers]:
-    return scheduled(options.scheduler) if options.scheduler else processes(options.workers)
 
 
 def checked_settings(scenario: Scenario, varied: Mapping[str, Sequence[Any]], options: StudyOptions) -> tuple[list[Setting], list[Problem]]:
@@ -112,8 +107,8 @@ def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list
 
 
 def _plugin_problems(settings: Sequence[Setting], model: Models) -> list[Problem]:
-    """What is wrong with the classes of the user's own that settings name, for this model."""
-    with_own = {classes: setting for setting in settings if (classes := own_classes(setting.scenario))}
+    """What is wrong with the user's own classes that settings name, for this model."""
+    with_own = {tuple(classes.items()): setting for setting in settings if (classes := setting.scenario.own_classes)}
     return [problem for setting in with_own.values() for problem in _plugin_problems_of(setting, model)]
 
 
@@ -180,20 +175,16 @@ class _Study:
 
         One of each comes first: a setting that jams gets no more.
         """
-        done = 0
         for look in (1, *LOOKS):
             more = [i for i in self.race.left if self.settings[i].is_random]
-            if done >= LOOKS[0] and not self.runs.fits(more, self.model, look, until):
-                return self._end_race()
-            is_whole = self._replicate(look, until)
+            fits = look <= LOOKS[0] or self.runs.fits(more, self.model, look, until)
+            is_whole = fits and self._replicate(look, until)
             if self.race.why is None and not is_whole:
                 return self._end_race()
             if look >= LOOKS[0]:
                 self.race.look(self._samples(look), look == LOOKS[-1])
             if self.race.why is not None:
-                return None
-            done = look
-        return None
+                break
 
     def _replicate(self, count: int, until: float) -> bool:
         """Do so many replications of all settings that are left, until none of these has jammed. Return whether all are done."""
@@ -231,7 +222,7 @@ class _Study:
         """Split what the harvests of each setting lost, the best settings first, as far as the time allows."""
         known = [i for i in range(len(self.settings)) if self.runs.harvested(i, self.model)]
         first = [i for i in (self.race.best, *self.race.left) if i in known]
-        harvests = {i: self._harvests(i) for i in dict.fromkeys([*first, *known]) if i is not None}
+        harvests = {i: self._harvests(i) for i in dict.fromkeys([*first, *known])}
         items = [(i, *harvest) for i, some in harvests.items() for harvest in some]
         parts: dict[int, list[dict[str, float]]] = {i: [] for i in harvests}
         for item, lost in self.runs.workers.do(_losses, items, lambda: self.runs.goes_on(until)):
@@ -289,10 +280,9 @@ class _Study:
         return (max if self.race.is_max else min)(means, key=lambda i: means[i]) if means else None
 
     def _verdict(self, i: int) -> Comparison:
-        best = self.race.best
-        assert best is not None
-        count = max(len(self.runs.known(j, self.model)) for j in (i, best))
-        found = self.race.verdict(i, {j: self.runs.sample(j, self.model, count) for j in (i, best)})
+        two = [j for j in (i, self.race.best) if j is not None]
+        count = max(len(self.runs.known(j, self.model)) for j in two)
+        found = self.race.verdict(i, {j: self.runs.sample(j, self.model, count) for j in two})
         return Comparison(setting=self.settings[i].values, **vars(found))
 
     # -- its notes
@@ -302,16 +292,17 @@ class _Study:
         notes = []
         if not any(setting.is_random for setting in self.settings):
             notes.append("nothing in these settings is random, so one run of each stands for all seeds")
-        alike = [i for i, row in rows.items() if self._is_alike_by_chance(i, row)]
-        if alike:
+        same = [i for i, row in rows.items() if (one := row.bins_per_hour) is not None and one.low == one.high]
+        if alike := [i for i in same if self.settings[i].is_random]:
             notes.append(f"all runs gave the same, so there is no interval, though seeds may differ: {self._words(alike)}")
         if self.race.best is not None and (ends := self._ends(self.settings[self.race.best])):
             notes.append(f"the best has {ends}: the end of what was tried")
         if hardly := self._hardly_worse(rows, verdicts):
             notes.append(f"worse for certain, but by less than {100 * self.options.within:g} %: {self._words(hardly)}")
-        jammed = {i: row for i, row in rows.items() if row.jammed}
-        words = (f"{self.settings[i].words or 'the scenario'}: {row.jammed} of {row.replications}" for i, row in jammed.items())
-        return [*notes, *(f"{one} runs jammed" for one in words), *self._faults(rows)]
+        for i, row in rows.items():
+            if row.jammed:
+                notes.append(f"{self.settings[i].words or 'the scenario'}: {row.jammed} of {row.replications} runs jammed")
+        return [*notes, *self._faults(rows)]
 
     def _faults(self, rows: Iterable[int]) -> list[str]:
         """Of each setting in which a class of the user's own failed, the first fault: its figures are those of another rule."""
@@ -330,10 +321,6 @@ class _Study:
             return []
         first = next(iter(store.damaged.values()))
         return [f"{store.path}: {len(store.damaged)} of the runs in it were damaged, as by {first}: they are done again"]
-
-    def _is_alike_by_chance(self, i: int, row: Row) -> bool:
-        one = row.bins_per_hour
-        return self.settings[i].is_random and one is not None and one.low == one.high
 
     def _ends(self, best: Setting) -> str:
         """The numbers of a setting beyond which nothing was tried: "carriers=20"."""

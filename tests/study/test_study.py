@@ -83,7 +83,7 @@ def test_what_is_known_is_not_run_again(result, folder, monkeypatch):
     path = folder / "first.db"
     changed = path.stat().st_size
     workers = Watched()
-    monkeypatch.setattr(module, "_workers", lambda options: workers)
+    monkeypatch.setattr(module, "processes", lambda count: workers)
     again = study(CHANCE, VARIED, replace(AMPLE, store=path))
     assert workers.runs == 0
     assert path.stat().st_size == changed

@@ -201,11 +201,16 @@ def test_another_velocity_at_the_other_end_of_the_bar_ends_a_hold():
     assert bin_.asked == [0, 1]  # the picker drives since tick 0
 
 
+def passed_by(x, y, **zones):
+    """A worker that holds, and a visitor that walks north before it from (x, y)."""
+    scenario, watcher = empty_orchard(people=People(workers=1, visitors=1)), Holder(**zones)
+    stage = stage_of(scenario, worker_01=watcher, visitor_01=Holder(Twist(0.5)))
+    stage.put("worker_01", 0.0, -30.0), stage.put("visitor_01", x, y, "NORTH")
+    return stage, watcher
+
+
 def test_a_zone_that_becomes_occupied_or_free_ends_a_hold():
-    scenario = empty_orchard(people=People(workers=1, visitors=1))
-    walker, watcher = Holder(Twist(0.5)), Holder(watch=(AHEAD,))
-    stage = stage_of(scenario, worker_01=watcher, visitor_01=walker)
-    stage.put("worker_01", 0.0, -30.0), stage.put("visitor_01", 1.0, -33.0, "NORTH")
+    stage, watcher = passed_by(1.0, -33.0, watch=(AHEAD,))
     stage.run(13)
     entered, left = watcher.asked[1:]
     assert 30 < entered < left < 100
@@ -213,20 +218,14 @@ def test_a_zone_that_becomes_occupied_or_free_ends_a_hold():
 
 
 def test_a_still_zone_ends_a_hold_at_each_change_in_it():
-    scenario = empty_orchard(people=People(workers=1, visitors=1))
-    walker, watcher = Holder(Twist(0.5), until=FOREVER), Holder(still=(AHEAD,))
-    stage = stage_of(scenario, worker_01=watcher, visitor_01=walker)
-    stage.put("worker_01", 0.0, -30.0), stage.put("visitor_01", 1.0, -33.0, "NORTH")
+    stage, watcher = passed_by(1.0, -33.0, still=(AHEAD,))
     stage.run(13)
     assert len(watcher.asked) > 20
     assert watcher.asked[1:] == list(range(watcher.asked[1], watcher.asked[-1] + 1))
 
 
 def test_another_freer_side_ends_a_hold_a_change_on_one_side_does_not():
-    scenario = empty_orchard(people=People(workers=1, visitors=1))
-    walker, watcher = Holder(Twist(0.5), until=FOREVER), Holder(freer_within=3.0)
-    stage = stage_of(scenario, worker_01=watcher, visitor_01=walker)
-    stage.put("worker_01", 0.0, -30.0), stage.put("visitor_01", 1.5, -32.5, "NORTH")  # on its right, and on its way to the left
+    stage, watcher = passed_by(1.5, -32.5, freer_within=3.0)  # on its right, and on its way to the left
     sides = []
     for _ in range(110):
         sides.append(freer_side(stage.local.engine.observe()["worker_01"], 3.0))

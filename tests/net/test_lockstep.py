@@ -10,7 +10,7 @@ import time
 import msgpack
 import pytest
 from fleet import ROOT, SECONDS, until
-from local_runs import AGENTS, SMALL, TICKS, TOY, local_hash
+from local_runs import AGENTS, SMALL, TICKS, TOY
 
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
@@ -49,17 +49,7 @@ def test_someone_who_hears_everything_changes_nothing(fleet, undisturbed):
     until(heard, lambda key: missing.discard(key) or not missing)
 
 
-def test_another_seed_is_another_run():
-    assert local_hash(Scenario(rows=3), 50) != local_hash(Scenario(rows=3, seed=2), 50)
-
-
 # -- which session drives
-
-
-def stop(fleet, someone):
-    """Ask the run to end, as a person does."""
-    assert someone.quit()["state"] == "quitting"
-    fleet.end()
 
 
 def test_a_robot_stands_until_someone_drives_it(fleet):
@@ -74,7 +64,8 @@ def test_a_robot_stands_until_someone_drives_it(fleet):
         pose = until(poses, lambda pose: True)
     standing = until(poses, lambda later: later["tick"] > pose["tick"] + 10 and later["twist"]["linear"]["x"] == 0.0)
     assert standing["pose"]["position"]["x"] < -33.0, "half a second after the last velocity it stands"
-    stop(fleet, someone)
+    assert someone.quit()["state"] == "quitting"
+    fleet.end()
 
 
 def test_only_the_owner_drives_a_robot(fleet):
@@ -213,7 +204,8 @@ def test_bins_and_physics_answer_questions(fleet):
     answer = someone.ask("orchard/scenario")[0]
     assert answer["run"] == fleet.run
     assert Scenario.model_validate(answer["scenario"]) == SMALL
-    stop(fleet, someone)
+    assert someone.quit()["state"] == "quitting"
+    fleet.end()
 
 
 # -- the network itself

@@ -95,7 +95,7 @@ def test_nonsense_gets_an_error_reply():
     query = Query(b"\xc1")
     with pytest.raises(Refused):
         mailbox().hear("picker_01", query)
-    assert query.error.startswith("malformed")
+    assert query.errors[0].startswith("malformed")
 
 
 def test_an_answer_to_what_was_heard_earlier_goes_nowhere():

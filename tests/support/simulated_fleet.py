@@ -140,9 +140,6 @@ class Heard:
             raise queue.Empty
         return self._messages.popleft()
 
-    def get_nowait(self):
-        return self.get(0.0)
-
     def qsize(self) -> int:
         return len(self._messages)
 

@@ -1,5 +1,7 @@
 """What stands in for the network and the clock in the tests of lockstep's and realtime's rules: queries, letters, owners, time."""
 
+from recorded_messages import Query as AnyQuery
+
 from orchard.contract.messages import StateRequest, pack
 from orchard.server.roster import Roster
 from orchard.wire.messages import Answered, Letter, Received
@@ -8,20 +10,14 @@ from orchard.wire.types import read
 RUN = "run1"
 
 
-class Query:
-    """A query as a queryable's handler gets it."""
+class Query(AnyQuery):
+    """A query whose replies are read."""
 
     def __init__(self, payload):
-        self.payload, self.replies, self.error, self.dropped = payload, [], "", False
+        super().__init__("", payload)
 
     def reply(self, payload):
         self.replies.append(read(payload, Received | Answered))
-
-    def refuse(self, reason):
-        self.error, self.dropped = reason, True
-
-    def drop(self):
-        self.dropped = True
 
 
 class Clock:

@@ -106,3 +106,17 @@ def test_a_host_that_is_started_again_as_the_run_ends_does_not_wait_for_physics(
     verdict = carry_out(plan(Fault("kill", "agents_1", tick)))
     assert verdict.complaints == []
     assert verdict.seconds < 15.0
+
+
+@pytest.mark.parametrize("delay", [0.0002, 0.002, 0.02, 0.1])
+def test_physics_that_dies_after_the_end_keeps_nothing_waiting(delay):
+    verdict = carry_out(plan(Fault("kill", PHYSICS, 60, delay)))
+    assert verdict.complaints == []
+    assert verdict.seconds < 15.0
+
+
+@pytest.mark.parametrize("delay", [0.005, 0.01, 0.02, 0.05])
+def test_a_request_to_end_that_comes_while_the_run_is_reset_is_not_forgotten(delay):
+    verdict = carry_out(plan(Fault("silence", "agents_1", 20, 0.0, 0.3), Fault("reset", CLIENT, 20), Fault("kill", RUN_PY, 20, delay)))
+    assert verdict.complaints == []
+    assert verdict.seconds < 60.0

@@ -2,7 +2,8 @@
 
 What it does is what Zenoh does, and no better: `tests/net/test_bus_contract.py` runs the same scripts against both.
 
-- A link has two directions, and each has two lanes: declarations (subscribers, queryables, tokens) overtake data. A lane keeps its order.
+- A link has two directions, and each has two lanes: declarations (subscribers, queryables, tokens) may overtake data, and data never
+  declarations. A lane keeps its order.
 - A link that is silent for LEASE seconds is closed by each side that notices it; what is under way is lost; the client connects again.
 - A receiver that takes nothing fills its link: samples that may be dropped are lost, others close the link after a moment.
 """
@@ -69,7 +70,8 @@ class Link:
             if not may_drop:
                 self._close_if_full()
             return
-        at = max(self._last[way, lane], self._scheduler.now + self._delays.draw(self._random))
+        before = self._last[way, CONTROL] if lane == CONTROL else max(self._last[way, DATA], self._last[way, CONTROL])
+        at = max(before, self._scheduler.now + self._delays.draw(self._random))
         self._last[way, lane] = at
         self._scheduler.after(at - self._scheduler.now, lambda: self._arrive(way, act))
 
@@ -211,6 +213,10 @@ class Router:
             self._watchers[link.session.id].append(tokens)
             for token in [token for present in self._tokens.values() for token in present if meets(tokens, token)]:
                 link.send(DOWN, partial(link.session.hear_token, token, True), CONTROL)
+
+    def knows(self, token: str) -> bool:
+        """Whether a liveliness token is there."""
+        return any(token in tokens for tokens in self._tokens.values())
 
     def token(self, link: Link, token: str, up: bool) -> None:
         if not self._is_linked(link):
@@ -599,6 +605,10 @@ class Network:
         """End the router of a process. `share`: how much of what it has sent still arrives."""
         if self.router is not None and self.router.owner == name:
             self.router.close(share)
+
+    def has_token(self, token: str) -> bool:
+        """Whether the router knows a liveliness token."""
+        return self.router is not None and self.router.is_open and self.router.knows(token)
 
     def links_of(self, name: str) -> list[Link]:
         """Return the links of a process."""

@@ -213,7 +213,7 @@ class Schedule:
         elif supervisor.is_over(PHYSICS) or PHYSICS in supervisor.given_up or self._has_heard_the_end():
             self._over_at = scheduler.now
             supervisor.terminate(*(name for name in supervisor.running if name.startswith("agents")))
-            if not self.world.network.links_of(LOGGER):
+            if not self.world.network.has_token(KEYS.of("alive", LOGGER, RUN)):
                 supervisor.kill(LOGGER)
         else:
             supervisor.watch()

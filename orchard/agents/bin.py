@@ -114,6 +114,8 @@ class Bin:
             memory.picking_speed = self.layout.scenario.picking_speed
         elif is_steady and memory.speed >= LEAST_SPEED:
             memory.picking_speed = memory.speed
+        elif not memory.picking_speed:  # it begins without a memory, on a picker that has begun
+            memory.picking_speed = self.layout.scenario.picking_speed
         ripening = forecast.of(seen, picker, memory.picking_speed)
         is_time = ripening is not None and ripening.seconds < forecast.horizon
         if ripening is not None and (is_time or memory.carrier):

@@ -107,7 +107,7 @@ def _first_in_folder(folder: Any, run: str = "") -> Any:
 
 
 def _without_patience(*arguments: Any) -> host.Host:
-    return host.Host(*arguments[:-1], patience=0.1)
+    return host.Host(*arguments[:-1], 0.1)  # type: ignore[call-arg]
 
 
 def _goes_on_while_paused(self: RunClock) -> float:

@@ -162,9 +162,6 @@ class Schedule:
             if self.plan.has_router:
                 self.world.network.start_router(ROUTER)
             self._start()
-            session = self.world.network.open(RUN_PY, PassingInbox(self.world.scheduler, self._hear))
-            session.subscribe(KEYS.of("end"))
-            session.watch(KEYS.of("alive", PHYSICS, RUN))
             self.world.scheduler.after(LOOK_SECONDS, self._look)
             self._watch(list(self.plan.faults))
             self.world.scheduler.run(lambda: self.is_over, LIMIT)
@@ -190,7 +187,7 @@ class Schedule:
             recorded=plan.has_logger,
             resume=resume,
         )
-        self._ending = Ending(lambda: self.world.scheduler.now)
+        self._listen()
         names = sorted(lay_out(Scenario(**plan.scenario)).agents)
         self.supervisor = SimulatedSupervisor(self.world, RUN)
         self.supervisor.start(spec_of_physics(options))
@@ -198,6 +195,16 @@ class Schedule:
             self.supervisor.start(SPEC_OF_LOGGER)
         for number in range(plan.hosts):
             self.supervisor.start(spec_of_host(f"agents_{number}", names[number :: plan.hosts]))
+
+    def _listen(self) -> None:
+        """Open the session of run.py."""
+        network = self.world.network
+        for session in [session for session in network.sessions if session.name == RUN_PY]:
+            network.end(session)
+        self._ending = Ending(lambda: self.world.scheduler.now)
+        session = network.open(RUN_PY, PassingInbox(self.world.scheduler, self._hear))
+        session.subscribe(KEYS.of("end"))
+        session.watch(KEYS.of("alive", PHYSICS, RUN))
 
     def _look(self) -> None:
         """Restart what has died, until physics is over; then wait for the others."""

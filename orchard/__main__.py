@@ -13,9 +13,15 @@ def main() -> None:
     if os.environ.get("COLUMNS") == "0":  # the width of a terminal that does not know its own: Rich would print nothing
         del os.environ["COLUMNS"]
     collect_seldom()
+    from orchard.field.plugins import end_soon
     from orchard.launch import commands
+    from orchard.launch.terminal import FAILED, print_error
 
-    commands.main()
+    try:
+        commands.main()
+    except SystemExit as end:
+        end_soon(end.code if isinstance(end.code, int) else FAILED, print_error)
+        raise
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ from typer.exceptions import TyperException
 
 from orchard.agents.catalogue import check_plugins
 from orchard.field.layout import lay_out
-from orchard.field.plugins import end_soon
 from orchard.field.problems import Problem, ScenarioError, printable
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
@@ -29,7 +28,6 @@ from orchard.launch.runs import Runs, alone, check_writable
 from orchard.launch.study_options import StudyArguments
 from orchard.launch.terminal import (
     BAD_INPUT,
-    FAILED,
     FINISHED,
     console,
     errors,
@@ -307,9 +305,6 @@ def main() -> None:
     except TyperException as error:
         print_error(fault_of(error))
         raise SystemExit(error.exit_code) from None
-    except SystemExit as end:
-        end_soon(end.code if isinstance(end.code, int) else FAILED, print_error)
-        raise
     finally:
         console.end()
         errors.end()

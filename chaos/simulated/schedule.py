@@ -30,6 +30,7 @@ from orchard.wire.messages import RESET, End
 
 NO_EXECUTOR = Executor()  # of clients, which write nothing
 WATCH_SECONDS = 0.001  # between two looks at the tick
+USER_SECONDS = 2.0  # that a user takes to continue a run
 LOOK_SECONDS = 0.2  # between two looks of run.py at its processes
 LIMIT = 300.0  # s of virtual time within which each schedule ends
 MOST_TICKS = 300
@@ -154,6 +155,7 @@ class Schedule:
         self.is_over = False
         self._over_at: float | None = None
         self._is_ending = False  # run.py is gone, and its processes end
+        self._ended_at: float | None = None  # s: when they had all ended
         self._clients = 0
 
     def run(self) -> Verdict:
@@ -210,8 +212,10 @@ class Schedule:
         """Restart what has died, until physics is over; then wait for the others."""
         scheduler, supervisor = self.world.scheduler, self.supervisor
         if self._is_ending:
-            if not supervisor.is_any_left():
-                self._is_ending = False
+            if not supervisor.is_any_left() and self._ended_at is None:
+                self._ended_at = scheduler.now
+            if self._ended_at is not None and scheduler.now >= self._ended_at + USER_SECONDS:
+                self._is_ending, self._ended_at = False, None
                 self._start(resume=True)
         elif self._over_at is not None:
             if scheduler.now > self._over_at + THINK_SECONDS:

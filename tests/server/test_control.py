@@ -91,7 +91,7 @@ def test_a_velocity_that_arrives_before_the_next_tick_is_due_counts_in_this_one(
     run = Run(SMALL, RUN, 20)
     bus, engine = run.physics.bus, Engine.begin(SMALL)
     names = list(engine.layout.agents)
-    physics = RunLoop(bus, KEYS, engine, RunOptions(run=RUN, mode=mode, speed=4.0, duration=2.0, absent=names))  # it has 25 ms a tick to spare
+    physics = RunLoop(bus, KEYS, engine, RunOptions(run=RUN, mode=mode, speed=4.0, duration=2.0, absent=names))
     bus.inbox, poses = Late(engine, 3), {}
 
     def see(key: str, payload: bytes) -> None:

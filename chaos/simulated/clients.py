@@ -10,7 +10,7 @@ import msgspec
 from chaos.fuzzer import ASKED, NAMES, invalid_message
 from orchard.contract.messages import pack, unpack
 from orchard.field.geometry import Twist
-from orchard.net.bus import Bus, Final, Item, Sample
+from orchard.net.bus import Bus, Final, Item, Replied, Sample
 from orchard.net.endpoints import BusError
 from orchard.net.requests import fetch_run
 from orchard.wire import messages as wire
@@ -37,11 +37,13 @@ class Client:
                 items.append(item)
         return items
 
-    def ask(self, what: str, message: RunMessage, session: str = "*", seconds: float = 3.0) -> None:
-        """Send a query, and wait until its replies have come."""
+    def ask(self, what: str, message: RunMessage, session: str = "*", seconds: float = 3.0) -> bool:
+        """Send a query, and wait until its replies have come. Return whether there was one."""
         self.bus.ask(KEYS.of(what, session=session), pack(message), what, seconds)
-        while not isinstance(self.bus.inbox.take(seconds), Final | None):
-            pass
+        is_answered = False
+        while not isinstance(item := self.bus.inbox.take(seconds), Final | None):
+            is_answered = is_answered or (isinstance(item, Replied) and not item.error)
+        return is_answered
 
 
 def claim(client: Client) -> None:
@@ -107,8 +109,10 @@ def pause(client: Client) -> None:
     for _ in range(client.random.randrange(3)):
         client.ask("step_simulation", wire.StepSimulation(RUN, client.random.randint(1, 5)))
     client.hear(client.random.random())
-    for _ in range(3):  # one may be lost
-        client.ask("set_simulation_state", wire.SetSimulationState(RUN, "playing"))
+    for _ in range(100):  # it may be lost while physics is away, and then the run stays paused
+        if client.ask("set_simulation_state", wire.SetSimulationState(RUN, "playing")):
+            return
+        client.hear(0.2)
 
 
 def listen(client: Client) -> None:

@@ -120,3 +120,9 @@ def test_a_request_to_end_that_comes_while_the_run_is_reset_is_not_forgotten(del
     verdict = carry_out(plan(Fault("silence", "agents_1", 20, 0.0, 0.3), Fault("reset", CLIENT, 20), Fault("kill", RUN_PY, 20, delay)))
     assert verdict.complaints == []
     assert verdict.seconds < 60.0
+
+
+@pytest.mark.parametrize("delay", [0.15, 0.25, 0.4])
+def test_a_run_that_ends_again_before_its_hosts_are_back_waits_for_them_when_it_goes_on(delay):
+    faults = Fault("kill", PHYSICS, 150), Fault("kill", RUN_PY, 150, delay)
+    assert carry_out(Plan(1, SCENARIOS[2], 200, 2, False, False, Delays(5e-3), faults)).complaints == []

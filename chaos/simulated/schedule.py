@@ -221,17 +221,18 @@ class Schedule:
             if scheduler.now > self._over_at + THINK_SECONDS:
                 supervisor.kill(PHYSICS)
             self.is_over = not supervisor.is_any_left() or scheduler.now > self._over_at + LEAVE_LIMIT
-        elif supervisor.is_over(PHYSICS) or PHYSICS in supervisor.given_up or self._has_heard_the_end():
-            self._over_at = scheduler.now
-            supervisor.terminate(*(name for name in supervisor.running if name.startswith("agents")))
-            if not self.world.network.has_token(KEYS.of("alive", LOGGER, RUN)):
-                supervisor.kill(LOGGER)
+        elif supervisor.is_over(PHYSICS) or PHYSICS in supervisor.given_up:
+            self._let_go()
         else:
             supervisor.watch()
         scheduler.after(LOOK_SECONDS, self._look)
 
-    def _has_heard_the_end(self) -> bool:
-        return self._ending.end is not None and self.supervisor.exit_code(PHYSICS) is None
+    def _let_go(self) -> None:
+        """Let the processes end: the run is over."""
+        self._over_at = self.world.scheduler.now
+        self.supervisor.terminate(*(name for name in self.supervisor.running if name.startswith("agents")))
+        if not self.world.network.has_token(KEYS.of("alive", LOGGER, RUN)):
+            self.supervisor.kill(LOGGER)
 
     def _hear(self, item: Item) -> None:
         """Hear of the end, as run.py does."""
@@ -241,6 +242,9 @@ class Schedule:
             with suppress(Refused):
                 if (end := read_message(item.payload, End, RUN)).why != RESET:
                     self._ending.hear(end)
+        is_here = self._over_at is None and not self._is_ending and self.supervisor.exit_code(PHYSICS) is None
+        if is_here and self._ending.end is not None:
+            self._let_go()
 
     def _die(self) -> None:
         """End as run.py does by SIGKILL: the lines of all processes close. A moment later, a user continues the run."""

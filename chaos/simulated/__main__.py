@@ -68,7 +68,7 @@ def mutations(
     names = [name for name in MUTATIONS if only in name]
     with _workers() as workers:
         found = list(track(workers.map(partial(_first_seed, most), names), "mutations", len(names), console=console))
-    rows = [f"| {name} | {seed} | {what} |" for name, (seed, what) in zip(names, found, strict=True)]
+    rows = [f"| {name} | {'not found' if seed is None else seed} | {what} |" for name, (seed, what) in zip(names, found, strict=True)]
     _say("\n".join(rows))
     if not only:
         head = f"What fails if one safety net of the protocol is cut out ({date.today()}, at most {most} schedules each)."
@@ -100,7 +100,7 @@ def _first_seed(most: int, name: str) -> tuple[int | None, str]:
             complaints = carry_out(draw(seed)).complaints
         if complaints:
             return seed, complaints[0].splitlines()[0][:100]
-    return None, "nothing"
+    return None, ""
 
 
 def _tell(seed: int) -> int:

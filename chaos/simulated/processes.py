@@ -14,8 +14,9 @@ from unittest.mock import patch
 
 import msgspec
 
-from chaos.simulated.network import Network, SimulatedBus
+from chaos.simulated.network import Network
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
+from chaos.simulated.session import SimulatedBus
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check

@@ -11,7 +11,8 @@ from random import Random
 from typing import Any, NamedTuple
 
 from chaos.simulated.clients import CHANGES_THE_HASH, KEYS, RUN, Client, let_act
-from chaos.simulated.network import DOWN, UP, Delays, Network
+from chaos.simulated.link import DOWN, UP, Delays
+from chaos.simulated.network import Network
 from chaos.simulated.processes import SPEC_OF_LOGGER, SimulatedProcess, SimulatedSupervisor, World, spec_of_host, spec_of_physics
 from chaos.simulated.scheduler import PassingInbox, Scheduler, VirtualInbox
 from orchard.field.layout import lay_out

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from chaos.simulated.clients import CLIENTS
+from chaos.simulated.link import Delays
 from chaos.simulated.mutations import cut_out
-from chaos.simulated.network import Delays
 from chaos.simulated.schedule import CLIENT, ROUTER, RUN_PY, SCENARIOS, Fault, Plan, carry_out, draw, shrink
 from orchard.wire.keys import PHYSICS
 

@@ -7,7 +7,8 @@ from random import Random
 import pytest
 
 from chaos.relay import Relay
-from chaos.simulated.network import Delays, Network
+from chaos.simulated.link import Delays
+from chaos.simulated.network import Network
 from chaos.simulated.scheduler import Scheduler, VirtualInbox
 from orchard.net.bus import TIMED_OUT, Alive, Final, Query, Replied, Sample
 from orchard.net.zenoh_bus import client, router

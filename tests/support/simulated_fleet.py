@@ -12,9 +12,11 @@ from random import Random
 import msgpack
 from msgpack import UnpackException
 
-from chaos.simulated.network import Delays, Network, SimulatedBus
+from chaos.simulated.link import Delays
+from chaos.simulated.network import Network
 from chaos.simulated.processes import SimulatedProcess, World
 from chaos.simulated.scheduler import PassingInbox, Scheduler
+from chaos.simulated.session import SimulatedBus
 from orchard.field.scenario import Scenario, to_yaml
 from orchard.launch.supervisor import ProcessSpec
 from orchard.net.bus import Alive, Final, Item, Replied, Sample, Signal

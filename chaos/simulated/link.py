@@ -1,0 +1,127 @@
+"""A link between a session and the router of the simulated network, with delays and faults.
+
+- A link has two directions, and each has two lanes: declarations (subscribers, queryables, tokens) may overtake data, and data never
+  declarations. A lane keeps its order.
+- A link that is silent for LEASE seconds is closed by each side that notices it; what is under way is lost; the client connects again.
+- A receiver that takes nothing fills its link: samples that may be dropped are lost, others close the link after a moment.
+"""
+
+from collections.abc import Callable, Iterable
+from functools import partial
+from random import Random
+from typing import TYPE_CHECKING, NamedTuple
+
+from orchard.net.zenoh_bus import FULL_QUEUE_US, LEASE_MS
+
+if TYPE_CHECKING:
+    from chaos.simulated.router import Router
+    from chaos.simulated.session import SimulatedBus
+
+LEASE = LEASE_MS / 1000.0  # s
+FULL_SECONDS = FULL_QUEUE_US / 1e6  # s that a full link may stay full
+ROOM = 40  # messages that a silent link holds in each direction
+DATA, CONTROL = 0, 1  # lanes
+UP, DOWN = 0, 1  # directions: to the router, and from it
+
+
+class Delays(NamedTuple):
+    """How long messages take on one link. `typical`, `slow`: s; `share`: of messages that are slow."""
+
+    typical: float = 1e-3
+    slow: float = 0.1
+    share: float = 0.02
+
+    def draw(self, random: Random) -> float:
+        return random.random() * (self.slow if random.random() < self.share else 2.0 * self.typical)
+
+
+class Link:
+    """A connection between a session and the router, from its opening until it is closed."""
+
+    def __init__(self, session: "SimulatedBus", router: "Router", delays: Delays, random: Random) -> None:
+        self.session, self.router = session, router
+        self._scheduler, self._delays, self._random = router.scheduler, delays, random
+        self.is_open = [True, True]  # as the session sees it, as the router sees it
+        self._last = {(way, lane): 0.0 for way in (UP, DOWN) for lane in (DATA, CONTROL)}  # s: the newest arrival
+        self._silent = [0, 0]  # how many faults silence each direction
+        self._since = [0, 0]  # the number of the silence that lasts, 0 without one
+        self._silences = 0
+        self._waiting: list[list[Callable[[], None]]] = [[], []]
+        self._is_full = False
+
+    def send(self, way: int, act: Callable[[], None], lane: int = DATA, may_drop: bool = False) -> None:
+        """Let `act` happen at the other side, unless the message is lost."""
+        if not self.is_open[way]:
+            return
+        if self._silent[way] and len(self._waiting[way]) >= ROOM:
+            if not may_drop:
+                self._close_if_full()
+            return
+        before = self._last[way, CONTROL] if lane == CONTROL else max(self._last[way, DATA], self._last[way, CONTROL])
+        at = max(before, self._scheduler.now + self._delays.draw(self._random))
+        self._last[way, lane] = at
+        self._scheduler.after(at - self._scheduler.now, lambda: self._arrive(way, act))
+
+    def _close_if_full(self) -> None:
+        if not self._is_full:
+            self._is_full = True
+            self._scheduler.after(FULL_SECONDS, lambda: self.close() if self._is_full else None)
+
+    def _arrive(self, way: int, act: Callable[[], None]) -> None:
+        if self._silent[way]:
+            self._waiting[way].append(act)
+        elif self.is_open[1 - way]:
+            act()
+
+    def silence(self, ways: Iterable[int]) -> None:
+        """Let nothing through until `speak`. After LEASE the side that hears nothing closes the link."""
+        for way in ways:
+            self._silent[way] += 1
+            self._silences += 1
+            self._scheduler.after(LEASE, partial(self._close_if_silent, way, self._silences))
+            self._since[way] = self._since[way] or self._silences
+
+    def speak(self, ways: Iterable[int]) -> None:
+        """End a silence. What has waited arrives."""
+        for way in ways:
+            self._silent[way] -= 1
+            if not self._silent[way]:
+                waiting, self._waiting[way], self._is_full, self._since[way] = self._waiting[way], [], False, 0
+                for act in waiting:
+                    if all(self.is_open):
+                        act()
+
+    def _close_if_silent(self, way: int, number: int) -> None:
+        if 0 < self._since[way] <= number:
+            self.close(session=way == DOWN, router=way == UP)
+
+    def end(self, way: int, share: float) -> None:
+        """Close it from the side that sends in a direction. `share`: how much of what it has sent still arrives."""
+        under_way = max(self._last[way, DATA], self._last[way, CONTROL]) - self._scheduler.now
+        self.is_open[way] = False
+        self._scheduler.after(max(0.0, under_way) * share, self.close)
+
+    def close(self, session: bool = True, router: bool = True) -> None:
+        """Close it, as one side or both see it. A side that it is not closed for notices soon: the other's socket is gone."""
+        if router and self.is_open[1]:
+            self.is_open[1] = False
+            self.router.lose(self)
+        if session and self.is_open[0]:
+            self.is_open[0] = False
+            self.session.lose(self)
+        if any(self.is_open):
+            self._scheduler.after(0.01 if not any(self._silent) else LEASE, self.close)
+
+
+class DirectLink(Link):
+    """The link of a router's own session: it has no delay and no fault."""
+
+    def silence(self, ways: Iterable[int]) -> None:
+        pass
+
+    def speak(self, ways: Iterable[int]) -> None:
+        pass
+
+    def send(self, way: int, act: Callable[[], None], lane: int = DATA, may_drop: bool = False) -> None:
+        if all(self.is_open):
+            act()

@@ -1,0 +1,160 @@
+"""The router of the simulated network: it passes on what the sessions that are linked to it send and declare."""
+
+from functools import lru_cache, partial
+
+import zenoh
+
+from chaos.simulated.link import CONTROL, DATA, DOWN, Link
+from chaos.simulated.scheduler import Scheduler
+
+
+@lru_cache(maxsize=100_000)
+def meets(one: str, other: str) -> bool:
+    """Whether two key expressions have a key in common."""
+    return bool(zenoh.KeyExpr(one).intersects(zenoh.KeyExpr(other)))
+
+
+class Router:
+    """A router: it passes on what the sessions that are linked to it send and declare."""
+
+    def __init__(self, scheduler: Scheduler, owner: str = "") -> None:
+        """`owner`: the name of the process that has it; '' for a router of its own."""
+        self.scheduler, self.owner = scheduler, owner
+        self.links: dict[str, Link] = {}  # session id ->
+        self._subscribers: dict[str, list[str]] = {}  # session id -> keys
+        self._queryables: dict[str, list[str]] = {}
+        self._watchers: dict[str, list[str]] = {}
+        self._tokens: dict[str, list[str]] = {}
+        self._interested: set[str] = set()  # sessions that ask who subscribes
+        self._pending: dict[int, tuple[str, list[str]]] = {}  # number of a query -> who asks, and the sessions that are to reply
+        self.is_open = True
+
+    @property
+    def pending(self) -> int:
+        """The number of queries that are under way."""
+        return len(self._pending)
+
+    def connect(self, link: Link) -> None:
+        session = link.session.id
+        self.links[session] = link
+        for table in (self._subscribers, self._queryables, self._watchers, self._tokens):
+            table[session] = []
+
+    def lose(self, link: Link) -> None:
+        """Forget a session whose link is closed."""
+        session = link.session.id
+        if self.links.get(session) is not link:
+            return
+        del self.links[session]
+        self._interested.discard(session)
+        for table in (self._subscribers, self._queryables, self._watchers):
+            table.pop(session)
+        for token in self._tokens.pop(session):
+            self._tell_token(token, False)
+        for number, (asker, repliers) in list(self._pending.items()):
+            if asker == session:
+                del self._pending[number]
+            elif session in repliers:
+                self.finish(number, session)
+        self._tell_subscribers()
+
+    def close(self, share: float = 1.0) -> None:
+        """End: all links are closed. `share`: how much of what it has sent still arrives."""
+        if self.is_open:
+            self.is_open = False
+            for link in list(self.links.values()):
+                link.end(DOWN, share)
+
+    # -- declarations
+
+    def subscribe(self, link: Link, keys: str) -> None:
+        if self._is_linked(link):
+            self._subscribers[link.session.id].append(keys)
+            self._tell_subscribers()
+
+    def answer(self, link: Link, key: str) -> None:
+        if self._is_linked(link):
+            self._queryables[link.session.id].append(key)
+
+    def interest(self, link: Link) -> None:
+        """Tell a session from now on who subscribes to what."""
+        if self._is_linked(link):
+            self._interested.add(link.session.id)
+            self._tell_subscribers()
+
+    def watch(self, link: Link, tokens: str) -> None:
+        if self._is_linked(link):
+            self._watchers[link.session.id].append(tokens)
+            for token in [token for present in self._tokens.values() for token in present if meets(tokens, token)]:
+                link.send(DOWN, partial(link.session.hear_token, token, True), CONTROL)
+
+    def knows(self, token: str) -> bool:
+        """Whether a liveliness token is there."""
+        return any(token in tokens for tokens in self._tokens.values())
+
+    def token(self, link: Link, token: str, up: bool) -> None:
+        if not self._is_linked(link):
+            return
+        tokens = self._tokens[link.session.id]
+        if up:
+            tokens.append(token)
+        elif token in tokens:
+            tokens.remove(token)
+        self._tell_token(token, up)
+
+    def _is_linked(self, link: Link) -> bool:
+        return self.links.get(link.session.id) is link
+
+    def _tell_token(self, token: str, up: bool) -> None:
+        for session, keys in list(self._watchers.items()):
+            if any(meets(watched, token) for watched in keys):
+                link = self.links[session]
+                link.send(DOWN, partial(link.session.hear_token, token, up), CONTROL)
+
+    def _tell_subscribers(self) -> None:
+        for session in sorted(self._interested & self.links.keys()):
+            link, known = self.links[session], [keys for other, keys in self._subscribers.items() if other != session]
+            all_keys = [one for keys in known for one in keys]
+            link.send(DOWN, partial(link.session.hear_subscribers, all_keys), CONTROL)
+
+    def subscribers_beside(self, session: str) -> list[str]:
+        """Return the keys to which other sessions subscribe."""
+        return [one for other, keys in self._subscribers.items() if other != session for one in keys]
+
+    # -- data
+
+    def publish(self, link: Link, key: str, payload: bytes, may_drop: bool) -> None:
+        for session, keys in list(self._subscribers.items()):
+            if session != link.session.id and any(meets(one, key) for one in keys):
+                to = self.links[session]
+                to.send(DOWN, partial(to.session.hear_sample, key, payload), DATA, may_drop)
+
+    def ask(self, link: Link, number: int, key: str, payload: bytes) -> None:
+        asker = link.session.id
+        repliers = [session for session, keys in self._queryables.items() if session != asker and any(meets(one, key) for one in keys)]
+        self._pending[number] = asker, list(repliers)
+        for session in repliers:
+            to = self.links[session]
+            to.send(DOWN, partial(to.session.hear_query, to, number, key, payload))
+        if not repliers:
+            self.finish(number, "")
+
+    def reply(self, number: int, payload: bytes, error: str) -> None:
+        if number in self._pending and (link := self.links.get(self._pending[number][0])) is not None:
+            link.send(DOWN, lambda: link.session.hear_reply(number, payload, error))
+
+    def finish(self, number: int, session: str) -> None:
+        """Record that a session has sent all its replies to a query."""
+        if number not in self._pending:
+            return
+        asker, repliers = self._pending[number]
+        if session in repliers:
+            repliers.remove(session)
+        if not repliers:
+            del self._pending[number]
+            if (link := self.links.get(asker)) is not None:
+                link.send(DOWN, lambda: link.session.hear_final(number))
+
+    def forget_query(self, number: int) -> None:
+        """Drop a query whose time is over."""
+        self._pending.pop(number, None)

@@ -1,0 +1,222 @@
+"""The bus in virtual time: a session of the simulated network."""
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from functools import partial
+from random import Random
+from typing import TYPE_CHECKING, Any
+
+from chaos.simulated.link import CONTROL, DATA, UP, DirectLink, Link
+from chaos.simulated.router import meets
+from chaos.simulated.scheduler import Task, VirtualInbox
+from orchard.net.bus import GET_SECONDS, TIMED_OUT, Alive, Bus, Final, Query, Replied, Sample
+
+if TYPE_CHECKING:
+    from chaos.simulated.network import Network
+
+
+class SimulatedQuery(Query):
+    """A query that came over a link."""
+
+    def __init__(self, key: str, payload: bytes, reply: Callable[[bytes, str], None], drop: Callable[[], None]) -> None:
+        self.key, self.payload = key, payload
+        self._reply, self._drop, self._is_dropped = reply, drop, False
+
+    def reply(self, payload: bytes) -> None:
+        if not self._is_dropped:
+            self._reply(payload, "")
+
+    def refuse(self, reason: str) -> None:
+        if not self._is_dropped:
+            self._reply(b"", reason)
+        self.drop()
+
+    def drop(self) -> None:
+        if not self._is_dropped:
+            self._is_dropped = True
+            self._drop()
+
+
+class SimulatedBus(Bus):
+    """A session in virtual time. It is the same for the code of a process as one of Zenoh."""
+
+    def __init__(self, network: "Network", name: str, task: Task | None, inbox: VirtualInbox, executor: Executor | None) -> None:
+        self._network, self._scheduler, self._task = network, network.scheduler, task
+        self.inbox, self.endpoint, self.id = inbox, network.ENDPOINT, network.new_id(name)
+        if executor is not None:
+            self.executor = executor
+        self.name, self.is_dead, self.link = name, False, None
+        self._random = Random(f"{network.seed} {self.id}")
+        self._declared: list[tuple[str, str]] = []  # (what, key), in their order
+        self._quiet: set[str] = set()  # subscriptions that do not wake the reader
+        self._dropping: dict[str, bool] = {}  # key -> whether a slow subscriber may miss messages
+        self._is_interested = False
+        self._known: list[str] = []  # the keys to which others subscribe, as far as the session knows
+        self._alive: set[str] = set()  # the tokens of others that the session knows
+        self._asks: dict[int, tuple[Any, int]] = {}  # number -> ticket, parts that are not final
+
+    link: Link | None
+
+    def clock(self) -> float:
+        return self._scheduler.now
+
+    def sleep(self, seconds: float) -> None:
+        deadline = self._scheduler.in_future(seconds)
+        while self._task is not None and (left := deadline - self._scheduler.now) > 0.0:
+            self._task.wait(left)
+
+    def _work(self) -> None:
+        """Take some time now and then, so that a process can be killed between two messages that it sends."""
+        if self._random.random() < self._network.pauses and not self.is_dead:
+            self.sleep(self._random.random() * 2e-3)
+
+    def _send(self, act: Callable[[Link], None], lane: int = DATA, may_drop: bool = False) -> None:
+        link = self.link
+        if link is not None and not self.is_dead:
+            link.send(UP, lambda: act(link), lane, may_drop)
+
+    # -- publish and query
+
+    def publish(self, key: str, payload: bytes, newest_wins: bool = False) -> None:
+        self._work()
+        may_drop = self._dropping.setdefault(key, newest_wins)
+        self._send(lambda link: link.router.publish(link, key, payload, may_drop), DATA, may_drop)
+
+    def retire(self, key: str) -> None:
+        self._dropping.pop(key, None)
+
+    def is_heard(self, keys: str) -> bool:
+        if isinstance(self.link, DirectLink):
+            return any(meets(keys, one) for one in self.link.router.subscribers_beside(self.id))
+        if not self._is_interested:
+            self._is_interested = True
+            self._send(lambda link: link.router.interest(link), CONTROL)
+        return any(meets(keys, one) for one in self._known)
+
+    def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
+        self._work()
+        own = [one for what, one in self._declared if what == "answer" and meets(one, key)]
+        if self.link is None and not own:
+            self.inbox.put(Final(ticket))
+            return
+        number = self._network.next_number()
+        self._asks[number] = ticket, len(own) + (self.link is not None)
+        for _ in own:
+            self.inbox.put(SimulatedQuery(key, payload, partial(self.hear_reply, number), partial(self.hear_final, number)))
+        self._send(lambda link: link.router.ask(link, number, key, payload))
+        self._scheduler.after(seconds, lambda: self._time_out(number))
+
+    def _time_out(self, number: int) -> None:
+        if number in self._asks and not self.is_dead:
+            ticket, _ = self._asks.pop(number)
+            if self.link is not None:
+                self.link.router.forget_query(number)
+            self.inbox.put(Replied(ticket, b"", TIMED_OUT))
+            self.inbox.put(Final(ticket))
+
+    # -- subscribe and answer
+
+    def subscribe(self, keys: str, quietly: bool = False) -> None:
+        self._quiet |= {keys} if quietly else set()
+        self._declare("subscribe", keys)
+
+    def answer(self, key: str) -> None:
+        self._declare("answer", key)
+
+    def watch(self, tokens: str) -> None:
+        self._declare("watch", tokens)
+
+    def declare_alive(self, token: str) -> None:
+        self._declare("token", token)
+
+    def withdraw(self, token: str) -> None:
+        self._declared.remove(("token", token))
+        self._send(lambda link: link.router.token(link, token, False), CONTROL)
+
+    def _declare(self, what: str, key: str) -> None:
+        self._work()
+        self._declared.append((what, key))
+        self._send_declared(what, key)
+
+    def _send_declared(self, what: str, key: str) -> None:
+        if what == "token":
+            self._send(lambda link: link.router.token(link, key, True), CONTROL)
+        else:
+            self._send(lambda link: getattr(link.router, what)(link, key), CONTROL)
+
+    # -- the link
+
+    def use(self, link: Link) -> None:
+        """Use a link that has been opened: all that the session has declared is declared there too."""
+        self.link = link
+        link.router.connect(link)
+        for what, key in self._declared:
+            self._send_declared(what, key)
+        if self._is_interested:
+            self._send(lambda link: link.router.interest(link), CONTROL)
+
+    def lose(self, link: Link) -> None:
+        """Hear that the link is closed: the others are gone, and the gets that are under way have ended."""
+        if self.link is not link:
+            return
+        self.link = None
+        self._network.trace(f"{self.id} has lost its link")
+        if self.is_dead:
+            return
+        for token in sorted(self._alive):
+            self.hear_token(token, False)
+        self._known = []
+        for number in list(self._asks):
+            self.hear_final(number)
+        self._network.connect_again(self)
+
+    def end(self, share: float) -> None:
+        """Take part no more. `share`: how much of what is under way still arrives: all if the process has closed the session."""
+        self.is_dead = True
+        if self.link is not None:
+            self.link.end(UP, share)
+
+    # -- what arrives
+
+    def hear_sample(self, key: str, payload: bytes) -> None:
+        for what, keys in self._declared:
+            if what == "subscribe" and meets(keys, key):
+                (self.inbox.put_quietly if keys in self._quiet else self.inbox.put)(Sample(key, payload))
+
+    def hear_token(self, token: str, up: bool) -> None:
+        if up != (token in self._alive):
+            (self._alive.add if up else self._alive.discard)(token)
+            self.inbox.put(Alive(token, up))
+
+    def hear_subscribers(self, keys: list[str]) -> None:
+        self._known = keys
+
+    def hear_query(self, link: Link, number: int, key: str, payload: bytes) -> None:
+        declared = [one for what, one in self._declared if what == "answer" and meets(one, key)]
+        left = len(declared)
+
+        def reply(payload: bytes, error: str) -> None:
+            link.send(UP, lambda: link.router.reply(number, payload, error))
+
+        def drop() -> None:
+            nonlocal left
+            left -= 1
+            if left <= 0:
+                link.send(UP, lambda: link.router.finish(number, self.id))
+
+        for _ in declared:
+            self.inbox.put(SimulatedQuery(key, payload, reply, drop))
+        if not declared:
+            drop()
+
+    def hear_reply(self, number: int, payload: bytes, error: str) -> None:
+        if number in self._asks:
+            self.inbox.put(Replied(self._asks[number][0], payload, error))
+
+    def hear_final(self, number: int) -> None:
+        if number in self._asks:
+            ticket, left = self._asks[number]
+            self._asks[number] = ticket, left - 1
+            if left <= 1:
+                del self._asks[number]
+                self.inbox.put(Final(ticket))

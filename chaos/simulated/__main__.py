@@ -22,8 +22,8 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from chaos.simulated.mutations import MUTATIONS, cut_out
-from chaos.simulated.schedule import Plan, carry_out, draw, shrink
+from chaos.simulated.mutations import MUTATIONS, first_seed
+from chaos.simulated.schedule import Plan, carry_out, complaints_of, draw, shrink
 
 TABLE = Path(__file__).parent / "mutations.md"
 MOST = 2000  # schedules in which a mutation is to be found
@@ -67,7 +67,7 @@ def mutations(
     """Cut out one safety net of the protocol after the other. Write at which seed each is found to chaos/simulated/mutations.md."""
     names = [name for name in MUTATIONS if only in name]
     with _workers() as workers:
-        found = list(track(workers.map(partial(_first_seed, most), names), "mutations", len(names), console=console))
+        found = list(track(workers.map(partial(first_seed, most), names), "mutations", len(names), console=console))
     rows = [f"| {name} | {'not found' if seed is None else seed} | {what} |" for name, (seed, what) in zip(names, found, strict=True)]
     _say("\n".join(rows))
     if not only:
@@ -86,21 +86,7 @@ def _in_turn(workers: ProcessPoolExecutor, seeds: Iterable[int], deadline: float
     """Yield seed and complaints of each schedule that begins before the deadline."""
     rest = iter(seeds)
     while monotonic() < deadline and (batch := list(islice(rest, 40))):
-        yield from zip(batch, workers.map(_complaints, batch, chunksize=5), strict=True)
-
-
-def _complaints(seed: int) -> list[str]:
-    return carry_out(draw(seed)).complaints
-
-
-def _first_seed(most: int, name: str) -> tuple[int | None, str]:
-    """The first seed at which a mutation is found, and how."""
-    for seed in range(most):
-        with cut_out(name):
-            complaints = carry_out(draw(seed)).complaints
-        if complaints:
-            return seed, complaints[0].splitlines()[0][:100]
-    return None, ""
+        yield from zip(batch, workers.map(complaints_of, batch, chunksize=5), strict=True)
 
 
 def _tell(seed: int) -> int:

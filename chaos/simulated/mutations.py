@@ -6,6 +6,7 @@ from math import inf
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
+from chaos.simulated.schedule import complaints_of
 from orchard.net import bus, host, mailbox, requests
 from orchard.net.ending import Ending
 from orchard.net.refusals import Refused
@@ -169,3 +170,12 @@ def cut_out(name: str) -> Iterator[None]:
         for cut in MUTATIONS[name]:
             stack.enter_context(patch.object(cut.owner, cut.name, cut.replacement))
         yield
+
+
+def first_seed(most: int, name: str) -> tuple[int | None, str]:
+    """Return the first seed, below `most`, at which a mutation is found, and what fails then; None and '' if it is not found."""
+    with cut_out(name):
+        for seed in range(most):
+            if complaints := complaints_of(seed):
+                return seed, complaints[0].splitlines()[0][:100]
+    return None, ""

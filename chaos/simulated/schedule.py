@@ -367,6 +367,11 @@ def carry_out(plan: Plan, is_traced: bool = False) -> Verdict:
         return Schedule(plan, Path(folder), is_traced).run()
 
 
+def complaints_of(seed: int) -> list[str]:
+    """Return what did not hold in the schedule of a seed."""
+    return carry_out(draw(seed)).complaints
+
+
 def shrink(plan: Plan) -> Plan:
     """Return a plan with fewer faults and ticks that fails in the same way."""
     what = _kind_of(carry_out(plan))

@@ -1,9 +1,12 @@
 """The whole protocol on a simulated network: `python -m chaos.simulated` carries out thousands of such schedules."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
 
+from chaos.harvest import ROOT
 from chaos.simulated.clients import CLIENTS
 from chaos.simulated.link import Delays
 from chaos.simulated.mutations import cut_out
@@ -126,3 +129,9 @@ def test_a_request_to_end_that_comes_while_the_run_is_reset_is_not_forgotten(del
 def test_a_run_that_ends_again_before_its_hosts_are_back_waits_for_them_when_it_goes_on(delay):
     faults = Fault("kill", PHYSICS, 150), Fault("kill", RUN_PY, 150, delay)
     assert carry_out(Plan(1, SCENARIOS[2], 200, 2, False, False, Delays(5e-3), faults)).complaints == []
+
+
+def test_the_command_carries_out_schedules_in_several_processes():
+    done = subprocess.run([sys.executable, "-m", "chaos.simulated", "--count", "6"], capture_output=True, text=True, cwd=ROOT, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "6 schedules" in done.stdout

@@ -54,9 +54,9 @@ class Link:
         if not self.is_open[way]:
             return
         if self._silent[way] and len(self._waiting[way]) >= ROOM:
-            if not may_drop:
-                self._close_if_full()
-            return
+            if may_drop:
+                return
+            self._close_if_full()  # its sender waits until then
         before = self._last[way, CONTROL] if lane == CONTROL else max(self._last[way, DATA], self._last[way, CONTROL])
         at = max(before, self._scheduler.now + self._delays.draw(self._random))
         self._last[way, lane] = at

@@ -44,7 +44,7 @@ class Model(Protocol):
 
 
 class Roads:
-    """The roads: who has which place, and who follows whom."""
+    """The roads: which robot has which place, and which follows which."""
 
     def __init__(self, env: simpy.Environment) -> None:
         self.reservations, self.lines = Reservations(env), Lines()

@@ -1,7 +1,7 @@
 """The bus: how the processes of a run send and receive. `zenoh_bus` has it over Zenoh.
 
 All that arrives becomes an item in one inbox, in the order of arrival, and one thread reads it. The bus is also the clock of its
-process: whoever waits, waits with it.
+process: a thread that waits does so by the bus.
 """
 
 import ctypes

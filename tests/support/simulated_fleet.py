@@ -1,15 +1,15 @@
 """Physics and hosts as `fleet.Fleet` has them, on a simulated network: no process is started, and no time passes while they wait."""
 
 import queue
-import re
 import signal
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from random import Random
 
 import msgpack
+from fleet import Fleet
 from msgpack import UnpackException
 
 from chaos.simulated.link import Delays
@@ -17,7 +17,6 @@ from chaos.simulated.network import Network
 from chaos.simulated.processes import SimulatedProcess, World
 from chaos.simulated.scheduler import PassingInbox, Scheduler
 from chaos.simulated.session import SimulatedBus
-from orchard.field.scenario import Scenario, to_yaml
 from orchard.launch.supervisor import ProcessSpec
 from orchard.net.bus import Alive, Final, Item, Replied, Sample, Signal
 from orchard.wire.keys import Keys
@@ -25,15 +24,14 @@ from orchard.wire.keys import Keys
 SECONDS = 200.0  # of virtual time that any one wait may take
 
 
-class SimulatedFleet:
+class SimulatedFleet(Fleet):
     """A physics process and its hosts."""
 
     def __init__(self, folder: Path, stack: ExitStack) -> None:
-        self._folder = folder
+        super().__init__(folder, stack)
         self.scheduler = Scheduler()
         self.network = Network(self.scheduler, "fleet", Delays())
         self.all = World(self.scheduler, self.network, Random("fleet"), folder, start_seconds=0.2)
-        self.hosts: list[Process] = []
         self._count = 0
         stack.callback(self._kill_all)
 
@@ -41,40 +39,12 @@ class SimulatedFleet:
         for process in self.all.processes.values():
             process.kill()
 
-    def physics(self, scenario: Scenario, *arguments: str) -> None:
-        path = self._folder / "scenario.yaml"
-        path.write_text(to_yaml(scenario))
-        self.world = self.start("orchard.processes.physics", str(path), *arguments)
-        found = re.match(r"(?:listening on|connected to) (\S+), prefix (\S+), run (\w+)", self.world.line())
-        self.endpoint, _, self.run = found.groups()
-
-    def host(self, *arguments: str, agents: str = "orchard.agents.catalogue:make_agents") -> "Process":
-        self.hosts.append(self.start("orchard.processes.agents", "--connect", Network.ENDPOINT, "--agents", agents, *arguments))
-        return self.hosts[-1]
-
-    def router(self, endpoint: str) -> "Process":
-        """A router of its own, which listens."""
-        router = self.start("orchard.processes.router", "--listen", endpoint)
-        assert "listening" in router.line()
-        return router
-
-    def share(self, hosts: int, agents: str = "orchard.agents.catalogue:make_agents") -> None:
-        for i in range(hosts):
-            self.host("--share", f"{i}/{hosts}", agents=agents)
-
-    def end(self, seconds: float = SECONDS) -> str:
-        """The hash, once physics and all hosts have ended well."""
-        code, out, err = self.world.end(seconds)
-        assert code == 0, out + err
-        for host in self.hosts:
-            code, _, err = host.end(10.0)
-            assert code == 0, err
-        return re.search(r"hash (\w+)", out).group(1)
-
     def client(self) -> "Client":
         return Client(self)
 
-    def start(self, module: str, *arguments: str) -> "Process":
+    def start(self, module: str, *arguments: str, before: Sequence[str] = ()) -> "Process":
+        """Start a process. `before`: nothing, for there is one machine."""
+        assert not before
         self._count += 1
         name = f"{module.rpartition('.')[2]}_{self._count}"
         return Process(self, SimulatedProcess(self.all, ProcessSpec(name, module, arguments), arguments, self._count))

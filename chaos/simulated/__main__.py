@@ -23,7 +23,8 @@ from rich.console import Console
 from rich.progress import track
 
 from chaos.simulated.mutations import MUTATIONS, first_seed
-from chaos.simulated.schedule import Plan, carry_out, complaints_of, draw, shrink
+from chaos.simulated.plan import Plan, draw
+from chaos.simulated.schedule import carry_out, complaints_of, shrink
 
 TABLE = Path(__file__).parent / "mutations.md"
 MOST = 2000  # schedules in which a mutation is to be found

@@ -1,31 +1,28 @@
 """One schedule: a run, its faults by a seed, and the verdict on it."""
 
 import tempfile
-from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from random import Random
-from typing import Any, NamedTuple
 
-from chaos.simulated.clients import CHANGES_THE_HASH, KEYS, RUN, Client, let_act
-from chaos.simulated.link import DOWN, UP, Delays
+from chaos.simulated.clients import KEYS, RUN, Client, let_act
+from chaos.simulated.link import DOWN, UP
 from chaos.simulated.network import Network
+from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, Fault, Plan, draw
 from chaos.simulated.processes import SPEC_OF_LOGGER, SimulatedProcess, SimulatedSupervisor, World, spec_of_host, spec_of_physics
 from chaos.simulated.scheduler import PassingInbox, Scheduler, VirtualInbox
+from chaos.simulated.verdict import LEAVE_LIMIT, Verdict, judge
 from orchard.field.layout import lay_out
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.launch.distributed import THINK_SECONDS
-from orchard.launch.supervisor import BAD_ORDER
-from orchard.local import Local
 from orchard.net.bus import Alive, Item, Sample
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
 from orchard.net.refusals import Refused, read_message
 from orchard.server.options import RunOptions
-from orchard.server.run import read_end
 from orchard.wire.keys import LOGGER, PHYSICS
 from orchard.wire.messages import RESET, End
 
@@ -34,113 +31,6 @@ WATCH_SECONDS = 0.001  # between two looks at the tick
 USER_SECONDS = 2.0  # that a user takes to continue a run
 LOOK_SECONDS = 0.2  # between two looks of run.py at its processes
 LIMIT = 300.0  # s of virtual time within which each schedule ends
-MOST_TICKS = 300
-LEAVE_LIMIT = 30.0  # s of virtual time within which all processes end after physics: a host that misses the end waits 20 s
-
-
-class Fault(NamedTuple):
-    """A fault: what happens to which process, so many seconds after a tick, and for how long (s). Before the first tick: tick -1."""
-
-    what: str
-    who: str
-    tick: int
-    delay: float = 0.0
-    seconds: float = 0.0
-
-    def __str__(self) -> str:
-        return f"tick {self.tick} + {self.delay:.4f} s: {self.what} {self.who}" + (f" for {self.seconds:.2f} s" if self.seconds else "")
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What one schedule does. The same plan gives the same schedule."""
-
-    seed: int
-    scenario: dict[str, Any]
-    ticks: int
-    hosts: int
-    has_logger: bool
-    has_router: bool  # a router of its own, to which physics connects too
-    delays: Delays
-    faults: tuple[Fault, ...]
-    mode: str = "lockstep"
-
-    @property
-    def has_hash(self) -> bool:
-        """Whether the run has the hash of local mode."""
-        return self.mode == "lockstep" and not any(fault.what in CHANGES_THE_HASH for fault in self.faults)
-
-
-@dataclass
-class Verdict:
-    """What came of a schedule. `complaints`: what was promised and did not hold; empty for a good one."""
-
-    plan: Plan
-    end: End | None = None
-    seconds: float = 0.0  # virtual
-    complaints: list[str] = field(default_factory=list)
-    lines: list[str] = field(default_factory=list)  # the trace, if it was wanted
-
-
-ALONE = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0}
-SCENARIOS: tuple[dict[str, Any], ...] = (
-    {"rows": 3, "seed": 1},
-    {"rows": 3, "seed": 2, "dispatch": "nearest", **ALONE},
-    {"rows": 3, "seed": 3, "route": "two-way", **ALONE},
-    {"rows": 4, "seed": 4, "dispatch": "assignment", "tractor": False, **ALONE},
-)
-CLIENT, RUN_PY, ROUTER = "client", "run.py", "router"
-FAULTS = {
-    "host": ("kill", "kill", "kill", "freeze", "cut", "cut", "silence", "silence up", "silence down", "vanish"),
-    PHYSICS: ("kill", "kill", "kill", "freeze", "full disk", "torn snapshot"),
-    LOGGER: ("kill", "freeze", "cut", "silence"),
-    CLIENT: ("claim", "claim", "nonsense", "repeat", "lie", "lie", "pause", "pause", "listen", "reset", "reset", "quit"),
-    RUN_PY: ("kill",),
-    ROUTER: ("kill",),
-}
-AT_A_MOMENT = ("kill", "torn snapshot")
-
-
-def draw(seed: int) -> Plan:
-    """Return the plan of a seed."""
-    random = Random(f"plan {seed}")
-    scenario, hosts, ticks = random.choice(SCENARIOS), random.randint(1, 3), random.choice((30, 100, 100, 200, 300))
-    mode = "realtime" if random.random() < 0.1 else "lockstep"
-    has_logger, has_router = random.random() < 0.15, random.random() < 0.2
-    delays = Delays(10.0 ** random.uniform(-4.0, -2.0), random.choice((0.05, 0.3, 1.0)), random.choice((0.0, 0.003, 0.02)))
-    names = [f"agents_{number}" for number in range(hosts)]
-    targets = [*names, *names, *names, PHYSICS, PHYSICS, CLIENT, CLIENT, RUN_PY, *[LOGGER] * has_logger, *[ROUTER] * has_router]
-    faults = []
-    for _ in range(random.choice((0, 1, 1, 2, 2, 3, 4, 6))):
-        who = random.choice(targets)
-        choices = FAULTS.get(who, FAULTS["host"])
-        if who == PHYSICS and has_router:
-            choices += ("cut", "silence")
-        what = random.choice(choices)
-        seconds = 0.0 if what in AT_A_MOMENT else 10.0 ** random.uniform(-1.5, 0.9)
-        tick, delay = _moment(random, ticks)
-        faults.append(Fault(what, who, max(tick, 0) if who == ROUTER else tick, delay, seconds))  # without a router nothing begins
-    if mode == "lockstep" and random.random() < 0.05:  # what an open run cannot tell from the truth while a link is cut or physics is gone
-        faults = [Fault(random.choice(("false end", "advise", "stop robots")), CLIENT, *_moment(random, ticks), 1.0)]
-    return Plan(seed, scenario, ticks, hosts, has_logger, has_router, delays, tuple(sorted(faults, key=lambda fault: fault.tick)), mode)
-
-
-def _moment(random: Random, ticks: int) -> tuple[int, float]:
-    """A tick and a delay, s: at the start, at the end or between."""
-    if (kind := random.random()) < 0.1:
-        return -1, random.random() * 1.5
-    return ticks - random.randrange(3) if kind < 0.3 else random.randrange(ticks), 10.0 ** random.uniform(-4.0, -1.0)
-
-
-@lru_cache(maxsize=len(SCENARIOS))
-def hashes_of(scenario: int) -> list[str]:
-    """Return the hash of local mode at each tick."""
-    local = Local(Scenario(**SCENARIOS[scenario]))
-    hashes: list[str] = []
-    while len(hashes) <= MOST_TICKS:
-        hashes.append(local.engine.hash)
-        local.tick()
-    return hashes
 
 
 class Schedule:
@@ -168,7 +58,7 @@ class Schedule:
             self.world.scheduler.after(LOOK_SECONDS, self._look)
             self._watch(list(self.plan.faults))
             self.world.scheduler.run(lambda: self.is_over, LIMIT)
-            verdict = self._judge()
+            verdict = judge(self.plan, self.world, self.supervisor)
             for running in self.supervisor.running.values():
                 running.popen.kill()
         return verdict
@@ -325,40 +215,6 @@ class Schedule:
         if files:
             content = files[-1].read_bytes()
             files[-1].write_bytes(content[: self.world.random.randrange(len(content))])
-
-    # -- the verdict
-
-    def _judge(self) -> Verdict:
-        verdict = Verdict(self.plan, read_end(self.world.folder / "end", RUN), self.world.scheduler.now, lines=self.world.network.lines)
-        complain, end, plan = verdict.complaints.append, verdict.end, self.plan
-        for crash in self.world.crashes:
-            complain(f"crash: {crash}")
-        if end is None:
-            complain(f"no end: {'; '.join(self.world.lines[-3:])}")
-            return verdict
-        if end.summary["violations"]:
-            complain(f"violated: {end.summary['violations'][0]}")
-        if end.summary["broken_agents"]:
-            complain(f"broken: {end.summary['broken_agents'][0]}")
-        may_quit = any(fault.what == "quit" for fault in plan.faults)
-        if end.why != "duration" and not (may_quit and end.why == "stopped"):
-            complain(f"ended by itself: {end.why}, at tick {end.tick}")
-        elif end.why == "duration" and end.tick != plan.ticks:
-            complain(f"wrong tick: {end.tick} of {plan.ticks}")
-        if plan.has_hash and end.hash != hashes_of(SCENARIOS.index(plan.scenario))[end.tick]:
-            complain("another hash than local mode")
-        self._judge_codes(complain)
-        return verdict
-
-    def _judge_codes(self, complain: Callable[[str], None]) -> None:
-        for name, running in self.supervisor.running.items():
-            code = running.popen.poll()
-            if code is None:
-                complain(f"{name} still runs {LEAVE_LIMIT:g} s after the end")
-            elif code not in (0, 1, -9) and not (code == BAD_ORDER and running.is_asked):  # it was asked while it connected
-                complain(f"{name} ended with code {code}")
-        for name in self.supervisor.given_up:
-            complain(f"{name} was given up")
 
 
 def carry_out(plan: Plan, is_traced: bool = False) -> Verdict:

@@ -10,7 +10,8 @@ from chaos.harvest import ROOT
 from chaos.simulated.clients import CLIENTS
 from chaos.simulated.link import Delays
 from chaos.simulated.mutations import cut_out
-from chaos.simulated.schedule import CLIENT, ROUTER, RUN_PY, SCENARIOS, Fault, Plan, carry_out, draw, shrink
+from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, SCENARIOS, Fault, Plan, draw
+from chaos.simulated.schedule import carry_out, shrink
 from orchard.wire.keys import PHYSICS
 
 

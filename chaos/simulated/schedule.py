@@ -27,7 +27,6 @@ from orchard.wire.keys import LOGGER, PHYSICS
 from orchard.wire.messages import RESET, End
 
 NO_EXECUTOR = Executor()  # of clients, which write nothing
-WATCH_SECONDS = 0.001  # between two looks at the tick
 USER_SECONDS = 2.0  # that a user takes to continue a run
 LOOK_SECONDS = 0.2  # between two looks of run.py at its processes
 LIMIT = 300.0  # s of virtual time within which each schedule ends
@@ -48,6 +47,7 @@ class Schedule:
         self._is_ending = False  # run.py is gone, and its processes end
         self._ended_at: float | None = None  # s: when they had all ended
         self._clients = 0
+        self._faults_left = sorted(plan.faults, key=lambda fault: fault.tick)
 
     def run(self) -> Verdict:
         """Carry it out, and judge it."""
@@ -56,8 +56,9 @@ class Schedule:
                 self.world.network.start_router(ROUTER)
             self._start()
             self.world.scheduler.after(LOOK_SECONDS, self._look)
-            self._watch(list(self.plan.faults))
-            self.world.scheduler.run(lambda: self.is_over, LIMIT)
+            self._plan_faults()
+            while not self.is_over and self.world.scheduler.step(LIMIT):
+                self._plan_faults()
             verdict = judge(self.plan, self.world, self.supervisor)
             for running in self.supervisor.running.values():
                 running.popen.kill()
@@ -145,14 +146,11 @@ class Schedule:
 
     # -- faults
 
-    def _watch(self, faults: list[Fault]) -> None:
-        """Let each fault happen when its tick has come."""
-        tick = -1 if self.world.engine is None else self.world.engine.tick
-        due = [fault for fault in faults if fault.tick <= tick]
-        for fault in due:
+    def _plan_faults(self) -> None:
+        """Let each fault whose tick has come happen after its delay."""
+        while self._faults_left and self._faults_left[0].tick <= (-1 if self.world.engine is None else self.world.engine.tick):
+            fault = self._faults_left.pop(0)
             self.world.scheduler.after(fault.delay, partial(self._inflict, fault))
-        if left := [fault for fault in faults if fault not in due]:
-            self.world.scheduler.after(WATCH_SECONDS, partial(self._watch, left))
 
     def _inflict(self, fault: Fault) -> None:
         self.world.network.trace(f"fault: {fault.what} {fault.who} {fault.seconds:.2f}")

@@ -40,14 +40,18 @@ class Scheduler:
         self.after(0.0, task.resume)
         return task
 
+    def step(self, limit: float) -> bool:
+        """Let the next event happen. Return whether there is one until the time `limit`."""
+        if not self._events or self._events[0][0] > limit:
+            return False
+        self.now, _, act = heapq.heappop(self._events)
+        act()
+        return True
+
     def run(self, is_over: Callable[[], bool], limit: float) -> None:
-        """Let events happen until `is_over()`, or the time `limit`, or until there are none."""
-        while self._events and not is_over():
-            at, _, act = heapq.heappop(self._events)
-            if at > limit:
-                return
-            self.now = at
-            act()
+        """Let events happen until `is_over()`, or until there are none before the time `limit`."""
+        while not is_over() and self.step(limit):
+            pass
 
 
 class Task:

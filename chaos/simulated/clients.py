@@ -1,11 +1,9 @@
 """Foreign clients of a simulated run: each connects, does one thing, and goes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from random import Random
-
-import msgspec
 
 from chaos.fuzzer import ASKED, NAMES, invalid_message
 from orchard.contract.messages import pack, unpack
@@ -29,13 +27,16 @@ class Client:
     random: Random
     seconds: float  # how long it stays
 
-    def hear(self, seconds: float) -> list[Item]:
-        """Return what arrives in so many seconds."""
-        deadline, items = self.bus.clock() + seconds, []
+    def hear(self, seconds: float) -> Iterator[Item]:
+        """Yield what arrives in so many seconds, as it arrives."""
+        deadline = self.bus.clock() + seconds
         while (left := deadline - self.bus.clock()) > 0.0:
             if (item := self.bus.inbox.take(left)) is not None:
-                items.append(item)
-        return items
+                yield item
+
+    def wait(self, seconds: float) -> list[Item]:
+        """Return what has arrived after so many seconds."""
+        return list(self.hear(seconds))
 
     def ask(self, what: str, message: RunMessage, session: str = "*", seconds: float = 3.0) -> bool:
         """Send a query, and wait until its replies have come. Return whether there was one."""
@@ -53,7 +54,7 @@ def claim(client: Client) -> None:
     for name in names:
         bus.declare_alive(KEYS.of("alive", name, bus.id))
     client.ask("join", wire.Join(RUN, bus.id, names), bus.id)
-    client.hear(client.seconds)
+    client.wait(client.seconds)
     for name in names:
         bus.withdraw(KEYS.of("alive", name, bus.id))
 
@@ -62,7 +63,7 @@ def talk_nonsense(client: Client) -> None:
     """Publish and ask what makes no sense, and what other runs and sessions would send."""
     bus = client.bus
     bus.subscribe(f"{KEYS.prefix}/**")
-    samples = [item for item in client.hear(client.seconds) if isinstance(item, Sample)]
+    samples = [item for item in client.wait(client.seconds) if isinstance(item, Sample)]
     for _ in range(30):
         key, payload = invalid_message(client.random, samples, RUN)
         bus.publish(key, payload, newest_wins=True)
@@ -75,63 +76,69 @@ def talk_nonsense(client: Client) -> None:
 def repeat(client: Client) -> None:
     """Publish again what others have published: late, and twice."""
     client.bus.subscribe(f"{KEYS.prefix}/hosts/*/velocities")
-    for item in client.hear(client.seconds):
+    for item in client.wait(client.seconds):
         if isinstance(item, Sample):
             client.bus.publish(item.key, item.payload)
 
 
 def lie(client: Client) -> None:
-    """Drive robots in the name of sessions that own them not, in that of another run, and for ticks that are over."""
-    client.bus.subscribe(f"{KEYS.prefix}/hosts/*/velocities")
+    """Drive robots as soon as their owners are asked: as another session, for another run, and for ticks of the past and the future."""
+    bus = client.bus
+    bus.subscribe(f"{KEYS.prefix}/hosts/*/seen")
     for item in client.hear(client.seconds):
         if isinstance(item, Sample):
-            heard = unpack(item.payload, wire.Velocities)
-            for report in heard.velocities.values():
-                report.twist = Twist(0.1, 0.0, 0.1)
-            owner, own = heard.owner, KEYS.of("velocities", session=client.bus.id)
-            client.bus.publish(own, pack(msgspec.structs.replace(heard, owner=client.bus.id)))
-            client.bus.publish(own, pack(heard))
-            client.bus.publish(item.key, pack(msgspec.structs.replace(heard, run="another", owner=owner)))
-            client.bus.publish(item.key, pack(msgspec.structs.replace(heard, tick=heard.tick + 10**6)))
+            _lie_about(bus, unpack(item.payload, wire.Seen), item.key.split("/")[-2])
+
+
+def _lie_about(bus: Bus, seen: wire.Seen, owner: str) -> None:
+    def publish(session: str, run: str = RUN, tick: int = seen.tick, owner: str = owner) -> None:
+        velocities = dict.fromkeys(seen.due, wire.Report(Twist(0.1, 0.0, 0.1)))
+        bus.publish(KEYS.of("velocities", session=session), pack(wire.Velocities(run, tick, owner, velocities)))
+
+    publish(bus.id, owner=bus.id)
+    publish(bus.id)
+    publish(owner, run="another")
+    publish(owner, tick=seen.tick + 10**6)
+    publish(owner, tick=seen.tick - 1)
 
 
 def end_it(client: Client) -> None:
     """Say that the run is over, which only physics may say."""
     for _ in range(5):
         client.bus.publish(KEYS.of("end"), pack(wire.End(RUN, 3, True, "harvested", "0" * 64, {})))
-        client.hear(client.seconds / 5.0)
+        client.wait(client.seconds / 5.0)
 
 
 def pause(client: Client) -> None:
     """Pause the run, do some steps, and let it play."""
     client.ask("set_simulation_state", wire.SetSimulationState(RUN, "paused"))
-    client.hear(client.seconds)
+    client.wait(client.seconds)
     for _ in range(client.random.randrange(3)):
         client.ask("step_simulation", wire.StepSimulation(RUN, client.random.randint(1, 5)))
-    client.hear(client.random.random())
+    client.wait(client.random.random())
     for _ in range(100):  # it may be lost while physics is away, and then the run stays paused
         if client.ask("set_simulation_state", wire.SetSimulationState(RUN, "playing")):
             return
-        client.hear(0.2)
+        client.wait(0.2)
 
 
 def listen(client: Client) -> None:
     """Hear all that is published."""
     client.bus.subscribe(f"{KEYS.prefix}/**")
-    client.hear(client.seconds)
+    client.wait(client.seconds)
 
 
 def stop_robots(client: Client) -> None:
     """Stop all robots in an emergency, and reset them."""
     client.ask("stop", wire.Stop(RUN, True, []))
-    client.hear(client.seconds)
+    client.wait(client.seconds)
     client.ask("stop", wire.Stop(RUN, False, []))
 
 
 def advise(client: Client) -> None:
     """Drive a robot whose agent goes on."""
     client.bus.subscribe(KEYS.of("clock"))
-    ticks = [item.payload for item in client.hear(client.seconds) if isinstance(item, Sample)]
+    ticks = [item.payload for item in client.wait(client.seconds) if isinstance(item, Sample)]
     for _ in ticks[:20]:
         tick = fetch_run(client.bus, KEYS).tick
         advice = wire.Advice(RUN, tick, wire.Linear(client.random.uniform(-0.5, 1.0)), wire.Angular(0.0))

@@ -6,14 +6,15 @@ from functools import lru_cache
 
 from chaos.simulated.clients import RUN
 from chaos.simulated.plan import MOST_TICKS, SCENARIOS, Plan
-from chaos.simulated.processes import SimulatedSupervisor, World
+from chaos.simulated.processes import KILLED, SimulatedSupervisor, World
 from orchard.field.scenario import Scenario
-from orchard.launch.supervisor import BAD_ORDER
 from orchard.local import Local
 from orchard.server.run import read_end
+from orchard.wire.keys import LOGGER
 from orchard.wire.messages import End
 
 LEAVE_LIMIT = 30.0  # s of virtual time within which all processes end after physics: a host that misses the end waits 20 s
+NOBODY_THERE = "no router answers there", "no reply; is the physics process running"  # why a process may end: physics was away for long
 
 
 @dataclass
@@ -45,7 +46,7 @@ def judge(plan: Plan, world: World, supervisor: SimulatedSupervisor) -> Verdict:
     if verdict.end is None:
         verdict.complaints.append(f"no end: {'; '.join(world.lines[-3:])}")
     else:
-        verdict.complaints += [*_of_end(plan, verdict.end), *_of_codes(supervisor)]
+        verdict.complaints += [*_of_end(plan, verdict.end), *_of_processes(world, supervisor)]
     return verdict
 
 
@@ -60,17 +61,21 @@ def _of_end(plan: Plan, end: End) -> Iterator[str]:
         yield f"ended by itself: {end.why}, at tick {end.tick}"
     elif end.why == "duration" and end.tick != plan.ticks:
         yield f"wrong tick: {end.tick} of {plan.ticks}"
+    if not plan.faults and end.summary["messages_refused"]:
+        yield f"refused without a fault: {end.summary['messages_refused']}"
     if plan.has_hash and end.hash != hashes_of(SCENARIOS.index(plan.scenario))[end.tick]:
         yield "another hash than local mode"
 
 
-def _of_codes(supervisor: SimulatedSupervisor) -> Iterator[str]:
-    """Complain about how its processes have ended."""
+def _of_processes(world: World, supervisor: SimulatedSupervisor) -> Iterator[str]:
+    """Complain about how the processes have ended: all that were started, also those that were started again."""
     for name, running in supervisor.running.items():
-        code = running.popen.poll()
-        if code is None:
+        if running.popen.poll() is None:
             yield f"{name} still runs {LEAVE_LIMIT:g} s after the end"
-        elif code not in (0, 1, -9) and not (code == BAD_ORDER and running.is_asked):  # it was asked while it connected
-            yield f"{name} ended with code {code}"
+    for process in world.processes.values():
+        why = process.complaints[-1] if process.complaints else ""
+        is_lost = any(words in why for words in NOBODY_THERE) or process.spec.name == LOGGER
+        if process.code not in (None, 0, KILLED) and not is_lost:
+            yield f"{process.spec.name} ended with code {process.code}: {why}"
     for name in supervisor.given_up:
         yield f"{name} was given up"

@@ -50,7 +50,7 @@ def test_the_documents_agent_drives_a_picker(fleet):
 def test_a_client_that_knows_only_keyspace_drives_a_picker(fleet):
     fleet.physics(SMALL, "--duration", "4")
     fleet.host("--without", "picker_01")
-    assert foreign(fleet, str(ROOT / "tests" / "support" / "foreign_client.py"), fleet.endpoint, "picker_01") == "40 ticks answered\n"
+    assert foreign(fleet, str(ROOT / "examples" / "foreign_client.py"), fleet.endpoint, "picker_01") == "40 ticks answered\n"
     fleet.end()
 
 

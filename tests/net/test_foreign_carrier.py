@@ -5,12 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import foreign_carrier
-import foreign_host
 import msgpack
 import pytest
 from local_runs import SMALL
 
+from examples import foreign_carrier, foreign_host
 from orchard.agents.route import OneWay
 from orchard.contract.agent import Heard, Mail, Reply
 from orchard.contract.mail import digest_of, in_hearing_order

@@ -3,10 +3,10 @@
 import subprocess
 import sys
 
-import foreign_holder
 import pytest
 from stage import empty_orchard
 
+from examples import foreign_holder
 from orchard import Action, Hold, Local, Twist, Zone
 from orchard.field.scenario import People
 

@@ -2,7 +2,7 @@
 
 import inspect
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from difflib import get_close_matches
@@ -49,11 +49,23 @@ ORCHARD, RUN, OUTPUT, NETWORK = "The orchard", "The run", "What it shows and wri
 # -- parsers; all of them raise BadParameter
 
 
-def _speed(text: str) -> float:
+def number(text: str) -> float:
+    """Return the number in a text; NaN if there is none."""
     try:
-        speed = math.inf if text == "max" else float(text)
+        return float(text)
     except ValueError:
-        speed = math.nan
+        return math.nan
+
+
+def whole(text: str, most: int, expected: str) -> int:
+    """Return a whole number from 1 to `most`."""
+    if not text.isdecimal() or not 1 <= int(text) <= most:
+        raise BadParameter(f"{text}: {expected}")
+    return int(text)
+
+
+def _speed(text: str) -> float:
+    speed = math.inf if text == "max" else number(text)
     if not speed > 0:
         raise BadParameter(f"{text}: expected a number above 0 (1 is real time), or max")
     return speed
@@ -61,11 +73,7 @@ def _speed(text: str) -> float:
 
 def _hosts(text: str) -> int:
     """The number of agent processes; 0 for one per agent."""
-    if text == "each":
-        return 0
-    if not text.isdecimal() or not 1 <= int(text) <= 200:
-        raise BadParameter(f"{text}: expected a number from 1 to 200, or each")
-    return int(text)
+    return 0 if text == "each" else whole(text, 200, "expected a number from 1 to 200, or each")
 
 
 def _seconds(value: float | None) -> float | None:
@@ -87,9 +95,7 @@ def _patience(value: float | None) -> float | None:
 
 
 def _steps(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= MOST_STEPS:
-        raise BadParameter(f"{text}: neither a number of steps, from 1 on, nor an option")
-    return int(text)
+    return whole(text, MOST_STEPS, "neither a number of steps, from 1 on, nor an option")
 
 
 def _scenario(path: Path | None) -> Path | None:
@@ -106,11 +112,6 @@ def _scenario(path: Path | None) -> Path | None:
     return path
 
 
-def _named(builtin: Sequence[str], what: str) -> Any:
-    """An option for a rule: a built-in one, or a user's."""
-    return Option(metavar="NAME", help=f"{what}: {', '.join(builtin)}, or module.Class.", rich_help_panel=ORCHARD)
-
-
 def _print_version(is_wanted: bool) -> bool:
     """Print the version of the installed package, and exit."""
     if is_wanted:
@@ -121,12 +122,23 @@ def _print_version(is_wanted: bool) -> bool:
     return is_wanted
 
 
-def _flag(name: str, words: str, panel: str | None = None) -> Any:
-    """An option without a value."""
-    return Option(name, metavar="", help=words, rich_help_panel=panel)
+# -- options of several commands; those of a harvest are fields
 
 
-# -- options of several commands
+def option(panel: str | None, words: str, metavar: str | None = None, *names: str, default: Any = None, **how: Any) -> Any:
+    """Return the field of a dataclass that is an option. `how`: the rest of what Typer knows of it."""
+    return field(default=default, metadata={"option": Option(*names, metavar=metavar, help=words, rich_help_panel=panel, **how)})
+
+
+def flag(panel: str | None, name: str, words: str, **how: Any) -> Any:
+    """Return the field of a dataclass that is an option without a value."""
+    return option(panel, words, "", name, default=False, **how)
+
+
+def _rule(what: str, builtin: Iterable[str]) -> Any:
+    """An option for a rule: a built-in one, or a user's."""
+    return option(ORCHARD, f"{what}: {', '.join(builtin)}, or module.Class.", "NAME")
+
 
 File = Annotated[
     Path | None,
@@ -142,36 +154,11 @@ Pickers = Annotated[int | None, Option(help="Pickers, 2 to rows.", rich_help_pan
 Hosts = Annotated[
     int | None, Option(parser=_hosts, metavar="N|each", help="Agent processes. Default: one per core, at most 4.", rich_help_panel=RUN)
 ]
-
-# -- a harvest
-
-Speed = Annotated[
-    float | None, Option(parser=_speed, metavar="X|max", help="1: real time. Default: max; live: 4; realtime: 1.", rich_help_panel=RUN)
-]
-Patience = Annotated[
-    float | None, Option(callback=_patience, help="Seconds that lockstep waits for a silent agent. Default: 15.", rich_help_panel=RUN)
-]
-Record = Annotated[str | None, Option(metavar="FILE.rrd|none", help="File of the recording. Default: a new one.", rich_help_panel=OUTPUT)]
-Web = Annotated[
-    int | None, Option(min=1024, max=65534, metavar="PORT", help="Watch live in a browser on this machine.", rich_help_panel=OUTPUT)
-]
 Style = Annotated[
     Literal["text", "json"], Option(help="text: a table on a terminal, else lines; json: JSON lines.", rich_help_panel=OUTPUT)
 ]
-Listen = Annotated[
-    str | None, Option(metavar="ENDPOINT", help="Address where other machines may join: tcp/0.0.0.0:7447.", rich_help_panel=NETWORK)
-]
-Without = Annotated[
-    list[str] | None,
-    Option(metavar="KIND|NAME", help="Wait for other processes to run these agents (repeatable).", rich_help_panel=NETWORK),
-]
-Only = Annotated[
-    list[str] | None, Option(metavar="KIND|NAME", help="Run only these agents, of a run elsewhere (repeatable).", rich_help_panel=NETWORK)
-]
-Secure = Annotated[
-    Path | None,
-    Option(metavar="DIR", help="Admit only the roles of `orchard secure DIR`; with --only: DIR/<role>.", rich_help_panel=NETWORK),
-]
+
+# -- a harvest
 
 CHANGES = ("rows", "pickers", "row_width", "carriers", "seed", "dispatch", "rows_to_pickers", "route")  # options that change the scenario
 OF_ONLY = ("only", "connect", "without", "hosts", "secure", "progress", "check_agents")  # options of the agents of a run elsewhere
@@ -184,47 +171,36 @@ class HarvestOptions:
     scenario: File = None
     rows: Rows = None
     pickers: Pickers = None
-    row_width: Annotated[float | None, Option(help="Width of a row, 5 to 12 m.", rich_help_panel=ORCHARD)] = None
-    carriers: Annotated[int | None, Option(help="Carriers, 1 to 40. Default: 7 for every 10 pickers.", rich_help_panel=ORCHARD)] = None
-    seed: Annotated[int | None, Option(help="The same seed gives the same run.", rich_help_panel=ORCHARD)] = None
-    dispatch: Annotated[str | None, _named(DISPATCH_POLICIES, "Which carrier fetches which bin, and when")] = None
-    rows_to_pickers: Annotated[str | None, _named(ROW_RULES, "Which picker picks which rows")] = None
-    route: Annotated[str | None, _named(QUEUES, "Where pickers and carriers drive")] = None
-    mode: Annotated[Mode, Option(help="lockstep or realtime: several processes; local: one.", rich_help_panel=RUN)] = "lockstep"
-    speed: Speed = None
+    row_width: float | None = option(ORCHARD, "Width of a row, 5 to 12 m.")
+    carriers: int | None = option(ORCHARD, "Carriers, 1 to 40. Default: 7 for every 10 pickers.")
+    seed: int | None = option(ORCHARD, "The same seed gives the same run.")
+    dispatch: str | None = _rule("Which carrier fetches which bin, and when", DISPATCH_POLICIES)
+    rows_to_pickers: str | None = _rule("Which picker picks which rows", ROW_RULES)
+    route: str | None = _rule("Where pickers and carriers drive", QUEUES)
+    mode: Mode = option(RUN, "lockstep or realtime: several processes; local: one.", default="lockstep")
+    speed: float | None = option(RUN, "1: real time. Default: max; live: 4; realtime: 1.", "X|max", parser=_speed)
     hosts: Hosts = None  # 0: one per agent
-    duration: Annotated[
-        float | None, Option(callback=_seconds, help="Simulated seconds after which the run stops.", rich_help_panel=RUN)
-    ] = None
-    record: Record = None
-    view: Annotated[bool, _flag("--view", "Open the viewer and watch live. Its window stays; Ctrl-C closes it.", OUTPUT)] = False
-    web: Web = None
-    summary: Annotated[Path | None, Option(metavar="FILE.json", help="Write the summary to this file.", rich_help_panel=OUTPUT)] = None
-    table: Annotated[
-        Path | None,
-        Option(parser=_folder, metavar="DIR", help="Write Parquet tables to this folder: docs/how-to.md.", rich_help_panel=OUTPUT),
-    ] = None
+    duration: float | None = option(RUN, "Simulated seconds after which the run stops.", callback=_seconds)
+    record: str | None = option(OUTPUT, "File of the recording. Default: a new one.", "FILE.rrd|none")
+    view: bool = flag(OUTPUT, "--view", "Open the viewer and watch live. Its window stays; Ctrl-C closes it.")
+    web: int | None = option(OUTPUT, "Watch live in a browser on this machine.", "PORT", min=1024, max=65534)
+    summary: Path | None = option(OUTPUT, "Write the summary to this file.", "FILE.json")
+    table: Path | None = option(OUTPUT, "Write Parquet tables to this folder: docs/how-to.md.", "DIR", parser=_folder)
     progress: Style = "text"
-    listen: Listen = None
-    connect: Annotated[
-        str | None, Option(metavar="ENDPOINT", help="Use another router: tcp/192.168.1.10:7447.", rich_help_panel=NETWORK)
-    ] = None
-    without: Without = None
-    only: Only = None
-    patience: Patience = None
-    check_agents: Annotated[bool, _flag("--check-agents", "Check that own agents are repeatable: docs/extending.md.", RUN)] = False
-    check_holds: Annotated[bool, _flag("--check-holds", "Check that no agent holds its velocity too long.", RUN)] = False
-    ignore_holds: Annotated[bool, _flag("--ignore-holds", "Ask all agents at every tick: same result, slower.", RUN)] = False
-    resume: Annotated[str | None, Option(metavar="DIR|last", help="Continue a run from its newest snapshot.", rich_help_panel=RUN)] = None
-    replay: Annotated[
-        Path | None, Option(metavar="FILE.mcap", help="Let the velocities in a bag drive its robots: docs/ros2.md.", rich_help_panel=RUN)
-    ] = None
-    own_code: Annotated[bool, _flag("--own-code", "Import the code that the scenario in a bag names: docs/ros2.md.", RUN)] = False
-    secure: Secure = None
-    verbose: Annotated[bool, _flag("--verbose", "Print all figures of the summary, not only the main ones.")] = False
-    version: Annotated[bool, Option("--version", metavar="", help="Show the version and exit.", is_eager=True, callback=_print_version)] = (
-        False
-    )
+    listen: str | None = option(NETWORK, "Address where other machines may join: tcp/0.0.0.0:7447.", "ENDPOINT")
+    connect: str | None = option(NETWORK, "Use another router: tcp/192.168.1.10:7447.", "ENDPOINT")
+    without: list[str] | None = option(NETWORK, "Wait for other processes to run these agents (repeatable).", "KIND|NAME")
+    only: list[str] | None = option(NETWORK, "Run only these agents, of a run elsewhere (repeatable).", "KIND|NAME")
+    patience: float | None = option(RUN, "Seconds that lockstep waits for a silent agent. Default: 15.", callback=_patience)
+    check_agents: bool = flag(RUN, "--check-agents", "Check that own agents are repeatable: docs/extending.md.")
+    check_holds: bool = flag(RUN, "--check-holds", "Check that no agent holds its velocity too long.")
+    ignore_holds: bool = flag(RUN, "--ignore-holds", "Ask all agents at every tick: same result, slower.")
+    resume: str | None = option(RUN, "Continue a run from its newest snapshot.", "DIR|last")
+    replay: Path | None = option(RUN, "Let the velocities in a bag drive its robots: docs/ros2.md.", "FILE.mcap")
+    own_code: bool = flag(RUN, "--own-code", "Import the code that the scenario in a bag names: docs/ros2.md.")
+    secure: Path | None = option(NETWORK, "Admit only the roles of `orchard secure DIR`; with --only: DIR/<role>.", "DIR")
+    verbose: bool = flag(None, "--verbose", "Print all figures of the summary, not only the main ones.")
+    version: bool = flag(None, "--version", "Show the version and exit.", is_eager=True, callback=_print_version)
 
     @property
     def is_live(self) -> bool:
@@ -318,10 +294,10 @@ def with_options(kind: type[Chosen]) -> Callable[[Callable[[Chosen], None]], Cal
         def called(**values: Any) -> None:
             command(kind(**values))
 
-        parameters = inspect.signature(kind).parameters.values()
-        vars(called)["__signature__"] = inspect.Signature(
-            sorted(parameters, key=lambda parameter: parameter.default is not parameter.empty)
-        )
+        noted = {one.name: one.metadata["option"] for one in fields(kind) if one.metadata}  # type: ignore[arg-type]
+        declared = inspect.signature(kind).parameters.values()
+        parameters = [one.replace(annotation=Annotated[one.annotation, noted.get(one.name)]) for one in declared]
+        vars(called)["__signature__"] = inspect.Signature(sorted(parameters, key=lambda one: one.default is not one.empty))
         return called
 
     return decorate
@@ -365,7 +341,7 @@ Bridge = Annotated[
 ]
 Address = Annotated[list[str] | None, Option(metavar="NAME|IP", help="Address at which other machines reach this one (repeatable).")]
 Days = Annotated[float, Option(min=1, max=3650, help="Days for which the certificates are valid.")]
-Anew = Annotated[bool, _flag("--anew", "Replace the files of an earlier call.")]
+Anew = Annotated[bool, Option("--anew", metavar="", help="Replace the files of an earlier call.")]
 Browser = Annotated[int | None, Option("--web", min=1024, max=65534, metavar="PORT", help="Show it in a browser on this machine.")]
 Recording = Annotated[Path | None, Argument(metavar="FILE.rrd", show_default="the newest")]
 Mcap = Annotated[Path, Option(metavar="FILE.mcap", help="File of the bag.")]
@@ -373,7 +349,9 @@ Exported = Annotated[
     list[str] | None,
     Option("--robots", metavar="KIND|NAME", help="Bodies that are in it (repeatable). Default: pickers, carriers and the tractor."),
 ]
-WithScans = Annotated[bool, _flag("--with-scans", "The scans too, as they are recorded: every second beam, twice a second.")]
+WithScans = Annotated[
+    bool, Option("--with-scans", metavar="", help="The scans too, as they are recorded: every second beam, twice a second.")
+]
 
 # -- an orchard of one's own
 

@@ -4,13 +4,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Any, Literal, get_args
 from urllib.parse import urlsplit
 
-from typer import BadParameter, Option
+from typer import BadParameter
 
 from orchard.field.problems import Problem
-from orchard.launch.options import File, Style, named
+from orchard.launch.options import File, Style, flag, named, number, option, whole
 
 LEAST_CONFIDENCE, MOST_CONFIDENCE = 0.5, 0.9999
 BUDGET_UNITS = {"min": 60.0, "h": 3600.0, "s": 1.0}
@@ -24,10 +24,7 @@ QUESTION, RUNS, FILES = "The question", "The runs", "What it shows and writes"
 
 def _share(text: str) -> float:
     """A share below 1: 0.01 or 1%."""
-    try:
-        share = float(text[:-1]) / 100.0 if text.endswith("%") else float(text)
-    except ValueError:
-        share = math.nan
+    share = number(text[:-1]) / 100.0 if text.endswith("%") else number(text)
     if not 0.0 < share < 1.0:
         raise BadParameter(f"{text}: expected a share above 0 and below 1, such as 0.01 or 1%")
     return share
@@ -55,19 +52,14 @@ def _confidence(text: str) -> float:
 def _budget(text: str) -> float:
     """A time of some s: 60, 60s, 5min or 2h."""
     unit = next((unit for unit in BUDGET_UNITS if text.endswith(unit)), "")
-    try:
-        seconds = float(text.removesuffix(unit)) * BUDGET_UNITS.get(unit, 1.0)
-    except ValueError:
-        seconds = math.nan
+    seconds = number(text.removesuffix(unit)) * BUDGET_UNITS.get(unit, 1.0)
     if not LEAST_BUDGET <= seconds < math.inf:
         raise BadParameter(f"{text}: expected a time of at least {LEAST_BUDGET:g} s, such as 60s, 5min or 2h")
     return seconds
 
 
 def _workers(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= MOST_WORKERS:
-        raise BadParameter(f"{text}: expected a number from 1 to {MOST_WORKERS}")
-    return int(text)
+    return whole(text, MOST_WORKERS, f"expected a number from 1 to {MOST_WORKERS}")
 
 
 def _store(text: str) -> Path:
@@ -82,8 +74,8 @@ def _store(text: str) -> Path:
 # -- options
 
 
-def _option(parse: Callable[[str], Any], metavar: str, what: str, panel: str) -> Any:
-    """An option with its fault, a Problem, as its value: so a study tells the faults of all its options at once, and not only the first."""
+def _checked(parse: Callable[[str], Any]) -> Callable[[str], Any]:
+    """A parser whose value for a fault is a Problem: so a study reports the faults of all its options at once."""
 
     def parsed(text: str) -> Any:
         try:
@@ -91,10 +83,10 @@ def _option(parse: Callable[[str], Any], metavar: str, what: str, panel: str) ->
         except BadParameter as fault:
             return Problem("", fault.message)
 
-    return Option(parser=parsed, metavar=metavar, help=what, rich_help_panel=panel)
+    return parsed
 
 
-def _choice(words: Any, what: str, panel: str) -> Any:
+def _choice(panel: str, what: str, words: Any, default: str) -> Any:
     """An option for one of the words of a Literal."""
     known = get_args(words)
 
@@ -103,44 +95,39 @@ def _choice(words: Any, what: str, panel: str) -> Any:
             raise BadParameter(f"{text}: expected {', '.join(known[:-1])} or {known[-1]}")
         return text
 
-    return _option(parse, "|".join(known), what, panel)
+    return option(panel, what, "|".join(known), default=default, parser=_checked(parse))
 
 
 Goal = Literal["bins_per_hour", "cost_per_bin", "harvest_seconds"]
 Horizon = Literal["harvest", "long"]
 Model = Literal["fast", "full", "both"]
 MODELS = "fast: the discrete-event model; full: the simulator; both: it checks the best two."
-SCHEDULER = "A scheduler of dask.distributed: tcp://192.168.1.10:8786."
+KEPT = "File that keeps all runs. Default: studies.db beside the recordings."
 WITHIN = "Half an interval, as a share of its mean, that is narrow enough."
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyArguments:
-    """The options of a study, in the order of --help."""
+    """The options of a study, in the order of --help. Typer parses defaults, too."""
 
     scenario: File = None
-    vary: Annotated[
-        list[str] | None,
-        Option(
-            metavar="KEY=VALUES", help="What varies: carriers=1..20, dispatch=nearest,predictive (repeatable).", rich_help_panel=QUESTION
-        ),
-    ] = None
-    goal: Annotated[Goal, _choice(Goal, "What is best. Costs need prices in the scenario.", QUESTION)] = "bins_per_hour"
-    horizon: Annotated[Horizon, _choice(Horizon, "One harvest, or the rate of a long run.", QUESTION)] = "harvest"
-    confidence: Annotated[float, _option(_confidence, "SHARE", "Confidence of the answer.", QUESTION)] = "0.95"  # type: ignore[assignment]
-    within: Annotated[float, _option(_share, "SHARE", WITHIN, QUESTION)] = "1%"  # type: ignore[assignment]  # Typer parses defaults too
-    budget: Annotated[float, _option(_budget, "TIME", "Wall time: 60s, 5min, 2h.", QUESTION)] = "60s"  # type: ignore[assignment]
-    model: Annotated[Model, _choice(Model, MODELS, RUNS)] = "both"
-    workers: Annotated[int | None, _option(_workers, "N", "Processes here. Default: one per core.", RUNS)] = None
-    scheduler: Annotated[str | None, _option(_scheduler, "ENDPOINT", SCHEDULER, RUNS)] = None
-    out: Annotated[Path | None, _option(_store, "STORE", "File that keeps all runs. Default: studies.db beside the recordings.", RUNS)] = (
-        None
+    vary: list[str] | None = option(QUESTION, "What varies: carriers=1..20, dispatch=nearest,predictive (repeatable).", "KEY=VALUES")
+    goal: Goal = _choice(QUESTION, "What is best. Costs need prices in the scenario.", Goal, "bins_per_hour")
+    horizon: Horizon = _choice(QUESTION, "One harvest, or the rate of a long run.", Horizon, "harvest")
+    confidence: float = option(QUESTION, "Confidence of the answer.", "SHARE", default="0.95", parser=_checked(_confidence))
+    within: float = option(QUESTION, WITHIN, "SHARE", default="1%", parser=_checked(_share))
+    budget: float = option(QUESTION, "Wall time: 60s, 5min, 2h.", "TIME", default="60s", parser=_checked(_budget))
+    model: Model = _choice(RUNS, MODELS, Model, "both")
+    workers: int | None = option(RUNS, "Processes here. Default: one per core.", "N", parser=_checked(_workers))
+    scheduler: str | None = option(
+        RUNS, "A scheduler of dask.distributed: tcp://192.168.1.10:8786.", "ENDPOINT", parser=_checked(_scheduler)
     )
-    anew: Annotated[bool, Option("--anew", metavar="", help="Forget the runs of a store of another version.", rich_help_panel=RUNS)] = False
-    summary: Annotated[Path | None, Option(metavar="FILE.json", help="Write the whole answer to this file.", rich_help_panel=FILES)] = None
-    csv: Annotated[Path | None, Option(metavar="FILE.csv", help="Write the table to this file.", rich_help_panel=FILES)] = None
-    picture: Annotated[Path | None, Option(metavar="FILE.svg|png", help="Draw the table.", rich_help_panel=FILES)] = None
-    report: Annotated[Path | None, Option(metavar="FILE.html", help="Write a report.", rich_help_panel=FILES)] = None
+    out: Path | None = option(RUNS, KEPT, "STORE", parser=_checked(_store))
+    anew: bool = flag(RUNS, "--anew", "Forget the runs of a store of another version.")
+    summary: Path | None = option(FILES, "Write the whole answer to this file.", "FILE.json")
+    csv: Path | None = option(FILES, "Write the table to this file.", "FILE.csv")
+    picture: Path | None = option(FILES, "Draw the table.", "FILE.svg|png")
+    report: Path | None = option(FILES, "Write a report.", "FILE.html")
     progress: Style = "text"
 
     @property

@@ -307,10 +307,10 @@ class World:
             log.removeHandler(handler)
             log.propagate = propagates
 
-    def _store(self, name: str, content: bytes, folder: Path) -> Path:
+    def _store(self, name: str, content: bytes, folder: Path, run: str) -> Path:
         if self.is_disk_full:
             raise OSError(28, os.strerror(28))
-        path = store(name, content, folder)
+        path = store(name, content, folder, run)
         at = int(self.scheduler.now * 1e9) + 10**18
         os.utime(path, ns=(at, at))
         return path

@@ -4,7 +4,6 @@ import math
 import subprocess
 import threading
 import time
-import uuid
 from contextlib import ExitStack, suppress
 from importlib import import_module
 from pathlib import Path
@@ -59,8 +58,7 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
     credentials = Credentials.of(options)
     shares = credentials.shares(names, all_names)
     endpoint = _endpoint_of(options, credentials)
-    run_id = (request.resumed.run if request.resumed else "") or uuid.uuid4().hex[:16]
-    inbox = Inbox()
+    run_id, inbox = request.run_id, Inbox()
     inbox.take_signals()  # from here on Ctrl-C is an item: it must not come between a process's start and its entry in the supervisor
     with TemporaryDirectory() as folder, Supervisor(progress.say, run_id) as supervisor, ExitStack() as stack:
         launched = _Launched(request, credentials, reachable(endpoint), run_id, supervisor, progress)

@@ -101,7 +101,7 @@ def run(
             account.figures.begin()
             while not (why := account.why_over(ticks) or ("stopped" if is_stopped() else "")):
                 if account.snapshot_writer.is_due():
-                    account.keep(_snapshot(local, account, request.resumed))
+                    account.keep(_snapshot(local, account, request))
                 if left := pacer.wait():
                     time.sleep(min(left, NAP_SECONDS))
                     continue
@@ -113,7 +113,7 @@ def run(
                 if account.figures.is_due():
                     message = account.figures.message("", {})
                     show(message.figures, message.doing, message.waits_for)
-            account.keep(_snapshot(local, account, request.resumed))
+            account.keep(_snapshot(local, account, request))
         except StillThinks as thought:  # some memories are of this tick already: no snapshot of it
             print_error(f"{thought}; the run ends before this tick")
             why = "stopped"
@@ -136,9 +136,10 @@ def _frame(account: RunAccount, local: Local, events: list[Event]) -> Frame:
     return frame
 
 
-def _snapshot(local: Local, account: RunAccount, before: Snapshot | None) -> Snapshot:
+def _snapshot(local: Local, account: RunAccount, request: RunRequest) -> Snapshot:
     snapshot = local.snapshot()
-    snapshot.lost = before.lost if before else {}
+    snapshot.run = request.run_id
+    snapshot.lost = request.resumed.lost if request.resumed else {}
     snapshot.figures |= account.figures.as_data()
     return snapshot
 

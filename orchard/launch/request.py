@@ -1,6 +1,7 @@
 """The settings of a run, and the credentials with which its processes are started."""
 
 import os
+import uuid
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,6 +29,11 @@ class RunRequest:
     def data_port(self) -> int:
         """The port of the live data: the port after that of the web viewer, or a free one."""
         return free_port() if self.options.web is None else self.options.web + 1
+
+    @cached_property
+    def run_id(self) -> str:
+        """The run's id: a new one, or that of the run that is resumed."""
+        return (self.resumed.run if self.resumed else "") or uuid.uuid4().hex[:16]
 
     @property
     def title(self) -> str:

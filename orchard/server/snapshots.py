@@ -64,13 +64,13 @@ class SnapshotWriter:
             return
         if self._writing is not None:
             self._writing.cancel()
-        self._writing = self._executor.submit(self._store, *as_file(snapshot), self._folder)
+        self._writing = self._executor.submit(self._store, *as_file(snapshot), self._folder, snapshot.run)
         self._due = self._clock() + self._seconds
 
-    def _store(self, name: str, content: bytes, folder: Path) -> bool:
+    def _store(self, name: str, content: bytes, folder: Path, run: str) -> bool:
         """Write a snapshot. Return whether that succeeded; only the first error is logged."""
         try:
-            store(name, content, folder)
+            store(name, content, folder, run)
         except OSError as error:
             if not self._failed:
                 log.error(
@@ -99,7 +99,7 @@ def examine(snapshot: Snapshot) -> None:
 def last(folder: Path, run: str = "") -> Snapshot | None:
     """Return the newest usable snapshot of a run in a folder; None if there is none: then the run begins anew, from its first tick.
 
-    `run`: its id; '' for that of any run. Snapshots that are not usable are logged.
+    `run`: its id; '' for that of the folder. Snapshots that are not usable are logged.
     """
     refused: list[str] = []
     try:

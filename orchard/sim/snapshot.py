@@ -16,12 +16,14 @@ import msgspec
 from msgspec import Meta
 
 from orchard.contract.messages import Written, pack, unpack
+from orchard.folders import regular
 from orchard.sim.disk import write_whole
 
 VERSION = 5
 HEAD = b"orchard snapshot %d\n"
 LARGEST = 1 << 24  # bytes; the snapshot of the largest orchard has a hundredth of that
 KEPT = 2  # files: the newest two
+RUN = "run"  # file: the id of the run that writes its snapshots into the folder
 
 
 class SnapshotError(Exception):
@@ -56,10 +58,15 @@ def as_file(snapshot: Snapshot) -> tuple[str, bytes]:
     return f"tick-{snapshot.tick:09d}.snapshot", head + payload
 
 
-def store(name: str, content: bytes, folder: Path) -> Path:
-    """Write a file that `as_file` returned into a folder, remove all but the KEPT last written, and return its path. Raises OSError."""
+def store(name: str, content: bytes, folder: Path, run: str = "") -> Path:
+    """Write a file that `as_file` returned into the folder of a run, remove all but the KEPT last written, and return its path.
+
+    Raises OSError.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
+    if run_of(folder) != run:
+        write_whole(folder / RUN, run.encode())
     write_whole(path, content)
     written = sorted(_newest_first(folder), key=lambda old: old.lstat().st_mtime_ns, reverse=True)  # the highest tick may be damaged
     others = [old for old in written if old != path]  # a clock that was set back must not remove this one
@@ -103,27 +110,30 @@ def clear(folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
+def run_of(folder: Path) -> str:
+    """Return the id of the run to which a folder of snapshots belongs; '' if it has none."""
+    try:
+        return regular(folder / RUN).read_text(errors="replace")[:100]
+    except OSError:
+        return ""
+
+
 def newest(folder: Path, refused: list[str], run: str = "", examine: Callable[[Snapshot], object] = lambda snapshot: snapshot) -> Snapshot:
     """Return the newest usable snapshot in a folder; append the faults of others to `refused`. Raises SnapshotError if there is none.
 
-    `run`: the id of the run to which it must belong, if it names one; '' for any. `examine`: raises SnapshotError for impossible content.
-    Runs in local mode have no id, but a folder has one run: a snapshot whose scenario is not that of most others there does not count.
+    `run`: the id of the run to which it must belong; '' for that of the folder. `examine`: raises SnapshotError for impossible content.
     """
-    sound: dict[Path, Snapshot] = {}
+    expected = run or run_of(folder)
     for path in _newest_first(folder):
         try:
             found = read(path)
-            if run and found.run not in ("", run):
-                raise SnapshotError(f"{path}: of another run, {found.run}; expected {run}")
+            if found.run != expected:
+                raise SnapshotError(f"{path}: of another run, {found.run}; expected {expected or f'a file {RUN} there with its id'}")
             _examined(path, found, examine)
-            sound[path] = found
         except SnapshotError as error:
             refused.append(str(error))
-    scenarios = [found.scenario for found in sound.values()]
-    for path, found in sound.items():
-        if 2 * scenarios.count(found.scenario) > len(scenarios):
+        else:
             return found
-        refused.append(f"{path}: of another run, with seed {found.scenario.get('seed')}; other snapshots there differ from it")
     raise SnapshotError("; ".join([*refused, f"{folder}: no usable snapshot"]))
 
 

@@ -125,4 +125,6 @@ def test_a_run_for_which_a_host_was_gone_is_resumed_with_a_word(tmp_path):
     done = orchard("--resume", tmp_path, "--mode", "local", "--duration", 1.3, "--record", "none")
     assert done.returncode == 0
     assert "no host was there for picker_01 (tick 7)" in done.stderr
-    assert newest(tmp_path, []).lost == before.lost, "it is not forgotten"
+    found = newest(tmp_path, [])
+    assert found.lost == before.lost, "it is not forgotten"
+    assert found.run, "runs in local mode have an id, too"

@@ -59,15 +59,17 @@ def test_the_newest_two_are_kept_and_the_newest_is_read(written):
     assert refused == []
 
 
-def test_the_newest_snapshot_of_another_local_run_is_passed_over_and_named(written):
-    other = Local(Scenario(rows=3, seed=9))
-    while other.engine.tick < 20:
-        other.tick()
-    name, content = as_file(other.snapshot())
-    (written / name).write_bytes(content)
+def test_snapshots_of_another_run_are_passed_over_and_named_even_if_they_are_most_and_newest(tmp_path):
+    own, other = local_at(10).snapshot(), local_at(12).snapshot()
+    own.run, other.run = "own", "other"
+    store(*as_file(own), tmp_path, own.run)
+    name, content = as_file(other)
+    copies = [tmp_path / name.replace("12", tick) for tick in ("12", "13")]
+    for copy in copies:
+        copy.write_bytes(content)
     refused: list[str] = []
-    assert newest(written, refused).tick == 12
-    assert refused == [f"{written / name}: of another run, with seed 9; other snapshots there differ from it"]
+    assert newest(tmp_path, refused).run == "own"
+    assert refused == [f"{copy}: of another run, other; expected own" for copy in reversed(copies)]
 
 
 @pytest.mark.parametrize(

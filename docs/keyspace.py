@@ -21,9 +21,8 @@ from orchard.net.mailbox import DOUBT_SECONDS, STALE_TICKS
 from orchard.net.refusals import NO_TOKEN
 from orchard.net.requests import AGAIN_SECONDS as ASK_SECONDS
 from orchard.net.zenoh_bus import CONNECT_SECONDS, FULL_QUEUE_US, LEASE_MS
-from orchard.server.advice import ADVICE_TICKS
-from orchard.server.lockstep import AGAIN_SECONDS
-from orchard.server.realtime import SLACK, WATCHDOG, WATCHDOG_TICKS
+from orchard.server.barriers import AGAIN_SECONDS, SLACK
+from orchard.server.commands import WATCHDOG, WATCHDOG_TICKS
 from orchard.server.roster import MOST_TOKENS
 from orchard.wire.keys import LIVELINESS, PHYSICS, PREFIX, QUERY, TABLE, Key
 
@@ -48,8 +47,8 @@ def protocol() -> str:
 
 def _filled(name: str, **more: Any) -> str:
     figures = {
-        "advice": ADVICE_TICKS,
-        "advice_seconds": ADVICE_TICKS * TIME_STEP,
+        "advice": WATCHDOG_TICKS,
+        "advice_seconds": WATCHDOG_TICKS * TIME_STEP,
         "across": ACROSS,
         "again": AGAIN_SECONDS,
         "connect": round(CONNECT_SECONDS * 1000),

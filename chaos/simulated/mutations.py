@@ -11,11 +11,11 @@ from orchard.net import bus, host, mailbox, requests
 from orchard.net.ending import Ending
 from orchard.net.refusals import Refused
 from orchard.processes import agents, physics
-from orchard.server import inbound, lockstep, loop, realtime, snapshots
+from orchard.server import barriers, commands, inbound, loop, snapshots
+from orchard.server.control import RunClock
 from orchard.server.drivers import Drivers
 from orchard.server.publisher import Publisher
 from orchard.server.roster import RecoveryLog, Roster
-from orchard.server.run_clock import RunClock
 from orchard.sim import snapshot
 from orchard.wire import messages as wire
 from orchard.wire.messages import Joined
@@ -43,7 +43,7 @@ def _expects_without_waking(self: Drivers, names: Any, holder: str) -> None:
     self._engine.wake(names)
 
 
-def _keeps_the_old_answer(self: lockstep.LockstepBarrier, name: str) -> None:
+def _keeps_the_old_answer(self: barriers.LockstepBarrier, name: str) -> None:
     if name not in self.reports:
         self.missing.add(name)
 
@@ -52,7 +52,7 @@ def _without_memories(run: str, tick: int, memories: Any, refused: Any) -> Joine
     return Joined(run, tick, dict.fromkeys(memories), refused)
 
 
-def _takes_any_tick(self: lockstep.LockstepBarrier, name: str, holder: str, tick: int, report: Any) -> None:
+def _takes_any_tick(self: barriers.LockstepBarrier, name: str, holder: str, tick: int, report: Any) -> None:
     if name in self.missing:
         _take(self, name, holder, self.tick, report)
 
@@ -115,7 +115,7 @@ def _goes_on_while_paused(self: RunClock) -> float:
     return self._clock()
 
 
-_seen, _take, _keep = mailbox.LatestObservations.seen, lockstep.LockstepBarrier.take, RecoveryLog.keep
+_seen, _take, _keep = mailbox.LatestObservations.seen, barriers.LockstepBarrier.take, RecoveryLog.keep
 _always: Callable[..., bool] = lambda *_, **__: True  # noqa: E731
 _never: Callable[..., bool] = lambda *_, **__: False  # noqa: E731
 
@@ -143,9 +143,9 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "physics keeps no memory": (Cut(RecoveryLog, "keep", _keeps_no_memory),),
     "physics keeps the letters of one tick": (Cut(RecoveryLog, "keep", _keeps_one_tick),),
     "physics does not ask a session that joins": (Cut(Drivers, "expect", _expects_without_waking),),
-    "the answer of the session before counts": (Cut(lockstep.LockstepBarrier, "expect", _keeps_the_old_answer),),
-    "an answer to any tick counts": (Cut(lockstep.LockstepBarrier, "take", _takes_any_tick),),
-    "an answer of any session counts": (Cut(lockstep.Barrier, "_refuse_unless_held_by", _nothing),),
+    "the answer of the session before counts": (Cut(barriers.LockstepBarrier, "expect", _keeps_the_old_answer),),
+    "an answer to any tick counts": (Cut(barriers.LockstepBarrier, "take", _takes_any_tick),),
+    "an answer of any session counts": (Cut(barriers.Barrier, "_refuse_other_owner", _nothing),),
     "any session may take any agent": (Cut(Roster, "may_join", _takes_over),),
     "physics waits for no session to leave": (Cut(Roster, "all_have_left", _always), Cut(loop, "LEAVE_SECONDS", 0.0)),
     "a session that is cut off counts as left": (Cut(Roster, "all_have_left", lambda self: not self.tokens),),
@@ -158,7 +158,7 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "the newest snapshot counts, as it is": (Cut(physics, "last", _first_in_folder),),
     "no snapshot is written": (Cut(snapshots.SnapshotWriter, "is_due", _never),),
     "a pause makes agents late": (Cut(RunClock, "__call__", _goes_on_while_paused),),
-    "realtime: old velocities drive on": (Cut(realtime.RecentTicks, "is_over", _never),),
+    "realtime: old velocities drive on": (Cut(commands.RecentTicks, "is_over", _never),),
     "physics is given up at once": (Cut(agents, "Host", _without_patience),),
 }
 

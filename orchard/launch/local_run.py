@@ -20,8 +20,8 @@ from orchard.launch.terminal import CTRL_C, FAILED, console, print_error, print_
 from orchard.local import Local
 from orchard.report.progress import Progress
 from orchard.server.account import RunAccount
+from orchard.server.control import Pacer
 from orchard.server.options import last_tick
-from orchard.server.run_clock import Pacer
 from orchard.server.snapshots import SnapshotWriter, sole
 from orchard.sim.frames import talk_of
 from orchard.sim.kernels.cache import COMPILING, are_compiled

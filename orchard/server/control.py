@@ -1,22 +1,87 @@
-"""Pause, step and play a run: what the queries on `set_simulation_state` and `step_simulation` do. Names: ROS's simulation_interfaces."""
+"""Whether simulated time goes on, and how fast: the clock of a run, the pace of its ticks, and pause, step and play.
 
+The names of the queries `set_simulation_state` and `step_simulation` are those of ROS's simulation_interfaces.
+"""
+
+import math
 from collections.abc import Callable
 from typing import Literal
 
 from orchard.contract.messages import pack
+from orchard.field.scenario import TIME_STEP
 from orchard.net.bus import Query
 from orchard.net.refusals import Refused
-from orchard.server.run_clock import RunClock
 from orchard.wire.messages import SimulationState, StateOfSimulation
+
+
+class RunClock:
+    """Deadlines, pace and watchdogs of a run read this clock, so a pause makes no agent late and no velocity old.
+
+    A pause takes effect between two steps. `pause`, `play` and `count_step` are called by the thread that reads the clock.
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._left: float = math.inf  # steps that are done before the run is paused
+        self._since: float | None = None  # s, on `clock`: the begin of the pause; None while the run plays
+        self._paused = 0.0  # s in all pauses that are over
+
+    def __call__(self) -> float:
+        """Return the time, s."""
+        return (self._clock() if self._since is None else self._since) - self._paused
+
+    @property
+    def is_paused(self) -> bool:
+        return self._since is not None
+
+    def pause(self) -> None:
+        """Let the clock stand from now on."""
+        if self._since is None:
+            self._since = self._clock()
+
+    def play(self, steps: float = math.inf) -> None:
+        """Let the clock go on, for so many steps."""
+        self._left = steps
+        if self._since is not None:
+            self._paused += self._clock() - self._since
+            self._since = None
+
+    def count_step(self) -> None:
+        """Record that a step is done. After the last one of `play` the clock stands."""
+        self._left -= 1
+        if self._left <= 0:
+            self.pause()
+
+
+class Pacer:
+    """Paces ticks in wall time: `speed` simulated seconds per second; with infinity it never waits."""
+
+    CATCH_UP = 0.25  # s: the largest delay that later ticks make up for
+
+    def __init__(self, speed: float, clock: Callable[[], float]) -> None:
+        self._step = TIME_STEP / speed
+        self._clock = clock
+        self._due = -math.inf
+
+    def wait(self) -> float:
+        """Return the seconds until the next tick may begin."""
+        return max(0.0, self._due - self._clock())
+
+    def begin(self) -> float:
+        """Begin a tick, and return the seconds that it begins late."""
+        now = self._clock()
+        due = now if self._due == -math.inf else self._due
+        self._due = max(due, now - self.CATCH_UP) + self._step
+        return max(0.0, now - due)
 
 
 class SimulationControl:
     """Whether a run plays. Every change of the state is published."""
 
-    def __init__(self, clock: RunClock, publish: Callable[[SimulationState], None], run: str, tick: Callable[[], int]) -> None:
+    def __init__(self, clock: RunClock, send: Callable[[SimulationState], None], run: str, tick: Callable[[], int]) -> None:
         """`clock`: that of the run, which a pause stops. `tick`: returns the tick of the run."""
         self.clock = clock
-        self._publish, self._run, self._tick = publish, run, tick
+        self._send, self._run, self._tick = send, run, tick
         self._state: StateOfSimulation = "stopped"  # as it was published last
         self._begun = self._ended = False
         self._stepping: Query | None = None  # a query whose steps are not all done
@@ -30,12 +95,12 @@ class SimulationControl:
     def begin(self) -> None:
         """Record that the first tick is about to be published."""
         self._begun = True
-        self.tell()
+        self.publish()
 
     def end(self) -> None:
         """Record that the run is over. Steps that are left are not done."""
         self._ended = True
-        self.tell()
+        self.publish()
         self.finish_steps()
 
     def set(self, wanted: Literal["playing", "paused"]) -> None:
@@ -45,7 +110,7 @@ class SimulationControl:
         else:
             self.clock.play()
         self.finish_steps()
-        self.tell()
+        self.publish()
 
     def step(self, query: Query, steps: int) -> None:
         """Do some steps. `finish_steps` replies to the query. Raises Refused unless the run is paused."""
@@ -54,7 +119,7 @@ class SimulationControl:
         self.finish_steps()
         self._stepping = query
         self.clock.play(steps)
-        self.tell()
+        self.publish()
 
     def keeps(self, query: Query) -> bool:
         """Whether `finish_steps` will reply to this query."""
@@ -67,9 +132,9 @@ class SimulationControl:
             query.reply(pack(self.state))
             query.drop()
 
-    def tell(self) -> None:
+    def publish(self) -> None:
         """Publish the state if it has changed."""
         now = self.state
         if now.state != self._state:
             self._state = now.state
-            self._publish(now)
+            self._send(now)

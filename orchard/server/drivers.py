@@ -9,10 +9,9 @@ from orchard.contract.agent import Action, Observations
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS
 from orchard.net.refusals import Refused
-from orchard.server.advice import Advised
-from orchard.server.lockstep import LockstepBarrier
+from orchard.server.barriers import LockstepBarrier, RealtimeBarrier
+from orchard.server.commands import Advised, UnownedCommands
 from orchard.server.publisher import Publisher
-from orchard.server.realtime import RealtimeBarrier, UnownedCommands
 from orchard.server.roster import RecoveryLog, Roster
 from orchard.wire.codec import twist_of
 from orchard.wire.messages import Advice, Report, Velocities, Velocity

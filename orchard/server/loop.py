@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from orchard.net.bus import Bus, Signal
+from orchard.server.barriers import AGAIN_SECONDS
+from orchard.server.control import Pacer
 from orchard.server.inbound import Inbound
-from orchard.server.lockstep import AGAIN_SECONDS
 from orchard.server.options import RunOptions
 from orchard.server.run import Run, RunEnded, RunReset, write_end
-from orchard.server.run_clock import Pacer
 from orchard.sim.snapshot import Snapshot
 from orchard.wire.keys import LOGGER, Keys
 from orchard.wire.messages import RESET, End
@@ -151,7 +151,7 @@ class RunLoop:
         """While the run is paused, take what arrives: no agent is late, and the tick is published again and again."""
         control = self.run.control
         while self._clock.is_paused:
-            control.tell()
+            control.publish()
             if not self._drivers.answers.missing:
                 control.finish_steps()
             if not self.arrivals.take(AGAIN_SECONDS):

@@ -12,14 +12,12 @@ from orchard.field.scenario import TIME_STEP
 from orchard.net.bus import Bus
 from orchard.net.refusals import RefusalTotals, Refused, read_message
 from orchard.server.account import RunAccount
-from orchard.server.control import SimulationControl
+from orchard.server.barriers import LockstepBarrier, RealtimeBarrier
+from orchard.server.control import RunClock, SimulationControl
 from orchard.server.drivers import Drivers
-from orchard.server.lockstep import LockstepBarrier
 from orchard.server.options import RunOptions
 from orchard.server.publisher import Publisher
-from orchard.server.realtime import RealtimeBarrier
 from orchard.server.roster import RecoveryLog, Roster
-from orchard.server.run_clock import RunClock
 from orchard.server.snapshots import SnapshotWriter
 from orchard.sim.snapshot import Snapshot
 from orchard.wire.codec import picture_of

@@ -9,10 +9,10 @@ from orchard.contract.messages import Given, StateRequest, Written, Yes, pack
 from orchard.field.geometry import Twist
 from orchard.net.mailbox import Mailbox
 from orchard.net.refusals import Refused
-from orchard.server.lockstep import LockstepBarrier
-from orchard.server.realtime import UnownedCommands
+from orchard.server.barriers import LockstepBarrier
+from orchard.server.commands import UnownedCommands
+from orchard.server.control import Pacer
 from orchard.server.roster import RecoveryLog
-from orchard.server.run_clock import Pacer
 from orchard.wire.messages import Angular, Answered, AskedOf, Linear, Received, Report, Velocity
 
 

@@ -12,8 +12,7 @@ from orchard.contract.messages import Couple, Uncouple, pack
 from orchard.field.geometry import Twist
 from orchard.net.bus import Sample
 from orchard.net.refusals import Refused
-from orchard.server.advice import ADVICE_TICKS, Advised
-from orchard.server.realtime import UnownedCommands
+from orchard.server.commands import WATCHDOG_TICKS, Advised, UnownedCommands
 from orchard.wire.messages import Advice, Angular, Linear, Odometry, Velocity
 from orchard.wire.types import read
 
@@ -34,11 +33,11 @@ def driving(tick: int, x: float = 0.0, deeds=()) -> Velocity:
 def test_advice_counts_for_half_a_second_and_then_the_agent_again():
     advised = Advised()
     advised.take(NAME, advice(7), 7)
-    counts = [NAME in advised.actions(tick, {}, {}) for tick in range(7, 7 + ADVICE_TICKS + 2)]
-    assert counts == [True] * ADVICE_TICKS + [False] * 2
+    counts = [NAME in advised.actions(tick, {}, {}) for tick in range(7, 7 + WATCHDOG_TICKS + 2)]
+    assert counts == [True] * WATCHDOG_TICKS + [False] * 2
 
 
-@pytest.mark.parametrize(("tick", "reason"), [(7 - ADVICE_TICKS, "past tick"), (5, "past tick"), (8, "future tick")])
+@pytest.mark.parametrize(("tick", "reason"), [(7 - WATCHDOG_TICKS, "past tick"), (5, "past tick"), (8, "future tick")])
 def test_advice_that_is_old_or_overtaken_or_of_the_future_is_refused(tick, reason):
     advised = Advised()
     advised.take(NAME, advice(6), 6)

@@ -16,10 +16,10 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import with_changes
 from orchard.local import Local
 from orchard.net.bus import Inbox, Sample
-from orchard.server.lockstep import LockstepBarrier
+from orchard.server.barriers import LockstepBarrier
+from orchard.server.control import Pacer, RunClock
 from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions
-from orchard.server.run_clock import Pacer, RunClock
 from orchard.sim.engine import Engine
 from orchard.tables import tables_of
 from orchard.wire.messages import Angular, Linear, Odometry, Velocity

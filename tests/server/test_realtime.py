@@ -15,8 +15,8 @@ from orchard.contract.messages import Couple, StateRequest, Yes, pack
 from orchard.field.geometry import Twist
 from orchard.net.mailbox import STALE_TICKS, LatestObservations, RealtimeMailbox
 from orchard.net.refusals import Refused
-from orchard.server.lockstep import LockstepBarrier
-from orchard.server.realtime import SLACK, Delays, RealtimeBarrier, UnownedCommands
+from orchard.server.barriers import SLACK, Delays, LockstepBarrier, RealtimeBarrier
+from orchard.server.commands import UnownedCommands
 from orchard.wire.messages import Angular, Answered, AskedOf, Linear, Received, Report, Seen, Velocity
 
 STEP = 0.125  # s of wall time to a tick

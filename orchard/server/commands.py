@@ -1,0 +1,99 @@
+"""Velocities of clients: for robots that no session owns, and advice for robots whose agents go on with plan, mail and deeds."""
+
+from collections import deque
+from collections.abc import Callable, Mapping
+
+from msgspec.structs import replace
+
+from orchard.contract.agent import MOST_DEEDS, Action
+from orchard.contract.messages import Deed
+from orchard.field.geometry import Twist
+from orchard.net.refusals import Refused, refuse_other_tick
+from orchard.wire.codec import twist_of
+from orchard.wire.messages import Advice, Velocity
+
+WATCHDOG = 0.5  # s of wall time that one velocity drives a robot at least, in realtime; in lockstep only WATCHDOG_TICKS count
+WATCHDOG_TICKS = 5  # steps that one velocity, or one advice, drives a robot
+
+
+class RecentTicks:
+    """The ticks of which velocities may still drive a robot: less than WATCHDOG_TICKS ticks or less than `seconds` ago."""
+
+    def __init__(self, clock: Callable[[], float], seconds: float = WATCHDOG) -> None:
+        self.clock, self.newest, self._seconds = clock, 0, seconds
+        self._begun: deque[tuple[int, float]] = deque([(0, clock())])  # (tick, time of its publication, s)
+
+    def begin(self, tick: int) -> None:
+        """Record the publication of a new tick."""
+        self.newest = tick
+        self._begun.append((tick, self.clock()))
+        while self.is_over(*self._begun[0], tick):
+            self._begun.popleft()
+
+    @property
+    def oldest(self) -> int:
+        return self._begun[0][0]
+
+    def is_over(self, tick: int, at: float, now: int) -> bool:
+        """Whether a velocity for `tick`, received at time `at`, does not drive any more at the tick `now`."""
+        return now - tick >= WATCHDOG_TICKS and self.clock() - at >= self._seconds
+
+
+class UnownedCommands:
+    """The velocities of robots that no session owns: the newest one drives a robot, for half a second."""
+
+    def __init__(self, clock: Callable[[], float], seconds: float = WATCHDOG) -> None:
+        """`seconds`: of wall time that a velocity drives at least; 0 in lockstep, where simulated time alone counts."""
+        self._recent = RecentTicks(clock, seconds)
+        self._puts: dict[str, tuple[int, Twist, float]] = {}  # name -> the tick of its velocity, that, and the time of its arrival, s
+        self._deeds: dict[str, list[Deed]] = {}  # deeds that no step has used
+
+    def begin(self, tick: int) -> None:
+        self._recent.begin(tick)
+
+    def take(self, name: str, velocity: Velocity) -> None:
+        """Take a velocity for a robot. Raises Refused if it names an owner, or if its tick is too old or in the future."""
+        if velocity.owner:
+            raise Refused("not owned", "no session owns this agent; join first")
+        newest_put = self._puts[name][0] if name in self._puts else 0
+        refuse_other_tick(velocity.tick, max(self._recent.oldest, newest_put), self._recent.newest)
+        self._puts[name] = velocity.tick, twist_of(velocity), self._recent.clock()
+        self._deeds[name] = all_deeds(self._deeds.get(name, []), velocity.deeds)
+
+    def drives(self, name: str) -> bool:
+        """Whether a client has driven this robot recently."""
+        return name in self._puts
+
+    def actions(self, tick: int) -> dict[str, Action]:
+        """Return the actions to apply at a tick, by name; each deed is in them once."""
+        deeds, self._deeds = self._deeds, {}
+        self._puts = {name: put for name, put in self._puts.items() if not self._recent.is_over(put[0], put[2], tick)}
+        return {name: Action(twist, deeds.get(name, [])) for name, (_, twist, _) in self._puts.items()}
+
+
+class Advised:
+    """The newest advice for each robot. It counts by simulated time alone, so a paused or slow run changes nothing."""
+
+    def __init__(self) -> None:
+        self._newest: dict[str, Advice] = {}
+
+    def take(self, name: str, advice: Advice, tick: int) -> None:
+        """Take advice for a robot at a tick. Raises Refused if it is too old, older than the last one, or of the future."""
+        last = self._newest[name].tick if name in self._newest else 0
+        refuse_other_tick(advice.tick, max(last, tick - WATCHDOG_TICKS + 1), tick)
+        self._newest[name] = advice
+
+    def actions(self, tick: int, own: Mapping[str, Action], newest: Mapping[str, Action]) -> dict[str, Action]:
+        """Return the action of each robot that is advised at this tick: that of its agent with another velocity, and no lookahead.
+
+        `own`: the actions of this tick; `newest`: the newest action of each agent, for one that was not asked.
+        """
+        self._newest = {name: advice for name, advice in self._newest.items() if tick - advice.tick < WATCHDOG_TICKS}
+        quiet = {name: replace(newest[name], deeds=[], requests=[], answers=[]) for name in self._newest if name in newest}
+        known = {**quiet, **own}
+        return {name: replace(known.get(name) or Action(), twist=twist_of(advice), hold=None) for name, advice in self._newest.items()}
+
+
+def all_deeds(before: list[Deed], now: list[Deed]) -> list[Deed]:
+    """Return deeds that no step has used with newer ones, each once."""
+    return [*(deed for deed in before if deed not in now), *now][:MOST_DEEDS]

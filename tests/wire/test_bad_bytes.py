@@ -8,6 +8,7 @@ throw what was meant for another run, what is no message, and what cannot be.
 import logging
 import math
 from collections import Counter
+from random import Random
 from types import SimpleNamespace
 
 import msgpack
@@ -26,6 +27,7 @@ from orchard.net.refusals import Refused
 from orchard.record.logger import FrameQueue, Logger
 from orchard.wire.keys import TABLE
 from orchard.wire.messages import Angular, Linear, Velocity
+from orchard.wire.types import read
 
 pytestmark = pytest.mark.processes
 
@@ -205,3 +207,16 @@ def test_a_query_with_wildcards_moves_nothing(fleet, key):
         assert replies and set(replies) == {"no such key"}
     fleet.share(1)
     assert fleet.end() == local_hash(SMALL, 60)
+
+
+def test_a_payload_that_ends_with_other_messages_is_refused_unless_only_its_last_value_is_torn(other):
+    """Zenoh delivers such payloads when it closes a full link. What agents are shown, and what they answer, is never one of them."""
+    chance, least = Random(1), {"seen": 1, "velocities": 1, "velocity": 1, "scan": 241}
+    payloads = [payload for sent in other.values() for _, payload in sent]
+    for what in sorted(other.keys() - {"scenario", "layout"}):
+        for _ in range(300 if other[what] else 0):
+            payload = chance.choice(other[what])[1]
+            after = b"\xfe\xbf\xe6" + b"".join(chance.choices(payloads, k=3))
+            torn = chance.randrange(least.get(what, 9), len(payload))
+            with pytest.raises(ValueError):
+                read(payload[:-torn] + (after * 100)[:torn], TABLE[what].message)

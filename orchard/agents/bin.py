@@ -5,8 +5,9 @@ If the scenario's dispatch policy is `early`, the bin calls before that, while i
 
 import msgspec
 
-from orchard.agents.dispatch import BinReport, CarrierReport, dispatch_of, is_early
+from orchard.agents.dispatch import BinReport, CarrierReport, is_early
 from orchard.agents.forecast import LEAST_SPEED, Forecast
+from orchard.agents.policies import dispatch_of
 from orchard.contract.agent import Action, Heard, Hitch, Hold, Mail, Observation
 from orchard.contract.messages import (
     LAST_TICK,

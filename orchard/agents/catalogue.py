@@ -6,9 +6,9 @@ from typing import Any
 
 from orchard.agents.bin import Bin
 from orchard.agents.carrier import Carrier
-from orchard.agents.dispatch import POLICIES, dispatch_of
 from orchard.agents.dispatcher import Dispatcher
 from orchard.agents.picker import Picker
+from orchard.agents.policies import POLICIES, dispatch_of
 from orchard.agents.routes import ROUTES, route_of
 from orchard.agents.steps import Plan, of_known_steps, with_steps
 from orchard.agents.tractor import Tractor

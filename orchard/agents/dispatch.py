@@ -1,21 +1,16 @@
-"""Dispatch policies, which decide which carrier fetches which bin, and when it leaves: what they get, what they return, their names.
+"""Dispatch policies, which decide which carrier fetches which bin, and when it leaves: what they get and what they return.
 
 A scenario names its policy (`dispatch: farthest-first`, or a user's class). A policy is pure: `assign` decides from reports and its own
 memory alone, and sends nothing. With `nearest` each full bin asks all carriers and decides for itself. With any other policy the agent
 `dispatch` (`orchard.agents.dispatcher`) gathers the reports of all bins and carriers, and decides for all.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from importlib import import_module
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
 from orchard.contract.messages import End
-from orchard.field.layout import Layout
-from orchard.field.plugins import make_plugin
-from orchard.field.scenario import DISPATCH_POLICIES
 
 
 class BinReport(msgspec.Struct, frozen=True):
@@ -64,25 +59,3 @@ class Dispatch(Protocol):
 def is_early(policy: Dispatch) -> bool:
     """Whether bins report to a policy before they are full."""
     return bool(getattr(policy, "early", False))
-
-
-_CLASSES = ("nearest.Nearest", "farthest_first.FarthestFirst", "longest_waiting.LongestWaiting",
-            "predictive.Predictive", "predictive_farthest.PredictiveFarthest", "assignment.GlobalAssignment")  # fmt: skip
-
-
-def _built_in(path: str, layout: Layout) -> Dispatch:
-    """Make a built-in policy. Only its own file is loaded: another one may need a package that is not installed."""
-    module, _, name = path.partition(".")
-    policy: Dispatch = getattr(import_module(f"orchard.agents.policies.{module}"), name)(layout)
-    return policy
-
-
-POLICIES: Mapping[str, Callable[[Layout], Dispatch]] = {
-    name: partial(_built_in, path) for name, path in zip(DISPATCH_POLICIES, _CLASSES, strict=True)
-}
-
-
-def dispatch_of(layout: Layout) -> Dispatch:
-    """Return the policy that the scenario names. Raises ScenarioError if it cannot be used."""
-    policy: Dispatch = make_plugin("dispatch", layout.scenario.dispatch, POLICIES, layout, methods=("assign", "Memory"))
-    return policy

@@ -5,8 +5,8 @@ import logging
 import msgspec
 from msgspec.structs import replace
 
-from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, Dispatch, dispatch_of
-from orchard.agents.policies.nearest import Nearest
+from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, Dispatch
+from orchard.agents.policies import Nearest, dispatch_of
 from orchard.agents.routes import route_of
 from orchard.agents.timing import way_to
 from orchard.contract.agent import LARGEST_MEMORY, Action, Heard, Hold, Mail, Observation

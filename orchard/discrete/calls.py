@@ -8,9 +8,10 @@ import simpy
 
 from orchard.agents.bin import CALL_AGAIN
 from orchard.agents.carrier import REMEMBERED, HeardCall, can_leave, first_call
-from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, dispatch_of, is_early
+from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, is_early
 from orchard.agents.dispatcher import POLL_TICKS, PolicyFault, checked, fault_of
 from orchard.agents.forecast import horizon
+from orchard.agents.policies import dispatch_of
 from orchard.agents.robot import ASK
 from orchard.agents.route import OneWay, Side
 from orchard.agents.timing import way_to

@@ -6,7 +6,8 @@ Times in seconds, rates in bins per second. They hold for the policy and the rou
 from collections.abc import Iterator
 from statistics import fmean
 
-from orchard.agents.dispatch import dispatch_of, is_early
+from orchard.agents.dispatch import is_early
+from orchard.agents.policies import dispatch_of
 from orchard.agents.robot import ASK, Step
 from orchard.agents.route import OneWay, Side
 from orchard.agents.routes import route_of

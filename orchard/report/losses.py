@@ -1,6 +1,6 @@
 """What a harvest lost, and to what: its length against that at the rate that its parts allow, split into parts that add up."""
 
-from orchard.agents.dispatch import POLICIES
+from orchard.agents.policies import POLICIES
 from orchard.agents.routes import ROUTES
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import Layout, lay_out

@@ -6,7 +6,7 @@ It is an ideal to compare a harvest with, for the policy and the route of the sc
 
 from bisect import bisect_left
 
-from orchard.agents.dispatch import POLICIES
+from orchard.agents.policies import POLICIES
 from orchard.agents.routes import route_of
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.kinds import kind_of

@@ -16,9 +16,10 @@ from stage import Stage, Standing, empty_orchard
 from orchard import Assignment, BinReport, CarrierReport, Local, Scenario, ScenarioError, draw, lay_out
 from orchard.agents import route
 from orchard.agents.catalogue import check_plugins
-from orchard.agents.dispatch import Dispatch, dispatch_of
+from orchard.agents.dispatch import Dispatch
 from orchard.agents.dispatcher import checked
 from orchard.agents.forecast import Forecast
+from orchard.agents.policies import dispatch_of
 from orchard.field.scenario import DISPATCH_POLICIES
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds
 
@@ -128,7 +129,6 @@ def test_a_policy_assigns_only_what_is_there_never_twice_and_whatever_the_order_
 
 
 def test_a_policy_whose_package_is_missing_says_how_to_install_it(monkeypatch):
-    monkeypatch.delitem(sys.modules, "orchard.agents.policies.assignment", raising=False)
     monkeypatch.setitem(sys.modules, "scipy.optimize", None)
     with pytest.raises(ScenarioError, match=r"dispatch = assignment: cannot be used: .*pip install 'orchard-sim\[study\]'"):
         check_plugins(lay_out(empty_orchard(dispatch="assignment")))

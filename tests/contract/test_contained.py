@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from local_runs import SMALL, local_hash
 
-from orchard.agents.policies.nearest import Nearest
+from orchard.agents.policies import Nearest
 from orchard.contract.agent import Action
 from orchard.contract.zone import spans
 from orchard.discrete.harvest import DiscreteHarvest

@@ -1,1 +1,0 @@
-"""The built-in dispatch policies, one file each. `orchard.agents.dispatch` has their names; docs/bounds.md compares them."""

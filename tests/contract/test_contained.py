@@ -36,7 +36,7 @@ needs_x86 = pytest.mark.skipif(platform.machine() != "x86_64", reason="its flags
 SETTINGS = [
     lambda: np.seterr(all="raise"),
     lambda: decimal.getcontext().__setattr__("prec", 3),
-    lambda: sys.setrecursionlimit(len(inspect.stack()) + 30),
+    lambda: sys.setrecursionlimit(len(inspect.stack(context=0)) + 30),
     pytest.param(flush_to_zero, marks=needs_x86),
     pytest.param(lambda: ctypes.CDLL(None).fesetround(UPWARD), marks=needs_x86),
 ]

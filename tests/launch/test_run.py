@@ -107,13 +107,20 @@ def test_progress_is_json_for_programs_in_every_mode():
 # -- the hash of lockstep is that of local mode, for any number of agent processes
 
 
-@pytest.mark.parametrize(("hosts", "seconds"), [(1, FIRST_CALLS), (5, FIRST_UNLOADING), ("each", FIRST_CALLS)])
+@pytest.mark.parametrize(("hosts", "seconds"), [(5, FIRST_UNLOADING), ("each", FIRST_CALLS)])
 def test_the_hash_does_not_depend_on_processes(tmp_path, few, hosts, seconds):
     """With more agents, and with a recording, in `make soak`; `lockstep`, above, has a recording."""
-    summary = summary_as_in_local_mode(tmp_path, FEW.model_copy(update={"seed": 2}), seconds, few, "--hosts", hosts)
+    summary = summary_as_in_local_mode(tmp_path, FEW.model_copy(update={"seed": 2}), seconds, few, "--seed", 2, "--hosts", hosts)
     assert summary["hosts"] == (len(lay_out(FEW).agents) if hosts == "each" else hosts)
     assert summary["rows_picked"] >= 2, "carriers come"
     assert summary["bins_delivered"] >= (seconds == FIRST_UNLOADING)
+
+
+def test_nor_does_it_if_one_process_has_all_agents(fleet):
+    scenario = FEW.model_copy(update={"seed": 2})
+    fleet.physics(scenario, "--duration", str(FIRST_CALLS))
+    fleet.share(1)
+    assert fleet.end() == local_hash(scenario, FIRST_CALLS * 10)
 
 
 @pytest.mark.soak
@@ -121,7 +128,7 @@ def test_the_hash_does_not_depend_on_processes(tmp_path, few, hosts, seconds):
 @pytest.mark.parametrize("hosts", [1, 2, 5, "each"])
 @pytest.mark.parametrize("record", [True, False])
 def test_soak_the_hash_does_not_depend_on_processes(tmp_path, hosts, seed, record):
-    arguments = ["--rows", 3, "--hosts", hosts, "--record", tmp_path / "run.rrd" if record else "none"]
+    arguments = ["--rows", 3, "--seed", seed, "--hosts", hosts, "--record", tmp_path / "run.rrd" if record else "none"]
     summary = summary_as_in_local_mode(tmp_path, Scenario(rows=3, seed=seed), FIRST_UNLOADING, *arguments)
     assert summary["bins_delivered"] >= 1
 
@@ -129,7 +136,7 @@ def test_soak_the_hash_does_not_depend_on_processes(tmp_path, hosts, seed, recor
 def summary_as_in_local_mode(folder, scenario, seconds, *arguments):
     """The summary of a run that has the hash of local mode."""
     path = folder / "summary.json"
-    done = orchard("--record", "none", "--seed", scenario.seed, "--duration", seconds, "--summary", path, *arguments)
+    done = orchard("--record", "none", "--duration", seconds, "--summary", path, *arguments)
     assert done.returncode == 0, done.stdout + done.stderr
     summary = summary_of(path)
     assert summary["hash"] == local_hash(scenario, seconds * 10)
@@ -153,6 +160,8 @@ def test_ctrl_c_stops_everything_within_three_seconds_and_closes_the_recording(t
         assert not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children)
     assert "To watch it" in printed
     assert seconds_of(recording) > 0.5
+    folder = re.search(r"To go on: .* --resume (\S+)", printed).group(1)
+    summary_as_in_local_mode(tmp_path, Scenario(rows=3), 30, "--resume", folder, "--mode", "local")
 
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])

@@ -1,6 +1,5 @@
 """Kill any process of run.py's, without help by a person: the same run goes on, and its hash is that of one that nothing happened to."""
 
-import json
 import re
 import signal
 import subprocess
@@ -10,7 +9,7 @@ from contextlib import suppress
 import psutil
 import pyarrow.parquet as pq
 import pytest
-from command_line import ROOT, orchard, running, starting, summary_of, wait_until_simulated
+from command_line import ROOT, line_with, orchard, running, starting, summary_of, wait_until_simulated
 from local_runs import SMALL, local_hash
 
 from orchard.field.layout import lay_out
@@ -47,42 +46,56 @@ def end(run: subprocess.Popen) -> str:
     return printed
 
 
-@pytest.mark.parametrize("word", ["physics", "agents"])
-def test_whatever_is_killed_the_same_run_goes_on(tmp_path, undisturbed, word):
-    path, tables = tmp_path / "summary.json", tmp_path / "tables"
-    with running(*PACE, "--hosts", 2, "--record", tmp_path / "run.rrd", "--summary", path, "--table", tables) as run:
-        wait_until_simulated(run, 5.0)
-        process_of(run, word).kill()
-        printed = end(run)
-    assert re.search(rf"{word}.* ended with code -9; starting it again", printed)
-    assert summary_of(path)["hash"] == undisturbed
-    rows, bodies = pq.read_table(tables / "bodies.parquet"), lay_out(Scenario(rows=3)).names
+@pytest.fixture(scope="module")
+def battered(tmp_path_factory):
+    """A run of which a host and physics are killed, and all processes are ended by signals that run.py has not sent: (folder, printed)."""
+    folder = tmp_path_factory.mktemp("battered")
+    order = ("--hosts", 2, "--speed", 5, "--record", folder / "run.rrd", "--summary", folder / "summary.json", "--table", folder / "tables")
+    with running(*PACE, *order) as run:
+        wait_until_simulated(run, 2.0)
+        process_of(run, "agents").kill()
+        printed = line_with("starting it again", run)
+        process_of(run, "physics").kill()
+        printed += line_with("starting it again", run)
+        line_with("real time", run)
+        for word, number in (("agents", signal.SIGTERM), ("logger", signal.SIGINT), ("physics", signal.SIGTERM)):
+            process_of(run, word).send_signal(number)
+        printed += end(run)
+    return folder, printed
+
+
+def test_whatever_is_killed_the_same_run_goes_on(battered, undisturbed):
+    folder, printed = battered
+    assert re.findall(r"(agents|physics).* ended with code -9; starting it again", printed) == ["agents", "physics"]
+    assert summary_of(folder / "summary.json")["hash"] == undisturbed
+
+
+def test_a_signal_that_run_py_has_not_sent_is_a_death_too(battered):
+    for word in ("agents \\d", "logger", "physics"):
+        assert re.search(rf"{word} ended with code 1(43|30); starting it again", battered[1]), battered[1]
+
+
+def test_the_tables_of_a_run_that_is_killed_have_each_row_once(battered):
+    rows, bodies = pq.read_table(battered[0] / "tables" / "bodies.parquet"), lay_out(Scenario(rows=3)).names
     assert rows["tick"].to_pylist() == [tick for tick in range(1, round(SECONDS * 10) + 1) for _ in bodies]
     assert rows["name"].to_pylist() == [*bodies] * round(SECONDS * 10)
 
 
-def test_a_signal_that_run_py_has_not_sent_is_a_death_too(tmp_path, undisturbed):
-    path = tmp_path / "summary.json"
-    with running(*PACE, "--hosts", 2, "--speed", 5, "--record", tmp_path / "run.rrd", "--summary", path) as run:
-        wait_until_simulated(run, 2.0)
-        for word, number in (("agents", signal.SIGTERM), ("logger", signal.SIGINT), ("physics", signal.SIGTERM)):
-            process_of(run, word).send_signal(number)
-        printed = end(run)
-    for word in ("agents 1", "logger", "physics"):
-        assert re.search(rf"{word} ended with code 1(43|30); starting it again", printed), printed
-    assert summary_of(path)["hash"] == undisturbed
-
-
-def test_a_signal_to_all_stops_the_run(tmp_path):
-    """As when a machine is shut down."""
+def test_a_signal_to_all_stops_the_run_and_it_goes_on_where_it_was(tmp_path, undisturbed):
+    """As when a machine is shut down. `tests/launch/test_run.py`: Ctrl-C."""
     path = tmp_path / "summary.json"
     with running(*PACE, "--speed", 5, "--record", "none", "--summary", path) as run:
-        wait_until_simulated(run, 2.0)
+        wait_until_simulated(run, 5.0)
         for process in [*psutil.Process(run.pid).children(), psutil.Process(run.pid)]:
             process.terminate()
         printed = end(run)
     assert "again" not in printed
-    assert summary_of(path)["ticks"] >= 20
+    folder, ticks = re.search(r"To go on: .* --resume (\S+)", printed).group(1), summary_of(path)["ticks"]
+    assert max(int(path.stem.removeprefix("tick-")) for path in (ROOT / folder).glob("tick-*")) == ticks >= 50
+    for mode in ("local", "lockstep"):
+        done = orchard("--resume", folder, "--mode", mode, "--duration", SECONDS, "--record", "none", "--summary", path)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert summary_of(path)["hash"] == undisturbed
 
 
 def test_ctrl_c_while_physics_does_not_listen_yet_ends_the_run():
@@ -95,20 +108,6 @@ def test_ctrl_c_while_physics_does_not_listen_yet_ends_the_run():
         assert "Traceback" not in printed
         assert run.returncode in (1, 130), "there was nothing to finish yet; 130 is what a shell shows while it is still loading"
         assert not physics.is_running()
-
-
-def test_a_run_that_is_stopped_goes_on_where_it_was(tmp_path, undisturbed):
-    with running(*PACE, "--speed", 5, "--record", "none") as run:
-        wait_until_simulated(run, 5.0)
-        run.send_signal(signal.SIGINT)
-        printed = end(run)
-    folder = re.search(r"To go on: .* --resume (\S+)", printed).group(1)
-    assert max(int(path.stem.removeprefix("tick-")) for path in (ROOT / folder).glob("tick-*")) >= 50
-    for mode in ("local", "lockstep"):
-        path = tmp_path / f"{mode}.json"
-        done = orchard("--resume", folder, "--mode", mode, "--duration", SECONDS, "--record", "none", "--summary", path)
-        assert done.returncode == 0, done.stdout + done.stderr
-        assert json.loads(path.read_text())["hash"] == undisturbed
 
 
 def test_resuming_nothing_or_with_other_options_is_told(tmp_path):

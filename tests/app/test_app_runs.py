@@ -101,7 +101,7 @@ def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloa
     small.press("run")
     small.tell_state("running")
     small.tell_state("finished", RUN_SECONDS)
-    assert load(max(server[1].glob("*.yaml"))) == wanted
+    assert load(max(server[1].glob("harvest-*.yaml"))) == wanted
     summary = small.until(lambda: small.view("summary").text, "the summary")
     assert local_hash(wanted, 300) in summary, "Eastward drove"
     small.press("drop-classes")

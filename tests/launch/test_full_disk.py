@@ -12,6 +12,7 @@ from local_runs import local_hash
 from orchard.field.scenario import Scenario
 
 DURATION = 40.0  # simulated s; the recording of 10 of them is larger than the disk
+SHORT = 5.0  # simulated s, where nothing is recorded
 FULL = "No space left on device"
 
 
@@ -29,9 +30,9 @@ def small_disk(tmp_path):
         subprocess.run(["umount", "--lazy", disk], check=True)
 
 
-def harvest(disk: Path, *arguments: object, **streams: object) -> subprocess.CompletedProcess:
+def harvest(disk: Path, seconds: float, *arguments: object, **streams: object) -> subprocess.CompletedProcess:
     scenario = ROOT / "orchard" / "config" / "orchard.yaml"
-    command = [sys.executable, ROOT / "run.py", scenario, "--rows", 3, "--duration", DURATION, *arguments]
+    command = [sys.executable, ROOT / "run.py", scenario, "--rows", 3, "--duration", seconds, *arguments]
     environment = os.environ | {"COLUMNS": "200", "ORCHARD_RUNS": str(disk / "runs")}
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | streams
     return subprocess.run(list(map(str, command)), cwd=disk, text=True, timeout=SECONDS, env=environment, **streams)
@@ -40,7 +41,9 @@ def harvest(disk: Path, *arguments: object, **streams: object) -> subprocess.Com
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_a_full_disk_loses_recording_and_snapshots_in_a_line_each_but_not_the_result(small_disk, tmp_path, mode):
     path = tmp_path / "summary.json"
-    done = harvest(small_disk, "--mode", mode, "--summary", path, "--speed", 10)  # slow enough that the recording fills the disk first
+    done = harvest(
+        small_disk, DURATION, "--mode", mode, "--summary", path, "--speed", 10
+    )  # slow enough that the recording fills the disk first
     said = done.stdout + done.stderr
     assert done.returncode == 0, said
     assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), round(DURATION * 10))
@@ -57,8 +60,8 @@ def test_a_full_disk_loses_recording_and_snapshots_in_a_line_each_but_not_the_re
 def test_a_log_that_fills_its_disk_ends_no_run_and_the_table_comes_on_stderr(small_disk, tmp_path):
     path = tmp_path / "summary.json"
     with open("/dev/full", "w") as full:
-        done = harvest(small_disk, "--mode", "local", "--record", "none", "--summary", path, stdout=full)
-    hash_ = local_hash(Scenario(rows=3), round(DURATION * 10))
+        done = harvest(small_disk, SHORT, "--mode", "local", "--record", "none", "--summary", path, stdout=full)
+    hash_ = local_hash(Scenario(rows=3), round(SHORT * 10))
     assert done.returncode == 0, done.stderr
     assert summary_of(path)["hash"] == hash_
     assert done.stderr.count(f"stdout cannot be written: {FULL}") == 1
@@ -68,9 +71,9 @@ def test_a_log_that_fills_its_disk_ends_no_run_and_the_table_comes_on_stderr(sma
 def test_where_nothing_can_be_printed_the_summary_is_still_written(small_disk, tmp_path):
     path = tmp_path / "summary.json"
     with open("/dev/full", "w") as full:
-        done = harvest(small_disk, "--record", "none", "--summary", path, stdout=full, stderr=full)
+        done = harvest(small_disk, SHORT, "--record", "none", "--summary", path, stdout=full, stderr=full)
     assert done.returncode == 1, "the table came nowhere"
-    assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), round(DURATION * 10))
+    assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), round(SHORT * 10))
 
 
 def test_what_is_left_to_print_at_the_end_does_not_change_the_exit_code():

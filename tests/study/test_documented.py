@@ -10,7 +10,7 @@ from orchard.field.scenario import parse
 from orchard.study.answer import sentence
 
 SMALL = "rows: 3\npickers: 2\nprices: {carrier_per_hour: 6}\n"
-SHORT = ["--budget", "2s", "--model", "fast", "--workers", "1"]
+SHORT = ["--budget", "1s", "--model", "fast", "--workers", "1"]
 SECONDS = 120
 BLOCKS = [("study", "rent"), ("study", "vary"), ("study", "own"), ("bounds", "policies"), ("bounds", "carriers")]
 COMMANDS = [command for page, name in BLOCKS for command in commands(block(f"docs/{page}.md", name))]

@@ -4,16 +4,23 @@ All follow from the code, those of the study from docs/study.json, and docs/poli
 `python -m docs.study` asks the study's question anew, for up to 2 min.
 """
 
+import json
 from pathlib import Path
 
 from docs import keyspace, policies, reference, study
 from docs.exchange import exchange_plan
 from orchard.field.layout import lay_out
 from orchard.field.queue import TWO_WAY
-from orchard.field.scenario import Scenario, schema_text
+from orchard.field.scenario import Scenario
 from orchard.report.plan import orchard_plan
 
 ROOT = Path(__file__).parent.parent
+
+
+def schema_text() -> str:
+    """The text of `config/scenario.schema.json`, for editors. It does not contain the rules that compare several fields."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
+    return json.dumps(schema, indent=2) + "\n"
 
 
 def generated() -> dict[str, str]:

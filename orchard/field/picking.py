@@ -5,8 +5,7 @@ faster than a picker can drive, and mean and deviation of the whole time are exa
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
-from itertools import count
+from collections.abc import Callable, Iterator
 
 from orchard.field.kinds import KINDS
 from orchard.field.repeatable import draw, exp, exponential, log, normal
@@ -29,23 +28,6 @@ def failure(seed: int, picker: str, number: int, mean_between: float, mean_repai
     """Return how long a picker picks until it fails for the number-th time, from 0, and how long its repair takes: exponential, s."""
     until, repair = draw(seed, f"failure of {picker}", number, 2)
     return exponential(until, mean_between), exponential(repair, mean_repair)
-
-
-def repairs(scenario: Scenario, picker: str, works: Iterable[float]) -> Iterator[float]:
-    """Yield for how long a picker stands in each of its rows because it failed, s. `works`: for how long it picks in each of them, s."""
-    means = scenario.picking.failure
-    if means.mean_between is None:
-        yield from (0.0 for _ in works)
-        return
-    drawn = (failure(scenario.seed, picker, number, means.mean_between, means.mean_repair) for number in count())
-    sound, repair = next(drawn)
-    for work in works:
-        stood = 0.0
-        while sound < work:
-            work, stood = work - sound, stood + repair
-            sound, repair = next(drawn)
-        sound -= work
-        yield stood
 
 
 # -- shares of the mean: random numbers with mean 1 and deviation `cv`

@@ -1,6 +1,5 @@
 """The scenario: what a user can set, with its limits, and how its values are checked."""
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -284,12 +283,6 @@ def to_yaml(scenario: Scenario) -> str:
 def to_short_yaml(scenario: Scenario) -> str:
     """Return the values of a scenario that differ from their defaults as YAML, a line for each surveyed row."""
     return dump(scenario.model_dump(exclude_defaults=True), default_flow_style=None, width=200)
-
-
-def schema_text() -> str:
-    """Return the text of `config/scenario.schema.json`, for editors. It does not contain the rules that compare several fields."""
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
-    return json.dumps(schema, indent=2) + "\n"
 
 
 # --- values -> Scenario, or every problem ---

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from docs.generate import schema_text
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import People, Scenario, check, load, parse, schema_text, with_changes
+from orchard.field.scenario import People, Scenario, check, load, parse, with_changes
 from orchard.field.shipped import load_or_shipped
 
 CONFIG = Path(__file__).parents[2] / "orchard" / "config"

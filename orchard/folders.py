@@ -1,4 +1,4 @@
-"""The folders in which the program writes for its user, and the files that it reads."""
+"""The folders in which the program writes for its user, and the files that it reads and writes: whole, or not at all."""
 
 import errno
 import os
@@ -30,3 +30,17 @@ def regular(path: str | Path) -> Path:
     if not stat.S_ISREG(mode):
         raise OSError(errno.EINVAL, "is no regular file")
     return Path(path)
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file, in place of an old one, so that a kill leaves the old file or the new one. Raises OSError, and leaves nothing then."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}.new")  # readers of a folder pass over names with a dot
+    try:
+        with beside.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    except OSError:
+        beside.unlink(missing_ok=True)
+        raise

@@ -93,7 +93,7 @@ def _simulate_once(
     engine = Engine.begin(check(options.scenario, "the scenario"), holds) if before is None else Engine.resume(before, holds)
     absent = select_agents(engine.layout.agents, options.absent, []) if options.absent else []
     physics = RunLoop(bus, keys, engine, msgspec.structs.replace(options, absent=absent), before)
-    physics.listen()
+    physics.arrivals.listen()
     where = "connected to" if options.connect else "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.run.id}", flush=True)
     end = physics.play(lambda: ready(engine))

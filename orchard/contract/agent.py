@@ -237,14 +237,7 @@ class Observations:
 
 
 def observation_of(
-    name: str,
-    tick: int,
-    state: Sequence[float],
-    scan: np.ndarray,
-    hitch: Hitch | None,
-    fill: float,
-    full: bool,
-    accuracy: float = 0.0,
+    name: str, tick: int, state: Sequence[float], scan: np.ndarray, hitch: Hitch | None, fill: float, full: bool, accuracy: float = 0.0
 ) -> Observation:
     """Return the observation of one body. `state`: its seven numbers, as in `Observations.states`."""
     x, y, z, w, vx, vy, turn = state

@@ -1,11 +1,13 @@
-"""Error reports for a scenario that cannot be used: file, line, key, value, and what is allowed."""
+"""Error reports for a scenario that cannot be used: file, line, key, value, what is allowed; and what all its sections are."""
 
 import difflib
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, get_args, get_origin
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ConfigDict
 from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError
 
 from orchard.field.kinds import KINDS
 
@@ -67,6 +69,18 @@ class ScenarioError(Exception):
         self.problems, self.rest = sorted(problems, key=lambda problem: problem.line), rest
         more = len(problems) - MOST_TOLD
         super().__init__("\n".join([*map(str, self.problems[:MOST_TOLD]), *([f"and {more} more problems"] if more > 0 else [])]))
+
+
+class Section(BaseModel):
+    """A section of a scenario: a map with known keys, strictly typed, with rules about several of their fields."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    def _demand(self, holds: bool, text: str, *fields: str) -> None:
+        """Check a rule about several fields, named by dotted paths. Raise an error that names them and their values unless it holds."""
+        if not holds:
+            values = [reduce(getattr, field.split("."), self) for field in fields]
+            raise PydanticCustomError("rule", "{text}", {"text": text, "fields": fields, "values": values})
 
 
 def problem_of(error: dict[str, Any], model: type[BaseModel], source: str, lines: Lines) -> Problem:

@@ -10,9 +10,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from orchard.field.kinds import BODILESS, DISPATCH, KINDS, TRAFFIC, kind_of
-from orchard.field.problems import Lines, Problem, ScenarioError, key_text, problem_of, show
+from orchard.field.problems import Lines, Problem, ScenarioError, Section, key_text, problem_of, show
 from orchard.field.queue import LONGEST_ROW, MOST_CARRIERS, ONE_WAY, QUEUES, SHORTEST_ROW, USUAL_ROW, lack_of_room
-from orchard.field.section import Section as _Section
 from orchard.field.survey import FEWEST_ROWS, MOST_ROWS, NARROWEST_ROW, ROUNDING, WIDEST_ROW, Survey
 from orchard.field.yaml_file import dump, read, values_of
 
@@ -34,7 +33,7 @@ def _count(what: str) -> Any:
     return Field(ge=0, le=MOST_GUESTS, description=what)
 
 
-class _Guests(_Section):
+class _Guests(Section):
     @model_validator(mode="after")
     def _not_too_many(self) -> "_Guests":
         counts = self.model_dump()
@@ -60,14 +59,14 @@ LEAST_CV = 0.01
 WIDEST = {"lognormal": 1.0, "gamma": 1.0, "uniform": 1.0 / math.sqrt(3.0)}  # cv of the part of a row's picking time that is drawn
 
 
-class Spread(_Section):
+class Spread(Section):
     """How the picking times of rows differ. Their mean is that of `picking_speed`."""
 
     distribution: Annotated[str, _choice(("none", *WIDEST), "distribution of the rows' picking times")] = "none"
     cv: Annotated[float, Field(ge=LEAST_CV, le=1.0, description="standard deviation of a row's picking time, as a share of its mean")] = 0.3
 
 
-class Failure(_Section):
+class Failure(Section):
     """How often a picker fails while it picks, and how long it then stands: exponential."""
 
     mean_between: Annotated[
@@ -76,7 +75,7 @@ class Failure(_Section):
     mean_repair: Annotated[float, Field(ge=1.0, le=7200.0, description="mean time for which a picker that failed stands, s")] = 300.0
 
 
-class Picking(_Section):
+class Picking(Section):
     """How picking varies."""
 
     spread: Annotated[Spread, Field(description="how the picking times of rows differ")] = Spread()
@@ -88,7 +87,7 @@ class Picking(_Section):
         return self.spread.distribution != "none" or self.failure.mean_between is not None
 
 
-class LaserSettings(_Section):
+class LaserSettings(Section):
     """Settings of all lasers."""
 
     noise: Annotated[float, Field(ge=0.0, le=0.02, description="standard deviation of a measured range, m")] = 0.0
@@ -97,7 +96,7 @@ class LaserSettings(_Section):
 MOST_WHITE, MOST_BIAS = 0.1, 0.03  # m: with more, a carrier may take a picker that waits 0.25 m beside its road for one ahead of it
 
 
-class Gnss(_Section):
+class Gnss(Section):
     """Errors of the positions that the receivers of pickers, carriers and the tractor measure, alike in x and in y.
 
     The sum of a white error and of a slow one, a Gauss-Markov process of the first order, as the literature has it: docs/reference.md.
@@ -110,14 +109,14 @@ class Gnss(_Section):
     ] = 300.0
 
 
-class OdometrySettings(_Section):
+class OdometrySettings(Section):
     """Errors of the odometry of pickers, carriers and the tractor: constants, drawn for each robot."""
 
     distance: Annotated[float, Field(ge=0.0, le=0.1, description="standard deviation of the error of distances, as a share")] = 0.0
     heading: Annotated[float, Field(ge=0.0, le=0.05, description="standard deviation of the drift of the heading, rad/m driven")] = 0.0
 
 
-class SensorSettings(_Section):
+class SensorSettings(Section):
     """Errors of what robots measure of their own motion. Without them what they measure is the truth."""
 
     gnss: Annotated[Gnss, Field(description="the receivers that measure where robots are")] = Gnss()
@@ -136,7 +135,7 @@ def _price(what: str) -> Any:
     return Field(ge=0.0, le=HIGHEST_PRICE, description=what)
 
 
-class Prices(_Section):
+class Prices(Section):
     """What a harvest costs, in a currency of your own. `orchard study` tells costs if a price is given; a run does not depend on them."""
 
     picker_per_hour: Annotated[float | None, _price("price of an hour of a picker; null: none")] = None
@@ -167,7 +166,7 @@ CARRIERS = "number of carriers; null: 7 for every 10 pickers, rounded up"
 SURVEYED = ("rows", "row_length", "row_width")  # what `survey` decides
 
 
-class Scenario(_Section):
+class Scenario(Section):
     """An orchard with its robots, people, animals and weeds. Figures: docs/reference.md."""
 
     rows: Annotated[int, Field(ge=FEWEST_ROWS, le=MOST_ROWS, description=ROWS)] = 5

@@ -12,8 +12,8 @@ from typing import Annotated
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from orchard.field.problems import Section
 from orchard.field.queue import LONGEST_ROW, SHORTEST_ROW
-from orchard.field.section import Section
 
 FEWEST_ROWS, MOST_ROWS = 3, 20
 TRUNK = 0.5  # m square; posts too

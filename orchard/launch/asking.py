@@ -23,7 +23,7 @@ from orchard.launch.run_notes import RunNote, find_run, find_runs, running_here
 from orchard.launch.terminal import BAD_INPUT, FINISHED, exit_on_errors, print_error, print_line
 from orchard.net.bus import Bus
 from orchard.net.endpoints import BusError
-from orchard.net.requests import PhysicsRequest, ask
+from orchard.net.requests import ask
 from orchard.security.identity import Identity, Keyring
 from orchard.security.roles import EMERGENCY_OPERATOR
 from orchard.wire.keys import Keys
@@ -168,4 +168,4 @@ def _ask(bus: Bus, key: str, payload: bytes, type_: type[M], seconds: float) -> 
             is_said = True
             print_error(f"{bus.endpoint}: physics does not answer yet; waiting for up to {seconds:g} s")
 
-    return ask(bus, PhysicsRequest(key, payload, lambda reply: read(reply, type_), seconds), meanwhile=check_time)
+    return ask(bus, key, payload, lambda reply: read(reply, type_), seconds, meanwhile=check_time)

@@ -6,9 +6,9 @@ from orchard.field.geojson import import_rows
 from orchard.field.problems import ScenarioError, printable
 from orchard.field.scenario import Scenario, to_short_yaml
 from orchard.field.survey import Survey
+from orchard.folders import write_whole
 from orchard.launch import options
 from orchard.launch.terminal import exit_on_errors, needs_extra, print_line
-from orchard.sim.disk import write_whole
 
 
 def write_scenario(file: options.GeoJson, out: options.NewScenario = None, crs: options.System = None) -> None:

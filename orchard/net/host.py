@@ -19,7 +19,7 @@ from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
 from orchard.net.mailbox import DOUBT_SECONDS, MAILBOXES, LatestObservations, SentRequest
 from orchard.net.refusals import NO_TOKEN, TAKEN, M, Refusals, Refused, read_message
-from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, PhysicsRequest, ask, publish_refusals
+from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, ask, publish_refusals
 from orchard.wire.codec import report_of
 from orchard.wire.keys import PHYSICS, Keys
 from orchard.wire.messages import BinStatus, End, Join, Joined, Left, Lost, Recall, Recalled, Report, Velocities
@@ -161,9 +161,8 @@ class Host:
         return joined
 
     def _query(self, what: str, request: bytes, type_: type[M], seconds: float = ANSWER_SECONDS) -> M:
-        key = self.keys.of(what, session=self.bus.id)
-        get = PhysicsRequest(key, request, lambda payload: read_message(payload, type_, self.run_id), seconds)
-        return ask(self.bus, get, self.handle, self.refusals, self._check_gone)
+        key, understand = self.keys.of(what, session=self.bus.id), lambda payload: read_message(payload, type_, self.run_id)
+        return ask(self.bus, key, request, understand, seconds, self.handle, self.refusals, self._check_gone)
 
     # -- one tick
 

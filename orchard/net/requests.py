@@ -1,8 +1,7 @@
 """Requests to physics: a Zenoh get that is repeated until a valid reply arrives."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 from orchard.contract.messages import pack
 from orchard.field.problems import printable
@@ -28,46 +27,40 @@ def publish_refusals(bus: Bus, keys: Keys, run: str, refusals: Refusals) -> None
         bus.publish(keys.of("refused", session=bus.id), pack(RefusedThere(run, dict(refusals.counts))))
 
 
-@dataclass(frozen=True)
-class PhysicsRequest(Generic[M]):
-    """A get to which only physics has a valid reply."""
-
-    key: str
-    payload: bytes
-    understand: Callable[[bytes], M]  # payload of a reply -> message; raises Refused or ValueError
-    seconds: float = ANSWER_SECONDS  # after which the get is repeated
-
-
 def ask(
     bus: Bus,
-    request: PhysicsRequest[M],
+    key: str,
+    payload: bytes,
+    understand: Callable[[bytes], M],
+    seconds: float = ANSWER_SECONDS,
     handle: Callable[[Item], None] = lambda item: None,
     refusals: Refusals | None = None,
     meanwhile: Callable[[], None] = lambda: None,
     tries: int = TRIES,
 ) -> M:
-    """Return the first valid reply. Repeat the request while there is none, so many times.
+    """Return the first valid reply to a get that only physics can answer. Repeat the get after `seconds` without one, so many times.
 
-    handle: takes all other items that arrive. refusals: counts invalid replies. meanwhile: called at least once a second.
+    `understand`: payload of a reply -> message; raises Refused or ValueError. `handle`: takes all other items that arrive.
+    `refusals`: counts invalid replies. `meanwhile`: called at least once a second.
     Any client may reply, so an error counts only if no valid reply comes. Raises BusError for an error, or if no reply comes.
     """
     for _ in range(tries):
         ticket = object()
-        bus.ask(request.key, request.payload, ticket, request.seconds)
+        bus.ask(key, payload, ticket, seconds)
         errors: list[str] = []
         for reply in _replies_to(bus, ticket, handle, meanwhile):
             try:
                 if not reply.error:
-                    return request.understand(reply.payload)
+                    return understand(reply.payload)
                 if reply.error != TIMED_OUT:
                     errors.append(printable(reply.error))
             except (Refused, ValueError) as error:
                 if refusals is not None:
-                    refusals.note(request.key, error if isinstance(error, Refused) else Refused("malformed", str(error)))
+                    refusals.note(key, error if isinstance(error, Refused) else Refused("malformed", str(error)))
         if errors:
-            raise BusError(f"{request.key}: {errors[0]}")
+            raise BusError(f"{key}: {errors[0]}")
         bus.sleep(AGAIN_SECONDS)
-    raise BusError(f"{request.key}: no reply; is the physics process running, with the same prefix?")
+    raise BusError(f"{key}: no reply; is the physics process running, with the same prefix?")
 
 
 def _replies_to(bus: Bus, ticket: object, handle: Callable[[Item], None], meanwhile: Callable[[], None]) -> Iterator[Replied]:
@@ -85,4 +78,4 @@ def _replies_to(bus: Bus, ticket: object, handle: Callable[[Item], None], meanwh
 
 def fetch_run(bus: Bus, keys: Keys, handle: Callable[[Item], None] = lambda item: None, tries: int = TRIES) -> RunInfo:
     """Return the run that physics simulates at this router. Raises BusError if there is none."""
-    return ask(bus, PhysicsRequest(keys.of("scenario"), b"", lambda reply: read(reply, RunInfo), FETCH_SECONDS), handle, tries=tries)
+    return ask(bus, keys.of("scenario"), b"", lambda reply: read(reply, RunInfo), FETCH_SECONDS, handle, tries=tries)

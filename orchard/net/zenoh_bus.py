@@ -94,10 +94,8 @@ class ZenohBus(Bus):
         if key not in self._publishers:
             control = zenoh.CongestionControl.DROP if newest_wins else zenoh.CongestionControl.BLOCK
             self._publishers[key] = self._session.declare_publisher(key, congestion_control=control, allowed_destination=_OTHERS)
-        try:
+        with _errors_ignored(key):
             self._publishers[key].put(payload)
-        except zenoh.ZError as error:
-            log.debug("%s was not sent: %s", key, error)
 
     def retire(self, key: str) -> None:
         if (publisher := self._publishers.pop(key, None)) is not None:

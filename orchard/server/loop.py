@@ -42,10 +42,6 @@ class RunLoop:
         self._pacer = Pacer(options.pace, self._clock)
         self.reset_to: dict[str, Any] | None = None  # after the end: the scenario with which the run begins again
 
-    def listen(self) -> None:
-        """Subscribe, and declare the queryables and the liveliness token."""
-        self.arrivals.listen()
-
     @property
     def again(self) -> RunOptions | None:
         """After the end: the options with which the run begins again; None if it does not."""

@@ -5,9 +5,7 @@ then renamed, so that a kill leaves the old file or the new one, never a part of
 """
 
 import hashlib
-import os
 import re
-import stat
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,8 +14,7 @@ import msgspec
 from msgspec import Meta
 
 from orchard.contract.messages import Written, pack, unpack
-from orchard.folders import regular
-from orchard.sim.disk import write_whole
+from orchard.folders import regular, write_whole
 
 VERSION = 5
 HEAD = b"orchard snapshot %d\n"
@@ -78,8 +75,8 @@ def store(name: str, content: bytes, folder: Path, run: str = "") -> Path:
 def read(path: Path) -> Snapshot:
     """Return the snapshot in a file. Raises SnapshotError, which names the file and the fault."""
     try:
-        with open(path, "rb", opener=_opened) as file:
-            data = file.read(LARGEST + 1) if stat.S_ISREG(os.fstat(file.fileno()).st_mode) else b""
+        with regular(path).open("rb") as file:
+            data = file.read(LARGEST + 1)
     except OSError as error:
         raise SnapshotError(f"{path}: {error.strerror}") from error
     if len(data) > LARGEST:
@@ -98,10 +95,6 @@ def read(path: Path) -> Snapshot:
     except ValueError as error:
         raise SnapshotError(f"{path}: {error}") from error
     return snapshot
-
-
-def _opened(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_NONBLOCK)  # of a pipe it would wait for a writer
 
 
 def clear(folder: Path) -> None:

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from orchard.sim.disk import write_whole
+from orchard.folders import write_whole
 
 MOST_ROWS = 50_000  # of a file; the newest is written again until it has as many
 # Columns of numbers that seldom come again: their bytes compress better in planes.

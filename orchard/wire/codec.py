@@ -151,15 +151,9 @@ def picture_of(run: str, frame: Frame) -> wire.Picture:
     """Return the message for a frame, without its events."""
     scans = None if frame.scans is None else [np.asarray(scan, dtype="<f4").tobytes() for scan in frame.scans]
     lists: dict[str, Any] = {name: None if (array := getattr(frame, name)) is None else array.tolist() for name in SELDOM}
-    poses = np.asarray(frame.poses, dtype="<f8").tobytes()
-    doing, states, whole = dict(frame.doing), dict(frame.states), frame.is_whole
-    more: dict[str, Any] = {
-        "delivered": frame.delivered,
-        "states": states,
-        "whole": whole,
-        "velocities": {name: [*known] for name, known in frame.velocities.items()},
-    }
-    return wire.Picture(run, frame.tick, poses, scans, doing, **lists, **more)
+    poses, velocities = np.asarray(frame.poses, dtype="<f8").tobytes(), {name: [*known] for name, known in frame.velocities.items()}
+    said: dict[str, Any] = {"states": dict(frame.states), "velocities": velocities, "whole": frame.is_whole}
+    return wire.Picture(run, frame.tick, poses, scans, dict(frame.doing), **lists, delivered=frame.delivered, **said)
 
 
 def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
@@ -175,14 +169,9 @@ def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
     scans = None
     if picture.scans is not None:
         scans = _sweeps_of(layout.names, [_fitting(sweep, [name]) for name, sweep in zip(layout.names, picture.scans, strict=True)])
-    delivered, states, is_whole = picture.delivered, picture.states, picture.whole
-    more: dict[str, Any] = {
-        "delivered": delivered,
-        "states": states,
-        "is_whole": is_whole,
-        "velocities": {name: tuple(known) for name, known in picture.velocities.items()},
-    }
-    return Frame(picture.tick, poses, picture.doing, scans, **arrays, **more)
+    velocities: Any = {name: tuple(known) for name, known in picture.velocities.items()}
+    said: dict[str, Any] = {"states": picture.states, "velocities": velocities, "is_whole": picture.whole}
+    return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered, **said)
 
 
 def report_of(action: Action, mail: bytes, memory: bytes | None) -> wire.Report:

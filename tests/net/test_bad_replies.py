@@ -12,7 +12,7 @@ from orchard.contract.messages import StateRequest, pack
 from orchard.net.bus import Replied
 from orchard.net.mailbox import SentRequest
 from orchard.net.refusals import Refusals, read_message
-from orchard.net.requests import PhysicsRequest, ask, fetch_run
+from orchard.net.requests import ask, fetch_run
 from orchard.wire.messages import Answered, Joined, Recalled, Received, SimulationState, Stopped
 
 
@@ -52,7 +52,7 @@ def test_who_asks_takes_the_reply_that_makes_sense(other, what, type_):
     good, refusals = rewritten(example, run=RUN), Refusals()
     bads = [payload for _, payload in bad(other, what, 500, 4)]
     crowd = Crowd([*bads, good])
-    reply = ask(crowd, PhysicsRequest(KEYS.of(what), b"", lambda payload: read_message(payload, type_, RUN)), lambda item: None, refusals)
+    reply = ask(crowd, KEYS.of(what), b"", lambda payload: read_message(payload, type_, RUN), refusals=refusals)
     assert reply.run == RUN
     assert refusals.counts.total() == len(bads)
 

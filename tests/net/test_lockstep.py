@@ -18,7 +18,7 @@ from orchard.launch.supervisor import free_port
 from orchard.net import bus
 from orchard.net.bus import Inbox
 from orchard.net.refusals import Refusals
-from orchard.net.requests import PhysicsRequest, ask
+from orchard.net.requests import ask
 from orchard.net.zenoh_bus import client, router
 
 # -- the same as local mode
@@ -231,7 +231,7 @@ def test_who_asks_does_something_meanwhile_although_nobody_answers():
     with router() as silent, client(silent.endpoint) as asker:
         silent.answer("orchard/recall")
         with pytest.raises(TimeoutError, match="physics is gone"):
-            ask(asker, PhysicsRequest("orchard/recall", b"", bytes), lambda item: None, Refusals(), look)
+            ask(asker, "orchard/recall", b"", bytes, refusals=Refusals(), meanwhile=look)
 
 
 def test_agents_load_neither_the_compiler_nor_the_viewer():

@@ -137,7 +137,7 @@ class Run:
     def to_the_end(self):
         """The end that physics tells."""
         ends, run = [], threading.Thread(target=lambda: ends.append(self.physics.play(self.engine.rehearse)), daemon=True)
-        self.physics.listen()
+        self.physics.arrivals.listen()
         self.host.listen()
         run.start()
         try:

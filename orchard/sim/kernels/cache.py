@@ -8,7 +8,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from orchard.sim.disk import write_whole
+from orchard.folders import write_whole
 
 COMPILING = "compiling for this machine; this is done once and takes up to a minute"
 UNUSED_SECONDS = 24 * 3600.0  # after which the kernels of other sources are removed; a program that runs now may still load them

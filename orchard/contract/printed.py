@@ -1,14 +1,20 @@
 """What a user's code prints while a run goes on: some lines of it, harmless in a terminal, with the place in the user's file."""
 
+import ctypes
 import io
+import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
+from threading import Event, Thread
+
 
 from orchard.contract.guard import place_in_agent
 from orchard.field.problems import LONGEST, printable
 
 MOST_LINES = 20  # that are shown of all that is printed
+GLANCE = 0.1  # s between two looks at what C code has written
+MOST_BYTES = 1 << 16  # of it that are read at a look
 
 
 class Printed(io.TextIOBase):
@@ -34,3 +40,35 @@ def printed(show: Callable[[str], None]) -> Iterator[None]:
     stream = Printed(show)
     with redirect_stdout(stream), redirect_stderr(stream):
         yield
+
+
+@contextmanager
+def diverted(show: Callable[[str], None]) -> Iterator[list[io.TextIOWrapper]]:
+    """In this context, `show` gets some of what C code writes to the files 1 and 2. Yield stdout and stderr for the program's own words."""
+    is_over = Event()
+    with ExitStack() as stack:
+        own = [stack.enter_context(open(os.dup(number), "w")) for number in (1, 2)]
+        written = stack.enter_context(open(os.memfd_create("printed"), "wb"))  # no pipe: nobody must wait until it is read
+        for number in (1, 2):
+            os.dup2(written.fileno(), number)
+        reader = Thread(target=_follow, args=(written.fileno(), Printed(show), is_over), daemon=True)
+        reader.start()
+        try:
+            yield own
+        finally:
+            ctypes.CDLL(None).fflush(None)  # or what C code has in its buffers comes later
+            for number, file in zip((1, 2), own, strict=True):
+                os.dup2(file.fileno(), number)
+            is_over.set()
+            reader.join()
+
+
+def _follow(written: int, stream: Printed, is_over: Event) -> None:
+    """Pass on what is written to a file, and free its memory, until all is read."""
+    at, is_last = 0, False
+    while not is_last:
+        is_last = is_over.wait(GLANCE)
+        if part := os.pread(written, MOST_BYTES, at):
+            stream.write(part.decode(errors="replace"))
+            at = os.fstat(written).st_size
+            os.ftruncate(written, 0)  # who writes goes on at the same place

@@ -28,6 +28,7 @@ BAD_ORDER = 2  # exit code of a process that refuses its arguments, or what it f
 REFUSALS = 9  # quick deaths in a row, after which a process is given up that ends with this code: half a minute
 BACK_OFF = 0.25  # s before the second restart; twice as long before each further one
 LONGEST_LINE = 2000  # characters of what a process says
+MOST_LINES = 100  # that a process writes without its name, as C code or a traceback does, and that are shown
 QUICK_START = {  # turns off work of libraries at their import that is not needed here: a fifth of a start's processor time
     "OPENBLAS_NUM_THREADS": "1",  # threads for large matrices
     "PYDANTIC_DISABLE_PLUGINS": "__all__",  # a search through all installed packages
@@ -111,10 +112,14 @@ class Supervisor:
     def _pass_on(self, program: ProcessSpec, popen: subprocess.Popen[str]) -> None:
         """Print the lines of a process' stderr, with its name instead of its module's."""
         assert popen.stderr is not None
-        module = program.module.rpartition(".")[2]
+        name, unnamed = f"{program.module.rpartition('.')[2]}: ", 0
         with popen.stderr as lines:
             for line in lines:
-                self.say(f"{program.name}: {printable(line.rstrip().removeprefix(f'{module}: '), LONGEST_LINE)}")
+                unnamed += not line.startswith(name)
+                if line.startswith(name) or unnamed <= MOST_LINES:
+                    self.say(f"{program.name}: {printable(line.rstrip().removeprefix(name), LONGEST_LINE)}")
+                elif unnamed == MOST_LINES + 1:
+                    self.say(f"{program.name}: more of this is left out")
 
     @property
     def lost_agents(self) -> list[str]:

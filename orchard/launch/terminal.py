@@ -15,7 +15,7 @@ import msgspec
 import typer
 from rich.console import Console
 
-from orchard.contract.printed import printed
+from orchard.contract.printed import diverted, printed
 from orchard.field.scenario import TIME_STEP
 from orchard.launch.request import RunRequest
 from orchard.report.sentence import sentence
@@ -90,15 +90,16 @@ def own_classes_run() -> Iterator[None]:
     """In this context, classes of a user may run: what they print is shown as lines of the program, and not all of it."""
     log, handler = logging.getLogger("orchard"), _Log()
     outputs: list[Any] = [console, errors]
-    console.file, errors.file = sys.stdout, sys.stderr
     log.addHandler(handler)
-    try:
-        with printed(_say):
-            yield
-    finally:
-        log.removeHandler(handler)
-        for output in outputs:
-            output.file = None  # stdout or stderr, whatever they are then
+    with diverted(_say) as (console.file, errors.file):
+        try:
+            with printed(_say):
+                yield
+        finally:
+            log.removeHandler(handler)
+            for output in outputs:
+                output.end()
+                output.file = None  # stdout or stderr, whatever they are then
 
 
 @contextmanager

@@ -88,11 +88,12 @@ class _Processes(ProcessPoolExecutor):
 def _end_with_parent(alive: Connection) -> None:
     """In a worker: end as soon as the parent closes its end of the pipe, or is killed. Ctrl-C at the terminal is the parent's.
 
-    Some of what own classes print is shown; what they write to the file of stdout is not.
+    Some of what own classes print is shown, by the parent; what C code writes to the file of stdout is not.
     """
     import signal
 
-    sys.stdout = sys.stderr = Printed(partial(print, file=sys.stderr, flush=True))
+    show = partial(print, file=sys.stderr, flush=True)
+    sys.stdout = sys.stderr = Printed(lambda words: show(words.removeprefix("printed, ")))  # the parent says that it is printed
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_exit_after, args=(alive,), daemon=True).start()

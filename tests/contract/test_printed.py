@@ -11,6 +11,7 @@ from local_runs import SMALL
 
 from orchard.contract.printed import MOST_LINES, Printed
 from orchard.field.scenario import to_yaml
+from orchard.launch.supervisor import MOST_LINES as UNNAMED
 
 
 def test_the_first_lines_are_shown_and_the_rest_is_left_out():
@@ -32,7 +33,8 @@ def test_an_agent_that_prints_much_and_leaves_a_thread_neither_floods_the_termin
     done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, cwd=ROOT)
     said = done.stdout + done.stderr
     assert done.returncode == 0, said
-    assert said.count("Injected?[2J") < MOST_LINES
+    assert said.count(": Injected?[2J") < MOST_LINES
+    assert 0 < said.count("Written Injected?[2J") <= UNNAMED
     assert re.search(r"printed, in .*own_agents\.py, line \d+: Injected", said)
     assert "own classes have left threads that still run: Thread-" in said
     assert all(line.isprintable() for line in said.split("\n"))

@@ -85,7 +85,7 @@ def test_who_dies_is_started_again_at_once_with_the_options_of_a_restart(fleet, 
 
 def test_what_a_child_says_that_is_no_text_is_passed_on_and_does_not_block_it(tmp_path, monkeypatch):
     """It would block for ever once the pipe is full, that is after 64 kB."""
-    (tmp_path / "shouting.py").write_text("import sys\nsys.stderr.buffer.write(b'\\xff\\n' + 20_000 * b'loud\\n' + b'over\\n')")
+    (tmp_path / "shouting.py").write_text("import sys\nsys.stderr.buffer.write(b'\\xff\\n' + 20_000 * b'loud\\n' + b'shouting: over\\n')")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     said = SimpleQueue()
     with Supervisor(said.put) as fleet:

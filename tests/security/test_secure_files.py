@@ -9,7 +9,7 @@ from local_runs import SMALL
 from typer.testing import CliRunner
 
 from orchard.field.scenario import to_yaml
-from orchard.launch.commands import app
+from orchard.launch.commands import app, main
 from orchard.security.certificates import Authority
 from orchard.security.identity import Keyring
 from orchard.security.roles import AUTHORITY
@@ -99,13 +99,14 @@ def test_another_directorys_things_are_left_alone(tmp_path):
         (["--secure", "{folder}", "--connect", "tls/127.0.0.1:9", "--only", "carrier"], "with --only choose one of them: DIR/<role>"),
     ],
 )
-def test_what_cannot_be_run_is_named(arguments, named, folder, tmp_path):
+def test_what_cannot_be_run_is_named(arguments, named, folder, tmp_path, monkeypatch, capfd):
     (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
     words = [str(word).format(folder=folder) for word in arguments]
     guest = [] if "--only" in words else [tmp_path / "scenario.yaml", "--record", "none"]
-    done = CliRunner().invoke(app, ["harvest", *map(str, guest), *words], catch_exceptions=False, env={"COLUMNS": "200"})
-    assert done.exit_code == 2, done.output
-    assert named in " ".join(done.stderr.split())
+    monkeypatch.setattr("sys.argv", ["orchard", "harvest", *map(str, guest), *words])
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert named in " ".join(capfd.readouterr().err.split())
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ from pathlib import Path
 import psutil
 import pytest
 from command_line import SECONDS, orchard, starting
-from typer.testing import CliRunner
 
 from orchard.field.scenario import load
 from orchard.launch import commands
@@ -131,7 +130,7 @@ def test_mistakes_are_told_with_exit_code_2(options, told, mistakes):
 
 
 @pytest.fixture
-def mistakes(capsys, monkeypatch, tmp_path):
+def mistakes(capfd, monkeypatch, tmp_path):
     """What the command says to words that are wrong."""
 
     def said(*words):
@@ -139,7 +138,7 @@ def mistakes(capsys, monkeypatch, tmp_path):
         with pytest.raises(SystemExit) as ended:
             commands.main()
         assert ended.value.code == 2
-        return capsys.readouterr().err
+        return capfd.readouterr().err
 
     monkeypatch.setenv("ORCHARD_RUNS", str(tmp_path))
     monkeypatch.setenv("COLUMNS", "200")
@@ -188,10 +187,10 @@ def test_a_violated_invariant_is_exit_code_1_and_named(folder):
     assert "bin_01: is in two places" in run.stderr
 
 
-def test_a_store_that_fails_is_a_failure_and_no_bad_input(folder, monkeypatch):
+def test_a_store_that_fails_is_a_failure_and_no_bad_input(folder, monkeypatch, capfd):
     def fail(*_):
         raise StoreFailed("full.db: a run cannot be kept: disk I/O error")
 
     monkeypatch.setattr("orchard.launch.study.study", fail)
-    done = CliRunner().invoke(commands.app, ["study", "--vary", "carriers=1,2", "--out", str(folder / "full.db")])
-    assert (done.exit_code, done.stderr) == (1, "full.db: a run cannot be kept: disk I/O error\n")
+    code = commands.app(["study", "--vary", "carriers=1,2", "--out", str(folder / "full.db")], standalone_mode=False)
+    assert (code, capfd.readouterr().err) == (1, "full.db: a run cannot be kept: disk I/O error\n")

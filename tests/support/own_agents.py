@@ -193,7 +193,7 @@ class Collector(Eastward):
 
 
 class Noisy(Eastward):
-    """Prints much, with escape sequences, and leaves a thread."""
+    """Prints much, with escape sequences, also as C code does, and leaves a thread."""
 
     def __init__(self, layout, name):
         Thread(target=self.poll).start()
@@ -203,4 +203,6 @@ class Noisy(Eastward):
 
     def tick(self, observation, mail, memory):
         print(f"{ESCAPE}\n" * 1000)
+        for number in (1, 2):
+            os.write(number, f"Written {ESCAPE}\n".encode() * 1000)
         return super().tick(observation, mail, memory)

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 from threading import Event, Thread
 
-
 from orchard.contract.guard import place_in_agent
 from orchard.field.problems import LONGEST, printable
 

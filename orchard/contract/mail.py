@@ -41,7 +41,6 @@ class LocalMail:
         self.written = written or {}  # tick -> sender -> its letters
 
     def collect(self, sender: str, tick: int, action: Action) -> None:
-        """Keep the letters of an agent's action at a tick."""
         if action.requests or action.answers:
             self.written.setdefault(tick, {})[sender] = Written(action.requests, given_by(action))
 

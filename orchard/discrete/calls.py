@@ -68,11 +68,9 @@ class Calls:
         """Hear that a picker is repaired."""
 
     def left(self, robot: Robot, lane: int, side: Side) -> None:
-        """Hear that a picker has left its full bin."""
         self._call(OpenCall(robot.full_bin, robot.name, lane, side, robot.tick, robot.tick), robot.tick)
 
     def home(self, robot: Robot) -> None:
-        """Hear that a carrier has done its job."""
         self.free.append(robot)
 
     def ready(self) -> list[Robot]:
@@ -118,7 +116,6 @@ class Calls:
         self.start(call, carrier)
 
     def start(self, call: OpenCall, carrier: Robot) -> None:
-        """Let a carrier begin its job."""
         carrier.take(self.route.fetch(number_of(carrier.name), call.lane, call.side, call.picker, call.bin))
 
 
@@ -186,7 +183,6 @@ class Dispatched(Calls):
             self.decide(self._decision(calls, ready))
 
     def decide(self, decision: Decision) -> None:
-        """Let the policy decide, and send the carriers."""
         self.send(decision, self.orders(decision))
 
     def orders(self, decision: Decision) -> list[Assignment]:
@@ -199,7 +195,6 @@ class Dispatched(Calls):
             raise PolicyFault(fault_of(self.policy, self.layout.scenario.dispatch, error, now)) from error
 
     def send(self, decision: Decision, orders: Iterable[Assignment]) -> None:
-        """Send carriers to bins, at the time of the decision."""
         for order in orders:
             self._booked |= {order.bin, order.carrier}
             self.env.process(self._fetch(order, decision.calls[order.bin], decision.ready[order.carrier], decision.now))

@@ -70,7 +70,6 @@ class DiscreteHarvest:
 
     @property
     def done(self) -> int:
-        """The steps that all robots have done so far."""
         return sum(robot.done for robot in self.robots.values())
 
     def _ends(self, block: Block) -> list[tuple[int, Side]]:
@@ -87,33 +86,26 @@ class DiscreteHarvest:
         self.calls.begins(picker, row, side, seconds, picker.tick + (1 if before else 0))  # its bin must see that it drives
 
     def go_on(self, picker: Robot) -> None:
-        """Hear that a picker that failed picks on."""
         self.calls.goes_on(picker)
 
     def fail(self, picker: Robot) -> None:
-        """Hear that a picker stands in its row because it failed."""
         self.calls.fails(picker)
 
     def end_row(self, picker: Robot) -> None:
-        """Hear that a picker has picked a row, so that its bin is full."""
         self._full_since[picker.name] = picker.tick
 
     def couple(self, picker: Robot) -> None:
-        """Hear that a picker has an empty bin."""
         self._waits.append(picker.tick - self._full_since[picker.name])
 
     def leave(self, picker: Robot) -> None:
-        """Hear that a picker has left its full bin in its lane."""
         row, side = self._rows[picker.name].pop(0)
         self.left[picker.full_bin].succeed()
         self.calls.left(picker, row, side)
 
     def deliver(self) -> None:
-        """Hear that a bin is unloaded."""
         self.deliveries.append(self.env.now * TIME_STEP)
 
     def home(self, carrier: Robot) -> None:
-        """Hear that a carrier has done its job, at the end of the queue."""
         self._busy += carrier.tick - carrier.away
         self.calls.home(carrier)
 
@@ -144,7 +136,6 @@ class DiscreteHarvest:
 
     @property
     def delivered(self) -> int:
-        """The number of bins unloaded."""
         return len(self.deliveries)
 
 
@@ -156,8 +147,7 @@ def _again(block: Block, rows: int | None) -> Block:
 def long_run_bins_per_hour(layout: Layout, rounds: int = 20) -> float:
     """Return the bins per hour of a harvest in which pickers pick their rows again and again, without its beginning and its end.
 
-    `rounds`: how often the pickers with most rows pick theirs. Each of the others picks as many rows as they.
-    Raises ValueError as `DiscreteHarvest` does, and RuntimeError if robots wait for each other for ever.
+    `rounds`: how often the pickers with most rows pick theirs. Raises ValueError as `DiscreteHarvest` does, and RuntimeError for a jam.
     """
     harvest = DiscreteHarvest(layout, rounds * max(len(block.rows) for block in layout.blocks.values())).run()
     if not harvest.is_over:

@@ -37,7 +37,6 @@ class Lines:
         on.insert(_number_before(on, at), robot)
 
     def leave(self, robot: Follower) -> None:
-        """Leave the line on which a robot is, if any."""
         if robot.line is not None:
             self._on[robot.line].remove(robot)
 

@@ -44,7 +44,6 @@ class Claimant:
             self._plan()
 
     def free(self, places: list[str]) -> None:
-        """Give places back."""
         kept = [place for place in self.held if place not in places]
         if len(kept) != len(self.held):
             self.claimed, self.held = self._repeated(), kept
@@ -91,7 +90,6 @@ class Claimant:
         self._answers.append((heard, table))
 
     def is_granted(self, places: list[str]) -> None:
-        """Hear that a claim for these places is granted."""
         self.claimed, held = self._repeated(), self.reservations.table.holds
         self.is_answered(self.env.now, ReservationTable(dict(held)))
         granted = [place for place in held[self.name] if place in places and place not in self.held]
@@ -117,7 +115,6 @@ class Reservations:
         self._expected: dict[int, list[Claimant]] = {}  # tick -> those that will claim then
 
     def expect(self, claimant: Claimant, tick: int) -> None:
-        """Hear the claim that a robot sends at a tick."""
         if tick not in self._expected:
             self._expected[tick] = []
             at(self.env, tick + MAIL, self._hear, tick)
@@ -142,7 +139,6 @@ class Reservations:
 
 
 def at(env: simpy.Environment, time: float, act: Callable[..., Any], *words: Any) -> None:
-    """Do something at a time, in ticks."""
     event = env.timeout(time - env.now)
     event.callbacks.append(lambda _: act(*words))
 

@@ -109,12 +109,10 @@ class Robot:
 
     @property
     def is_on_the_way(self) -> bool:
-        """Whether it drives, and does not stand."""
         return self._leg is not None
 
     @property
     def is_moving(self) -> bool:
-        """Whether it has moved in the last tick."""
         return self._leg is not None and self.env.now > self._leg[1]
 
     def wait(self, *events: simpy.Event) -> Events:
@@ -239,14 +237,12 @@ class Robot:
         return self.line == line or (self.line is None and self._arrive(line, at))
 
     def _arrive(self, line: Line, at: float) -> bool:
-        """Leave the line before, and be on this one."""
         self.lines.enter(self, line, at)
         self.line, self.end, self.is_across = line, at, False
         self._tell()
         return True
 
     def _extend(self, end: float) -> None:
-        """Say up to where the robot will drive now."""
         if end > self.end + NEAR:
             self.end = end
             self._tell()
@@ -283,7 +279,6 @@ class Robot:
         self.stood = self.tick
 
     def _off(self, line: Line) -> float:
-        """How far it stands beside a line, m."""
         return abs((self.y if line[0] == "x" else self.x) - line[1])
 
     @do.register
@@ -320,7 +315,6 @@ class Robot:
 
     @property
     def pose(self) -> Pose:
-        """Where it stands."""
         return Pose(self.x, self.y, self.yaw)
 
     # -- places
@@ -345,7 +339,6 @@ class Robot:
     # -- bins
 
     def _handle(self, step: Step) -> Events:
-        """Couple or uncouple a bin."""
         yield self.env.timeout(step.handles if self.stood == self.tick else 1)
 
     @do.register
@@ -368,7 +361,6 @@ class Robot:
         yield self.env.timeout(ASK)
 
     def brought(self, bin_name: str, carrier: str) -> None:
-        """Hear that a carrier has brought a bin."""
         self.offered, self.carrier = bin_name, carrier
         happened, self.has_offer = self.has_offer, self.env.event()
         happened.succeed()

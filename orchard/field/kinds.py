@@ -101,10 +101,9 @@ def name_of(kind: str, number: int) -> str:
 
 
 def select_agents(names: Iterable[str], only: list[str], without: list[str], share: str = "0/1") -> list[str]:
-    """Return the selected names, in their order.
+    """Return the selected ones of these names, in their order; `only` and `without`: kinds or names; an empty `only` selects all.
 
-    `only` and `without`: kinds or names; an empty `only` selects all. `share` "I/N": of these names, every N-th from the I-th (from 0).
-    Raises ValueError for an unknown kind or name, or a wrong share.
+    `share` "I/N": of them every N-th from the I-th, from 0. Raises ValueError for an unknown kind or name, or a wrong share.
     """
     names = list(names)
     for word in [*only, *without]:

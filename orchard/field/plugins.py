@@ -97,10 +97,7 @@ def made_of(class_: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def unusable(key: str, path: str, error: BaseException, wanted: str = "", place: str = "") -> ScenarioError:
-    """Return the error for a plug-in that cannot be used: the scenario's key, the fault, its place in the user's files, what is allowed.
-
-    `place`: where the plug-in begins, for an error that was not raised in the user's files.
-    """
+    """Return the error for a plug-in that cannot be used: the scenario's key, the fault, its place in the user's files, what is allowed."""
     reraise_ctrl_c(error)
     fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
     wanted = f"it must be {wanted}" if wanted else IMPORTED if _is_not_found(error, path) else ""
@@ -137,10 +134,7 @@ def reraise_ctrl_c(error: BaseException) -> None:
 
 
 def place_of_error(error: BaseException) -> str:
-    """Return the place in the user's files where an error was raised, as ' (FILE, line N)'; '' if it was raised elsewhere.
-
-    The user's file is asked for, not a library's that raises it again, as SimPy does, or that the user's file calls, as numpy.
-    """
+    """Return the place in the user's files where an error was raised, as ' (FILE, line N)', also if a library raised it; '' without one."""
     if isinstance(error, SyntaxError):
         return f" ({error.filename}, line {error.lineno})"
     files = traceback.extract_tb(error.__traceback__)

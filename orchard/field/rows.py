@@ -44,8 +44,7 @@ RULES: dict[str, Callable[[Scenario], dict[str, Block]]] = {BALANCED: balanced, 
 def rows_to_pickers(scenario: Scenario) -> dict[str, Block]:
     """Return the block of each picker by the rule that the scenario names: a built-in one, or a user's function.
 
-    In a user's result, a plain sequence of rows stands for a block that starts at the west end. Raises ScenarioError if the rule cannot be
-    used, or does not give each row to exactly one picker, or gives a picker no row, rows that are not neighbours, or an unknown end.
+    A user's rule may return plain sequences of rows, which begin in the west. Raises ScenarioError for a rule or a result that cannot be.
     """
     key, path = "rows_to_pickers", scenario.rows_to_pickers
     if path in RULES:

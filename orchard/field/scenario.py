@@ -263,10 +263,8 @@ def parse(text: str, source: str = "scenario") -> Scenario:
 
 
 def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
-    """Return a scenario with some values changed, checked again. Raises `ScenarioError`.
-
-    Name a nested value by its dotted path, or give a map of changes to a section:
-    `with_changes(s, rows=8, **{"people.workers": 0})`, `with_changes(s, people={"workers": 0})`.
+    """Return a scenario with some values changed, checked again. Raises `ScenarioError`. Name a nested value by its dotted path, or give
+    a map of changes to a section: `with_changes(s, rows=8, **{"people.workers": 0})`, `with_changes(s, people={"workers": 0})`.
     """
     values = scenario.model_dump()
     for path, value in changes.items():

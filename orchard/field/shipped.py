@@ -10,12 +10,10 @@ _CONFIG = files("orchard").joinpath("config")
 
 
 def names() -> list[str]:
-    """Return the names of these scenarios."""
     return sorted(file.name.removesuffix(".yaml") for file in _CONFIG.iterdir() if file.name.endswith(".yaml"))
 
 
 def shipped() -> dict[str, Scenario]:
-    """Return these scenarios by name."""
     return {name: _one(name) for name in names()}
 
 

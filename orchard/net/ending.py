@@ -17,7 +17,6 @@ class Ending:
         self._said_at = self._gone_at = -math.inf  # s, on the clock
 
     def hear(self, end: End) -> None:
-        """Hear that the run is over; any client may say so."""
         self._said, self._said_at = end, self._clock()
 
     def track(self, up: bool) -> None:

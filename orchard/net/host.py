@@ -103,12 +103,11 @@ class StateBoard:
 
 
 class Host:
-    """A session that hosts agents, from the join to the end of the run."""
+    """A session that hosts agents, from the join to the end of the run. `patience`: how long it waits for physics that is gone, s."""
 
     def __init__(
         self, bus: Bus, keys: Keys, run: str, mode: str, layout: Layout, agents: Mapping[str, Agent], patience: float = GONE_SECONDS
     ) -> None:
-        """`patience`: how long to wait for physics that is gone, s."""
         self.bus, self.keys, self.run_id, self._patience = bus, keys, run, patience
         self.runners = {name: AgentRunner(name, guarded(layout, name, agent)) for name, agent in sorted(agents.items())}
         self.bodies = [name for name in self.runners if name in layout.index]

@@ -27,7 +27,6 @@ class Line:
         self._end, self.of_process = socketpair()
 
     def write(self, words: str) -> None:
-        """Write a line for the process to read."""
         with suppress(OSError):  # it has died already
             self._end.sendall(f"{words}\n".encode())
 

@@ -212,7 +212,6 @@ class Mailbox:
         return asked
 
     def letter(self, asked: SentRequest) -> bytes:
-        """Return a request as the payload of a query."""
         return pack(Letter(self._run, asked.tick, asked.sender, asked.number, asked.request))
 
     def close(self) -> None:

@@ -66,13 +66,11 @@ def read_message(payload: bytes, type_: type[M], run: str) -> M:
 
 
 def refuse_other_run(message: RunMessage, run: str) -> None:
-    """Raise Refused unless a message is of this run."""
     if message.run != run:
         raise Refused("other run", f"{message.run!r} is not {run!r}")
 
 
 def refuse_other_tick(tick: int, first: int, last: int) -> None:
-    """Raise Refused unless `tick` is from `first` to `last`."""
     if tick < first:
         raise Refused("past tick", f"{tick}; it is {last} now")
     if tick > last:
@@ -100,7 +98,6 @@ class RefusalTotals(Refusals):
         self.there: dict[str, Mapping[Reason, int]] = dict(known.there)  # session -> its counts so far
 
     def as_data(self) -> dict[str, Any]:
-        """Return the data that a resumed run needs."""
         return {"counts": dict(self.counts), "there": {session: dict(counts) for session, counts in self.there.items()}}
 
     def hear(self, session: str, counts: Mapping[Reason, int]) -> None:
@@ -110,7 +107,6 @@ class RefusalTotals(Refusals):
         self.there[session] = counts
 
     def total(self) -> dict[str, int]:
-        """Return reason -> count, of all processes."""
         total: Counter[str] = Counter(self.counts)
         for counts in self.there.values():
             total.update(counts)

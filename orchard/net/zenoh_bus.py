@@ -46,8 +46,6 @@ def _errors_ignored(what: str) -> Iterator[None]:
 
 
 class ZenohQuery(Query):
-    """A query that came over Zenoh."""
-
     def __init__(self, key: str, query: zenoh.Query) -> None:
         self.key = key
         self.payload = b"" if query.payload is None else query.payload.to_bytes()

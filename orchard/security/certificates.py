@@ -46,14 +46,12 @@ class Authority:
         return cls(draft.add_extension(only, critical=True).sign(key, hashes.SHA256()), key)
 
     def write(self, folder: Path) -> None:
-        """Write the authority's own certificate and key."""
         _write(folder, self.certificate, self.key)
 
     def vouch(self, role: Role, folder: Path, addresses: Iterable[str] = (), until: datetime | None = None) -> None:
-        """Write a role's certificate and key, and the authority's certificate.
+        """Write a role's certificate, its key and the authority's certificate, valid `until` then, by default as long as the authority.
 
-        Only a role with `addresses` can accept connections; the others only connect. `until`: end of validity, by default that of the
-        authority. Raises ValueError for an address that is malformed.
+        Only a role with `addresses` can accept connections. Raises ValueError for an address that is malformed.
         """
         key = ec.generate_private_key(ec.SECP256R1())
         draft = _draft(_name(role.name, role.digest), self.certificate.subject, key, until or self.certificate.not_valid_after_utc)

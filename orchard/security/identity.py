@@ -120,7 +120,7 @@ class Keyring:
         return Identity.load(self.roles[name])
 
     def hosts(self, names: Iterable[str], agents: Iterable[str]) -> dict[str, list[str]]:
-        """Return role -> the agents that it hosts. `names`: the agents to host here; `agents`: all of the run.
+        """Return role -> the agents that it hosts, of the agents `names` that are hosted here; `agents`: all of the run.
 
         Raises ValueError if an agent has no role, or if `names` has only some of a role's agents.
         """
@@ -189,7 +189,7 @@ Shares = Callable[[Sequence[str]], Iterable[tuple[str, Sequence[str]]]]
 
 
 def host_roles(names: Sequence[str], wishes: Iterable[str], shares: Shares) -> list[Role]:
-    """Return the roles of the hosts: one for each wish, NAME=KIND|AGENT,..., and one for each share of the names that are left.
+    """Return the hosts' roles: one for each wish NAME=KIND|AGENT,..., and one for each share of the names that are left.
 
     Raises ValueError for a wish that is malformed, or names an unknown agent or kind.
     """

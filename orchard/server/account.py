@@ -27,21 +27,18 @@ class RunAccount:
         table: str | Path | None,
         clock: Callable[[], float],
     ) -> None:
-        """`before`: the snapshot from which the engine was resumed. `table`: the folder for tables; None: none are written. `clock`: s, of
-        the run."""
+        """`before`: the snapshot from which the engine was resumed. `table`: the folder for tables; None: none are written."""
         self._engine, self._frame_builder = engine, FrameBuilder(engine.world)
         self.figures = RunFigures(engine, clock, before.figures if before else {})
         self.snapshot_writer = snapshot_writer
         self._tables = tables_of(table, engine)
 
     def update(self, events: list[Event], letters: Mapping[str, Written]) -> None:
-        """Add the step that has just been done, with its events, and the letters that led to it."""
         self.figures.update(events)
         if self._tables is not None:
             self._tables.update(self._engine, events, letters)
 
     def frame(self, events: list[Event]) -> Frame:
-        """Return what viewers need of the step that has just been done."""
         return self._frame_builder.frame(self._engine.scans, self._engine.actions, events, self._engine.lookahead.wanted)
 
     def show_all(self) -> None:
@@ -49,7 +46,6 @@ class RunAccount:
         self._frame_builder.forget()
 
     def keep(self, snapshot: Snapshot) -> None:
-        """Write the tables so far, and start to write a snapshot."""
         if self._tables is not None:
             self._tables.flush()
         self.snapshot_writer.keep(snapshot)
@@ -67,10 +63,7 @@ class RunAccount:
         return "duration" if self._engine.tick >= ticks else self.figures.fault
 
     def summary(self, why: str, mode: str, hosts: int, refused: Mapping[str, int], answers: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the summary of the run.
-
-        `why`: why it ended. `hosts`: the number of agent processes. `refused`: reason -> number of messages. `answers`: figures of them.
-        """
+        """`why`: why it ended; `hosts`: number of agent processes; `refused`: reason -> number of messages; `answers`: figures of them."""
         engine = self._engine
         begin = {"hash": engine.hash, "mode": mode, "hosts": hosts, **self.figures.summary(), **answers}
         end = {"finished": engine.over, "ended": why, "violations": engine.violations(), "jam": self.figures.jam}

@@ -55,11 +55,9 @@ class Barrier:
         return lost
 
     def digests(self) -> dict[str, bytes]:
-        """Return the mail digests that the agents reported, by name."""
         return {name: report.mail for name, report in self.reports.items()}
 
     def figures(self) -> dict[str, Any]:
-        """Return this barrier's figures for the summary."""
         return {}
 
 
@@ -108,8 +106,6 @@ class LockstepBarrier(Barrier):
 
 
 class TimedReport(NamedTuple):
-    """An action, the tick that it answers, and the time of its arrival."""
-
     tick: int
     report: Report
     at: float  # s, on the clock

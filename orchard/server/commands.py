@@ -24,7 +24,6 @@ class RecentTicks:
         self._begun: deque[tuple[int, float]] = deque([(0, clock())])  # (tick, time of its publication, s)
 
     def begin(self, tick: int) -> None:
-        """Record the publication of a new tick."""
         self.newest = tick
         self._begun.append((tick, self.clock()))
         while self.is_over(*self._begun[0], tick):
@@ -61,7 +60,6 @@ class UnownedCommands:
         self._deeds[name] = all_deeds(self._deeds.get(name, []), velocity.deeds)
 
     def drives(self, name: str) -> bool:
-        """Whether a client has driven this robot recently."""
         return name in self._puts
 
     def actions(self, tick: int) -> dict[str, Action]:

@@ -27,7 +27,6 @@ class RunClock:
         self._paused = 0.0  # s in all pauses that are over
 
     def __call__(self) -> float:
-        """Return the time, s."""
         return (self._clock() if self._since is None else self._since) - self._paused
 
     @property
@@ -35,7 +34,6 @@ class RunClock:
         return self._since is not None
 
     def pause(self) -> None:
-        """Let the clock stand from now on."""
         if self._since is None:
             self._since = self._clock()
 
@@ -88,7 +86,6 @@ class SimulationControl:
 
     @property
     def state(self) -> SimulationState:
-        """The state now, as a message."""
         running: StateOfSimulation = "paused" if self.clock.is_paused else "playing" if self._begun else "stopped"
         return SimulationState(self._run, self._tick(), "quitting" if self._ended else running)
 
@@ -122,7 +119,6 @@ class SimulationControl:
         self.publish()
 
     def keeps(self, query: Query) -> bool:
-        """Whether `finish_steps` will reply to this query."""
         return query is self._stepping
 
     def finish_steps(self) -> None:
@@ -133,7 +129,6 @@ class SimulationControl:
             query.drop()
 
     def publish(self) -> None:
-        """Publish the state if it has changed."""
         now = self.state
         if now.state != self._state:
             self._state = now.state

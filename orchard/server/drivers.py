@@ -34,7 +34,6 @@ class Drivers:
         publisher: Publisher,
         clock: Callable[[], float],
     ) -> None:
-        """`clock`: the clock of the run, s."""
         self._engine, self._publisher = engine, publisher
         self.roster, self.answers, self.recovery_log = roster, answers, recovery_log
         self.unowned, self.advised = UnownedCommands(clock, answers.watchdog), Advised()
@@ -92,7 +91,6 @@ class Drivers:
             self.lost = dict.fromkeys(sorted(names), self._engine.tick) | self.lost
 
     def drives(self, name: str) -> bool:
-        """Whether a session owns this agent, or another client drives its robot."""
         return name in self.roster.owners or self.unowned.drives(name)
 
     # -- a tick
@@ -109,7 +107,6 @@ class Drivers:
         self._publish(seen)
 
     def silent(self) -> set[str]:
-        """Return the sessions with missing answers."""
         return {self.roster.owners[name] for name in self.answers.missing}
 
     def show(self, owners: Collection[str]) -> None:
@@ -146,7 +143,6 @@ class Drivers:
             raise Refused("out of bounds", f"{name}: linear.y: a {kind} does not move sideways")
 
     def drive(self, name: str, velocity: Velocity) -> None:
-        """Take a velocity for a robot. Raises Refused if it does not count."""
         if name in self.roster.owners:
             report = Report(twist_of(velocity), velocity.deeds, once=velocity.once)
             self._act(name, velocity.owner, velocity.tick, report)
@@ -163,10 +159,9 @@ class Drivers:
         self.answers.take(name, owner, tick, report)
 
     def act_all(self, message: Velocities, malformed: Mapping[str, Refused]) -> list[Refused]:
-        """Take the actions of a session, each by itself. Return the refusals.
+        """Take the actions of a session, each by itself. Return the refusals. `malformed`: name -> why its action is not in the message.
 
-        `malformed`: name -> the refusal of an action that is not in the message. A robot with a malformed action, or with a velocity out of
-        bounds, stands in this tick, so that the others need not wait for it.
+        A robot with a malformed action, or with a velocity out of bounds, stands in this tick, so that the others need not wait for it.
         """
         refused, is_heard = dict(malformed), self._publisher.are_robots_heard()
         for name, report in message.velocities.items():

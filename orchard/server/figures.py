@@ -41,7 +41,6 @@ class RunFigures:
         self._begun = self._reported = self._clock()
 
     def as_data(self) -> dict[str, Any]:
-        """Return the data that a resumed run needs."""
         counted = {"harvest": msgspec.to_builtins(self._figures), "history": msgspec.to_builtins(self._history)}
         return counted | {"wall_seconds": self._wall()} | self._engine.figures_as_data()
 
@@ -49,11 +48,9 @@ class RunFigures:
         return self._wall_before + self._clock() - self._begun
 
     def begin(self) -> None:
-        """Start the wall clock: the first tick begins now."""
         self._begun = self._reported = self._clock()
 
     def update(self, events: "list[Event]") -> None:
-        """Add the step that has just been done, with its events."""
         self._figures.update(self._world, events, self._engine.answers)
         self._history.update(self._world, self._engine.states, self._figures.busy_ticks)
 
@@ -92,7 +89,6 @@ class RunFigures:
         return all(ticks[name][STATES.index("broken")] >= BROKEN_TICKS for name in pickers)
 
     def figures(self) -> dict[str, Any]:
-        """Return the figures so far, as the summary has them."""
         from orchard.report.metrics import harvest_figures
 
         wall = self._wall()

@@ -52,10 +52,7 @@ class RunLoop:
         return msgspec.structs.replace(options, paused=self._clock.is_paused, **where)
 
     def play(self, get_ready: Callable[[], None]) -> End:
-        """Run all ticks, and publish the end. Return it.
-
-        `get_ready`: called before the first tick, after the hosts that wait have got the run's scenario, so that they prepare meanwhile.
-        """
+        """Run all ticks, and publish the end. Return it. `get_ready`: called before the first tick, while the hosts prepare too."""
         try:
             for _ in range(len(self.bus.inbox)):
                 self.arrivals.take(0.0)
@@ -120,10 +117,7 @@ class RunLoop:
         self.run.step()
 
     def _await_step(self) -> None:
-        """Wait until all answers are in or their time is over, the next tick is due, and the run plays.
-
-        What arrives until then counts in this step: a velocity, a stop, or a session that joins, for which the step waits.
-        """
+        """Wait until all answers are in or their time is over, the next tick is due, and the run plays. What arrives until then counts."""
         self._await_answers()
         while self._clock.is_paused or self.arrivals.take(self._pacer.wait()) or self._pacer.wait():
             self._await_answers()
@@ -155,10 +149,7 @@ class RunLoop:
                 self._drivers.show(self._drivers.silent())
 
     def _await_leaving(self, end: End, seconds: float) -> None:
-        """Wait until all tokens are gone, at most so long, and until all sessions have said that they leave, at most LEAVE_SECONDS.
-
-        Tell the end again meanwhile: a link may break when it is told first.
-        """
+        """Publish the end until all tokens are gone, at most so long, and all sessions have said that they leave, at most LEAVE_SECONDS."""
         now, roster = self.bus.clock(), self._drivers.roster
         deadline, told_by, again = now + seconds, now + LEAVE_SECONDS, now + END_SECONDS
         while now < deadline and (roster.tokens or (now < told_by and not roster.all_have_left())):

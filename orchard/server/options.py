@@ -56,10 +56,8 @@ class RunOptions(ProcessOptions, frozen=True, kw_only=True):
 
     @property
     def ticks(self) -> float:
-        """The tick at which the run ends; infinity without a duration."""
         return last_tick(self.duration)
 
     @property
     def snapshot_folder(self) -> Path | None:
-        """The folder for snapshots; None if none are written."""
         return None if self.snapshots is None else Path(self.snapshots)

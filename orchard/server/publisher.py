@@ -31,19 +31,13 @@ class Publisher:
     # -- a tick
 
     def show(self, seen: Observations, due: Mapping[str, Sequence[str]], asked: Sequence[AskedOf]) -> None:
-        """Send each session what those of its agents observe that are asked, and the requests to them.
-
-        `due`: session id -> the names of these agents. `asked`: the requests of the last tick.
-        """
+        """Send each session in `due` what those of its agents observe that are asked; and, of the requests in `asked`, those to them."""
         for owner, names in due.items():
             heard = [of for of in asked if of.to in names]
             self._put(self._keys.of("seen", session=owner), seen_of(self.run, seen, names, heard))
 
     def publish_tick(self, seen: Observations, others: Mapping[str, Callable[[], Observations]]) -> None:
-        """Publish the pose and the scan of each body, and then the clock, if a session subscribes to them.
-
-        `others`: functions for `truth` and `odometry`, published like `pose`. Each is called only if a session subscribes to that.
-        """
+        """Publish poses and scans, the views in `others` (`truth`, `odometry`), and then the clock: each if a session subscribes to it."""
         if self._bus.clock() >= self._recheck_at:
             self.refresh_subscribers()
         if self.are_robots_heard():
@@ -68,7 +62,6 @@ class Publisher:
             self._put(key, scan_of(self.run, seen[name], KINDS[self._layout.starts[body].kind].laser, KINDS["bin"].laser))
 
     def publish_velocity(self, name: str, owner: str, tick: int, report: Report) -> None:
-        """Publish a velocity that came in a session's message on the key of its robot, if a session subscribes to that."""
         if self._is_heard(key := self._keys.of("velocity", name)):
             x, y, turn = report.twist
             self._bus.publish(key, pack(Velocity(self.run, tick, Linear(x, y), Angular(turn), owner, report.once, report.deeds)))
@@ -102,5 +95,4 @@ class Publisher:
         return self._heard[keys]
 
     def publish(self, what: str, message: Message) -> None:
-        """Publish a message. `what`: its key in `wire.keys.TABLE`."""
         self._bus.publish(self._keys.of(what), pack(message))

@@ -20,10 +20,7 @@ class Roster:
         self._leaving: set[str] = set()  # owners that have said that they leave
 
     def token(self, name: str, owner: str, up: bool) -> None:
-        """Record that a liveliness token appeared (`up`) or disappeared. Raises Refused if there are too many.
-
-        A session that is gone keeps its agents until another session takes them over or they are released.
-        """
+        """Record a liveliness token that appeared (`up`) or is gone: then its session keeps its agents. Raises Refused for too many."""
         if up and len(self.tokens) >= MOST_TOKENS:
             raise Refused("too many", f"there are {MOST_TOKENS} liveliness tokens")
         (self.tokens.add if up else self.tokens.discard)((name, owner))
@@ -51,7 +48,6 @@ class Roster:
         return not self.tokens and self._leaving.issuperset(self.by_owner())
 
     def by_owner(self) -> dict[str, list[str]]:
-        """Return session id -> the names that it owns."""
         if not self._by_owner:
             for name in self.names:
                 if name in self.owners:
@@ -92,6 +88,5 @@ class RecoveryLog:
         return asked | {name for name, letters in self.letters.get(tick - 2, {}).items() if letters.requests}
 
     def asked(self, tick: int) -> list[AskedOf]:
-        """Return the requests of a tick, without their bodies."""
         written = self.letters.get(tick, {}).items()
         return [AskedOf(to, sender, number) for sender, letters in written for number, (to, _) in enumerate(letters.requests)]

@@ -61,7 +61,6 @@ class Run:
     """The parts of one run, its steps and their reports. `Inbound` handles what arrives; `RunLoop` decides when each step is done."""
 
     def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: RunOptions, before: Snapshot | None = None) -> None:
-        """`before`: the snapshot from which the engine was resumed."""
         self.engine = engine
         self._held_before = before.held if before else []  # the agents that had a session; not all may come back before it ends again
         self.refusal_totals = RefusalTotals(before.figures.get("refused") if before else None)
@@ -82,7 +81,6 @@ class Run:
 
     @property
     def has_begun(self) -> bool:
-        """Whether the first tick has been published."""
         return self.drivers.answers.tick >= 0
 
     def begin(self) -> None:
@@ -122,7 +120,6 @@ class Run:
         self.publisher.publish("figures", self.account.figures.message(self.id, self.refusal_totals.total()))
 
     def keep(self) -> None:
-        """Write the tables so far, and start to write a snapshot."""
         self.account.keep(self._snapshot())
 
     def _snapshot(self) -> Snapshot:
@@ -135,7 +132,6 @@ class Run:
         )
 
     def end(self, why: str) -> End:
-        """Return the last message of the run. `why`: why it ended."""
         engine, answers = self.engine, self.drivers.answers
         hosts, refused = len(set(self.drivers.roster.owners.values())), self.refusal_totals.total()
         summary = self.account.summary(why, answers.mode, hosts, refused, answers.figures())

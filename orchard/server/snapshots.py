@@ -21,10 +21,7 @@ log = logging.getLogger("orchard")
 
 @contextmanager
 def sole(folder: Path | None) -> Iterator[None]:
-    """Lock a folder for this process, so that only one run writes snapshots there. Raises SnapshotError if another process holds the lock.
-
-    The lock ends with the process, however that ends. If the folder cannot be created, there is no lock: `SnapshotWriter` logs the error.
-    """
+    """Lock a folder, so that only one process writes snapshots there. Raises SnapshotError if another process holds the lock."""
     with ExitStack() as stack:
         if folder is not None and (opened := _opened(folder)) is not None:
             stack.callback(os.close, opened)
@@ -36,7 +33,7 @@ def sole(folder: Path | None) -> Iterator[None]:
 
 
 def _opened(folder: Path) -> int | None:
-    with suppress(OSError):
+    with suppress(OSError):  # then there is no lock: SnapshotWriter logs the error
         folder.mkdir(parents=True, exist_ok=True)
     with suppress(OSError):
         return os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
@@ -47,14 +44,12 @@ class SnapshotWriter:
     """Writes snapshots into a folder, if there is one. An executor does that, so that a slow disk does not delay the run."""
 
     def __init__(self, folder: Path | None, executor: Executor, clock: Callable[[], float], seconds: float = SNAPSHOT_SECONDS) -> None:
-        """`executor`: does one job after the other. `clock`, `seconds`: the time, and that between two snapshots, s."""
         self._folder, self._executor, self._clock, self._seconds = folder, executor, clock, seconds
         self._due = -math.inf  # s, on the clock
         self._writing: Future[bool] | None = None
         self._failed = False
 
     def is_due(self) -> bool:
-        """Whether the next snapshot is due, and none is being written."""
         is_idle = self._writing is None or self._writing.done()
         return self._folder is not None and is_idle and self._clock() >= self._due
 

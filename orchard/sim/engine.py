@@ -85,7 +85,6 @@ class Engine:
         return {name: msgspec.to_builtins(figure) for name, figure in figures.items()}
 
     def as_data(self) -> dict[str, Any]:
-        """Return the world as a snapshot holds it."""
         return world_as_data(self.world)
 
     @property

@@ -26,10 +26,7 @@ class FrameBuilder:
         self._drove = np.zeros((0, 6))
 
     def frame(self, scans: Sequence[np.ndarray], actions: Mapping[str, Action], events: Sequence[Event], wanted: np.ndarray) -> Frame:
-        """Return the frame of the world now, after the step with these actions and events.
-
-        `wanted`: (n, 3) the velocities that the agents wanted in that step, m/s and rad/s.
-        """
+        """Return the frame of the world after a step. `wanted`: (n, 3) the velocities that the agents wanted in it, m/s and rad/s."""
         world = self._world
         if world.tick % WHOLE_TICKS == 0:
             self.forget()
@@ -52,7 +49,6 @@ class FrameBuilder:
         )
 
     def forget(self) -> None:
-        """Make the next frame a whole one."""
         self._shown, self._said, self._drove = {}, {}, np.zeros((0, 6))
 
     def _if_changed(self, what: str, now: np.ndarray) -> np.ndarray | None:

@@ -106,12 +106,10 @@ def _empty(world: World, bin_: int) -> list[Event]:
 
 
 def is_full(world: World, i: int) -> bool:
-    """Whether body `i` is a full bin."""
     return bool(world.fill[i] >= world.fixed.bin_full)
 
 
 def is_at_rest(world: World, i: int) -> bool:
-    """Whether body `i` did not move in the last step."""
     return not world.twist[i].any()
 
 

@@ -18,7 +18,6 @@ FURTHEST = 1e12  # m that a body can drive by LAST_TICK
 
 
 def world_as_data(world: World) -> dict[str, Any]:
-    """Return the state of a world."""
     return {name: value.tobytes() if isinstance(value, np.ndarray) else value for name, value in world.state.items()}
 
 

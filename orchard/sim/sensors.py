@@ -81,7 +81,6 @@ class Sensors:
 
     @property
     def is_exact(self) -> bool:
-        """Whether all of them measure the truth."""
         return not self._accuracies and not self._drifts
 
     def inexact(self) -> np.ndarray:

@@ -49,7 +49,6 @@ class Snapshot(msgspec.Struct):
 
 
 def as_file(snapshot: Snapshot) -> tuple[str, bytes]:
-    """Return the name and the content of a snapshot's file."""
     payload = pack(snapshot)
     head = HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n"
     return f"tick-{snapshot.tick:09d}.snapshot", head + payload

@@ -19,12 +19,10 @@ if TYPE_CHECKING:
 
 
 def robots_of(layout: Layout) -> list[str]:
-    """Return the names of all bodies that can be stopped: robots."""
     return [start.name for start in layout.starts if start.kind in ROBOTS]
 
 
 def stopped(world: "World") -> list[str]:
-    """Return all stopped robots, in the layout's order."""
     return [name for name, latched in zip(world.layout.names, world.stopped.tolist(), strict=True) if latched]
 
 

@@ -65,7 +65,6 @@ def _space_of(fixed: Fixed) -> Space:
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def fixed_of(layout: Layout) -> Fixed:
-    """Return the constants of a layout."""
     kinds = [KINDS[start.kind] for start in layout.starts]
     halves = np.array([(kind.length / 2, kind.width / 2) for kind in kinds]).reshape(-1, 2)
     shapes, speed = boxes_of(np.zeros_like(halves), halves), np.array([kind.speed for kind in kinds], dtype=np.float64)
@@ -149,5 +148,4 @@ class World:
 
     @property
     def state(self) -> dict[str, Any]:
-        """All fields that change."""
         return {name: value for name, value in vars(self).items() if name not in ("layout", "fixed", "space")}

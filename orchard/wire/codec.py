@@ -33,7 +33,6 @@ def _twist(twist: Twist) -> wire.TwistMessage:
 
 
 def odometry_of(run: str, seen: Observation) -> wire.Odometry:
-    """Return the message for an observation, without its scan."""
     hitch = seen.hitch and wire.OtherEnd(seen.hitch.name, _pose(seen.hitch), _twist(seen.hitch.twist))
     return wire.Odometry(run, seen.tick, _pose(seen), _twist(seen.twist), hitch, float(seen.fill), bool(seen.full), seen.accuracy)
 
@@ -44,7 +43,6 @@ def _sweep(laser: Laser, scan: np.ndarray | None) -> tuple[float, float, float, 
 
 
 def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> wire.LaserScan:
-    """Return the message for the scan of an observation, and for the scan of its bin."""
     rear = None if seen.hitch is None or seen.hitch.scan is None else wire.Beams(*_sweep(rear_laser, seen.hitch.scan))
     return wire.LaserScan(*_sweep(laser, seen.scan), run, seen.tick, rear)
 
@@ -129,7 +127,6 @@ def _slices(names: tuple[str, ...]) -> list[slice]:
 
 
 def orchard_of(run: str, tick: int, layout: Layout) -> wire.Orchard:
-    """Return the message for a layout."""
     rows = [(ROW_WEST, lane.y, layout.row_east, lane.y) for lane in layout.lanes]
     bodies = [wire.Place(start.name, start.kind, _pose_of(start.pose), start.bin) for start in layout.starts]
     kinds = {name: _kind_of_body(kind) for name, kind in sorted(KINDS.items())}
@@ -181,7 +178,6 @@ def report_of(action: Action, mail: bytes, memory: bytes | None) -> wire.Report:
 
 
 def twist_of(velocity: wire.Velocity | wire.Advice) -> Twist:
-    """Return the velocity in a message."""
     return Twist(velocity.linear.x, velocity.linear.y, velocity.angular.z)
 
 

@@ -54,7 +54,6 @@ def begin_holds(
 
 @inlined
 def differs(one, other):
-    """Whether two twists differ."""
     return one[0] != other[0] or one[1] != other[1] or one[2] != other[2]
 
 

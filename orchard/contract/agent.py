@@ -163,10 +163,7 @@ class Action(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def says_holds(class_: type) -> bool:
-    """Whether the holds of a user's agent or step count: its own class says `holds = True`.
-
-    That is not inherited, because a class that adds to a built-in one may have to act earlier than that one.
-    """
+    """Whether the holds of a user's agent or step count: its own class, and not only its base, says `holds = True`."""
     return vars(class_).get("holds", False) is True
 
 

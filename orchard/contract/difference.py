@@ -11,7 +11,7 @@ SHOWN = 80  # characters of a value
 def difference(before: Any, after: Any, where: str) -> str:
     """Return the first difference between two values, as "memory['seen']: set {1}, then list [1]"; '' if they are the same, types too.
 
-    An int is the same as an equal float: a field of type float reads one from the bytes of the other. NaN is the same as NaN.
+    An int is the same as an equal float, as which a field of type float reads it. NaN is the same as NaN.
     """
     if _is_same(before, after):
         return ""

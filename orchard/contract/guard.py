@@ -26,10 +26,7 @@ log = logging.getLogger("orchard")
 
 
 class Guard:
-    """Ticks an agent that may be faulty, and lets only an action pass that physics accepts.
-
-    It also converts messages of the agent's own types (see `CustomMessage`), and asks twice if the run checks its agents.
-    """
+    """Ticks an agent that may be faulty, converts messages of its own types, and lets only an action pass that physics accepts."""
 
     def __init__(self, name: str, agent: Agent | None, names: Collection[str], trusted: bool = False) -> None:
         """`agent`: None if it could not be made: its robot stands. `names`: all agents of the orchard, to which it may send requests.

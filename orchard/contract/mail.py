@@ -1,7 +1,7 @@
-"""Mail between agents. It is repeatable: what is sent in a tick is heard only in a later one, in a fixed order.
+"""Mail between agents, which physics does not interpret. It is repeatable: it is heard in a fixed order.
 
 A request of tick k is heard in tick k + 1, sorted by kind, sender and number. It is answered in that tick or never. The sender receives
-the reply in tick k + 2, with an answer or without. Physics does not interpret mail.
+the reply in tick k + 2, with an answer or without.
 """
 
 import hashlib

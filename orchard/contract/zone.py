@@ -44,10 +44,7 @@ def beams(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
 @lru_cache(maxsize=256)  # there are a few for each kind of body
 @np.errstate(all="ignore")  # whatever a user's program sets
 def spans(laser: Laser, zone: Zone) -> np.ndarray:
-    """Return the ranges at which each beam enters and leaves a zone, (2, beams) float32, m. A beam that misses it leaves before it enters.
-
-    They are rounded up: so a range, which is float32, compares with each as with the exact number.
-    """
+    """Return the ranges, rounded up, at which each beam enters and leaves a zone, (2, beams) float32, m; reversed if it misses."""
     cosines, sines = beams(laser)
     along, across = _slab(cosines, zone.x_min, zone.x_max), _slab(sines, zone.y_min, zone.y_max)
     exact = np.stack([np.maximum(np.maximum(along[0], across[0]), 0.0), np.minimum(along[1], across[1])])

@@ -1,7 +1,4 @@
-"""What people and animals cost a robot on its way: stops of random length at random places, for those that have no bodies in this model.
-
-People and animals are taken as spread evenly within the fences. The constants are measured in the simulator: docs/bounds.md says how.
-"""
+"""What people and animals, spread evenly, cost a robot on its way: random stops, measured as docs/bounds.md says."""
 
 from math import inf, pi
 

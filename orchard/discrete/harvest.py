@@ -26,13 +26,11 @@ class DiscreteHarvest:
     """One harvest. `run` does it; then `seconds` and `delivered` tell how it went."""
 
     def __init__(self, layout: Layout, rows_each: int | None = None, calls: type[Calls] | None = None, free_roads: bool = False) -> None:
-        """`rows_each`: how many rows each picker picks, its own again and again, for the long run; None: each of its own once.
+        """`rows_each`: how many rows each picker picks, its own again and again; None: each of its own once.
 
-        `calls`: what sends carriers; None: what the scenario says.
-        `free_roads`: each robot has the roads to itself: no other one is ever in its way.
-
-        Raises ValueError for a scenario that the model cannot tell anything about: one with agents of the user's own, or with
-        sensors that are not exact."""
+        `calls`: what sends carriers; None: what the scenario says. `free_roads`: no robot is in another's way.
+        Raises ValueError for agents of the user's own, and for sensors that are not exact.
+        """
         scenario = layout.scenario
         if not scenario.sensors.are_exact:
             raise ValueError("the discrete-event model knows no errors of sensors; run the simulator")

@@ -192,8 +192,7 @@ def _converted(given: Any, wanted: Any, lines: Sequence[SurveyedLine]) -> list[S
 
 
 def _scale(crs: Any, middle: complex) -> float:
-    """Return a projected system's units in a metre on the ground; 0 if the orchard would not have its shape there: the units are not the
-    same along both axes, or these are not east and north, as in a system that counts to the south."""
+    """Return a projected system's units in a metre on the ground; 0 if they differ between its axes, or these are not east and north."""
     from pyproj import Transformer
 
     if {axis.direction for axis in crs.axis_info[:2]} != {"east", "north"}:

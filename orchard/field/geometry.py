@@ -1,7 +1,4 @@
-"""Poses, velocities, headings and boxes on the plane.
-
-x east, y north, metres; yaw in radians, 0 faces east, counter-clockwise positive (REP-103).
-"""
+"""Poses, velocities, headings and boxes: x east, y north, m; yaw in rad, 0 faces east, counter-clockwise positive (REP-103)."""
 
 from typing import NamedTuple, TypeVar
 

@@ -221,10 +221,7 @@ def _alike(scenario: Scenario) -> Rows:
 
 
 def _surveyed(scenario: Scenario, survey: Survey) -> Rows:
-    """Return the lanes and the lines of trees of a surveyed orchard.
-
-    A line of trees stands halfway between two rows, and is as long as both; the outer lines are as far from their rows as the inner ones.
-    """
+    """Return the lanes of a surveyed orchard, and its lines of trees: each halfway between two rows, and as long as both."""
     rows, souths = survey.rows, [row.south for row in survey.rows]
     between = [(north + south) / 2 for north, south in pairwise(souths)]
     lines = [2 * souths[0] - between[0], *between, 2 * souths[-1] - between[-1]]

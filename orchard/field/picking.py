@@ -1,7 +1,7 @@
-"""Picking as it is: the speed at which each row is picked, and when a picker fails and for how long. All of it is drawn by the seed.
+"""Picking as it is: the speed at which each row is picked, when a picker fails and for how long, drawn by the seed.
 
-A row's picking time is the time to drive along it at a picker's top speed, which is sure, and the rest, which is drawn. So no row is picked
-faster than a picker can drive, and mean and deviation of the whole time are exactly those that the scenario names.
+Of a row's picking time, that to drive along it at top speed is sure, and the rest is drawn. So no row is picked faster than a picker
+can drive, and mean and deviation of the whole time are exactly those that the scenario names.
 """
 
 import math

@@ -1,7 +1,6 @@
-"""The start poses of people, animals and weeds: the given place if it is free, else the nearest free place.
+"""The start poses of people, animals and weeds: the given place if it is free, else the nearest free place. Metres.
 
-A place is free if the circle around the body's box is clear of all obstacles, so the body fits at any yaw. Poses are hashed: they need
-the same bits on every machine. Metres.
+A place is free if the circle around the body's box is clear of all obstacles, so the body fits at any yaw. Poses are hashed.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

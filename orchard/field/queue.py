@@ -1,7 +1,4 @@
-"""Where empty carriers wait: a few lines of places one beside the other, east of the bay. Metres, in the frame `map`.
-
-A route names its queue (`OneWay.QUEUE`). How long the lines are follows from the bay, the length of the rows and the number of carriers.
-"""
+"""Where empty carriers wait: lines of places east of the bay, as a route's `QUEUE` has them. Metres, in the frame `map`."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping

@@ -1,7 +1,4 @@
-"""The rules that give rows to pickers: which rows each picks, in which order, and the end at which it starts. A scenario names its rule.
-
-A rule is a function of the `Scenario` that returns {picker: Block}. Rows are numbered from 1 at the top.
-"""
+"""The rules that give rows, numbered from 1 at the top, to pickers: functions of the `Scenario` that return {picker: Block}."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -97,10 +97,7 @@ MOST_WHITE, MOST_BIAS = 0.1, 0.03  # m: with more, a carrier may take a picker t
 
 
 class Gnss(Section):
-    """Errors of the positions that the receivers of pickers, carriers and the tractor measure, alike in x and in y.
-
-    The sum of a white error and of a slow one, a Gauss-Markov process of the first order, as the literature has it: docs/reference.md.
-    """
+    """Errors of receivers in x and in y: a white one, and a slow one, a Gauss-Markov process of the first order. See docs/reference.md."""
 
     white: Annotated[float, Field(ge=0.0, le=MOST_WHITE, description="standard deviation of the error new at each tick, m")] = 0.0
     bias: Annotated[float, Field(ge=0.0, le=MOST_BIAS, description="standard deviation of the slow error, m")] = 0.0
@@ -309,8 +306,8 @@ def _plain(values: Any, levels: int = 3) -> Any:
 def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Return all errors, and the values without the fields of these errors.
 
-    Pydantic checks a rule about several fields only if each field is valid, and ends at the first broken rule. So the fields of all
-    errors are set to their defaults, which break no rule, and all is checked again, until every rule has been checked.
+    Pydantic ends at the first broken rule about several fields, and checks none if a field is invalid. So the fields of all errors are
+    set to their defaults, which break no rule, and all is checked again, until every rule has been checked.
     """
     found: list[dict[str, Any]] = []
     wrong: set[tuple[str, ...]] = set()

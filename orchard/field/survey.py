@@ -1,7 +1,7 @@
-"""The rows of an orchard of one's own, as surveyed: unequal in length and spacing, within limits; and where on the earth they lie.
+"""The rows of an orchard of one's own, as surveyed, within limits; and where on the earth they lie. `orchard layout import` writes it.
 
 The rows lie in the frame `map` (REP-103): parallel to x, the first one in the north. The roads at both ends are straight, and lie beyond
-the row that reaches furthest there. `orchard layout import` writes this section; docs/how-to.md tells how.
+the row that reaches furthest there.
 """
 
 import cmath

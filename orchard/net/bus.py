@@ -1,7 +1,6 @@
-"""The bus: how the processes of a run send and receive. `zenoh_bus` has it over Zenoh.
+"""The bus: how the processes of a run send and receive, and by what they tell the time. `zenoh_bus` has it over Zenoh.
 
-All that arrives becomes an item in one inbox, in the order of arrival, and one thread reads it. The bus is also the clock of its
-process: a thread that waits does so by the bus.
+All that arrives becomes an item in one inbox, in the order of arrival, and one thread reads it.
 """
 
 import ctypes
@@ -163,10 +162,7 @@ class Bus(Protocol):
     # -- publish and query
 
     def publish(self, key: str, payload: bytes, newest_wins: bool = False) -> None:
-        """Publish a payload: in order and without loss, waiting for slow subscribers.
-
-        With `newest_wins` it does not wait, and a slow subscriber loses messages. The first message on a key decides for the key.
-        """
+        """Publish a payload, without loss. `newest_wins`: do not wait for slow subscribers, which miss messages. The first decides."""
 
     def retire(self, key: str) -> None:
         """Remove the publisher of a key that will not be used again, or not for some time."""

@@ -1,9 +1,8 @@
-"""The line between run.py and each of its processes: a socket. The process' end is its standard input.
+"""The line between run.py and each of its processes: a socket, the standard input of the process.
 
 run.py holds its end for as long as the process is to run. So the process learns that run.py asks it to end, and also that run.py is gone,
-however that ended. A signal is no such request: a process that gets one dies of it, and run.py starts it again.
-
-A process that ends by itself says so on the line, with its exit code. Whatever else ends it, such as an agent's `os._exit`, says nothing.
+however that ended. A process that gets a signal dies of it, and run.py starts it again. One that ends by itself says so on the line, with
+its exit code. Whatever else ends it, such as an agent's `os._exit`, says nothing.
 """
 
 import os
@@ -58,10 +57,7 @@ def is_held() -> bool:
 
 
 def hold_on(ask_to_end: Callable[[], None]) -> Callable[[int], None]:
-    """Call `ask_to_end`, in another thread, when run.py lets go of the line. After a signal without that, end the process.
-
-    Return a function that says on the line with which exit code this process ends by itself.
-    """
+    """Call `ask_to_end` when run.py lets go of the line; after a signal without that, end. Return what announces the exit code."""
     owner, line = int(os.environ.pop(STARTED_BY).split()[0]), os.dup(0)
     with open(os.devnull) as nothing:  # an agent that reads its input must not wait for run.py
         os.dup2(nothing.fileno(), 0)

@@ -1,7 +1,4 @@
-"""What starts a process of a run: its options, each declared once.
-
-`run.py` gives a process a JSON line, and a person types a command line: both follow from the declaration.
-"""
+"""What starts a process of a run: its options, each declared once, for run.py's JSON line and for a command line."""
 
 import argparse
 import sys
@@ -74,10 +71,7 @@ class CommandLine(argparse.ArgumentParser):
 
 
 def read_options(kind: type[Options], module: str, argv: Sequence[str] | None = None) -> Options:
-    """Return the options of a process: of its command line, or of the JSON line at its standard input.
-
-    Raises SystemExit for a command line that is not as declared.
-    """
+    """Return the options in a process' command line, or in the JSON line at its standard input. Raises SystemExit."""
     words = sys.argv[1:] if argv is None else argv
     if [*words] == [FROM_STDIN]:
         return msgspec.json.decode(sys.stdin.readline(), type=kind)

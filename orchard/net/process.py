@@ -22,11 +22,9 @@ LONG_SECONDS = 3.0  # after which an agent is too slow
 def run_process(
     name: str, kind: type[Options], argv: Sequence[str] | None, body: Callable[[Inbox, Options], int], *mistakes: type[Exception]
 ) -> int:
-    """Run the body of a process with its options, and return its exit code. Requests to end arrive in its inbox as items.
+    """Run the body of a process, and return its exit code: 2 for `mistakes`, which a user can correct and which are logged.
 
-    Such a request is SIGINT or SIGTERM; for a process of run.py, that run.py lets go of its line.
-
-    `mistakes`: errors that a user can correct; they are logged without a traceback, and the exit code is 2.
+    Requests to end arrive in its inbox: SIGINT and SIGTERM or, for a process of run.py, that run.py lets go of its line.
     """
     options = read_options(kind, f"orchard.processes.{name}", argv)
     gc.freeze()  # what is imported stays

@@ -1,7 +1,6 @@
 """The bus over Zenoh. Only this module imports zenoh.
 
-Handlers only store what arrives in the inbox and wake the reader, which does the rest in its own thread. So no lock is needed, and none is
-held during a get, a reply or a drop.
+Handlers only store what arrives and wake the reader. So no lock is needed, and none is held during a get, a reply or a drop.
 """
 
 import json

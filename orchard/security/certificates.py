@@ -1,7 +1,6 @@
-"""Certificates: an authority, the certificates that it issues, and checks of them. Only this module imports `cryptography`.
+"""Certificates on the curve P-256: an authority, what it issues, and checks of them. Only this module imports `cryptography`.
 
-The keys are of the elliptic curve P-256. An authority's own key never leaves its directory. A role needs its certificate, its key, and
-the authority's certificate, with which it verifies the other roles.
+An authority's own key never leaves its directory. A role verifies the others with the authority's certificate.
 """
 
 import ipaddress

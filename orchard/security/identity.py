@@ -189,10 +189,7 @@ Shares = Callable[[Sequence[str]], Iterable[tuple[str, Sequence[str]]]]
 
 
 def host_roles(names: Sequence[str], wishes: Iterable[str], shares: Shares) -> list[Role]:
-    """Return the hosts' roles: one for each wish NAME=KIND|AGENT,..., and one for each share of the names that are left.
-
-    Raises ValueError for a wish that is malformed, or names an unknown agent or kind.
-    """
+    """Return a role for each wish NAME=KIND|AGENT,..., and for each share of the names that are left. Raises ValueError."""
     roles: list[Role] = []
     for wish in wishes:
         name, _, words = wish.partition("=")
@@ -205,10 +202,7 @@ def host_roles(names: Sequence[str], wishes: Iterable[str], shares: Shares) -> l
 
 
 def bridge_roles(names: Sequence[str], wishes: Iterable[str]) -> list[Role]:
-    """Return a role for each wish NAME or NAME=KIND|AGENT|simulation,...: a bridge sees all bodies, and may drive those that it names.
-
-    With `simulation` it may also pause, step, reset and end the run. Raises ValueError for an unknown agent or kind.
-    """
+    """Return a role for each wish NAME[=KIND|AGENT|simulation,...], which names what it may drive. Raises ValueError."""
     return [_bridge_role(names, name, words.split(",") if words else []) for name, _, words in (wish.partition("=") for wish in wishes)]
 
 

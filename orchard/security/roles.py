@@ -1,7 +1,7 @@
 """Roles and their rights on keys, as rules that a Zenoh router enforces. What is not allowed here is denied.
 
-A role is a kind of process of one run: physics, a host of some agents, the logger, the operator, a bridge to other software. The router
-knows a session's role by its certificate, and checks each message that comes from the session (ingress) or goes to it (egress).
+A role is a kind of process of one run. The router knows it by a session's certificate, and checks each message that comes from the
+session (ingress) or goes to it (egress).
 """
 
 import hashlib

@@ -82,10 +82,7 @@ class Advised:
         self._newest[name] = advice
 
     def actions(self, tick: int, own: Mapping[str, Action], newest: Mapping[str, Action]) -> dict[str, Action]:
-        """Return the action of each robot that is advised at this tick: that of its agent with another velocity, and no lookahead.
-
-        `own`: the actions of this tick; `newest`: the newest action of each agent, for one that was not asked.
-        """
+        """Return the action of each robot that is advised now: its `own`, else its `newest`, with another velocity."""
         self._newest = {name: advice for name, advice in self._newest.items() if tick - advice.tick < WATCHDOG_TICKS}
         quiet = {name: replace(newest[name], deeds=[], requests=[], answers=[]) for name in self._newest if name in newest}
         known = {**quiet, **own}

@@ -1,7 +1,4 @@
-"""Whether simulated time goes on, and how fast: the clock of a run, the pace of its ticks, and pause, step and play.
-
-The names of the queries `set_simulation_state` and `step_simulation` are those of ROS's simulation_interfaces.
-"""
+"""Whether simulated time goes on, and how fast: clock and pace; pause, step and play as in ROS's simulation_interfaces."""
 
 import math
 from collections.abc import Callable

@@ -81,8 +81,7 @@ class RunLoop:
     def gather(self) -> None:
         """Wait for all expected agents, and for the logger if the run is recorded, so that the recording begins with the run.
 
-        A run that has not begun waits without limit. A resumed run waits for the agents that were held before, for `patience` seconds; each
-        agent that returns renews the wait, because many start slowly.
+        A run that is resumed waits for those that had an owner, for `patience` seconds, renewed by each that returns: many start slowly.
         """
         names = self._drivers.roster.names if self._held_before is None else tuple(self._held_before)
         patience = math.inf if self._held_before is None else self._options.patience

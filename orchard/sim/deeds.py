@@ -21,9 +21,9 @@ class DeedRefused(Exception):
 
 
 def do_deeds(world: World, wanted: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
-    """Do the deeds, (body index, deed) in body order, and return an event for each, also for a refused one.
+    """Do the deeds, (body index, deed) in body order, of bodies that are not stopped. Return an event for each, also a refused one.
 
-    wanted (n, 3): the wanted twists for this step. Deeds of stopped bodies give no event: the stop has been reported already.
+    wanted (n, 3): the wanted twists for this step.
     """
     return [_do_one(world, wanted, i, deed) for i, deed in deeds if not world.stopped[i]]
 

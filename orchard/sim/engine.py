@@ -125,10 +125,7 @@ class Engine:
         return self.sensors.measured(self.truth())
 
     def truth(self) -> Observations:
-        """Return what all bodies would observe at this tick with sensors without errors, with the scans of the last `observe()`.
-
-        It is for viewers, recordings and evaluation, and never for agents.
-        """
+        """Return what all bodies would observe with exact sensors: for viewers and evaluation, never for agents."""
         return observe(self.world, self.scans)
 
     def odometry(self) -> Observations:
@@ -136,10 +133,7 @@ class Engine:
         return self.sensors.reckoned(self.truth())
 
     def due(self, mail: Collection[str]) -> list[str]:
-        """Return the agents that are asked at this tick, in the layout's order. Call it once a tick, after `observe()`.
-
-        `mail`: the agents that hear something at this tick.
-        """
+        """Return who is asked at this tick, in the layout's order; once a tick, after `observe()`. `mail`: who hears something."""
         return self.lookahead.due(self.world, self.scans.ranges, mail)
 
     @property
@@ -152,10 +146,7 @@ class Engine:
         self.lookahead.wake(names)
 
     def advance(self, actions: Mapping[str, Action], mail_digests: Mapping[str, bytes]) -> list[Event]:
-        """Apply the actions of this tick, advance the world by 0.1 s, account for the step, and return its events.
-
-        `mail_digests`: name -> digest of the mail that the agent heard at this tick.
-        """
+        """Do one step of 0.1 s with these actions, and return its events. `mail_digests`: agent -> digest of what it heard."""
         events = self.step(actions, mail_digests)
         self.account()
         return events
@@ -179,10 +170,7 @@ class Engine:
                 self.actions[name] = action
 
     def account(self) -> None:
-        """Add the last step to the hash, the invariants and the times in states: its scans, its mail, and the new state of the world.
-
-        A step is added only once. Every other method that needs or changes these figures calls this first.
-        """
+        """Add the last step, once, to the hash, the invariants and the times in states: before whatever needs or changes these."""
         if self._stepped is not None:
             (ranges, heard, events), self._stepped = self._stepped, None
             if self.is_hashed:
@@ -228,10 +216,7 @@ _LITTLE = {kind: np.dtype(f"<{kind}") for kind in ("f8", "f4", "i8", "b1")}
 
 
 def next_digest(before: bytes, world: World, ranges: np.ndarray, mail_digests: Mapping[str, bytes]) -> bytes:
-    """Return SHA-256 over all state of a run, 32 bytes. Each tick's digest includes the one before.
-
-    `ranges`: the scans of all bodies, one after another (float32); `mail_digests`: name -> digest of the mail that the agent heard.
-    """
+    """Return SHA-256 over all state and the digest before. `ranges`: all scans (float32); `mail_digests`: agent -> what it heard."""
     sha = hashlib.sha256(before)
     sha.update(b"%d %d %d\n" % (world.tick, world.delivered, len(mail_digests)))
     for array in (world.pose, world.coupled, world.fill, world.row_picked, world.alive, ranges):

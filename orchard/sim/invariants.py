@@ -1,9 +1,7 @@
 """Invariants of a run, which hold with any agents: bins, metres, calls and bodies are accounted for. Each violation is a sentence.
 
-Checked after each tick: metres and rows, calls, stopped robots, and the places of the bins if one was coupled or uncoupled.
-Checked once a simulated second and at the end: the places of the bins, and that no body overlaps another, a fence, a trunk or a post.
-Checked at the end of a finished harvest: that each call ended in an exchange.
-`state_times.StateTimes.faults` checks that each robot's states add up to the run.
+After each tick: metres, rows, calls, stopped robots, and the places of the bins if one was coupled or uncoupled. Once a simulated second
+and at the end: the places of the bins, and that nothing overlaps. At the end of a finished harvest: that each call ended in an exchange.
 """
 
 from collections.abc import Iterator

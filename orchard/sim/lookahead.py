@@ -1,8 +1,7 @@
 """Lookahead: which agents are asked at a tick. An action may hold its velocity for some ticks; until then its agent is not asked.
 
-An agent is asked when its hold ends (see `orchard.contract.agent.Hold`): from the world, the scans and the mail alone, so it is the same in
-local mode, in lockstep and whichever process runs the agent. Holds save work and change no result: an agent that is asked in spite of its
-hold gives the velocity that it holds. So it does no harm to ask more agents than are due.
+When a hold ends follows from the world, the scans and the mail alone, so it is the same in each mode and process. Holds save work and
+change no result: an agent that is asked in spite of its hold gives the velocity that it holds.
 """
 
 import logging

@@ -1,7 +1,6 @@
-"""One step of the orchard, 0.1 s: deeds, then movement and picking, then unloading.
+"""One step of the orchard, 0.1 s: deeds, then movement and picking, then unloading. Rules and figures: docs/reference.md.
 
 Only physics decides which bodies move, what is coupled, and when a row is picked, a bin is full or a bin is unloaded.
-Rules and figures: docs/reference.md, "Towing", "The behaviours", "The work".
 """
 
 from operator import attrgetter
@@ -36,10 +35,9 @@ _ARGUMENTS = attrgetter(  # of the kernel `advance`: each parameter's place in t
 
 
 def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
-    """Advance the world by one tick, in place, and return the events of the step.
+    """Advance the world by one tick, in place, and return the events. A stopped body does not move and does no deed.
 
-    twists: (n, 3) float64, the wanted velocities, each in its body's frame, m/s and rad/s.
-    deeds: (body index, deed), in body order. A stopped body does not move and does no deed.
+    twists: (n, 3) float64, as wanted, in each body's frame, m/s and rad/s. deeds: (body index, deed), in body order.
     """
     events = do_deeds(world, allowed(twists, world.stopped), deeds) if deeds else []
     if advance(twists, *_ARGUMENTS(world)):

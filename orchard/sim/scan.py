@@ -1,7 +1,6 @@
-"""The lasers, and the observations of all bodies.
+"""The lasers, 0.2 m above the ground, and the observations of all bodies. Figures: docs/reference.md, "The laser".
 
-The scan plane is 0.2 m above the ground. A laser sees fences, trunks, posts and all solid bodies, but neither weeds nor its own body.
-The ranges to oriented boxes are exact: see kernels/laser.py. Figures: docs/reference.md, "The laser".
+A laser sees fences, trunks, posts and all solid bodies, but neither weeds nor its own body. The ranges to oriented boxes are exact.
 """
 
 import hashlib
@@ -59,10 +58,7 @@ class Scanner:
         self._keys = np.array([_noise_key(layout.scenario.seed, name) for name in layout.names], dtype=np.uint64)
 
     def scan(self, world: World) -> Scans:
-        """Return the ranges of each body now, in body order: (180,) or (60,) float32, m, +inf without a return.
-
-        The arrays are new at each call. They are read-only views of bytes, as those that come over the network.
-        """
+        """Return the ranges of each body now, (180,) or (60,) float32, m, +inf without a return: new, read-only views of bytes."""
         self.ranges(world)
         return Scans(np.frombuffer(self._rounded.tobytes(), "<f4"), self._begin)
 

@@ -1,7 +1,7 @@
 """What robots measure of their own pose and motion: the truth, and the errors that the scenario sets. docs/reference.md gives the models.
 
-Pickers, carriers and the tractor have a GNSS receiver and odometry. Physics uses the truth only. All errors follow from the seed, the
-robot's name and the tick; what adds up from tick to tick is in the world, and so in a snapshot.
+Pickers, carriers and the tractor have a GNSS receiver and odometry. All errors follow from the seed, the robot's name and the tick; what
+adds up from tick to tick is in the world, and so in a snapshot.
 """
 
 import math
@@ -84,10 +84,7 @@ class Sensors:
         return not self._accuracies and not self._drifts
 
     def inexact(self) -> np.ndarray:
-        """Return the poses that are measured with errors now, (bodies, 5): x and y of the receiver, then x, y and yaw of odometry.
-
-        They have the bits of what `measured` and `reckoned` return. What is exact is NaN.
-        """
+        """Return the poses that are measured with errors now, (bodies, 5), NaN if exact: x and y of the receiver; x, y, yaw of odometry."""
         poses = np.full((len(self._world.pose), 5), np.nan)
         for i, error in self._errors(self._world.tick).items():
             poses[i, :2] = self._world.pose[i, X_Y] + error

@@ -1,7 +1,6 @@
-"""A whole run as data, and as a file. A run that is resumed from a snapshot gets the same hash as a run without interruption.
+"""A whole run as data, and as a file: a run that is resumed from it gets the same hash as a run without interruption.
 
-The first line of a file names its format and version. The second line is the SHA-256 of the rest. A file is written under another name and
-then renamed, so that a kill leaves the old file or the new one, never a part of one.
+The first line of a file names its format and version. The second line is the SHA-256 of the rest.
 """
 
 import hashlib
@@ -55,10 +54,7 @@ def as_file(snapshot: Snapshot) -> tuple[str, bytes]:
 
 
 def store(name: str, content: bytes, folder: Path, run: str = "") -> Path:
-    """Write a file that `as_file` returned into the folder of a run, remove all but the KEPT last written, and return its path.
-
-    Raises OSError.
-    """
+    """Write a file of `as_file` into a run's folder, remove all but the KEPT last ones, and return its path. Raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
     if run_of(folder) != run:

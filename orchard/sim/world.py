@@ -1,7 +1,4 @@
-"""The state of the orchard: arrays with one row per body, in the order in which bodies move.
-
-Only physics changes it. It contains all state that a snapshot must hold; constants are in the layout.
-"""
+"""The state of the orchard, which only physics changes: all that a snapshot must hold. Bodies are in the order in which they move."""
 
 from collections.abc import Mapping
 from functools import lru_cache

@@ -91,7 +91,6 @@ class Carrier:
         return Offer(x, y, self.route.distance(x, y, call.lane, self.route.sides[call.side]))
 
     def is_next(self, robot: PlanExecutor) -> bool:
-        """Whether the carrier can leave now."""
         return can_leave(self.layout.queue.head - robot.pose.x, robot.seen.twist.x > 0.0, robot.doubt)
 
     def accept(self, robot: PlanExecutor, bin_name: str, come: Come) -> None:

@@ -26,8 +26,6 @@ class Ripening(NamedTuple):
 
 
 class Forecast:
-    """The forecasts for the bins of one orchard."""
-
     def __init__(self, layout: Layout) -> None:
         self.layout, self.horizon = layout, horizon(layout)
 

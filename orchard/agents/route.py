@@ -10,25 +10,9 @@ from typing import ClassVar, NamedTuple
 
 from msgspec.structs import replace
 
+from orchard.agents import steps as st
 from orchard.agents.robot import Gate, Step
 from orchard.agents.sense import STOP_DISTANCE, Box
-from orchard.agents.steps import (
-    Alone,
-    Confirmed,
-    Deliver,
-    DriveTo,
-    Face,
-    FetchEmpty,
-    Fill,
-    Free,
-    Home,
-    LeaveBin,
-    MayFail,
-    Need,
-    Say,
-    TakeBin,
-    Unload,
-)
 from orchard.field.kinds import KINDS
 from orchard.field.layout import EAST_START, Layout
 from orchard.field.queue import ONE_WAY, TOP_ROAD
@@ -141,16 +125,16 @@ class OneWay:
     def fetch(self, carrier: int, lane: int, side: Side, picker: str, full_bin: str) -> list[Step]:
         """A carrier's whole job: an empty bin to the picker, the full bin to the bay, back to the queue. `carrier`: its number, from 1."""
         return [
-            Confirmed(full_bin, [Home(), *self.wait_in_queue()]),
-            Say(f"bringing an empty bin to {picker}", "driving"),
+            st.Confirmed(full_bin, [st.Home(), *self.wait_in_queue()]),
+            st.Say(f"bringing an empty bin to {picker}", "driving"),
             *_once_left(self.approach(lane, side, carrier), full_bin, side.place("D", lane)),
-            Deliver(picker),
+            st.Deliver(picker),
             *self.loop_to_full_bin(lane, side),
-            TakeBin(full_bin),
-            Say(f"taking {full_bin} to the bay", "hauling"),
+            st.TakeBin(full_bin),
+            st.Say(f"taking {full_bin} to the bay", "hauling"),
             *self.go_to_bay(lane, side),
-            Say(f"unloading {full_bin}", "unloading"),
-            Unload(),
+            st.Say(f"unloading {full_bin}", "unloading"),
+            st.Unload(),
             *self.go_home(carrier),
         ]
 
@@ -160,7 +144,7 @@ class OneWay:
 
     def wait_in_queue(self) -> list[Step]:
         """Wait in the queue, and move up to the head of the line as the others leave."""
-        return [Say("waiting in the queue", "waiting"), DriveTo(x=self.queue.head, queueing=True)]
+        return [st.Say("waiting in the queue", "waiting"), st.DriveTo(x=self.queue.head, queueing=True)]
 
     def distance(self, x: float, y: float, lane: int, side: Side) -> float:
         """Metres by road from (x, y) in the queue to a lane's stop."""
@@ -205,7 +189,7 @@ class OneWay:
     def come_in(self, block: Block) -> list[Step]:
         """A picker's way from its start to the head of its first row. In the west it starts there; in the east it drives over the roads."""
         row = block.rows[0]
-        return [] if block.start == "west" else [Say(f"driving to row {row}", "driving"), *self.turn_in(row, self.east)]
+        return [] if block.start == "west" else [st.Say(f"driving to row {row}", "driving"), *self.turn_in(row, self.east)]
 
     def pick(self, row: int, side: Side, came_over: bool) -> list[Step]:
         """Drive a row to its end on this side at the picking speed, and leave the full bin in the lane's mouth."""
@@ -213,24 +197,24 @@ class OneWay:
         frees = self.cleared(row, other) if came_over else []
         cross = self.cross(side, row, self.hold(row, side))
         return [
-            Say(f"picking row {row}", "picking"),
+            st.Say(f"picking row {row}", "picking"),
             *self.may_fail(),
-            DriveTo(x=self.end(row, side), speed=self.layout.lane(row).picking_speed, needs=cross, frees=frees),
-            Say(f"leaving the full bin of row {row}", "handling a bin"),
-            DriveTo(x=side.x(self.FULL_BIN + KINDS["picker"].tows), needs=cross),
+            st.DriveTo(x=self.end(row, side), speed=self.layout.lane(row).picking_speed, needs=cross, frees=frees),
+            st.Say(f"leaving the full bin of row {row}", "handling a bin"),
+            st.DriveTo(x=side.x(self.FULL_BIN + KINDS["picker"].tows), needs=cross),
             *self.fill(),
-            LeaveBin(),
+            st.LeaveBin(),
         ]
 
     def may_fail(self) -> list[Step]:
         """The step before the drive along a row, if pickers fail in this scenario."""
         scenario, failure = self.layout.scenario, self.layout.scenario.picking.failure
-        return [MayFail(scenario.seed, failure.mean_between, failure.mean_repair)] if failure.mean_between is not None else []
+        return [st.MayFail(scenario.seed, failure.mean_between, failure.mean_repair)] if failure.mean_between is not None else []
 
     def fill(self) -> list[Step]:
         """The step before a picker leaves its bin, if pickers do not know exactly where the row ends."""
         gnss = self.layout.scenario.sensors.gnss
-        return [Fill(3.0 * (gnss.white + gnss.bias))] if gnss.white or gnss.bias else []
+        return [st.Fill(3.0 * (gnss.white + gnss.bias))] if gnss.white or gnss.bias else []
 
     def cross(self, side: Side, lane: int, at: float) -> list[Gate]:
         """The places that a picker needs to drive over both roads, from x = `at` on."""
@@ -239,10 +223,10 @@ class OneWay:
     def swap_bins(self, row: int, side: Side) -> list[Step]:
         """Drive out of the lane and over the roads, and wait there for an empty bin."""
         return [
-            DriveTo(x=side.x(self.WAITING)),
-            Free(side.crossing(row)),
-            Say("waiting for an empty bin", "waiting"),
-            FetchEmpty(side.place("D", row)),
+            st.DriveTo(x=side.x(self.WAITING)),
+            st.Free(side.crossing(row)),
+            st.Say("waiting for an empty bin", "waiting"),
+            st.FetchEmpty(side.place("D", row)),
         ]
 
     def go_to_next_row(self, row: int, next_row: int, side: Side) -> list[Step]:
@@ -251,18 +235,18 @@ class OneWay:
         Where carriers drive north the turn swings the bin over the place of the one that delivered, so that one must have left it.
         """
         return [
-            Say(f"driving to row {next_row}", "driving"),
-            *([Alone(side.place("D", row))] if side.south < 0 else []),
-            Face("SOUTH" if next_row >= row else "NORTH"),
-            Free([side.place("D", row)]),
-            DriveTo(y=self.layout.lane(next_row).y),
+            st.Say(f"driving to row {next_row}", "driving"),
+            *([st.Alone(side.place("D", row))] if side.south < 0 else []),
+            st.Face("SOUTH" if next_row >= row else "NORTH"),
+            st.Free([side.place("D", row)]),
+            st.DriveTo(y=self.layout.lane(next_row).y),
             *self.turn_in(next_row, side),
         ]
 
     def turn_in(self, row: int, side: Side) -> list[Step]:
         """Turn to the head of a row, and drive there, once both roads are free."""
-        drive = DriveTo(x=self.end(row, side), frees=self.cleared(row, side))
-        return [Need(side.crossing(row)), Face(side.heading("WEST")), drive]
+        drive = st.DriveTo(x=self.end(row, side), frees=self.cleared(row, side))
+        return [st.Need(side.crossing(row)), st.Face(side.heading("WEST")), drive]
 
     def cleared(self, row: int, side: Side) -> list[Gate]:
         """Where a picker that drives into a row gives the places of both roads back."""
@@ -271,15 +255,15 @@ class OneWay:
     def park(self, row: int, side: Side) -> list[Step]:
         """After the last row drive off the roads with the empty bin, and stay there."""
         place = [side.place("D", row)]
-        drive = DriveTo(x=side.x(self.PARKED), frees=[Gate(place, side.x(self.PARKING_CLEAR))])
-        return [Say("parking", "driving"), drive, Free(place), Say("finished", "resting")]
+        drive = st.DriveTo(x=side.x(self.PARKED), frees=[Gate(place, side.x(self.PARKING_CLEAR))])
+        return [st.Say("parking", "driving"), drive, st.Free(place), st.Say("finished", "resting")]
 
     # -- carriers
 
     def leave_queue(self) -> list[Step]:
         """Drive onto the delivery road. Carriers of several lines take turns at `top`; those of one line follow each other."""
         needs = [Gate([TOP], self.queue.head)] if self.layout.scenario.carrier_count > self.queue.places else []
-        return [DriveTo(x=self.east.x(self.D_ROAD), needs=needs), Face("SOUTH")]
+        return [st.DriveTo(x=self.east.x(self.D_ROAD), needs=needs), st.Face("SOUTH")]
 
     def go_to_lane(self, lane: int, side: Side) -> list[Step]:
         """Drive along the delivery road to a lane, to one on the west side around the bottom."""
@@ -290,11 +274,11 @@ class OneWay:
         needs = [Gate(["corner/south-east"], self.inner_bottom + self.HOLD)]
         return [
             self._along(self.east, "D", self._lanes(self.east), stop=self.outer_bottom, needs=needs, frees=top),
-            Face("WEST"),
-            Free(["corner/south-east"]),
-            DriveTo(x=self.west.x(self.D_ROAD), needs=[Gate(["corner/south-west"], self.CORNER_HOLD_X)]),
-            Face("NORTH"),
-            Free(["corner/south-west"]),
+            st.Face("WEST"),
+            st.Free(["corner/south-east"]),
+            st.DriveTo(x=self.west.x(self.D_ROAD), needs=[Gate(["corner/south-west"], self.CORNER_HOLD_X)]),
+            st.Face("NORTH"),
+            st.Free(["corner/south-west"]),
             self._along(side, "D", self._lanes(side, last=lane), stop=stop),
         ]
 
@@ -302,36 +286,36 @@ class OneWay:
         """Drive from the stop over the full-bin road to the point at which the full bin stands right behind."""
         blind = self.at_work(lane, side)
         return [
-            Need([side.place("F", lane)]),
-            Face(side.heading("WEST"), blind),
-            DriveTo(x=side.x(self.COUPLING), frees=[Gate([side.place("D", lane)], side.x(self.LOOP_CLEAR))], blind_to=blind),
-            Face(side.heading("NORTH"), blind),
-            DriveTo(y=self.layout.lane(lane).y, blind_to=blind),
-            Face(side.heading("EAST"), blind),
+            st.Need([side.place("F", lane)]),
+            st.Face(side.heading("WEST"), blind),
+            st.DriveTo(x=side.x(self.COUPLING), frees=[Gate([side.place("D", lane)], side.x(self.LOOP_CLEAR))], blind_to=blind),
+            st.Face(side.heading("NORTH"), blind),
+            st.DriveTo(y=self.layout.lane(lane).y, blind_to=blind),
+            st.Face(side.heading("EAST"), blind),
         ]
 
     def go_to_bay(self, lane: int, side: Side) -> list[Step]:
         """Take the full bin along the full-bin road, from the east side around the bottom, to the bay."""
         blind = self.at_work(lane, side)
-        out: list[Step] = [DriveTo(x=side.x(self.F_ROAD), blind_to=blind), Face(side.heading("SOUTH"), blind)]
+        out: list[Step] = [st.DriveTo(x=side.x(self.F_ROAD), blind_to=blind), st.Face(side.heading("SOUTH"), blind)]
         if side is self.west:
             return [*out, *self._north_to_bay(self._lanes(side, first=lane))]
         return [
             *out,
             self._along(side, "F", self._lanes(side, first=lane), stop=self.inner_bottom),
-            Need(["corner/south-east"]),
-            Face("WEST"),
-            DriveTo(x=self.west.x(self.F_ROAD), frees=[Gate(["corner/south-east"], self.east.x(self.CORNER_CLEAR_X))]),
-            Need(["corner/south-west"]),
-            Face("NORTH"),
+            st.Need(["corner/south-east"]),
+            st.Face("WEST"),
+            st.DriveTo(x=self.west.x(self.F_ROAD), frees=[Gate(["corner/south-east"], self.east.x(self.CORNER_CLEAR_X))]),
+            st.Need(["corner/south-west"]),
+            st.Face("NORTH"),
             *self._north_to_bay(self._lanes(self.west), [Gate(["corner/south-west"], self.inner_bottom + self.CORNER_CLEAR_Y)]),
         ]
 
     def go_home(self, carrier: int) -> list[Step]:
         """Drive from the bay to the tail of the carrier's line of the queue, and move up."""
         y = self.queue.place(carrier - 1).y
-        aside: list[Step] = [] if y == TOP_ROAD else [Face("SOUTH" if y < TOP_ROAD else "NORTH"), DriveTo(y=y), Face("EAST")]
-        return [Say("returning to the queue", "driving"), DriveTo(x=self.queue.turn_off), *aside, Home(), *self.wait_in_queue()]
+        aside: list[Step] = [] if y == TOP_ROAD else [st.Face("SOUTH" if y < TOP_ROAD else "NORTH"), st.DriveTo(y=y), st.Face("EAST")]
+        return [st.Say("returning to the queue", "driving"), st.DriveTo(x=self.queue.turn_off), *aside, st.Home(), *self.wait_in_queue()]
 
     def at_work(self, lane: int, side: Side) -> list[Box]:
         """The bins and the picker of a lane, which a carrier that works there does not take for obstacles."""
@@ -363,14 +347,14 @@ class OneWay:
 
     def _along(
         self, side: Side, road: str, lanes: list[int], stop: float, needs: Sequence[Gate] = (), frees: Sequence[Gate] = ()
-    ) -> DriveTo:
+    ) -> st.DriveTo:
         """Drive along a road past lanes; hold each lane's place from `HOLD` before it until the tail has left it."""
         enter = [Gate([side.place(road, n)], side.y(self.layout.lane(n).y, -self.HOLD)) for n in lanes]
         leave = [Gate([side.place(road, n)], side.y(self.layout.lane(n).y, self.CLEAR)) for n in lanes]
-        return DriveTo(y=stop, needs=[*enter, *needs], frees=[*leave, *frees])
+        return st.DriveTo(y=stop, needs=[*enter, *needs], frees=[*leave, *frees])
 
     def _north_to_bay(self, lanes: list[int], frees: Sequence[Gate] = ()) -> list[Step]:
-        return [self._along(self.west, "F", lanes, stop=TOP_ROAD, frees=frees), Face("EAST"), DriveTo(x=self.layout.bay_stop)]
+        return [self._along(self.west, "F", lanes, stop=TOP_ROAD, frees=frees), st.Face("EAST"), st.DriveTo(x=self.layout.bay_stop)]
 
 
 def _once_left(approach: list[Step], full_bin: str, place: str) -> list[Step]:
@@ -380,7 +364,7 @@ def _once_left(approach: list[Step], full_bin: str, place: str) -> list[Step]:
     """
     return [
         replace(step, needs=[replace(gate, bin=full_bin) if place in gate.places else gate for gate in step.needs])
-        if isinstance(step, DriveTo)
+        if isinstance(step, st.DriveTo)
         else step
         for step in approach
     ]

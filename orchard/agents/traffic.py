@@ -62,7 +62,6 @@ def note(table: ReservationTable, name: str, claim: Claim, tick: int) -> None:
 
 
 def owners_of(table: ReservationTable, place: str) -> list[str]:
-    """Return the robots that hold a place."""
     return [name for name, places in table.holds.items() if place in places]
 
 
@@ -89,7 +88,6 @@ def blockers(table: ReservationTable, name: str, wish: PendingClaim) -> list[str
 
 
 def is_alone(table: ReservationTable, name: str, place: str) -> bool:
-    """Whether a robot holds a place, and no other one does."""
     return owners_of(table, place) == [name]
 
 

@@ -57,12 +57,10 @@ class TwoWay(OneWay):
         return self.queue.head + self.TO_CONNECTOR
 
     def distance(self, x: float, y: float, lane: int, side: Side) -> float:
-        """Metres by road from (x, y) in the queue to a lane's stop."""
         road, south = side.x(self.D_ROAD), y - side.y(self.layout.lane(lane).y, self.STOP)
         return south + (road - x if side is self.east else self.connector - x + self.connector - road)
 
     def roads(self) -> list[Road]:
-        """The roads, for drawings."""
         first, last = self.layout.lane(1).y, self.layout.lanes[-1].y
         d, f = ([side.x(x) for side in (self.west, self.east)] for x in (self.D_ROAD, self.F_ROAD))
         lines = sorted(self.queue.used(self.layout.scenario.carrier_count))
@@ -76,7 +74,6 @@ class TwoWay(OneWay):
         return [*roads, *(Road("picker", column, 0.0) for column in columns)]
 
     def holds(self) -> list[tuple[str, float, float]]:
-        """Where fronts of carriers stop while a lane's place is taken, for drawings: road, x, y."""
         front, lanes = KINDS["carrier"].length / 2, self.layout.lanes
         deliveries = [lane.y + self.HOLD - front for lane in lanes[1:]]
         full = [lane.y - self.F_HOLD + front for lane in lanes[:-1]]
@@ -91,7 +88,6 @@ class TwoWay(OneWay):
         return [Gate([side.place("D", lane)], at), Gate([side.place("F", lane)], at)]
 
     def turn_in(self, row: int, side: Side) -> list[Step]:
-        """Turn to the head of a row, and drive there, once both roads are free."""
         _both, *turn = super().turn_in(row, side)
         return [Need([side.place("D", row)]), Need([side.place("F", row)]), *turn]
 

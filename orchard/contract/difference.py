@@ -46,7 +46,6 @@ def parts_of(data: Any, where: str) -> list[tuple[str, Any]]:
 
 
 def _names_in(data: Any) -> list[str]:
-    """The names of the fields of a Struct or a dataclass; none of other data."""
     if isinstance(data, msgspec.Struct):
         return list(data.__struct_fields__)
     return [field.name for field in fields(data)] if is_dataclass(data) and not isinstance(data, type) else []

@@ -164,7 +164,6 @@ class Guard:
         return sound[0], sound[1].requests, [(Heard(to, at, number, heard.body), body) for heard, (to, at, number, body) in heard_and_given]
 
     def _refuse_addresses(self, recipients: Sequence[str]) -> None:
-        """Raise ValueError for a recipient that is no agent's name, or that gets too many requests."""
         for to, count in Counter(recipients).items():
             if to not in self._names:
                 raise ValueError(f"a request to {printable(to)!r}: no agent has that name")
@@ -191,7 +190,6 @@ class Guard:
             return None
 
     def _custom(self, body: Any) -> Any:
-        """Convert a message of the agent's own types to a custom message."""
         if type(body) not in self._messages.values():
             return body
         fields = msgspec.to_builtins(body, order="deterministic")
@@ -203,12 +201,10 @@ def _ask(agent: Any, observation: Observation, mail: Mail, memory: Any) -> Any:
 
 
 def _standing(memory: Any) -> Action:
-    """The action of an agent that is broken: it stands."""
     return Action(memory=memory, doing="broken", state="broken")
 
 
 def _own_messages(agent: Any) -> tuple[type[AgentMessage], ...]:
-    """The agent's own types of messages. Raises TypeError for what is not a tuple of classes that are derived from AgentMessage."""
     types = getattr(agent, "Messages", ())
     if not isinstance(types, tuple) or not all(isinstance(one, type) and issubclass(one, AgentMessage) for one in types):
         raise TypeError(f"Messages must be a tuple of classes that are derived from AgentMessage, not {types!r}")
@@ -236,7 +232,6 @@ def _packed_memory(memory: Any) -> bytes:
 
 
 def _place_of_fault(data: Any, where: str) -> str:
-    """The innermost place in data that cannot be encoded."""
     for at, value in parts_of(data, where):
         try:
             pack(value)
@@ -279,7 +274,6 @@ def _listed(what: str, messages: Any) -> Sequence[Any]:
 
 
 def _of_kind(message: Any, type_: Any) -> Any:
-    """Return a message of one of these types. Raises TypeError or ValueError for any other."""
     if not isinstance(message, type_):
         raise TypeError(f"{message!r} is neither a message of orchard/contract/messages.py nor of a type in the agent's `Messages`")
     return message

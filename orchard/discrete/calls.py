@@ -74,12 +74,10 @@ class Calls:
         self.free.append(robot)
 
     def ready(self) -> list[Robot]:
-        """The carriers that can leave now: at the head of their lines, or driving up to it."""
         head = self.layout.queue.head
         return [robot for robot in self.free if can_leave(head - robot.x_now, robot.is_moving)]
 
     def _call(self, call: OpenCall, tick: int) -> None:
-        """Let a bin ask all carriers at a tick."""
         if tick not in self._calling:
             self._calling[tick] = []
             at(self.env, tick + 1, lambda: self._hear(tick))
@@ -108,7 +106,6 @@ class Calls:
         at(self.env, tick + 1 + HEARD, lambda: self._come(call, chosen))
 
     def _come(self, call: OpenCall, carrier: Robot) -> None:
-        """Let a carrier hear that a bin sends for it."""
         if carrier not in self.free:
             return self._call(call, ceil(self.env.now) + 1)
         self.free.remove(carrier)

@@ -138,7 +138,6 @@ class DiscreteHarvest:
 
 
 def _again(block: Block, rows: int | None) -> Block:
-    """A block in which the picker picks so many rows, its own again and again; None: each of its own once."""
     return block if rows is None else replace(block, rows=tuple(islice(cycle(block.rows), rows)))
 
 

@@ -179,7 +179,6 @@ class Robot:
         self.clear = meeting - here
 
     def _next_freed(self, frees: list[tuple[float, list[str]]]) -> float:
-        """Return where it gives places back next, m."""
         for gate_at, places in frees:
             if self.places.holds_any(places):
                 return gate_at
@@ -202,12 +201,10 @@ class Robot:
             yield self.places.granted_or(first_of(self.env, [*look, *events]))
 
     def _note_exit(self, begun: int, was: float, here: float, stride: float) -> None:
-        """Note the tick at which a carrier left the queue eastward. It drove from x = `was` to `here`, m, from `begun` on."""
         if was <= self.model.exit < here and self.away == inf:
             self.away = begun + (self.model.exit - was) / stride
 
     def _meet(self) -> Generator[simpy.Event, Any, float]:
-        """Stand for people or animals. Return the metres to the next meeting."""
         yield self.env.timeout(self.model.bystanders.meeting_ticks(self.name, self.meetings))
         self.meetings += 1
         return self.model.bystanders.metres_to(self.name, self.meetings)

@@ -117,7 +117,6 @@ def _name(feature: dict[str, Any], number: int) -> str:
 
 
 def _points(geometry: Any) -> np.ndarray:
-    """The points of a LineString, or of a MultiLineString with one part, as complex numbers. Raises ValueError."""
     kind, given = (geometry.get("type"), geometry.get("coordinates", ())) if isinstance(geometry, dict) else (None, ())
     if kind == "MultiLineString" and isinstance(given, list) and len(given) == 1:
         kind, given = "LineString", given[0]
@@ -250,12 +249,10 @@ def _faults(lines: Sequence[SurveyedLine], yaw: float) -> Iterator[tuple[str, st
 
 
 def _bend(points: np.ndarray) -> float:
-    """Return how far points are off a line along x, m."""
     return float(np.ptp(points.imag)) / 2
 
 
 def _rows(lines: Sequence[SurveyedLine]) -> list[SurveyedRow]:
-    """Return the rows of lines in the rows' frame, from north to south. They are not checked."""
     first, west = _middle(lines[0].points.imag), min(float(line.points.real.min()) for line in lines)
     rows = []
     for line in lines:
@@ -266,7 +263,6 @@ def _rows(lines: Sequence[SurveyedLine]) -> list[SurveyedRow]:
 
 
 def _scenario(lines: Sequence[SurveyedLine], plane: Plane, yaw: float, file: str) -> Scenario:
-    """Return the scenario with these lines, in the rows' frame and without faults, and with their place on the earth."""
     rows = tuple(_rows(lines))
     survey: dict[str, Any] = {"rows": [row.model_dump() for row in rows]}
     length = round(max(row.start + row.length for row in rows), DIGITS)

@@ -212,7 +212,6 @@ Rows = tuple[tuple[Lane, ...], tuple[TreeLine, ...]]
 
 
 def _alike(scenario: Scenario) -> Rows:
-    """Return the lanes and the lines of trees of an orchard in which all rows are alike."""
     pitch, length, width = scenario.row_width + TRUNK, scenario.row_length, scenario.row_width
     ys = [TREE_TOP_LINE - (i + 0.5) * pitch for i in range(scenario.rows)]
     lanes = [Lane(row, y, picking_speed_of(scenario, row), ROW_WEST, length, width) for row, y in enumerate(ys, start=1)]

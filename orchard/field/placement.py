@@ -117,7 +117,6 @@ class _Ground:
 
 
 def _place(seed: int, kind: str, number: int, ground: _Ground, shared: Iterable[_Ground]) -> Start:
-    """Place a body on its ground, and take its place from all grounds that share it."""
     name = name_of(kind, number)
     places = GIVEN[kind][number - 1 : number] or _random_places(ground.within, seed, name)
     x, y = next((place for place in places if ground.free(*place)), None) or ground.nearest(*places[0])
@@ -149,7 +148,6 @@ def _in_order(scenario: Scenario) -> list[tuple[str, int]]:
 
 
 def _ways(machines: list[Start]) -> list[Rect]:
-    """The ground ahead of each picker."""
     half_length, half_width = KINDS["picker"].length / 2, KINDS["picker"].width / 2
     pickers = [machine.pose for machine in machines if machine.kind == "picker"]
     wests = [(x + half_length if yaw == EAST else x - half_length - AHEAD_OF_PICKER, y) for x, y, yaw in pickers]
@@ -165,7 +163,6 @@ def _steps(first: float, last: float) -> np.ndarray:
 
 
 def _squared(beside: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """The squared distance to a box, from the distances along x and along y (negative: within its extent)."""
     beside, along = np.maximum(beside, 0.0), np.maximum(along, 0.0)
     squared: np.ndarray = beside * beside + along * along
     return squared

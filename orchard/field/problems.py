@@ -116,7 +116,6 @@ def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
 
 
 def _field(path: tuple[str, ...], model: type[BaseModel]) -> FieldInfo:
-    """The field at a path, or the list that has the item there."""
     *section, name = [part for part in path if not part.isdecimal()]
     return _keys(tuple(section), model)[name]
 
@@ -156,7 +155,6 @@ def _keys(path: tuple[str, ...], model: Any) -> dict[str, FieldInfo]:
 
 
 def _section(field: FieldInfo) -> type[BaseModel] | None:
-    """The section that a field is, or may be, or lists."""
     kinds = [kind for kind in (field.annotation, *get_args(field.annotation)) if isinstance(kind, type)]
     return next((kind for kind in kinds if issubclass(kind, BaseModel)), None)
 

@@ -86,14 +86,12 @@ def _refuse_what_is_not_plain(text: str, source: str) -> None:
 
 
 def _at(mark: Any, source: str, text: str) -> Problem:
-    """Return a problem with its place in the text."""
     if mark is None:
         return Problem(source, text)
     return Problem(source, f"{text} (line {mark.line + 1}, column {mark.column + 1})", line=mark.line + 1)
 
 
 def _walk(node: yaml.Node | None, source: str, lines: Lines, at: tuple[str, ...] = ()) -> list[Problem]:
-    """Note the line of each key, and return a problem for each repeated key."""
     repeated = []
     for number, item in enumerate(node.value) if isinstance(node, yaml.SequenceNode) else ():
         lines[(*at, str(number))] = item.start_mark.line + 1

@@ -149,7 +149,6 @@ class Host:
             runner.resume(joined.memories.get(name))
 
     def _joined(self) -> Joined:
-        """The reply to the join, which is repeated while a token is missing or a predecessor counts as alive."""
         request = pack(Join(self.run_id, self.bus.id, list(self.runners)))
         for tries in range(1, JOIN_TRIES + 1):
             joined = self._query("join", request, Joined)
@@ -224,7 +223,6 @@ class Host:
         return LocalMail(dict(recalled.letters)).deliver(tick)
 
     def _packed(self, tick: int, reports: dict[str, Report]) -> list[bytes]:
-        """The velocities as one message or, if that would be too large, as several."""
         packed, names = pack(Velocities(self.run_id, tick, self.bus.id, reports)), list(reports)
         if len(packed) <= MAX_PAYLOAD or len(names) == 1:
             return [packed]
@@ -282,7 +280,6 @@ class Host:
                 self._track_physics(up)
 
     def _track_physics(self, up: bool) -> None:
-        """Physics, or the link to it, is gone (not `up`) or there again."""
         self._ending.track(up)
         self._leave_if_over()
         was_gone, self._gone_until, self._warn_at = self._gone_until < math.inf, math.inf, math.inf

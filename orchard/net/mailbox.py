@@ -154,7 +154,6 @@ class Mailbox:
         return self.last <= tick <= self.last + MOST_HOLD
 
     def _answers_in_time(self, tick: int, asked: int) -> bool:
-        """Rule 7: whether an answer has the right stamp."""
         return tick == asked + 1
 
     # one tick
@@ -194,7 +193,6 @@ class Mailbox:
         return asked < tick
 
     def _take_settled(self, tick: int) -> list[SentRequest]:
-        """Remove and return the requests of which the agents learn the outcome at this tick."""
         settled = self._asked.pop(tick - 2, [])
         self._asked = {at: asked for at, asked in self._asked.items() if at > tick - 2}
         return settled

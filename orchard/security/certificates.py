@@ -90,7 +90,6 @@ def address(text: str) -> x509.GeneralName:
 
 
 def _write(folder: Path, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
-    """Write both files, into a directory that only its owner can read."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     (folder / CERTIFICATE).write_bytes(certificate.public_bytes(PEM))
     secret = key.private_bytes(PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())

@@ -146,7 +146,6 @@ def _rule(role: Role, passage: _Passage, exprs: list[str]) -> dict[str, Any]:
 
 
 def _allowed(role: Role, keys: Keys) -> dict[_Passage, list[str]]:
-    """Return passage -> the key expressions on which it is allowed for a role."""
     allowed: dict[_Passage, list[str]] = defaultdict(list)
     for what, right in RIGHTS.items():
         for parties, passages in zip(right, _ends(what), strict=True):
@@ -158,7 +157,6 @@ def _allowed(role: Role, keys: Keys) -> dict[_Passage, list[str]]:
 
 
 def _ends(what: str) -> tuple[tuple[_Passage, ...], tuple[_Passage, ...]]:
-    """Return the passages of the sending end and of the hearing end of a kind of key."""
     key = TABLE[what]
     if key.delivery == LIVELINESS:
         return _LIVES, _WATCHES

@@ -71,7 +71,6 @@ class Queries:
         query.reply(pack(orchard_of(self._run.id, self._run.engine.tick, self._run.engine.layout)))
 
     def _join(self, session: str, query: Query) -> None:
-        """Let a host own all the agents that it names, or none."""
         join = read_message(query.payload, wire.Join, self._run.id)
         _refuse_other_session(join.owner, session)
         drivers = self._run.drivers
@@ -156,7 +155,7 @@ class Inbound:
         self._bus.declare_alive(self._keys.of("alive", PHYSICS, self._run.id))
 
     def leave(self) -> None:
-        """Remove the liveliness token: only then does the end count for the other processes."""
+        """Remove the liveliness token: only then does the end count for others."""
         self._bus.withdraw(self._keys.of("alive", PHYSICS, self._run.id))
 
     def take(self, seconds: float, enough: int = 1) -> bool:
@@ -270,7 +269,6 @@ def _refuse_other_session(owner: str, session: str) -> None:
 
 
 def _session(text: str) -> str:
-    """The session id in a key. Raises Refused if it is malformed."""
     try:
         return str(msgspec.convert(text, wire.Session))
     except ValueError as error:

@@ -63,7 +63,6 @@ class SnapshotWriter:
         self._due = self._clock() + self._seconds
 
     def _store(self, name: str, content: bytes, folder: Path, run: str) -> bool:
-        """Write a snapshot. Return whether that succeeded; only the first error is logged."""
         try:
             store(name, content, folder, run)
         except OSError as error:

@@ -58,7 +58,6 @@ class FrameBuilder:
         return self._shown[what]
 
     def _new_velocities(self, now: np.ndarray) -> dict[str, Velocities]:
-        """Return the velocities that have changed, by body."""
         changed = (self._drove != now).any(axis=1) if len(self._drove) else np.ones(len(now), dtype=bool)
         self._drove, names = now, self._world.layout.names
         return {names[i]: tuple(now[i].tolist()) for i in np.flatnonzero(changed).tolist()}
@@ -73,7 +72,6 @@ class FrameBuilder:
 
 
 def words_of(action: Action) -> str:
-    """Return what a robot does, and what holds it up, as text."""
     doing = action.doing or state_of(action)
     return f"{doing}, held up by {action.waits_for}" if action.state == "stopped" and action.waits_for else doing
 

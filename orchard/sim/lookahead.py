@@ -162,7 +162,6 @@ HOLDS: dict[Holds, type[Lookahead]] = {"on": Lookahead, "ignored": IgnoredHolds,
 
 
 def _broken_promise(held: Action, action: Action) -> str:
-    """How an action differs from the one that is held; '' if it does not."""
     status = {name: getattr(held, name) for name in PROMISED}
     again = replace(action, deeds=[], requests=[], answers=[], **status)
     return difference(again, action, "its answer")

@@ -112,7 +112,6 @@ def is_at_rest(world: World, i: int) -> bool:
 
 
 def harvest_is_over(world: World) -> bool:
-    """Whether all rows are picked, no bin is full, the carriers stand in the queue with their bins, facing east, and the pickers stand."""
     if not world.rows_done.all() or world.full.any():
         return False
     robots = [(i, start.kind) for i, start in enumerate(world.layout.starts) if start.kind in ("carrier", "picker")]

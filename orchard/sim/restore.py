@@ -45,7 +45,6 @@ def world_from(snapshot: Snapshot) -> World:
 
 
 def _like(old: Any, value: Any) -> Any:
-    """Convert a field's value to the type and shape that the field has at tick 0."""
     if not isinstance(old, np.ndarray):
         if type(value) is not type(old):
             raise ValueError(f"{value!r} is not of type {type(old).__name__}")
@@ -85,7 +84,6 @@ def _faults(world: World) -> Iterator[str]:
 
 
 def _are_pairs(world: World) -> bool:
-    """Whether all couplings are mutual, each between a bin and a robot that tows."""
     kinds, coupled = [start.kind for start in world.layout.starts], world.coupled.tolist()
     pairs = [(i, j) for i, j in enumerate(coupled) if j != NONE]
     tow = {(robot, "bin") for robot in HAULERS}

@@ -93,7 +93,6 @@ class Sensors:
         return poses
 
     def _errors(self, tick: int) -> dict[int, np.ndarray]:
-        """The error of each receiver at this tick, m in x and y."""
         white, bias = self._gnss.white, self._world.bias
         return {
             i: bias[i] + np.multiply(white, normals(self._seed, f"gnss of {name}", tick)) if white else bias[i]
@@ -102,7 +101,6 @@ class Sensors:
         }
 
     def _with_motion(self, truth: Observations) -> np.ndarray:
-        """The states of all bodies with the motion that odometry measures."""
         states = truth.states.copy()
         for i in self._robots.values() if self._drifts else ():
             states[i, MOTION] = self._motion(i)

@@ -82,7 +82,6 @@ def observations_of(seen: wire.Seen) -> dict[str, Observation]:
 
 
 def _states_of(states: bytes) -> list[tuple[float, ...]]:
-    """The seven numbers of each body. Raises ValueError for NaN, infinity and numbers out of bounds."""
     if len(states) % _SEVEN.size:
         raise ValueError(f"states: {len(states)} bytes are not a multiple of {_SEVEN.size}")
     bodies = [*_SEVEN.iter_unpack(states)]
@@ -105,7 +104,6 @@ def _hitch_of(other: wire.OtherSeen, scan: np.ndarray | None) -> Hitch:
 
 
 def _fitting(ranges: bytes, names: Sequence[str]) -> bytes:
-    """Return `ranges`. Raises ValueError unless they hold one number for each beam of these bodies."""
     beams = sum(map(_beams_of, names))
     if len(ranges) != RANGE * beams:
         raise ValueError(f"the ranges do not fit: {len(ranges)} bytes, not {RANGE} for each of {beams} beams")

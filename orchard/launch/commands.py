@@ -257,6 +257,16 @@ def study(chosen: StudyArguments) -> None:
 # -- recordings and the page
 
 
+@app.command("app", cls=options.Command)
+def page(port: options.Port = 8080, host: options.Host = "127.0.0.1", runs: options.Folder = None, quiet: options.Quiet = False) -> None:
+    """Set up an orchard in the browser, run it, and watch it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C during the imports ends the process silently
+    with needs_extra("The page", "app"):
+        from orchard.app.serve import serve as serve_page
+    with exit_on_errors(ValueError):
+        serve_page(host, port, runs or runs_folder(), not quiet)
+
+
 @app.command(cls=options.Command)
 def view(recording: options.Recording = None, web: options.Browser = None) -> None:
     """Open a recording, with all its parts, in the Rerun viewer."""
@@ -294,10 +304,6 @@ def main() -> None:
     """Run a command of the command line; `harvest` is the default."""
     arguments = sys.argv[1:]
     sys.path.append(os.getcwd())  # for the user's own classes
-    if arguments[:1] == ["app"]:
-        from orchard.app.__main__ import main as serve  # its packages are an extra
-
-        raise SystemExit(serve(arguments[1:]))
     command = app if arguments[:1] and arguments[0] in ("harvest", *options.COMMANDS) else unnamed
     signal.signal(signal.SIGINT, signal.default_int_handler)  # the command may have something to stop; Typer sets the exit code
     try:

@@ -17,7 +17,11 @@ def fault_of(error: TyperException) -> str:
     hint = ""
     if isinstance(error, BadParameter) and (error.param_hint or error.param):
         hint = str(error.param_hint or (error.param and error.param.get_error_hint())).strip("'")
-    if not isinstance(error, BadParameter) or not error.message:
+    if isinstance(error, BadParameter) and not error.message:
+        return f"{hint} is missing; see --help"
+    if option := getattr(error, "option_name", ""):
+        return f"{option}: {_of_option(error)}"
+    if not isinstance(error, BadParameter):
         return error.format_message()
     where = f"{hint}: " if hint.startswith("-") else ""  # an argument is named by its value
     if not isinstance(cause := error.__cause__, ValidationError):
@@ -27,3 +31,10 @@ def fault_of(error: TyperException) -> str:
     if "error" in given:
         return f"{where}{given['error']}"
     return f"{where}{fault['input']}: expected {WANTED.get(fault['type'], 'a number').format(**given)}"
+
+
+def _of_option(error: TyperException) -> str:
+    """What is wrong with an option itself."""
+    if not hasattr(error, "possibilities"):
+        return "it has no value" if "not take" in error.message else "a value is missing; see --help"
+    return f"no such option; did you mean {near}?" if (near := " or ".join(error.possibilities or [])) else "no such option; see --help"

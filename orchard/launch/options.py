@@ -353,6 +353,11 @@ WithScans = Annotated[
     bool, Option("--with-scans", metavar="", help="The scans too, as they are recorded: every second beam, twice a second.")
 ]
 
+Port = Annotated[int, Option(min=0, max=65535, metavar="PORT", help="Port of the page.")]
+Host = Annotated[str, Option(metavar="ADDRESS", help="Any client that reaches it can start runs; 0.0.0.0: under this machine's name.")]
+Folder = Annotated[Path | None, Option("--runs", metavar="DIR", help="Folder of recordings and summaries. Default: that of all runs.")]
+Quiet = Annotated[bool, Option("--quiet", metavar="", help="Do not open a browser.")]
+
 # -- an orchard of one's own
 
 GeoJson = Annotated[Path, Argument(metavar="FILE.geojson", help="The centre lines of the rows, a LineString each.", show_default=False)]

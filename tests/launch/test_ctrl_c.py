@@ -73,7 +73,7 @@ def test_ctrl_c_that_was_held_back_from_before_the_start_is_heard():
     assert said == ""
 
 
-@pytest.mark.parametrize("command", [("run.py", "app"), ("-m", "orchard.app")])
+@pytest.mark.parametrize("command", [("run.py", "app"), ("-m", "orchard", "app")])
 def test_ctrl_c_while_the_page_is_still_importing_ends_it_without_a_word(command):
     pytest.importorskip("nicegui")
     code, said = interrupted_at("nicegui.helpers", *command, "--quiet", "--port", "0")

@@ -1,6 +1,5 @@
 """The command `orchard` and its doors: what a run in local mode loads, where runs are kept, how the program is called again."""
 
-import importlib
 import os
 import shutil
 import subprocess
@@ -12,7 +11,7 @@ from code_blocks import ROOT
 from command_line import SECONDS
 
 from orchard.folders import runs_folder
-from orchard.launch import terminal
+from orchard.launch import commands, terminal
 from orchard.security.identity import certificates
 
 LOADS = """\
@@ -81,9 +80,10 @@ def test_the_program_tells_how_it_is_called_again(started, typed, tmp_path, monk
 
 def test_the_page_tells_how_to_get_what_it_needs(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "nicegui", None)
-    monkeypatch.delitem(sys.modules, "orchard.app.__main__", raising=False)
+    monkeypatch.delitem(sys.modules, "orchard.app.serve", raising=False)
+    monkeypatch.setattr(sys, "argv", ["orchard", "app"])
     with pytest.raises(SystemExit, match="2"):
-        importlib.import_module("orchard.app.__main__")
+        commands.main()
     assert "The page needs the package nicegui: pip install 'orchard-sim[app]'" in capsys.readouterr().err
 
 

@@ -30,7 +30,7 @@ def skip_without_packages() -> None:
 
 def page(*arguments: object) -> list[str]:
     """The command that serves the page."""
-    return [sys.executable, "-m", "orchard.app", "--quiet", *map(str, arguments)]
+    return [sys.executable, "-m", "orchard", "app", "--quiet", *map(str, arguments)]
 
 
 def wait_for(process: subprocess.Popen, address: str, seconds: float = 30.0) -> None:

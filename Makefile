@@ -38,6 +38,10 @@ $(VENV)/installed-docs: $(VENV)/installed
 	$(INSTALL) '.[docs,gym]'
 	touch $@
 
+$(VENV)/installed-release: $(VENV)/installed
+	$(INSTALL) '.[release]'
+	touch $@
+
 run: $(VENV)/installed  ## the default orchard, from start to summary
 	$(RUN) run.py
 
@@ -68,7 +72,7 @@ ecosystem: $(VENV)/installed-dev  ## the tests against ROS 2 and other software,
 pythons: $(VENV)/installed-dev  ## the core of the tests on every other Python from 3.11 on that is here
 	.ci/pythons
 
-package: $(VENV)/installed-dev  ## wheel and source archive: built, checked, installed and run outside the tree
+package: $(VENV)/installed-dev $(VENV)/installed-release  ## wheel and source archive: built, checked, installed and run outside the tree
 	.ci/package
 
 soak: $(VENV)/installed-dev  ## the long matrix of equal hashes

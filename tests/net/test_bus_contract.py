@@ -84,10 +84,14 @@ def _simulated(script, seed: int) -> None:
     assert task.is_over
 
 
-@pytest.fixture(params=[over_zenoh, simulated], ids=["zenoh", "simulated"])
-def play(request):
-    """Plays a script over one of the two."""
-    return request.param
+def on_both(script):
+    """A test that plays a script over Zenoh and over the simulated network."""
+
+    @pytest.mark.parametrize("play", [over_zenoh, simulated], ids=["zenoh", "simulated"])
+    def test(play):
+        play(script)
+
+    return test
 
 
 def heard(bus, count: int, type_: type = Sample) -> list:
@@ -113,208 +117,180 @@ def when(bus, is_so) -> None:
         bus.sleep(0.01)
 
 
-def test_samples_of_one_session_arrive_in_order_and_no_session_hears_itself(play):
-    def script(net):
-        one, other = net.client(), net.client()
-        for bus in (one, other):
-            bus.subscribe("a/*")
-        when(one, lambda: one.is_heard("a/b"))
-        for number in range(200):
-            one.publish(f"a/{number % 3}", str(number).encode())
-        assert [int(sample.payload) for sample in heard(other, 200)] == list(range(200))
-        assert is_silent(one)
-
-    play(script)
+@on_both
+def test_samples_of_one_session_arrive_in_order_and_no_session_hears_itself(net):
+    one, other = net.client(), net.client()
+    for bus in (one, other):
+        bus.subscribe("a/*")
+    when(one, lambda: one.is_heard("a/b"))
+    for number in range(200):
+        one.publish(f"a/{number % 3}", str(number).encode())
+    assert [int(sample.payload) for sample in heard(other, 200)] == list(range(200))
+    assert is_silent(one)
 
 
-def test_a_router_has_a_session_of_its_own(play):
-    def script(net):
-        bus = net.client()
-        bus.subscribe("to/client")
-        net.router.subscribe("to/router")
-        when(bus, lambda: bus.is_heard("to/router"))
-        when(bus, lambda: net.router.is_heard("to/client"))
-        bus.publish("to/router", b"1")
-        net.router.publish("to/client", b"2")
-        assert heard(net.router, 1) == [Sample("to/router", b"1")]
-        assert heard(bus, 1) == [Sample("to/client", b"2")]
-
-    play(script)
+@on_both
+def test_a_router_has_a_session_of_its_own(net):
+    bus = net.client()
+    bus.subscribe("to/client")
+    net.router.subscribe("to/router")
+    when(bus, lambda: bus.is_heard("to/router"))
+    when(bus, lambda: net.router.is_heard("to/client"))
+    bus.publish("to/router", b"1")
+    net.router.publish("to/client", b"2")
+    assert heard(net.router, 1) == [Sample("to/router", b"1")]
+    assert heard(bus, 1) == [Sample("to/client", b"2")]
 
 
-def test_two_subscriptions_that_meet_a_key_give_the_sample_twice(play):
-    def script(net):
-        one, other = net.client(), net.client()
-        other.subscribe("a/*")
-        other.subscribe("a/b", quietly=True)
-        when(one, lambda: one.is_heard("a/b"))
-        other.sleep(SHORT)
-        one.publish("a/b", b"1")
-        assert heard(other, 2) == [Sample("a/b", b"1")] * 2
-
-    play(script)
+@on_both
+def test_two_subscriptions_that_meet_a_key_give_the_sample_twice(net):
+    one, other = net.client(), net.client()
+    other.subscribe("a/*")
+    other.subscribe("a/b", quietly=True)
+    when(one, lambda: one.is_heard("a/b"))
+    other.sleep(SHORT)
+    one.publish("a/b", b"1")
+    assert heard(other, 2) == [Sample("a/b", b"1")] * 2
 
 
-def test_a_publisher_knows_whether_another_session_subscribes(play):
-    def script(net):
-        one, other = net.client(), net.client()
-        one.subscribe("a/b")
-        assert not one.is_heard("a/b")
-        other.subscribe("a/**")
-        when(one, lambda: one.is_heard("a/b"))
-        assert not one.is_heard("b")
-        net.close(other)
-        when(one, lambda: not one.is_heard("a/b"))
-
-    play(script)
+@on_both
+def test_a_publisher_knows_whether_another_session_subscribes(net):
+    one, other = net.client(), net.client()
+    one.subscribe("a/b")
+    assert not one.is_heard("a/b")
+    other.subscribe("a/**")
+    when(one, lambda: one.is_heard("a/b"))
+    assert not one.is_heard("b")
+    net.close(other)
+    when(one, lambda: not one.is_heard("a/b"))
 
 
-def test_who_watches_learns_of_tokens_from_before_and_of_each_change(play):
-    def script(net):
-        one, other = net.client(), net.client()
-        one.declare_alive("alive/x/1")
-        one.sleep(SHORT)
-        other.watch("alive/*/*")
-        assert heard(other, 1, Alive) == [Alive("alive/x/1", True)]
-        one.declare_alive("alive/y/1")
-        one.withdraw("alive/x/1")
-        assert heard(other, 2, Alive) == [Alive("alive/y/1", True), Alive("alive/x/1", False)]
-        net.close(one)
-        assert heard(other, 1, Alive) == [Alive("alive/y/1", False)]
-
-    play(script)
+@on_both
+def test_who_watches_learns_of_tokens_from_before_and_of_each_change(net):
+    one, other = net.client(), net.client()
+    one.declare_alive("alive/x/1")
+    one.sleep(SHORT)
+    other.watch("alive/*/*")
+    assert heard(other, 1, Alive) == [Alive("alive/x/1", True)]
+    one.declare_alive("alive/y/1")
+    one.withdraw("alive/x/1")
+    assert heard(other, 2, Alive) == [Alive("alive/y/1", True), Alive("alive/x/1", False)]
+    net.close(one)
+    assert heard(other, 1, Alive) == [Alive("alive/y/1", False)]
 
 
-def test_all_queryables_reply_as_often_as_they_like_and_then_it_is_final(play):
-    def script(net):
-        asker, one, other = net.client(), net.client(), net.client()
-        one.answer("a/one")
-        other.answer("a/*")
-        asker.sleep(SHORT)
-        asker.ask("a/one", b"?", "ticket")
-        for bus, payloads in ((one, [b"1", b"2"]), (other, [b"3"])):
-            (query,) = heard(bus, 1, Query)
-            assert (query.key, query.payload) == ("a/one", b"?")
-            for payload in payloads:
-                query.reply(payload)
-            query.drop()
-        items = heard(asker, 4, Replied | Final)
-        assert sorted(item.payload for item in items[:3]) == [b"1", b"2", b"3"]
-        assert items[3] == Final("ticket")
-
-    play(script)
-
-
-def test_a_refusal_is_an_error_and_the_end(play):
-    def script(net):
-        asker, other = net.client(), net.client()
-        other.answer("a")
-        asker.sleep(SHORT)
-        asker.ask("a", b"", 1)
-        heard(other, 1, Query)[0].refuse("no")
-        assert heard(asker, 2, Replied | Final) == [Replied(1, b"", "no"), Final(1)]
-
-    play(script)
-
-
-def test_a_query_with_wildcards_has_the_key_that_was_asked(play):
-    def script(net):
-        asker, other = net.client(), net.client()
-        other.answer("a/b")
-        asker.sleep(SHORT)
-        asker.ask("a/*", b"", 1)
-        assert heard(other, 1, Query)[0].key == "a/*"
-
-    play(script)
-
-
-def test_a_query_that_meets_no_queryable_is_final_at_once(play):
-    def script(net):
-        asker = net.client()
-        asker.ask("a", b"", 1, 100.0)
-        assert heard(asker, 1, Replied | Final) == [Final(1)]
-
-    play(script)
-
-
-def test_a_session_answers_its_own_query(play):
-    def script(net):
-        bus = net.client()
-        bus.answer("a")
-        bus.ask("a", b"?", 1)
+@on_both
+def test_all_queryables_reply_as_often_as_they_like_and_then_it_is_final(net):
+    asker, one, other = net.client(), net.client(), net.client()
+    one.answer("a/one")
+    other.answer("a/*")
+    asker.sleep(SHORT)
+    asker.ask("a/one", b"?", "ticket")
+    for bus, payloads in ((one, [b"1", b"2"]), (other, [b"3"])):
         (query,) = heard(bus, 1, Query)
-        query.reply(b"!")
+        assert (query.key, query.payload) == ("a/one", b"?")
+        for payload in payloads:
+            query.reply(payload)
         query.drop()
-        assert heard(bus, 2, Replied | Final) == [Replied(1, b"!", ""), Final(1)]
-
-    play(script)
-
-
-def test_a_query_that_nobody_drops_ends_with_its_time(play):
-    def script(net):
-        asker, other = net.client(), net.client()
-        other.answer("a")
-        asker.sleep(SHORT)
-        begun = asker.clock()
-        asker.ask("a", b"", 1, 1.0)
-        (query,) = heard(other, 1, Query)
-        query.reply(b"!")
-        assert heard(asker, 3, Replied | Final) == [Replied(1, b"!", ""), Replied(1, b"", TIMED_OUT), Final(1)]
-        assert asker.clock() - begun >= 0.9
-        query.reply(b"late")
-        assert is_silent(asker)
-
-    play(script)
+    items = heard(asker, 4, Replied | Final)
+    assert sorted(item.payload for item in items[:3]) == [b"1", b"2", b"3"]
+    assert items[3] == Final("ticket")
 
 
-def test_a_query_is_final_when_the_session_that_should_answer_goes(play):
-    def script(net):
-        asker, other = net.client(), net.client()
-        other.answer("a")
-        asker.sleep(SHORT)
-        asker.ask("a", b"", 1, 100.0)
-        heard(other, 1, Query)
-        net.close(other)
-        assert heard(asker, 1, Replied | Final) == [Final(1)]
-
-    play(script)
+@on_both
+def test_a_refusal_is_an_error_and_the_end(net):
+    asker, other = net.client(), net.client()
+    other.answer("a")
+    asker.sleep(SHORT)
+    asker.ask("a", b"", 1)
+    heard(other, 1, Query)[0].refuse("no")
+    assert heard(asker, 2, Replied | Final) == [Replied(1, b"", "no"), Final(1)]
 
 
-def test_after_a_cut_all_tokens_are_gone_and_come_back_and_all_that_was_declared_counts_again(play):
-    def script(net):
-        bus = net.client()
-        net.router.declare_alive("alive/physics/1")
-        net.router.watch("alive/x/*")
-        bus.watch("alive/physics/*")
-        bus.subscribe("a")
-        bus.answer("b")
-        bus.declare_alive("alive/x/1")
-        assert heard(bus, 1, Alive) == [Alive("alive/physics/1", True)]
-        assert heard(net.router, 1, Alive) == [Alive("alive/x/1", True)]
-        net.cut()
-        assert heard(bus, 2, Alive) == [Alive("alive/physics/1", False), Alive("alive/physics/1", True)]
-        assert heard(net.router, 2, Alive) == [Alive("alive/x/1", False), Alive("alive/x/1", True)]
-        when(bus, lambda: net.router.is_heard("a"))
-        net.router.publish("a", b"1")
-        assert heard(bus, 1) == [Sample("a", b"1")]
-        net.router.ask("b", b"", 1)
-        heard(bus, 1, Query)[0].refuse("no")
-        assert heard(net.router, 2, Replied | Final) == [Replied(1, b"", "no"), Final(1)]
-
-    play(script)
+@on_both
+def test_a_query_with_wildcards_has_the_key_that_was_asked(net):
+    asker, other = net.client(), net.client()
+    other.answer("a/b")
+    asker.sleep(SHORT)
+    asker.ask("a/*", b"", 1)
+    assert heard(other, 1, Query)[0].key == "a/*"
 
 
-def test_a_cut_ends_a_query_that_is_under_way(play):
-    def script(net):
-        asker = net.client()
-        net.router.answer("a")
-        asker.sleep(SHORT)
-        asker.ask("a", b"", 1, 100.0)
-        (query,) = heard(net.router, 1, Query)
-        net.cut()
-        assert heard(asker, 1, Replied | Final) == [Final(1)]
-        query.reply(b"late")
-        query.drop()
-        assert is_silent(asker)
+@on_both
+def test_a_query_that_meets_no_queryable_is_final_at_once(net):
+    asker = net.client()
+    asker.ask("a", b"", 1, 100.0)
+    assert heard(asker, 1, Replied | Final) == [Final(1)]
 
-    play(script)
+
+@on_both
+def test_a_session_answers_its_own_query(net):
+    bus = net.client()
+    bus.answer("a")
+    bus.ask("a", b"?", 1)
+    (query,) = heard(bus, 1, Query)
+    query.reply(b"!")
+    query.drop()
+    assert heard(bus, 2, Replied | Final) == [Replied(1, b"!", ""), Final(1)]
+
+
+@on_both
+def test_a_query_that_nobody_drops_ends_with_its_time(net):
+    asker, other = net.client(), net.client()
+    other.answer("a")
+    asker.sleep(SHORT)
+    begun = asker.clock()
+    asker.ask("a", b"", 1, 1.0)
+    (query,) = heard(other, 1, Query)
+    query.reply(b"!")
+    assert heard(asker, 3, Replied | Final) == [Replied(1, b"!", ""), Replied(1, b"", TIMED_OUT), Final(1)]
+    assert asker.clock() - begun >= 0.9
+    query.reply(b"late")
+    assert is_silent(asker)
+
+
+@on_both
+def test_a_query_is_final_when_the_session_that_should_answer_goes(net):
+    asker, other = net.client(), net.client()
+    other.answer("a")
+    asker.sleep(SHORT)
+    asker.ask("a", b"", 1, 100.0)
+    heard(other, 1, Query)
+    net.close(other)
+    assert heard(asker, 1, Replied | Final) == [Final(1)]
+
+
+@on_both
+def test_after_a_cut_all_tokens_are_gone_and_come_back_and_all_that_was_declared_counts_again(net):
+    bus = net.client()
+    net.router.declare_alive("alive/physics/1")
+    net.router.watch("alive/x/*")
+    bus.watch("alive/physics/*")
+    bus.subscribe("a")
+    bus.answer("b")
+    bus.declare_alive("alive/x/1")
+    assert heard(bus, 1, Alive) == [Alive("alive/physics/1", True)]
+    assert heard(net.router, 1, Alive) == [Alive("alive/x/1", True)]
+    net.cut()
+    assert heard(bus, 2, Alive) == [Alive("alive/physics/1", False), Alive("alive/physics/1", True)]
+    assert heard(net.router, 2, Alive) == [Alive("alive/x/1", False), Alive("alive/x/1", True)]
+    when(bus, lambda: net.router.is_heard("a"))
+    net.router.publish("a", b"1")
+    assert heard(bus, 1) == [Sample("a", b"1")]
+    net.router.ask("b", b"", 1)
+    heard(bus, 1, Query)[0].refuse("no")
+    assert heard(net.router, 2, Replied | Final) == [Replied(1, b"", "no"), Final(1)]
+
+
+@on_both
+def test_a_cut_ends_a_query_that_is_under_way(net):
+    asker = net.client()
+    net.router.answer("a")
+    asker.sleep(SHORT)
+    asker.ask("a", b"", 1, 100.0)
+    (query,) = heard(net.router, 1, Query)
+    net.cut()
+    assert heard(asker, 1, Replied | Final) == [Final(1)]
+    query.reply(b"late")
+    query.drop()
+    assert is_silent(asker)

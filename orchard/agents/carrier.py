@@ -103,10 +103,7 @@ class Carrier:
 
 
 def can_leave(behind: float, is_moving: bool, doubt: float = 0.0) -> bool:
-    """Whether a carrier is at the head of its line, or on its way to that place: no carrier that may stay is before it.
-
-    `behind`: m from the carrier to the head; `doubt`: how wrong that may be, m.
-    """
+    """Whether a carrier, m `behind` its line's head by a measure that may be wrong by `doubt`, is there or drives up to it."""
     return behind < AT_HEAD + doubt or (is_moving and behind < MOVING_UP)
 
 

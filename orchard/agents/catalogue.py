@@ -45,7 +45,7 @@ def make_agents(layout: Layout, names: Collection[str] | None = None) -> dict[st
     """Make these agents of an orchard, or all. Return them by name, sorted; each is built-in or of the class that the scenario names."""
     own = agent_classes(layout)
     wanted = sorted(name for name in layout.agents if names is None or name in names)
-    return {name: _make_own(own[name], layout, name) if name in own else _make_built_in(layout, name) for name in wanted}
+    return {name: _made(own.get(name), layout, name) for name in wanted}
 
 
 def agent_classes(layout: Layout) -> dict[str, str]:
@@ -85,15 +85,8 @@ def _check_route(layout: Layout) -> None:
         raise unusable("route", path, error, place=place_of_class(type(route))) from error
 
 
-def _make_built_in(layout: Layout, name: str) -> Guard:
-    return guarded(layout, name, AGENTS[kind_of(name)](layout, name))
-
-
 def guarded(layout: Layout, name: str, agent: Agent) -> Guard:
-    """Return an agent of an orchard with its guard. Raises TypeError if it derives from a built-in one, and its `Memory` does not.
-
-    It is trusted if it is built in, and its orchard names no policy and no route of a user's.
-    """
+    """Return an agent with its guard: trusted if it is built in, with its policy and route. Raises TypeError for a wrong `Memory`."""
     if isinstance(agent, Guard):
         return agent
     for class_ in AGENTS.values():
@@ -104,8 +97,10 @@ def guarded(layout: Layout, name: str, agent: Agent) -> Guard:
     return Guard(name, agent, layout.agents, trusted=are_ours and type(agent) in AGENTS.values())
 
 
-def _make_own(path: str, layout: Layout, name: str) -> Guard:
-    """Make an agent of a user's class. If that fails, log the error and return an agent that stands."""
+def _made(path: str | None, layout: Layout, name: str) -> Guard:
+    """Make a built-in agent, or one of a user's class. If that fails, log the error and return an agent that stands."""
+    if path is None:
+        return guarded(layout, name, AGENTS[kind_of(name)](layout, name))
     key, place = f"agents.{name}", ""
     try:
         class_ = load_plugin(key, path)

@@ -1,8 +1,7 @@
 """Dispatch policies, which decide which carrier fetches which bin, and when it leaves: what they get and what they return.
 
-A scenario names its policy (`dispatch: farthest-first`, or a user's class). A policy is pure: `assign` decides from reports and its own
-memory alone, and sends nothing. With `nearest` each full bin asks all carriers and decides for itself. With any other policy the agent
-`dispatch` (`orchard.agents.dispatcher`) gathers the reports of all bins and carriers, and decides for all.
+A policy is pure: `assign` decides from reports and its own memory alone. With `nearest` each full bin asks all carriers and decides for
+itself. With any other policy the agent `dispatch` gathers the reports of all bins and carriers, and decides for all.
 """
 
 from collections.abc import Sequence

@@ -7,8 +7,7 @@ from msgspec.structs import replace
 
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, Dispatch
 from orchard.agents.policies import Nearest, dispatch_of
-from orchard.agents.routes import route_of
-from orchard.agents.timing import way_to
+from orchard.agents.routes import route_of, way_to
 from orchard.contract.agent import LARGEST_MEMORY, Action, Heard, Hold, Mail, Observation
 from orchard.contract.messages import LAST_TICK, Answer, CarrierComing, CarrierQuery, CarrierStatus, Fetch, No, pack, unpack
 from orchard.field.layout import Layout
@@ -50,8 +49,8 @@ class Dispatcher:
     """Sends carriers to bins, by the policy of the scenario.
 
     A bin reports to it again and again until the answer names a carrier. While bins wait, the dispatcher asks all carriers for their
-    state, and lets the policy decide. The bin then sends for its carrier itself. If that one refuses or is silent, the bin reports again.
-    A decision that cannot be is refused and logged; the manual's policy then decides. The dispatcher is `broken` in that tick.
+    state, and lets the policy decide. The bin then sends for its carrier. A decision that cannot be is refused and logged; the manual's
+    policy then decides, and the dispatcher is `broken` in that tick.
     """
 
     Memory = DispatcherMemory

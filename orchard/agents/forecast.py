@@ -3,9 +3,8 @@
 from functools import lru_cache
 from typing import NamedTuple
 
-from orchard.agents.routes import route_of
+from orchard.agents.routes import route_of, way_to
 from orchard.agents.steps import CRUISE
-from orchard.agents.timing import way_to
 from orchard.contract.agent import Hitch, Observation
 from orchard.field.geometry import EAST, WEST, angle_between
 from orchard.field.layout import KEPT_LAYOUTS, Layout
@@ -52,10 +51,7 @@ class Forecast:
 
 
 def until_full(layout: Layout, row: int, side: str, picking: float, before: float) -> float:
-    """Return the time until a bin stands full at the furthest end of a row on a side, s.
-
-    `picking`: s for which its picker still picks; `before`: m that the picker drives before that.
-    """
+    """Return the seconds until a bin is full and at the furthest end of a row: after `picking`, s, and `before`, m driven."""
     return picking + (before + layout.beyond(row, side)) / CRUISE
 
 

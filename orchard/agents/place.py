@@ -1,7 +1,6 @@
-"""Where a robot takes itself to be, if its receiver is not exact: its odometry carries its estimate on, each new position corrects it.
+"""Where a robot takes itself to be: its odometry carries its estimate on, each new position corrects it (docs/reference.md).
 
-This is a complementary filter: of white errors little is left, of slow ones all. docs/reference.md gives the figures. While it drives,
-a robot also learns by which share its odometry measures too much or too little.
+This is a complementary filter. While it drives, a robot also learns by which share its odometry measures too much or too little.
 """
 
 import msgspec

@@ -42,30 +42,21 @@ def free_carriers(carriers: Sequence[CarrierReport]) -> list[CarrierReport]:
 
 
 class Nearest(Ranking):
-    """The manual's policy: the bin that has called for longest gets the carrier that is nearest by road. Ties by name.
-
-    If the scenario names it `nearest`, there is no dispatcher: each full bin asks all carriers, and decides for itself.
-    """
+    """The manual's policy: the bin that has called for longest gets the nearest carrier. Ties by name. It needs no dispatcher."""
 
     def rank(self, report: BinReport, memory: Any) -> tuple[Any, ...]:
         return report.since, report.name
 
 
 class LongestWaiting(Ranking):
-    """The bin that has waited for longest gets a carrier first; of those that have waited equally long the farthest. Ties by name.
-
-    It is fair as `nearest` is, but the dispatcher decides.
-    """
+    """The bin that has waited for longest gets a carrier first; of several the farthest. Ties by name."""
 
     def rank(self, report: BinReport, memory: Any) -> tuple[Any, ...]:
         return report.since, -report.metres, report.name
 
 
 class FarthestFirst(Ranking):
-    """Of the full bins the one that is farthest by road gets a carrier first. Ties by name.
-
-    A carrier that stops at a lane holds up those behind it that go on: so those that go farthest leave first.
-    """
+    """Of the full bins the one that is farthest by road gets a carrier first. Ties by name."""
 
     def rank(self, report: BinReport, memory: Any) -> tuple[Any, ...]:
         return -report.metres, report.name
@@ -115,10 +106,7 @@ class PredictiveFarthest(FarthestFirst):
 
 
 class GlobalAssignment(Ranking):
-    """All full bins and all free carriers are matched at once, so that the sum of the ways by road is least.
-
-    All carriers pass the queue's head, so the least sum serves near bins first; which of the carriers goes hardly matters.
-    """
+    """All full bins and all free carriers are matched at once, so that the sum of the ways by road is least."""
 
     def __init__(self, layout: Layout) -> None:
         try:

@@ -1,8 +1,4 @@
-"""The route: the roads around the rows, the places on them, and the drives that pickers and carriers make there.
-
-A scenario names its route (`route: one-way`, or a user's class). Plans, bounds and drawings follow from its methods.
-`OneWay` is the built-in route. docs/traffic.md explains it and shows why it cannot deadlock; `make docs` draws it to scale.
-"""
+"""The route that a scenario names: roads, the places on them, and the drives of pickers and carriers. docs/traffic.md explains it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -24,9 +20,9 @@ _OPPOSITE = {"EAST": "WEST", "WEST": "EAST", "NORTH": "SOUTH", "SOUTH": "NORTH"}
 
 @dataclass(frozen=True)
 class Side:
-    """One side of the rows. The west side is the east side after half a turn, or mirrored, about x = -1.5 with rows of the usual length.
+    """One side of the rows: it turns a route's figures, for the east side and rows of the usual length, into x and y of either.
 
-    Figures of a route are given for the east side and rows of the usual length; a `Side` turns them into x and y of either side.
+    The west side is the east side after half a turn, or mirrored, about x = -1.5 with rows of the usual length.
     """
 
     name: str
@@ -358,10 +354,7 @@ class OneWay:
 
 
 def _once_left(approach: list[Step], full_bin: str, place: str) -> list[Step]:
-    """Return an approach in which the carrier asks for the lane's place only after the full bin is left there.
-
-    A carrier that comes earlier, and took the place, would keep the picker in its row.
-    """
+    """Let a carrier ask for a lane's place only after the full bin is left there: else it would keep the picker in its row."""
     return [
         replace(step, needs=[replace(gate, bin=full_bin) if place in gate.places else gate for gate in step.needs])
         if isinstance(step, st.DriveTo)

@@ -1,7 +1,11 @@
-"""The routes by name, and the one that a scenario names: a built-in route, or a user's class."""
+"""The routes by name, the one that a scenario names, built-in or a user's class, and how long motion takes without traffic."""
 
-from orchard.agents.route import OneWay
+from collections.abc import Iterator
+
+from orchard.agents.robot import Step
+from orchard.agents.route import OneWay, Side
 from orchard.agents.two_way import TwoWay
+from orchard.field.geometry import Pose
 from orchard.field.layout import Layout
 from orchard.field.plugins import make_plugin
 from orchard.field.queue import ONE_WAY, TWO_WAY
@@ -13,3 +17,23 @@ def route_of(layout: Layout) -> OneWay:
     """The route that the scenario names. Raises ScenarioError for one that cannot be used."""
     route: OneWay = make_plugin("route", layout.scenario.route, ROUTES, layout, base=OneWay)
     return route
+
+
+def way_to(route: OneWay, lane: int, side: Side) -> tuple[float, float]:
+    """Return the metres by road from the queue's head to a carrier's stop at a lane, and the time from its departure until then, s."""
+    head = route.queue.place(0)
+    return route.distance(head.x, head.y, lane, side), duration(route.approach(lane, side), head)
+
+
+def duration(steps: list[Step], start: Pose) -> float:
+    """Return the time of a plan's drives and turns without obstacles, s."""
+    return max((ends for _, _, _, ends in timetable(steps, start)), default=0.0)
+
+
+def timetable(steps: list[Step], start: Pose) -> Iterator[tuple[Step, Pose, float, float]]:
+    """Each step of a plan, the pose in which it begins, and when it begins and ends without obstacles, s. Only motion takes time."""
+    pose, begins = start, 0.0
+    for step in steps:
+        end, seconds = step.motion(pose)
+        yield step, pose, begins, begins + seconds
+        pose, begins = end, begins + seconds

@@ -1,8 +1,8 @@
 """Traffic: the agent without a body that grants places on the roads.
 
 A robot names the places that it keeps and those that it wants. It gets all that it wants or none. Robots are served in the order in which
-they asked (ties by name): a place for which an earlier robot waits is not given to a later one. A place belongs to one robot, or to two
-partners in an exchange of bins. Each claim of a robot is complete, so claims that are lost or come twice do no harm.
+they asked (ties by name). A place belongs to one robot, or to two partners in an exchange of bins. Each claim is complete, so claims that
+are lost or come twice do no harm.
 """
 
 import msgspec

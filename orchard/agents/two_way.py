@@ -1,7 +1,4 @@
-"""The route `two-way`: on each side deliveries drive south on the outer road, and full bins north on the inner one, and so straight back.
-
-docs/traffic.md explains it and shows why it cannot deadlock; `make docs` draws it to scale.
-"""
+"""The route `two-way`: on each side deliveries drive south on the outer road, and full bins north on the inner one (docs/traffic.md)."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -94,10 +91,7 @@ class TwoWay(OneWay):
     # -- carriers
 
     def approach(self, lane: int, side: Side, carrier: int = 1) -> list[Step]:
-        """A carrier's way from its head of the queue to the stop at which it leaves the empty bin.
-
-        To the east it drives straight on to the delivery road. To the west it turns south onto the connector.
-        """
+        """A carrier's way from its head of the queue to the stop at which it leaves the empty bin."""
         y = self.queue.place(carrier - 1).y
         return self._to_the_east(y, lane) if side is self.east else self._to_the_west(y, lane)
 

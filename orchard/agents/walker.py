@@ -1,7 +1,4 @@
-"""People and animals. They turn away from obstacles, back off after a collision, and never linger for long.
-
-People, workers and visitors, walk straight on otherwise. Animals choose a new direction and speed at random every 3 s.
-"""
+"""People, who walk straight on, and animals, which choose anew every 3 s. They turn away from obstacles, and never linger for long."""
 
 import math
 
@@ -108,10 +105,7 @@ def tell_where(seen: Observation, mail: Mail) -> list[tuple[Heard, Answer]]:
 
 
 def walk(seen: Observation, memory: WalkerMemory, seed: int, speed: float, kind: Kind, whim: Twist) -> tuple[Twist, str]:
-    """Return a walker's velocity, and 'turning away' if something is in its way, else ''.
-
-    `whim`: the velocity if nothing is in the way. `speed`: m/s while it steers away from something.
-    """
+    """Return a walker's velocity, and 'turning away' if something makes it steer, at `speed` m/s, else `whim` and ''."""
     twist = bump(seen, memory, seed) or break_out(seen, memory, seed, min(1.0, kind.speed), kind.turn)
     twist = twist or avoid(seen, memory, speed, kind.turn)
     memory.moving = (twist or whim) != STILL

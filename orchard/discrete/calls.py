@@ -14,7 +14,7 @@ from orchard.agents.forecast import horizon
 from orchard.agents.policies import dispatch_of
 from orchard.agents.robot import ASK
 from orchard.agents.route import OneWay, Side
-from orchard.agents.timing import way_to
+from orchard.agents.routes import way_to
 from orchard.discrete.places import at
 from orchard.discrete.robots import Events, Robot
 from orchard.field.kinds import number_of

@@ -1,7 +1,5 @@
 """Robots that follow each other on a line, where no places keep them apart."""
 
-from typing import Protocol
-
 import simpy
 
 from orchard.agents.sense import SIDE_MARGIN, STOP_DISTANCE
@@ -10,14 +8,14 @@ from orchard.field.kinds import KINDS, Kind
 Line = tuple[str, float, int]  # the axis along which it runs, its other coordinate in m, and the direction, +1 or -1
 
 
-class Follower(Protocol):
+class Follower:
     """What the lines know of a robot."""
 
     kind: Kind
     bin: str  # coupled to it; '' for none
-    line: Line | None  # on which it drives, or which its tail has not left
-    end: float  # up to where it drives there, in the line's direction, m
-    is_across: bool  # it has turned off its line, and its bin is no longer on it
+    line: Line | None = None  # on which it drives, or which its tail has not left
+    end = 0.0  # up to where it drives there, in the line's direction, m
+    is_across = False  # it has turned off its line, and its bin is no longer on it
     moved: simpy.Event  # its way got longer
 
 

@@ -50,7 +50,7 @@ class Roads:
         self.reservations, self.lines = Reservations(env), Lines()
 
 
-class Robot:
+class Robot(Follower):
     """A robot and its plan."""
 
     def __init__(self, model: "Model", name: str, pose: Pose, bin_name: str, roads: Roads) -> None:
@@ -58,10 +58,7 @@ class Robot:
         self.x, self.y, self.yaw = pose
         self.bin = bin_name
         self.lines, self.places = roads.lines, Claimant(model.env, roads.reservations, name)
-        self.line: Line | None = None  # on which it drives, or which its tail has not left
-        self.end = 0.0  # up to where it drives there, in the line's direction, m
-        self.is_across = False  # it has turned off its line, and its bin is no longer on it
-        self.moved = self.env.event()  # its way got longer
+        self.moved = self.env.event()
         self.has_offer = self.env.event()  # a carrier has brought a bin
         self.new_plan = self.env.event()
         self.memory = SimpleNamespace(plan=[], doing="", state="resting", failures=0, picked=0.0)

@@ -10,9 +10,8 @@ from orchard.agents.dispatch import is_early
 from orchard.agents.policies import dispatch_of
 from orchard.agents.robot import ASK, Step
 from orchard.agents.route import OneWay, Side
-from orchard.agents.routes import route_of
+from orchard.agents.routes import duration, route_of, timetable, way_to
 from orchard.agents.steps import Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
-from orchard.agents.timing import duration, timetable, way_to
 from orchard.field.geometry import HEADINGS, Pose
 from orchard.field.layout import Layout
 from orchard.field.rows import Block

@@ -81,15 +81,16 @@ def talk_of(tick: int, name: str, requests: Sequence[tuple[str, Request]], answe
     return [Event(tick, type_of(body), name, printable(to), printable(_said(body))) for to, body in [*requests, *answers]]
 
 
+_WORDS: dict[type, str] = {
+    Call: "is a carrier free? row {0.lane}, {0.side} end",
+    Come: "come, row {0.lane}, {0.side} end",
+    Offer: "{0.distance:.0f} m away",
+    EmptyBin: "which carrier comes?",
+    Here: "here is {0.bin}",
+}
+
+
 def _said(body: Request | Answer) -> str:
-    if isinstance(body, Call):
-        return f"is a carrier free? row {body.lane}, {body.side} end"
-    if isinstance(body, Come):
-        return f"come, row {body.lane}, {body.side} end"
-    if isinstance(body, Offer):
-        return f"{body.distance:.0f} m away"
-    if isinstance(body, EmptyBin):
-        return "which carrier comes?"
-    if isinstance(body, Here):
-        return f"here is {body.bin}"
+    if words := _WORDS.get(type(body)):
+        return words.format(body)
     return getattr(body, "reason", "") or getattr(body, "carrier", "")

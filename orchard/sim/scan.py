@@ -5,6 +5,7 @@ A laser sees fences, trunks, posts and all solid bodies, but neither weeds nor i
 
 import hashlib
 from collections.abc import Iterator, Mapping
+from copy import copy
 from functools import cache
 from typing import Any
 
@@ -91,15 +92,22 @@ def observe(world: World, scans: Scans) -> Observations:
     states[:, :2], states[:, 2:4], states[:, 4:] = world.pose[:, :2], quaternions(world.pose), world.twist
     fills = {names[i]: float(world.fill[i]) for i in world.fill.nonzero()[0].tolist()}
     full = {name for name, fill in fills.items() if fill >= world.fixed.bin_full}
-    return Observations(world.tick, world.layout.index, states, scans, _Hitches(world, states, scans), fills, full)
+    return Observations(world.tick, world.layout.index, states, scans, Hitches(world, states, scans), fills, full)
 
 
-class _Hitches(Mapping[str, Hitch]):
+class Hitches(Mapping[str, Hitch]):
     """Coupled body -> the body at the other end of the bar, with its scan if it is towed; each is made when it is asked for."""
 
     def __init__(self, world: World, states: np.ndarray, scans: Scans) -> None:
         self._layout, self._tows, self._coupled = world.layout, world.fixed.tows, world.coupled.copy()
         self._states, self._scans = states, scans
+        self._errors: Mapping[str, np.ndarray] = {}
+
+    def shifted(self, errors: Mapping[str, np.ndarray]) -> "Hitches":
+        """Return the same for bodies that take themselves to be elsewhere, m: the bar itself measures without errors."""
+        other = copy(self)
+        other._errors = errors
+        return other
 
     def __getitem__(self, name: str) -> Hitch:
         hitch: Hitch | None = self.get(name)
@@ -113,6 +121,8 @@ class _Hitches(Mapping[str, Hitch]):
         if other == NONE:
             return default
         x, y, z, w, vx, vy, turn = self._states[other].tolist()
+        if name in self._errors:
+            x, y = x + self._errors[name].item(0), y + self._errors[name].item(1)
         return Hitch(self._layout.names[other], x, y, (z, w), Twist(vx, vy, turn), self._scans[other] if self._tows[i] > 0.0 else None)
 
     def __iter__(self) -> Iterator[str]:

@@ -5,18 +5,19 @@ adds up from tick to tick is in the world, and so in a snapshot.
 """
 
 import math
-from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
-from orchard.contract.agent import Hitch, Observations
+from orchard.contract.agent import Observations
 from orchard.field.geometry import Pose, from_frame
 from orchard.field.kinds import VEHICLES
 from orchard.field.layout import Layout
 from orchard.field.repeatable import draw, exp, normal, wrap
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.kernels.move import quaternions
+from orchard.sim.scan import Hitches
 from orchard.sim.world import World
 
 X_Y, MOTION = slice(0, 2), slice(4, 7)  # columns of a body's state: see Observations
@@ -69,7 +70,7 @@ class Sensors:
         for i, error in errors.items():
             states[i, X_Y] += error
         shifts = {name: errors[i] for name, i in self._robots.items() if i in errors}
-        return replace(truth, states=states, hitches=_Shifted(truth.hitches, shifts), accuracies=self._accuracies)
+        return replace(truth, states=states, hitches=cast(Hitches, truth.hitches).shifted(shifts), accuracies=self._accuracies)
 
     def reckoned(self, truth: Observations) -> Observations:
         """Return the observations of odometry alone, for those without errors. They know of no body at the other end of the bar."""
@@ -110,20 +111,3 @@ class Sensors:
         """The velocity of a robot in the last step as its odometry measures it. A robot that stands measures that it stands."""
         ahead, left, turn = self._world.twist[i].tolist()
         return self._share[i] * ahead, left, turn + self._bend[i] * ahead
-
-
-class _Shifted(Mapping[str, Hitch]):
-    """Coupled body -> the body at the other end of its bar, moved by its own error: the bar itself measures without errors."""
-
-    def __init__(self, hitches: Mapping[str, Hitch], errors: Mapping[str, np.ndarray]) -> None:
-        self._hitches, self._errors = hitches, errors
-
-    def __getitem__(self, name: str) -> Hitch:
-        hitch, (x, y) = self._hitches[name], self._errors.get(name, (0.0, 0.0))
-        return hitch._replace(x=hitch.x + float(x), y=hitch.y + float(y))
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._hitches)
-
-    def __len__(self) -> int:
-        return len(self._hitches)

@@ -4,8 +4,8 @@ import pytest
 from stage import Stage, Standing, empty_orchard
 
 from orchard.agents.route import OneWay
+from orchard.agents.routes import duration
 from orchard.agents.steps import DriveTo, Face
-from orchard.agents.timing import duration
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out

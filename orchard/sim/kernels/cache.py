@@ -49,10 +49,7 @@ def _digest(name: str, code: bytes) -> bytes:
 
 
 class KernelFiles:
-    """The compiled code of kernels in a folder, each in a file with its SHA-256. Code that is torn, changed or another's is never used.
-
-    A file is written whole or not at all, so that processes which start together do not disturb each other.
-    """
+    """The compiled kernels of a folder, each in a file that is written whole, with its SHA-256: what is torn or changed is not used."""
 
     def __init__(self, folder: Path) -> None:
         """The folder need not exist yet."""
@@ -76,10 +73,7 @@ class KernelFiles:
         return content[DIGEST:]
 
     def keep(self, name: str, code: bytes) -> None:
-        """Write the code of a kernel, and remove kernels of other sources that are not used any more.
-
-        If it cannot be written, that is logged, once for all files, and the next start compiles it again.
-        """
+        """Write the code of a kernel, and remove kernels of other sources. If that fails, it is logged once for all files."""
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             write_whole(self._folder / name, _digest(name, code) + code)

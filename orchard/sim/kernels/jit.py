@@ -25,10 +25,7 @@ _files = None if _folder is None else KernelFiles(_folder)
 
 
 class _Cache(NullCache):
-    """Keeps a kernel's compiled code, for numba, in files with checksums. Numba's own cache loads whatever bytes are in its files.
-
-    The folder's name contains the sources, and a file's name all else on which the code depends.
-    """
+    """Keeps a kernel's code in files with checksums: numba's own cache loads whatever is in its files. Names say on what it depends."""
 
     def __init__(self, files: KernelFiles, function: Callable[..., Any]) -> None:
         self._files, self._name = files, f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
@@ -74,10 +71,9 @@ T = TypeVar("T")
 
 
 def in_order(kernel: Any, values: Mapping[str, T], skip: int = 0) -> list[T]:
-    """Return `values`, given by name, in the order of a kernel's parameters after the first `skip`.
+    """Return `values`, given by name, in the order of a kernel's parameters after the first `skip`, so that no two can be swapped.
 
-    Kernels take many arrays by position, because numba unpacks a named tuple slowly. By this no two of them can be swapped unseen: a name
-    that is missing or unknown raises TypeError.
+    Kernels take many arrays by position, because numba unpacks a named tuple slowly. Raises TypeError for a name too few or too many.
     """
     names = list(signature(kernel.py_func).parameters)[skip:]
     if set(names) != set(values):

@@ -60,10 +60,7 @@ def limit(wanted, stopped, speed, coupled, turn, sideways, twists):
 
 @jit
 def arc(x, y, yaw, forward, left, turn, seconds):
-    """Return the pose (x, y, yaw) after a constant twist: the exponential of SE(2).
-
-    The chord of the arc points half the turn, h, beyond the first heading, and is sin(h) / h times as long as the arc.
-    """
+    """Return the pose (x, y, yaw) after a constant twist: the exponential of SE(2), by the chord of its arc."""
     half = 0.5 * turn * seconds
     s, c = sin_cos(yaw + half)
     length = seconds if half == 0.0 else seconds * (sin_cos(half)[0] / half)
@@ -98,12 +95,10 @@ def advance(
 
 @inlined
 def move_all(twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, collisions, held, blocked, met):
-    """Move each body with its twist for one time step, one after another, if nothing solid is in the way.
+    """Move each body with its twist for one time step, one after another, if nothing solid is in the way: else its twist becomes 0.
 
-    boxes (n, 7) and walls (w, 7): the bodies at their poses, and the walls; body_grid, wall_grid: their Grids.
-    A body that cannot move keeps its pose, and its twist becomes 0.
-    Writes into `met`, (n,) int64, the obstacle with which a body's collision begins: a body's index, n + a wall's index, or NONE; returns
-    whether any begins.
+    boxes (n, 7) and walls (w, 7): the bodies at their poses, and the walls; body_grid, wall_grid: their Grids. Return whether a collision
+    begins, with the obstacle in `met`, (n,) int64: a body's index, n + a wall's index, or NONE.
     """
     begins = False
     for i in range(len(pose)):
@@ -235,10 +230,7 @@ def keep_pace(pickers, twist, pose, coupled, fill, rows):
 
 @inlined
 def pick(pickers, before, pose, coupled, rows, fill, picked_from):
-    """Pick what the pickers drove over since they were at x = before, (p,) m.
-
-    Writes into `picked_from`, (p,), the row that each picked from, or NONE; returns whether one is picked to its end.
-    """
+    """Pick what the pickers drove over since x = `before`, (p,) m, from the rows `picked_from`, (p,). Return whether one is done."""
     is_any_done = False
     for k in range(len(pickers)):
         i, picked_from[k] = pickers[k], NONE

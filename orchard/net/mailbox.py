@@ -17,7 +17,7 @@ from orchard.wire.codec import observations_of
 from orchard.wire.messages import Answered, AskedOf, Letter, Received, Seen
 
 DOUBT_SECONDS = 1.0  # after which a request without news counts as lost; physics has a copy
-MOST_HELD = 10_000  # requests that wait for their tick
+MOST_WAITING = 10_000  # requests that wait for their tick
 STALE_TICKS = 50  # realtime: the most ticks between two hosts whose agents exchange mail
 
 
@@ -93,14 +93,14 @@ class Mailbox:
         self.last = -1  # the last tick that was delivered
         self._joined = 0
         self._recalled: deque[int] = deque(maxlen=2)  # ticks whose requests were heard from the copies of physics
-        self._held: dict[tuple[str, str, int, int], _ReceivedRequest] = {}  # (recipient, sender, tick, number) ->
+        self._waiting: dict[tuple[str, str, int, int], _ReceivedRequest] = {}  # (recipient, sender, tick, number) ->
         self._asked: dict[int, list[SentRequest]] = {}  # tick -> the requests of that tick, in their order
 
     def join(self, tick: int) -> None:
         """Continue at a tick that is not the next, and forget all mail (rule 1)."""
-        for held in self._held.values():
-            held.question.drop()
-        self._held, self._asked, self.last, self._joined = {}, {}, tick - 1, tick
+        for waiting in self._waiting.values():
+            waiting.question.drop()
+        self._waiting, self._asked, self.last, self._joined = {}, {}, tick - 1, tick
 
     def is_overtaken(self, tick: int) -> bool:
         """Whether a tick is the first one since the join, and later than it: physics went on with an answer from before (rule 1)."""
@@ -119,12 +119,12 @@ class Mailbox:
             question.drop()
             return
         key = (recipient, letter.sender, letter.tick, letter.number)
-        if key not in self._held and len(self._held) >= MOST_HELD:
+        if key not in self._waiting and len(self._waiting) >= MOST_WAITING:
             question.refuse("too many requests wait")
-            raise Refused("too many", f"{MOST_HELD} requests wait")
-        if key in self._held:  # a repeated request
-            self._held[key].question.drop()
-        self._held[key] = _ReceivedRequest(Heard(letter.sender, letter.tick, letter.number, letter.body), question)
+            raise Refused("too many", f"{MOST_WAITING} requests wait")
+        if key in self._waiting:  # a repeated request
+            self._waiting[key].question.drop()
+        self._waiting[key] = _ReceivedRequest(Heard(letter.sender, letter.tick, letter.number, letter.body), question)
         question.reply(pack(Received(self._run, letter.tick)))
 
     def recall(self, tick: int) -> None:
@@ -170,15 +170,15 @@ class Mailbox:
         return tick <= self._joined + 1
 
     def _has(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
-        return all((to, sender, tick - 1, number) in self._held for to, sender, number in asked_of)
+        return all((to, sender, tick - 1, number) in self._waiting for to, sender, number in asked_of)
 
     def deliver(self, tick: int) -> dict[str, Mail]:
         """Return name -> the requests of the last tick and the answers given in it (rule 3). Agents without mail are absent."""
         mail: dict[str, Mail] = {}
-        for (recipient, *_), held in self._held.items():
-            held.is_heard = self._is_done(held.heard.tick, tick)
-            if self._is_heard(held.heard.tick, tick):
-                mail.setdefault(recipient, Mail()).requests.append(held.heard)
+        for (recipient, *_), waiting in self._waiting.items():
+            waiting.is_heard = self._is_done(waiting.heard.tick, tick)
+            if self._is_heard(waiting.heard.tick, tick):
+                mail.setdefault(recipient, Mail()).requests.append(waiting.heard)
         for heard in mail.values():
             heard.requests = in_hearing_order(heard.requests)
         for asked in self._take_settled(tick):
@@ -200,9 +200,9 @@ class Mailbox:
     def write(self, name: str, action: Action) -> list[SentRequest]:
         """Take the answers of an agent, which `close` sends. Return its requests, which the caller must send."""
         for heard, body in action.answers:
-            held = self._held.get((name, heard.sender, heard.tick, heard.number))
-            if held is not None and held.is_heard:
-                held.body = body
+            waiting = self._waiting.get((name, heard.sender, heard.tick, heard.number))
+            if waiting is not None and waiting.is_heard:
+                waiting.body = body
         if not action.requests:
             return []
         asked = [SentRequest(name, self.last, number, to, request) for number, (to, request) in enumerate(action.requests)]
@@ -214,10 +214,10 @@ class Mailbox:
 
     def close(self) -> None:
         """Reply to all queries that were heard in this tick or before, and drop them (rule 3). Without an answer the reply is nil."""
-        for key in [key for key, held in self._held.items() if held.is_heard]:
-            held = self._held.pop(key)
-            held.question.reply(pack(Answered(self._run, self.last, held.body)))
-            held.question.drop()
+        for key in [key for key, waiting in self._waiting.items() if waiting.is_heard]:
+            waiting = self._waiting.pop(key)
+            waiting.question.reply(pack(Answered(self._run, self.last, waiting.body)))
+            waiting.question.drop()
 
 
 class RealtimeMailbox(Mailbox):

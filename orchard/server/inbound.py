@@ -75,10 +75,10 @@ class Queries:
         _refuse_other_session(join.owner, session)
         drivers = self._run.drivers
         refused = drivers.join(join.names, join.owner)
-        held = [] if refused else join.names
-        memories = {name: drivers.recovery_log.memories.get(name) for name in held}
+        owned = [] if refused else join.names
+        memories = {name: drivers.recovery_log.memories.get(name) for name in owned}
         query.reply(pack(wire.Joined(self._run.id, self._run.engine.tick, memories, refused)))
-        drivers.expect(held, join.owner)
+        drivers.expect(owned, join.owner)
 
     def _recall(self, query: Query) -> None:
         recall, tick = read_message(query.payload, wire.Recall, self._run.id), self._run.engine.tick

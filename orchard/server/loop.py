@@ -37,7 +37,7 @@ class RunLoop:
         self.run = Run(bus, keys, engine, options, before)
         self.arrivals = Inbound(bus, keys, self.run)
         self._drivers = self.run.drivers
-        self._held_before = before.held if before and engine.tick > 0 else None  # before the first tick not all had come
+        self._owned_before = before.owned if before and engine.tick > 0 else None  # before the first tick not all had come
         self._clock = self.run.control.clock
         self._pacer = Pacer(options.pace, self._clock)
         self.reset_to: dict[str, Any] | None = None  # after the end: the scenario with which the run begins again
@@ -83,8 +83,8 @@ class RunLoop:
 
         A run that is resumed waits for those that had an owner, for `patience` seconds, renewed by each that returns: many start slowly.
         """
-        names = self._drivers.roster.names if self._held_before is None else tuple(self._held_before)
-        patience = math.inf if self._held_before is None else self._options.patience
+        names = self._drivers.roster.names if self._owned_before is None else tuple(self._owned_before)
+        patience = math.inf if self._owned_before is None else self._options.patience
         end, fewest = self.bus.clock() + patience, len(names)
         while (missing := [name for name in names if self._is_expected(name)]) and (left := end - self.bus.clock()) > 0.0:
             if len(missing) < fewest:

@@ -62,7 +62,7 @@ class Run:
 
     def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: RunOptions, before: Snapshot | None = None) -> None:
         self.engine = engine
-        self._held_before = before.held if before else []  # the agents that had a session; not all may come back before it ends again
+        self._owned_before = before.owned if before else []  # the agents that had a session; not all may come back before it ends again
         self.refusal_totals = RefusalTotals(before.figures.get("refused") if before else None)
         self.id = options.run or (before.run if before else uuid.uuid4().hex[:16])
         roster, recovery_log = Roster(engine.layout.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
@@ -125,10 +125,10 @@ class Run:
     def _snapshot(self) -> Snapshot:
         engine, recovery_log = self.engine, self.drivers.recovery_log
         scenario = engine.layout.scenario.model_dump()
-        held = sorted(self.drivers.roster.owners) if self.has_begun else self._held_before
+        owned = sorted(self.drivers.roster.owners) if self.has_begun else self._owned_before
         letters, figures = sorted(recovery_log.letters.items()), self.account.figures.as_data() | {"refused": self.refusal_totals.as_data()}
         return Snapshot(
-            self.id, scenario, engine.as_data(), engine.digest, recovery_log.memories, letters, figures, held, self.drivers.lost
+            self.id, scenario, engine.as_data(), engine.digest, recovery_log.memories, letters, figures, owned, self.drivers.lost
         )
 
     def end(self, why: str) -> End:

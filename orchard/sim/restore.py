@@ -37,7 +37,7 @@ def world_from(snapshot: Snapshot) -> World:
         world = World(lay_out(check(snapshot.scenario, "the snapshot's scenario")))
         for name, value in world.state.items():
             setattr(world, name, _like(value, snapshot.world[name]))
-        unknown = {*snapshot.held, *snapshot.memories} - set(world.layout.agents)
+        unknown = {*snapshot.owned, *snapshot.memories} - set(world.layout.agents)
         faults = [*_faults(world), *(f"{name}: there is no such agent" for name in sorted(unknown))]
         if faults:
             raise ValueError("; ".join(faults[:5]))

@@ -15,7 +15,7 @@ from msgspec import Meta
 from orchard.contract.messages import Written, pack, unpack
 from orchard.folders import regular, write_whole
 
-VERSION = 5
+VERSION = 6
 HEAD = b"orchard snapshot %d\n"
 LARGEST = 1 << 24  # bytes; the snapshot of the largest orchard has a hundredth of that
 KEPT = 2  # files: the newest two
@@ -36,7 +36,7 @@ class Snapshot(msgspec.Struct):
     memories: dict[str, bytes | None]  # name -> the agent's memory as msgpack
     letters: list[tuple[int, dict[str, Written]]]  # (tick, sender -> its letters) of the last two ticks
     figures: dict[str, Any]  # the run's figures so far
-    held: list[str] = []  # the agents that a session held
+    owned: list[str] = []  # the agents that a session owned
     lost: dict[str, int] = {}  # agent -> the first tick for which lockstep has not waited for it: from there on the hash is another
 
     @property

@@ -89,7 +89,7 @@ FALSE = {
     "no world": lambda t: t | {"world": {}},
     "no memories": lambda t: t | {"memories": dict.fromkeys(t["memories"], b"\xc1\xc1")},
     "nobody remembers": lambda t: t | {"memories": {"nobody": b"\x80"}},
-    "nobody held": lambda t: t | {"held": ["nobody"]},
+    "nobody owned": lambda t: t | {"owned": ["nobody"]},
     "other agents' memories": lambda t: t | {"memories": {**t["memories"], "picker_01": b"\x81\xa4plan\xa1x"}},
     "short hash": lambda t: t | {"digest": b"x"},
     "odd run": lambda t: t | {"run": "a/*"},

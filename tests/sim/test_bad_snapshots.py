@@ -119,7 +119,7 @@ def test_a_snapshot_that_lies_is_refused(tmp_path, snapshot, lie):
     [("far away", "pose's y: must be from"), ("wall of text", "figures in the snapshot are malformed"), ("no pose", "is missing"),
      ("no invariants", "inconsistent"), 
      ("wall of refusals", "refused messages in the snapshot are malformed"),
-     ("nobody held", "there is no such agent"), ("other scenario", "inconsistent")],
+     ("nobody owned", "there is no such agent"), ("other scenario", "inconsistent")],
 )  # fmt: skip
 def test_physics_refuses_the_newest_snapshot_if_it_lies_with_a_right_checksum_and_takes_the_one_before(
     tmp_path, snapshot, lie, why, caplog
@@ -134,7 +134,7 @@ def test_physics_refuses_the_newest_snapshot_if_it_lies_with_a_right_checksum_an
     assert why in said
 
 
-@pytest.mark.parametrize("lie", ["nobody remembers", "nobody held"])
+@pytest.mark.parametrize("lie", ["nobody remembers", "nobody owned"])
 def test_who_is_not_there_is_refused_before_any_agent_is_made(tmp_path, snapshot, lie):
     """Physics, which has no agents, refuses it."""
     with pytest.raises(SnapshotError, match="nobody: there is no such agent"):

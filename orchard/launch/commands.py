@@ -79,13 +79,14 @@ def harvest(chosen: HarvestOptions) -> None:
         print_error(note)
     if chosen.only and chosen.connect:
         raise typer.Exit(_join_run(chosen, chosen.connect, chosen.only))
-    with own_classes_run(), ExitStack() as stack:
-        with exit_on_errors(ScenarioError, SnapshotError, BusError, OSError, ValueError):
-            request = _request(chosen)
-            stack.enter_context(alone(request.recording, chosen.table))
-            if request.recording is not None:
-                remove_further_parts(request.recording)
-        result, why = _run_local(request) if chosen.mode == "local" else _run_processes(request)
+    with ExitStack() as stack:
+        with own_classes_run():
+            with exit_on_errors(ScenarioError, SnapshotError, BusError, OSError, ValueError):
+                request = _request(chosen)
+                stack.enter_context(alone(request.recording, chosen.table))
+                if request.recording is not None:
+                    remove_further_parts(request.recording)
+            result, why = _run_local(request) if chosen.mode == "local" else _run_processes(request)
         code = report(request, result, why)
     raise typer.Exit(code)
 

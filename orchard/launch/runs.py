@@ -81,6 +81,8 @@ def _remove_empty(path: Path) -> None:
 
 def check_writable(path: Path) -> None:
     """Raise OSError if a file cannot be written. An existing file is not changed."""
+    if path.resolve().is_fifo():  # it would wait for a reader; /dev/stdout is none, whatever stdout is
+        raise OSError(f"{path}: is a named pipe; expected a file")
     new = not path.exists()
     try:
         path.open("ab").close()

@@ -110,6 +110,16 @@ def test_a_logger_replaces_no_file_that_is_no_recording(tmp_path):
     assert "ends in .rrd" in said
 
 
+def test_no_file_of_a_run_is_a_named_pipe_for_which_it_would_wait_and_a_summary_may_go_to_stdout(tmp_path):
+    os.mkfifo(pipe := tmp_path / "pipe.rrd")
+    for option in ("--summary", "--record"):
+        done = orchard(*SHORT, option, pipe)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr.startswith(f"{pipe}: is a named pipe; expected a file")
+    done = orchard(*SHORT, "--record", "none", "--summary", "/dev/stdout")
+    assert '  "rows_picked": 0,' in done.stdout.splitlines()
+
+
 def test_a_full_disk_loses_the_summary_but_not_what_is_printed():
     done = orchard(*SHORT, "--record", "none", "--summary", "/dev/full")
     assert done.returncode == 1

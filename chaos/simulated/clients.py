@@ -17,6 +17,7 @@ from orchard.wire.types import RunMessage
 
 RUN = "run1"
 KEYS = Keys()
+ANOTHER_SEED = 5  # of a scenario after a reset
 
 
 @dataclass
@@ -128,6 +129,12 @@ def listen(client: Client) -> None:
     client.wait(client.seconds)
 
 
+def stay_mute(client: Client) -> None:
+    """Receive all queries, and answer none."""
+    client.bus.answer(f"{KEYS.prefix}/**")
+    client.wait(client.seconds)
+
+
 def stop_robots(client: Client) -> None:
     """Stop all robots in an emergency, and reset them."""
     client.ask("stop", wire.Stop(RUN, True, []))
@@ -146,8 +153,9 @@ def advise(client: Client) -> None:
 
 
 def reset(client: Client) -> None:
-    """Let the run begin again, as before."""
-    client.ask("reset_simulation", wire.ResetSimulation(RUN))
+    """Let the run begin again, as before or with another seed."""
+    seed = client.random.choice((None, ANOTHER_SEED))
+    client.ask("reset_simulation", wire.ResetSimulation(RUN, seed))
 
 
 def quit_run(client: Client) -> None:
@@ -163,6 +171,7 @@ CLIENTS: dict[str, Callable[[Client], None]] = {
     "false end": end_it,
     "pause": pause,
     "listen": listen,
+    "mute": stay_mute,
     "stop robots": stop_robots,
     "advise": advise,
     "reset": reset,

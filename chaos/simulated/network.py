@@ -29,6 +29,7 @@ class Network:
         self.scheduler, self.seed, self.pauses, self._delays = scheduler, seed, pauses, delays
         self.router: Router | None = None
         self.sessions: list[SimulatedBus] = []
+        self.late = 0.0  # s by which tokens come later than messages
         self.lines: list[str] = []  # the trace
         self.is_traced = False
         self._ids: dict[str, int] = {}
@@ -54,7 +55,7 @@ class Network:
         """Open a router with a session of its own. Raises BusError if there is one already."""
         if self.router is not None and self.router.is_open:
             raise BusError(f"{self.ENDPOINT}: another program listens there")
-        router = self.router = Router(self.scheduler, name)
+        router = self.router = Router(self.scheduler, name, self.late)
         bus = SimulatedBus(self, name, task, inbox, executor)
         self.sessions.append(bus)
         bus.use(DirectLink(bus, router, Delays(), Random(0)))
@@ -125,7 +126,7 @@ class Network:
 
     def start_router(self, name: str) -> None:
         """Start a router of its own."""
-        self.router = Router(self.scheduler, name)
+        self.router = Router(self.scheduler, name, self.late)
 
     def end_router(self, name: str, share: float = 1.0) -> None:
         """End the router of a process. `share`: how much of what it has sent still arrives."""
@@ -158,6 +159,11 @@ class Network:
             speak()
 
         return thaw
+
+    def after_messages(self, name: str, count: int, act: Callable[[], None]) -> None:
+        """Let `act` happen as a process sends its message of that number from now on."""
+        for bus in [bus for bus in self.sessions if bus.name == name]:
+            bus.fuse = count, act
 
     def silence(self, name: str, seconds: float, ways: tuple[int, ...] = (UP, DOWN)) -> None:
         """Let nothing through on the links of a process for so long."""

@@ -1,28 +1,35 @@
 """The plan of one schedule: its run, and the faults that a seed draws for it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from random import Random
 from typing import Any, NamedTuple
 
 from chaos.simulated.clients import CHANGES_THE_HASH
 from chaos.simulated.link import Delays
+from orchard.server.options import PATIENCE
 from orchard.wire.keys import LOGGER, PHYSICS
 
 MOST_TICKS = 300
+BACK_SECONDS = 3.0  # s that a host takes to be back
 CLIENT, RUN_PY, ROUTER = "client", "run.py", "router"
 
 
 class Fault(NamedTuple):
-    """A fault: what happens to which process, so many seconds after a tick, and for how long (s). Before the first tick: tick -1."""
+    """A fault: what happens to which process, so many seconds after a tick, and for how long (s). Before the first tick: tick -1.
+
+    `message`: it happens as the process sends its message of that number from then on; 0: at once.
+    """
 
     what: str
     who: str
     tick: int
     delay: float = 0.0
     seconds: float = 0.0
+    message: int = 0
 
     def __str__(self) -> str:
-        return f"tick {self.tick} + {self.delay:.4f} s: {self.what} {self.who}" + (f" for {self.seconds:.2f} s" if self.seconds else "")
+        when = f"tick {self.tick} + {self.delay:.4f} s" + (f", at message {self.message}" if self.message else "")
+        return f"{when}: {self.what} {self.who}" + (f" for {self.seconds:.2f} s" if self.seconds else "")
 
 
 @dataclass(frozen=True)
@@ -38,11 +45,37 @@ class Plan:
     delays: Delays
     faults: tuple[Fault, ...]
     mode: str = "lockstep"
+    patience: float = PATIENCE  # s that physics waits for a host
+    is_elsewhere: bool = False  # the hosts are on another machine: run.py does not end them
+    late: float = 0.0  # s by which tokens come later than messages, as over several routers
 
     @property
     def has_hash(self) -> bool:
-        """Whether the run has the hash of local mode."""
+        """Whether the run has the hash of local mode, if no agent was lost."""
         return self.mode == "lockstep" and not any(fault.what in CHANGES_THE_HASH for fault in self.faults)
+
+    @property
+    def may_lose(self) -> bool:
+        """Whether a host may be away for longer than physics waits; or for good, as it has heard the end, and then physics dies."""
+        if (self.is_elsewhere or len(self.faults) > 1) and any(fault.who == PHYSICS for fault in self.faults):
+            return True
+        away = [fault.seconds + BACK_SECONDS for fault in self.faults if fault.who not in (CLIENT, LOGGER)]
+        return sum(away) >= self.patience
+
+    @property
+    def may_miss_the_end(self) -> bool:
+        """Whether a host may not hear that the run is over: more happens than that one link is cut for a moment."""
+        heavy = [fault for fault in self.faults if fault.who not in (CLIENT, LOGGER)]
+        return self.is_elsewhere and (len(heavy) > 1 or any(fault.what != "cut" or fault.seconds > 0.7 for fault in heavy))
+
+    @property
+    def may_take(self) -> bool:
+        """Whether a client may keep agents that it has got for longer than a host tries."""
+        return any(fault.what == "claim" and fault.seconds > 2.0 for fault in self.faults)
+
+    def has(self, *what: str) -> bool:
+        """Whether it has one of these faults."""
+        return any(fault.what in what for fault in self.faults)
 
 
 ALONE = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0}
@@ -52,39 +85,91 @@ SCENARIOS: tuple[dict[str, Any], ...] = (
     {"rows": 3, "seed": 3, "route": "two-way", **ALONE},
     {"rows": 4, "seed": 4, "dispatch": "assignment", "tractor": False, **ALONE},
 )
+HOST = "host"
 FAULTS = {
-    "host": ("kill", "kill", "kill", "freeze", "cut", "cut", "silence", "silence up", "silence down", "vanish"),
+    HOST: ("kill", "kill", "kill", "freeze", "think", "cut", "cut", "silence", "silence up", "silence down", "vanish"),
     PHYSICS: ("kill", "kill", "kill", "freeze", "full disk", "torn snapshot"),
     LOGGER: ("kill", "freeze", "cut", "silence"),
-    CLIENT: ("claim", "claim", "nonsense", "repeat", "lie", "lie", "pause", "pause", "listen", "reset", "reset", "quit"),
+    CLIENT: ("claim", "claim", "nonsense", "repeat", "lie", "lie", "pause", "pause", "listen", "mute", "reset", "reset", "quit"),
     RUN_PY: ("kill",),
     ROUTER: ("kill",),
 }
 AT_A_MOMENT = ("kill", "torn snapshot")
+TROUBLES = (  # that come together: the second one while the first one lasts, or as it ends
+    (("pause", CLIENT), ("kill", HOST)),
+    (("reset", CLIENT), ("kill", PHYSICS)),
+    (("mute", CLIENT), ("kill", PHYSICS)),
+    (("full disk", PHYSICS), ("kill", PHYSICS)),
+    (("kill", PHYSICS), ("kill", HOST)),
+    (("cut", HOST), ("claim", CLIENT)),
+    (("vanish", HOST), ("cut", HOST)),
+    (("think", HOST), ("kill", HOST)),
+)
+LONG = ("pause", "mute")  # what lasts for long now and then
 
 
 def draw(seed: int) -> Plan:
     """Return the plan of a seed."""
     random = Random(f"plan {seed}")
-    scenario, hosts, ticks = random.choice(SCENARIOS), random.randint(1, 3), random.choice((30, 100, 100, 200, 300))
-    mode = "realtime" if random.random() < 0.1 else "lockstep"
+    hosts = random.randint(1, 3)
     has_logger, has_router = random.random() < 0.15, random.random() < 0.2
-    delays = Delays(10.0 ** random.uniform(-4.0, -2.0), random.choice((0.05, 0.3, 1.0)), random.choice((0.0, 0.003, 0.02)))
-    names = [f"agents_{number}" for number in range(hosts)]
-    targets = [*names, *names, *names, PHYSICS, PHYSICS, CLIENT, CLIENT, RUN_PY, *[LOGGER] * has_logger, *[ROUTER] * has_router]
-    faults = []
+    plan = Plan(
+        seed,
+        random.choice(SCENARIOS),
+        random.choice((30, 100, 100, 200, 300)),
+        hosts,
+        has_logger,
+        has_router,
+        Delays(10.0 ** random.uniform(-4.0, -2.0), random.choice((0.05, 0.3, 1.0)), random.choice((0.0, 0.003, 0.02))),
+        (),
+        "realtime" if random.random() < 0.1 else "lockstep",
+        random.choice((PATIENCE, PATIENCE, 4.0)),
+        random.random() < 0.25,
+        random.random() if has_router and random.random() < 0.3 else 0.0,
+    )
+    return replace(plan, faults=tuple(sorted(_faults(random, plan), key=lambda fault: fault.tick)))
+
+
+def _faults(random: Random, plan: Plan) -> list[Fault]:
+    kind = random.random()
+    if plan.mode == "lockstep" and kind < 0.05:  # what an open run cannot tell from the truth while a link is cut or physics is gone
+        return [Fault(random.choice(("false end", "advise", "stop robots")), CLIENT, *_moment(random, plan.ticks), 1.0)]
+    if kind < 0.25:
+        return _troubles(random, plan)
+    if kind < 0.35:  # a link that breaks as the end is published
+        seconds = 10.0 ** random.uniform(-1.5, -0.2)
+        return [Fault("cut", _name(HOST, random, plan), plan.ticks, 10.0 ** random.uniform(-4.0, -1.0) - 1e-4, seconds)]
+    faults: list[Fault] = []
+    own = [PHYSICS, PHYSICS, CLIENT, CLIENT, RUN_PY, *[LOGGER] * plan.has_logger, *[ROUTER] * plan.has_router]
     for _ in range(random.choice((0, 1, 1, 2, 2, 3, 4, 6))):
-        who = random.choice(targets)
-        choices = FAULTS.get(who, FAULTS["host"])
-        if who == PHYSICS and has_router:
-            choices += ("cut", "silence")
-        what = random.choice(choices)
-        seconds = 0.0 if what in AT_A_MOMENT else 10.0 ** random.uniform(-1.5, 0.9)
-        tick, delay = _moment(random, ticks)
-        faults.append(Fault(what, who, max(tick, 0) if who == ROUTER else tick, delay, seconds))  # without a router nothing begins
-    if mode == "lockstep" and random.random() < 0.05:  # what an open run cannot tell from the truth while a link is cut or physics is gone
-        faults = [Fault(random.choice(("false end", "advise", "stop robots")), CLIENT, *_moment(random, ticks), 1.0)]
-    return Plan(seed, scenario, ticks, hosts, has_logger, has_router, delays, tuple(sorted(faults, key=lambda fault: fault.tick)), mode)
+        who = random.choice([*[HOST] * 3 * plan.hosts, *own])
+        more = ("cut", "silence") if who == PHYSICS and plan.has_router else ()
+        tick, delay = _moment(random, plan.ticks)  # without a router nothing begins
+        faults.append(_fault(random, plan, random.choice(FAULTS[who] + more), who, max(tick, 0) if who == ROUTER else tick, delay))
+    return faults
+
+
+def _troubles(random: Random, plan: Plan) -> list[Fault]:
+    """Two faults that come together."""
+    first, second = random.choice(TROUBLES)
+    one = _fault(random, plan, *first, *_moment(random, plan.ticks))
+    soon = 10.0 ** random.uniform(-4.0, 0.3)
+    at = one.delay + (soon if random.random() < 0.5 else max(0.0, one.seconds + random.uniform(-1.0, 0.2)))
+    return [one, _fault(random, plan, *second, one.tick, at)]
+
+
+def _fault(random: Random, plan: Plan, what: str, who: str, tick: int, delay: float) -> Fault:
+    seconds = 0.0 if what in AT_A_MOMENT else 10.0 ** random.uniform(-1.5, 0.9)
+    if who == ROUTER:
+        seconds = random.uniform(1.0, 6.0)
+    if what in LONG and random.random() < 0.5:
+        seconds = random.uniform(5.0, 25.0)
+    is_between_messages = who in (HOST, PHYSICS) and random.random() < 0.3
+    return Fault(what, _name(who, random, plan), tick, delay, seconds, random.randint(1, 30) if is_between_messages else 0)
+
+
+def _name(who: str, random: Random, plan: Plan) -> str:
+    return f"agents_{random.randrange(plan.hosts)}" if who == HOST else who
 
 
 def _moment(random: Random, ticks: int) -> tuple[int, float]:

@@ -126,14 +126,30 @@ class SimulatedProcess:
         if self.code is None:
             self.code = KILLED
             for bus in self.buses:
-                self.world.network.end(bus, self.world.random.random())
-            self.world.network.end_router(self.spec.name, self.world.random.random())
+                self.world.network.end(bus, self._share())
+            self.world.network.end_router(self.spec.name, self._share())
             self.task.kill()
+
+    def _share(self) -> float:
+        """How much of what it has sent still arrives: the system sends on what it has been given."""
+        return min(1.0, 2.0 * self.world.random.random())
 
     def freeze(self) -> None:
         """Stop it, as SIGSTOP does."""
+        self._stop(self.world.network.freeze(self.spec.name))
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether it is frozen, or thinks."""
+        return bool(self._thaws)
+
+    def think(self) -> None:
+        """Let an agent think for long: its session goes on."""
+        self._stop(lambda: None)
+
+    def _stop(self, thaw: Callable[[], None]) -> None:
         self.task.freeze()
-        self._thaws.append(self.world.network.freeze(self.spec.name))
+        self._thaws.append(thaw)
 
     def thaw(self) -> None:
         """Let it go on."""
@@ -253,6 +269,8 @@ class World:
     disk_seconds: float = 0.1  # that a write takes at most
     is_disk_full: bool = False
     engine: Engine | None = None  # of physics
+    physics: SimulatedProcess | None = None  # the process that has it
+    begun_at: int = 0  # the tick at which that has begun
     lines: list[str] = field(default_factory=list)  # what users are told
     processes: dict[Task, SimulatedProcess] = field(default_factory=dict)
     crashes: list[str] = field(default_factory=list)  # what no user should see
@@ -260,10 +278,11 @@ class World:
 
     def begin(self, engine: Engine) -> None:
         """Know the engine of physics, which is about to begin."""
-        self.engine = engine
+        self.engine, self.begun_at, self.physics = engine, engine.tick, self._running
 
     def say(self, line: str) -> None:
         """Take a line for the user."""
+        line = line.replace(str(self.folder), "")  # which has another name each time
         self.lines.append(line)
         self.network.trace(f"  says: {line}")
 

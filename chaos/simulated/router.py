@@ -17,9 +17,9 @@ def meets(one: str, other: str) -> bool:
 class Router:
     """A router: it passes on what the sessions that are linked to it send and declare."""
 
-    def __init__(self, scheduler: Scheduler, owner: str = "") -> None:
-        """`owner`: the name of the process that has it; '' for a router of its own."""
-        self.scheduler, self.owner = scheduler, owner
+    def __init__(self, scheduler: Scheduler, owner: str = "", late: float = 0.0) -> None:
+        """`owner`: the name of the process that has it; '' for a router of its own. `late`: s by which it passes on tokens late."""
+        self.scheduler, self.owner, self._late = scheduler, owner, late
         self.links: dict[str, Link] = {}  # session id ->
         self._subscribers: dict[str, list[str]] = {}  # session id -> keys
         self._queryables: dict[str, list[str]] = {}
@@ -106,6 +106,12 @@ class Router:
         return self.links.get(link.session.id) is link
 
     def _tell_token(self, token: str, up: bool) -> None:
+        if self._late:
+            self.scheduler.after(self._late, partial(self._tell_token_now, token, up))
+        else:
+            self._tell_token_now(token, up)
+
+    def _tell_token_now(self, token: str, up: bool) -> None:
         for session, keys in list(self._watchers.items()):
             if any(meets(watched, token) for watched in keys):
                 link = self.links[session]

@@ -45,7 +45,7 @@ class SimulatedBus(Bus):
         self.inbox, self.endpoint, self.id = inbox, network.ENDPOINT, network.new_id(name)
         if executor is not None:
             self.executor = executor
-        self.name, self.is_dead, self.link = name, False, None
+        self.name, self.is_dead, self.link, self.fuse = name, False, None, None
         self._random = Random(f"{network.seed} {self.id}")
         self._declared: list[tuple[str, str]] = []  # (what, key), in their order
         self._quiet: set[str] = set()  # subscriptions that do not wake the reader
@@ -56,6 +56,7 @@ class SimulatedBus(Bus):
         self._asks: dict[int, tuple[Any, int]] = {}  # number -> ticket, parts that are not final
 
     link: Link | None
+    fuse: tuple[int, Callable[[], None]] | None  # what happens as it sends its message of that number from now on
 
     def clock(self) -> float:
         return self._scheduler.now
@@ -67,6 +68,12 @@ class SimulatedBus(Bus):
 
     def _work(self) -> None:
         """Take some time now and then, so that a process can be killed between two messages that it sends."""
+        if self.fuse is not None and not self.is_dead:
+            left, act = self.fuse
+            self.fuse = (left - 1, act) if left > 1 else None
+            if self.fuse is None:
+                self._scheduler.after(0.0, act)
+                self.sleep(1e-6)
         if self._random.random() < self._network.pauses and not self.is_dead:
             self.sleep(self._random.random() * 2e-3)
 

@@ -3,18 +3,26 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 from chaos.simulated.clients import RUN
 from chaos.simulated.plan import MOST_TICKS, SCENARIOS, Plan
-from chaos.simulated.processes import KILLED, SimulatedSupervisor, World
+from chaos.simulated.processes import KILLED
 from orchard.field.scenario import Scenario
 from orchard.local import Local
+from orchard.net.refusals import TAKEN
 from orchard.server.run import read_end
 from orchard.wire.keys import LOGGER
 from orchard.wire.messages import End
 
-LEAVE_LIMIT = 30.0  # s of virtual time within which all processes end after physics: a host that misses the end waits 20 s
+if TYPE_CHECKING:
+    from chaos.simulated.schedule import Schedule
+
+LEAVE_LIMIT = 45.0  # s of virtual time within which all processes end after physics: a host that starts just then tries for 30 s
 NOBODY_THERE = "no router answers there", "no reply; is the physics process running"  # why a process may end: physics was away for long
+NEVER_BACK = "no host has come back"
+MISSED_END = "physics is gone; waited for"
+LOST_SECONDS = 12.0  # s after which all hosts are back from what happened
 
 
 @dataclass
@@ -28,10 +36,10 @@ class Verdict:
     lines: list[str] = field(default_factory=list)  # the trace, if it was wanted
 
 
-@lru_cache(maxsize=len(SCENARIOS))
-def hashes_of(scenario: int) -> list[str]:
+@lru_cache(maxsize=2 * len(SCENARIOS))
+def hashes_of(scenario: int, seed: int) -> list[str]:
     """Return the hash of local mode at each tick."""
-    local = Local(Scenario(**SCENARIOS[scenario]))
+    local = Local(Scenario(**SCENARIOS[scenario] | {"seed": seed}))
     hashes: list[str] = []
     while len(hashes) <= MOST_TICKS:
         hashes.append(local.engine.hash)
@@ -39,14 +47,16 @@ def hashes_of(scenario: int) -> list[str]:
     return hashes
 
 
-def judge(plan: Plan, world: World, supervisor: SimulatedSupervisor) -> Verdict:
+def judge(schedule: "Schedule") -> Verdict:
     """Judge a schedule that is over."""
+    world, plan = schedule.world, schedule.plan
     verdict = Verdict(plan, read_end(world.folder / "end", RUN), world.scheduler.now, lines=world.network.lines)
     verdict.complaints += [f"crash: {crash}" for crash in world.crashes]
     if verdict.end is None:
         verdict.complaints.append(f"no end: {'; '.join(world.lines[-3:])}")
     else:
-        verdict.complaints += [*_of_end(plan, verdict.end), *_of_processes(world, supervisor)]
+        verdict.complaints += [*schedule.complaints, *schedule.progress.complaints]
+        verdict.complaints += [*_of_end(plan, verdict.end), *_of_hash(schedule, verdict.end), *_of_processes(schedule)]
     return verdict
 
 
@@ -56,26 +66,38 @@ def _of_end(plan: Plan, end: End) -> Iterator[str]:
         yield f"violated: {violation}"
     for broken in end.summary["broken_agents"][:1]:
         yield f"broken: {broken}"
-    may_quit = any(fault.what == "quit" for fault in plan.faults)
-    if end.why != "duration" and not (may_quit and end.why == "stopped"):
+    if end.why != "duration" and not (plan.has("quit") and end.why == "stopped"):
         yield f"ended by itself: {end.why}, at tick {end.tick}"
     elif end.why == "duration" and end.tick != plan.ticks:
         yield f"wrong tick: {end.tick} of {plan.ticks}"
-    if not plan.faults and end.summary["messages_refused"]:
+    if plan.mode == "lockstep" and not plan.faults and end.summary["messages_refused"]:
         yield f"refused without a fault: {end.summary['messages_refused']}"
-    if plan.has_hash and end.hash != hashes_of(SCENARIOS.index(plan.scenario))[end.tick]:
-        yield "another hash than local mode"
 
 
-def _of_processes(world: World, supervisor: SimulatedSupervisor) -> Iterator[str]:
+def _of_hash(schedule: "Schedule", end: End) -> Iterator[str]:
+    """Complain about lost agents, if no host was away for long, and about another hash, if none was lost."""
+    plan, world = schedule.plan, schedule.world
+    lost = [line for line in world.lines if "no longer waited for" in line]
+    if plan.mode == "lockstep" and lost and not plan.may_lose:
+        yield f"lost: {lost[0]}"
+    if plan.has_hash and not lost and world.engine is not None:
+        seed = world.engine.layout.scenario.seed
+        if end.hash != hashes_of(SCENARIOS.index(plan.scenario), seed)[end.tick]:
+            yield "another hash than local mode"
+    is_whole = end.summary["hosts"] == plan.hosts or any(NEVER_BACK in line for line in lost)
+    if not is_whole and end.why == "duration" and not schedule.has_just_suffered(LOST_SECONDS):
+        yield f"{end.summary['hosts']} of {plan.hosts} hosts at the end"
+
+
+def _of_processes(schedule: "Schedule") -> Iterator[str]:
     """Complain about how the processes have ended: all that were started, also those that were started again."""
-    for name, running in supervisor.running.items():
-        if running.popen.poll() is None:
+    plan = schedule.plan
+    for process in schedule.world.processes.values():
+        name, why = process.spec.name, process.complaints[-1] if process.complaints else ""
+        is_lost = any(words in why for words in NOBODY_THERE) or name == LOGGER or (TAKEN in why and plan.may_take)
+        if process.code is None:
             yield f"{name} still runs {LEAVE_LIMIT:g} s after the end"
-    for process in world.processes.values():
-        why = process.complaints[-1] if process.complaints else ""
-        is_lost = any(words in why for words in NOBODY_THERE) or process.spec.name == LOGGER
-        if process.code not in (None, 0, KILLED) and not is_lost:
-            yield f"{process.spec.name} ended with code {process.code}: {why}"
-    for name in supervisor.given_up:
+        elif process.code not in (0, KILLED) and not is_lost and not (MISSED_END in why and plan.may_miss_the_end):
+            yield f"{name} ended with code {process.code}: {why}"
+    for name in (*schedule.supervisor.given_up, *schedule.elsewhere.given_up):
         yield f"{name} was given up"

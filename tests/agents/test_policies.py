@@ -17,9 +17,11 @@ from orchard import Assignment, BinReport, CarrierReport, Local, Scenario, Scena
 from orchard.agents import route
 from orchard.agents.catalogue import check_plugins
 from orchard.agents.dispatch import Dispatch
-from orchard.agents.dispatcher import checked
+from orchard.agents.dispatcher import Dispatcher, checked
 from orchard.agents.forecast import Forecast
 from orchard.agents.policies import dispatch_of
+from orchard.contract.agent import Heard, Mail, Reply, without_body
+from orchard.contract.messages import CarrierQuery, CarrierStatus, Fetch
 from orchard.field.scenario import DISPATCH_POLICIES
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds
 
@@ -243,6 +245,18 @@ MISTAKES = {
     "Hoarding": r"the policy's memory takes 20009 bytes; at most 16384 \(.*own_policies.py",
     "Silent": r"assign returned None; it must return a list of Assignment\(bin, carrier\) \(.*own_policies.py",
 }
+
+
+def test_a_carrier_whose_answers_to_two_questions_come_together_is_sent_to_one_bin():
+    """As in realtime, where an answer may be late."""
+    dispatcher = Dispatcher(lay_out(Scenario(dispatch="nearest")), "dispatch")
+    fetches = [Heard(name, 0, 0, Fetch(lane, "east", "picker_01", 0, 0.0)) for lane, name in enumerate(("bin_01", "bin_02"), 1)]
+    memory = dispatcher.tick(without_body("dispatch", 1), Mail(fetches), None).memory
+    free = CarrierStatus("", True, 5.0)
+    answers = [Reply("carrier_01", 0, CarrierQuery(), free) for _ in range(2)]
+    memory = dispatcher.tick(without_body("dispatch", 2), Mail([], answers), memory).memory
+    assert {name: booking.carrier for name, booking in memory.bookings.items()} == {"bin_01": "carrier_01"}
+    assert memory.refused == 0
 
 
 def test_names_in_a_decision_may_be_of_a_text_type_of_a_library():

@@ -1,0 +1,37 @@
+"""How far physics has come: after its death it may go back only to its newest snapshot."""
+
+from chaos.simulated.plan import Plan
+from chaos.simulated.processes import SimulatedProcess, World
+from orchard.sim.engine import Engine
+
+LOOKS = 8  # a snapshot is at most so many looks of run.py old: it is due each 0.5 s, and takes at most 0.2 s
+
+
+class Progress:
+    """Follows the engines of a schedule, each from the begin of physics or of a reset to its end."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.complaints: list[str] = []
+        self.process: SimulatedProcess | None = None  # that has the engine
+        self._has_disk = not plan.has("full disk", "torn snapshot")
+        self._engine: Engine | None = None
+        self._seed = -1
+        self._ticks: list[int] = []  # at the last looks at which it had gone on
+
+    def look(self, world: World) -> None:
+        """Look at the tick that physics has come to."""
+        if world.engine is not self._engine and world.engine is not None:
+            self._begin(world, world.engine)
+        if self._engine is not None and (not self._ticks or self._engine.tick > self._ticks[-1]):
+            self._ticks = [*self._ticks[1 - LOOKS :], self._engine.tick]
+
+    def _begin(self, world: World, engine: Engine) -> None:
+        """Follow another engine."""
+        before, self.process = self.process, world.physics
+        tick, seed = world.begun_at, engine.layout.scenario.seed
+        if self.process is not before and before is not None:  # not after a reset
+            if self._has_disk and len(self._ticks) == LOOKS and tick < self._ticks[0]:
+                self.complaints.append(f"physics went back from tick {self._ticks[-1]} to {tick}")
+            if tick > 0 and seed != self._seed:
+                self.complaints.append("physics went back to before a reset")
+        self._engine, self._seed, self._ticks = engine, seed, []

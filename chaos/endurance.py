@@ -15,8 +15,7 @@ from orchard.local import Local
 from orchard.net.bus import Alive, Sample
 from orchard.net.zenoh_bus import client
 from orchard.wire.keys import PHYSICS, Keys
-from orchard.wire.messages import Figures
-from orchard.wire.types import read
+from orchard.wire.messages import Figures, read
 
 TICKS = 100_000
 WARM_UP = 20_000  # ticks, after which all one-time allocations are done

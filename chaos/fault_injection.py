@@ -42,8 +42,7 @@ from orchard.net.endpoints import BusError
 from orchard.net.refusals import Refused, read_message
 from orchard.net.zenoh_bus import client
 from orchard.wire.keys import Keys
-from orchard.wire.messages import Clock
-from orchard.wire.types import read
+from orchard.wire.messages import Clock, read
 
 UNDER_WAY = 3  # ticks that may be under way when a fault begins; later ticks are stepped after the fault
 START_SECONDS = 90.0  # for a run to start; it also covers what the rest of the time limit does not count

@@ -47,10 +47,10 @@ from orchard.wire.messages import (
     StepSimulation,
     Stop,
     Stopped,
+    SubMessage,
     Velocities,
     Velocity,
 )
-from orchard.wire.types import SubMessage
 
 RUN = "5f0c2a9e4b7d4c11"
 SESSION = "a1b2c3d4"

@@ -13,7 +13,7 @@ from orchard.net.endpoints import BusError
 from orchard.net.requests import fetch_run
 from orchard.wire import messages as wire
 from orchard.wire.keys import Keys
-from orchard.wire.types import RunMessage
+from orchard.wire.messages import RunMessage
 
 RUN = "run1"
 KEYS = Keys()

@@ -27,8 +27,7 @@ from orchard.net.requests import ask
 from orchard.security.identity import Identity, Keyring
 from orchard.security.roles import EMERGENCY_OPERATOR
 from orchard.wire.keys import Keys
-from orchard.wire.messages import RunInfo, SetSimulationState, SimulationState, StepSimulation, Stop, Stopped
-from orchard.wire.types import RunMessage, read
+from orchard.wire.messages import RunInfo, RunMessage, SetSimulationState, SimulationState, StepSimulation, Stop, Stopped, read
 
 M = TypeVar("M")
 LOOK_SECONDS = 5.0  # in which a router must answer at the endpoint

@@ -9,8 +9,7 @@ import msgspec
 
 from orchard.field.problems import printable
 from orchard.sim.snapshot import SnapshotError
-from orchard.wire.messages import Counts, Reason, Session
-from orchard.wire.types import RunMessage, read
+from orchard.wire.messages import Counts, Reason, RunMessage, Session, read
 
 M = TypeVar("M", bound=RunMessage)
 

@@ -9,8 +9,7 @@ from orchard.net.bus import TIMED_OUT, Bus, Final, Item, Replied
 from orchard.net.endpoints import BusError
 from orchard.net.refusals import Refusals, Refused
 from orchard.wire.keys import Keys
-from orchard.wire.messages import RefusedThere, RunInfo
-from orchard.wire.types import read
+from orchard.wire.messages import RefusedThere, RunInfo, read
 
 M = TypeVar("M")
 

@@ -11,8 +11,7 @@ from orchard.field.scenario import TICKS_PER_SECOND
 from orchard.net.bus import Bus
 from orchard.wire.codec import odometry_of, scan_of, seen_of
 from orchard.wire.keys import Keys
-from orchard.wire.messages import Angular, AskedOf, Clock, Linear, Lost, Report, Stamp, Velocity
-from orchard.wire.types import Message, SubMessage
+from orchard.wire.messages import Angular, AskedOf, Clock, Linear, Lost, Message, Report, Stamp, SubMessage, Velocity
 
 log = logging.getLogger("orchard")
 

@@ -17,8 +17,7 @@ from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, Kind, Laser, 
 from orchard.field.layout import ROW_WEST, Layout
 from orchard.field.repeatable import sin_cos
 from orchard.wire import messages as wire
-from orchard.wire.messages import FARTHEST, MOST_BODIES
-from orchard.wire.types import read
+from orchard.wire.messages import FARTHEST, MOST_BODIES, read
 
 _SEVEN = Struct(f"<{STATE}d")  # the state of a body
 RANGE = 4  # bytes of a float32

@@ -4,15 +4,15 @@ In this order: poses and twists as in ROS's geometry_msgs; messages from physics
 messages about the run and its sessions (join, stop, end); messages for observers.
 """
 
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
+import msgspec
 from msgspec import Meta, Raw
 
 from orchard.contract.agent import LARGEST_MEMORY, MOST_STEPS, Action, Deeds, State
 from orchard.contract.events import Event
-from orchard.contract.messages import FASTEST, Answer, Given, Metres, Request, Text, Tick, Written
+from orchard.contract.messages import FASTEST, MAX_PAYLOAD, Answer, Given, Metres, Request, Text, Tick, Written, unpack
 from orchard.field.problems import printable
-from orchard.wire.types import Message, Run, RunMessage, SubMessage
 
 FARTHEST = 1e6  # m or m/s: no coordinate and no speed is larger
 MOST_BODIES = 10_000
@@ -32,6 +32,8 @@ SIMULATION = "'stopped': before the first tick, physics waits for agents; 'pause
 SEVEN = "x, y (m); z, w of the quaternion; linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
 VELOCITIES = "name -> linear.x, linear.y (m/s), angular.z (rad/s) of the step, then those that its agent wanted; only if changed"
 
+M = TypeVar("M")
+Run = Annotated[str, Meta(max_length=64, description="the run's id, as in the reply to the scenario query")]
 Name = Annotated[str, Meta(max_length=64, pattern=r"^[a-z][a-z0-9_]*\Z")]
 KnownName = Annotated[str, Meta(max_length=64)]  # a name that is looked up; matching the pattern costs more time than reading the rest
 Session = Annotated[str, Meta(max_length=64, pattern=r"^[A-Za-z0-9_-]+\Z")]
@@ -47,6 +49,30 @@ Once = Annotated[bool, Meta(description=ONCE)]
 Memory = Annotated[bytes, Meta(max_length=LARGEST_MEMORY)]
 DoneAndWanted = Annotated[list[Speed], Meta(min_length=6, max_length=6)]
 States = Annotated[dict[Name, State], Meta(description="name -> its state; the same names as in `doing`")]
+
+
+class SubMessage(msgspec.Struct, forbid_unknown_fields=True):
+    """A map inside a message."""
+
+
+class RunMessage(SubMessage):
+    """A map with the run's id."""
+
+    run: Run
+
+
+class Message(RunMessage):
+    """A map with the run's id and the tick."""
+
+    tick: Tick
+
+
+def read(payload: bytes, type_: type[M]) -> M:
+    """Return the message in a payload. Raises ValueError, with the reason, if it is too large or not such a message."""
+    if len(payload) > MAX_PAYLOAD:
+        raise ValueError(f"{len(payload)} bytes; at most {MAX_PAYLOAD}")
+    message: M = unpack(payload, type_)
+    return message
 
 
 class Point(SubMessage):

@@ -34,8 +34,8 @@ from orchard.wire.messages import (
     SetSimulationState,
     Stop,
     Velocities,
+    read,
 )
-from orchard.wire.types import read
 
 NONE = [word for name in agent_names(SMALL) for word in ("--absent", name)]
 

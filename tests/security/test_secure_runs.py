@@ -17,8 +17,7 @@ from orchard.launch.supervisor import free_port
 from orchard.net.bus import Sample
 from orchard.net.zenoh_bus import client
 from orchard.security.identity import Keyring
-from orchard.wire.messages import Clock
-from orchard.wire.types import read
+from orchard.wire.messages import Clock, read
 
 pytestmark = pytest.mark.processes
 

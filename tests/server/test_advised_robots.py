@@ -13,8 +13,7 @@ from orchard.field.geometry import Twist
 from orchard.net.bus import Sample
 from orchard.net.refusals import Refused
 from orchard.server.commands import WATCHDOG_TICKS, Advised, UnownedCommands
-from orchard.wire.messages import Advice, Angular, Linear, Odometry, Velocity
-from orchard.wire.types import read
+from orchard.wire.messages import Advice, Angular, Linear, Odometry, Velocity, read
 
 NAME = "picker_01"
 

@@ -22,8 +22,7 @@ from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
 from orchard.tables import tables_of
-from orchard.wire.messages import Angular, Linear, Odometry, Velocity
-from orchard.wire.types import read
+from orchard.wire.messages import Angular, Linear, Odometry, Velocity, read
 
 ERRING = with_changes(SMALL, **{"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02, "sensors.odometry.heading": 0.01})
 

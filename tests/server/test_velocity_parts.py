@@ -9,8 +9,7 @@ from recorded_messages import Run
 
 from orchard.contract.agent import STATES
 from orchard.net import host as hosts
-from orchard.wire.messages import Velocities
-from orchard.wire.types import read
+from orchard.wire.messages import Velocities, read
 
 TICKS, FEW = 30, 8
 BROKEN = STATES.index("broken")

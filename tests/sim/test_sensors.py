@@ -26,8 +26,7 @@ from orchard.sim.scan import observe
 from orchard.sim.sensors import Sensors, robots_of
 from orchard.sim.world import NONE, World
 from orchard.wire.codec import odometry_of
-from orchard.wire.messages import Odometry, Picture
-from orchard.wire.types import read
+from orchard.wire.messages import Odometry, Picture, read
 
 RTK = {"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02}
 DRIFT = {"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.01}

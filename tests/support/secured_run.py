@@ -15,8 +15,7 @@ from orchard.net.bus import Bus, Final, Replied, Sample
 from orchard.net.zenoh_bus import client
 from orchard.security.identity import Keyring, host_roles, make
 from orchard.wire.keys import Keys
-from orchard.wire.messages import Angular, Join, Joined, Linear, Odometry, Report, Velocities, Velocity
-from orchard.wire.types import read
+from orchard.wire.messages import Angular, Join, Joined, Linear, Odometry, Report, Velocities, Velocity, read
 
 KEYS = Keys()
 MINE, HERS = "picker_01", "picker_02"

@@ -4,8 +4,7 @@ from recorded_messages import Query as AnyQuery
 
 from orchard.contract.messages import StateRequest, pack
 from orchard.server.roster import Roster
-from orchard.wire.messages import Answered, Letter, Received
-from orchard.wire.types import read
+from orchard.wire.messages import Answered, Letter, Received, read
 
 RUN = "run1"
 

@@ -26,8 +26,7 @@ from orchard.net.bus import Alive, Final, Replied, Sample
 from orchard.net.refusals import Refused
 from orchard.record.logger import FrameQueue, Logger
 from orchard.wire.keys import TABLE
-from orchard.wire.messages import Angular, Linear, Velocity
-from orchard.wire.types import read
+from orchard.wire.messages import Angular, Linear, Velocity, read
 
 pytestmark = pytest.mark.processes
 

@@ -33,8 +33,8 @@ from orchard.wire.messages import (
     Stop,
     Velocities,
     Velocity,
+    read,
 )
-from orchard.wire.types import read
 
 RUN = "run1"
 

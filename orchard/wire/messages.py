@@ -22,6 +22,7 @@ ALL_RANGES = "m, little-endian float32: for each body as many as its laser has b
 ASKED = "lockstep: the requests of the tick before that these agents hear now"
 DUE = "its agents that are asked at this tick"
 OWNER = "the session id in the sender's liveliness token; '' if the sender owns no agent"
+NAMES = "their bodies, in the order of the arrays; agents without a body stand in `due` only"
 ONCE = "realtime; true: it drives for one step, from the pose that it answers; false: until a newer one"
 POSES = "x, y (m), yaw (rad) of each body, in the order of `agents` in the reply to `scenario`, little-endian float64"
 RANGE_MIN = "m, 0: the laser has no blind zone"
@@ -194,7 +195,7 @@ class Seen(Message):
     """What the agents of one session that are asked at this tick observe: the content of `pose` and `scan` as arrays."""
 
     due: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description=DUE)]
-    names: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description="their bodies, in the order of the arrays")]
+    names: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description=NAMES)]
     states: Annotated[bytes, Meta(description=f"seven little-endian float64 per body: {SEVEN}")]
     ranges: Annotated[bytes, Meta(description=ALL_RANGES)]
     hitches: Annotated[dict[KnownName, OtherSeen], Meta(description="name -> the body at the other end of its bar; only coupled bodies")]

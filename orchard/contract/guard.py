@@ -77,7 +77,6 @@ class Guard:
         return action
 
     def _action(self, observation: Observation, mail: Mail, memory: Any) -> Action:
-        """The checked action of the agent. Raises whatever the agent raises, and TypeError or ValueError for an invalid action."""
         if memory is not self._memory:  # it comes from elsewhere
             self._packed = _packed_or_none(memory)
         if self._agent is None:
@@ -170,7 +169,6 @@ class Guard:
             _refuse_more(f"requests to {to}", count, limits.MOST_TO_ONE)
 
     def _typed(self, mail: Mail) -> Mail:
-        """Convert custom messages to the agent's types. A message that does not fit its type is logged and left out."""
         if not self._messages:
             return mail
         requests = [heard._replace(body=body) for heard in mail.requests if (body := self._of_type(heard.sender, heard.body)) is not None]
@@ -216,7 +214,6 @@ def _packed_or_none(memory: Any) -> bytes | None:
 
 
 def _packed(data: Any, what: str) -> bytes:
-    """Encode a memory or messages. Raises ValueError if it is too large, TypeError if it is not plain data."""
     packed = pack(data)
     if len(packed) > limits.LARGEST_MEMORY:
         raise ValueError(f"{what} {len(packed)} bytes; at most {limits.LARGEST_MEMORY}")
@@ -224,7 +221,6 @@ def _packed(data: Any, what: str) -> bytes:
 
 
 def _packed_memory(memory: Any) -> bytes:
-    """Encode a memory. Raises ValueError if it is too large, TypeError with the place in it if it is not plain data."""
     try:
         return _packed(memory, "its memory takes")
     except NOT_PLAIN as error:
@@ -297,7 +293,7 @@ def _refuse_more(what: str, count: int, most: int) -> None:
 
 
 def _indented(words: str) -> str:
-    """A traceback for a log: without control characters, and indented, so that no line of it looks like one of the program's own."""
+    """A traceback for a log: harmless, and indented, so that no line of it looks like one of the program's own."""
     return "\n".join(f"  {printable(line, 500)}" for line in words.splitlines())
 
 

@@ -99,7 +99,6 @@ class Calls:
             self._choose(call, offers.get(call.bin, []), tick)
 
     def _choose(self, call: OpenCall, offers: list[Robot], tick: int) -> None:
-        """Let a bin send for the nearest of the carriers that offered themselves; without one it calls again."""
         if not offers:
             return self._call(call, tick + CALL_AGAIN)
         chosen = min(offers, key=lambda robot: (self.route.distance(robot.x_now, robot.y, call.lane, call.side), robot.name))

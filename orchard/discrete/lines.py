@@ -46,7 +46,6 @@ class Lines:
 
 
 def _number_before(on: list[Follower], at: float) -> int:
-    """How many of the robots on a line, the foremost first, are before one that enters it at a coordinate."""
     return next((number for number in range(len(on), 0, -1) if on[number - 1].end >= at), 0)
 
 

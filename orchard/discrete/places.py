@@ -134,7 +134,6 @@ class Reservations:
             at(self.env, self._next_claim(name, tick) + 2 - ANSWERS, self.claimants[name].is_granted, wanted[name])
 
     def _next_claim(self, name: str, now: int) -> int:
-        """The tick at which a robot that waits claims, now or again; it does so every PATIENCE ticks."""
         return now + (self.claimants[name].claimed - now) % PATIENCE
 
 

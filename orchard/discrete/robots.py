@@ -189,7 +189,6 @@ class Robot(Follower):
         return self.places.granted_or(pause) if waits else pause
 
     def _stand(self, shut: simpy.Event | None, ahead: Follower | None, called: list[simpy.Event]) -> Events:
-        """Stand until a place is granted, a bin is left in its lane, or the robot right ahead of it drives on."""
         events = [*([shut] if shut is not None else []), *([ahead.moved] if ahead is not None else []), *called]
         if not self.places.wanted:
             yield from self.wait(*events)

@@ -110,7 +110,6 @@ def _lines(content: dict[str, Any], file: str) -> Iterator[SurveyedLine | Proble
 
 
 def _name(feature: dict[str, Any], number: int) -> str:
-    """A feature's id, or what its properties call it, or its number in the file."""
     properties = feature.get("properties")
     known = [feature.get("id"), *(properties.get(name) for name in NAMES if isinstance(properties, dict))]
     return next((printable(str(name), 60) for name in known if isinstance(name, str | int) and str(name)), f"number {number}")
@@ -129,7 +128,6 @@ def _points(geometry: Any) -> np.ndarray:
 
 
 def _point(number: int, given: Any) -> complex:
-    """A point of a line, the number-th, as a complex number. Raises ValueError."""
     try:
         x, y, *_ = given
         point = complex(float(x), float(y))
@@ -172,7 +170,6 @@ def _words(name: str) -> str:
 
 
 def _converted(given: Any, wanted: Any, lines: Sequence[SurveyedLine]) -> list[SurveyedLine]:
-    """Return lines in another system. Raises ValueError if one is not in the given one."""
     from pyproj import Transformer
 
     transformer = Transformer.from_crs(given, wanted, always_xy=True)
@@ -232,7 +229,6 @@ def _way(points: np.ndarray) -> complex:
 
 
 def _faults(lines: Sequence[SurveyedLine], yaw: float) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with the lines, in the rows' frame and from north to south: (id, what is wrong and the limit)."""
     askew = False
     for line in lines:
         length = float(np.ptp(line.points.real))

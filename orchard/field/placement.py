@@ -140,7 +140,6 @@ def _yaw(seed: int, name: str, kind: str) -> float:
 
 
 def _in_order(scenario: Scenario) -> list[tuple[str, int]]:
-    """(kind, number) of all people and animals, those with a given place first."""
     people, animals = scenario.people, scenario.animals
     counts = {"worker": people.workers, "visitor": people.visitors, "dog": animals.dogs, "cat": animals.cats}
     guests = [(kind, number) for kind, count in counts.items() for number in range(1, count + 1)]

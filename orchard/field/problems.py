@@ -128,7 +128,6 @@ def _meant(path: tuple[str, ...], model: type[BaseModel], value: Any) -> str:
 
 
 def _unknown(path: tuple[str, ...], model: type[BaseModel]) -> str:
-    """The text for an unknown key: the closest known key, and all keys of its section."""
     here = _keys(path[:-1], model)
     elsewhere = _paths(model)
     key = path[-1].lower().replace("-", "_").replace(" ", "_")[:60]

@@ -337,7 +337,6 @@ def _counts_what_is_wrong(error: Any) -> bool:
 
 
 def _located(error: Any) -> dict[str, Any]:
-    """Add to an error its path, its fields, and whether it is about a key of `agents`, which pydantic marks in the path."""
     of_key = error["loc"][2:] == ("[key]",)
     loc = error["loc"][:2] if of_key else error["loc"]
     loc = tuple(map(str, loc))

@@ -192,7 +192,6 @@ class Host:
         self._send_rest(seen, actions)
 
     def _send_rest(self, seen: dict[str, Observation], actions: dict[str, Action]) -> None:
-        """Send what is less urgent than the velocities: requests, answers, states of bins, counts of refusals."""
         for name, action in actions.items():
             for asked in self.mailbox.write(name, action):
                 self.bus.ask(self.keys.of("mail", asked.to), self.mailbox.letter(asked), asked)
@@ -207,7 +206,6 @@ class Host:
         return self.runners[name].act(seen, mail)
 
     def _mail(self, tick: int) -> dict[str, Mail]:
-        """The mail of a tick, by agent: the mail that has arrived or, if some may be missing, the copies of physics."""
         doubts = self.mailbox.doubts(tick, self.latest.asked)
         mail = self.mailbox.deliver(tick)
         if not doubts:

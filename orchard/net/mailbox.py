@@ -173,7 +173,7 @@ class Mailbox:
         return all((to, sender, tick - 1, number) in self._waiting for to, sender, number in asked_of)
 
     def deliver(self, tick: int) -> dict[str, Mail]:
-        """Return name -> the requests of the last tick and the answers given in it (rule 3). Agents without mail are absent."""
+        """Return name -> the requests of the last tick and the answers given in it (rule 3), of agents with mail."""
         mail: dict[str, Mail] = {}
         for (recipient, *_), waiting in self._waiting.items():
             waiting.is_heard = self._is_done(waiting.heard.tick, tick)

@@ -63,7 +63,6 @@ def ask(
 
 
 def _replies_to(bus: Bus, ticket: object, handle: Callable[[Item], None], meanwhile: Callable[[], None]) -> Iterator[Replied]:
-    """Yield the replies to a request until its end."""
     while True:
         meanwhile()
         item = bus.inbox.take(LOOK_SECONDS)

@@ -213,7 +213,6 @@ def _bridge_role(names: Sequence[str], name: str, words: Sequence[str]) -> Role:
 
 
 def _check_names(roles: Sequence[Role]) -> None:
-    """Raise ValueError unless each role has a unique name that is valid as a file's name, and each agent has one host."""
     for role in roles:
         if not _NAME.fullmatch(role.name):
             raise ValueError(f"{role.name}: not a name for a role; use up to 64 letters a to z, digits, _ and -, with a letter first")

@@ -80,7 +80,7 @@ class RunFigures:
         return bool(self._figures.orders_refused or orders_refused(self._engine.answers))  # the last step may not be counted yet
 
     def _are_pickers_broken(self) -> bool:
-        """Whether all pickers are broken now, and each was for BROKEN_TICKS: an agent that errs once may recover."""
+        """Whether all pickers are broken, and each was for BROKEN_TICKS: one that errs once may recover."""
         pickers = [name for name in self._world.layout.index if kind_of(name) == "picker"]
         actions = [self._engine.actions.get(name) for name in pickers]
         if not all(action is not None and action.state == "broken" for action in actions):

@@ -69,7 +69,6 @@ class Publisher:
         self._bus.publish(key, pack(message), self._newest_wins)
 
     def publish_lost(self, tick: int, released: dict[str, list[str]]) -> None:
-        """Publish and log that agents have lost their owner. `released`: session id -> the names that it owned."""
         for owner, names in released.items():
             log.warning("no answer to tick %d from %s: no longer waited for", tick, ", ".join(names))
             self.publish("lost", Lost(self.run, tick, names, owner))

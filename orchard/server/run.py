@@ -84,7 +84,6 @@ class Run:
         return self.drivers.answers.tick >= 0
 
     def begin(self) -> None:
-        """Start the figures' wall clock, and publish the first figures."""
         self.control.begin()
         self.account.figures.begin()
         self._publish_figures()

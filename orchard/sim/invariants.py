@@ -129,7 +129,6 @@ class Invariants:
 
 
 def _known_of(world: World) -> Known:
-    """The facts about earlier ticks that can be inferred from the world."""
     names, full = world.layout.names, world.full.nonzero()[0].tolist()
     others = {i: "" if world.coupled[i] == NONE else names[int(world.coupled[i])] for i in full}
     calls = {names[i]: other if kind_of(other) == "carrier" else "" for i, other in others.items()}

@@ -41,7 +41,6 @@ class StateTimes:
 
     @property
     def counts(self) -> StateCounts:
-        """The ticks so far, as plain data."""
         self._count(self._body, self._tick)
         return self._known
 

@@ -56,7 +56,6 @@ def gap(a, b):
 
 @jit
 def _corner_gap(a, b):
-    """The distance of the nearest corner of `a` from `b`, m."""
     nearest = np.inf
     for along in (-a[HALF_LENGTH], a[HALF_LENGTH]):
         for across in (-a[HALF_WIDTH], a[HALF_WIDTH]):

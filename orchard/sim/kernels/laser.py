@@ -183,7 +183,7 @@ def _paint_beams(first, last, right, left, a, b, fan, inverse):
 
 @inlined
 def _raise(first, last, a, b, fan, inverse):
-    """Raise the 1/t of beams `first` to `last`. Unsigned indices cannot count from an array's end, so several beams are done at once."""
+    """Raise the 1/t of beams `first` to `last`. Unsigned indices cannot count from an array's end: so it is vectorized."""
     for k in range(np.uint64(first), np.uint64(last + 1)):
         found = a * fan.cosine[k] + b * fan.sine[k]
         inverse[k] = found if found > inverse[k] else inverse[k]

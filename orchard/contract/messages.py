@@ -56,7 +56,7 @@ Deed = Couple | Uncouple | Flatten
 
 
 class Call(AgentMessage):
-    """From a full bin to every carrier: is it free to fetch the bin? A carrier offers itself to the oldest call only."""
+    """With `dispatch: nearest`, from a full bin to each carrier: is it free to fetch the bin? It offers itself to the oldest call only."""
 
     lane: int
     side: End  # end of the lane at which the bin stands: 'east' or 'west'
@@ -102,7 +102,7 @@ class Where(AgentMessage):
 
 
 class Fetch(AgentMessage):
-    """From a bin that is full, or soon will be, to the dispatcher: which carrier fetches the bin?"""
+    """With any other `dispatch`, from a bin that is full, or soon will be, to the dispatcher: which carrier fetches the bin?"""
 
     lane: int
     side: End

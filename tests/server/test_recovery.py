@@ -114,7 +114,7 @@ def test_physics_whose_scenario_file_is_gone_goes_on_from_the_newest_snapshot_th
     (folder / "tick-000000998.snapshot").write_bytes(as_file(alien)[1])
     fleet.world = fleet.start("orchard.processes.physics", str(gone), *keeping)
     assert fleet.end() == undisturbed
-    for words in (torn.name, "tick-000000999.snapshot: not a snapshot", "tick-000000998.snapshot: of another run, another"):
+    for words in (torn.name, "tick-000000999.snapshot: is no regular file", "tick-000000998.snapshot: of another run, another"):
         assert words in fleet.world.complaints
 
 

@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 from chaos.simulated.schedule import complaints_of
-from orchard.net import bus, host, mailbox, requests
+from orchard.net import host, mailbox, requests
 from orchard.net.ending import Ending
-from orchard.net.refusals import Refused
 from orchard.processes import agents, physics
 from orchard.server import barriers, commands, inbound, loop, snapshots
 from orchard.server.control import RunClock
@@ -31,12 +30,6 @@ class Cut(NamedTuple):
 
 def _nothing(*_: Any, **__: Any) -> None:
     pass
-
-
-def _refuses_repetitions(self: mailbox.LatestObservations, payload: bytes) -> bool:
-    if not _seen(self, payload):
-        raise Refused("past tick")
-    return True
 
 
 def _expects_without_waking(self: Drivers, names: Any, holder: str) -> None:
@@ -115,13 +108,12 @@ def _goes_on_while_paused(self: RunClock) -> float:
     return self._clock()
 
 
-_seen, _take, _keep = mailbox.LatestObservations.seen, barriers.LockstepBarrier.take, RecoveryLog.keep
+_take, _keep = barriers.LockstepBarrier.take, RecoveryLog.keep
 _always: Callable[..., bool] = lambda *_, **__: True  # noqa: E731
 _never: Callable[..., bool] = lambda *_, **__: False  # noqa: E731
 
 MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "physics never sends a tick again": (Cut(loop, "AGAIN_SECONDS", inf),),
-    "a host does not answer a repeated tick": (Cut(mailbox.LatestObservations, "seen", _refuses_repetitions),),
     "a host never doubts its mail": (Cut(mailbox.Mailbox, "doubts", _never),),
     "no doubt after a join": (Cut(mailbox.Mailbox, "doubts", _finds_no_doubt_when_new),),
     "no doubt if an answer is missing": (Cut(mailbox.Mailbox, "doubts", _finds_no_doubt_in_an_error),),
@@ -130,11 +122,9 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "a host joins, and keeps its old mail": (Cut(mailbox.Mailbox, "join", _forgets_no_mail),),
     "requests of the future are not kept": (Cut(mailbox, "MOST_HOLD", 0),),
     "a recall is not recorded": (Cut(mailbox.Mailbox, "recall", _nothing),),
-    "no host is overtaken": (Cut(mailbox.Mailbox, "is_overtaken", _never),),
     "a host keeps what it saw before it joined": (Cut(mailbox.LatestObservations, "forget", _nothing),),
     "a host goes on where physics is there again": (Cut(host.Host, "_track_physics", _tracks_nothing),),
     "a host that is told that it is lost does not join again": (Cut(Publisher, "publish_lost", _nothing),),
-    "a recall is sent once": (Cut(host, "RECALL_SECONDS", 1e6), Cut(bus, "GET_SECONDS", 1e6)),
     "a question is sent once": (Cut(requests, "FETCH_SECONDS", 1e6), Cut(requests, "ANSWER_SECONDS", 1e6)),
     "a join without a token is not tried again": (Cut(host, "JOIN_TRIES", 1),),
     "a join of a taken agent is not tried again": (Cut(host, "TAKEN_TRIES", 1),),

@@ -25,7 +25,6 @@ from orchard.wire.keys import PHYSICS, Keys
 from orchard.wire.messages import BinStatus, End, Join, Joined, Left, Lost, Recall, Recalled, Report, Velocities
 
 log = logging.getLogger("orchard")
-RECALL_SECONDS = 5.0  # after which a recall is sent again: the link to physics may be cut
 GONE_SECONDS = 20.0  # how long a host waits for physics that is gone: physics or its router is started again
 WARN_SECONDS = 1.0  # after which a host says that physics is gone: at the end of a run physics goes just before its `end` arrives
 JOIN_TRIES = 50  # 5 s in all: the network may learn of a token later than of a join
@@ -41,7 +40,7 @@ class HostEnded(Exception):
 
 
 class _JoinAgain(Exception):
-    """Raised when physics no longer waits for this host, has gone on while it joined, or has come back."""
+    """Raised when physics no longer waits for this host, or has come back."""
 
 
 class AgentRunner:
@@ -117,7 +116,6 @@ class Host:
         self.states = StateBoard(bus, keys, run)
         self.refusals = Refusals()
         self.thinking = ""  # the agent that is ticked now; '' between ticks
-        self._answer: list[bytes] = []  # the packed velocities of the last tick, in one message or several
         self._warn_at = math.inf  # s, on the clock of the bus: then the host says that physics is gone
         self._gone_until = math.inf  # s, on the clock of the bus: then the host gives physics up; inf while physics is alive
         self._ending = Ending(bus.clock)
@@ -144,7 +142,6 @@ class Host:
             raise HostEnded(2, "; ".join(f"{name}: {reason}" for name, reason in sorted(joined.refused.items())))
         self.mailbox.join(joined.tick)
         self.latest.forget()
-        self._answer = []  # of a tick that is over
         for name, runner in self.runners.items():
             runner.resume(joined.memories.get(name))
 
@@ -158,9 +155,9 @@ class Host:
             self.bus.sleep(AGAIN_SECONDS)
         return joined
 
-    def _query(self, what: str, request: bytes, type_: type[M], seconds: float = ANSWER_SECONDS) -> M:
+    def _query(self, what: str, request: bytes, type_: type[M]) -> M:
         key, understand = self.keys.of(what, session=self.bus.id), lambda payload: read_message(payload, type_, self.run_id)
-        return ask(self.bus, key, request, understand, seconds, self.handle, self.refusals, self._check_gone)
+        return ask(self.bus, key, request, understand, ANSWER_SECONDS, self.handle, self.refusals, self._check_gone)
 
     # -- one tick
 
@@ -178,8 +175,6 @@ class Host:
         """Wait for the next tick, tick the agents and send their velocities."""
         self._wait(lambda: self.latest.tick > self.mailbox.last)
         tick = self.latest.tick
-        if self.mailbox.is_overtaken(tick):
-            raise _JoinAgain
         if not self.mailbox.is_settled(tick, self.latest.asked):
             self._wait(lambda: self.mailbox.is_settled(tick, self.latest.asked), DOUBT_SECONDS)
         mail, seen = self._mail(tick), self.latest.observations()
@@ -187,8 +182,8 @@ class Host:
         actions = {name: self._act(name, observed, mail.get(name) or Mail()) for name, observed in seen.items()}
         self.thinking = ""
         reports = {name: report_of(action, digests.get(name, b""), self.runners[name].news()) for name, action in actions.items()}
-        self._answer = self._packed(tick, reports)
-        self._send()
+        for message in self._packed(tick, reports):
+            self.bus.publish(self.keys.of("velocities", session=self.bus.id), message)
         self._send_rest(seen, actions)
 
     def _send_rest(self, seen: dict[str, Observation], actions: dict[str, Action]) -> None:
@@ -213,7 +208,7 @@ class Host:
         self.mailbox.recall(tick)  # before the query: late requests may come while it waits
         request = pack(Recall(self.run_id, tick))
         try:
-            recalled = self._query("recall", request, Recalled, RECALL_SECONDS)
+            recalled = self._query("recall", request, Recalled)
         except BusError as error:  # physics may have resumed at an earlier tick
             raise _JoinAgain from error
         if recalled.tick != tick:
@@ -226,10 +221,6 @@ class Host:
             return [packed]
         halves = names[: len(names) // 2], names[len(names) // 2 :]
         return [message for half in halves for message in self._packed(tick, {name: reports[name] for name in half})]
-
-    def _send(self) -> None:
-        for message in self._answer:
-            self.bus.publish(self.keys.of("velocities", session=self.bus.id), message)
 
     # -- what arrives
 
@@ -298,8 +289,7 @@ class Host:
     def _take_sample(self, sample: Sample) -> None:
         match self.keys.parts(sample.key):
             case ["hosts", _, "seen"]:
-                if not self.latest.seen(sample.payload) and self.latest.tick == self.mailbox.last:
-                    self._send()
+                self.latest.seen(sample.payload)
             case ["end"]:
                 self._ending.hear(read_message(sample.payload, End, self.run_id))
                 self._leave_if_over()

@@ -36,13 +36,13 @@ class LatestObservations:
         self.asked: list[AskedOf] = []  # the requests that they hear
         self._seen: dict[str, Observation] = {}
 
-    def seen(self, payload: bytes) -> bool:
-        """Take a `Seen` message. Return False if it repeats the newest tick. Raises Refused if it does not count."""
+    def seen(self, payload: bytes) -> None:
+        """Take a `Seen` message, unless it repeats the newest tick. Raises Refused if it does not count."""
         message = read_message(payload, Seen, self._run)
         if message.tick < self.tick:
             raise Refused("past tick", f"{message.tick}; {self.tick} has begun")
         if message.tick == self.tick:
-            return False
+            return
         if not self._names.issuperset(message.due):
             raise Refused("not owned", "an agent of another session")
         if not self._bodies.intersection(message.due).issubset(message.names):
@@ -52,7 +52,6 @@ class LatestObservations:
         except ValueError as error:
             raise Refused("malformed", str(error)) from error
         self.tick, self.due, self.asked = message.tick, message.due, message.asked
-        return True
 
     def observations(self) -> dict[str, Observation]:
         """Return the observations of the agents that are asked, by name; an agent without a body gets only the tick."""
@@ -101,10 +100,6 @@ class Mailbox:
         for waiting in self._waiting.values():
             waiting.question.drop()
         self._waiting, self._asked, self.last, self._joined = {}, {}, tick - 1, tick
-
-    def is_overtaken(self, tick: int) -> bool:
-        """Whether a tick is the first one since the join, and later than it: physics went on with an answer from before (rule 1)."""
-        return self.last < self._joined < tick
 
     # what arrives
 
@@ -222,9 +217,6 @@ class Mailbox:
 
 class RealtimeMailbox(Mailbox):
     """The mail of one host's agents in realtime: no tick waits for mail, ticks may be left out, and each delivers what has come."""
-
-    def is_overtaken(self, tick: int) -> bool:
-        return False
 
     def _is_timely(self, tick: int) -> bool:
         """Whether the sender is at most STALE_TICKS behind or ahead."""

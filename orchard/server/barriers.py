@@ -74,7 +74,6 @@ class LockstepBarrier(Barrier):
         self._patience = patience
         self.deadline = math.inf  # on the clock: the time to wait for missing answers
         self._back: set[str] = set()  # agents that sessions have taken since the tick began
-        self._last: dict[str, list[tuple[int, Report]]] = {}  # the last two of each agent, with their ticks
 
     def open(self, tick: int, lag: float = 0.0, due: Iterable[str] | None = None) -> None:
         super().open(tick, lag, due)
@@ -90,15 +89,13 @@ class LockstepBarrier(Barrier):
             self.deadline = self._clock() + self._patience
 
     def take(self, name: str, owner: str, tick: int, report: Report) -> None:
-        """Take the action of an owned agent. Ignore a repetition. Raises Refused if the action is not one that physics waits for."""
+        """Take the action of an owned agent. Raises Refused if it is not one that physics waits for."""
         self._refuse_other_owner(name, owner)
-        if tick == self.tick and name in self.missing:
-            self.reports[name] = report
-            self._last[name] = [*self._last.get(name, [])[-1:], (tick, report)]
-            self.missing.discard(name)
-        elif (tick, report) not in self._last.get(name, []):  # a repetition is sent in case the first was lost
-            refuse_other_tick(tick, self.tick, self.tick)
+        refuse_other_tick(tick, self.tick, self.tick)
+        if name not in self.missing:
             raise Refused("answered already", f"tick {tick}")
+        self.reports[name] = report
+        self.missing.discard(name)
 
     def actions(self) -> Mapping[str, Action]:
         """Return the actions to apply, in the order of names, never in the order of arrival."""

@@ -223,21 +223,6 @@ def test_a_tick_takes_one_answer_from_each_owner():
     assert answers.missing == {"bin_01"}
 
 
-def test_an_answer_that_is_sent_again_counts_once_and_is_no_mistake():
-    answers = LockstepBarrier(roster(("picker_01", "a")), Clock())
-    for tick in (3, 4):
-        answers.open(tick)
-        answers.take("picker_01", *action(tick=tick))
-        answers.take("picker_01", *action(tick=tick))
-    answers.take("picker_01", *action())
-    assert answers.actions()["picker_01"].twist == Twist(1.0)
-    with pytest.raises(Refused, match="past tick"):
-        answers.take("picker_01", *action(x=0.5))
-
-
-# -- mail that may have been missed
-
-
 def test_who_has_just_joined_was_not_there_to_hear_the_mail_of_two_ticks():
     box = mailbox(5)
     assert [box.doubts(tick, []) for tick in (5, 6, 7)] == [True, True, False]

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from random import Random
 from typing import Any, NamedTuple
 
+from chaos.simulated.bare_client import BARE_CLIENT
 from chaos.simulated.clients import CHANGES_THE_HASH
 from chaos.simulated.link import Delays
 from orchard.server.options import PATIENCE
@@ -47,6 +48,7 @@ class Plan:
     mode: str = "lockstep"
     patience: float = PATIENCE  # s that physics waits for a host
     is_elsewhere: bool = False  # the hosts are on another machine: run.py does not end them
+    has_bare_client: bool = False  # a client of its own has one agent, which stands
     late: float = 0.0  # s by which tokens come later than messages, as over several routers
 
     @property
@@ -57,7 +59,7 @@ class Plan:
     @property
     def may_lose(self) -> bool:
         """Whether a host may be away for longer than physics waits; or for good, as it has heard the end, and then physics dies."""
-        if (self.is_elsewhere or len(self.faults) > 1) and any(fault.who == PHYSICS for fault in self.faults):
+        if (self.is_elsewhere or self.has_bare_client or len(self.faults) > 1) and any(fault.who == PHYSICS for fault in self.faults):
             return True
         away = [fault.seconds + BACK_SECONDS for fault in self.faults if fault.who not in (CLIENT, LOGGER)]
         return sum(away) >= self.patience
@@ -66,7 +68,9 @@ class Plan:
     def may_miss_the_end(self) -> bool:
         """Whether a host may not hear that the run is over: more happens than that one link is cut for a moment."""
         heavy = [fault for fault in self.faults if fault.who not in (CLIENT, LOGGER)]
-        return self.is_elsewhere and (len(heavy) > 1 or any(fault.what != "cut" or fault.seconds > 0.7 for fault in heavy))
+        return (self.is_elsewhere or self.has_bare_client) and (
+            len(heavy) > 1 or any(fault.what != "cut" or fault.seconds > 0.7 for fault in heavy)
+        )
 
     @property
     def may_take(self) -> bool:
@@ -125,8 +129,10 @@ def draw(seed: int) -> Plan:
         "realtime" if random.random() < 0.1 else "lockstep",
         random.choice((PATIENCE, PATIENCE, 4.0)),
         random.random() < 0.25,
+        random.random() < 0.5,
         random.random() if has_router and random.random() < 0.3 else 0.0,
     )
+    plan = replace(plan, has_bare_client=plan.has_bare_client and plan.scenario is SCENARIOS[0] and plan.mode == "lockstep")
     return replace(plan, faults=tuple(sorted(_faults(random, plan), key=lambda fault: fault.tick)))
 
 
@@ -169,6 +175,8 @@ def _fault(random: Random, plan: Plan, what: str, who: str, tick: int, delay: fl
 
 
 def _name(who: str, random: Random, plan: Plan) -> str:
+    if who == HOST and plan.has_bare_client and random.random() < 0.3:
+        return BARE_CLIENT
     return f"agents_{random.randrange(plan.hosts)}" if who == HOST else who
 
 

@@ -14,6 +14,7 @@ from unittest.mock import patch
 
 import msgspec
 
+from chaos.simulated.bare_client import BARE_CLIENT, NAME, own_agent
 from chaos.simulated.network import Network
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
 from chaos.simulated.session import SimulatedBus
@@ -237,6 +238,7 @@ BODIES: dict[str, Callable[[SimulatedProcess], int]] = {
     "orchard.processes.agents": _agents,
     "orchard.processes.logger": _logger,
     "orchard.processes.router": _router,
+    "chaos.simulated.bare_client": lambda process: own_agent(process.inbox, process.opened),
 }
 
 
@@ -356,3 +358,4 @@ def spec_of_host(name: str, share: list[str]) -> ProcessSpec:
 
 
 SPEC_OF_LOGGER = ProcessSpec(LOGGER, "orchard.processes.logger", [], again=True)
+SPEC_OF_BARE_CLIENT = ProcessSpec(BARE_CLIENT, "chaos.simulated.bare_client", [], again=True, agents=[NAME])

@@ -8,11 +8,20 @@ from functools import partial
 from pathlib import Path
 from random import Random
 
+from chaos.simulated.bare_client import NAME
 from chaos.simulated.clients import KEYS, RUN, Client, let_act
 from chaos.simulated.link import DOWN, UP
 from chaos.simulated.network import Network
 from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, Fault, Plan, draw
-from chaos.simulated.processes import SPEC_OF_LOGGER, SimulatedProcess, SimulatedSupervisor, World, spec_of_host, spec_of_physics
+from chaos.simulated.processes import (
+    SPEC_OF_BARE_CLIENT,
+    SPEC_OF_LOGGER,
+    SimulatedProcess,
+    SimulatedSupervisor,
+    World,
+    spec_of_host,
+    spec_of_physics,
+)
 from chaos.simulated.progress import Progress
 from chaos.simulated.scheduler import PassingInbox, Scheduler, VirtualInbox
 from chaos.simulated.verdict import LEAVE_LIMIT, Verdict, judge
@@ -92,12 +101,14 @@ class Schedule:
             resume=resume,
         )
         self._listen()
-        names = sorted(lay_out(Scenario(**plan.scenario)).agents)
+        names = sorted(set(lay_out(Scenario(**plan.scenario)).agents) - ({NAME} if plan.has_bare_client else set()))
         self.supervisor = SimulatedSupervisor(self.world, RUN)
         self.elsewhere = SimulatedSupervisor(self.world, RUN) if plan.is_elsewhere else self.supervisor
         self.supervisor.start(spec_of_physics(options))
         if plan.has_logger:
             self.supervisor.start(SPEC_OF_LOGGER)
+        if plan.has_bare_client:
+            self.elsewhere.start(SPEC_OF_BARE_CLIENT)
         for number in range(plan.hosts):
             self.elsewhere.start(spec_of_host(f"agents_{number}", names[number :: plan.hosts]))
 

@@ -84,9 +84,10 @@ def _of_hash(schedule: "Schedule", end: End) -> Iterator[str]:
         seed = world.engine.layout.scenario.seed
         if end.hash != hashes_of(SCENARIOS.index(plan.scenario), seed)[end.tick]:
             yield "another hash than local mode"
-    is_whole = end.summary["hosts"] == plan.hosts or any(NEVER_BACK in line for line in lost)
+    sessions = plan.hosts + plan.has_bare_client
+    is_whole = end.summary["hosts"] == sessions or any(NEVER_BACK in line for line in lost)
     if not is_whole and end.why == "duration" and not schedule.has_just_suffered(LOST_SECONDS):
-        yield f"{end.summary['hosts']} of {plan.hosts} hosts at the end"
+        yield f"{end.summary['hosts']} of {sessions} sessions at the end"
 
 
 def _of_processes(schedule: "Schedule") -> Iterator[str]:

@@ -1,0 +1,104 @@
+"""A client that owns one agent as docs/protocol.md describes it, without the code of a host: it follows `clock`, and its
+agent stands, which it does in any run.
+"""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, suppress
+from math import inf
+from typing import NoReturn
+
+from chaos.simulated.clients import KEYS, RUN
+from orchard.contract.messages import pack
+from orchard.net.bus import Alive, Bus, Inbox, Item, Sample, Signal
+from orchard.net.ending import Ending
+from orchard.net.host import GONE_SECONDS, HostEnded
+from orchard.net.refusals import Refused, read_message
+from orchard.net.requests import ANSWER_SECONDS, ask, fetch_run
+from orchard.wire import messages as wire
+from orchard.wire.keys import PHYSICS
+
+BARE_CLIENT = "bare_client"  # the process
+NAME = "weed_01"  # the agent
+AGAIN_SECONDS = 0.1  # between two tries to join
+
+
+class BareClient:
+    """The session of the client, in one run."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus, self._ending = bus, Ending(bus.clock)
+        self._answered = -1  # the last tick
+        self._joins = 0  # how often it must join
+        self._has_joined = -1  # the number of its last join
+        self._gone_at = inf  # s, when physics was gone
+
+    def run(self) -> NoReturn:
+        """Answer each tick until the run is over. Raises HostEnded."""
+        for what in ("clock", "lost", "end"):
+            self._bus.subscribe(KEYS.of(what))
+        self._bus.watch(KEYS.of("alive", PHYSICS, RUN))
+        self._bus.declare_alive(KEYS.of("alive", NAME, self._bus.id))
+        while True:
+            self._check_gone()
+            if self._has_joined != self._joins:
+                self._join()
+            elif (item := self._bus.inbox.take(1.0)) is not None:
+                self._handle(item)
+
+    def _join(self) -> None:
+        number = self._joins
+        request = pack(wire.Join(RUN, self._bus.id, [NAME]))
+        key, understand = KEYS.of("join", session=self._bus.id), lambda reply: read_message(reply, wire.Joined, RUN)
+        joined = ask(self._bus, key, request, understand, ANSWER_SECONDS, self._handle, None, self._check_gone)
+        if joined.refused:
+            self._bus.sleep(AGAIN_SECONDS)
+        else:
+            self._has_joined, self._answered = number, joined.tick - 1
+
+    def _handle(self, item: Item) -> None:
+        if isinstance(item, Signal):
+            self._leave("asked to stop")
+        elif isinstance(item, Alive):
+            self._ending.track(item.up)
+            self._gone_at = inf if item.up else self._bus.clock()
+            self._joins += item.up
+        elif isinstance(item, Sample):
+            with suppress(Refused):
+                self._hear(KEYS.parts(item.key)[-1], item.payload)
+        if (end := self._ending.end) is not None:
+            self._leave(end.why)
+
+    def _hear(self, what: str, payload: bytes) -> None:
+        if what == "clock" and self._has_joined == self._joins:
+            self._answer(read_message(payload, wire.Clock, RUN).tick)
+        elif what == "lost":
+            self._joins += read_message(payload, wire.Lost, RUN).owner == self._bus.id
+        elif what == "end":
+            self._ending.hear(read_message(payload, wire.End, RUN))
+
+    def _answer(self, tick: int) -> None:
+        if tick > self._answered:
+            self._answered = tick
+            velocity = wire.Velocity(RUN, tick, wire.Linear(0.0), wire.Angular(0.0), self._bus.id)
+            self._bus.publish(KEYS.of("velocity", NAME), pack(velocity))
+
+    def _check_gone(self) -> None:
+        if self._bus.clock() - self._gone_at >= GONE_SECONDS:
+            raise HostEnded(1, f"physics is gone; waited for {GONE_SECONDS:g} s")
+
+    def _leave(self, why: str) -> NoReturn:
+        self._bus.publish(KEYS.of("left", session=self._bus.id), pack(wire.Left(RUN)))
+        raise HostEnded(0, why)
+
+
+def own_agent(inbox: Inbox, opened: Callable[[], AbstractContextManager[Bus]]) -> NoReturn:
+    """Own the agent until the run is over, again after each reset. Raises HostEnded."""
+    while True:
+        try:
+            with opened() as bus:
+                fetch_run(bus, KEYS)
+                BareClient(bus).run()
+        except HostEnded as end:
+            if str(end) != wire.RESET:
+                raise
+        inbox.forget()

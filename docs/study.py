@@ -14,13 +14,12 @@ import msgspec
 from rich.console import Console
 
 from orchard.field.scenario import parse
-from orchard.report.sentence import clock
-from orchard.study.answer import sentence
+from orchard.report.summary import clock
 from orchard.study.picture import svg
 from orchard.study.result import StudyResult
 from orchard.study.study import StudyOptions, study
 from orchard.study.table import as_table
-from orchard.study.words import number_words
+from orchard.study.words import number_words, sentence
 
 ANSWER = Path(__file__).with_name("study.json")
 WIDTH = 100  # characters of the lines that the command prints

@@ -16,9 +16,8 @@ from scipy import stats
 from orchard import Scenario
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
-from orchard.study.racing import LOOKS, Race
+from orchard.study.racing import LOOKS, Race, interval
 from orchard.study.result import Interval
-from orchard.study.statistics import interval
 
 NOBODY = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "tractor": False}
 ORCHARD = Scenario(rows=4, pickers=2, row_length=30.0, picking_speed=0.3, picking={"spread": {"distribution": "gamma"}}, **NOBODY)

@@ -46,10 +46,7 @@ def _only_signals(item: Item) -> None:
 
 
 def made(path: str, layout: Layout, names: Collection[str]) -> dict[str, Agent]:
-    """Call the factory 'package.module:name', and return name -> agent.
-
-    Raises ValueError, with the place, if there is no such function, or if it raises an error or lacks an agent.
-    """
+    """Return what the factory 'package.module:name' makes, name -> agent. Raises ValueError, with the place, for its faults."""
     module, _, name = path.partition(":")
     try:
         make: Factory = getattr(contained(importlib.import_module, module), name)
@@ -83,10 +80,7 @@ def _run(inbox: Inbox, options: HostOptions) -> NoReturn:
 def host(
     inbox: Inbox, options: HostOptions, opened: Opened, identity: Identity | None = None, ready: Callable[[Host], None] = watched
 ) -> NoReturn:
-    """Host agents until their run ends, again after each reset. Raises HostEnded at the end.
-
-    `opened`: opens a session. `ready`: called with each host before it joins.
-    """
+    """Host agents until their run ends, again after each reset. `ready` gets each host before it joins. Raises HostEnded."""
     sessions = 1  # that may still be opened: after a reset, one may be open at a router that closes just then, and find no other
     while True:
         sessions -= 1

@@ -41,7 +41,6 @@ def _run(inbox: Inbox, options: LoggerOptions) -> int:
 
 
 def _pack(file: Path) -> None:
-    """Pack a recording. If that fails, it stays as it is, which is said."""
     try:
         optimize(file)
     except OSError as error:

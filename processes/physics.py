@@ -50,18 +50,12 @@ def rehearsed(engine: "Engine") -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run an orchard. Return the exit code: 0; 1 if it jammed, broke an invariant or had a broken agent; 2 for bad input.
-
-    With --result it is 0 in place of 1: the file tells how the run went.
-    """
+    """Run an orchard. Return the exit code: 0; 1 for a bad run, unless --result tells it; 2 for bad input."""
     return run_process("physics", RunOptions, argv, simulate, BusError, ScenarioError, SnapshotError, ValueError, OSError)
 
 
 def simulate(inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zenoh, ready: Callable[["Engine"], None] = rehearsed) -> int:
-    """Simulate an orchard until its run ends, again after each reset. Return the exit code.
-
-    `opened`: opens the session. `ready`: called before the first tick.
-    """
+    """Simulate an orchard until its run ends, again after each reset. `ready` comes before the first tick. Return the exit code."""
     keys, snapshots = Keys(options.prefix), options.snapshot_folder
     with sole(snapshots):
         before = last(snapshots, options.run) if options.resume and snapshots else None
@@ -85,7 +79,6 @@ def simulate(inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zen
 def _simulate_once(
     bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions, ready: Callable[["Engine"], None]
 ) -> tuple[int, RunOptions | None]:
-    """Run an orchard once. Return the exit code, and the options with which the run begins again, if it was reset."""
     from orchard.sim.engine import Engine  # not at the top: numba takes seconds to load, and meanwhile other processes can connect
     from orchard.sim.lookahead import HOLDS, IgnoredHolds
 

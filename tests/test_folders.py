@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from orchard.app.past import past_runs
+from orchard.app.runs_view import past_runs
 from orchard.bags.replay import read_commands
 from orchard.field.geojson import import_rows
 from orchard.field.problems import ScenarioError

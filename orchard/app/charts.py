@@ -1,11 +1,29 @@
 """The figures of runs over simulated time, as charts, one line for each run."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from nicegui import ui
 
-from orchard.app.course import BINS, BUSY, WAITING, Course, Points
+from orchard.field.scenario import Scenario
+from orchard.report.metrics import shares
+
+Points = list[list[float]]  # [simulated min, value]
+Course = Mapping[str, Points]  # title of a chart -> its line
+BINS, WAITING, BUSY = "Bins delivered", "Pickers that wait, %", "Carriers at work, %"
+
+
+def course_of(history: Mapping[str, Sequence[float]], scenario: Scenario) -> Course:
+    """Return figures of a run over time. `history`: as in the summary, as far as the run has got."""
+
+    def points(values: Iterable[float]) -> Points:
+        return [[round(s / 60.0, 2), round(value, 1)] for s, value in zip(history["seconds"], values, strict=True)]
+
+    waited = shares(history, "pickers_waited_seconds", scenario.pickers)
+    busy = shares(history, "carriers_busy_seconds", scenario.carrier_count)
+    percent = {WAITING: points(100.0 * share for share in waited), BUSY: points(100.0 * share for share in busy)}
+    return {BINS: points(history["bins_delivered"]), **percent}
+
 
 COLOURS = ["#5a9e54", "#d9822b", "#4a90d9", "#b062c4", "#c9a227", "#d1495b"]  # of the runs, on light and on dark
 INK = "#7d8778"  # of axes and names, on light and on dark
@@ -34,7 +52,6 @@ class Charts:
             chart.update()
 
     def _name(self, names: Iterable[str]) -> None:
-        """Show the names of the runs, each with its colour. A run that has no name is alone."""
         self._legend.clear()
         with self._legend:
             for number, name in enumerate(filter(None, names)):
@@ -49,7 +66,6 @@ def colour(number: int) -> str:
 
 
 def _chart(title: str) -> tuple[ui.element, ui.echart]:
-    """A chart without lines, in its box."""
     with ui.element("figure").classes("chart") as box:
         with ui.element("figcaption"):
             ui.label(title)

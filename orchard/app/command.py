@@ -1,14 +1,15 @@
-"""A command `orchard` that the page has started: what it prints is read line by line, and it is asked to stop as by Ctrl-C."""
+"""A command `orchard` of the page: its lines are read as they come, and it is asked to stop as by Ctrl-C."""
 
 import contextlib
 import os
 import signal
 import subprocess
 import threading
-from dataclasses import dataclass
+from collections.abc import Callable
+from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 import msgspec
 
@@ -22,8 +23,6 @@ PATIENCE = 60.0  # s that a command may take to end after a stop request, with i
 
 
 class RunState(StrEnum):
-    """The state of a command."""
-
     running = "running"
     stopping = "stopping"
     finished = "finished"
@@ -38,37 +37,19 @@ class RunState(StrEnum):
 STATE_COLOURS = {"running": "primary", "stopping": "warning", "finished": "positive", "stopped": "warning", "failed": "negative"}
 
 
-@dataclass(frozen=True)
 class Files:
-    """The files of a command: in one folder, under one name."""
+    """The files of a command: in one folder, under one name. `views`: those of the page's picture."""
 
-    folder: Path
-    name: str
-
-    @property
-    def scenario(self) -> Path:
-        return self.folder / f"{self.name}.yaml"
-
-    @property
-    def recording(self) -> Path:
-        return self.folder / f"{self.name}.rrd"
-
-    @property
-    def summary(self) -> Path:
-        return self.folder / f"{self.name}.json"
-
-    @property
-    def views(self) -> Path:
-        """The file with the views of the page's picture."""
-        return self.folder / f"{self.name}.rbl"
+    def __init__(self, folder: Path, name: str) -> None:
+        self.folder, self.name = folder, name
+        self.scenario = folder / f"{name}.yaml"
+        self.recording = folder / f"{name}.rrd"
+        self.summary = folder / f"{name}.json"
+        self.views = folder / f"{name}.rbl"
 
 
 class PageCommand:
-    """A process of its own. `said`: the number of lines printed so far, and the last KEPT_LINES of them.
-
-    A kind of command says what a line means (`words_of`), whether it has begun to work, what follows when it has ended (`finish`), and
-    whether it has done all of its work.
-    """
+    """A process of its own. `said`: the number of lines printed so far, and the last KEPT_LINES of them."""
 
     has_begun = False
 
@@ -83,7 +64,7 @@ class PageCommand:
         self._listener.start()
 
     def words_of(self, line: str) -> str | None:
-        """Take what a line of output tells. Return the words for a person, or None if the line is for programs only."""
+        """Take what a line tells. Return its words for a person; None if it is for programs only."""
         return line.rstrip()
 
     def finish(self) -> None:
@@ -95,7 +76,7 @@ class PageCommand:
         return False
 
     def read(self, path: Path, kind: type[Result]) -> Result | None:
-        """Return what the command has left in a file; None if there is none. A file that holds something else is named in `said`."""
+        """Return what the command has left in a file; None if there is none, or if it holds something else, which is said."""
         try:
             return msgspec.json.decode(regular(path).read_bytes(), type=kind)
         except FileNotFoundError:  # it has failed
@@ -112,7 +93,7 @@ class PageCommand:
         self.finish()
 
     def _hear(self, line: str) -> None:
-        """Keep a line. After a stop request, drop a traceback and all that follows: Python was interrupted while it started."""
+        """Keep a line. After a stop request, drop a traceback: Python was interrupted while it started."""
         self._is_hushed = self._is_hushed or (self.asked_to_stop and line.startswith("Traceback"))
         if not self._is_hushed and (words := self.words_of(line)) is not None:
             self._say(words)
@@ -153,7 +134,6 @@ class PageCommand:
         return self._process.returncode is not None
 
     def close(self) -> None:
-        """End the command."""
         self.stop()
         self._listener.join(PATIENCE + 2.0)
 
@@ -161,8 +141,7 @@ class PageCommand:
 def _open(line: list[str], folder: Path) -> subprocess.Popen[str]:
     """Start the process in its own session, so that Ctrl-C at the page's terminal reaches it only through `stop`.
 
-    The user's own classes are found from the directory in which the page was started. The process inherits a blocked SIGINT, which it
-    unblocks: Python would lose a SIGINT while it loads `site`.
+    It inherits a blocked SIGINT, which it unblocks: Python would lose a SIGINT while it loads `site`.
     """
     null, pipe, wide = subprocess.DEVNULL, subprocess.PIPE, os.environ | {"COLUMNS": "200", RUNS: str(folder)}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -172,3 +151,47 @@ def _open(line: list[str], folder: Path) -> subprocess.Popen[str]:
         )
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+Started = TypeVar("Started", bound=PageCommand)
+
+
+class Latest(Generic[Started]):
+    """Starts commands of one kind, one at a time. `command`: the last one; None at first."""
+
+    def __init__(self, folder: Path, what: str) -> None:
+        """`what`: a word for a command, with which its files in `folder` begin: harvest, study."""
+        self.folder, self.what = folder, what
+        self.command: Started | None = None
+
+    @property
+    def going(self) -> Started | None:
+        """The command that has not ended."""
+        return None if self.command is None or self.command.is_over else self.command
+
+    def start(self, kind: Callable[[Files], Started]) -> None:
+        """Start a command with files of its own. Raises OSError, or RuntimeError while another one goes on."""
+        if self.going is not None:
+            raise RuntimeError(f"another {self.what} is in progress; stop it first")
+        self.close()
+        self.command = kind(fresh_files(self.folder, self.what))
+
+    def stop(self) -> None:
+        if self.command is not None:
+            self.command.stop()
+
+    def close(self) -> None:
+        if self.command is not None:
+            self.command.close()
+
+
+def fresh_files(folder: Path, what: str) -> Files:
+    """Return files named after the time; the scenario's exists. Two within a second get different names."""
+    folder.mkdir(parents=True, exist_ok=True)
+    name = f"{what}-{datetime.now():%Y%m%d-%H%M%S}"
+    for more in ("", *(f"-{n}" for n in range(2, 100))):
+        files = Files(folder.resolve(), name + more)
+        with contextlib.suppress(FileExistsError):
+            files.scenario.touch(exist_ok=False)
+            return files
+    raise FileExistsError(f"{folder}: too many files named {name}")

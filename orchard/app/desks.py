@@ -1,10 +1,10 @@
-"""What each browser has set. The server keeps it while it runs, so that a reload of the page shows it again."""
+"""What each browser has set. The server keeps it, so that a reload of the page shows it again."""
 
 from dataclasses import dataclass, field
 from functools import lru_cache
 
 from orchard.app.draft import Draft
-from orchard.app.run_controls import RunSettings
+from orchard.app.harvest_run import RunSettings
 from orchard.app.study_run import StudySettings
 from orchard.field.scenario import Scenario
 
@@ -23,5 +23,5 @@ class Desk:
 
 @lru_cache(MOST)
 def desk_of(browser: str) -> Desk:
-    """Return the desk of a browser, by the browser's id. Beyond MOST, the one that has been away longest is dropped."""
+    """Return the desk of a browser. Beyond MOST, the one that has been away longest is dropped."""
     return Desk()

@@ -1,12 +1,14 @@
 """What a user has entered: the entries of a scenario, their values, and what is wrong with each."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cache, reduce
 from math import floor, inf, log10
 from typing import Any, get_args
+from urllib.parse import urlencode
 
 from pydantic import BaseModel
 
@@ -42,12 +44,11 @@ def hint(text: object) -> str:
 
 
 def span(limits: tuple[float, float]) -> str:
-    """Return limits in words: '0.1 to 1000'."""
     return f"{limits[0]:g} to {limits[1]:.0f}"
 
 
 def number_problem(text: str, limits: tuple[float, float], is_whole: bool = False, also: str = "") -> str:
-    """Return the problem of a text; '' if it is a number within the limits, both included. `also` is added to the message."""
+    """Return the problem of a text, with the words `also`; '' if it is a number within the limits, both included."""
     number = number_of(text)
     is_right = not isinstance(number, str) and isinstance(number, int) >= is_whole and limits[0] <= number <= limits[1]
     return "" if is_right else f"must be a {'whole ' if is_whole else ''}number from {span(limits)}{also}{hint(text)}"
@@ -103,7 +104,7 @@ class Entry:
 
     @property
     def step(self) -> float:
-        """The step of the slider: a hundredth of the range, rounded up to 1, 2 or 5 times a power of ten. 1 for whole numbers."""
+        """The step of the slider: a hundredth of the range, rounded up to 1, 2 or 5 times a power of ten."""
         if self.kind is int:
             return 1
         rough = (self.high - self.low) / 100
@@ -123,7 +124,7 @@ class Entry:
 
 @cache
 def entries(model: type[BaseModel] = Scenario, before: str = "") -> dict[str, Entry]:
-    """Return all entries by path, in the order of the scenario file. `model`: a section of it, with the path `before`."""
+    """Return all entries by path, in the order of the file. `model`: a section of it, with the path `before`."""
     found: dict[str, Entry] = {}
     for name, field in model.model_fields.items():
         path, kinds = before + name, get_args(field.annotation) or (field.annotation,)
@@ -172,10 +173,7 @@ def _inner(label: str) -> str:
 
 
 class Draft:
-    """Entered values by path, valid or not.
-
-    Each change updates `scenario`, None while a value is invalid, and `problems`, messages by path.
-    """
+    """Entered values by path. `scenario`: None while a value is invalid. `problems`: messages by path."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.take(scenario)
@@ -192,11 +190,9 @@ class Draft:
         self._check()
 
     def set(self, path: str, value: Any) -> None:
-        """Set one value."""
         self.enter({path: value})
 
     def enter(self, values: Mapping[str, Any]) -> None:
-        """Set some values, by path."""
         self.values |= {path: _typed(path, value) for path, value in values.items()}
         self._check()
 
@@ -228,7 +224,7 @@ class Draft:
             self.scenario = scenario
 
     def _strange(self) -> dict[str, str]:
-        """A message for each rule that is neither built in nor named by the file. A link may name any class, and must not run it."""
+        """A message for each rule that is neither built in nor of the file: a link must not run any class."""
         return {
             path: f"must be {', '.join(builtin)}; a class of your own must be named in a scenario file"
             for path, builtin in CHOICES.items()
@@ -237,7 +233,7 @@ class Draft:
 
 
 def _typed(path: str, value: Any) -> Any:
-    """Convert an entered value to the type of its field. A text that is not a number stays unchanged: the check reports it."""
+    """Convert an entered value to the type of its field. What is no number stays: the check reports it."""
     if isinstance(value, str):
         value = number_of(value)
     if entries()[path].kind is int and isinstance(value, float) and value.is_integer():
@@ -253,3 +249,29 @@ def _by_field(problems: list[Problem]) -> dict[str, str]:
         words = f"{problem.what}: {problem.text}" if len(paths) > 1 else problem.text
         messages |= {path: f"{messages[path]}; {words}" if path in messages else words for path in paths}
     return messages
+
+
+ON_OFF = {"true": True, "false": False}
+
+
+def query_of(scenario: Scenario) -> str:
+    """Return the query for a scenario: what differs from the default, but own classes, which are code, and a survey."""
+    default, own = flat(Scenario()), scenario.own_classes
+    return urlencode({path: _words(value) for path, value in flat(scenario).items() if value != default[path] and path not in own})
+
+
+def _words(value: Any) -> str:
+    return value if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else shown(value)
+
+
+def draft_of(query: Iterable[tuple[str, str]]) -> tuple[Draft, list[str]]:
+    """Return the draft that a link holds, and a message for each name that is no setting."""
+    draft, values, unknown = Draft(Scenario()), {}, []
+    for path, text in query:
+        if path in entries():
+            values[path] = ON_OFF.get(text, text) if entries()[path].kind is bool else text
+        else:
+            close = get_close_matches(path, entries(), 1)
+            unknown.append(f"{path}: no such setting" + (f"; did you mean {close[0]}?" if close else ""))
+    draft.enter(values)
+    return draft, unknown

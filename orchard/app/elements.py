@@ -1,4 +1,4 @@
-"""Elements of a page that NiceGUI does not have: headings, words that come and go, dialogs, and a plain table."""
+"""Elements of a page that NiceGUI does not have: headings, words that come and go, dialogs, tables."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -36,10 +36,7 @@ def dialog(title: str, lines: Iterable[str] = (), view: str = "complaint") -> It
 
 
 def table(lines: Iterable[Sequence[str]], head: Sequence[str] = (), act: Callable[[int], Any] | None = None) -> None:
-    """Add a table. The first cell of each line is the line's name. `head`: the names of the columns; the first one may be ''.
-
-    `act(number)` adds buttons for a line, in a cell before its name.
-    """
+    """Add a table: lines whose first cells are names, under a head. `act(number)` adds buttons to a line."""
     with ui.element("table"):
         if head:
             with ui.element("tr"):

@@ -1,4 +1,4 @@
-"""The form: a control for each value of a scenario, in groups, with what is wrong at each; and the classes of the user's that it names."""
+"""The form: a control for each value of a scenario, in groups, and what is wrong at each; and the user's own classes."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -14,10 +14,7 @@ Change = Callable[[str, Any], None]  # path, new value
 
 
 class Control:
-    """A labelled value, its limits and its problem: a switch, a choice, or a number in a text field, with a slider if it has few steps.
-
-    A browser's own number field would silently drop letters and commas. `data-field` and `aria-label` are for tests and screen readers.
-    """
+    """A labelled value, its limits and its problem: a switch, a choice, or a number as text, perhaps with a slider."""
 
     def __init__(self, entry: Entry, change: Change) -> None:
         self.entry, self._change = entry, change
@@ -105,10 +102,7 @@ GROUPS = {
 
 
 class Form:
-    """All controls, and the user's own classes, if there are any.
-
-    The form calls `change(path, value)` when the user changes a value, and `drop()` when the built-in classes are to be used.
-    """
+    """All controls, and the user's own classes, if there are any; `drop()` is called to be rid of these."""
 
     def __init__(self, change: Change, drop: Callable[[], None]) -> None:
         self._controls: dict[str, Control] = {}
@@ -124,15 +118,11 @@ class Form:
         self._classes.set_visibility(False)
 
     def show(self, values: Mapping[str, Any]) -> None:
-        """Set the controls to values by path."""
         for path, value in values.items():
             self._controls[path].show(value)
 
     def follow(self, draft: Draft, running: Scenario | None) -> None:
-        """Show the problem of each field, the numbers that the program has chosen, and the user's own classes.
-
-        `running`: the scenario of the harvest that runs. The values in which it differs are marked.
-        """
+        """Show what is wrong, what the program has chosen, the own classes, and how the scenario that runs differs."""
         other = {} if running is None else {path: value for path, value in flat(running).items() if value != draft.values[path]}
         for path, control in self._controls.items():
             control.complain(draft.problems.get(path, ""))
@@ -146,7 +136,6 @@ class Form:
 
 
 def _group(title: str) -> ui.element:
-    """A part of the form, to be filled."""
     with ui.element("section").classes("group") as group:
         heading(2, title).classes("group-title")
     return group

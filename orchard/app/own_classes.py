@@ -1,4 +1,4 @@
-"""The user's own classes that a scenario file names: they are code, so the page takes them from one directory only, and asks first."""
+"""The user's own classes that a scenario names: as they are code, the page takes them from one folder, and asks first."""
 
 from importlib.machinery import PathFinder
 from pathlib import Path
@@ -20,7 +20,7 @@ def from_elsewhere(classes: dict[str, str], folder: Path) -> list[str]:
 
 
 def _is_in(path: str, folder: Path) -> bool:
-    """Whether Python finds the module of a dotted path in a directory, not in one that lies in it, as .venv may. No module is run."""
+    """Whether Python finds a module in this folder, not in one that lies in it, as .venv may. It is not run."""
     module, _, _ = path.partition(":") if ":" in path else path.rpartition(".")
     parts = module.split(".")
     first = PathFinder.find_spec(parts[0])

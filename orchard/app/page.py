@@ -1,4 +1,4 @@
-"""The page: presets, files and link on top; the form on the left; the run, the stage and the derived figures on the right."""
+"""The page: presets, files and link on top; the form on the left; the run, the stage and figures on the right."""
 
 from functools import partial
 from pathlib import Path
@@ -7,13 +7,12 @@ from typing import Any
 from nicegui import events, run, ui
 
 from orchard.app.desks import Desk
+from orchard.app.draft import query_of
 from orchard.app.elements import button, dialog, note
 from orchard.app.form import Form
-from orchard.app.harvest_run import Harvests, Run
-from orchard.app.link import query_of
+from orchard.app.harvest_run import Harvests, Run, RunControls
 from orchard.app.own_classes import from_elsewhere, may_run
 from orchard.app.preview import FiguresView
-from orchard.app.run_controls import RunControls
 from orchard.app.study_run import Studies
 from orchard.app.views import ProgressView, Stage
 from orchard.field.layout import lay_out
@@ -32,7 +31,7 @@ FIRST = (
 
 
 class Page:
-    """A page in one browser. All pages share one run and one study; those of one browser begin with what was entered there last."""
+    """A page in one browser, which begins with what was entered there last. All pages share one run and one study."""
 
     def __init__(self, runs: Harvests, studies: Studies, desk: Desk) -> None:
         self.runs, self.studies, self.desk, self.draft = runs, studies, desk, desk.draft.copy()
@@ -63,7 +62,6 @@ class Page:
                     self.figures = FiguresView()
 
     def _build_files(self) -> None:
-        """Build the buttons for the presets, Open, Save, Link, the study and dark mode."""
         for name, scenario in presets().items():
             words = name.replace("_", " ").capitalize()
             ui.button(words, on_click=partial(self._take, scenario)).props(f"flat no-caps data-preset={name}")
@@ -115,7 +113,7 @@ class Page:
             await self._offer(scenario, event.file.name)
 
     async def _offer(self, scenario: Scenario, file: str) -> None:
-        """Take a scenario from a file or a past run. If it names own classes, the user is asked first: to check them already runs them."""
+        """Take a scenario. If it names own classes, the user is asked first: to check them already runs them."""
         classes = scenario.own_classes
         if refused := from_elsewhere(classes, Path.cwd()):
             complain("This file was not opened", [f"{file}: {words}" for words in refused])
@@ -131,7 +129,6 @@ class Page:
             ui.download.content(to_yaml(self.draft.scenario), "orchard.yaml", "application/yaml")
 
     async def _show_link(self) -> None:
-        """Show the link to this page with the scenario of the form, to be copied."""
         if self.draft.scenario is not None:
             here = await ui.run_javascript("location.origin + location.pathname", timeout=PATIENCE)
             lacks = ["Your own classes are not in the link, because they are code."] if self.draft.classes else []
@@ -144,7 +141,7 @@ class Page:
         ui.run_javascript("setTimeout(() => document.querySelector('.stage').scrollIntoView(), 100)")
 
     async def _turn_dark(self) -> None:
-        """Turn to dark, or back to light. At first the page is as the browser prefers, which only the browser knows."""
+        """Turn to dark, or back to light. At first it is as the browser prefers, which only the browser knows."""
         self.desk.dark = not await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=PATIENCE)
         self._dark.set_value(self.desk.dark)
 
@@ -168,7 +165,6 @@ class Page:
     # -- updates
 
     async def _redraw(self) -> None:
-        """Update plan, figures and problems if the input has changed."""
         if not self._changed:
             return
         self._changed = False
@@ -184,7 +180,6 @@ class Page:
         self.figures.show(layout)
 
     def _update_buttons(self) -> None:
-        """Update the buttons and the number of invalid fields."""
         wrong = len(self.draft.problems) + len(self.wishes.settings.problems)
         self.trouble.set_text(f"{wrong} field{'s have' if wrong > 1 else ' has'} an invalid value" if wrong else "")
         going = self.runs.going
@@ -197,7 +192,6 @@ class Page:
             action.set_enabled(self.draft.scenario is not None)
 
     def _watch(self) -> None:
-        """Update the views of the run."""
         self._update_buttons()
         if self.runs.command is None:
             return

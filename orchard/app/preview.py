@@ -6,14 +6,13 @@ from nicegui.events import ValueChangeEventArguments
 from orchard.app.elements import heading
 from orchard.field.kinds import KINDS
 from orchard.field.layout import TOP, X_WEST, Layout
-from orchard.report.bounds import Bounds
+from orchard.report.bounds import WORTH, Bounds, enough_carriers, schedule_seconds
 from orchard.report.plan import COLOURS, orchard_plan
-from orchard.report.schedule import WORTH, enough_carriers, schedule_seconds
-from orchard.report.sentence import clock
+from orchard.report.summary import clock
 
 
 def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
-    """Return the derived figures of an orchard, formatted for the page: the name, the value with its unit, a note on its meaning."""
+    """Return the derived figures of an orchard: name, value with its unit, and a note on its meaning."""
     scenario, trees = layout.scenario, [len(line.trees_x) for line in layout.lines]
     each = "{}" if min(trees) == max(trees) else "{} to {}"
     bins = sum(start.kind == "bin" for start in layout.starts)
@@ -45,7 +44,6 @@ class PlanView:
                     ui.label(name)
 
     def show(self, layout: Layout) -> None:
-        """Draw the plan of an orchard."""
         self._plan.set_content(orchard_plan(layout))
         self._plan.classes(remove="stale")
 
@@ -66,7 +64,6 @@ class FiguresView:
         self._bars = ui.element("div").classes("bars")
 
     def show(self, layout: Layout) -> None:
-        """Show the figures of an orchard."""
         bounds = Bounds(layout)
         self._tiles.clear()
         with self._tiles:

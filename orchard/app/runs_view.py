@@ -1,16 +1,92 @@
-"""The runs that have ended: a list with their settings and figures, and those that are chosen side by side."""
+"""The runs that have ended: their summaries, a list, and those that are chosen side by side."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
+from typing import Any
 
+import msgspec
 from nicegui import ui
 from nicegui.events import TableSelectionEventArguments
 
-from orchard.app.charts import Charts
-from orchard.app.draft import title_of
+from orchard.app.charts import Charts, Course, course_of
+from orchard.app.draft import entries, flat, title_of, words_of
 from orchard.app.elements import button, heading, note, table
-from orchard.app.past import PastRun, differences, past_runs
-from orchard.field.scenario import Scenario
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario, check
+from orchard.folders import regular
+from orchard.report.metrics import SAMPLED
+from orchard.report.progress import Headline
+
+MOST = 200  # runs in the list
+
+
+class Record(Headline):
+    """What the page reads in a summary."""
+
+    mode: str
+    finished: bool
+    bins_per_hour: float
+    picker_waiting_seconds: float
+    scenario: dict[str, Any]
+    history: dict[str, list[float]]
+
+    def __post_init__(self) -> None:
+        if not self.history.keys() >= set(SAMPLED) or len({len(values) for values in self.history.values()}) != 1:
+            raise ValueError("history: each sample needs all its values")
+
+
+@dataclass(frozen=True)
+class PastRun:
+    """A run that has ended."""
+
+    name: str
+    ended: datetime
+    record: Record
+    scenario: Scenario
+
+    @property
+    def course(self) -> Course:
+        return course_of(self.record.history, self.scenario)
+
+    @property
+    def figures(self) -> dict[str, str]:
+        """The figures with their units, by name, as in the list of runs."""
+        known = self.record
+        minutes, seconds = divmod(round(known.sim_seconds), 60)  # not hours: the list sorts by the first number
+        return {
+            "Bins": f"{known.bins_delivered} of {known.rows}",
+            "Simulated": f"{minutes}:{seconds:02d} min",
+            "Bins per hour": f"{known.bins_per_hour:.1f}",
+            "Mean wait": f"{known.picker_waiting_seconds:.0f} s",
+            "Carriers at work": f"{100 * known.carrier_utilisation:.0f} %",
+        }
+
+
+def past_runs(folder: Path) -> tuple[list[PastRun], list[str]]:
+    """Return the newest MOST runs with a summary, newest first, and why other files are passed over."""
+    known, others = [], []
+    for path in sorted(set(folder.glob("*.json")) - set(folder.glob("study-*.json"))):
+        try:
+            known.append(_past_run(path))
+        except (OSError, ValueError, ScenarioError, OverflowError, RecursionError) as error:
+            others.append(f"{path.name} is passed over: {getattr(error, 'strerror', None) or error}")
+    return sorted(known, key=lambda past: (past.ended, past.name), reverse=True)[:MOST], others
+
+
+def _past_run(path: Path) -> PastRun:
+    record = msgspec.json.decode(regular(path).read_bytes(), type=Record)
+    return PastRun(path.stem, datetime.fromtimestamp(path.stat().st_mtime), record, check(record.scenario, path.name))
+
+
+def differences(scenarios: Sequence[Scenario]) -> dict[str, list[str]]:
+    """Return the settings that are not the same in all scenarios: label -> a value for each scenario."""
+    values = [flat(scenario) | scenario.own_classes for scenario in scenarios]
+    paths = dict.fromkeys(path for one in values for path in one)
+    found = {path: [words_of(path, one[path]) if path in entries() else one.get(path, "built-in") for one in values] for path in paths}
+    return {entries()[path].label if path in entries() else path: words for path, words in found.items() if len(set(words)) > 1}
+
 
 COLUMNS = ("Ended", "Scenario", "Mode", "Bins", "Simulated", "Bins per hour", "Mean wait", "Carriers at work")
 BY_NUMBER = "(a, b) => a.localeCompare(b, 'en', {numeric: true})"  # 10:24 min comes after 9:50 min
@@ -23,7 +99,7 @@ class RunsView:
     """The list, and below it the comparison of the runs that are chosen."""
 
     def __init__(self, folder: Path, take: Callable[[Scenario, str], Awaitable[None]]) -> None:
-        """`folder`: of the runs. `take`: sets the form to the scenario of a run; it is given the run's name, too."""
+        """`folder`: of the runs. `take`: sets the form to a run's scenario, under the run's name."""
         self._folder, self._take = folder, take
         self._past: dict[str, PastRun] = {}
         columns = [{"name": name, "label": name, "field": name, "align": "left", "sortable": True, ":sort": BY_NUMBER} for name in COLUMNS]
@@ -78,7 +154,6 @@ def _row(past: PastRun) -> dict[str, str]:
 
 
 def _lines(chosen: list[PastRun]) -> list[list[str]]:
-    """The settings in which the runs differ, then their figures: a name, and a cell for each run."""
     settings = differences([past.scenario for past in chosen])
     modes = [past.record.mode for past in chosen]
     figures = {name: [past.figures[name] for past in chosen] for name in chosen[0].figures}

@@ -1,4 +1,4 @@
-"""A study from the page: what it compares, as a user entered it, and the command `orchard study` that does it."""
+"""A study from the page: what it compares, as entered, and the command `orchard study` that does it."""
 
 import contextlib
 import sys
@@ -7,9 +7,8 @@ from functools import cached_property
 
 import msgspec
 
-from orchard.app.command import Files, PageCommand
+from orchard.app.command import Files, Latest, PageCommand
 from orchard.app.draft import number_problem, shown
-from orchard.app.latest import Latest
 from orchard.field.queue import MOST_CARRIERS
 from orchard.field.scenario import Scenario
 from orchard.study.result import Goal, StudyResult
@@ -44,7 +43,6 @@ class StudySettings:
 
 
 def study_command(settings: StudySettings, files: Files) -> list[str]:
-    """Return the command line of a study."""
     varied = {
         "carriers": f"{int(settings.first)}..{int(settings.last)}",
         "dispatch": ",".join(settings.dispatch),
@@ -65,7 +63,6 @@ class StudyRun(PageCommand):
         super().__init__(scenario, files, study_command(settings, files))
 
     def words_of(self, line: str) -> str | None:
-        """Take the partial result that a line tells."""
         with contextlib.suppress(ValueError, KeyError, RecursionError):  # any other line
             self.result = msgspec.json.decode(line, type=dict[str, StudyResult])["study"]
             self.has_begun = True
@@ -73,7 +70,6 @@ class StudyRun(PageCommand):
         return super().words_of(line)
 
     def finish(self) -> None:
-        """Read the answer."""
         self.result = self.read(self.files.summary, StudyResult) or self.result
 
     @property

@@ -1,4 +1,4 @@
-"""How many carriers? What to compare, the picture that grows while the study runs, the answer, and the settings that one can watch."""
+"""How many carriers? What to compare, the picture that grows, the answer, and the settings that one can watch."""
 
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
@@ -14,11 +14,10 @@ from orchard.app.elements import button, heading, note, table
 from orchard.app.own_classes import CHOICES
 from orchard.app.study_run import Studies, StudyRun
 from orchard.field.scenario import Scenario, check, with_changes
-from orchard.study.answer import sentence
 from orchard.study.result import StudyResult
 from orchard.study.settings import Setting
 from orchard.study.table import legend, words
-from orchard.study.words import GOALS, setting_words
+from orchard.study.words import GOALS, sentence, setting_words
 
 REDRAW_SECONDS = 1.0  # s between two pictures
 Take = Callable[[Scenario, str], Awaitable[None]]
@@ -33,10 +32,7 @@ class StudyView:
     """The fields, Start and Stop, and what the study has found. All pages share one study at a time."""
 
     def __init__(self, studies: Studies, desk: Desk, drafted: Callable[[], Scenario | None], take: Take) -> None:
-        """`desk`: keeps what is entered. `drafted`: gives the form's scenario, None if it is invalid.
-
-        `take`: sets the form to a scenario; it is given its name, too.
-        """
+        """`drafted`: gives the form's scenario, None if it is invalid. `take`: sets the form to a scenario with a name."""
         self._studies, self._desk, self._drafted, self._take = studies, desk, drafted, take
         self._settings = desk.study
         self._shown: tuple[StudyRun, StudyResult | None, bool] | None = None
@@ -109,7 +105,6 @@ class StudyView:
         self._update_buttons()
 
     def _started(self) -> str:
-        """Start the study. Return why it was not started; '' if it was."""
         scenario, settings = self._drafted(), self._settings
         if scenario is None or settings.problems:
             return "The form has an invalid value"
@@ -150,7 +145,7 @@ class StudyView:
             self._badge.props(f"color={STATE_COLOURS[study.state]}")
 
     async def _watch(self) -> None:
-        """Show what is new of the study. Whether it is over is read first: if it is, the result is the last one."""
+        """Show what is new of the study. Whether it is over is read first: then the result is the last one."""
         self._update_buttons()
         if (study := self._studies.command) is None:
             return

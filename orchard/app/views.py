@@ -19,8 +19,7 @@ from orchard.app.study_run import Studies
 from orchard.app.study_view import StudyView, Take
 from orchard.field.scenario import Scenario
 from orchard.report.progress import Headline
-from orchard.report.sentence import clock, share_picked
-from orchard.report.summary import as_table
+from orchard.report.summary import as_table, clock, share_picked
 
 VIEWS = ["Plan", "Picture", "Summary", "Messages", "Runs", "Study"]
 
@@ -41,7 +40,6 @@ class ProgressView:
         self._box.set_visibility(False)
 
     def show(self, run: Run, state: RunState) -> None:
-        """Show the progress of a run."""
         self._box.set_visibility(True)
         colour = f"color={STATE_COLOURS[state]}"
         self._badge.set_text(state)
@@ -76,7 +74,6 @@ class MessagesView:
         self._shown = 0
 
     def show(self, run: Run, state: RunState) -> None:
-        """Append the new lines of a run."""
         if run is not self._run:
             self._log.clear()
             self._run, self._shown = run, 0
@@ -105,7 +102,7 @@ class PictureView:
         return self._bare is run or self._shown == (run, True)
 
     def show(self, run: Run, state: RunState) -> None:
-        """Point the frame at a run once its servers answer. The frame then stays unchanged: a new address would reload the viewer."""
+        """Point the frame at a run once its servers answer, and then no more: a new address would reload the viewer."""
         now = run, state.is_over
         if self.is_seen:
             self._figures.show({"": run.course})
@@ -180,10 +177,7 @@ class Stage:
     """The large part of the page. All views stay loaded; one is visible."""
 
     def __init__(self, folder: Path, studies: Studies, desk: Desk, drafted: Callable[[], Scenario | None], take: Take) -> None:
-        """`folder`: of the runs. `desk`: keeps what is entered for a study. `drafted`: gives the form's scenario.
-
-        `take`: sets the form to the scenario of a past run or a study.
-        """
+        """`folder`: of the runs. `desk`, `drafted` and `take`: as for `StudyView`."""
         with ui.element("section").classes("stage").props('aria-label="Plan, picture and results"'):
             self._choice = ui.toggle(VIEWS, value="Plan", on_change=self._turned).classes("stage-choice")
             self._choice.props("dense no-caps unelevated data-field=stage")
@@ -205,7 +199,6 @@ class Stage:
             self._past.refresh()
 
     def turn_to_study(self) -> None:
-        """Select the study."""
         self._choice.set_value("Study")
 
     def is_settled(self, run: Run) -> bool:
@@ -213,7 +206,6 @@ class Stage:
         return self._picture.is_settled(run)
 
     def show(self, run: Run, state: RunState) -> None:
-        """Update the views of a run."""
         self._picture.is_seen = self._choice.value == "Picture"
         for view in (self._picture, self._summary, self._messages):
             view.show(run, state)

@@ -1,4 +1,4 @@
-"""Lets the velocities in a bag drive its robots again. Their agents go on with plan, mail and deeds: a velocity couples no bin."""
+"""Lets the velocities in a bag drive its robots again. Their agents go on with plan, mail and deeds."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -47,7 +47,6 @@ class Replayed:
         return replace(action, twist=self._velocity(seen.tick, action.twist), hold=None)
 
     def _velocity(self, tick: int, otherwise: Twist) -> Twist:
-        """Return the newest velocity that is not older than KEPT_TICKS."""
         newest = next((at for at in range(tick, tick - KEPT_TICKS, -1) if at in self._velocities), None)
         return otherwise if newest is None else self._velocities[newest]
 
@@ -78,7 +77,7 @@ def read_commands(bag: Path) -> Commands:
 
 
 def _messages(bag: Path, topics: set[str]) -> Iterator[tuple[Connection, int, Any]]:
-    """Read the velocities and the scenarios of a bag: connection, time in ns and message. All its topics are added to `topics`."""
+    """Yield the velocities and scenarios of a bag: connection, time in ns and message; fill in all its topics."""
     try:
         with AnyReader([bag if bag.is_dir() else regular(bag)]) as reader:
             topics |= {f"{one.topic} ({one.msgtype})" for one in reader.connections}
@@ -107,7 +106,6 @@ def check_robots(bag: Path, commands: Commands, names: Mapping[str, int]) -> Non
 
 
 def _robot_of(topic: str, kind: str) -> str:
-    """The robot of a topic with velocities; '' if it is another topic."""
     robot, _, rest = topic.removeprefix("/").partition("/")
     return robot if rest == "cmd_vel" and kind in VELOCITIES else ""
 

@@ -14,9 +14,8 @@ except ModuleNotFoundError as error:
     raise ModuleNotFoundError(f"orchard.gym needs the extra gym: pip install 'orchard-sim[gym]' ({error})", name=error.name) from None
 
 from orchard.gym.dispatch import DispatchEnv, Dispatching, dispatch_env
-from orchard.gym.harvest import HarvestEnv, parallel_env
+from orchard.gym.harvest import HarvestEnv, SingleEnv, parallel_env, single_env
 from orchard.gym.rewards import REWARDS, Moment
-from orchard.gym.single import SingleEnv, single_env
 
 __all__ = [
     "REWARDS",

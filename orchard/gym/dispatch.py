@@ -205,7 +205,6 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         return calls
 
     def _take(self, action: int) -> None:
-        """Send what the action names; then the decision goes on without the two, or is over."""
         decision, order = self._calls.pending, self.dispatching.order(action)
         if decision is None or order is None or not self.dispatching.mask(decision.bins, decision.carriers)[action]:
             self._calls.pending = None
@@ -215,7 +214,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         self._calls.pending = decision if decision.bins and decision.carriers else None
 
     def _until_decision(self) -> None:
-        """Let time pass until the next decision, the end of the harvest, or that of the episode: too long, or nothing moves on."""
+        """Let time pass until the next decision, the end of the harvest, or that of the episode."""
         harvest, env = self.harvest, self.harvest.env
         while self._calls.pending is None and not harvest.is_over and env.peek() < self._longest:
             env.step()
@@ -234,7 +233,6 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         return Transition(seconds, harvest.waited_seconds, harvest.delivered)
 
     def _reports(self) -> tuple[Sequence[BinReport], Sequence[CarrierReport]]:
-        """The bins and carriers of the present decision; none at the end."""
         decision = self._calls.pending
         return (decision.bins, decision.carriers) if decision else ((), ())
 

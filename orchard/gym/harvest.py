@@ -4,6 +4,7 @@ the agents and acting."""
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import gymnasium
 import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
@@ -138,7 +139,6 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         return self._observed(), rewards, *ends, self._infos()
 
     def _look(self) -> None:
-        """Ask our agents, those of the learned bodies too."""
         self._answers = self.local.ask()
         self._looks = {name: self._look_at(name) for name in self.agents}
 
@@ -185,7 +185,7 @@ def _bin_of(look: Look) -> str:
 
 
 def _changes_in(options: Mapping[str, Any]) -> dict[str, Any]:
-    """The changes of the scenario that are in the options of a reset. Other options are others' (PettingZoo's own test gives some)."""
+    """The changes of the scenario in the options of a reset. Other options are others' (PettingZoo's test gives some)."""
     changes = options.get("scenario", {})
     if not isinstance(changes, Mapping):
         raise ValueError(f"options: scenario = {changes!r}: must be a map of keys and values")
@@ -193,7 +193,6 @@ def _changes_in(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _refuse_what_cannot_learn(layout: Layout, learned: Sequence[str]) -> None:
-    """Raise ValueError, with all that is wrong, unless these are different bodies that can learn."""
     able = [name for name in layout.names if kind_of(name) in MOVERS]
     wrong = [f"{name}: " + ("given twice" if name in able else "no such body can learn") for name in learned
              if name not in able or learned.count(name) > 1]  # fmt: skip
@@ -202,3 +201,34 @@ def _refuse_what_cannot_learn(layout: Layout, learned: Sequence[str]) -> None:
 
 
 parallel_env = HarvestEnv  # PettingZoo's name for what makes an environment
+
+
+class SingleEnv(gymnasium.Env[Arrays, Any]):
+    """A harvest in which one body learns; all others follow our agents. `harvest` is the HarvestEnv whose only learned body it is."""
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
+
+    def __init__(self, scenario: Scenario, robot: str, **options: Any) -> None:
+        """`options`: reward, deeds, longest and is_hashed, as for `HarvestEnv`. Raises as it does."""
+        self.robot, self.harvest = robot, HarvestEnv(scenario, [robot], **options)
+        self.observation_space: spaces.Space[Any] = self.harvest.observation_space(robot)
+        self.action_space: spaces.Space[Any] = self.harvest.action_space(robot)
+
+    @property
+    def local(self) -> Local:
+        return self.harvest.local
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Arrays, dict[str, Any]]:
+        """Begin an episode, as `HarvestEnv.reset` does. Return observation and info."""
+        super().reset(seed=plain(seed))
+        observations, infos = self.harvest.reset(seed, options)
+        return observations[self.robot], infos[self.robot]
+
+    def step(self, action: Any) -> tuple[Arrays, float, bool, bool, dict[str, Any]]:
+        """Move on by a tick, 0.1 s. Return observation, reward, terminated, truncated and info. Raises as `HarvestEnv.step` does."""
+        observations, rewards, terminated, truncated, infos = self.harvest.step({self.robot: action})
+        name = self.robot
+        return observations[name], rewards[name], terminated[name], truncated[name], infos[name]
+
+
+single_env = SingleEnv

@@ -87,7 +87,6 @@ def goal_of(seen: Observation, memory: Any) -> Goal:
 
 
 def _way_end(here: float, end: float, gates: Sequence[Gate], held: Sequence[str]) -> float:
-    """The end of a way along an axis, or the first gate before it with places that are not held."""
     for gate in gates:
         if (here <= gate.at <= end or end <= gate.at <= here) and any(place not in held for place in gate.places):
             end = gate.at
@@ -163,7 +162,7 @@ def deed_mask(world: World, name: str) -> np.ndarray:
 
 
 def _bin_behind(world: World, robot: int) -> int:
-    """The free bin with its centre within reach of a robot's coupling point; NONE without one. Physics decides on the rest."""
+    """The free bin within reach of a robot's coupling point; NONE without one. Physics decides on the rest."""
     x, y, yaw = world.pose[robot].tolist()
     behind = float(world.fixed.tows[robot])
     at = x - behind * math.cos(yaw), y - behind * math.sin(yaw)

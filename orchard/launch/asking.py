@@ -18,8 +18,7 @@ from orchard.contract.messages import pack
 from orchard.field.scenario import TIME_STEP
 from orchard.folders import runs_folder
 from orchard.launch import options
-from orchard.launch.left_over import end_left_over
-from orchard.launch.run_notes import RunNote, find_run, find_runs, running_here
+from orchard.launch.run_notes import RunNote, end_left_over, find_run, find_runs, running_here
 from orchard.launch.terminal import BAD_INPUT, FINISHED, exit_on_errors, print_error, print_line
 from orchard.net.bus import Bus
 from orchard.net.endpoints import BusError
@@ -109,7 +108,6 @@ def _show_stopped(is_stop: bool, title: str, answer: Stopped) -> None:
 
 
 def _ask_runs(find: Callable[[Path, str | None], list[RunNote]], connect: str | None, secure: Path | None, command: Command[Any]) -> None:
-    """Ask the runs that `find` returns, and print each answer. Raises typer.Exit with the exit code."""
     with exit_on_errors(BusError, ValueError):
         notes = find(runs_folder(), connect)
         identity = None if secure is None else Keyring.load(secure).of(EMERGENCY_OPERATOR)
@@ -127,7 +125,7 @@ def _ask_runs(find: Callable[[Path, str | None], list[RunNote]], connect: str | 
 
 
 def _answers(notes: list[RunNote], ask: Callable[[RunNote], M]) -> Iterator[tuple[RunNote, M | Exception]]:
-    """Ask all runs at the same time: none waits for another one that is slow. Yield each answer, or error, as soon as it is there."""
+    """Ask all runs at the same time. Yield each answer, or error, as soon as it is there: none waits for a slow one."""
     answers: Queue[tuple[RunNote, M | Exception]] = Queue()
 
     def put_answer(note: RunNote) -> None:
@@ -143,7 +141,7 @@ def _answers(notes: list[RunNote], ask: Callable[[RunNote], M]) -> Iterator[tupl
 
 
 def control(note: RunNote, command: Command[M], identity: Identity | None = None) -> M:
-    """Ask physics of a run, and return its reply. Raises BusError, with the reason, if physics does not answer or refuses."""
+    """Ask physics of a run, and return its reply. Raises BusError if it does not answer or refuses."""
     from orchard.net.zenoh_bus import client  # not at the top: most commands need no network
 
     keys = Keys()
@@ -155,7 +153,6 @@ def control(note: RunNote, command: Command[M], identity: Identity | None = None
 
 
 def _ask(bus: Bus, key: str, payload: bytes, type_: type[M], seconds: float) -> M:
-    """The reply of physics. Raises BusError after `seconds` without one."""
     begun, is_said = time.monotonic(), False
 
     def check_time() -> None:

@@ -19,25 +19,12 @@ from orchard.field.problems import Problem, ScenarioError, printable
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
-from orchard.launch import asking, options, own_orchard
-from orchard.launch.faults import fault_of
-from orchard.launch.left_over import end_left_over
-from orchard.launch.options import HarvestOptions, ReplayOptions
+from orchard.launch import asking, options, own_orchard, terminal
+from orchard.launch.options import ExportOptions, HarvestOptions, ReplayOptions, SecureOptions
 from orchard.launch.request import Credentials, RunRequest, shares
+from orchard.launch.run_notes import end_left_over
 from orchard.launch.runs import Runs, alone, check_writable
 from orchard.launch.study_options import StudyArguments
-from orchard.launch.terminal import (
-    BAD_INPUT,
-    FINISHED,
-    console,
-    errors,
-    exit_on_errors,
-    needs_extra,
-    own_classes_run,
-    print_error,
-    print_line,
-    report,
-)
 from orchard.launch.watch import check_ports, open_window, serve
 from orchard.net.endpoints import BusError
 from orchard.report.progress import Progress
@@ -68,31 +55,28 @@ def replay(chosen: ReplayOptions) -> None:
 @unnamed.command(cls=options.Command, help=options.HELP, epilog=EPILOG)
 @options.with_options(HarvestOptions)
 def harvest_with(chosen: HarvestOptions) -> None:
-    """Harvest an orchard."""
     harvest(chosen)
 
 
 def harvest(chosen: HarvestOptions) -> None:
-    """Harvest an orchard to the end."""
     chosen.check()
     for note in chosen.notes():
-        print_error(note)
+        terminal.print_error(note)
     if chosen.only and chosen.connect:
         raise typer.Exit(_join_run(chosen, chosen.connect, chosen.only))
     with ExitStack() as stack:
-        with own_classes_run():
-            with exit_on_errors(ScenarioError, SnapshotError, BusError, OSError, ValueError):
+        with terminal.own_classes_run():
+            with terminal.exit_on_errors(ScenarioError, SnapshotError, BusError, OSError, ValueError):
                 request = _request(chosen)
                 stack.enter_context(alone(request.recording, chosen.table))
                 if request.recording is not None:
                     remove_further_parts(request.recording)
             result, why = _run_local(request) if chosen.mode == "local" else _run_processes(request)
-        code = report(request, result, why)
+        code = terminal.report(request, result, why)
     raise typer.Exit(code)
 
 
 def _request(chosen: HarvestOptions) -> RunRequest:
-    """Check what a harvest reads and where it writes. Raises ScenarioError, SnapshotError, BusError, OSError or ValueError."""
     runs = Runs(runs_folder())
     before = None if chosen.resume is None else _snapshot(chosen, chosen.resume, runs)
     if before is not None:
@@ -116,12 +100,10 @@ def _request(chosen: HarvestOptions) -> RunRequest:
 
 
 def _scenario(path: Path | None, changes: dict[str, Any]) -> Scenario:
-    """The scenario of a file, or one that comes with the package, with the changes of the command line. Raises ScenarioError."""
     return _changed(load_or_shipped(path), {name: value for name, value in changes.items() if value is not None})
 
 
 def _changed(scenario: Scenario, given: dict[str, Any]) -> Scenario:
-    """The scenario with the values of options. Raises ScenarioError."""
     try:
         return with_changes(scenario, **given)
     except ScenarioError as error:
@@ -129,17 +111,14 @@ def _changed(scenario: Scenario, given: dict[str, Any]) -> Scenario:
 
 
 def _typed(problem: Problem, given: Collection[str]) -> Problem:
-    """A problem of the command line's values, with their names as a user types them: "command line: --rows = 2"."""
+    """A problem of options, named as a user types them: "command line: --rows = 2"."""
     names = [options.named([path]) if path in given else path for path in problem.path.split(", ")]
     return replace(problem, file="command line", path=", ".join(names))
 
 
 def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:
-    """The scenario of a bag, unless a file is given. Raises ScenarioError, or ValueError if the bag cannot be used.
-
-    What is code in it is imported only if the user asks for that: a bag may come from others.
-    """
-    with needs_extra("A bag", "ros2-export"):
+    """The scenario of a bag, unless a file is given. A bag may come from others: its code is imported only if asked for."""
+    with terminal.needs_extra("A bag", "ros2-export"):
         from orchard.bags.replay import check_robots, read_commands
     commands = read_commands(bag)
     if commands.scenario is None or chosen.scenario:
@@ -155,47 +134,41 @@ def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:
 
 
 def _snapshot(chosen: HarvestOptions, where: str, runs: Runs) -> Snapshot:
-    """The newest usable snapshot; unusable ones are reported. What is left of a run is ended first, if its run.py was killed.
-
-    Raises SnapshotError, or ValueError for options that a snapshot defines.
-    """
+    """The newest usable snapshot; unusable ones are reported. What is left of its run is ended first."""
     if given := chosen.typed(name for name in chosen.given() if name in (*options.CHANGES, "scenario")):
         raise ValueError(f"--resume: leave out {given}: the snapshot has its scenario")
     refused: list[str] = []
-    end_left_over(runs.folder, print_error)
+    end_left_over(runs.folder, terminal.print_error)
     with sole(runs.snapshots(where)):
         found = newest(runs.snapshots(where), refused, examine=examine)
     for why in refused:
-        print_error(f"not used: {why}")
+        terminal.print_error(f"not used: {why}")
     if found.lost:
         lost = ", ".join(f"{name} (tick {tick})" for name, tick in sorted(found.lost.items()))
-        print_error(f"no host was there for {lost}: the robots stood, and the hash is not that of a run without this")
+        terminal.print_error(f"no host was there for {lost}: the robots stood, and the hash is not that of a run without this")
     return found
 
 
 def _run_local(request: RunRequest) -> tuple[dict[str, Any], str]:
-    """Run everything in this process."""
     from orchard.launch.local_run import run_watched
 
-    with exit_on_errors(SnapshotError):  # of an agent's memory, which only the agent can check
+    with terminal.exit_on_errors(SnapshotError):  # of an agent's memory, which only the agent can check
         return run_watched(request)
 
 
 def _run_processes(request: RunRequest) -> tuple[dict[str, Any] | None, str]:
-    """Run physics, agents and logger in separate processes."""
     from orchard.launch.distributed import run
 
     as_json, until = request.options.progress == "json", request.options.duration
-    with exit_on_errors(BusError, OSError, ValueError), Progress(console, as_json, until) as progress:
+    with terminal.exit_on_errors(BusError, OSError, ValueError), Progress(terminal.console, as_json, until) as progress:
         return run(request, progress)
 
 
 def _join_run(chosen: HarvestOptions, endpoint: str, only: list[str]) -> int:
-    """Host these agents of a run elsewhere. Return the exit code."""
     from orchard.launch.distributed import join_run
 
-    with exit_on_errors(BusError, ValueError), Progress(console) as progress:
-        return join_run(endpoint, only, chosen.without or [], Credentials.of(chosen), progress)
+    with terminal.exit_on_errors(BusError, ValueError), Progress(terminal.console) as progress:
+        return join_run(endpoint, only, chosen.without or [], Credentials(chosen), progress)
 
 
 # -- questions to a run
@@ -209,30 +182,20 @@ app.command(cls=options.Command, context_settings={"ignore_unknown_options": Tru
 
 
 @app.command(cls=options.Command)
-def secure(
-    folder: options.Certificates,
-    scenario: options.File = None,
-    rows: options.Rows = None,
-    pickers: options.Pickers = None,
-    carriers: options.Carriers = None,
-    hosts: options.Hosts = None,
-    role: options.Role = None,
-    bridge: options.Bridge = None,
-    address: options.Address = None,
-    days: options.Days = 365,
-    anew: options.Anew = False,
-) -> None:
+@options.with_options(SecureOptions)
+def secure(chosen: SecureOptions) -> None:
     """Make certificates and access rules, so that each process of a run can do only what its role allows."""
     from orchard.launch.distributed import agent_names
     from orchard.security.identity import bridge_roles, host_roles, make
 
-    with exit_on_errors(ScenarioError, OSError, ValueError):
-        chosen = _scenario(scenario, {"rows": rows, "pickers": pickers, "carriers": carriers})
-        names = agent_names(chosen)
-        clients = host_roles(names, role or (), lambda rest: shares(rest, hosts)) + bridge_roles(names, bridge or ())
-        roles = make(folder, clients, address or (), days, anew)
-    for made_role in roles:
-        print_line(f"{folder / made_role.name}: {', '.join(made_role.names) or made_role.duty}")
+    with terminal.exit_on_errors(ScenarioError, OSError, ValueError):
+        sizes = {"rows": chosen.rows, "pickers": chosen.pickers, "carriers": chosen.carriers}
+        names = agent_names(_scenario(chosen.scenario, sizes))
+        hosts = host_roles(names, chosen.role or (), lambda rest: shares(rest, chosen.hosts))
+        clients = hosts + bridge_roles(names, chosen.bridge or ())
+        roles = make(chosen.folder, clients, chosen.address or (), chosen.days, chosen.anew)
+    for role in roles:
+        terminal.print_line(f"{chosen.folder / role.name}: {', '.join(role.names) or role.duty}")
 
 
 # -- an orchard of one's own
@@ -250,7 +213,7 @@ layout.command("import", cls=options.Command)(own_orchard.write_scenario)
 @options.with_options(StudyArguments)
 def study(chosen: StudyArguments) -> None:
     """Compare settings of an orchard, and tell which is best, and with what confidence."""
-    with needs_extra("A study", "study", ", or in a clone: make study"):
+    with terminal.needs_extra("A study", "study", ", or in a clone: make study"):
         from orchard.launch.study import run_study
     raise typer.Exit(run_study(chosen))
 
@@ -262,9 +225,9 @@ def study(chosen: StudyArguments) -> None:
 def page(port: options.Port = 8080, host: options.Host = "127.0.0.1", runs: options.Folder = None, quiet: options.Quiet = False) -> None:
     """Set up an orchard in the browser, run it, and watch it."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C during the imports ends the process silently
-    with needs_extra("The page", "app"):
+    with terminal.needs_extra("The page", "app"):
         from orchard.app.serve import serve as serve_page
-    with exit_on_errors(ValueError):
+    with terminal.exit_on_errors(ValueError):
         serve_page(host, port, runs or runs_folder(), not quiet)
 
 
@@ -272,32 +235,30 @@ def page(port: options.Port = 8080, host: options.Host = "127.0.0.1", runs: opti
 def view(recording: options.Recording = None, web: options.Browser = None) -> None:
     """Open a recording, with all its parts, in the Rerun viewer."""
     path = _recording(recording)
-    with exit_on_errors(BusError, OSError):
+    with terminal.exit_on_errors(BusError, OSError):
         code = open_window(parts_of(path)) if web is None else serve(parts_of(path), web)
     raise typer.Exit(code)
 
 
 @app.command(cls=options.Command)
-def export(
-    mcap: options.Mcap, recording: options.Recording = None, robots: options.Exported = None, with_scans: options.WithScans = False
-) -> None:
+@options.with_options(ExportOptions)
+def export(chosen: ExportOptions) -> None:
     """Make a bag of ROS 2 from a recording, with all its parts: clock, transforms, odometry and velocities of the robots."""
-    with needs_extra("A bag", "ros2-export"):
+    with terminal.needs_extra("A bag", "ros2-export"):
         from orchard.launch.export import export_bag
-    raise typer.Exit(export_bag(_recording(recording), mcap, robots or [], with_scans))
+    raise typer.Exit(export_bag(_recording(chosen.recording), chosen.mcap, chosen.robots or [], chosen.with_scans))
 
 
 def _recording(path: Path | None) -> Path:
-    """The recording to read: the newest if none is given. Raises typer.Exit if there is none."""
     runs = Runs(runs_folder())
     found = path or runs.newest_recording()
     if found is None or not found.is_file():
-        print_error(f"{found or runs.folder}: no recording there; a run without --record none makes one")
-        raise typer.Exit(BAD_INPUT)
-    with exit_on_errors(OSError):
+        terminal.print_error(f"{found or runs.folder}: no recording there; a run without --record none makes one")
+        raise typer.Exit(terminal.BAD_INPUT)
+    with terminal.exit_on_errors(OSError):
         if not is_recording(found):
-            print_error(f"{found}: it cannot be read: it is no recording; expected a file NAME.rrd that a run has written")
-            raise typer.Exit(BAD_INPUT)
+            terminal.print_error(f"{found}: it cannot be read: it is no recording; expected a file NAME.rrd that a run has written")
+            raise typer.Exit(terminal.BAD_INPUT)
     return found
 
 
@@ -308,11 +269,11 @@ def main() -> None:
     command = app if arguments[:1] and arguments[0] in ("harvest", *options.COMMANDS) else unnamed
     signal.signal(signal.SIGINT, signal.default_int_handler)  # the command may have something to stop; Typer sets the exit code
     try:
-        raise SystemExit(command(arguments, standalone_mode=False) or FINISHED)
+        raise SystemExit(command(arguments, standalone_mode=False) or terminal.FINISHED)
     except TyperException as error:
-        print_error(fault_of(error))
+        terminal.print_error(terminal.fault_of(error))
         raise SystemExit(error.exit_code) from None
     finally:
-        console.end()
-        errors.end()
+        terminal.console.end()
+        terminal.errors.end()
         gc.freeze()  # or the process visits all objects once more before it ends: a fifth of a short command's time

@@ -1,4 +1,4 @@
-"""A run in many processes: start the processes of this machine, follow the run, and stop them; or host agents of a run elsewhere."""
+"""A run in many processes: start those of this machine, follow the run, and stop them; or host agents of a run elsewhere."""
 
 import math
 import subprocess
@@ -15,14 +15,14 @@ import msgspec
 from orchard.field.kinds import select_agents
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
-from orchard.launch.advice import announced, how_to_join
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest, Shares
+from orchard.launch.run_notes import announced
 from orchard.launch.supervisor import BAD_ORDER, ProcessSpec, Supervisor, Watchdog, free_port, let_go, open_viewer
 from orchard.launch.terminal import typed
 from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal
 from orchard.net.ending import Ending
-from orchard.net.endpoints import BusError, check_free, check_loopback, check_security, reachable, with_port
+from orchard.net.endpoints import BusError, check_free, check_loopback, check_security, from_elsewhere, is_public, reachable, with_port
 from orchard.net.options import HostOptions, LoggerOptions
 from orchard.net.refusals import Refusals, Refused, read_message
 from orchard.net.requests import fetch_run
@@ -52,10 +52,10 @@ RESULT = "end.msgpack"  # file: the last message of physics
 
 
 def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None, str]:
-    """Run a whole harvest. Return its summary, None if there is none, and why it ended. Raises BusError if the endpoint cannot be used."""
+    """Run a whole harvest. Return its summary, None if there is none, and why it ended. Raises BusError."""
     options, all_names = request.options, agent_names(request.scenario)
     names = select_agents(all_names, [], options.without or [])
-    credentials = Credentials.of(options)
+    credentials = Credentials(options)
     shares = credentials.shares(names, all_names)
     endpoint = _endpoint_of(options, credentials)
     run_id, inbox = request.run_id, Inbox()
@@ -95,10 +95,7 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
 
 
 def _await_exits(supervisor: Supervisor, names: list[str], inbox: Inbox, seconds: float) -> None:
-    """Wait until all processes have ended, at most `seconds`. Ctrl-C stops all.
-
-    After THINK_SECONDS kill those of `names` that still run: a host may think, and physics may have died after the end, and wait for hosts.
-    """
+    """Wait until all processes have ended, at most `seconds`. After THINK_SECONDS kill `names`: a host may think on."""
     begun = time.monotonic()
     while supervisor.is_any_left() and time.monotonic() - begun < seconds:
         if isinstance(inbox.take(POLL_SECONDS), Signal):
@@ -117,7 +114,6 @@ def agent_names(scenario: Scenario) -> list[str]:
 
 
 def _endpoint_of(options: HarvestOptions, credentials: Credentials) -> str:
-    """The endpoint of the run's router. Raises BusError if it cannot be used."""
     if options.connect:
         with client(options.connect, seconds=LOOK_SECONDS, identity=credentials.identity("operator")):
             return options.connect
@@ -128,13 +124,22 @@ def _endpoint_of(options: HarvestOptions, credentials: Credentials) -> str:
     return endpoint
 
 
+def how_to_join(options: HarvestOptions, endpoint: str) -> str:
+    """Return how other processes join: the command for agents left to them, or the run's address; '' if none can."""
+    there = from_elsewhere(endpoint)
+    if options.without:
+        only = [word for left in options.without for word in ("--only", left)]
+        role = ["--secure", "DIR/ROLE"] if options.secure else []
+        return f"{', '.join(options.without)}: left to other processes: {typed('--connect', there, *role, *only)}"
+    return f"Other machines reach this run at {there}" if is_public(endpoint) else ""
+
+
 def start_hosts(supervisor: Supervisor, endpoint: str, shares: Shares, credentials: Credentials) -> None:
     """Start the agent processes, one for each share."""
-    replay = None if credentials.replay is None else str(credentials.replay.resolve())
+    checks, bag = credentials.options.check_agents, credentials.options.replay
+    replay = None if bag is None else str(bag.resolve())
     for name, share in shares:
-        order = HostOptions(
-            connect=endpoint, secure=credentials.folder(name), only=[*share], check_agents=credentials.checks, replay=replay
-        )
+        order = HostOptions(connect=endpoint, secure=credentials.folder(name), only=[*share], check_agents=checks, replay=replay)
         supervisor.start(ProcessSpec(name, "orchard.processes.agents", order, again=True, agents=share))
 
 
@@ -151,7 +156,7 @@ class _Launched:
     # -- its processes
 
     def start(self, folder: Path, listen: str) -> subprocess.Popen[bytes] | None:
-        """Start physics, the logger and the viewers. Return the viewer's window, if any. `folder`: for the file RESULT."""
+        """Start physics, the logger and the viewers. Return the viewer's window. `folder`: for the file RESULT."""
         request, given = self.request, self.request.options
         options = RunOptions(
             scenario=request.scenario.model_dump(),
@@ -182,7 +187,6 @@ class _Launched:
         return open_viewer(request.uri) if given.view else None
 
     def _start_logger(self) -> None:
-        """Start the logger if the run is recorded or watched."""
         request, is_live = self.request, self.request.options.is_live
         if request.recording is not None or is_live:
             order = LoggerOptions(
@@ -197,7 +201,7 @@ class _Launched:
     # -- its progress
 
     def follow(self, inbox: Inbox) -> tuple[dict[str, Any] | None, str]:
-        """Show the progress until the run is over. Return its summary, None if there is none, and why it ended."""
+        """Show the progress until the run is over. Return its summary, if any, and why it ended."""
         keys = Keys()
         try:
             with ExitStack() as stack:
@@ -213,11 +217,9 @@ class _Launched:
             return None, str(error)
 
     def _reach(self, inbox: Inbox, stack: ExitStack) -> Bus | None:
-        """A session with physics, once it listens. Processes that die meanwhile are restarted.
+        """A session with physics, once it listens; None after a second Ctrl-C. Meanwhile dead processes are restarted.
 
-        After Ctrl-C physics is asked to stop as soon as it listens: it gives the summary of a run without a tick. None after a second
-        Ctrl-C, or if physics does not listen within LOAD_SECONDS of the first. Raises BusError if it does not listen within BEGIN_SECONDS,
-        or has ended or been given up.
+        After the first Ctrl-C physics is asked to stop as soon as it listens: it gives the summary of a run without a tick.
         """
         deadline, identity, asked = time.monotonic() + BEGIN_SECONDS, self.credentials.identity("operator"), None
         while True:
@@ -273,7 +275,7 @@ class _Launched:
         return None, "stopped"
 
     def _why_over(self, begun: bool) -> str:
-        """Why the run cannot go on without a message of its end; '' if it can. `begun`: whether all agents have been there."""
+        """Why the run cannot go on, without a message of its end; '' if it can. `begun`: whether all agents were there."""
         if self.supervisor.is_over(PHYSICS):
             code = self.supervisor.exit_code(PHYSICS)
             return HOW_PHYSICS_ENDED.get(code, f"physics ended with code {code}")
@@ -285,7 +287,6 @@ class _Launched:
 
 
 def _hear(sample: Sample, run_id: str, progress: Progress) -> End | None:
-    """Show the figures in a sample. Return the end if the sample is the end. Raises Refused: any client may publish on these keys."""
     try:
         if sample.key.endswith("/end"):
             end = read_message(sample.payload, End, run_id)

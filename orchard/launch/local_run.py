@@ -38,11 +38,11 @@ THINK_SECONDS = 2.0  # that an agent may still think after Ctrl-C
 
 
 class StillThinks(BaseException):
-    """Raised in an agent that still thinks after Ctrl-C; the text says which, and where. It is no Exception, which many agents catch."""
+    """Raised in an agent that still thinks after Ctrl-C, and says which and where. Many agents catch an Exception."""
 
 
 class _Interruption:
-    """SIGINT and SIGTERM ask the run to stop. An agent that does not end its tick meanwhile gets StillThinks; then the process is ended."""
+    """Signals ask the run to stop. An agent that does not end its tick gets StillThinks; then the process is ended."""
 
     def __init__(self, local: Local) -> None:
         self.is_asked = False
@@ -66,10 +66,7 @@ class _Interruption:
 
 @contextmanager
 def interruptible(local: Local) -> Iterator[Callable[[], bool]]:
-    """In this context SIGINT and SIGTERM do not end the process. Yield a function that returns whether one has arrived.
-
-    An agent of `local` that still thinks THINK_SECONDS later gets StillThinks.
-    """
+    """Yield what tells whether SIGINT or SIGTERM has come. An agent that thinks THINK_SECONDS longer gets StillThinks."""
     asked = _Interruption(local)
     handlers = {signal.SIGINT: asked.ask, signal.SIGTERM: asked.ask, signal.SIGALRM: asked.hurry}
     old = {number: signal.signal(number, handler) for number, handler in handlers.items()}
@@ -84,10 +81,7 @@ def interruptible(local: Local) -> Iterator[Callable[[], bool]]:
 def run(
     request: RunRequest, look: Callable[[Frame], None] | None, show: Callable[[dict[str, Any], dict[str, str], dict[str, str]], None]
 ) -> tuple[dict[str, Any], str]:
-    """Run a harvest. Return its summary, and why it ended.
-
-    `look`: called with each frame. `show`: called every half second with the figures, robot -> what it does, robot -> what it waits for.
-    """
+    """Run a harvest. Return its summary, and why it ended. `look` gets each frame, `show` the figures each half second."""
     checks, holds = request.options.check_agents, HOLDS[request.options.holds]
     agents = _replayed(request)
     local = Local(request.scenario, agents, checks, holds) if request.resumed is None else Local.resume(request.resumed, checks, holds)
@@ -122,7 +116,6 @@ def run(
 
 
 def _replayed(request: RunRequest) -> dict[str, Agent] | None:
-    """All agents, those of a bag's robots with its velocities; None without a bag."""
     if request.options.replay is None:
         return None
     from orchard.bags.replay import read_commands, replayed  # not at the top: its packages are an extra
@@ -132,7 +125,9 @@ def _replayed(request: RunRequest) -> dict[str, Agent] | None:
 
 def _frame(account: RunAccount, local: Local, events: list[Event]) -> Frame:
     frame = account.frame(events)
-    frame.events = [*frame.events, *_talk(local)]
+    for name, action in local.answers.items():
+        answers = [(heard.sender, body) for heard, body in action.answers]
+        frame.events = [*frame.events, *talk_of(local.engine.tick - 1, name, action.requests, answers)]
     return frame
 
 
@@ -142,14 +137,6 @@ def _snapshot(local: Local, account: RunAccount, request: RunRequest) -> Snapsho
     snapshot.lost = request.resumed.lost if request.resumed else {}
     snapshot.figures |= account.figures.as_data()
     return snapshot
-
-
-def _talk(local: Local) -> list[Event]:
-    said, tick = [], local.engine.tick - 1
-    for name, action in local.answers.items():
-        if action.requests or action.answers:
-            said += talk_of(tick, name, action.requests, [(heard.sender, body) for heard, body in action.answers])
-    return said
 
 
 def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
@@ -177,7 +164,6 @@ def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
 
 
 def _recorder(request: RunRequest) -> "Recorder | None":
-    """The recorder; None if the run is neither recorded nor watched."""
     is_live = request.options.is_live
     if request.recording is None and not is_live:
         return None

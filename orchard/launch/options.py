@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 from typer import Argument, BadParameter, Exit, Option
-from typer.core import TyperCommand, TyperGroup, TyperOption
+from typer.core import TyperCommand, TyperGroup
 
 from orchard.contract.agent import MOST_STEPS, Holds
 from orchard.contract.messages import LAST_TICK
@@ -99,7 +99,6 @@ def _steps(text: str) -> int:
 
 
 def _scenario(path: Path | None) -> Path | None:
-    """Refuse a recording, and a word that is no file, no scenario of the package and no command."""
     if path is not None and path.suffix == ".rrd":
         raise BadParameter(f"{path}: a recording, not a scenario; did you mean the command view?")
     near = get_close_matches(str(path).lower(), [*COMMANDS, "harvest", *names()], n=1)
@@ -113,7 +112,6 @@ def _scenario(path: Path | None) -> Path | None:
 
 
 def _print_version(is_wanted: bool) -> bool:
-    """Print the version of the installed package, and exit."""
     if is_wanted:
         with suppress(PackageNotFoundError):
             print(f"orchard {version('orchard-sim')}")
@@ -136,7 +134,6 @@ def flag(panel: str | None, name: str, words: str, **how: Any) -> Any:
 
 
 def _rule(what: str, builtin: Iterable[str]) -> Any:
-    """An option for a rule: a built-in one, or a user's."""
     return option(ORCHARD, f"{what}: {', '.join(builtin)}, or module.Class.", "NAME")
 
 
@@ -204,7 +201,6 @@ class HarvestOptions:
 
     @property
     def is_live(self) -> bool:
-        """Whether the run is watched live."""
         return self.view or self.web is not None
 
     @property
@@ -221,7 +217,6 @@ class HarvestOptions:
 
     @property
     def changes(self) -> dict[str, Any]:
-        """The changes to the scenario."""
         return {name: value for name in CHANGES if (value := getattr(self, name)) is not None}
 
     def given(self) -> list[str]:
@@ -238,7 +233,6 @@ class HarvestOptions:
             raise BadParameter(why, param_hint=option)
 
     def _faults(self) -> Iterator[tuple[str, str]]:
-        """The options that do not go together with others, and why."""
         if self.mode == "local" and (self.listen or self.connect or self.without or self.only):
             yield "--mode", "local mode is one process; leave out --listen, --connect, --without and --only"
         if self.listen and self.connect:
@@ -303,22 +297,21 @@ def with_options(kind: type[Chosen]) -> Callable[[Callable[[Chosen], None]], Cal
     return decorate
 
 
-class Command(TyperCommand):
+class _Plain:
     """A command whose option --help is shown without a value."""
 
-    def get_help_option(self, ctx: Any) -> TyperOption | None:
-        if option := super().get_help_option(ctx):
+    def get_help_option(self, ctx: Any) -> Any:
+        if option := super().get_help_option(ctx):  # type: ignore[misc]
             option.metavar = ""
         return option
 
 
-class Group(TyperGroup):
-    """The same of a command that has commands."""
+class Command(_Plain, TyperCommand):
+    """A command."""
 
-    def get_help_option(self, ctx: Any) -> TyperOption | None:
-        if option := super().get_help_option(ctx):
-            option.metavar = ""
-        return option
+
+class Group(_Plain, TyperGroup):
+    """A command that has commands."""
 
 
 # -- other commands
@@ -329,29 +322,39 @@ Steps = Annotated[int, Argument(metavar="N", parser=_steps, help="Number of step
 EmergencyOperator = Annotated[
     Path | None, Option("--secure", metavar="DIR", help="For a secured run: the directory with the role emergency-operator.")
 ]
-Certificates = Annotated[Path, Argument(metavar="DIR", help="Directory for the certificates.")]
-Carriers = Annotated[int | None, Option(help="Carriers, 1 to 40.")]
-Role = Annotated[list[str] | None, Option(metavar="NAME=KIND|AGENT,...", help="One host for exactly these agents (repeatable).")]
-Bridge = Annotated[
-    list[str] | None,
-    Option(
-        metavar="NAME[=KIND|AGENT|simulation,...]",
-        help="A bridge to ROS 2 that may drive these robots; simulation: may pause, step, reset and end the run (repeatable).",
-    ),
-]
-Address = Annotated[list[str] | None, Option(metavar="NAME|IP", help="Address at which other machines reach this one (repeatable).")]
-Days = Annotated[float, Option(min=1, max=3650, help="Days for which the certificates are valid.")]
-Anew = Annotated[bool, Option("--anew", metavar="", help="Replace the files of an earlier call.")]
 Browser = Annotated[int | None, Option("--web", min=1024, max=65534, metavar="PORT", help="Show it in a browser on this machine.")]
 Recording = Annotated[Path | None, Argument(metavar="FILE.rrd", show_default="the newest")]
-Mcap = Annotated[Path, Option(metavar="FILE.mcap", help="File of the bag.")]
-Exported = Annotated[
-    list[str] | None,
-    Option("--robots", metavar="KIND|NAME", help="Bodies that are in it (repeatable). Default: pickers, carriers and the tractor."),
-]
-WithScans = Annotated[
-    bool, Option("--with-scans", metavar="", help="The scans too, as they are recorded: every second beam, twice a second.")
-]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions:
+    """The options of an export."""
+
+    recording: Recording = None
+    mcap: Annotated[Path, Option(metavar="FILE.mcap", help="File of the bag.")]
+    robots: list[str] | None = option(None, "Bodies that are in it (repeatable). Default: pickers, carriers and the tractor.", "KIND|NAME")
+    with_scans: bool = flag(None, "--with-scans", "The scans too, as they are recorded: every second beam, twice a second.")
+
+
+SIMULATION = "A bridge to ROS 2 that may drive these robots; simulation: may pause, step, reset and end the run (repeatable)."
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecureOptions:
+    """The options of `secure`, in the order of --help."""
+
+    folder: Annotated[Path, Argument(metavar="DIR", help="Directory for the certificates.")]
+    scenario: File = None
+    rows: Rows = None
+    pickers: Pickers = None
+    carriers: int | None = option(None, "Carriers, 1 to 40.")
+    hosts: Hosts = None
+    role: list[str] | None = option(None, "One host for exactly these agents (repeatable).", "NAME=KIND|AGENT,...")
+    bridge: list[str] | None = option(None, SIMULATION, "NAME[=KIND|AGENT|simulation,...]")
+    address: list[str] | None = option(None, "Address at which other machines reach this one (repeatable).", "NAME|IP")
+    days: float = option(None, "Days for which the certificates are valid.", default=365, min=1, max=3650)
+    anew: bool = flag(None, "--anew", "Replace the files of an earlier call.")
+
 
 Port = Annotated[int, Option(min=0, max=65535, metavar="PORT", help="Port of the page.")]
 Host = Annotated[str, Option(metavar="ADDRESS", help="Any client that reaches it can start runs; 0.0.0.0: under this machine's name.")]

@@ -36,11 +36,6 @@ class RunRequest:
         return (self.resumed.run if self.resumed else "") or uuid.uuid4().hex[:16]
 
     @property
-    def title(self) -> str:
-        """The scenario in some words, by which a user knows the run."""
-        return f"{self.scenario.rows} rows, {self.scenario.pickers} pickers, seed {self.scenario.seed}"
-
-    @property
     def uri(self) -> str:
         """The address of the live data, for a viewer."""
         return f"rerun+http://127.0.0.1:{self.data_port}/proxy"
@@ -49,28 +44,19 @@ class RunRequest:
 Shares = list[tuple[str, Sequence[str]]]  # (name of an agent process, the agents that it hosts)
 
 
-@dataclass(frozen=True)
 class Credentials:
-    """What the processes of a run need to connect, and how its agents are shared among processes.
+    """What the processes of a run need to connect, and how its agents are shared. An open run has no keyring."""
 
-    An open run has no keyring, and admits every client. In a secured run each client has a role, and may do only what that role allows.
-    """
-
-    keyring: Keyring | None
-    hosts: int | None  # agent processes of an open run
-    checks: bool = False  # whether agent processes check that own agents are repeatable
-    replay: Path | None = None  # a bag whose velocities drive its robots
-
-    @classmethod
-    def of(cls, options: HarvestOptions) -> "Credentials":
-        """Return the credentials of a run. Raises ValueError if the directory of a secured run has no roles."""
-        return cls(Keyring.load(options.secure) if options.secure else None, options.hosts, options.check_agents, options.replay)
+    def __init__(self, options: HarvestOptions) -> None:
+        """Raises ValueError if the directory of a secured run has no roles."""
+        self.options = options
+        self.keyring = Keyring.load(options.secure) if options.secure else None
 
     def identity(self, role: str) -> Identity | None:
         return self.keyring.of(role) if self.keyring else None
 
     def only_identity(self) -> Identity | None:
-        """Return the identity of a directory with one role; None for an open run. Raises ValueError if it has several roles."""
+        """Return the identity of a directory with one role; None for an open run. Raises ValueError for several."""
         if self.keyring is None:
             return None
         roles = list(self.keyring.roles)
@@ -85,11 +71,11 @@ class Credentials:
 
     def shares(self, names: Sequence[str], all_names: Sequence[str]) -> Shares:
         """Return the shares of this machine's agent processes."""
-        return list(self.keyring.hosts(names, all_names).items()) if self.keyring else shares(names, self.hosts)
+        return list(self.keyring.hosts(names, all_names).items()) if self.keyring else shares(names, self.options.hosts)
 
 
 def shares(names: Sequence[str], hosts: int | None) -> Shares:
-    """Share agents among processes. `hosts`: the number of processes; 0: one per agent; None: one per core, at most 4."""
+    """Share agents among processes. `hosts`: how many; 0: one per agent; None: one per core, at most 4."""
     if hosts == 0:
         return [(name, [name]) for name in names]
     count = min(len(names), hosts or min(4, os.cpu_count() or 1))

@@ -1,18 +1,24 @@
-"""The notes of the runs on this machine, by which other commands find them.
+"""The notes of the runs on this machine, by which other commands find them, and the end of what is left of them.
 
-Each run keeps a note of its endpoint in runs/ while it is active. The process that wrote a note holds a lock on it. The lock ends with
-the process, so a note without a lock is stale (`left_over.py`).
+A process that wrote a note holds a lock on it until it ends, so a note without a lock is stale. The processes of its run end by
+themselves within seconds, because nothing holds their lines. What does not, as a frozen process, is ended by force.
 """
 
 import fcntl
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from datetime import datetime
 from pathlib import Path
 
 import msgspec
 
+from orchard.launch.request import RunRequest
+from orchard.launch.terminal import CTRL_C, typed
 from orchard.net.endpoints import BusError
+from orchard.net.lifeline import ALONE_SECONDS, STARTED_BY
 
 
 class RunNote(msgspec.Struct):
@@ -25,7 +31,7 @@ class RunNote(msgspec.Struct):
 
 @contextmanager
 def noted(folder: Path, note: RunNote) -> Iterator[None]:
-    """Keep a note in this context, with which other processes on this machine find the run. Raises OSError if it cannot be written."""
+    """Keep a note in this context, by which other processes find the run. Raises OSError if it cannot be written."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{note.run}.going"
     beside = path.with_suffix(".new")
@@ -38,6 +44,24 @@ def noted(folder: Path, note: RunNote) -> Iterator[None]:
             yield
         finally:
             path.unlink(missing_ok=True)
+
+
+@contextmanager
+def announced(request: RunRequest, run: str, endpoint: str, say: Callable[[str], None]) -> Iterator[None]:
+    """In this context `run.py stop` finds the run. Say how to stop it; with the endpoint, if there can be no note."""
+    scenario = request.scenario
+    title = f"{scenario.rows} rows, {scenario.pickers} pickers, seed {scenario.seed}, since {datetime.now():%H:%M:%S}"
+    words = [] if request.options.secure is None else ["--secure", request.options.secure]
+    with ExitStack() as stack:
+        try:
+            if request.notes is not None:
+                stack.enter_context(noted(request.notes, RunNote(run, endpoint, title)))
+        except OSError as error:
+            say(f"{request.notes}: no note of this run can be written there: {error.strerror}")
+            words += ["--connect", endpoint]
+        if request.options.progress == "text":
+            say(f"{CTRL_C}; emergency stop of the robots: {typed('stop', *words)}")
+        yield
 
 
 def running_here(folder: Path, gone: list[Path] | None = None) -> list[RunNote]:
@@ -66,9 +90,48 @@ def find_runs(folder: Path, connect: str | None) -> list[RunNote]:
 
 
 def find_run(folder: Path, connect: str | None) -> list[RunNote]:
-    """Return the run at `connect`, or the only active run on this machine. Raises BusError if there is none, or several."""
+    """Return the run at `connect`, or the only active run here. Raises BusError if there is none, or several."""
     runs = find_runs(folder, connect)
     if len(runs) > 1:
         which = "\n".join(f"  --connect {note.endpoint}  ({note.title})" for note in runs)
         raise BusError(f"{len(runs)} runs are active here; choose one:\n{which}")
     return runs
+
+
+POLL_SECONDS = 0.1  # between two looks whether a process has ended
+
+
+def end_left_over(folder: Path, say: Callable[[str], None]) -> bool:
+    """End the processes of runs in this folder without a run.py, and remove their notes. Return whether there was any."""
+    gone: list[Path] = []
+    running_here(folder, gone)
+    found = [_end(note.stem, say) for note in gone]
+    for note in gone:
+        note.unlink(missing_ok=True)
+    return any(found)
+
+
+def _end(run: str, say: Callable[[str], None]) -> bool:
+    if not (left := processes_of(run)):
+        return False
+    say(f"run {run}: its `orchard` is gone; ending the {len(left)} processes that it has left")
+    deadline = time.monotonic() + ALONE_SECONDS
+    while (left := processes_of(run)) and time.monotonic() < deadline:
+        time.sleep(POLL_SECONDS)
+    for pid in left:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    while processes_of(run) and time.monotonic() < deadline + ALONE_SECONDS:  # their ports and locks are free only then
+        time.sleep(POLL_SECONDS)
+    return True
+
+
+def processes_of(run: str) -> list[int]:
+    """Return the ids of the processes that run.py has started for a run. Only Linux tells their environments."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        with suppress(OSError):  # it has just ended, or is another user's
+            variables = path.read_bytes().split(b"\0")
+            if any(variable.startswith(f"{STARTED_BY}=".encode()) and variable.endswith(f" {run}".encode()) for variable in variables):
+                found.append(int(path.parent.name))
+    return found

@@ -22,10 +22,7 @@ class Runs:
     folder: Path
 
     def recording(self, wanted: str | None) -> Path | None:
-        """Return the path of a new recording: `wanted`, or a file in the folder; None for "none".
-
-        Raises OSError if it is not writable, ValueError if it would replace a file that is no recording.
-        """
+        """Return the path of a new recording, None for "none". Raises OSError, or ValueError for a file that is none."""
         if wanted == "none":
             return None
         path = self.folder / f"{_now()}-{os.getpid()}.rrd" if wanted is None else Path(wanted)
@@ -43,7 +40,7 @@ class Runs:
         return _newest(itertools.filterfalse(is_further_part, self.folder.glob("*.rrd")))
 
     def snapshots(self, resume: str | None) -> Path:
-        """Return the folder for the snapshots of a new run, or of the run to `resume`. Raises SnapshotError if there is none."""
+        """Return the folder for the snapshots of a new run, or of the one to `resume`. Raises SnapshotError."""
         if resume is None:
             return self.folder / f"{_now()}-{os.getpid()}.snapshots"
         if resume != LAST:
@@ -58,10 +55,7 @@ class Runs:
 
 @contextmanager
 def alone(*paths: Path | None) -> Iterator[None]:
-    """In this context no other run that starts here writes to these files and folders. Raises ValueError if one does.
-
-    The locks end with this process, however that ends. A file that is not there is made; if it is empty at the end, it goes.
-    """
+    """In this context no other run writes to these files and folders. An empty file goes at the end. Raises ValueError."""
     with ExitStack() as stack:
         for path in filter(None, paths):
             opened = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR | os.O_CREAT, 0o666)

@@ -31,7 +31,7 @@ STOPPED = "stopped; the runs so far are kept, and the same command goes on from 
 
 
 def run_study(chosen: StudyArguments) -> int:
-    """Do a study, and print and write its answer. Return the exit code: 1 if an invariant is violated, or a run or a file fails."""
+    """Do a study, print and write its answer. Return the exit code: 1 if an invariant, a run or a file fails."""
     with own_classes_run(), exit_on_errors(ScenarioError, StoreError, OSError):
         scenario, varied = _question(chosen)
         try:
@@ -48,7 +48,6 @@ def run_study(chosen: StudyArguments) -> int:
 
 
 def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
-    """Return the scenario, and what varies. Raises ScenarioError with all that is wrong with the options, the file, and both together."""
     varied, problems = varied_of(chosen.vary or [])
     scenario, faults = _read(chosen.scenario)
     options = _options(chosen)
@@ -61,7 +60,6 @@ def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
 
 
 def _read(path: Path | None) -> tuple[Scenario, list[Problem]]:
-    """Return the scenario of a file, and its faults: what is faulty has its default."""
     try:
         return load_or_shipped(path), []
     except ScenarioError as error:
@@ -69,7 +67,7 @@ def _read(path: Path | None) -> tuple[Scenario, list[Problem]]:
 
 
 def _may_follow(problem: Problem, faults: Sequence[Problem]) -> bool:
-    """Whether a problem of a setting may be there only because of a fault in the file: it names the same value, or a part of it."""
+    """Whether a problem of a setting may follow from a fault in the file: it names the same value, or a part of it."""
     wrong = [path for fault in faults for path in fault.path.split(", ")]
     named = [] if problem.file.startswith("--vary") else [path for path in problem.path.split(", ") if path]
     return any(not one or f"{one}.".startswith(f"{path}.") or f"{path}.".startswith(f"{one}.") for one in wrong for path in named)
@@ -90,13 +88,11 @@ def _unusable(store: Path, anew: bool) -> Iterator[Problem]:
 
 
 def _options(chosen: StudyArguments) -> StudyOptions:
-    """The options of the study, with defaults in place of those that have a problem."""
     values = {NAMES.get(name, name): value for name, value in vars(chosen).items() if not isinstance(value, Problem)}
     return StudyOptions(**{field.name: values[field.name] for field in fields(StudyOptions) if field.name in values})
 
 
 def _files(chosen: StudyArguments) -> dict[Path, Callable[[StudyResult, Path], None]]:
-    """The files that the user wants, and what writes each."""
     wanted = {chosen.summary: _save_summary, chosen.csv: save_csv, chosen.picture: _save_picture, chosen.report: _save_report}
     return {path: save for path, save in wanted.items() if path is not None}
 
@@ -118,7 +114,6 @@ def _save_report(result: StudyResult, path: Path) -> None:
 
 
 def _unwritten(files: dict[Path, Callable[[StudyResult, Path], None]], result: StudyResult) -> Iterator[Path]:
-    """Write the files. Yield those that cannot be written, after a line on stderr."""
     for path, save in files.items():
         try:
             save(result, path)
@@ -145,7 +140,6 @@ def _tell_json(result: StudyResult) -> None:
 
 @contextmanager
 def _progress(chosen: StudyArguments) -> Iterator[Callable[[StudyResult], None]]:
-    """Yield what hears of partial results: a bar of the budget and the present best on a terminal, JSON lines for programs."""
     if chosen.progress == "json":
         yield _tell_json
         return
@@ -161,7 +155,7 @@ def _progress(chosen: StudyArguments) -> Iterator[Callable[[StudyResult], None]]
 
 @contextmanager
 def _stoppable() -> Iterator[Callable[[], bool]]:
-    """In this context the first SIGINT or SIGTERM asks to stop, and the second one ends the program. Yield what tells whether to stop."""
+    """Yield what tells whether to stop: the first SIGINT or SIGTERM asks for it, the second one ends the program."""
     asked: list[int] = []
 
     def ask(number: int, frame: FrameType | None) -> Any:

@@ -1,16 +1,17 @@
-"""The options of `orchard study`: their types and values, their help texts, and what is wrong with them, told all at once."""
+"""The options of `orchard study`: their types, values and help texts, and all that is wrong with them at once."""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 from urllib.parse import urlsplit
 
 from typer import BadParameter
 
 from orchard.field.problems import Problem
 from orchard.launch.options import File, Style, flag, named, number, option, whole
+from orchard.study.result import Goal, Horizon, Models
 
 LEAST_CONFIDENCE, MOST_CONFIDENCE = 0.5, 0.9999
 BUDGET_UNITS = {"min": 60.0, "h": 3600.0, "s": 1.0}
@@ -31,7 +32,6 @@ def _share(text: str) -> float:
 
 
 def _scheduler(text: str) -> str:
-    """The address of a scheduler, as dask.distributed has it."""
     try:
         url = urlsplit(text if "://" in text else f"tcp://{text}")
         is_right = bool(url.scheme and url.hostname and url.port)
@@ -50,7 +50,6 @@ def _confidence(text: str) -> float:
 
 
 def _budget(text: str) -> float:
-    """A time of some s: 60, 60s, 5min or 2h."""
     unit = next((unit for unit in BUDGET_UNITS if text.endswith(unit)), "")
     seconds = number(text.removesuffix(unit)) * BUDGET_UNITS.get(unit, 1.0)
     if not LEAST_BUDGET <= seconds < math.inf:
@@ -87,7 +86,6 @@ def _checked(parse: Callable[[str], Any]) -> Callable[[str], Any]:
 
 
 def _choice(panel: str, what: str, words: Any, default: str) -> Any:
-    """An option for one of the words of a Literal."""
     known = get_args(words)
 
     def parse(text: str) -> str:
@@ -98,9 +96,6 @@ def _choice(panel: str, what: str, words: Any, default: str) -> Any:
     return option(panel, what, "|".join(known), default=default, parser=_checked(parse))
 
 
-Goal = Literal["bins_per_hour", "cost_per_bin", "harvest_seconds"]
-Horizon = Literal["harvest", "long"]
-Model = Literal["fast", "full", "both"]
 MODELS = "fast: the discrete-event model; full: the simulator; both: it checks the best two."
 KEPT = "File that keeps all runs. Default: studies.db beside the recordings."
 WITHIN = "Half an interval, as a share of its mean, that is narrow enough."
@@ -117,7 +112,7 @@ class StudyArguments:
     confidence: float = option(QUESTION, "Confidence of the answer.", "SHARE", default="0.95", parser=_checked(_confidence))
     within: float = option(QUESTION, WITHIN, "SHARE", default="1%", parser=_checked(_share))
     budget: float = option(QUESTION, "Wall time: 60s, 5min, 2h.", "TIME", default="60s", parser=_checked(_budget))
-    model: Model = _choice(RUNS, MODELS, Model, "both")
+    model: Models = _choice(RUNS, MODELS, Models, "both")
     workers: int | None = option(RUNS, "Processes here. Default: one per core.", "N", parser=_checked(_workers))
     scheduler: str | None = option(
         RUNS, "A scheduler of dask.distributed: tcp://192.168.1.10:8786.", "ENDPOINT", parser=_checked(_scheduler)
@@ -132,7 +127,6 @@ class StudyArguments:
 
     @property
     def files(self) -> list[Path]:
-        """The files to write."""
         return [path for path in (self.summary, self.csv, self.picture, self.report) if path is not None]
 
     def problems(self) -> list[Problem]:

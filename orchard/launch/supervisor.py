@@ -70,7 +70,7 @@ class _Running:
 
 @dataclass
 class Supervisor:
-    """The processes of a run. Use it in a `with` statement: at its end all processes are stopped. `say` prints a line."""
+    """The processes of a run. At the end of its `with` statement all are stopped. `say` prints a line."""
 
     say: Callable[[str], None]
     run: str = ""  # the run's id
@@ -85,14 +85,12 @@ class Supervisor:
         self.stop(0.0)
 
     def start(self, program: ProcessSpec) -> None:
-        """Start a process."""
         self.running[program.name] = _Running(program, *self._open(program, program.order), self.clock())
 
     def _open(self, program: ProcessSpec, order: Sequence[str] | ProcessOptions) -> tuple[subprocess.Popen[str], Line]:
         """Start a process in its own process group, so that Ctrl-C reaches only run.py, which stops the others in order.
 
-        It has no session of its own: Linux divides the processor among sessions first, which costs processes that work together an eighth
-        of their ticks.
+        It has no session of its own: Linux shares the processor among sessions first, which costs an eighth of the ticks.
         """
         paths = [os.environ.get("PYTHONPATH", ""), os.getcwd()]  # modules in the user's current directory are found
         environment = QUICK_START | QUICK_TICKS | os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
@@ -110,7 +108,6 @@ class Supervisor:
         return popen, line
 
     def _pass_on(self, program: ProcessSpec, popen: subprocess.Popen[str]) -> None:
-        """Print the lines of a process' stderr, with its name instead of its module's."""
         assert popen.stderr is not None
         name, unnamed = f"{program.module.rpartition('.')[2]}: ", 0
         with popen.stderr as lines:
@@ -135,7 +132,6 @@ class Supervisor:
         return name in self.running and self.running[name].is_over()
 
     def is_any_left(self) -> bool:
-        """Return whether any process runs."""
         return any(running.popen.poll() is None for running in self.running.values())
 
     def has_refused(self) -> bool:
@@ -143,7 +139,7 @@ class Supervisor:
         return any(running.line.code == BAD_ORDER for running in self.running.values())
 
     def watch(self) -> None:
-        """Restart processes that have died: at once, then after increasing waits. After DEATHS quick deaths a process is given up."""
+        """Restart processes that have died: at once, then after increasing waits, and not after DEATHS quick deaths."""
         for name, running in list(self.running.items()):
             program, code = running.program, running.popen.poll()
             if code is None or running.is_over():
@@ -155,7 +151,6 @@ class Supervisor:
                 self.running[name] = _Running(program, *opened, self.clock(), running.deaths)
 
     def _count_death(self, running: _Running, code: int) -> None:
-        """Set the time of the restart, or give the process up."""
         program, now = running.program, self.clock()
         self._clear_up(running)
         running.deaths = running.deaths + 1 if now - running.begun < QUICK_SECONDS else 1
@@ -200,17 +195,14 @@ class Supervisor:
             self._clear_up(running)
 
     def _clear_up(self, running: _Running) -> None:
-        """Close the line of a process that has ended, and kill what is left of its group: what an agent has started must not outlive it."""
+        """Close the line of a process, and kill what is left of its group: what an agent has started must not outlive it."""
         running.line.close()
         with suppress(ProcessLookupError):
             os.killpg(running.popen.pid, signal.SIGKILL)
 
 
 def take_turns(pid: int) -> None:
-    """Set the batch scheduling policy for a process, so that a process that wakes up does not interrupt it.
-
-    Its memory stays in the caches for longer: 6 to 10 % more ticks on two cores, with two agent processes and with one for each agent.
-    """
+    """Let no process that wakes up interrupt this one: 6 to 10 % more ticks on two cores, as its memory stays in the caches."""
     with suppress(AttributeError, ProcessLookupError):  # only Linux has this policy; the process may have ended
         os.sched_setscheduler(pid, os.SCHED_BATCH, os.sched_param(0))
 
@@ -223,7 +215,7 @@ def free_port() -> int:
 
 
 def open_viewer(what: str) -> subprocess.Popen[bytes]:
-    """Open Rerun's window, which stays when this process has ended. Return the viewer's process, which `terminate` ends."""
+    """Open Rerun's window, which stays when this process has ended. Return its process, which `terminate` ends."""
     return subprocess.Popen(window(what), start_new_session=True)
 
 
@@ -239,7 +231,7 @@ SECONDS = 3.0  # that a token may be gone: a session that was cut off returns so
 
 
 class Watchdog:
-    """Kills a frozen process: one that has lost its liveliness token for SECONDS. A process that has had no token yet is still starting."""
+    """Kills a frozen process: one whose liveliness token is gone for SECONDS. One without a token yet is still starting."""
 
     def __init__(self, supervisor: Supervisor, name: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._supervisor, self._name, self._clock = supervisor, name, clock

@@ -13,13 +13,15 @@ from typing import Any
 
 import msgspec
 import typer
+from pydantic import ValidationError
 from rich.console import Console
+from typer import BadParameter
+from typer.exceptions import TyperException
 
 from orchard.contract.printed import diverted, printed
 from orchard.field.scenario import TIME_STEP
 from orchard.launch.request import RunRequest
-from orchard.report.sentence import sentence
-from orchard.report.summary import Outcome, as_table, main_figures, write_summary
+from orchard.report.summary import Outcome, as_table, main_figures, sentence, write_summary
 from orchard.sim.snapshot import SnapshotError, newest
 from orchard.view.files import remove_half_packed
 
@@ -34,7 +36,7 @@ def harmless(words: str) -> str:
 
 
 class Output(Console):
-    """Stdout or stderr. What cannot be written, as on a full disk, is lost, and the run goes on. The other of the two says so once."""
+    """Stdout or stderr. What cannot be written, as on a full disk, is lost; the other of the two says so once."""
 
     def __init__(self, stderr: bool) -> None:
         super().__init__(stderr=stderr, emoji=False, highlight=False)
@@ -64,12 +66,10 @@ console.other, errors.other = errors, console
 
 
 def print_line(words: str) -> None:
-    """Print a line on stdout."""
     console.print(words, markup=False, soft_wrap=True)
 
 
 def print_error(words: object) -> None:
-    """Print a line on stderr."""
     errors.print(str(words), markup=False, soft_wrap=True)
 
 
@@ -87,7 +87,7 @@ def _say(words: str) -> None:
 
 @contextmanager
 def own_classes_run() -> Iterator[None]:
-    """In this context, classes of a user may run: what they print is shown as lines of the program, and not all of it."""
+    """In this context, own classes may run: what they print is shown as lines of the program, and not all of it."""
     log, handler = logging.getLogger("orchard"), _Log()
     outputs: list[Any] = [console, errors]
     log.addHandler(handler)
@@ -104,7 +104,7 @@ def own_classes_run() -> Iterator[None]:
 
 @contextmanager
 def exit_on_errors(*mistakes: type[Exception]) -> Iterator[None]:
-    """In this context, print errors of these types, which a user can correct, without a traceback. Raises typer.Exit for them."""
+    """In this context, print errors of these types, which a user can correct. Raises typer.Exit for them."""
     try:
         yield
     except mistakes as error:
@@ -114,7 +114,7 @@ def exit_on_errors(*mistakes: type[Exception]) -> Iterator[None]:
 
 @contextmanager
 def needs_extra(what: str, extra: str, otherwise: str = "") -> Iterator[None]:
-    """In this context, modules are imported that need the packages of an extra. Raises typer.Exit if one is missing, and says so."""
+    """In this context, modules are imported that need an extra. Raises typer.Exit if it is missing, and says so."""
     try:
         yield
     except ModuleNotFoundError as missing:
@@ -123,7 +123,7 @@ def needs_extra(what: str, extra: str, otherwise: str = "") -> Iterator[None]:
 
 
 def in_words(error: Exception) -> str:
-    """Return what is wrong, without the number of an error of the operating system: "runs: Permission denied"."""
+    """Return what is wrong, without a number of the operating system: "runs: Permission denied"."""
     if isinstance(error, UnicodeEncodeError):
         return f"{error.object}: this name is no text in UTF-8, which a run needs; expected another folder or file"
     if isinstance(error, OSError) and error.strerror and error.filename:
@@ -132,10 +132,7 @@ def in_words(error: Exception) -> str:
 
 
 def report(request: RunRequest, result: dict[str, Any] | None, why: str) -> int:
-    """Print the result of a run, and the commands that resume it and open its recording; write its summary. Return the exit code.
-
-    `result`: the summary; None if there is none. `why`: why the run ended.
-    """
+    """Print the result of a run, `why` it ended, and how to go on and to watch it; write the summary. Return the exit code."""
     recording, folder = request.recording, request.snapshots
     code = _report_result(request, result, why)
     if why == "harvested":
@@ -150,7 +147,6 @@ def report(request: RunRequest, result: dict[str, Any] | None, why: str) -> int:
 
 
 def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str) -> int:
-    """Print the result, and write it to the file of --summary. Return the exit code."""
     recording, summary = request.recording, request.options.summary
     if result is None:
         print_error(why)
@@ -173,7 +169,7 @@ def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str)
     except OSError as error:
         troubles.insert(0, f"{summary}: not written: {error.strerror}")
     if request.options.table is not None:
-        from orchard.tables.summary import complete  # not at the top: pyarrow takes some time to load
+        from orchard.tables.folder import complete  # not at the top: pyarrow takes some time to load
 
         troubles += complete(request.options.table, result)
     for trouble in troubles:
@@ -182,7 +178,7 @@ def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str)
 
 
 def _print_result(result: dict[str, Any], outcome: Outcome, verbose: bool) -> None:
-    """Print the result on stdout; on stderr if stdout has lost something, because the disk of its file is full."""
+    """Print the result on stdout; on stderr if stdout has lost something, because its disk is full."""
     figures = {key: value for key, value in (result if verbose else main_figures(result)).items() if key != "hash"}
     for output in (console, errors):
         output.print(sentence(outcome), markup=False, soft_wrap=True)
@@ -193,7 +189,7 @@ def _print_result(result: dict[str, Any], outcome: Outcome, verbose: bool) -> No
 
 
 def speed_not_kept(request: RunRequest, outcome: Outcome) -> str:
-    """What to say about the speed if the machine was too slow for it; '' if it was not. The speed of a resumed run is that since then."""
+    """What to say if the machine was too slow for the speed, of a resumed run since then; '' if it was not."""
     before, pace = request.resumed, request.options.pace
     took = outcome.wall_seconds - (before.figures.get("wall_seconds", 0.0) if before else 0.0)
     simulated = outcome.sim_seconds - (before.tick * TIME_STEP if before else 0.0)
@@ -213,11 +209,46 @@ def program() -> str:
 
 
 def typed(*words: object) -> str:
-    """Return a command of this program as a user types it in the current directory; its paths are shortened."""
+    """Return a command of this program as a user types it in the current directory, with short paths."""
     return f"{program()} {shlex.join(_shown(word) if isinstance(word, Path) else str(word) for word in words)}"
 
 
 def _shown(path: Path) -> str:
-    """A path as a user would type it in the current directory."""
     relative = os.path.relpath(path)
     return str(path) if relative.startswith("..") else relative
+
+
+WANTED = {  # pydantic's name of a fault -> what would be right
+    "int_parsing": "a whole number",
+    "float_parsing": "a number",
+    "greater_than_equal": "a number from {ge:g} on",
+    "less_than_equal": "a number up to {le:g}",
+}
+
+
+def fault_of(error: TyperException) -> str:
+    """Return what is wrong, where, and what would be right: "--rows: x: expected a whole number"."""
+    hint = ""
+    if isinstance(error, BadParameter) and (error.param_hint or error.param):
+        hint = str(error.param_hint or (error.param and error.param.get_error_hint())).strip("'")
+    if isinstance(error, BadParameter) and not error.message:
+        return f"{hint} is missing; see --help"
+    if option := getattr(error, "option_name", ""):
+        return f"{option}: {_of_option(error)}"
+    if not isinstance(error, BadParameter):
+        return error.format_message()
+    where = f"{hint}: " if hint.startswith("-") else ""  # an argument is named by its value
+    if not isinstance(cause := error.__cause__, ValidationError):
+        return f"{where}{error.message}"
+    fault = cause.errors()[0]
+    given = fault.get("ctx", {})
+    if "error" in given:
+        return f"{where}{given['error']}"
+    return f"{where}{fault['input']}: expected {WANTED.get(fault['type'], 'a number').format(**given)}"
+
+
+def _of_option(error: TyperException) -> str:
+    """What is wrong with an option itself."""
+    if not hasattr(error, "possibilities"):
+        return "it has no value" if "not take" in error.message else "a value is missing; see --help"
+    return f"no such option; did you mean {near}?" if (near := " or ".join(error.possibilities or [])) else "no such option; see --help"

@@ -11,7 +11,7 @@ from orchard.view.web import how_to_open, serve_web
 
 
 def open_window(parts: Sequence[Path]) -> int:
-    """Open a window, and return its exit code when it is closed. Raises OSError if there is no viewer or no screen."""
+    """Open a window, and return its exit code when it is closed. Raises OSError without a viewer or a screen."""
     code = subprocess.run(window(*map(str, parts))).returncode
     if code:
         print_error(f"the viewer ended with exit code {code}; if no window opened: {IN_A_BROWSER}")
@@ -19,10 +19,7 @@ def open_window(parts: Sequence[Path]) -> int:
 
 
 def serve(parts: Sequence[Path], port: int) -> int:
-    """Serve a recording to browsers until Ctrl-C. Return the server's exit code.
-
-    Raises FileNotFoundError if there is no viewer, BusError if a port is taken.
-    """
+    """Serve a recording to browsers until Ctrl-C. Return the exit code. Raises FileNotFoundError or BusError."""
     viewer_program()
     check_ports(port)
     shown = list(map(str, parts))

@@ -105,7 +105,7 @@ class Writer(threading.Thread):
             self.error = error
 
     def _begun(self) -> tuple[Recorder, int | None]:
-        """The recorder, and the last tick of the earlier parts, which are read while the logger already receives what comes next."""
+        """The recorder, and the last tick of earlier parts, which are read while the logger receives what comes next."""
         last: int | None = None
         said: Mapping[str, Mapping[str, Colour]] = {}
         if self.file is not None:
@@ -118,7 +118,7 @@ class Writer(threading.Thread):
 
 
 def write(queue: FrameQueue, recording: Recorder, last: int | None) -> None:
-    """Write all frames, and the gaps between them, until the queue is closed and empty. `last`: tick; None if nothing is recorded yet."""
+    """Write all frames, and the gaps between them, until the queue is closed. `last`: tick; None if nothing is recorded yet."""
     while (queued := queue.take()) is not None:
         frame = queued.frame
         first = frame.tick - frame.left_out  # tick of the first frame that this one stands for
@@ -229,7 +229,7 @@ class Logger:
 
 
 def record(bus: Bus, keys: Keys, file: Path | None, port: int | None, session: str) -> tuple[int, Path | None]:
-    """Record a run into a file, and serve viewers on a port. Return the exit code, and the part of the recording, if it is whole."""
+    """Record a run into a file, and serve viewers on a port. Return the exit code, and the part that is whole, if any."""
     run = fetch_run(bus, keys)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     logger = Logger(bus, keys, run.run, layout, FrameQueue())

@@ -1,4 +1,1 @@
-"""What a run is judged by: figures, bounds, the summary, the progress in the terminal, the plan as SVG.
-
-Nothing here changes a run.
-"""
+"""What a run is judged by: figures, bounds, the summary, the progress in the terminal, the plan as SVG."""

@@ -1,21 +1,27 @@
-"""What each part of a harvest allows in the long run without traffic, from geometry and speeds alone. docs/bounds.md derives it.
+"""What a harvest could be without traffic: the rate that each part allows in the long run, and its length.
 
-Times in seconds, rates in bins per second. They hold for the policy and the route of the scenario.
+The rates, bins/s, follow from geometry and speeds alone: docs/bounds.md derives them. The length is that of the discrete-event model with
+roads that each robot has to itself: of `nearest` for a policy of the user's own, and of the built-in route with the same queue for a route
+with steps of its own. It is no proof: another policy may be faster.
 """
 
+from bisect import bisect_left
 from collections.abc import Iterator
 from statistics import fmean
 
 from orchard.agents.dispatch import is_early
-from orchard.agents.policies import dispatch_of
+from orchard.agents.policies import POLICIES, dispatch_of
 from orchard.agents.robot import ASK, Step
 from orchard.agents.route import OneWay, Side
-from orchard.agents.routes import duration, route_of, timetable, way_to
+from orchard.agents.routes import ROUTES, duration, route_of, timetable, way_to
 from orchard.agents.steps import Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
+from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import HEADINGS, Pose
-from orchard.field.layout import Layout
+from orchard.field.kinds import kind_of
+from orchard.field.layout import Layout, lay_out
+from orchard.field.queue import PITCH, queue_of
 from orchard.field.rows import Block
-from orchard.field.scenario import TIME_STEP
+from orchard.field.scenario import TIME_STEP, Scenario
 
 TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and the gap to the next one; at 1 m/s also the s in which the next one moves into the bay
 ROUNDS = 2  # times that a picker picks its rows in the means: after two rounds each row has been left at the same ends again
@@ -23,7 +29,7 @@ HANDOVER = (Deliver.handles + FetchEmpty.handles + ASK) * TIME_STEP  # s from a 
 
 
 class Bounds:
-    """The terms for one orchard, in which each picker picks its rows again and again: `terms`, bins/s that each part allows."""
+    """The terms for one orchard, in which each picker picks its rows again and again: bins/s that each part allows."""
 
     def __init__(self, layout: Layout) -> None:
         scenario, route, early = layout.scenario, route_of(layout), is_early(dispatch_of(layout))
@@ -53,14 +59,13 @@ class Bounds:
 
 
 def _rows(route: OneWay, block: Block) -> Iterator[tuple[int, int, Side]]:
-    """Each row that a picker picks in `ROUNDS` rounds, the row after it, and the side on which it leaves its bin."""
     rows = block.rows * ROUNDS
     for count, (row, after) in enumerate(zip(rows, (*rows[1:], rows[0]), strict=True)):
         yield row, after, route.side(count, block.start)
 
 
 def _seconds(route: OneWay, early: bool, row: int, after: int, side: Side) -> tuple[float, float, float, float]:
-    """The time of a row without traffic: to pick it, to leave the bin and go on, to wait for an empty one, and of the carrier's job."""
+    """The time of a row without traffic: to pick, to leave the bin and go on, to wait for an empty one; and a carrier's job."""
     layout, head = route.layout, route.queue.place(0)
     job, way = route.fetch(1, row, side, "", ""), route.crossing(row, after, side)
     start = Pose(route.end(row, side), layout.lane(row).y, HEADINGS[side.heading("EAST")])
@@ -77,7 +82,6 @@ def _seconds(route: OneWay, early: bool, row: int, after: int, side: Side) -> tu
 
 
 def _until(kind: type[Step], steps: list[Step]) -> list[Step]:
-    """Return the steps up to the first one of a kind."""
     return steps[: next(i for i, step in enumerate(steps) if isinstance(step, kind))]
 
 
@@ -94,3 +98,61 @@ def _needs(place: str, steps: list[Step], start: Pose, never: float) -> float:
 def handling(steps: list[Step]) -> float:
     """Return the time that steps take beside all drives and turns, s: for bins, and for answers."""
     return sum(step.ticks for step in steps) * TIME_STEP
+
+
+WORTH = 0.01  # share of the harvest's time by which a number of carriers must shorten it to be worth its cost
+
+
+def undisturbed(scenario: Scenario, **changes: object) -> Scenario:
+    """Return a scenario without people, animals, tractor and errors of sensors, and with other changes."""
+    nothing = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "tractor": False, "sensors": {}}
+    return Scenario(**scenario.model_dump() | nothing | changes)
+
+
+def schedule_seconds(layout: Layout, carriers: int | None = None) -> float:
+    """Return the time of the harvest with this number of carriers, s; None: those of the scenario."""
+    scenario, route = layout.scenario, route_of(layout)
+    own = {
+        "agents": {},
+        "agents_without_body": {},
+        "dispatch": scenario.dispatch if scenario.dispatch in POLICIES else "nearest",
+        "route": route.QUEUE if route.Steps else scenario.route,
+        "carriers": carriers or scenario.carrier_count,
+    }
+    ideal = lay_out(undisturbed(scenario, **own))
+    stood = {"picker": 0.0, "carrier": 0.0}
+    for robot in DiscreteHarvest(ideal, free_roads=True).run().robots.values():
+        stood[kind_of(robot.name)] = max(stood[kind_of(robot.name)], robot.stood * TIME_STEP)
+    others = min(ideal.scenario.carrier_count, ideal.queue.places) - 1  # before the last carrier, which stops behind them in its line
+    return max(stood["picker"], stood["carrier"] - others * PITCH)
+
+
+def enough_carriers(layout: Layout) -> int:
+    """Return the number of carriers beyond which more shorten this harvest by at most 1 % (`WORTH`)."""
+    scenario, queue = layout.scenario, route_of(layout).QUEUE
+    numbers = [number for number in range(1, scenario.rows + 1) if queue_of(queue, scenario.row_length, scenario.bay, number)]
+    best = schedule_seconds(layout, numbers[-1])
+    return numbers[bisect_left(numbers, True, key=lambda number: schedule_seconds(layout, number) * (1.0 - WORTH) <= best)]
+
+
+REFERENCE = "predictive"  # the default policy, which is best on the whole: docs/bounds.md
+
+
+def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
+    """Split the length of a whole harvest, s, into parts that add up to it; {} if it has agents, a policy or a route of the user's own.
+
+    `limit`: its bins at the rate that its parts allow in the long run without traffic. `structure`: what is lost to its begin and its end.
+    `traffic`: what robots lose to each other. These three are of the policy `REFERENCE`. `dispatch`: what the scenario's own policy loses
+    against it, negative if it is better. `people_and_animals`: the rest.
+    """
+    scenario = layout.scenario
+    if scenario.agents or scenario.agents_without_body or scenario.dispatch not in POLICIES or scenario.route not in ROUTES:
+        return {}
+    alone = undisturbed(scenario)
+    reference = lay_out(undisturbed(scenario, dispatch=REFERENCE))
+    limit = 3600.0 * scenario.rows / Bounds(reference).bins_per_hour
+    schedule = schedule_seconds(reference)
+    best = DiscreteHarvest(reference).run().seconds
+    own = seconds if alone == scenario else min(seconds, DiscreteHarvest(lay_out(alone)).run().seconds)
+    parts = {"limit": limit, "structure": schedule - limit, "traffic": best - schedule, "dispatch": own - best}
+    return {name: round(part, 1) for name, part in (parts | {"people_and_animals": seconds - own}).items()}

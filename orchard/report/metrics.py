@@ -1,19 +1,19 @@
 """Figures of a harvest, from events and states: how good it is, and whether it still makes progress."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from orchard.contract.agent import Action
+from orchard.contract.agent import STATES, WAITING_STATES, Action
 from orchard.contract.events import Event
 from orchard.field.kinds import ANIMALS, DISPATCH, HAULERS, PEOPLE, ROBOTS, kind_of
 from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
-from orchard.report.bounds import Bounds
-from orchard.report.schedule import schedule_seconds
+from orchard.report.bounds import Bounds, schedule_seconds
+from orchard.sim.state_times import StateTimes
 from orchard.sim.world import World
 
 JAM_SECONDS = 600.0  # without a metre picked or a step of work finished
@@ -88,7 +88,6 @@ def rows_picked(world: World) -> int:
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def _ideals(layout: Layout) -> tuple[Bounds, float]:
-    """What the parts of a harvest allow, and the length of its harvest without traffic, s."""
     return Bounds(layout), schedule_seconds(layout)
 
 
@@ -122,3 +121,46 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "broken_agents": [f"{name}, since tick {tick}" for name, tick in figures.broken.items()],
         "distance_metres": {kind: metres for kind, metres in sorted(distance.items()) if kind != "weed"},
     }
+
+
+FIRST_STEP = 100  # ticks between two samples at first: 10 s
+MOST_SAMPLES = 400  # samples; then every second one is dropped, and the step doubles
+WAITING = [STATES.index(state) for state in WAITING_STATES]
+
+# s since the start; bins; s of all pickers together; s of all carriers together, outside the queue
+SAMPLED = ("seconds", "bins_delivered", "pickers_waited_seconds", "carriers_busy_seconds")
+Sample = tuple[float, int, float, float]  # totals since the start of the run, in the order of SAMPLED
+
+
+@dataclass
+class History:
+    """Samples of a run, as plain data. A long run has no more samples than a short one."""
+
+    step: int = FIRST_STEP  # ticks between two samples
+    samples: list[Sample] = field(default_factory=list)
+
+    def update(self, world: World, states: StateTimes, busy_ticks: int) -> None:
+        """Add a sample if one is due at this tick."""
+        if world.tick % self.step:
+            return
+        self.samples.append(sample_of(world, states, busy_ticks))
+        if len(self.samples) >= MOST_SAMPLES:
+            self.step, self.samples = 2 * self.step, self.samples[1::2]
+
+    def until(self, now: Sample) -> dict[str, list[float]]:
+        """Return all samples and that of now, for the summary: name -> values."""
+        samples = [*self.samples, now] if [now] != self.samples[-1:] else self.samples
+        return {name: list(values) for name, values in zip(SAMPLED, zip(*samples, strict=True), strict=True)}
+
+
+def sample_of(world: World, states: StateTimes, busy_ticks: int) -> Sample:
+    """Return the totals up to this tick. `busy_ticks`: of all carriers outside the queue."""
+    waiting = sum(ticks[state] for name, ticks in states.counts.ticks.items() if kind_of(name) == "picker" for state in WAITING)
+    return round(world.tick * TIME_STEP, 1), world.delivered, round(waiting * TIME_STEP, 1), round(busy_ticks * TIME_STEP, 1)
+
+
+def shares(history: Mapping[str, Sequence[float]], name: str, robots: int) -> list[float]:
+    """Return what share of its time a robot spent so, 0 to 1, between samples. `robots`: how many there are together."""
+    times, spent = [0.0, *history["seconds"]], [0.0, *history[name]]
+    steps = zip(times, times[1:], spent, spent[1:], strict=False)
+    return [(after - before) / (robots * (until - since)) if until > since else 0.0 for since, until, before, after in steps]

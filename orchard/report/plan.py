@@ -7,7 +7,7 @@ from orchard.agents.routes import route_of
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import KINDS, kind_of, number_of
 from orchard.field.layout import DRIVEWAY, TOP, X_WEST, Layout
-from orchard.report.sentence import clock
+from orchard.report.summary import clock
 from orchard.sim.world import World
 
 COLOURS = {"ground": "#dfe8cf", "driveway": "#cbb98f", "lane": "#c7b08a", "tree": "#7fae5d", "trunk": "#5b4128", "fence": "#6b6b6b",
@@ -17,7 +17,7 @@ PIXELS = 12  # for a metre
 
 
 class Drawing:
-    """An orchard's ground and roads as SVG elements, in metres, y north. `west`, `south`, `east`, `north`: the part that is seen."""
+    """Ground and roads as SVG elements, in metres, y north. `west`, `south`, `east`, `north`: the part that is seen."""
 
     def __init__(self, layout: Layout, west: float, south: float, east: float, north: float) -> None:
         self.west, self.north = west, north
@@ -47,7 +47,7 @@ class Drawing:
         self.elements.append(f'<circle cx="{self.x(x)}" cy="{self.y(y)}" r="{round(radius * PIXELS, 2)}" style="{style}"/>')
 
     def label(self, x: float, y: float, words: str, metres: float) -> None:
-        """Write words of this height, m, to the right of a point, with a white edge, so that they can be read on any ground."""
+        """Write words of this height, m, to the right of a point, with a white edge, to be read on any ground."""
         at = f'x="{self.x(x)}" y="{self.y(y)}" font-size="{round(metres * PIXELS, 2)}"'
         style = f"font-family:sans-serif;font-weight:600;paint-order:stroke;stroke:white;stroke-width:{PIXELS / 3}"
         self.elements.append(f'<text {at} style="{style}">{html.escape(words)}</text>')
@@ -90,7 +90,7 @@ def _paint(kind: str) -> str:
 
 
 def _present_body(drawing: Drawing, name: str, pose: Pose, share: float) -> None:
-    """Draw a body where it is. `share`: how full a bin is, 0 to 1; an empty one is pale. Pickers and carriers have labels: P1, C2."""
+    """Draw a body. `share`: how full a bin is; an empty one is pale. Pickers and carriers have labels: P1, C2."""
     kind = kind_of(name)
     pale = f";fill-opacity:{0.15 + 0.85 * share:.2f}" if kind == "bin" else ""
     drawing.box(pose.x, pose.y, *_half_sizes(kind), _paint(kind) + pale, name, pose.yaw)

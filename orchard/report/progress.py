@@ -16,7 +16,7 @@ from rich.text import Text
 from orchard.contract.agent import WAITING_STATES
 from orchard.contract.events import STOPPED
 from orchard.field.kinds import ROBOTS, kind_of, short_name
-from orchard.report.sentence import clock, share_picked
+from orchard.report.summary import clock, share_picked
 
 LINE_SECONDS = 2.0  # s of wall time between two plain lines
 STILL_SECONDS = 10.0  # s of wall time between two plain lines while the run gets ready; a terminal shows each second
@@ -53,10 +53,7 @@ class Headline(msgspec.Struct, kw_only=True):
         return (self.metres_picked / self.row_length + self.bins_delivered) / (2 * self.rows)
 
     def seconds_left(self, until: float | None = None) -> float:
-        """Return the estimated rest of the harvest, s of wall time: what is left of its schedule, at least the share that is not done.
-
-        `until`: simulated time at which the run ends, s.
-        """
+        """Return the estimated rest of the harvest, s of wall time. `until`: simulated time at which the run ends, s."""
         rest = max(self.schedule_sim_seconds - self.sim_seconds, (1.0 - self.fraction) * self.schedule_sim_seconds)
         rest = rest if until is None else min(rest, max(0.0, until - self.sim_seconds))
         return rest / self.times_real_time if self.times_real_time else math.inf
@@ -88,13 +85,10 @@ def headline_of(figures: Mapping[str, Any]) -> Headline:
 
 
 class Progress:
-    """Shows the progress of a run on a console: a live table on a terminal, else a line now and then. Use it as a context manager."""
+    """Shows the progress of a run, in a context: a live table on a terminal, else a line now and then."""
 
     def __init__(self, console: Console, as_json: bool = False, until: float | None = None) -> None:
-        """`as_json`: each line of progress is a JSON object, {"progress": {...}}, for programs.
-
-        `until`: simulated time at which the run ends, s; None: when all is harvested.
-        """
+        """`as_json`: lines are objects {"progress": {...}}. `until`: simulated time at which the run ends, s."""
         self.console, self._as_json, self._until = console, as_json, until
         is_live = console.is_terminal and not as_json
         self._live = (
@@ -115,7 +109,7 @@ class Progress:
             self._live.stop()
 
     def get_ready(self, words: str) -> None:
-        """Print what the run does before it begins, and from then on, until its first figures come, how long it has done so."""
+        """Print what the run does before it begins and, until its first figures come, how long it has done so."""
         self.say(words)
         self.preparing = threading.Thread(target=self._show_that_it_goes_on, daemon=True)
         self.preparing.start()
@@ -130,10 +124,7 @@ class Progress:
                 self.say(words)
 
     def show(self, figures: Mapping[str, Any], doing: Mapping[str, str], waits_for: Mapping[str, str]) -> None:
-        """Update the table, or print a line if the last one is LINE_SECONDS old.
-
-        `doing`: robot -> what it does. `waits_for`: robot -> the agent or thing for which it waits.
-        """
+        """Update the table, or print a line if the last one is LINE_SECONDS old. `waits_for`: robot -> agent or thing."""
         self._has_begun.set()
         known = headline_of(figures)
         if self._live:
@@ -152,8 +143,7 @@ class Progress:
 def robots(doing: Mapping[str, str], waits_for: Mapping[str, str], width: int, height: int) -> Table:
     """Return a table of what each robot does, for a console of `width` x `height` characters.
 
-    It has as many columns as the robots need. Bins only follow other robots: if one column is too short for all, bins are left out. If the
-    console is too small even so, the last line says how many robots are left out.
+    Bins only follow other robots: they are left out if one column is too short for all. The last line says how many robots have no room.
     """
     names = [name for kind in ROBOTS for name in sorted(doing) if kind_of(name) == kind]
     room = max(4, height - 3)
@@ -173,7 +163,7 @@ def robots(doing: Mapping[str, str], waits_for: Mapping[str, str], width: int, h
 
 
 def _line(name: str, doing: Mapping[str, str], waits_for: Mapping[str, str]) -> Text:
-    """One robot: its short name, what it does, and what it waits for. The name is short because columns are narrow."""
+    """One robot: its short name, as columns are narrow, what it does, and what it waits for."""
     waits = waits_for.get(name)
     words = f"{doing[name]} ({waits})" if waits and waits not in doing[name] else doing[name]
     return Text.assemble((f"{short_name(name)} ", "bold"), (words, "red" if doing[name] in STANDS else "yellow" if waits else ""))

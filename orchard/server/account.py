@@ -10,10 +10,10 @@ from orchard.server.figures import RunFigures
 from orchard.server.snapshots import SnapshotWriter
 from orchard.sim.frames import FrameBuilder
 from orchard.sim.snapshot import Snapshot
-from orchard.tables import tables_of
 
 if TYPE_CHECKING:
     from orchard.sim.engine import Engine
+    from orchard.tables.tables import Tables
 
 
 class RunAccount:
@@ -31,7 +31,11 @@ class RunAccount:
         self._engine, self._frame_builder = engine, FrameBuilder(engine.world)
         self.figures = RunFigures(engine, clock, before.figures if before else {})
         self.snapshot_writer = snapshot_writer
-        self._tables = tables_of(table, engine)
+        self._tables: Tables | None = None
+        if table is not None:
+            from orchard.tables import tables  # not at the top: pyarrow takes some time to load
+
+            self._tables = tables.Tables(Path(table), engine)
 
     def update(self, events: list[Event], letters: Mapping[str, Written]) -> None:
         self.figures.update(events)

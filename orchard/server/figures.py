@@ -27,8 +27,7 @@ class RunFigures:
 
     def __init__(self, engine: "Engine", clock: Callable[[], float], before: Mapping[str, Any] | None = None) -> None:
         """`clock`: s, of the run. `before`: what `as_data` returned, for a run that is resumed; raises SnapshotError if it is malformed."""
-        from orchard.report.history import History
-        from orchard.report.metrics import HarvestFigures
+        from orchard.report.metrics import HarvestFigures, History
 
         self._engine, self._world, self._clock = engine, engine.world, clock
         before = before or {}
@@ -99,8 +98,8 @@ class RunFigures:
 
     def summary(self) -> dict[str, Any]:
         """Return the figures of the whole run, its scenario, and its course over time (see `History`)."""
-        from orchard.report.history import sample_of
-        from orchard.report.losses import lost_seconds
+        from orchard.report.bounds import lost_seconds
+        from orchard.report.metrics import sample_of
 
         lost = lost_seconds(self._world.layout, self._world.seconds) if self._engine.over else {}
         now = sample_of(self._world, self._engine.states, self._figures.busy_ticks)

@@ -1,7 +1,7 @@
 """The picture of a study: bins an hour with its band under the bound, the knee, and beneath it what a bin costs.
 
-The first key with the most numbers runs along the axis; each combination of the other keys is a line with a mark of its own, so that
-the picture can be read in grey. Values that are no numbers stand side by side, as points with their intervals.
+The first key with the most numbers runs along the axis; each combination of other keys is a line with a mark of its own, to be read in
+grey. Values that are no numbers stand side by side, as points with their intervals.
 """
 
 import io
@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from orchard.report.schedule import WORTH
+from orchard.report.bounds import WORTH
 from orchard.study.result import Interval, Row, StudyResult
 from orchard.study.words import axis_words, interval_words, setting_words, value_words
 
@@ -78,7 +78,6 @@ class Content:
         return [line for line in made if line in best]
 
     def _reached(self, line: Curve) -> float:
-        """The best figure of a line, smaller if it is better."""
         sign = -1.0 if self.result.goal == "bins_per_hour" else 1.0
         figures = (getattr(row, self.result.goal) for row in line.known)
         return min((sign * figure.mean for figure in figures if figure is not None), default=float("inf"))
@@ -90,7 +89,7 @@ class Content:
 
     @cached_property
     def knee(self) -> Row | None:
-        """On the line of the best setting, the fewest from which on no more gain over WORTH; None if only the last one is that."""
+        """On the line of the best setting, the fewest from which on no more gain over WORTH; None if it is the last one."""
         known = next((line.known for line in self.lines if self.result.best_row in line.rows), [])
         rates = [row.bins_per_hour.mean for row in known if row.bins_per_hour is not None]
         enough = (row for i, row in enumerate(known[:-1]) if rates[i] * (1.0 + WORTH) >= max(rates[i:]))
@@ -114,7 +113,6 @@ def figure(result: StudyResult) -> Figure:
 
 
 def _draw_rates(axes: Axes, content: Content) -> None:
-    """Bins an hour under the bound, what the simulator says, and the knee."""
     axes.set_ylabel("bins an hour" + (" in the long run" if content.result.horizon == "long" else ""))
     for number, line in enumerate(content.lines):
         places, colour = _places(content, line, number), COLOURS[number % len(COLOURS)]
@@ -150,7 +148,7 @@ def _draw_knee(axes: Axes, content: Content) -> None:
 
 
 def _draw_costs(axes: Axes, content: Content) -> None:
-    """What a bin costs. Where it is far above the least, the line leaves the picture, so that the least can be read."""
+    """What a bin costs. Where it is far above the least, the line leaves the picture."""
     axes.set_ylabel("cost of a bin")
     for number, line in enumerate(content.lines):
         _draw_figures(axes, content, line, number, [row.cost_per_bin for row in line.rows])
@@ -159,7 +157,6 @@ def _draw_costs(axes: Axes, content: Content) -> None:
 
 
 def _draw_figures(axes: Axes, content: Content, line: Curve, number: int, figures: Sequence[Interval | None]) -> None:
-    """A line with its band, or points with their intervals; and a ring around the best setting."""
     places = _places(content, line, number)
     known = [(place, one) for place, one in zip(places, figures, strict=True) if one is not None]
     if not known:
@@ -179,13 +176,11 @@ def _draw_figures(axes: Axes, content: Content, line: Curve, number: int, figure
 
 
 def _places(content: Content, line: Curve, number: int) -> list[float]:
-    """Where the rows of a line stand along the axis; lines of points stand beside each other."""
     aside = 0.0 if content.is_numeric else DODGE * (number - (len(content.lines) - 1) / 2)
     return [content.place(row) + aside for row in line.rows]
 
 
 def _halves(shown: Sequence[Interval]) -> list[list[float]]:
-    """How far the intervals go down and up."""
     return [[one.mean - one.low for one in shown], [one.high - one.mean for one in shown]]
 
 
@@ -199,7 +194,6 @@ def _style(axes: Axes) -> None:
 
 
 def _draw_axis(axes: Axes, content: Content) -> None:
-    """The axis at the bottom: its name, and what stands along it."""
     axes.set_xlabel(axis_words(content.key), color=INK)
     if not content.is_numeric:
         axes.set_xticks(
@@ -216,7 +210,7 @@ def _draw_axis(axes: Axes, content: Content) -> None:
 
 
 def save(result: StudyResult, path: Path) -> None:
-    """Write the picture; the end of the name, such as .svg or .png, is its format. Raises ValueError for another format, or OSError."""
+    """Write the picture in the format of its name, such as .svg or .png. Raises ValueError for another one, or OSError."""
     drawing = _on_white(result)
     if (kind := path.suffix.removeprefix(".").lower()) not in drawing.canvas.get_supported_filetypes():
         raise ValueError(f"{path}: a picture's name ends in .svg or .png")
@@ -236,7 +230,7 @@ def _on_white(result: StudyResult) -> Figure:
 
 
 def inline_svg(result: StudyResult) -> str:
-    """Return the picture as an element of a page: its words have the colour of the page's, and it says what it shows."""
+    """Return the picture as an element of a page, in the colour of the page's words; it says what it shows."""
     svg = re.sub(r"<metadata>.*?</metadata>", "", _written(figure(result), "svg").decode(), flags=re.DOTALL)
     svg = re.sub(r' width="[\d.]+pt" height="[\d.]+pt"', ' role="img"', svg[svg.index("<svg") :], count=1)
     title = "Bins an hour of each setting" + (", and what a bin costs" if any(row.cost_per_bin for row in result.table) else "")

@@ -1,25 +1,50 @@
 """A race: replications for all settings, fewer and fewer of which are left, until the best is certain.
 
-After 5, 10, 20, 40 and 80 replications, each with the same seeds for all settings, the race looks at all settings that are left. It
-compares each with the one that has the best mean, by Student's paired t test. Those that are worse for certain leave the race.
-
-The chance that the setting that is truly best leaves is at most 1 - confidence. It is spent in two steps. Each of the looks gets an
-equal part of it, which is Bonferroni's rule: simple, and valid whatever the looks have in common. At each look Holm's rule corrects
-for the number of comparisons. Five looks cost little: the t quantile of the last one, of 79 degrees of freedom, is 2.6 instead of 2.0.
-
-If many settings are alike, the one with the best mean had luck. So its interval must be wider than that of a setting that was chosen
-before: the intervals of all settings that are left hold together, by Bonferroni's rule.
+At each of LOOKS, Student's paired t test compares each setting that is left with the best mean, on common seeds. What is worse for
+certain leaves. The chance that the truly best leaves is at most 1 - confidence: Bonferroni's rule shares it among the looks, Holm's rule
+corrects for the number of comparisons. The best mean of many had luck, so the intervals of all that are left hold together.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
 
-from orchard.study.result import Verdict
-from orchard.study.statistics import holm, interval, paired_p_value
+import numpy as np
+from scipy import special  # not stats, which takes a second to load, and a millisecond for each test
+
+from orchard.study.result import Interval, StoppedBy, Verdict
+
+
+def interval(values: Sequence[float], confidence: float) -> Interval:
+    """Return the mean with its t interval. Of one value, or if all are the same, low and high are the mean."""
+    count, mean = len(values), float(np.mean(values))
+    if count < 2 or np.ptp(values) == 0.0:
+        return Interval(mean=mean, low=mean, high=mean)
+    half = float(special.stdtrit(count - 1, 0.5 + confidence / 2.0)) * float(np.std(values, ddof=1)) / math.sqrt(count)
+    return Interval(mean=mean, low=mean - half, high=mean + half)
+
+
+def paired_p_value(ones: Sequence[float], others: Sequence[float]) -> float:
+    """Return the p-value, two-sided, of Student's paired t test that both have the same mean.
+
+    Differences that are all the same have no spread to compare with. Then it is the sign test's: 1 if they are zero, else 2 / 2**n.
+    """
+    differences = np.subtract(ones, others)
+    if np.ptp(differences) == 0.0:
+        return 1.0 if differences[0] == 0.0 else float(2.0 ** (1 - len(differences)))
+    t = np.mean(differences) / np.std(differences, ddof=1) * math.sqrt(len(differences))
+    return float(2.0 * special.stdtr(len(differences) - 1, -abs(t)))
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Return the p-values, corrected for their number by Holm's step-down rule (Holm, Scand. J. Statist. 6, 1979, 65-70)."""
+    adjusted, before = [0.0] * len(p_values), 0.0
+    for rank, i in enumerate(sorted(range(len(p_values)), key=lambda i: p_values[i])):
+        before = adjusted[i] = max(before, min(1.0, (len(p_values) - rank) * p_values[i]))
+    return adjusted
+
 
 LOOKS = (5, 10, 20, 40, 80)  # replications of each setting that is left
-StoppedBy = Literal["certain", "within", "budget", "seeds", "stopped"]
 
 
 @dataclass
@@ -43,11 +68,11 @@ class Race:
 
     @property
     def each(self) -> float:
-        """The confidence of each setting's own interval, so that those of all that are left hold together with the race's confidence."""
+        """The confidence of each setting's own interval, so that all that are left hold together."""
         return 1.0 - (1.0 - self.confidence) / max(1, len(self.left))
 
     def jam(self, settings: Sequence[int]) -> None:
-        """Take out settings in which a harvest has jammed: no figure would make up for it. What lost only to them is back in the race."""
+        """Take out settings in which a harvest has jammed: nothing makes up for it. What lost only to them is back."""
         self.jammed += [i for i in settings if i in self.left]
         back = [i for i, best in self.beaten_by.items() if best in self.jammed and i in self.out]
         for i in back:
@@ -57,7 +82,7 @@ class Race:
             self.best, self.why = None, "certain"
 
     def look(self, samples: Mapping[int, Sequence[float]], is_last: bool = False) -> None:
-        """Look at the goal's values of all settings that are left: by seed, the same seeds for all. `is_last`: no more can be had."""
+        """Look at the goal's values of all settings that are left, on the same seeds. `is_last`: no more can be had."""
         if self.why is not None:
             return
         self.best = best = (max if self.is_max else min)(self.left, key=lambda i: sum(samples[i]) / len(samples[i]))
@@ -82,14 +107,13 @@ class Race:
         return setting in self.without_chance or 0.0 < one.high - one.mean <= self.within * abs(one.mean)
 
     def _p_value(self, one: int, other: int, samples: Mapping[int, Sequence[float]]) -> float:
-        """The p-value, not corrected, that two settings are alike, on the seeds that both have."""
         if {one, other} <= self.without_chance:
             return 1.0 if samples[one][0] == samples[other][0] else 0.0
         common = min(len(samples[one]), len(samples[other]))
         return paired_p_value(samples[one][:common], samples[other][:common])
 
     def verdict(self, setting: int, samples: Mapping[int, Sequence[float]]) -> Verdict:
-        """Compare a setting with the best one, on the seeds that both have. Of a race that goes on, it is what is known so far."""
+        """Compare a setting with the best one, on common seeds; while the race goes on, as far as is known."""
         assert self.best is not None
         own, best = samples[setting], samples[self.best]
         common = min(len(own), len(best))

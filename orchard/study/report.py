@@ -7,12 +7,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from orchard.field.scenario import check, to_yaml
-from orchard.report.sentence import clock
-from orchard.study.answer import sentence
+from orchard.report.summary import clock
 from orchard.study.picture import inline_svg
 from orchard.study.result import StudyResult
 from orchard.study.table import legend, words
-from orchard.study.words import GOALS, key_words, value_words
+from orchard.study.words import GOALS, key_words, sentence, value_words
 
 HORIZONS = {"harvest": "one harvest, with its beginning and its end", "long": "a long harvest, without its beginning and its end"}
 ENDS = {
@@ -49,7 +48,6 @@ def document(result: StudyResult) -> str:
 
 
 def _made(result: StudyResult) -> dict[str, Any]:
-    """How the study was made, in words."""
     varied = {f"{key_words(key)} tried": ", ".join(map(value_words, values)) for key, values in result.varied.items()}
     runs = sum(row.replications + (row.check.replications if row.check else 0) for row in result.table)
     return varied | {

@@ -4,6 +4,9 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 Model = Literal["fast", "full"]
+Models = Literal["fast", "full", "both"]
+Horizon = Literal["harvest", "long"]
+StoppedBy = Literal["certain", "within", "budget", "seeds", "stopped"]
 Goal = Literal["bins_per_hour", "cost_per_bin", "harvest_seconds"]
 
 
@@ -41,7 +44,7 @@ class Row:
     carrier_utilisation: float  # share of the time outside the queue, 0 to 1
     bound_bins_per_hour: float  # what this policy and route allow without traffic: orchard.report.bounds
     bottleneck: str
-    lost_seconds: dict[str, float] = field(default_factory=dict)  # s by cause, mean; of 5 harvests if rows are drawn: report.losses
+    lost_seconds: dict[str, float] = field(default_factory=dict)  # s by cause, mean; of 5 harvests if rows are drawn: report.bounds
     check: Check | None = None
 
 
@@ -72,17 +75,16 @@ class StudyResult:
     table: list[Row]
     comparisons: list[Comparison]
     goal: Goal
-    horizon: Literal["harvest", "long"]
+    horizon: Horizon
     confidence: float  # 0.95
     scenario: dict[str, Any]
     varied: dict[str, list[Any]]  # what varies -> its values, in the order of the command line
     wall_seconds: float
-    stopped_by: Literal["certain", "within", "budget", "seeds", "stopped"]  # why no more replications were made
+    stopped_by: StoppedBy  # why no more replications were made
     notes: list[str]  # what the budget did not allow, what jammed, where fast and full model disagree
     version: str
     violations: list[str] = field(default_factory=list)  # of invariants, in full runs: a fault of the simulator or of an agent
 
     @property
     def best_row(self) -> Row | None:
-        """The line of the best setting."""
         return next((row for row in self.table if row.setting == self.best), None)

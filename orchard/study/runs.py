@@ -1,12 +1,17 @@
 """One run of a study: one setting with one seed by one model, in one process; what came out is a flat record."""
 
+import ast
 import hashlib
 import inspect
 import json
 import time
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.metadata import version
+from importlib.util import find_spec, resolve_name
+from itertools import accumulate
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,15 +21,13 @@ import orchard
 from orchard.agents.dispatcher import PolicyFault
 from orchard.discrete.harvest import DiscreteHarvest, long_run_bins_per_hour
 from orchard.field.layout import lay_out
-from orchard.field.plugins import MISTAKES, place_of_error, reraise_ctrl_c, text_of
+from orchard.field.plugins import MISTAKES, is_own, load_plugin, place_of_error, reraise_ctrl_c, text_of
 from orchard.field.scenario import Scenario
 from orchard.local import Local
 from orchard.report.bounds import Bounds
 from orchard.report.metrics import HarvestFigures, harvest_figures
-from orchard.study.own_source import own_source
-from orchard.study.result import Model
+from orchard.study.result import Horizon, Model
 
-Horizon = Literal["harvest", "long"]
 LEAST_RATE = 1e-6  # bins an hour; the limits are for what comes from a store
 Amount = Annotated[float, Meta(ge=0.0, lt=1e12)]
 Ended = Literal["harvested", "jammed", "violated"]
@@ -48,12 +51,12 @@ class PlannedRun:
 
     @cached_property
     def key(self) -> str:
-        """The digest of all that decides what the run gives: scenario, seed, model, horizon, this software, the user's own classes."""
+        """The digest of all that decides what the run gives: scenario, seed, model, horizon, software, own classes."""
         return digest(self.scenario_digest, self.scenario.seed, self.model, self.horizon, software(), self.own_source)
 
     @cached_property
     def own_source(self) -> str:
-        """The digest of the files of the user's own classes, with those that they import; '' if there are none. Raises ScenarioError."""
+        """The digest of the files of own classes; '' if there are none. Raises ScenarioError."""
         classes = self.scenario.own_classes
         return digest(*own_source(tuple(classes.items()))) if classes else ""
 
@@ -63,7 +66,7 @@ class PlannedRun:
         return digest(self.scenario.model_dump_json(exclude=set(NOT_DECIDING)))
 
     def do(self, until: float) -> "RunRecord | None":
-        """Do the run in this process. Return None if it is not over at `until`, as time.time(). The fast model is not cut short."""
+        """Do the run in this process. Return None if a full one is not over at `until`, as time.time()."""
         begun = time.perf_counter()
         outcome = _full(self.scenario, until) if self.model == "full" else _fast(self.scenario, self.horizon)
         if outcome is None:
@@ -120,7 +123,7 @@ class RunRecord(RunResult):
 
 
 class RunFailed(Exception):
-    """A run raised an error, as one with a class of the user's own may do: the text says which run, what, and where."""
+    """A run raised an error, as one with an own class may do: the text says which run, what, and where."""
 
 
 def do(run: PlannedRun, until: float) -> RunRecord | None:
@@ -142,7 +145,7 @@ def digest(*parts: object) -> str:
 
 @cache
 def software() -> str:
-    """Return the version of this software, with a digest of those of its files that decide what a run gives: "0.1.0+1f3a9c2b"."""
+    """Return the version of this software, with a digest of the files that decide what a run gives: "0.1.0+1f3a9c2b"."""
     root = Path(inspect.getfile(orchard)).parent
     files = [root / "local.py", Path(__file__), *(path for package in DECIDING for path in sorted((root / package).rglob("*.py")))]
     content = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
@@ -153,7 +156,7 @@ def software() -> str:
 
 
 def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
-    """A harvest by the discrete-event model. Of a long run the rate is that of the long run, and the rest that of one harvest."""
+    """A harvest by the discrete-event model. Of a long run only the rate is that of the long run."""
     layout = lay_out(scenario)
     bounds, harvest = Bounds(layout), DiscreteHarvest(layout).run()
     known: dict[str, Any] = {"bins": harvest.delivered, "bound_bins_per_hour": bounds.bins_per_hour, "bottleneck": bounds.bottleneck}
@@ -174,7 +177,7 @@ def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
 
 
 def _full(scenario: Scenario, until: float) -> RunResult | None:
-    """A harvest by the simulator; None if the clock is at `until` before it ends. Only its figures are wanted, so it has no hash."""
+    """A harvest by the simulator, without a hash; None if the clock is at `until` before it ends."""
     local, figures = Local(scenario, is_hashed=False), HarvestFigures()
     engine = local.engine
     while not engine.over and not figures.jammed(engine.world):
@@ -198,6 +201,47 @@ def _full(scenario: Scenario, until: float) -> RunResult | None:
 
 
 def _faults(found: dict[str, Any]) -> list[str]:
-    """What a user's own classes did wrong in a harvest, from its figures."""
     refused = [f"{found['orders_refused']} decisions of the dispatch policy were refused"] if found["orders_refused"] else []
     return [*refused, *(f"{agent} was broken" for agent in found["broken_agents"])]
+
+
+# -- the source of the user's own classes
+
+
+@cache
+def own_source(classes: tuple[tuple[str, str], ...]) -> tuple[bytes, ...]:
+    """Return the files of own classes, and the user's files that these import: a run is known while these stay the same."""
+    for key, path in classes:
+        load_plugin(key if key in Scenario.model_fields else f"agents.{key}", path)
+    files: dict[str, bytes] = {}
+    left = [path.replace(":", ".").rpartition(".")[0] for _, path in classes]
+    packages = {module.partition(".")[0] for module in left}  # one that is installed as a library is the user's too
+    while left:
+        name = left.pop()
+        file = _file(name, packages)
+        if file is not None and name not in files:
+            files[name] = file.read_bytes()
+            left += _imported(files[name], name if file.stem == "__init__" else name.rpartition(".")[0])
+    return tuple(files[name] for name in sorted(files))
+
+
+def _file(name: str, packages: set[str]) -> Path | None:
+    """The file of a module if it is the user's. A library is not even looked into, because that would import it."""
+    whole = name.partition(".")[0]
+    with suppress(ImportError, ValueError):
+        top = find_spec(whole)
+        if top is not None and (whole in packages or top.origin is None or is_own(top.origin)):
+            found = find_spec(name)
+            return Path(found.origin) if found and found.origin and found.origin.endswith(".py") else None
+    return None
+
+
+def _imported(source: bytes, package: str) -> Iterator[str]:
+    names: list[str] = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            whole = resolve_name("." * node.level + (node.module or ""), package)
+            names += [whole, *(f"{whole}.{alias.name}" for alias in node.names)]
+    return (part for name in names for part in accumulate(name.split("."), "{}.{}".format))

@@ -35,7 +35,7 @@ class Setting:
 
     @property
     def is_random(self) -> bool:
-        """Whether two seeds can give two results. Without people, animals, spread, failures and noise all seeds give the same harvest."""
+        """Whether two seeds can give two results."""
         scenario = self.scenario
         guests = [*scenario.people.model_dump().values(), *scenario.animals.model_dump().values()]
         guests += scenario.own_classes.values()  # they may draw by the seed
@@ -43,11 +43,10 @@ class Setting:
 
     @property
     def has_prices(self) -> bool:
-        """Whether the scenario gives a price."""
         return any(price is not None for price in self.scenario.prices.model_dump().values())
 
     def cost_per_bin(self, bins_per_hour: float) -> float | None:
-        """Return what a bin costs at a rate, in the currency of the scenario's prices; None if it has no prices."""
+        """Return what a bin costs at a rate, in the currency of the prices; None without prices."""
         scenario, prices = self.scenario, self.scenario.prices
         if not self.has_prices:
             return None
@@ -56,10 +55,7 @@ class Setting:
 
 
 def varied_of(words: Sequence[str]) -> tuple[Varied, list[Problem]]:
-    """Return what `--vary` options say, as dotted path -> its values, and all faults of their form.
-
-    Values are separated by commas. `1..20` stands for the whole numbers from 1 to 20, `2..20..2` for each second one.
-    """
+    """Return what `--vary` options say, as dotted path -> its values, and all faults of their form."""
     varied: Varied = {}
     problems = []
     for word in words:
@@ -79,7 +75,6 @@ FORM = "must be KEY=VALUE,VALUE or KEY=FIRST..LAST, such as carriers=1..20"
 
 
 def _values(text: str) -> list[Any] | str:
-    """Return the values that a text lists, or what is wrong with it."""
     found: list[Any] = []
     for part in text.split(","):
         if not part.strip():
@@ -99,7 +94,6 @@ def _values(text: str) -> list[Any] | str:
 
 
 def _value(text: str) -> Any:
-    """Return a number, true, false or null, or else the text itself."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
@@ -107,10 +101,7 @@ def _value(text: str) -> Any:
 
 
 def settings_of(scenario: Scenario, varied: Mapping[str, Sequence[Any]]) -> tuple[list[Setting], list[Problem]]:
-    """Return each combination of the values that is a scenario, in their order, and what is wrong with the others.
-
-    The last key varies fastest. Without any key there is one setting, the scenario as it is.
-    """
+    """Return each combination of the values that is a scenario, in order, and what is wrong with the others."""
     if found := _unusable(varied):
         return [], found
     settings: list[Setting] = []
@@ -131,13 +122,11 @@ def settings_of(scenario: Scenario, varied: Mapping[str, Sequence[Any]]) -> tupl
 
 
 def _together(values: Sequence[str]) -> str:
-    """Return values as text, the first MOST_NAMED by name: 50, 51, 52 and 18 more."""
     more = len(values) - MOST_NAMED
     return ", ".join(values[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _unusable(varied: Mapping[str, Sequence[Any]]) -> list[Problem]:
-    """What is wrong with the keys and the number of values, whatever the values are."""
     count, problems = prod(len(values) for values in varied.values()), []
     if not 0 < count <= MOST_SETTINGS:
         text = "no values" if not count else f"{count:,} settings; at most {MOST_SETTINGS:,} can be compared"
@@ -148,13 +137,12 @@ def _unusable(varied: Mapping[str, Sequence[Any]]) -> list[Problem]:
 
 
 def _placed(problem: Problem, setting: dict[str, Any], varied: Mapping[str, Sequence[Any]]) -> Problem:
-    """Return a problem of a setting with the `--vary` to which it belongs, or with the whole setting if it is about several values."""
+    """Return a problem of a setting with the `--vary` to which it belongs, or with the whole setting."""
     source = _option(varied, problem.path) if problem.path in varied else f"the setting {Setting(setting, Scenario()).words}"
     return Problem(source, problem.text, problem.path, problem.value)
 
 
 def _option(varied: Mapping[str, Sequence[Any]], keys: str) -> str:
-    """Return the `--vary` of a key, shortened: a range as a range."""
     values = list(varied.get(keys, []))
     if len(values) > 2 and all(type(value) is int for value in values) and values == list(range(values[0], values[-1] + 1)):
         return f"--vary {keys}={values[0]}..{values[-1]}"

@@ -1,4 +1,4 @@
-"""The store of a study: an SQLite file with one row for each run that was ever done. What is there, and sound, is never run again."""
+"""The store of a study: an SQLite file with a row for each run. What is there, and sound, is never run again."""
 
 import os
 import sqlite3
@@ -52,13 +52,11 @@ class Store:
             self._make(self._replace)
 
     def _link(self, made: Path) -> None:
-        """Give an empty store its name, unless another study has just made one."""
         with suppress(FileExistsError):
             os.link(made, self.path)
         made.unlink()
 
     def _replace(self, made: Path) -> None:
-        """Put an empty store in the place of the one that is there."""
         for rest in ("-wal", "-shm"):
             self.path.with_name(self.path.name + rest).unlink(missing_ok=True)
         made.replace(self.path)
@@ -99,7 +97,6 @@ class Store:
         self._do("INSERT OR REPLACE INTO runs ({}) VALUES ({})", [getattr(record, name) for name in COLUMNS], "a run cannot be kept")
 
     def _do(self, statement: str, values: list[Any], fault: str) -> list[tuple[Any, ...]]:
-        """Execute a statement about all columns and these values, and return its rows. Raises StoreFailed."""
         try:
             return self._database.execute(statement.format(", ".join(COLUMNS), ", ".join("?" * len(values))), values).fetchall()
         except sqlite3.Error as error:
@@ -116,7 +113,6 @@ def fault_of(path: Path, anew: bool) -> str:
 
 
 def _text(content: bytes) -> str | bytes:
-    """A text of the store; the bytes themselves if they are none."""
     try:
         return content.decode()
     except UnicodeDecodeError:
@@ -124,7 +120,6 @@ def _text(content: bytes) -> str | bytes:
 
 
 def _version(path: Path) -> str | None:
-    """Return the version of a store; None for a file that is none. The file is only read."""
     try:
         with closing(sqlite3.connect(f"{regular(path).absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
             if database.execute("PRAGMA application_id").fetchone() != (APPLICATION,):

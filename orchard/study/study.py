@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import fmean
-from typing import Any, Literal
+from typing import Any
 
 from orchard.agents.catalogue import check_plugins
 from orchard.agents.routes import route_of
@@ -13,20 +13,15 @@ from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.folders import runs_folder
-from orchard.report.losses import lost_seconds
-from orchard.study.answer import sentence
-from orchard.study.confirmation import Confirmation
-from orchard.study.racing import LOOKS, Race, StoppedBy
-from orchard.study.replications import Replications
-from orchard.study.result import Check, Comparison, Goal, Model, Row, StudyResult
-from orchard.study.runs import Horizon, RunRecord, software
+from orchard.report.bounds import lost_seconds
+from orchard.study.racing import LOOKS, Race, interval
+from orchard.study.replications import Confirmation, Replications
+from orchard.study.result import Check, Comparison, Goal, Horizon, Model, Models, Row, StoppedBy, StudyResult
+from orchard.study.runs import RunRecord, software
 from orchard.study.settings import Setting, settings_of
-from orchard.study.statistics import interval
 from orchard.study.store import Store
-from orchard.study.words import orchard_words
+from orchard.study.words import orchard_words, sentence
 from orchard.study.workers import Workers, processes, scheduled
-
-Models = Literal["fast", "full", "both"]
 
 TOLD = 0.5  # s between two partial results
 RACE_SHARE = 0.5  # of the budget, which the fast model may use if the full one is to confirm
@@ -51,7 +46,6 @@ class StudyOptions:
 
     @property
     def store_file(self) -> Path:
-        """The file of the store."""
         return self.store or runs_folder() / STORE
 
 
@@ -64,11 +58,9 @@ def study(
 ) -> StudyResult:
     """Compare all settings of a scenario, and return the answer.
 
-    `varied`: dotted path of the scenario -> its values; each combination is a setting. `tell` hears what is known so far, at most
-    twice a second. `is_stopped` is asked several times a second; when it says True, the study returns what it knows.
-
-    The same study gives the same table, whatever the workers, their number and their order, and whatever the store knows already; only
-    what the budget allows depends on the machine.
+    `varied`: dotted path of the scenario -> its values; each combination is a setting. `tell` hears what is known so far. When `is_stopped`
+    says True, the study returns what it knows. The same study gives the same table, whatever the workers do and the store knows already;
+    only what the budget allows depends on the machine.
 
     Raises ScenarioError or StoreError for what a user can correct; WorkersError, RunFailed or StoreFailed if runs cannot be done or kept.
     """
@@ -81,14 +73,13 @@ def study(
 
 
 def checked_settings(scenario: Scenario, varied: Mapping[str, Sequence[Any]], options: StudyOptions) -> tuple[list[Setting], list[Problem]]:
-    """Return the settings of a study, and all that is wrong with them, with what the options ask of them, and with own classes."""
+    """Return the settings of a study, and all that is wrong with them, with what options ask, and with own classes."""
     settings, problems = settings_of(scenario, varied)
     asked = settings or [Setting({}, scenario)]
     return settings, [*problems, *_option_problems(asked, options), *_plugin_problems(asked, options.model)]
 
 
 def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list[Problem]:
-    """What the options ask that these settings cannot answer."""
     model, is_long, is_fast = f"--model {options.model}", options.horizon == "long", options.model != "full"
     own = sorted({name for one in settings for name in (*one.scenario.agents, *one.scenario.agents_without_body)})
     prices = "needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin"
@@ -107,7 +98,6 @@ def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list
 
 
 def _plugin_problems(settings: Sequence[Setting], model: Models) -> list[Problem]:
-    """What is wrong with the user's own classes that settings name, for this model."""
     with_own = {tuple(classes.items()): setting for setting in settings if (classes := setting.scenario.own_classes)}
     return [problem for setting in with_own.values() for problem in _plugin_problems_of(setting, model)]
 
@@ -159,7 +149,6 @@ class _Study:
         return self._result()
 
     def _share(self, share: float) -> float:
-        """When this share of the budget is used."""
         return self.begun + share * self.options.budget_seconds
 
     def _hear(self) -> None:
@@ -171,10 +160,7 @@ class _Study:
     # -- the race
 
     def _race(self, until: float) -> None:
-        """Do replications of all settings that are left, look by look, until the race or the time is over.
-
-        One of each comes first: a setting that jams gets no more.
-        """
+        """Do replications of all settings that are left, look by look. One of each comes first: what jams gets no more."""
         for look in (1, *LOOKS):
             more = [i for i in self.race.left if self.settings[i].is_random]
             fits = look <= LOOKS[0] or self.runs.fits(more, self.model, look, until)
@@ -187,7 +173,7 @@ class _Study:
                 break
 
     def _replicate(self, count: int, until: float) -> bool:
-        """Do so many replications of all settings that are left, until none of these has jammed. Return whether all are done."""
+        """Do so many replications of all settings that are left, until none of these jams. Return whether all are done."""
         while True:
             left = list(self.race.left)
             is_whole = self.runs.do(left, self.model, count, until)
@@ -196,7 +182,7 @@ class _Study:
                 return is_whole
 
     def _end_race(self) -> None:
-        """End the race because of the budget or the user, after a last look at the seeds that all settings have that are left."""
+        """End the race because of the budget or the user, after a last look at the seeds that all have."""
         why: StoppedBy = "stopped" if self.runs.is_stopped() else "budget"
         missing = [i for i in self.race.left if not self.runs.known(i, self.model)]
         self.race.left = [i for i in self.race.left if i not in missing]
@@ -213,13 +199,11 @@ class _Study:
         self.race.why = why
 
     def _samples(self, count: int) -> dict[int, list[float]]:
-        """The values of the goal of each setting that is left, by seed."""
         return {i: self.runs.sample(i, self.model, count) for i in self.race.left}
 
     # -- what was lost
 
     def _split_losses(self, until: float) -> None:
-        """Split what the harvests of each setting lost, the best settings first, as far as the time allows."""
         known = [i for i in range(len(self.settings)) if self.runs.harvested(i, self.model)]
         first = [i for i in (self.race.best, *self.race.left) if i in known]
         harvests = {i: self._harvests(i) for i in dict.fromkeys([*first, *known])}
@@ -233,7 +217,7 @@ class _Study:
             self.notes.append(f"the budget did not allow to split what was lost in {left} of {len(harvests)} settings")
 
     def _harvests(self, i: int) -> list[tuple[Scenario, float]]:
-        """The harvests of a setting of which the lengths, s, are split: their mean, or some with the rows that their seeds draw."""
+        """The harvests whose lengths, s, are split: their mean, or some with the rows that their seeds draw."""
         scenario = self.settings[i].scenario
         if not scenario.picking.is_drawn:
             return [(scenario, self.runs.mean(i, self.model, lambda record: record.sim_seconds))]
@@ -243,7 +227,6 @@ class _Study:
     # -- the result
 
     def _result(self) -> StudyResult:
-        """Return what is known now."""
         rows = {i: row for i in range(len(self.settings)) if (row := self._row(i)) is not None}
         best = self.race.best if self.race.best is not None else self._present_best(rows)
         compared = [i for i in rows if i != best and i not in self.race.jammed] if self.race.best is not None else []
@@ -270,12 +253,11 @@ class _Study:
         return replace(result, answer=sentence(result))
 
     def _row(self, i: int) -> Row | None:
-        """The line of a setting in the table; None if it has no run yet. The intervals of those that are left hold together."""
+        """The line of a setting in the table; None without a run. The intervals of those that are left hold together."""
         records, confidence = self.runs.known(i, self.model), self.race.each if i in self.race.left else self.options.confidence
         return row_of(self.settings[i], records, confidence, self.lost.get(i, {}), self.confirmation.checks.get(i))
 
     def _present_best(self, rows: Mapping[int, Row]) -> int | None:
-        """The setting with the best mean so far, before the first look."""
         means = {i: one.mean for i, row in rows.items() if not row.jammed and (one := getattr(row, self.options.goal)) is not None}
         return (max if self.race.is_max else min)(means, key=lambda i: means[i]) if means else None
 
@@ -288,7 +270,6 @@ class _Study:
     # -- its notes
 
     def _about(self, rows: Mapping[int, Row], verdicts: Mapping[int, Comparison]) -> list[str]:
-        """What a reader of the table must know of it."""
         notes = []
         if not any(setting.is_random for setting in self.settings):
             notes.append("nothing in these settings is random, so one run of each stands for all seeds")
@@ -305,7 +286,7 @@ class _Study:
         return [*notes, *self._faults(rows)]
 
     def _faults(self, rows: Iterable[int]) -> list[str]:
-        """Of each setting in which a class of the user's own failed, the first fault: its figures are those of another rule."""
+        """Of each setting in which an own class failed, the first fault: its figures are those of another rule."""
         notes = []
         for i in rows:
             records = [*self.runs.known(i, "fast"), *self.runs.known(i, "full")]
@@ -315,7 +296,6 @@ class _Study:
         return notes
 
     def _damaged(self) -> list[str]:
-        """What the store has, and no run can have given."""
         store = self.runs.store
         if not store.damaged:
             return []
@@ -366,6 +346,5 @@ def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float, lo
 
 
 def _losses(item: tuple[int, Scenario, float]) -> dict[str, float]:
-    """In a worker: split the length of a setting's harvests."""
     _, scenario, seconds = item
     return lost_seconds(lay_out(scenario), seconds)

@@ -39,7 +39,7 @@ LOSSES = ("structure", "traffic", "dispatch", "people_and_animals")  # parts of 
 
 
 def words(result: StudyResult) -> tuple[list[str], list[list[str]]]:
-    """Return the table as words: the heads of the columns, and the lines, marks in the first cells. `legend` explains it."""
+    """Return the heads of the columns, and the lines, with marks in the first cells. `legend` explains them."""
     known = {head: [_cell(head, row) for row in result.table] for head in COLUMNS if head not in _unasked(result)}
     shown = {head: cells for head, cells in known.items() if head not in ONLY_IF_KNOWN or set(cells) != {NONE}}
     columns = {key_words(key): [value_words(row.setting[key]) for row in result.table] for key in result.varied} | shown
@@ -64,7 +64,6 @@ def as_table(result: StudyResult) -> Table:
 
 
 def _mark(row: Row, result: StudyResult) -> str:
-    """'*' for the best row, '=' for one that cannot be told apart from it, '' for the others."""
     return "*" if row.setting == result.best else "=" if row.setting in result.indistinguishable else ""
 
 
@@ -73,7 +72,7 @@ def _models(result: StudyResult) -> list[str]:
 
 
 def _unasked(result: StudyResult) -> list[str]:
-    """The columns that tell nothing new: a harvest's length, unless the study is about it, and the model if it is one for all."""
+    """The columns that tell nothing new: a harvest's length, unless it is the goal, and a model that is one for all."""
     length = [] if result.goal == "harvest_seconds" else ["harvest, s"]
     return length if len(_models(result)) > 1 else [*length, "model"]
 
@@ -108,7 +107,7 @@ def _check(check: Check | None) -> str:
 
 
 def save_csv(result: StudyResult, path: Path) -> None:
-    """Write every figure of the table as CSV, a line for each setting, with the names that it has in JSON. Raises OSError."""
+    """Write every figure as CSV, a line for each setting, with its name in JSON. Raises OSError."""
     lines = [dict(_flat(_figures(row, result))) for row in result.table]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(dict.fromkeys(name for line in lines for name in line)))
@@ -117,7 +116,6 @@ def save_csv(result: StudyResult, path: Path) -> None:
 
 
 def _figures(row: Row, result: StudyResult) -> dict[str, Any]:
-    """All figures of a row, and how it compares with the best one."""
     compared = next((asdict(one) for one in result.comparisons if one.setting == row.setting), {})
     ranked: dict[str, Any] = {"is_best": row.setting == result.best, "is_indistinguishable": row.setting in result.indistinguishable}
     ranked["share_of_bound"] = row.bins_per_hour and row.bins_per_hour.mean / row.bound_bins_per_hour
@@ -125,7 +123,7 @@ def _figures(row: Row, result: StudyResult) -> dict[str, Any]:
 
 
 def _flat(figures: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    """What is known of figures, by the names of their columns: the mean in `bins_per_hour` is in `bins_per_hour_mean`."""
+    """What is known of figures, by column: the mean in `bins_per_hour` is in `bins_per_hour_mean`."""
     for name, value in figures.items():
         if isinstance(value, dict):
             yield from _flat(value, f"{before}{name}_")

@@ -38,7 +38,7 @@ class Workers:
         self.executor = start()
 
     def do(self, work: Callable[[Item], Result], items: Sequence[Item], goes_on: Callable[[], bool]) -> Iterator[tuple[Item, Result]]:
-        """Yield each item with the result of `work(item)`, in any order, as long as `goes_on`. Raises WorkersError or the work's error."""
+        """Yield each item with `work(item)`, in any order, as long as `goes_on`. Raises WorkersError or the work's error."""
         left, deaths = dict(enumerate(items)), 0
         while left and goes_on():
             waiting = {self.executor.submit(work, item): number for number, item in left.items()}
@@ -134,7 +134,6 @@ def scheduled(address: str) -> Iterator[Workers]:
 
 
 def _trouble(client: Any, address: str) -> str:
-    """Why these workers cannot do the work; '' if they can."""
     if not client.scheduler_info()["workers"]:
         return f"this scheduler has no workers; start some: dask worker {address}"
     asked, clocks, now = time.time(), client.run(time.time, on_error="ignore"), time.time()

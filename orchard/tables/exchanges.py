@@ -1,4 +1,4 @@
-"""What a run's events and messages tell of the exchange of bins: the calls for carriers, and the exchanges at the ends of rows."""
+"""The exchange of bins, by a run's events and messages: calls for carriers, and exchanges at the ends of rows."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -33,7 +33,6 @@ def calls(events: Iterable[Row], messages: Iterable[Row]) -> list[NewRow]:
 
 
 def _calls(said: Row, made: list[NewRow], open_: dict[str, NewRow]) -> None:
-    """A bin asks for a carrier, for the first time or again; many carriers may hear it at once."""
     content, name = msgspec.json.decode(said["content"]), said["sender"]
     if name not in open_:
         known = {"bin": name, "picker": content.get("picker"), "row": content["lane"], "end": content["side"], "called": said["tick"]}

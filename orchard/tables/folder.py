@@ -1,14 +1,79 @@
-"""The folder of a run's tables: its files, and whether a run may write there."""
+"""The folder of a run's tables: its files, whether a run may write there, and how tables grow in it."""
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from orchard.field.scenario import Scenario
+from orchard.folders import write_whole
+from orchard.report.summary import UNITS
 from orchard.tables.columns import BODIES, CALLS, EVENTS, EXCHANGES, MESSAGES
-from orchard.tables.parts import files_of
+
+MOST_ROWS = 50_000  # of a file; the newest is written again until it has as many
+# Columns of numbers that seldom come again: their bytes compress better in planes.
+PLANES = ("x", "y", "yaw", "measured_x", "measured_y", "odometry_x", "odometry_y", "odometry_yaw")
+
+
+def write_table(path: Path, table: pa.Table) -> None:
+    """Write a table in place of an old one, wholly or not at all. Raises OSError."""
+    sink = pa.BufferOutputStream()
+    others = [name for name in table.column_names if name not in PLANES]
+    planes = {name: "BYTE_STREAM_SPLIT" for name in table.column_names if name in PLANES}
+    pq.write_table(table, sink, compression="zstd", use_dictionary=others, column_encoding=planes)
+    write_whole(path, sink.getvalue().to_pybytes())
+
+
+class GrowingTable:
+    """One table of a run, a folder of Parquet files, which readers of data sets accept. Its rows come in the order of `tick`."""
+
+    def __init__(self, folder: Path, schema: pa.Schema, until: int) -> None:
+        """Rows from tick `until` on are of an earlier attempt, and are removed. Raises OSError."""
+        self.schema, self._folder = schema, folder
+        folder.mkdir(parents=True, exist_ok=True)
+        for torn in folder.glob("*.new"):  # of a program that was killed while it wrote
+            torn.unlink()
+        self._remove_from(until)
+        self._number = max((int(part.stem) for part in files_of(folder)), default=0) + 1
+        self._newest = schema.empty_table()  # the rows of the newest part
+
+    def add(self, rows: pa.Table) -> None:
+        """Add rows, and write them to the disk. Raises OSError."""
+        if not len(rows):
+            return
+        self._newest = pa.concat_tables([self._newest, rows])
+        write_table(self._part(self._number), self._newest)
+        if len(self._newest) >= MOST_ROWS:
+            self._newest, self._number = self.schema.empty_table(), self._number + 1
+
+    def finish(self) -> None:
+        """Leave a file without rows if there is none, so that the table has its columns. Raises OSError."""
+        if not files_of(self._folder):
+            write_table(self._part(self._number), self._newest)
+
+    def _part(self, number: int) -> Path:
+        return self._folder / f"{number:06d}.parquet"
+
+    def _remove_from(self, until: int) -> None:
+        for part in reversed(files_of(self._folder)):
+            rows = pq.read_table(part)
+            early = rows.filter(pc.field("tick") < until)
+            if len(early) == len(rows) > 0:
+                return
+            if len(early):
+                write_table(part, early.replace_schema_metadata(self.schema.metadata))
+            else:
+                part.unlink()
+
+
+def files_of(table: Path) -> list[Path]:
+    """Return the files of a table, in the order of their rows: itself, or those in its folder."""
+    return [table] if table.is_file() else sorted(table.glob("*.parquet"))
+
 
 SCENARIO = b"orchard.scenario"  # in the metadata of each file: the scenario as JSON
 GROWING = {"bodies": BODIES, "events": EVENTS, "messages": MESSAGES}  # while the run goes on
@@ -21,15 +86,11 @@ def path_of(folder: Path, table: str) -> Path:
 
 
 def metadata_of(scenario: Scenario) -> dict[bytes, str]:
-    """Return the metadata of each file."""
     return {SCENARIO: scenario.model_dump_json()}
 
 
 def check_folder(folder: Path, scenario: Scenario, tick: int | None = None) -> None:
-    """Make the folder, if it is not there. `tick`: at which a resumed run goes on; None for a new run.
-
-    Raises OSError if it cannot be written, ValueError if its tables are of another run, or end before `tick`.
-    """
+    """Make the folder. `tick`: at which a resumed run goes on. Raises OSError, or ValueError if tables there do not fit."""
     instead = "; --table DIR names another folder"
     if files_of(path_of(folder, "bodies")):
         if tick is None:
@@ -69,3 +130,33 @@ def last_tick(folder: Path) -> int:
     files = files_of(path_of(folder, "bodies"))
     ticks = pq.read_table(files[-1], columns=["tick"])["tick"] if files else []
     return int(ticks[-1].as_py()) if len(ticks) else 0
+
+
+def complete(folder: Path, summary: Mapping[str, Any]) -> list[str]:
+    """Write the summary of a run beside its other tables. Return what is wrong with these, as missing rows."""
+    try:
+        write_table(path_of(folder, "summary"), as_table(summary))
+        last = last_tick(folder)
+    except (OSError, pa.ArrowException) as error:
+        return [f"{folder}: the tables cannot be written or read: {getattr(error, 'strerror', None) or error}"]
+    return [] if last == summary["ticks"] else [f"{folder}: the tables end at tick {last}, and the run at tick {summary['ticks']}"]
+
+
+def as_table(summary: Mapping[str, Any]) -> pa.Table:
+    """Return a summary as a table of one row: a map has a column for each value, lists but `history` are JSON."""
+    columns = dict(_columns(summary))
+    fields = [pa.field(name, array.type, metadata={"unit": UNITS.get(name.split(".")[0], "")}) for name, array in columns.items()]
+    metadata = {SCENARIO: msgspec.json.encode(summary["scenario"]).decode()}
+    return pa.table(list(columns.values()), pa.schema(fields, metadata))
+
+
+def _columns(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, pa.Array]]:
+    for key, value in values.items():
+        name = before + key
+        if isinstance(value, Mapping) and name != "scenario":
+            yield from _columns(value, f"{name}.")
+        elif before == "history.":
+            yield name, pa.array([value], pa.list_(pa.float64()))
+        else:
+            is_plain = isinstance(value, bool | int | float | str)
+            yield name, pa.array([value if is_plain else msgspec.json.encode(value).decode()])

@@ -22,8 +22,7 @@ from orchard.sim.obstacles import with_names
 from orchard.sim.world import World
 from orchard.tables.columns import BODIES, EVENTS, MESSAGES, NUMBER, TEXT
 from orchard.tables.exchanges import CALLING, calls, exchanges
-from orchard.tables.folder import AT_THE_END, GROWING, metadata_of, path_of
-from orchard.tables.parts import MOST_ROWS, GrowingTable, write_table
+from orchard.tables.folder import AT_THE_END, GROWING, MOST_ROWS, GrowingTable, metadata_of, path_of, write_table
 
 Said = tuple[str, str | None, str | None]  # what a body does: its state, the same in words, and what it waits for
 SILENT: Said = ("resting", None, None)  # of a body whose agent says nothing
@@ -61,7 +60,6 @@ class BodyRows:
         self._kept.append((world.pose.copy(), world.twist.copy(), wanted.copy(), world.coupled.copy(), world.fill.copy()))
 
     def _hear(self, world: World, answers: Mapping[str, Action | None]) -> None:
-        """Keep what each body does after these answers."""
         heard = {self._index[name]: _said_of(world, name, action) for name, action in answers.items() if name in self._index}
         self._said = _replaced(self._said, {index: said for index, said in heard.items() if said != self._said[index]})
 
@@ -80,7 +78,6 @@ class BodyRows:
         return pa.table([*columns, *speeds, *speeds_wanted, self._names.take(pa.array(others)), fill, *words], BODIES)
 
     def _measured(self) -> list[pa.Array]:
-        """The columns of measured poses; null where they are exact."""
         if not self._inexact:
             return [pa.nulls(len(self), NUMBER)] * 5
         poses = np.array(self._inexact)
@@ -88,12 +85,10 @@ class BodyRows:
 
 
 def _replaced(old: list[Said], news: Mapping[int, Said]) -> list[Said]:
-    """The list with these changes; itself if there are none."""
     return [news.get(index, said) for index, said in enumerate(old)] if news else old
 
 
 def _said_of(world: World, name: str, action: Action | None) -> Said:
-    """What a body does, obstacles by name."""
     if action is None:
         return SILENT
     waits_for = action.waits_for
@@ -103,19 +98,16 @@ def _said_of(world: World, name: str, action: Action | None) -> Said:
 
 
 class Tables:
-    """The tables of one run. Call `update` after each step, `flush` before each snapshot, and `close` at the end.
+    """The tables of one run: `update` after each step, `flush` before each snapshot, `close`. A fault is logged once."""
 
-    If they cannot be written, as on a full disk, that is logged once, and the run goes on.
-    """
-
-    def __init__(self, folder: Path, layout: Layout, tick: int) -> None:
-        """`tick`: at which the run begins or goes on. Rows of later steps are removed: they come again."""
-        self._folder, self._bodies = folder, BodyRows(layout)
+    def __init__(self, folder: Path, engine: Engine) -> None:
+        """The run begins or goes on at the engine's tick. Rows of later steps are removed: they come again."""
+        self._folder, self._bodies = folder, BodyRows(engine.layout)
         self._events: list[Event] = []
         self._messages: list[tuple[int, str, str, str, str]] = []
-        self._metadata = metadata_of(layout.scenario)
+        self._metadata = metadata_of(engine.layout.scenario)
         self._growing: dict[str, GrowingTable] = {}
-        self._try(lambda: self._begin(tick))
+        self._try(lambda: self._begin(engine.tick))
 
     def _begin(self, tick: int) -> None:
         for name in (*AT_THE_END, "summary"):
@@ -125,7 +117,7 @@ class Tables:
             self._growing[name] = GrowingTable(path_of(self._folder, name), schema.with_metadata(self._metadata), until)
 
     def update(self, engine: Engine, events: Sequence[Event], letters: Mapping[str, Written]) -> None:
-        """Keep the rows of the step that has just been done, with its events and letters (sender -> what it wrote)."""
+        """Keep the rows of the step that has just been done, with its events and letters, by sender."""
         if not self._growing:
             return
         self._bodies.keep(engine)
@@ -138,7 +130,6 @@ class Tables:
             self.flush()
 
     def flush(self) -> None:
-        """Write all rows so far to the disk."""
         self._try(self._flush)
 
     def _flush(self) -> None:
@@ -149,7 +140,7 @@ class Tables:
             table.add(rows[name].replace_schema_metadata(table.schema.metadata))
 
     def close(self) -> None:
-        """Write the rest, and finish the tables. The summary is written by `orchard.tables.summary`."""
+        """Write the rest, and finish the tables. The summary is written by `orchard.tables.folder`."""
         self.flush()
         self._try(self._finish)
 

@@ -1,1 +1,1 @@
-"""The Rerun recording of a run: writes frames into it, and arranges its views in a blueprint. Nothing here changes a run."""
+"""The Rerun recording of a run: writes frames into it, and arranges its views in a blueprint."""

@@ -6,7 +6,7 @@ import rerun.blueprint as rrb
 from orchard.field.kinds import VEHICLES
 from orchard.field.layout import ROW_WEST, TOP, Layout
 from orchard.view import legend, palette
-from orchard.view.focus import FOCUS
+from orchard.view.names import FOCUS
 from orchard.view.scenery import PLAN_CAMERA, plan_size
 
 TIMELINE = "sim_time"
@@ -23,10 +23,7 @@ ON_THE_PLAN = ["world/**", "plan/**", "pins/**", "talk/**", "scans/**"]
 
 
 def blueprint(layout: Layout) -> rrb.Blueprint:
-    """Return the blueprint: the 3-D views above the plan and the histories, with the figures and events beside them.
-
-    The plan of an orchard that is at least as high as wide gets a column of its own.
-    """
+    """Return the blueprint: 3-D views above the plan, or beside a high one, and histories; beside them figures and events."""
     pickers, carriers = layout.scenario.pickers, layout.scenario.carrier_count
     spaces, histories, plan = _spaces(layout), _histories(pickers, carriers + 1), _plan()
     if _is_high(layout):
@@ -41,14 +38,13 @@ def blueprint(layout: Layout) -> rrb.Blueprint:
 
 
 def for_page(layout: Layout) -> rrb.Blueprint:
-    """Return a small blueprint, for a page that draws the figures itself: the 3-D views and the plan, side by side if the plan is high."""
+    """Return a small blueprint for a page that draws figures itself: 3-D views and plan, side by side if it is high."""
     both, hidden = (_spaces(layout), _plan()), rrb.PanelState.Hidden
     views = rrb.Horizontal(*both, column_shares=[12, 10]) if _is_high(layout) else rrb.Vertical(*both, row_shares=[12, 10])
     return _of(views, hidden, rrb.TopPanel(state=hidden))
 
 
 def _of(views: rrb.Container, panels: rrb.PanelState, *more: rrb.TopPanel) -> rrb.Blueprint:
-    """Return the blueprint of these views. `panels`: the state of the panels that its user seldom needs."""
     return rrb.Blueprint(
         views,
         rrb.TimePanel(state=rrb.PanelState.Collapsed, timeline=TIMELINE, playback_speed=4.0),
@@ -66,7 +62,6 @@ def _is_high(layout: Layout) -> bool:
 
 
 def _histories(pickers: int, others: int) -> rrb.Container:
-    """Return the histories of all robots, pickers first: stacked for up to FEW robots, else in two tabs."""
     if pickers + others > FEW:
         return rrb.Tabs(_history("What the pickers do", PICKERS), _history("What carriers and tractor do", OTHERS))
     both = _history("What the robots do", PICKERS), _history("Carriers and tractor", OTHERS, titlebar=False)
@@ -88,7 +83,6 @@ def _legend() -> rrb.Spatial2DView:
 
 
 def _spaces(layout: Layout) -> rrb.Tabs:
-    """Return three views: where the work is, from outside the orchard, and from below its roof."""
     y = layout.lane(1).y
     inside = _eye((ROW_WEST - 5.5, y - 1.2, 2.2), (ROW_WEST + 14.0, y + 0.4, 1.0))
     return rrb.Tabs(
@@ -105,7 +99,6 @@ def at_work(layout: Layout) -> rrb.Spatial3DView:
 
 
 def _outside(layout: Layout) -> rrb.EyeControls3D:
-    """Return a low camera at the south-east corner, where the robots leave the rows. It is a little higher for a large orchard."""
     south = layout.tree_lines[-1]
     if _is_high(layout):
         return _eye((48.0, south - 12.0, 13.0), (10.0, south + 26.0, -3.0))
@@ -144,7 +137,6 @@ def _plan() -> rrb.Spatial2DView:
 
 
 def _plot(name: str, origin: str, highest: int) -> rrb.TimeSeriesView:
-    """Return a plot of the whole run with its legend above the curves. `highest`: the highest possible value."""
     whole_run = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
     return rrb.TimeSeriesView(
         name=name,

@@ -11,8 +11,7 @@ from orchard.field.kinds import ANIMALS, HAULERS, KINDS, PEOPLE, VEHICLES
 from orchard.field.layout import Lane, Layout
 from orchard.field.placement import Start
 from orchard.view import palette
-from orchard.view.scenery import ROW_Z
-from orchard.view.shapes import model
+from orchard.view.scenery import ROW_Z, model
 
 BRANCHES = dict.fromkeys(PEOPLE, "people") | dict.fromkeys(ANIMALS, "animals")  # kinds that share a branch of world/
 HIT_RADIUS = -1.8  # of a laser hit; a negative number is in screen points
@@ -24,7 +23,7 @@ WHOLE, UNSEEN = (1.0, 1.0, 1.0), (0.01, 0.01, 0.01)  # scales of a mesh that is 
 
 
 class BodyView:
-    """The entities of all bodies. Each method logs at the time that is set on the stream, and only what has changed."""
+    """The entities of all bodies. Methods log at the time that is set on the stream, and only what has changed."""
 
     def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
         self.rec, self.layout = rec, layout
@@ -37,12 +36,11 @@ class BodyView:
             self._log_static(start)
 
     def remember(self, said: Mapping[str, Mapping[str, palette.Colour]]) -> None:
-        """Keep the colours of the state texts in earlier parts of the recording. `said`: entity path -> text -> colour."""
+        """Keep the colours of the state texts in earlier parts. `said`: entity path -> text -> colour."""
         for name in self._said:
             self._said[name] = dict(said.get(f"/{self.path[name]}", {}))
 
     def _log_static(self, start: Start) -> None:
-        """Log what never changes: frame, shape, pin and the look of the scan. A weed's shape is logged when it grows."""
         path, frame = self.path[start.name], rr.CoordinateFrame(start.name)
         self.rec.log(path, frame, static=True)
         if start.kind != "weed":
@@ -56,14 +54,13 @@ class BodyView:
         self.rec.log(f"scans/{start.name}", frame, rr.Points3D.from_fields(colors=[colour], radii=[HIT_RADIUS]), static=True)
 
     def _pin(self, robot: Start) -> None:
-        """Log a ball on a stalk above the canopy. Its colour shows the robot's state."""
         path, top = f"pins/{robot.name}", max(PIN_Z, KINDS[robot.kind].height + 2.0)
         ball = rr.Points3D([(0.0, 0.0, top)], labels=[robot.name])
         stalk = rr.LineStrips3D([[(0.0, 0.0, KINDS[robot.kind].height), (0.0, 0.0, top)]], colors=[palette.WIRE], radii=[0.04])
         self.rec.log(path, rr.CoordinateFrame(robot.name), ball, stalk, static=True)
 
     def doing(self, name: str, text: str, state: State) -> None:
-        """Log what a body does now: its state in the timeline, and the colour of its pin. Weeds and unknown names are ignored."""
+        """Log what a body does now: its state, and the colour of its pin. Weeds and unknown names are ignored."""
         path, colour, known = self.path.get(name), palette.STATES[state], self._said.get(name)
         if path is None or known is None:
             return
@@ -120,7 +117,7 @@ FRUIT_Z = 1.95  # m, just below the pergola
 
 
 class RowView:
-    """One strip of ground and one cloud of fruit per row. `show` logs the rows of which another piece has been picked."""
+    """A strip of ground and a cloud of fruit per row. `show` logs the rows of which another piece has been picked."""
 
     def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
         self.rec, self.layout = rec, layout
@@ -135,7 +132,7 @@ class RowView:
             rec.log(f"canopy/fruit/row_{lane.number:02d}", rr.Points3D.from_fields(radii=[0.085], colors=[palette.KIWI]), static=True)
 
     def show(self, picked: np.ndarray, poses: np.ndarray) -> None:
-        """Log the rows that changed. `picked`: (r,) metres of each row; `poses`: (n, 3), which show from which end a new row is picked."""
+        """Log the rows that changed. `picked`: (r,) m of each; `poses`: (n, 3), which show from which end a row is picked."""
         for row, metres in enumerate(picked):
             done = int(CHUNKS * min(metres / self.layout.lanes[row].length, 1.0) + 1e-9)
             if metres > 0.0 and row not in self._from_west:
@@ -145,7 +142,6 @@ class RowView:
                 self._paint(row, done, self._from_west.get(row, True))
 
     def _begun_in_the_west(self, row: int, metres: float, poses: np.ndarray) -> bool:
-        """Return whether the picker nearest to this row is where it would be if it had come from the west."""
         lane = self.layout.lanes[row]
         away = np.abs(poses[self._pickers, 1] - lane.y)
         x = float(poses[self._pickers[int(np.argmin(away))], 0])

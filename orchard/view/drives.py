@@ -32,7 +32,7 @@ State = tuple[float, float, float, float]  # x, y (m), z and w of the quaternion
 
 @dataclass
 class Drives:
-    """What a recording tells of its bodies. In each map, a body has entries only for the ticks at which something changes."""
+    """What a recording tells of its bodies. The maps have entries only for the ticks at which something changes."""
 
     scenario: Scenario
     names: list[str]  #: of all bodies, in the order of the layout
@@ -56,7 +56,7 @@ class Drives:
 
 
 def read_drives(recording: Path, with_scans: bool = False) -> Drives:
-    """Return what all parts of a recording tell of its bodies. A part that a kill has torn is repaired first. Raises RecordingError."""
+    """Return what all parts of a recording tell of its bodies; torn parts are repaired first. Raises RecordingError."""
     parts = parts_of(recording)
     if not parts:
         raise RecordingError(f"{recording}: no such recording")

@@ -1,8 +1,10 @@
-"""The files of a recording, NAME.rrd and its further parts NAME.part2.rrd, ..., and the path of Rerun's program that opens them."""
+"""The files of a recording, NAME.rrd, NAME.part2.rrd, ..., and the path of Rerun's program that opens them."""
 
+import logging
 import os
 import re
 import sys
+import threading
 from importlib.util import find_spec
 from itertools import count, takewhile
 from pathlib import Path
@@ -26,7 +28,7 @@ def parts_of(path: Path) -> list[Path]:
 
 
 def packing(path: Path) -> Path:
-    """Return the path of the packed copy of a part while it is written. Its name is that of no recording: a kill may leave half of it."""
+    """Return the path of the packed copy while it is written. It is that of no recording: a kill may leave half of it."""
     return path.with_suffix(f"{path.suffix}.packing")
 
 
@@ -47,7 +49,7 @@ def _head_of(path: Path) -> bytes:
 
 
 def check_recording(path: Path) -> None:
-    """Raise ValueError for a file that a recording must not replace: one of another name than NAME.rrd, or one with other contents."""
+    """Raise ValueError for a file that a recording must not replace: by its name, or by its contents."""
     if path.suffix != ".rrd":
         raise ValueError(f"{path}: a recording would replace this file; expected a name that ends in .rrd, as {path.with_suffix('.rrd')}")
     if path.is_file() and _head_of(path) not in (HEAD, b""):
@@ -77,8 +79,7 @@ def viewer_program() -> str:
 
 
 def _packaged() -> Path:
-    """The program of the package rerun-sdk, found even if the virtual environment is not activated; nothing is imported."""
-    found = find_spec("rerun_cli")
+    found = find_spec("rerun_cli")  # nothing is imported, and the virtual environment need not be active
     return Path("rerun" if found is None or found.origin is None else found.origin).with_name("rerun")
 
 
@@ -87,11 +88,47 @@ IN_A_BROWSER = "to watch in a browser on this machine, give --web 9090, or anoth
 
 
 def window(*what: str) -> list[str]:
-    """Return the command line of a viewer window, which accepts data from this machine only.
-
-    Raises FileNotFoundError if there is no viewer, OSError if there is no screen.
-    """
+    """Return the command line of a viewer window for data of this machine. Raises FileNotFoundError, OSError without a screen."""
     program = viewer_program()
     if sys.platform == "linux" and not any(map(os.environ.get, SCREENS)):
         raise OSError(f"no screen for the viewer's window: neither DISPLAY nor WAYLAND_DISPLAY is set; {IN_A_BROWSER}")
     return [program, "--bind", "127.0.0.1", *what]
+
+
+PIECE = 1 << 16  # bytes
+
+log = logging.getLogger("orchard")
+
+
+class RecordingFile(threading.Thread):
+    """Writes into a file what is written into the pipe `inlet`. On a full disk, where Rerun's own sink hangs, it reads on.
+
+    Call `seal` when the writer has opened the inlet, and `join` when the writer has closed it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Raises OSError if the file cannot be opened."""
+        super().__init__(name="recording", daemon=True)
+        self._path, self._file = path, path.open("wb", buffering=0)
+        self._outlet, self._sealed = os.pipe()
+        self.inlet = f"/dev/fd/{self._sealed}"
+        self.is_whole = True
+        self.start()
+
+    def seal(self) -> None:
+        """Close this end of the inlet, so that the pipe ends with its writer."""
+        os.close(self._sealed)
+
+    def run(self) -> None:
+        with self._file, open(self._outlet, "rb", buffering=0) as pipe:
+            while piece := pipe.read(PIECE):
+                if self.is_whole:
+                    self._write(piece)
+
+    def _write(self, piece: bytes) -> None:
+        try:
+            while piece:
+                piece = piece[self._file.write(piece) :]
+        except OSError as error:
+            self.is_whole = False
+            log.error("%s: %s; the rest of the run is not recorded", self._path, error.strerror)

@@ -1,8 +1,4 @@
-"""Reads what the parts of a recording contain, and what they lack.
-
-All parts carry the run's id, so that Rerun shows them as one recording when they are opened together. Only what can be read counts: if
-the writer was killed, the end of its file may be missing.
-"""
+"""Reads what the parts of a recording contain, and what they lack: the end of a file, if its writer was killed."""
 
 import logging
 import os
@@ -50,10 +46,7 @@ class Before(NamedTuple):
 
 
 def before(path: Path, run: str) -> Before:
-    """Return the point from which to continue the recording of a run.
-
-    Torn parts are repaired and packed. A part without a readable frame, or of another run, is to be overwritten.
-    """
+    """Return where to continue the recording of a run. A part without a readable frame, or of another run, is overwritten."""
     known, number = Before(path, 0, {}), 1
     while (found := read_part(known.file)) is not None and found.run == run and found.last:
         number += 1
@@ -62,10 +55,7 @@ def before(path: Path, run: str) -> Before:
 
 
 def read_part(path: Path) -> RecordingPart | None:
-    """Return the content of a file, or None if nothing can be read. A file that a kill has torn is repaired first.
-
-    If it cannot be repaired, as on a full disk, that is logged.
-    """
+    """Return the content of a file, or None if nothing can be read. A file that a kill has torn is repaired first."""
     with suppress(*UNREADABLE):
         return _read(path) if path.exists() and path.stat().st_size else None
     try:
@@ -78,10 +68,7 @@ def read_part(path: Path) -> RecordingPart | None:
 
 
 def optimize(path: str | Path) -> None:
-    """Pack a recording in place: it has half the size and opens faster. A recording that a kill has torn is repaired.
-
-    Raises OSError if that fails, as on a full disk; then the file stays as it is.
-    """
+    """Pack a recording in place, to half its size, or repair it. Raises OSError if that fails; then it stays as it is."""
     packed = packing(Path(path))
     command = [viewer_program(), "rrd", "optimize", "--continue-on-error", str(path), "-o", str(packed)]
     try:
@@ -94,7 +81,6 @@ def optimize(path: str | Path) -> None:
 
 
 def _why(error: subprocess.SubprocessError) -> str:
-    """Return why Rerun's program has failed: what the system says, as of a full disk, or else how it ended and its last words."""
     if not isinstance(error, subprocess.CalledProcessError):
         return f"Rerun's program takes longer than {PACK_SECONDS} s"
     words = error.stderr.decode(errors="backslashreplace").strip()
@@ -105,7 +91,7 @@ def _why(error: subprocess.SubprocessError) -> str:
 
 
 def missing(path: Path, ticks: int) -> dict[str, Any]:
-    """Return the summary's entries for the recording of a run of `ticks` ticks: parts, gaps (simulated s), number of frames left out."""
+    """Return the summary's entries for the recording of so many ticks: parts, gaps (s), frames left out."""
     parts = {file: found for file in parts_of(path) if (found := read_part(file)) is not None}
     last = max((found.last for found in parts.values()), default=0)
     gaps = [gap for found in parts.values() for gap in found.gaps] + ([(last, ticks)] if last < ticks else [])
@@ -117,7 +103,6 @@ def missing(path: Path, ticks: int) -> dict[str, Any]:
 
 
 def _read(path: Path) -> RecordingPart:
-    """Read a whole file. Raises one of UNREADABLE if a part of it cannot be read."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         reader = RrdReader(path)
@@ -150,7 +135,6 @@ def _values(chunk: Chunk, name: str) -> Iterator[tuple[int, int]]:
 
 
 def _words(chunk: Chunk) -> list[dict[str, Colour]]:
-    """Return the state texts in a chunk with their colours, the longest list last."""
     batch = chunk.to_record_batch()
     if WORDS not in batch.schema.names:
         return []

@@ -1,7 +1,4 @@
-"""Writes frames into a Rerun recording: a file, a live server, or both.
-
-Moving things are sent in chunks of a second. What changes rarely is sent when it changes. The timeline is `sim_time`, seconds.
-"""
+"""Writes frames into a Rerun recording: moving things in chunks of a second, what changes rarely when it changes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,11 +15,10 @@ from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
 from orchard.view.blueprint import TIMELINE, blueprint
 from orchard.view.bodies import BodyView, RowView, indices
-from orchard.view.disk import RecordingFile
 from orchard.view.drives import SCENARIO, VELOCITIES
-from orchard.view.focus import FOCUS, Focus, log_focus
+from orchard.view.files import RecordingFile
 from orchard.view.legend import log_legend
-from orchard.view.names import NameView
+from orchard.view.names import FOCUS, Focus, NameView, log_focus
 from orchard.view.reader import LEFT_OUT, MISSING, SINCE
 from orchard.view.scenery import log_scenery
 from orchard.view.talk import Talk, gathered, level_of, line_of
@@ -82,7 +78,6 @@ class Recorder:
         self._left_out = 0  # frames that were left out since this was last recorded
 
     def _open(self, serve: bool, port: int) -> str:
-        """Set the sinks: the file, and the server for viewers. Return the server's address; '' without a server."""
         server = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port) if serve else None
         sinks = [sink for sink in (rr.FileSink(self._file.inlet) if self._file is not None else None, server) if sink is not None]
         if sinks:
@@ -92,13 +87,12 @@ class Recorder:
         return server.uri if server is not None else ""
 
     def tick(self, frame: Frame) -> None:
-        """Record one frame. Frames come in order; ticks may be left out. If the first one is of tick 1, the start is recorded too."""
+        """Record one frame. Frames come in order; ticks may be left out. With one of tick 1 the start is recorded too."""
         if frame.tick == 1 and self._second < 0:
             self._record(self._start_of(frame))
         self._record(frame)
 
     def _start_of(self, first: Frame) -> Frame:
-        """Return the frame of tick 0. The agents already do then what the first frame says."""
         starts = np.array([start.pose for start in self.layout.starts])
         return replace(first, tick=0, poses=starts, scans=None, delivered=0, events=(), left_out=0, velocities={})
 
@@ -118,7 +112,7 @@ class Recorder:
             self._send_chunk(frame.tick)
 
     def gap(self, since: int, until: int, why: str) -> None:
-        """Record that nothing is recorded between two ticks, and why. Call it before the next frame, which must be a whole one."""
+        """Record that nothing is recorded between two ticks, and why. The next frame must be a whole one."""
         self.rec.set_time(TIMELINE, duration=until * TIME_STEP)
         self.rec.log(MISSING, rr.AnyValues(True, **{SINCE: since}))
         words = f"nothing recorded from {since * TIME_STEP:.1f} s to {until * TIME_STEP:.1f} s: {why}"
@@ -133,7 +127,7 @@ class Recorder:
         self._events.append((tick, line_of(event), level))
 
     def close(self) -> bool:
-        """Write the rest, wait until it is written, and end the file. Return whether all is in it. The server is closed too."""
+        """Write the rest, wait, and end the file and the server. Return whether all is in the file."""
         self._send(scans=True)
         self.rec.flush()
         self.rec.disconnect()
@@ -251,10 +245,9 @@ class Recorder:
 
 
 def hits(sweeps: np.ndarray, laser: Laser, every: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points that a body's laser hit, (m, 3) float32, and the number of points of each sweep, (n,).
+    """Return the points that a laser hit, (m, 3) float32, in the body's frame, and the number of points of each sweep, (n,).
 
-    `sweeps`: (n, beams) ranges, m; of these, every `every`-th beam counts. The points are in the body's frame, sweep after sweep. Their x
-    and y are rounded to 1/32 m.
+    `sweeps`: (n, beams) ranges, m; of these, every `every`-th beam counts. x and y are rounded to 1/32 m.
     """
     ranges = sweeps[:, ::every]
     seen = ranges < LASER_RANGE

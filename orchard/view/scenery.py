@@ -1,7 +1,14 @@
-"""The fixed scenery: ground, driveway, fences, trees, posts, wires, the pergola, and the plan's camera. It is logged once."""
+"""The fixed scenery: ground, driveway, fences, trees, posts, wires, the pergola, and the plan's camera. It is logged once.
 
-from collections.abc import Sequence
-from itertools import pairwise
+Shapes are models, which are GLB files for any 3-D program (as Blender), or batches of boxes and discs whose sizes the orchard gives. A
+body's model stands with the middle of its base at the origin, x ahead, z up, and fills the length, width and height of its kind; a hat may
+rise above them. The colours, sRGB, are those of its vertices.
+"""
+
+from collections.abc import Iterable, Sequence
+from itertools import pairwise, product
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -9,7 +16,41 @@ import rerun as rr
 from orchard.field import layout as field
 from orchard.field.layout import Lane, Layout, TreeLine
 from orchard.view import palette
-from orchard.view.shapes import Part, boxes, discs, model
+from orchard.view.palette import Colour
+
+MODELS = Path(__file__).with_name("models")
+Coordinate = float | Sequence[float] | np.ndarray  # of a middle, m; several numbers: a copy at each
+
+
+class Part(NamedTuple):
+    """A form of one size and colour; or several copies of it in a grid."""
+
+    size: tuple[float, float, float]  # m along x, y, z
+    at: tuple[Coordinate, Coordinate, Coordinate]
+    colour: Colour | tuple[int, int, int, int]  # sRGB, and perhaps how opaque it is, up to 255
+
+
+def model(name: str) -> rr.Asset3D:
+    """Return the model of a kind of body, or of another thing in MODELS."""
+    return rr.Asset3D(path=MODELS / f"{name}.glb")
+
+
+def boxes(parts: Iterable[Part]) -> rr.Boxes3D:
+    sizes, middles, colours = _batch(parts)
+    return rr.Boxes3D(sizes=sizes, centers=middles, colors=colours, fill_mode="solid")
+
+
+def discs(parts: Iterable[Part]) -> rr.Ellipsoids3D:
+    """Return all parts as ellipsoids: discs, if they are flat."""
+    sizes, middles, colours = _batch(parts)
+    return rr.Ellipsoids3D(half_sizes=sizes / 2, centers=middles, colors=colours, fill_mode="solid")
+
+
+def _batch(parts: Iterable[Part]) -> tuple[np.ndarray, np.ndarray, list[Sequence[int]]]:
+    copies = [(part, middle) for part in parts for middle in product(*map(np.ravel, part.at))]
+    sizes, middles = (np.array(values) for values in zip(*((part.size, middle) for part, middle in copies), strict=True))
+    return sizes, middles, [part.colour for part, _ in copies]
+
 
 WORLD_FRAME = "tf#/"  # Rerun's name for the frame of the root entity
 PLAN_CAMERA = "plan/camera"
@@ -25,7 +66,6 @@ MEADOW_Z, GRASS_Z, ROADS_Z, DRIVEWAY_Z, ROW_Z, SHADE_Z = -0.35, -0.26, -0.18, -0
 
 
 def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
-    """Log everything that never changes."""
     trees, posts = (
         [(x, line.y) for line in layout.lines for x in line.trees_x],
         [(x, line.y) for line in layout.lines for x in line.posts_x],
@@ -52,10 +92,7 @@ def _instances(
     half_turns: bool = False,
     widths: Sequence[float] | None = None,
 ) -> None:
-    """Log the same model at many places. With `half_turns`, half of them are turned by 180 degrees, so that they look less alike.
-
-    `widths`: of each, as a share of the model's own width; None: all have it.
-    """
+    """Log a model at many places, half of them turned to look less alike. `widths`: shares of the model's own width."""
     places = np.array([(x, y, 0.0) for x, y in at], dtype=np.float32)
     turned = (np.arange(len(places)) * 7 // 3) % 2 * (1.0 if half_turns else 0.0)
     quaternions = np.stack([0 * turned, 0 * turned, turned, 1 - turned], axis=1)
@@ -64,19 +101,16 @@ def _instances(
 
 
 def _pergola(rec: rr.RecordingStream, layout: Layout) -> None:
-    """Log the pergola's patches over the lanes, each as wide as its lane."""
     over = [(x, lane.y, lane.width - 0.5) for lane in layout.lanes for x in trees_over(lane)]
     widths = [width / PATCH for *_, width in over]
     _instances(rec, "canopy/pergola", "pergola", [(x, y) for x, y, _ in over], half_turns=True, widths=widths)
 
 
 def _slab(west: float, south: float, east: float, north: float, z: float, colour: palette.Colour) -> Part:
-    """Return a flat piece of ground."""
     return Part((east - west, north - south, 0.02), ((west + east) / 2, (south + north) / 2, z), colour)
 
 
 def _ground(layout: Layout) -> list[Part]:
-    """Return the ground: fields, mown grass within the fences, bare soil below the trees, dirt roads around the rows, the driveway."""
     first, last, drive = layout.tree_lines[0], layout.tree_lines[-1], field.DRIVEWAY
     return [
         *_fields(),
@@ -106,14 +140,12 @@ def _any(draw: np.random.Generator) -> palette.Colour:
 
 
 def _lawn(layout: Layout) -> list[Part]:
-    """Return the grass within the fences, in mown stripes."""
     edges = np.linspace(layout.bottom, field.TOP, round((field.TOP - layout.bottom) / MOWER) + 1)
     colours = (palette.GRASS, palette.MOWN)
     return [_slab(field.X_WEST, s, layout.east, n, GRASS_Z, colours[i % 2]) for i, (s, n) in enumerate(pairwise(edges))]
 
 
 def _bay(layout: Layout) -> list[Part]:
-    """Return the white marking of the unloading bay."""
     west, south, east, north = layout.bay
     z = DRIVEWAY_Z + 0.12
     sides = [_slab(west, y, east, y + 0.15, z, palette.PAINT) for y in (south, north - 0.15)]
@@ -121,7 +153,6 @@ def _bay(layout: Layout) -> list[Part]:
 
 
 def _queue(layout: Layout) -> list[Part]:
-    """Return the white lines in which the carriers of this orchard wait, one line on each side of them."""
     places = [layout.queue.place(number) for number in range(layout.scenario.carrier_count)]
     lines = {y: min(place.x for place in places if place.y == y) - 3.5 for _, y, _ in places}
     beside = [(west, y + side) for y, west in lines.items() for side in (-1.1, 1.1)]
@@ -146,7 +177,6 @@ def _fences(layout: Layout) -> list[Part]:
 
 
 def _wires(layout: Layout) -> list[np.ndarray]:
-    """Return the wires along each line of posts, and across the lanes at each post."""
     along = [np.array([(line.trees_x[0], line.y, 2.75), (line.trees_x[-1], line.y, 2.75)]) for line in layout.lines]
     at: dict[float, list[float]] = {}
     for line in layout.lines:
@@ -156,7 +186,6 @@ def _wires(layout: Layout) -> list[np.ndarray]:
 
 
 def _plan_canopy(rec: rr.RecordingStream, layout: Layout) -> None:
-    """Log the plan's canopy, flat and transparent."""
     patches = (Part((1.7, lane.width - 0.5, 0.02), (trees_over(lane), lane.y, 3.2), (*palette.VINE, 70)) for lane in layout.lanes)
     crowns = (Part((5.5, 1.4, 0.02), (line.trees_x, line.y, 3.4), (*palette.LEAVES, 130)) for line in layout.lines)
     rec.log("plan/pergola", boxes(patches), static=True)
@@ -169,7 +198,6 @@ def trees_over(lane: Lane) -> tuple[float, ...]:
 
 
 def _camera(rec: rr.RecordingStream, layout: Layout) -> None:
-    """Log a camera far above the middle that looks down, north up."""
     height, width = plan_size(layout)
     scale = FOCAL / CAMERA_UP
     middle = (layout.shift / 2, (field.TOP + layout.bottom) / 2, CAMERA_UP)

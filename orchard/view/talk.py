@@ -36,13 +36,13 @@ def line_of(event: Event) -> str:
 
 
 def gathered(events: Sequence[Event]) -> list[Event]:
-    """Return the events with each request to many, and each set of replies from many, merged into one event ('14 carriers')."""
+    """Return the events; each request to many, and replies from many, are merged into one ('14 carriers')."""
     said = [replace(alike[0], whom=_together([e.whom for e in alike]), detail=_text(alike)) for alike in _alike(events, "who")]
     return [replace(alike[0], who=_together([e.who for e in alike]), detail=_text(alike)) for alike in _alike(said, "whom")]
 
 
 def _alike(events: Sequence[Event], end: str) -> list[list[Event]]:
-    """Group the messages of the same kind that have the same body at `end` ("who" or "whom"). Other events stay alone."""
+    """Group the messages of one kind that have the same body at `end` ("who" or "whom"). Other events stay alone."""
     groups: dict[Hashable, list[Event]] = {}
     for event in events:
         is_said = palette.plain(event.what) in palette.TALK and event.whom
@@ -57,7 +57,6 @@ def _together(names: Sequence[str]) -> str:
 
 
 def _text(alike: Sequence[Event]) -> str:
-    """Return the text that all of them share, or the texts of a few; '' for many with different texts."""
     texts = dict.fromkeys(event.detail for event in alike)
     return "; ".join(texts) if len(texts) == 1 or len(alike) <= MOST_NAMES else ""
 
@@ -82,7 +81,7 @@ class Talk:
         self._said: dict[tuple[str, str, str, str], int] = {}  # message -> tick in which it was last sent
 
     def is_news(self, tick: int, event: Event) -> bool:
-        """Return whether an event is new: the same one did not occur in the last 30 s. Agents repeat a request until it is answered."""
+        """Return whether the same event did not occur in the last 30 s. Agents repeat a request until it is answered."""
         if len(self._said) >= MOST_SAID:
             self._said = {}
         said = event.what, event.who, event.whom, event.detail

@@ -1,10 +1,8 @@
 """Rerun's viewer in a browser: a web server on the loopback that serves the viewer, and recordings for it to play.
 
-`python -m orchard.view.web rerun+http://127.0.0.1:9091/proxy --port 9090` runs it until its standard input ends: until the program that
-started it lets go, or is gone. `serve_web` starts it so. `rr.serve_web_viewer` is not used: it listens on all interfaces.
-
-A recording goes to the viewer as a file, over HTTP: the viewer plays a file from its beginning. What comes from Rerun's own server it takes
-for live, and opens it at the end; that server also keeps a core busy while it serves a file (rerun-io/rerun#10944).
+`python -m orchard.view.web rerun+http://127.0.0.1:9091/proxy --port 9090` runs until its standard input ends, as `serve_web` starts it.
+`rr.serve_web_viewer` is not used: it listens on all interfaces. A recording goes to the viewer over HTTP, which plays it from its
+beginning. What comes from Rerun's own server opens at the end, and keeps a core busy (rerun-io/rerun#10944).
 """
 
 import argparse
@@ -40,7 +38,7 @@ def address(port: int, what: str) -> str:
 
 
 def page_url(port: int, *what: str) -> str:
-    """Return the address to open in a browser, or in a frame of a page. `what`: files that are served, or addresses of data."""
+    """Return the address to open in a browser or a frame. `what`: files that are served, or addresses of data."""
     options = {"url": [address(port, each) for each in what], "hide_welcome_screen": "1", "persist": "0", "theme": "dark"}
     return f"http://{LOOPBACK}:{port}/?{urlencode(options, doseq=True)}"
 
@@ -52,7 +50,7 @@ def command(port: int, *what: str) -> list[str]:
 
 
 def how_to_open(words: str, port: int, *what: str) -> list[str]:
-    """Return lines for the user: a viewer's address after some words and, over ssh, how to reach it and its data from the own machine."""
+    """Return lines for the user: a viewer's address after some words and, over ssh, how to reach it."""
     there = os.environ.get("SSH_CONNECTION", "").split()[2:3]
     forward = f"-L {port}:{LOOPBACK}:{port} -L {port + 1}:{LOOPBACK}:{port + 1}"
     return [f"{words}: {page_url(port, *what)}", *(f"Over ssh, first on your own machine: ssh -N {forward} {name}" for name in there)]
@@ -79,14 +77,13 @@ def free_pair() -> int:
 
 
 def is_open(port: int) -> bool:
-    """Return whether a server listens on a port of the loopback."""
     with socket.socket() as probe:
         probe.settimeout(0.2)
         return probe.connect_ex((LOOPBACK, port)) == 0
 
 
 class _Files(SimpleHTTPRequestHandler):
-    """Answers with a few files, by their names, on this machine only: a page of another site must not read them."""
+    """Answers with a few files, by name, on this machine only: a page of another site must not read them."""
 
     files: ClassVar[dict[str, str]] = {}  # path of the address -> path of the file
     headers = Message()  # of a request that could not be read
@@ -106,7 +103,7 @@ class _Files(SimpleHTTPRequestHandler):
 
 
 def main() -> None:
-    """Replace this process by the viewer's server, so that a signal to the process reaches it. A child serves files, and ends it."""
+    """Replace this process by the viewer's server, so that a signal reaches it. A child serves files, and ends it."""
     parser = argparse.ArgumentParser(prog="python -m orchard.view.web", description="Serve Rerun's viewer on the loopback.")
     parser.add_argument("what", nargs="+", help="the address of live data, or the parts of a recording")
     parser.add_argument("--port", type=int, default=9090, help="port of the viewer; its data are expected on the next port")

@@ -6,12 +6,10 @@ from pathlib import Path
 import pytest
 from made_surveys import UNEQUAL, orchard_of
 
-from orchard.app.command import Files
-from orchard.app.draft import LABELS, Draft, entries, flat, title_of
-from orchard.app.latest import fresh_files
-from orchard.app.link import draft_of, query_of
+from orchard.app.command import Files, fresh_files
+from orchard.app.draft import LABELS, Draft, draft_of, entries, flat, query_of, title_of
+from orchard.app.harvest_run import RunSettings, command
 from orchard.app.own_classes import from_elsewhere
-from orchard.app.run_controls import RunSettings, command
 from orchard.field.scenario import DISPATCH_POLICIES, Scenario, with_changes
 
 

@@ -6,13 +6,12 @@ import sys
 
 import pytest
 
+from orchard.app.charts import BINS, BUSY, WAITING, course_of
 from orchard.app.command import Files
-from orchard.app.course import BINS, BUSY, WAITING, course_of
 from orchard.app.desks import MOST, desk_of
-from orchard.app.draft import Draft, title_of
+from orchard.app.draft import Draft, draft_of, query_of, title_of
 from orchard.app.harvest_run import Run
-from orchard.app.link import draft_of, query_of
-from orchard.app.past import differences, past_runs
+from orchard.app.runs_view import differences, past_runs
 from orchard.app.study_run import StudyRun, StudySettings
 from orchard.field.scenario import Scenario, with_changes
 

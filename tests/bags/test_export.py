@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from local_runs import SMALL
 from rosbags.highlevel import AnyReader
 
-from orchard.bags import bag as bags
+from orchard.bags import export as bags
 from orchard.bags.export import chosen, export
 from orchard.field.kinds import KINDS, LASER_RANGE
 from orchard.field.layout import lay_out

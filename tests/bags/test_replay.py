@@ -14,8 +14,7 @@ from orchard_ros2 import messages, topics
 from test_export import TICKS, record
 
 from orchard.agents.catalogue import make_agents
-from orchard.bags.bag import Bag
-from orchard.bags.export import export
+from orchard.bags.export import Bag, export
 from orchard.bags.replay import KEPT_TICKS, SCENARIO, Commands, check_robots, read_commands, replayed
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out

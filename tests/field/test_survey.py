@@ -11,9 +11,8 @@ from orchard.field.layout import ROW_WEST, lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.queue import ONE_WAY, TWO_WAY
 from orchard.field.scenario import Scenario, check, parse, to_short_yaml, to_yaml, with_changes
-from orchard.report.bounds import Bounds
+from orchard.report.bounds import Bounds, schedule_seconds
 from orchard.report.plan import orchard_plan, present_plan
-from orchard.report.schedule import schedule_seconds
 
 
 @settings(max_examples=20)

@@ -7,10 +7,10 @@ import sys
 import pytest
 
 from orchard.field.scenario import Scenario
-from orchard.launch.advice import announced, how_to_join
+from orchard.launch.distributed import how_to_join
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
-from orchard.launch.run_notes import running_here
+from orchard.launch.run_notes import announced, running_here
 
 HERE = "tcp/127.0.0.1:7447"
 

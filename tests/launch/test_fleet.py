@@ -115,7 +115,7 @@ def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
 def launched_by(fleet, folder):
     """A run without processes, at an address where no router answers."""
     request = RunRequest(HarvestOptions(), Scenario(), None, folder)
-    return _Launched(request, Credentials.of(request.options), "tcp/127.0.0.1:9", "run1", fleet, Progress(Console(file=io.StringIO())))
+    return _Launched(request, Credentials(request.options), "tcp/127.0.0.1:9", "run1", fleet, Progress(Console(file=io.StringIO())))
 
 
 @pytest.mark.parametrize(("code", "words"), [(0, "its result is lost"), (BAD_ORDER, "could not start"), (-9, "ended with code -9")])

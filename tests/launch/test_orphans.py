@@ -15,9 +15,9 @@ from fleet import SECONDS
 from local_runs import SMALL, local_at, local_hash
 
 from orchard.field.scenario import to_yaml
-from orchard.launch import left_over
+from orchard.launch import run_notes
 from orchard.launch.distributed import RESULT
-from orchard.launch.left_over import end_left_over, processes_of
+from orchard.launch.run_notes import end_left_over, processes_of
 from orchard.net.lifeline import STARTED_BY
 from orchard.server.run import read_end
 from orchard.sim.snapshot import as_file, newest, store
@@ -98,7 +98,7 @@ def test_frozen_processes_end_too(tmp_path):
 
 
 def test_what_does_not_end_by_itself_is_ended_by_force(tmp_path, monkeypatch):
-    monkeypatch.setattr(left_over, "ALONE_SECONDS", 0.2)
+    monkeypatch.setattr(run_notes, "ALONE_SECONDS", 0.2)
     said = []
     (tmp_path / "run7.going").write_text('{"run": "run7", "endpoint": "tcp/127.0.0.1:9"}')
     others = [subprocess.Popen(["sleep", "60"], env=os.environ | {STARTED_BY: f"1 {run}"}) for run in ("run7", "run8")]

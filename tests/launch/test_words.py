@@ -12,7 +12,7 @@ from command_line import SECONDS
 from run_endings import harvested
 
 from orchard.launch import commands, own_orchard
-from orchard.report.sentence import sentence
+from orchard.report.summary import sentence
 
 ESCAPE = "\x1b[31mX"
 RAW = ("\x1b", "Traceback", "Input should be", "Value error", "Invalid value", "<bool>", "codec", "Errno")

@@ -5,8 +5,8 @@ import time
 import pytest
 from stage import Stage, empty_orchard
 
-from orchard.report import history
-from orchard.report.history import shares
+from orchard.report import metrics
+from orchard.report.metrics import shares
 from orchard.report.summary import as_table
 from orchard.server.figures import RunFigures
 
@@ -33,7 +33,7 @@ def test_the_course_of_a_harvest_ends_with_its_figures(harvested):
 
 
 def test_a_long_run_has_few_samples_and_a_resumed_one_continues_them(monkeypatch):
-    monkeypatch.setattr(history, "MOST", 8)
+    monkeypatch.setattr(metrics, "MOST_SAMPLES", 8)
     stage = Stage(empty_orchard(rows=4, pickers=2, carriers=2))
     stage.run(100.0)
     assert stage.account.summary()["history"]["seconds"] == [20.0, 40.0, 60.0, 80.0, 100.0]

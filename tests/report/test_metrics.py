@@ -10,9 +10,7 @@ from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, People, Scenario, load
-from orchard.report.bounds import Bounds
-from orchard.report.losses import lost_seconds
-from orchard.report.schedule import enough_carriers, schedule_seconds
+from orchard.report.bounds import Bounds, enough_carriers, lost_seconds, schedule_seconds
 
 
 def test_a_run_in_which_nothing_goes_on_for_ten_minutes_is_jammed_and_names_who_waits_for_whom():

@@ -3,7 +3,7 @@
 import pytest
 from run_endings import harvested
 
-from orchard.report.sentence import clock, sentence
+from orchard.report.summary import clock, sentence
 
 WELL = "5 of 5 rows in 16:10 min, simulated: 18.6 bins an hour, 74 % of the 24.9 that the carriers would allow without traffic"
 HALF = {"finished": False, "sim_seconds": 300.0, "rows_picked": 2, "metres_picked": 209.9, "bins_delivered": 0, "bins_per_hour": 0.0}

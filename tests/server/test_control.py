@@ -21,7 +21,7 @@ from orchard.server.control import Pacer, RunClock
 from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
-from orchard.tables import tables_of
+from orchard.tables.tables import Tables
 from orchard.wire.messages import Angular, Linear, Odometry, Velocity, read
 
 ERRING = with_changes(SMALL, **{"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02, "sensors.odometry.heading": 0.01})
@@ -215,7 +215,7 @@ def test_a_run_that_is_reset_begins_again_and_is_as_if_it_had_not_been(fleet, tm
 def leave_tables(scenario, folder) -> str:
     """Leave the tables of a run in local mode. Return its hash."""
     local = Local(scenario, calling_agents.cast(lay_out(scenario)))
-    tables = tables_of(folder, local.engine)
+    tables = Tables(folder, local.engine)
     while local.engine.tick < TICKS:
         events = local.tick()
         tables.update(local.engine, events, local.post.written[local.engine.tick - 1])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from made_studies import a_result, a_row, by_carriers, by_policies, carriers, checked, interval
 
-from orchard.study.answer import sentence
+from orchard.study.words import sentence
 
 NINE, TEN, ELEVEN = (a_row(rate, 0.6, setting=carriers(n)) for n, rate in ((9, 84.1), (10, 84.0), (11, 84.2)))
 PRICED = replace(NINE, cost_per_bin=interval(7.7, 0.05))

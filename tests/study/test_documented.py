@@ -7,7 +7,7 @@ from code_blocks import ROOT, block, commands
 
 from docs.study import SCENARIO, result
 from orchard.field.scenario import parse
-from orchard.study.answer import sentence
+from orchard.study.words import sentence
 
 SMALL = "rows: 3\npickers: 2\nprices: {carrier_per_hour: 6}\n"
 SHORT = ["--budget", "1s", "--model", "fast", "--workers", "1"]

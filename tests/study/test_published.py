@@ -11,8 +11,7 @@ from made_studies import run_race
 from scipy import stats
 
 from orchard.field.repeatable import draw, exponential, normal
-from orchard.study.racing import Race
-from orchard.study.statistics import interval
+from orchard.study.racing import Race, interval
 
 # Six machines and one repairman, M/M/1//6: each fails after 20 on average, and a repair takes 2. As published: P0 0.4845, waiting 0.3297,
 # down 0.8451, wait for the repairman 1.279. So 0.3297 / 1.279 are repaired in a unit of time (Little), and all run for 0.4845 of it.

@@ -6,8 +6,7 @@ from made_studies import run_race
 from scipy import stats
 
 from orchard.field.repeatable import draw, normal
-from orchard.study.racing import Race
-from orchard.study.statistics import holm, interval, paired_p_value
+from orchard.study.racing import Race, holm, interval, paired_p_value
 
 # NIST/SEMATECH e-Handbook, 1.3.5.2: heat flow meter, ZARR13.DAT: n 195, mean 9.261460, deviation 0.022789, 95 %: 9.258242 to 9.264679
 

@@ -7,7 +7,7 @@ from contextlib import closing
 import pytest
 
 from orchard.field.scenario import Scenario, with_changes
-from orchard.study import own_source, runs, store
+from orchard.study import runs, store
 from orchard.study.runs import PlannedRun
 from orchard.study.store import Store, StoreError, StoreFailed
 from orchard.study.study import StudyOptions, study
@@ -127,7 +127,7 @@ def test_the_key_holds_the_users_files_that_a_policy_imports_and_no_library(tmp_
     (tmp_path / "plot").mkdir()
     for name, text in files.items():
         (tmp_path / name).write_text(text)
-    known = own_source.own_source((("dispatch", "plot_policy.Mine"),))
+    known = runs.own_source((("dispatch", "plot_policy.Mine"),))
     assert sorted(known) == sorted(text.encode() for name, text in files.items() if name != "plot_other.py")
 
 

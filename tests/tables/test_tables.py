@@ -25,12 +25,10 @@ from orchard.report.metrics import HarvestFigures
 from orchard.sim.kernels.move import quaternions
 from orchard.sim.snapshot import Snapshot
 from orchard.sim.stops import STOPPED
-from orchard.tables import parts, tables_of
+from orchard.tables import folder as folders
 from orchard.tables.columns import BODIES, CALLS, EVENTS, EXCHANGES, MESSAGES
 from orchard.tables.exchanges import calls, exchanges
-from orchard.tables.folder import check_folder, last_tick
-from orchard.tables.parts import GrowingTable
-from orchard.tables.summary import as_table, complete
+from orchard.tables.folder import GrowingTable, as_table, check_folder, complete, last_tick
 from orchard.tables.tables import Tables
 
 ALL = {"bodies": BODIES, "events": EVENTS, "messages": MESSAGES, "calls": CALLS, "exchanges": EXCHANGES}
@@ -50,7 +48,7 @@ def tick(local: Local, tables: Tables) -> None:
 
 def run(local: Local, folder, ticks: int) -> Tables:
     """Run until a tick, with tables that are not closed yet."""
-    tables = tables_of(folder, local.engine)
+    tables = Tables(folder, local.engine)
     while local.engine.tick < ticks:
         tick(local, tables)
     return tables
@@ -69,7 +67,7 @@ def rows_of(folder, name: str, body: str = "") -> list[dict]:
 def whole(tmp_path_factory):
     """The tables of a run of some exchanges, its agents' view of it, and its figures."""
     local, folder = Local(Scenario(rows=3)), tmp_path_factory.mktemp("tables")
-    tables, figures, events, letters = tables_of(folder, local.engine), HarvestFigures(), [], []
+    tables, figures, events, letters = Tables(folder, local.engine), HarvestFigures(), [], []
     poses, twists = [], []
     while local.engine.tick < HARVEST_TICKS:
         happened = local.tick()
@@ -96,7 +94,7 @@ def test_each_body_has_a_row_for_each_tick_with_the_same_bits_as_in_the_world(wh
 
 def test_the_measured_poses_have_the_same_bits_as_those_that_agents_observe(tmp_path):
     local, measured, reckoned = Local(ERRING), [], []
-    tables = tables_of(tmp_path, local.engine)
+    tables = Tables(tmp_path, local.engine)
     for _ in range(TICKS):
         tick(local, tables)
         measured.append(local.seen.states[:, :2])  # at the begin of the step
@@ -196,11 +194,11 @@ def undisturbed(tmp_path_factory):
     return read(folder)
 
 
-@pytest.mark.parametrize("most", [50, parts.MOST_ROWS])
+@pytest.mark.parametrize("most", [50, folders.MOST_ROWS])
 @pytest.mark.parametrize(("kept", "dead", "is_closed"), [(20, 33, False), (0, 9, False), (20, 20, False), (31, 31, True), (20, 45, True)])
 def test_a_run_that_is_resumed_leaves_each_row_once(tmp_path, undisturbed, monkeypatch, most, kept, dead, is_closed):
     """The snapshot is of the tick `kept`; the rows reach until `dead`, at which the program is killed or the run stopped."""
-    monkeypatch.setattr(parts, "MOST_ROWS", most)
+    monkeypatch.setattr(folders, "MOST_ROWS", most)
     local = Local(ERRING)
     tables = run(local, tmp_path, kept)
     tables.flush()
@@ -233,7 +231,7 @@ def test_what_is_removed_from_a_growing_table_is_what_comes_again(tmp_path_facto
     folder = tmp_path_factory.mktemp("growing") / "events.parquet"
     rows = [(t, "collision", f"dog_{t}", None, None) for t in range(sum(steps))]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts, "MOST_ROWS", most)
+        patch.setattr(folders, "MOST_ROWS", most)
         for begin in (0, until):
             table, left = GrowingTable(folder, EVENTS, begin), [row for row in rows if row[0] >= begin]
             for step in steps:
@@ -313,7 +311,7 @@ def test_a_disk_that_becomes_full_is_logged_once_and_told_at_the_end(tmp_path, m
     def refuse(*_):
         raise OSError(28, os.strerror(28))
 
-    monkeypatch.setattr(parts, "write_whole", refuse)
+    monkeypatch.setattr(folders, "write_whole", refuse)
     tick(local, tables)
     tables.flush()
     tick(local, tables)

@@ -10,8 +10,7 @@ from scripted_orchard import ACTED_SECONDS, acted_layout
 from orchard.contract.events import Frame
 from orchard.field.layout import Layout
 from orchard.view.blueprint import for_page
-from orchard.view.focus import FOCUS, HOLD, Focus
-from orchard.view.names import DROP, points_to_metres
+from orchard.view.names import DROP, FOCUS, HOLD, Focus, points_to_metres
 
 
 def test_no_name_on_the_plan_covers_another_in_the_largest_orchard(tmp_path: Path) -> None:

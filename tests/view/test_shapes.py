@@ -7,7 +7,7 @@ import pytest
 
 from orchard.field.kinds import KINDS
 from orchard.view.palette import YELLOW
-from orchard.view.shapes import MODELS
+from orchard.view.scenery import MODELS
 
 HATS = {"worker": 0.2}  # m above the height of the kind
 FLOAT, BYTE = 5126, 5121  # glTF's numbers of types

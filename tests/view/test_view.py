@@ -19,7 +19,7 @@ from orchard.contract.events import Event, Frame
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout, lay_out
 from orchard.launch.supervisor import free_port
-from orchard.view.focus import FOCUS
+from orchard.view.names import FOCUS
 from orchard.view.palette import PAINT, SCANS, STATES, YELLOW
 from orchard.view.reader import optimize
 from orchard.view.recorder import Recorder, hits

@@ -189,9 +189,6 @@ class Draft:
         self._base, self.values = scenario, flat(scenario)  # the base has the user's own classes
         self._check()
 
-    def set(self, path: str, value: Any) -> None:
-        self.enter({path: value})
-
     def enter(self, values: Mapping[str, Any]) -> None:
         self.values |= {path: _typed(path, value) for path, value in values.items()}
         self._check()

@@ -88,7 +88,7 @@ class Page:
     # -- user actions
 
     def _set(self, path: str, value: Any) -> None:
-        self.draft.set(path, value)
+        self.draft.enter({path: value})
         self._mark()
 
     def _drop_classes(self) -> None:

@@ -186,14 +186,11 @@ def _full(scenario: Scenario, until: float) -> RunResult | None:
         if time.time() > until:
             return None
     found, violations = harvest_figures(engine.world, figures), engine.violations()
+    names = "sim_seconds", "bins_per_hour", "picker_waiting_seconds", "carrier_utilisation", "bottleneck"
     return RunResult(
-        sim_seconds=found["sim_seconds"],
+        **{name: found[name] for name in names},
         bins=found["bins_delivered"],
-        bins_per_hour=found["bins_per_hour"],
-        picker_waiting_seconds=found["picker_waiting_seconds"],
-        carrier_utilisation=found["carrier_utilisation"],
         bound_bins_per_hour=found["limit_bins_per_hour"],
-        bottleneck=found["bottleneck"],
         ended="violated" if violations else "harvested" if engine.over else "jammed",
         violations="\n".join(violations),
         faults="\n".join(_faults(found)),

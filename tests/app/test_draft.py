@@ -47,7 +47,7 @@ def test_labels_are_words_of_a_reader():
 def test_what_is_wrong_is_told_at_its_field(changes, told):
     draft = Draft(Scenario())
     for path, value in changes.items():
-        draft.set(path, value)
+        draft.enter({path: value})
     assert draft.scenario is None
     assert draft.problems.keys() == told.keys()
     assert all(words in draft.problems[path] for path, words in told.items())
@@ -55,21 +55,21 @@ def test_what_is_wrong_is_told_at_its_field(changes, told):
 
 def test_a_large_seed_keeps_every_digit():
     draft = Draft(Scenario())
-    draft.set("seed", " 9223372036854775807 ")
+    draft.enter({"seed": " 9223372036854775807 "})
     assert draft.scenario == Scenario(seed=2**63 - 1)
 
 
 @pytest.mark.parametrize(("typed", "told"), [("5,5", "write a point: 5.5"), ("abc", "from 5.0 to 12"), ("", "number"), ("1e999", "to 12")])
 def test_what_is_no_number_stays_and_is_told(typed, told):
     draft = Draft(Scenario())
-    draft.set("row_width", typed)
+    draft.enter({"row_width": typed})
     assert draft.scenario is None
     assert told in draft.problems["row_width"]
 
 
 def test_the_classes_of_a_scenario_survive_changes():
     draft = Draft(Scenario(agents={"picker": "tests.support.own_agents.Eastward"}))
-    draft.set("rows", "7")
+    draft.enter({"rows": "7"})
     assert draft.scenario == Scenario(rows=7, agents={"picker": "tests.support.own_agents.Eastward"})
     draft.drop_classes()
     assert draft.scenario == Scenario(rows=7)
@@ -78,11 +78,11 @@ def test_the_classes_of_a_scenario_survive_changes():
 def test_a_survey_survives_changes_and_refuses_another_number_of_rows():
     surveyed = orchard_of(UNEQUAL, agents={"picker": "tests.support.own_agents.Eastward"})
     draft = Draft(surveyed)
-    draft.set("seed", "7")
+    draft.enter({"seed": "7"})
     draft.drop_classes()
     assert draft.scenario == orchard_of(UNEQUAL, seed=7)
     assert "surveyed rows" in title_of(draft.scenario)
-    draft.set("rows", "7")
+    draft.enter({"rows": "7"})
     assert (draft.scenario, draft.problems) == (None, {"rows": "must be 4 with this survey"})
 
 
@@ -91,9 +91,9 @@ def test_built_in_rules_are_chosen_on_the_page_and_a_class_of_a_file_stays_one_o
     own = "examples.seams.farthest_first.FarthestFirst"
     draft = Draft(Scenario(dispatch=own))
     assert (draft.classes, draft.scenario) == ({"dispatch": own}, Scenario(dispatch=own))
-    draft.set("dispatch", "predictive")
+    draft.enter({"dispatch": "predictive"})
     assert (draft.classes, draft.scenario) == ({}, Scenario(dispatch="predictive"))
-    draft.set("dispatch", own)
+    draft.enter({"dispatch": own})
     draft.drop_classes()
     assert draft.scenario == Scenario()
 
@@ -118,7 +118,7 @@ def test_a_link_is_checked_once_however_long_it_is(monkeypatch):
 def test_a_class_for_a_robot_that_is_gone_is_told():
     draft = Draft(Scenario(pickers=3, agents={"picker_03": "tests.support.own_agents.Eastward"}))
     assert draft.scenario is not None
-    draft.set("pickers", "2")
+    draft.enter({"pickers": "2"})
     assert draft.scenario is None
     assert "agents.picker_03: no such agent or kind" in draft.problems["agents"]
 

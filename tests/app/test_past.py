@@ -40,11 +40,11 @@ def test_what_is_wrong_in_a_link_is_told():
 
 def test_each_browser_has_its_desk_and_two_pages_of_one_do_not_change_each_other():
     desk_of.cache_clear()
-    desk_of("one").draft.set("rows", "9")
+    desk_of("one").draft.enter({"rows": "9"})
     assert desk_of("one").draft.scenario == Scenario(rows=9)
     assert desk_of("other").draft.scenario == Scenario()
     page = desk_of("one").draft.copy()
-    page.set("rows", "x")
+    page.enter({"rows": "x"})
     assert desk_of("one").draft.scenario == Scenario(rows=9)
     for n in range(MOST - 1):
         desk_of(str(n))

@@ -36,26 +36,13 @@ EPILOG = """A clone keeps recordings and snapshots in its folder runs/, an insta
 ORCHARD_RUNS=DIR names another folder.
 
 Exit code: 0 if the harvest was finished or stopped, or reached its --duration; 1 if it failed; 2 for bad input."""
+REPLAY = "Let the velocities in a bag drive its robots again, in a harvest with any of its options: docs/ros2.md."
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 unnamed = typer.Typer(add_completion=False, pretty_exceptions_enable=False)  # what is done without the name of a command
 
 
 # -- a harvest
-
-
-@app.command("replay", cls=options.Command, epilog=EPILOG)
-@options.with_options(ReplayOptions)
-def replay(chosen: ReplayOptions) -> None:
-    """Let the velocities in a bag drive its robots again, in a harvest with any of its options: docs/ros2.md."""
-    harvest(chosen)
-
-
-@app.command("harvest", cls=options.Command, help=options.HELP, epilog=EPILOG)
-@unnamed.command(cls=options.Command, help=options.HELP, epilog=EPILOG)
-@options.with_options(HarvestOptions)
-def harvest_with(chosen: HarvestOptions) -> None:
-    harvest(chosen)
 
 
 def harvest(chosen: HarvestOptions) -> None:
@@ -74,6 +61,12 @@ def harvest(chosen: HarvestOptions) -> None:
             result, why = _run_local(request) if chosen.mode == "local" else _run_processes(request)
         code = terminal.report(request, result, why)
     raise typer.Exit(code)
+
+
+harvest_with = options.with_options(HarvestOptions)(harvest)
+app.command("harvest", cls=options.Command, help=options.HELP, epilog=EPILOG)(harvest_with)
+unnamed.command(cls=options.Command, help=options.HELP, epilog=EPILOG)(harvest_with)
+app.command("replay", cls=options.Command, help=REPLAY, epilog=EPILOG)(options.with_options(ReplayOptions)(harvest))
 
 
 def _request(chosen: HarvestOptions) -> RunRequest:

@@ -52,7 +52,10 @@ def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
     scenario, faults = _read(chosen.scenario)
     options = _options(chosen)
     of_settings = checked_settings(scenario, varied, options)[1]
-    files = [*_unwritable(chosen.files), *_unusable(options.store_file, options.anew)]
+    store = options.store_file
+    files = [*_unwritable(chosen.files)]
+    if store.exists() and (fault := fault_of(store, options.anew)):
+        files.append(Problem(str(store), fault))
     problems = [*chosen.problems(), *problems, *files, *(one for one in of_settings if not _may_follow(one, faults))]
     if problems or faults:
         raise ScenarioError([*problems, *faults])
@@ -80,11 +83,6 @@ def _unwritable(paths: Iterable[Path]) -> Iterator[Problem]:
         except OSError as error:
             name, _, why = str(error).partition(": ")
             yield Problem(name, why)
-
-
-def _unusable(store: Path, anew: bool) -> Iterator[Problem]:
-    if store.exists() and (fault := fault_of(store, anew)):
-        yield Problem(str(store), fault)
 
 
 def _options(chosen: StudyArguments) -> StudyOptions:

@@ -82,10 +82,6 @@ def collisions(world: World, kinds: tuple[str, ...] = ROBOTS) -> int:
     return sum(int(world.collisions[i]) for name, i in world.layout.index.items() if kind_of(name) in kinds)
 
 
-def rows_picked(world: World) -> int:
-    return int(world.rows_done.sum())
-
-
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def _ideals(layout: Layout) -> tuple[Bounds, float]:
     return Bounds(layout), schedule_seconds(layout)
@@ -105,7 +101,7 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "agents": len(world.layout.starts),
         "rows": scenario.rows,
         "row_length": world.layout.mean_length,
-        "rows_picked": rows_picked(world),
+        "rows_picked": int(world.rows_done.sum()),
         "metres_picked": float(sum(world.row_picked.tolist())),
         "bins_delivered": world.delivered,
         "bins_per_hour": world.delivered / hours if hours else 0.0,

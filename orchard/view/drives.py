@@ -65,7 +65,9 @@ def read_drives(recording: Path, with_scans: bool = False) -> Drives:
         if (known := read_part(part)) is None:
             raise RecordingError(f"{part}: it cannot be read: it is no recording, or too much of it is missing")
         chunks = _chunks_of(part, with_scans)
-        drives = drives or _begun(_scenario_in(part, chunks))
+        if drives is None:
+            scenario = _scenario_in(part, chunks)
+            drives = Drives(scenario, list(lay_out(scenario.without_code).names))
         drives.gaps += known.gaps
         drives.left_out += known.left_out
         drives.is_torn |= known.is_torn
@@ -75,10 +77,6 @@ def read_drives(recording: Path, with_scans: bool = False) -> Drives:
         raise RecordingError(f"{recording}: it has no pose of any body: the run ended within its first second, or too much is missing")
     drives.first, drives.last = min(drives.poses), max(drives.poses)
     return drives
-
-
-def _begun(scenario: Scenario) -> Drives:
-    return Drives(scenario, list(lay_out(scenario.without_code).names))
 
 
 def _chunks_of(part: Path, with_scans: bool) -> list[Chunk]:

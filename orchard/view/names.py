@@ -73,16 +73,14 @@ class NameView:
         """Return the middles of the names, (k, 2) m: each at the place against which the least speaks, after the names before it."""
         taken = np.concatenate([self._rows, np.zeros((len(pins), 4))])
         spots = pins[:, None] + PLACES * (self._halves + (PIN + 2.0) * self.scale)[:, None]
-        ranks, covered = np.arange(len(PLACES)), _covered(spots, self._halves, self._boxes(pins))
+        boxes = np.column_stack([pins, np.full_like(pins, PIN * self.scale)])
+        ranks, covered = np.arange(len(PLACES)), _covered(spots, self._halves, boxes)
         for n, half in enumerate(self._halves):
             names = _covered(spots[n : n + 1], half[None], taken[: len(self._rows) + n])[0]
             against = RANK * ranks + MOVES * (ranks != self._places[n]) + COVERS_NAME * names + COVERS_PIN * covered[n]
             self._places[n] = best = int(np.argmin(against))
             taken[len(self._rows) + n] = *spots[n, best], *half
         return taken[len(self._rows) :, :2]
-
-    def _boxes(self, pins: np.ndarray) -> np.ndarray:
-        return np.column_stack([pins, np.full_like(pins, PIN * self.scale)])
 
 
 def _covered(spots: np.ndarray, halves: np.ndarray, boxes: np.ndarray) -> np.ndarray:

@@ -81,7 +81,7 @@ def host(
     inbox: Inbox, options: HostOptions, opened: Opened, identity: Identity | None = None, ready: Callable[[Host], None] = watched
 ) -> NoReturn:
     """Host agents until their run ends, again after each reset. `ready` gets each host before it joins. Raises HostEnded."""
-    sessions = 1  # that may still be opened: after a reset, one may be open at a router that closes just then, and find no other
+    sessions = 1  # that may still be opened: after a reset, the first may be at a router that just closes
     while True:
         sessions -= 1
         try:
@@ -105,7 +105,7 @@ def _host(bus: Bus, options: HostOptions, identity: Identity | None, tries: int)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     allowed = run.agents if identity is None else set(run.agents) & set(identity.role.names)
     names = select_agents(sorted(allowed), options.only, options.without, options.share)
-    agents = made(options.agents, layout, names)  # only these: a class that ends its process must not end other hosts
+    agents = made(options.agents, layout, names)  # only these: a class may end its process
     if options.replay is not None:
         from orchard.bags.replay import read_commands, replayed  # not at the top: its packages are an extra
 

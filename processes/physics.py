@@ -79,7 +79,7 @@ def simulate(inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zen
 def _simulate_once(
     bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions, ready: Callable[["Engine"], None]
 ) -> tuple[int, RunOptions | None]:
-    from orchard.sim.engine import Engine  # not at the top: numba takes seconds to load, and meanwhile other processes can connect
+    from orchard.sim.engine import Engine  # not at the top: while numba loads, other processes can connect
     from orchard.sim.lookahead import HOLDS, IgnoredHolds
 
     holds = IgnoredHolds if options.mode == "realtime" else HOLDS[options.holds]  # in realtime no robot drives on without a word

@@ -18,8 +18,8 @@ from orchard.folders import RUNS, regular
 
 Result = TypeVar("Result")
 KEPT_LINES = 500
-AGAIN = 6.0  # s after which a command that has not begun is asked to stop once more: while it is imported, a library may swallow the signal
-PATIENCE = 60.0  # s that a command may take to end after a stop request, with its files; a healthy one on an idle machine takes less than 3
+AGAIN = 6.0  # s after which a command that has not begun is asked once more: a library may swallow the signal
+PATIENCE = 60.0  # s that a command may take to end, with its files; on an idle machine it takes less than 3
 
 
 class RunState(StrEnum):

@@ -57,7 +57,7 @@ class Control:
         if self.entry.choices:
             self._value.set_options([*dict.fromkeys([*self.entry.choices, value])], value=value)
         elif self.entry.kind is bool:
-            self._value.set_value(value is True)  # what is neither true nor false stays in the draft, whose problem is shown
+            self._value.set_value(value is True)  # other values stay in the draft, as problems
         elif value is not None:
             self._value.set_value(shown(value) if self.entry.kind in (int, float) else value)
 

@@ -160,7 +160,7 @@ class Run(PageCommand):
     def __init__(self, scenario: Scenario, settings: RunSettings, files: Files) -> None:
         self.settings = settings
         self.port, self.views_port = free_pair(), free_pair()
-        self._shown = [data_uri(self.port)]  # what the picture shows: the live run, and later the parts of its recording
+        self._shown = [data_uri(self.port)]  # the live run, and later the parts of its recording
         self.headline: Headline | None = None
         self.summary: dict[str, Any] | None = None
         self._course: dict[str, list[float]] = {name: [] for name in SAMPLED}  # what the lines of progress say

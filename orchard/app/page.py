@@ -66,7 +66,7 @@ class Page:
             words = name.replace("_", " ").capitalize()
             ui.button(words, on_click=partial(self._take, scenario)).props(f"flat no-caps data-preset={name}")
         ui.element("div").classes("divider")
-        limit = 10 * LARGEST_FILE  # bytes; a larger file is not read, `parse` reports a smaller one above LARGEST_FILE
+        limit = 10 * LARGEST_FILE  # bytes; above LARGEST_FILE, `parse` reports a file that is read
         self._upload = ui.upload(on_upload=self._open, on_rejected=self._rejected, max_file_size=limit, auto_upload=True)
         self._upload.props("accept=.yaml,.yml").classes("hidden")
         button("Open", lambda: self._upload.run_method("pickFiles"), "open", "folder_open")

@@ -145,7 +145,7 @@ def control(note: RunNote, command: Command[M], identity: Identity | None = None
     from orchard.net.zenoh_bus import client  # not at the top: most commands need no network
 
     keys = Keys()
-    if note.run and not note.endpoint.startswith("tls/"):  # a run found here that is open: a role is needed for the others only
+    if note.run and not note.endpoint.startswith("tls/"):  # an open run that was found here needs no role
         identity = None
     with client(note.endpoint, seconds=LOOK_SECONDS, identity=identity) as bus:
         run = note.run or _ask(bus, keys.of("scenario"), b"", RunInfo, ANSWER_SECONDS).run

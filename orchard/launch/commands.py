@@ -39,7 +39,7 @@ Exit code: 0 if the harvest was finished or stopped, or reached its --duration; 
 REPLAY = "Let the velocities in a bag drive its robots again, in a harvest with any of its options: docs/ros2.md."
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-unnamed = typer.Typer(add_completion=False, pretty_exceptions_enable=False)  # what is done without the name of a command
+unnamed = typer.Typer(add_completion=False, pretty_exceptions_enable=False)  # without the name of a command
 
 
 # -- a harvest
@@ -168,7 +168,7 @@ def _join_run(chosen: HarvestOptions, endpoint: str, only: list[str]) -> int:
 
 for command in (asking.stop, asking.reset, asking.pause, asking.resume):
     app.command(cls=options.Command)(command)
-app.command(cls=options.Command, context_settings={"ignore_unknown_options": True})(asking.step)  # -3 is a wrong number, and no option
+app.command(cls=options.Command, context_settings={"ignore_unknown_options": True})(asking.step)  # -3 is no option
 
 
 # -- security
@@ -260,7 +260,7 @@ def main() -> None:
     arguments = sys.argv[1:]
     sys.path.append(os.getcwd())  # for the user's own classes
     command = app if arguments[:1] and arguments[0] in ("harvest", *options.COMMANDS) else unnamed
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # the command may have something to stop; Typer sets the exit code
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # the command may have something to stop
     try:
         raise SystemExit(command(arguments, standalone_mode=False) or terminal.FINISHED)
     except TyperException as error:

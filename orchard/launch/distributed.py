@@ -36,15 +36,15 @@ from orchard.wire.keys import LOGGER, PHYSICS, Keys
 from orchard.wire.messages import RESET, End, Figures
 
 STOP_SECONDS = 2.0  # that the processes may take to close their files and sessions after Ctrl-C
-LOAD_SECONDS = 20.0  # the same before the first tick, at the first Ctrl-C: physics may still load its modules, on a busy machine
+LOAD_SECONDS = 20.0  # the same before the first tick: physics may still load its modules
 POLL_SECONDS = 0.02  # between two checks whether the processes have ended
 THINK_SECONDS = 5.0  # that an agent may still think after a run has ended by itself
 PACK_SECONDS = 60.0  # that the logger may take to pack its recording after a run has ended by itself
 WEB_VIEWER = "web viewer"  # the name of its process
 BEGIN_SECONDS = 60.0  # that physics may take to listen after this program has started it, on a busy machine
-TRY_SECONDS = 0.7  # of one attempt to connect to it; between attempts dead processes are restarted, and Ctrl-C is handled
+TRY_SECONDS = 0.7  # of one attempt to connect; between two, dead processes are restarted, and Ctrl-C is handled
 LOOK_SECONDS = 5.0  # in which a router must answer at an endpoint that a user gave
-HOW_PHYSICS_ENDED: dict[int | None, str] = {  # exit code -> in words, if it is not restarted and its last message is missing
+HOW_PHYSICS_ENDED: dict[int | None, str] = {  # by exit code, without its last message
     BAD_ORDER: "physics could not start; its line above says why",
     0: "the run is over, and its result is lost: physics has ended, and its last message has not arrived",
 }
@@ -59,7 +59,7 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
     shares = credentials.shares(names, all_names)
     endpoint = _endpoint_of(options, credentials)
     run_id, inbox = request.run_id, Inbox()
-    inbox.take_signals()  # from here on Ctrl-C is an item: it must not come between a process's start and its entry in the supervisor
+    inbox.take_signals()  # Ctrl-C must not come between a process's start and its entry in the supervisor
     with TemporaryDirectory() as folder, Supervisor(progress.say, run_id) as supervisor, ExitStack() as stack:
         launched = _Launched(request, credentials, reachable(endpoint), run_id, supervisor, progress)
         stack.enter_context(announced(request, run_id, launched.endpoint, progress.say))
@@ -75,14 +75,14 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
             launched.watchdog.end()
             supervisor.terminate(*(name for name, _ in shares))  # a host that was still connecting has not received the end
         elif end is not None:
-            supervisor.terminate(*supervisor.running)  # the others have not received the end either; they close their files and sessions
+            supervisor.terminate(*supervisor.running)  # the others have not received the end either
         if end is not None:  # what physics has written counts more than a message, which any client may send
             summary, why = end.summary, end.why
         if summary is not None:
             stood = supervisor.lost_agents
             summary["broken_agents"] += [f"{agent}, its process died again and again" for agent in stood]
         if summary is not None and options.summary is not None:
-            with suppress(OSError):  # what is known now; packing the recording may take long, or be ended by force. `report` writes it all
+            with suppress(OSError):  # `report` writes it all, but to pack the recording may take long
                 write_summary(options.summary, summary)
         if request.recording is not None:  # the recording is read next, and Rerun takes half a second to load
             threading.Thread(target=import_module, args=("orchard.view.reader",), daemon=True).start()

@@ -22,7 +22,7 @@ from orchard.field.shipped import DEFAULT, names
 
 LIVE_SPEED = 4.0  # simulated s per s, with --view or --web, if no speed is given
 LONGEST = LAST_TICK * TIME_STEP  # s, simulated: the time of the last tick that fits on the wire
-LEAST_PATIENCE = 3.0  # s; more than twice mailbox.DOUBT_SECONDS, else the agents that write to a silent agent would be given up with it
+LEAST_PATIENCE = 3.0  # s; over twice mailbox.DOUBT_SECONDS, or who writes to a silent agent is given up with it
 Mode = Literal["local", "lockstep", "realtime"]
 
 # -- the other commands, and the groups of options in --help
@@ -157,8 +157,8 @@ Style = Annotated[
 
 # -- a harvest
 
-CHANGES = ("rows", "pickers", "row_width", "carriers", "seed", "dispatch", "rows_to_pickers", "route")  # options that change the scenario
-OF_ONLY = ("only", "connect", "without", "hosts", "secure", "progress", "check_agents")  # options of the agents of a run elsewhere
+CHANGES = ("rows", "pickers", "row_width", "carriers", "seed", "dispatch", "rows_to_pickers", "route")  # of the scenario
+OF_ONLY = ("only", "connect", "without", "hosts", "secure", "progress", "check_agents")  # for agents of a run elsewhere
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,12 +24,12 @@ from orchard.view.files import window
 ROOT = Path(__file__).parents[2]
 QUICK_SECONDS = 10.0  # a process that lives shorter than this has died quickly
 DEATHS = 5  # quick deaths in a row, after which a process is given up
-BAD_ORDER = 2  # exit code of a process that refuses its arguments, or what it finds: its port may be taken, and be free again soon
+BAD_ORDER = 2  # exit code of a process that refuses its arguments, or what it finds: a port may be free again soon
 REFUSALS = 9  # quick deaths in a row, after which a process is given up that ends with this code: half a minute
 BACK_OFF = 0.25  # s before the second restart; twice as long before each further one
 LONGEST_LINE = 2000  # characters of what a process says
 MOST_LINES = 100  # that a process writes without its name, as C code or a traceback does, and that are shown
-QUICK_START = {  # turns off work of libraries at their import that is not needed here: a fifth of a start's processor time
+QUICK_START = {  # turns off needless work of libraries at their import: a fifth of a start's processor time
     "OPENBLAS_NUM_THREADS": "1",  # threads for large matrices
     "PYDANTIC_DISABLE_PLUGINS": "__all__",  # a search through all installed packages
 }

@@ -27,7 +27,7 @@ from orchard.view.files import remove_half_packed
 
 FINISHED, FAILED, BAD_INPUT = 0, 1, 2  # exit codes
 CTRL_C = "Ctrl-C ends the run"
-LATE_SECONDS, LATE_SHARE = 1.0, 0.1  # of wall time that a run may take longer than at its speed: s, and share; more is told
+LATE_SECONDS, LATE_SHARE = 1.0, 0.1  # s, and share, that a run may take longer than at its speed
 
 
 def harmless(words: str) -> str:

@@ -141,7 +141,7 @@ class Logger:
         self.bus, self.keys, self.run_id, self.layout, self.queue = bus, keys, run, layout, queue
         self.refusals = Refusals()
         self._notes: list[Event] = []  # events that wait for the next frame
-        self._gone_until = math.inf  # s, on the clock of the bus: from then on physics counts as ended; inf while it is alive
+        self._gone_until = math.inf  # s, on the bus's clock, when physics counts as ended; inf while it is alive
         self._ending = Ending(bus.clock)
         self._tick: int | None = None  # of the newest frame that was passed on
 

@@ -23,9 +23,9 @@ from orchard.field.queue import PITCH, queue_of
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP, Scenario
 
-TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and the gap to the next one; at 1 m/s also the s in which the next one moves into the bay
-ROUNDS = 2  # times that a picker picks its rows in the means: after two rounds each row has been left at the same ends again
-HANDOVER = (Deliver.handles + FetchEmpty.handles + ASK) * TIME_STEP  # s from a carrier's stop until its bin and place are the picker's
+TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the bay
+ROUNDS = 2  # times that a picker picks its rows in the means: after two, each row is left at the same ends again
+HANDOVER = (Deliver.handles + FetchEmpty.handles + ASK) * TIME_STEP  # s from a carrier's stop on
 
 
 class Bounds:
@@ -74,7 +74,7 @@ def _seconds(route: OneWay, early: bool, row: int, after: int, side: Side) -> tu
     picking = layout.picking_seconds(row)
     leaving = left + handling([*before, LeaveBin()])
     going_on = duration(way, start) - came_out + handling(way[len(out) :])
-    # an early carrier leaves when the picker is in the row, or later, and then holds before the lane's place until the picker has come out
+    # an early carrier leaves when the picker is in the row, and holds before the lane's place until the picker is out
     coming = approach - (picking + leaving if early else 0.0)
     from_hold = approach - _needs(side.place("D", row), job, head, approach)
     wait = max(coming, came_out - left + from_hold) + HANDOVER

@@ -55,10 +55,10 @@ class Race:
     is_max: bool  # whether more is better
     confidence: float
     within: float  # half the width of an interval, as a share of its mean, at which it is narrow enough
-    without_chance: frozenset[int] = frozenset()  # settings of which all seeds give the same: a difference between two of them is certain
+    without_chance: frozenset[int] = frozenset()  # settings of which all seeds give the same
     left: list[int] = field(default_factory=list)
-    out: dict[int, float] = field(default_factory=dict)  # setting that was told apart -> its corrected p-value at that look
-    beaten_by: dict[int, int] = field(default_factory=dict)  # setting that was told apart -> the best one at that look
+    out: dict[int, float] = field(default_factory=dict)  # setting told apart -> its corrected p-value then
+    beaten_by: dict[int, int] = field(default_factory=dict)  # setting told apart -> the best one then
     jammed: list[int] = field(default_factory=list)
     best: int | None = None
     why: StoppedBy | None = None  # why the race is over; None: it goes on

@@ -44,7 +44,7 @@ class Row:
     carrier_utilisation: float  # share of the time outside the queue, 0 to 1
     bound_bins_per_hour: float  # what this policy and route allow without traffic: orchard.report.bounds
     bottleneck: str
-    lost_seconds: dict[str, float] = field(default_factory=dict)  # s by cause, mean; of 5 harvests if rows are drawn: report.bounds
+    lost_seconds: dict[str, float] = field(default_factory=dict)  # s by cause, mean: report.bounds
     check: Check | None = None
 
 
@@ -83,7 +83,7 @@ class StudyResult:
     stopped_by: StoppedBy  # why no more replications were made
     notes: list[str]  # what the budget did not allow, what jammed, where fast and full model disagree
     version: str
-    violations: list[str] = field(default_factory=list)  # of invariants, in full runs: a fault of the simulator or of an agent
+    violations: list[str] = field(default_factory=list)  # of invariants, in full runs
 
     @property
     def best_row(self) -> Row | None:

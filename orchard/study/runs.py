@@ -32,7 +32,7 @@ LEAST_RATE = 1e-6  # bins an hour; the limits are for what comes from a store
 Amount = Annotated[float, Meta(ge=0.0, lt=1e12)]
 Ended = Literal["harvested", "jammed", "violated"]
 
-DECIDING = ("agents", "contract", "discrete", "field", "report", "sim")  # packages whose source, with two files, decides what a run gives
+DECIDING = ("agents", "contract", "discrete", "field", "report", "sim")  # packages that, with two files, decide what a run gives
 NOT_DECIDING = ("seed", "prices")  # keys of the scenario: the seed has a column of its own, and prices change no run
 
 
@@ -94,11 +94,11 @@ class RunResult:
     bins_per_hour: Amount = 0.0
     picker_waiting_seconds: Amount = 0.0
     carrier_utilisation: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
-    bound_bins_per_hour: Annotated[float, Meta(ge=LEAST_RATE, lt=1e12)]  # what `bottleneck` allows in the long run without traffic
+    bound_bins_per_hour: Annotated[float, Meta(ge=LEAST_RATE, lt=1e12)]  # by `bottleneck`, without traffic
     bottleneck: str
     ended: Ended
     violations: str = ""  # a line for each
-    faults: str = ""  # of classes of the user's own, a line for each: orders that were refused, agents that were broken
+    faults: str = ""  # of own classes, a line for each: refused orders, broken agents
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +111,7 @@ class RunRecord(RunResult):
     model: Model
     horizon: Horizon
     policy: str
-    own_source: str  # digest of the files of the user's own classes, with those that they import; '' if there are none
+    own_source: str  # digest of the files of own classes; '' if there are none
     version: str
     wall_seconds: Amount
 

@@ -13,7 +13,7 @@ import msgspec
 from orchard.folders import regular
 from orchard.study.runs import RunRecord, software
 
-APPLICATION = 0x4F524348  # "ORCH": SQLite keeps this number in the file's head, and so tells a store from other databases
+APPLICATION = 0x4F524348  # "ORCH": in the file's head, it tells a store from other databases
 PATIENCE = 30.0  # s to wait for another study that writes to the same store
 COLUMNS = [field.name for field in fields(RunRecord)]
 

@@ -36,7 +36,7 @@ class StudyOptions:
     horizon: Horizon = "harvest"
     goal: Goal = "bins_per_hour"
     confidence: float = 0.95
-    within: float = 0.01  # half the width of an interval, as a share of its mean, at which a setting needs no more replications
+    within: float = 0.01  # half the width of an interval, as a share of its mean, that is narrow enough
     budget_seconds: float = 60.0
     model: Models = "both"
     workers: int | None = None  # processes here; None: one per core

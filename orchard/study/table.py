@@ -33,9 +33,9 @@ MEANING = (
     "runs: by the {models} model; checked: bins/h by the simulator, and the difference"
 )
 ONLY_IF_KNOWN = ("a bin", "checked", "lost to, s")  # columns that are left out if they have nothing in any row
-OF_ALL_JAMMED = ("bins/h", "bound", "limit", "runs", "model", "checked")  # what is known of a setting all of whose runs jammed
+OF_ALL_JAMMED = ("bins/h", "bound", "limit", "runs", "model", "checked")  # known if all runs jammed
 WRAPPED = ("bins/h", "harvest, s", "a bin", "bound", "lost to, s", "runs", "checked")  # where the terminal is narrow
-LOSSES = ("structure", "traffic", "dispatch", "people_and_animals")  # parts of `lost_seconds` that are losses; `limit` is the rest
+LOSSES = ("structure", "traffic", "dispatch", "people_and_animals")  # in `lost_seconds`; `limit` is the rest
 
 
 def words(result: StudyResult) -> tuple[list[str], list[list[str]]]:

@@ -38,7 +38,7 @@ class BodyRows:
     def __init__(self, layout: Layout) -> None:
         self._index, self._names = layout.index, pa.array([*layout.names, None], TEXT)  # index -1: none
         self._is_bin = np.array([kind_of(name) == "bin" for name in layout.names], dtype=bool)
-        self._said = [SILENT] * len(layout.names)  # of each body; never changed in place, because the rows of many ticks share it
+        self._said = [SILENT] * len(layout.names)  # of each body; never changed in place: many ticks share it
         self._ticks: list[int] = []
         self._kept: list[tuple[np.ndarray, ...]] = []
         self._words: list[list[Said]] = []
@@ -113,7 +113,7 @@ class Tables:
         for name in (*AT_THE_END, "summary"):
             path_of(self._folder, name).unlink(missing_ok=True)
         for name, schema in GROWING.items():
-            until = tick + 1 if name == "bodies" else tick  # a body's row is of the step's end, the others are of its begin
+            until = tick + 1 if name == "bodies" else tick  # bodies: of a step's end; others: of its begin
             self._growing[name] = GrowingTable(path_of(self._folder, name), schema.with_metadata(self._metadata), until)
 
     def update(self, engine: Engine, events: Sequence[Event], letters: Mapping[str, Written]) -> None:

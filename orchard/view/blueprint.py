@@ -11,13 +11,13 @@ from orchard.view.scenery import PLAN_CAMERA, plan_size
 
 TIMELINE = "sim_time"
 PIN_FAR, PIN_NEAR, PIN_ON_THE_PLAN = 0.6, 0.4, -5.0  # radius of a pin, m; a negative number is in screen points
-HEADROOM = 1.6  # upper end of a plot's axis, as a multiple of the highest possible value: the legend lies above the curves
+HEADROOM = 1.6  # end of a plot's axis, in highest possible values: the legend lies above the curves
 FEW = 8  # robots: up to this number, all histories fit without scrolling
 TITLE, AXIS = 0.7, 0.6  # heights of a history's title and time axis, as fractions of a robot's line
 
 IN_SPACE = ["world/**", "canopy/**", "scans/**", "pins/**", "talk/**"]
 BELOW_CROWNS = ["world/**", "scans/**", "pins/**", "talk/**", "focus", "canopy/wires", "canopy/crowns", "canopy/shade"]
-BESIDE = (-12.5, -4.0, 7.0)  # m from the focus to its camera, which looks along the rows: in a row no tree hides a robot
+BESIDE = (-12.5, -4.0, 7.0)  # m from the focus to its camera, which looks along the rows, between the trees
 PICKERS, OTHERS = ["world/pickers/**"], [f"world/{kind}s/**" for kind in VEHICLES if kind != "picker"]
 ON_THE_PLAN = ["world/**", "plan/**", "pins/**", "talk/**", "scans/**"]
 

@@ -31,7 +31,7 @@ class BodyView:
         self._said: dict[str, dict[str, palette.Colour]] = {s.name: {} for s in layout.starts if s.kind != "weed"}
         self._bins, self._weeds = indices(layout, {"bin"}), indices(layout, {"weed"})
         self._towing = indices(layout, HAULERS)
-        self._shown: dict[str, int] = {}  # entity -> fill level of a bin, or whether a bar or weed is there. A further part knows nothing
+        self._shown: dict[str, int] = {}  # entity -> fill level of a bin, or whether a bar or weed is there
         for start in layout.starts:
             self._log_static(start)
 

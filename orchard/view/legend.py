@@ -8,7 +8,7 @@ from orchard.view import palette
 from orchard.view.palette import Colour
 
 LEGEND = "legend"
-LETTER, GAP, MARK, LINE = 7.0, 30.0, 9.0, 26.0  # screen points, approximate: of a letter; from word to word; of a mark; of a line
+LETTER, GAP, MARK, LINE = 7.0, 30.0, 9.0, 26.0  # screen points: of a letter; between words; of a mark; of a line
 RISE = 12.0  # screen points: Rerun writes a label this far below its point
 HEADING: Colour = (200, 200, 205)
 

@@ -18,12 +18,12 @@ from orchard.view.palette import Colour
 
 POSES = "/tf"  # entity with a value at the last tick of a part
 MISSING = "recording/missing"  # entity that records what a part lacks
-UNREADABLE = (RuntimeError, ValueError, Warning)  # what Rerun's reader raises: the file is torn, has no recording, or has no end
+UNREADABLE = (RuntimeError, ValueError, Warning)  # from Rerun's reader: the file is torn, empty, or without an end
 PACK_SECONDS = 600  # that packing may take
 WORDS = "StateConfiguration:values"
 COLOURS = "StateConfiguration:colors"
 log = logging.getLogger("orchard")
-SINCE, LEFT_OUT = "since", "left_out"  # components of MISSING: last tick before a gap, logged where the gap ends; number of frames left out
+SINCE, LEFT_OUT = "since", "left_out"  # components of MISSING: last tick before a gap, at its end; frames left out
 
 
 class RecordingPart(NamedTuple):

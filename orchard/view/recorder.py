@@ -24,7 +24,7 @@ from orchard.view.scenery import log_scenery
 from orchard.view.talk import Talk, gathered, level_of, line_of
 
 CHUNK_TICKS = 10  # a second
-END_SECONDS = 30.0  # for which the end of the file is waited for: a program that an own agent has started may hold the pipe
+END_SECONDS = 30.0  # to wait for the end of the file: a program that an own agent has started may hold the pipe
 SCAN_CHUNK_TICKS = 50  # without a live server, scans are sent in larger chunks: a third less to write
 SCAN_BEAMS = 2  # every second beam
 SCAN_GRID = 32.0  # positions are rounded to 1/32 m

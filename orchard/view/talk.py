@@ -12,7 +12,7 @@ from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
 
-MOST_LINES = 40  # arcs at once; when all agents call at once, arcs to carriers that are sent count more than to those that are asked
+MOST_LINES = 40  # arcs at once; arcs to carriers that are sent count more than to those that are asked
 RENEWED_TICKS = 5  # interval at which the arcs follow the robots
 REPEAT_TICKS = 300  # within it, a repeated message is not news
 MOST_NAMES = 3  # in one line of the log

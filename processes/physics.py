@@ -55,7 +55,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def simulate(inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zenoh, ready: Callable[["Engine"], None] = rehearsed) -> int:
-    """Simulate an orchard until its run ends, again after each reset. `ready` comes before the first tick. Return the exit code."""
+    """Simulate an orchard until its run ends, again after each reset. `ready` comes before the first tick."""
     keys, snapshots = Keys(options.prefix), options.snapshot_folder
     with sole(snapshots):
         before = last(snapshots, options.run) if options.resume and snapshots else None

@@ -1,4 +1,4 @@
-"""A run in many processes: start those of this machine, follow the run, and stop them; or host agents of a run elsewhere."""
+"""A run in many processes: start those of this machine, follow and stop them; or host agents of a run elsewhere."""
 
 import math
 import subprocess

@@ -130,7 +130,7 @@ class StudyArguments:
         return [path for path in (self.summary, self.csv, self.picture, self.report) if path is not None]
 
     def problems(self) -> list[Problem]:
-        """Return what is wrong with each option, and with the options together. The values of the options with a problem mean nothing."""
+        """Return what is wrong with each option, whose value then means nothing, and with all together."""
         found = [replace(value, file=named([name])) for name, value in vars(self).items() if isinstance(value, Problem)]
         if self.scheduler and self.workers:
             found.append(Problem("--workers", "the scheduler has its own workers; leave out --workers"))

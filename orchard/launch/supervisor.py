@@ -40,7 +40,7 @@ QUICK_TICKS = {  # the thread that waits for a message handles it, instead of tw
 
 @dataclass(frozen=True)
 class ProcessSpec:
-    """A process to start: `python -m module`, with arguments, or with options that it reads from its standard input."""
+    """A process to start: `python -m module`, with arguments, or with options at its standard input."""
 
     name: str
     module: str
@@ -62,7 +62,7 @@ class _Running:
     is_asked: bool = False  # to end
 
     def is_over(self) -> bool:
-        """Whether it has ended and is not restarted: an end that neither it nor a request has announced is a death."""
+        """Whether it has ended and is not restarted: an end that nothing has announced is a death."""
         code = self.popen.poll()
         is_refusal = code == BAD_ORDER and not self.deaths and not self.program.may_refuse
         return code is not None and (not self.program.again or self.is_asked or self.line.code == 0 or is_refusal)
@@ -202,7 +202,7 @@ class Supervisor:
 
 
 def take_turns(pid: int) -> None:
-    """Let no process that wakes up interrupt this one: 6 to 10 % more ticks on two cores, as its memory stays in the caches."""
+    """Let no process that wakes up interrupt this one: 6 to 10 % more ticks, as its memory stays in the caches."""
     with suppress(AttributeError, ProcessLookupError):  # only Linux has this policy; the process may have ended
         os.sched_setscheduler(pid, os.SCHED_BATCH, os.sched_param(0))
 

@@ -132,7 +132,7 @@ def in_words(error: Exception) -> str:
 
 
 def report(request: RunRequest, result: dict[str, Any] | None, why: str) -> int:
-    """Print the result of a run, `why` it ended, and how to go on and to watch it; write the summary. Return the exit code."""
+    """Print the result of a run, and how to go on and to watch it; write the summary. Return the exit code."""
     recording, folder = request.recording, request.snapshots
     code = _report_result(request, result, why)
     if why == "harvested":

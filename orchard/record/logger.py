@@ -118,7 +118,7 @@ class Writer(threading.Thread):
 
 
 def write(queue: FrameQueue, recording: Recorder, last: int | None) -> None:
-    """Write all frames, and the gaps between them, until the queue is closed. `last`: tick; None if nothing is recorded yet."""
+    """Write all frames, and the gaps between them, until the queue is closed. `last`: tick; None at the begin."""
     while (queued := queue.take()) is not None:
         frame = queued.frame
         first = frame.tick - frame.left_out  # tick of the first frame that this one stands for
@@ -153,7 +153,7 @@ class Logger:
         self.bus.declare_alive(self.keys.of("alive", LOGGER, session))
 
     def run(self, writer: Writer) -> int:
-        """Record until the run ends or a signal asks to stop. Return the exit code. Raises the exception that ended the writer."""
+        """Record until the run ends or a signal asks to stop. Return the exit code. Raises the writer's exception."""
         code = self._hear_all(writer)
         self.queue.close()
         writer.join()

@@ -34,7 +34,7 @@ class HarvestFigures:
     progress_tick: int = 0  # tick at which it last grew, or a robot was stopped
 
     def update(self, world: World, events: list[Event], answers: Mapping[str, Action | None]) -> None:
-        """Account for the tick that has just ended. `answers`: of the agents that were asked, None for one without an action."""
+        """Account for the tick that has just ended. `answers`: of the agents that were asked."""
         for event in events:
             self._count(event)
         self.orders_refused += orders_refused(answers)

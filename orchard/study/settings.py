@@ -1,4 +1,4 @@
-"""The settings of a study: what `--vary KEY=VALUES` means, and each combination of the values as a scenario of its own."""
+"""The settings of a study: what `--vary KEY=VALUES` means, and each combination of values as a scenario."""
 
 import json
 import re

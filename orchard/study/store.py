@@ -93,7 +93,7 @@ class Store:
         return found
 
     def keep(self, record: RunRecord) -> None:
-        """Keep a run, in place of one with its key: that was damaged, or gave the same. Raises StoreFailed, as on a full disk."""
+        """Keep a run, in place of one with its key, which was damaged or the same. Raises StoreFailed."""
         self._do("INSERT OR REPLACE INTO runs ({}) VALUES ({})", [getattr(record, name) for name in COLUMNS], "a run cannot be kept")
 
     def _do(self, statement: str, values: list[Any], fault: str) -> list[tuple[Any, ...]]:

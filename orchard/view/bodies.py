@@ -84,7 +84,7 @@ class BodyView:
                 self.rec.log(f"{path}/full", rr.InstancePoses3D(scales=[WHOLE if level >= FILL_STEPS else UNSEEN]))
 
     def bars(self, coupled: np.ndarray) -> None:
-        """Log the bars between robots and bins that were coupled or uncoupled. `coupled`: (n,) index of the other body, or -1."""
+        """Log the bars between robots and bins that have changed. `coupled`: (n,) index of the other body, or -1."""
         for i in self._towing:
             robot, there = self.layout.starts[i], bool(coupled[i] >= 0)
             path, kind = f"{self.path[robot.name]}/bar", KINDS[robot.kind]

@@ -46,7 +46,7 @@ class Drives:
     points: dict[int, dict[str, np.ndarray]] = field(default_factory=dict)  #: tick -> body -> (m, 2) m, what its laser hit, in its frame
 
     def ticks(self) -> Iterator[tuple[int, Mapping[str, State], Mapping[str, Velocities]]]:
-        """Yield for each recorded tick its number, and the pose and the velocities of every body that has been seen so far."""
+        """Yield for each recorded tick its number, and pose and velocities of every body that was seen so far."""
         poses, velocities = dict[str, State](), dict[str, Velocities]()
         for tick in range(self.first, self.last + 1):
             poses |= self.poses.get(tick, {})
@@ -118,7 +118,7 @@ def _take_poses(drives: Drives, chunk: Chunk) -> None:
 
 
 def ranges_of(points: np.ndarray, laser: Laser, every: int) -> np.ndarray:
-    """Return the ranges of every `every`-th beam of a laser, m, float32, +inf without a return, from the points that it hit, (m, 2) m."""
+    """Return the ranges of every `every`-th beam, m, float32, +inf without a return, from the points that it hit, (m, 2) m."""
     beams = math.ceil(laser.beams / every)
     ranges = np.full(beams, np.inf, dtype=np.float32)
     x, y = points[:, 0] - laser.ahead, points[:, 1]

@@ -70,7 +70,7 @@ class NameView:
             self.rec.log("plan/names", rr.Points3D.from_fields(positions=points))
 
     def _placed(self, pins: np.ndarray) -> np.ndarray:
-        """Return the middles of the names, (k, 2) m: each at the place against which the least speaks, after the names before it."""
+        """Return the middles of the names, (k, 2) m: each where the least speaks against it, after those before it."""
         taken = np.concatenate([self._rows, np.zeros((len(pins), 4))])
         spots = pins[:, None] + PLACES * (self._halves + (PIN + 2.0) * self.scale)[:, None]
         boxes = np.column_stack([pins, np.full_like(pins, PIN * self.scale)])
@@ -84,7 +84,7 @@ class NameView:
 
 
 def _covered(spots: np.ndarray, halves: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """Return how many boxes, (b, 4), each name covers at each of its possible middles, (k, p, 2). `halves`: (k, 2) its half size."""
+    """Return how many boxes, (b, 4), each name covers at its possible middles, (k, p, 2). `halves`: (k, 2) half sizes."""
     apart = np.abs(spots[:, :, None] - boxes[:, :2]) - boxes[:, 2:] - halves[:, None, None]
     return np.asarray((apart < 0.0).all(axis=3).sum(axis=2))
 

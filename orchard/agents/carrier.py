@@ -97,7 +97,7 @@ class Carrier:
         robot.memory.job = Job(bin_name, come.lane, come.side, come.picker)
         plan = self.route.fetch(self.number, come.lane, self.route.sides[come.side], come.picker, bin_name)
         robot.memory.plan = of_known_steps(plan, self.route.Steps)
-        robot.memory.asked, robot.memory.left, robot.memory.course = {}, "", None  # it may be on its way to the head of its line
+        robot.memory.asked, robot.memory.left = {}, ""
         for call in robot.memory.calls.values():
             call.offered = LAST_TICK
 

@@ -15,13 +15,13 @@ from orchard.agents.sense import (
     Box,
     Bystander,
     Sighting,
+    back_is_free,
     doubts,
     something_ahead,
     stop_zone,
     sweep_radius,
     turn_is_free,
     turn_zone,
-    way_off,
 )
 from orchard.contract.agent import AHEAD, IN_TURN, MOST_HOLD, Action, Hold, Mail, Observation, State, says_holds
 from orchard.contract.messages import Answer, BinState, Claim, Couple, Places, Position, Request, StateRequest, Uncouple, Where
@@ -35,18 +35,18 @@ GIVEN_BACK = 2  # ticks after a claim at which a robot may tell that it has give
 LOOK_AGAIN = 20  # ticks between two questions to a bin whether it is left: its picker needs 65 more to clear the way
 SURE = 3.0  # standard deviations of its position within which a robot takes itself to be
 RECOVERY = 10  # ticks for which a robot stands after a collision
+HELD_UP = 20  # ticks after which a robot that is held up on one way back to its course takes the other one
 EXACT = 1e-9  # m or rad: nearer than this counts as there
 SLACK = 1e-6  # m or rad, far more than rounding: a motion acts again rather a tick too early than too late
-LITTLE = 0.02  # m off its course from which a robot comes back to it
+LITTLE = 0.02  # m off its course from which a robot comes back to it; rad by which it may be off its slant
 NEAR = 0.005  # m off its course at which it is back
 FAR = 0.3  # m off its course from which it may come back more steeply
 SLANT = 0.25  # rad, at most, to its course on any other way back
-ABOUT = 0.02  # rad by which this may be off
 SHIFT = 0.2  # m/s of a robot that shifts its place
 
 
 class Course(msgspec.Struct):
-    """Where the plan has the robot stand, or the line on which it drives. What was moved or turned comes back to it."""
+    """Where the plan has the robot stand, or to where it drives, and on which line. What was moved or turned comes back to it."""
 
     x: float  # m
     y: float  # m
@@ -67,13 +67,13 @@ class RobotMemory(msgspec.Struct):
     claimed: int = -PATIENCE  # tick of the last claim to traffic
     moving: bool = False  # whether it wanted to move in the last tick
     bumped: int = -2 * RECOVERY  # tick at which it last found that it had collided
-    bumps: int = 0  # collisions in a row, each as soon as it went on after the one before
     sighted: dict[str, Sighting] = {}  # person or animal -> its reported position
     asked: dict[str, int] = {}  # question -> tick at which the present step last asked it
     left: str = ""  # the bin that it has found left in its lane
     place: Estimate | None = None  # its estimate of its own pose; None if its receiver is exact
     course: Course | None = None  # None: as the robot stands now
-    way: float = 0.0  # in which it comes back to its line: 1 forward, -1 back; 0: it does not
+    way: float = 0.0  # in which it comes back to its course: 1 forward, -1 back; 0: it does not
+    moved: int = 0  # tick at which it last moved on that way, or began it
 
 
 class Gate(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -94,7 +94,7 @@ class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
 
     ticks: ClassVar[int] = 0
     handles: ClassVar[int] = 0
-    keeps_course: ClassVar[bool] = False  # it moves along the robot's course, or turns it; after any other step that moves it is anew
+    keeps_course: ClassVar[bool] = False  # it changes the course, or needs no place; after any other step that moves it is anew
 
     def act(self, robot: "PlanExecutor") -> bool:
         """Command `robot` for this tick. Return whether the step is done; it is called at every tick until then, or when its hold ends."""
@@ -160,59 +160,61 @@ class PlanExecutor:
             self.memory.course = Course(self.pose.x, self.pose.y, nearest_heading(self.pose.yaw))
         return cast(Course, self.memory.course)
 
-    def realigns(self, blind_to: list[Box], speed: float, room: float = math.inf) -> bool:
-        """Whether the robot must turn before it goes on: to the heading of its course or, off its line, to one that leads back to it.
+    def comes_back(self, blind_to: list[Box], speed: float = 0.0) -> bool:
+        """Whether the robot is off its course, and comes back: off its line it drives aslant, ahead or back.
 
-        `speed`: at which it goes on, m/s; negative back; 0: it has arrived, and only its heading counts.
-        `room`: m of its way that are left. If they are too few to come back so, it comes back more steeply.
-        """
-        _, left, off = self._off_course()
-        drives_back = abs(off) > SLACK and self.seen.twist.x  # if it is held up aslant, it may be free to go straight on
-        is_off = speed and abs(left) > self.doubt + (NEAR if drives_back else LITTLE)
-        most = SLANT if abs(left) <= max(SLANT * room, FAR + self.doubt) else EIGHTH * 4
-        steep = min(most, max(abs(left), NEAR / abs(speed * TIME_STEP))) if is_off else 0.0  # a step passes no more than NEAR
-        slant = -math.copysign(steep, left * speed)
-        if abs(slant - off) <= (ABOUT if slant else SLACK):
-            return False
-        if away := way_off(self.seen, slant - off):
-            self.move(Twist(x=away * SHIFT), [])
-        else:
-            self.turn_by(slant - off, blind_to)
-        return True
-
-    @property
-    def is_aligned(self) -> bool:
-        """Whether the robot has the heading of its course."""
-        return abs(self._off_course()[2]) <= SLACK
-
-    def _off_course(self) -> tuple[float, float, float]:
-        """How far the robot is off its course: m ahead, m to the left, and rad to the left."""
-        course = self.course
-        yaw = HEADINGS[course.heading]
-        return *to_frame(Pose(course.x, course.y, yaw), self.pose.x, self.pose.y), angle_between(yaw, self.pose.yaw)
-
-    def _comes_back(self) -> bool:
-        """Whether the robot stands off its course, and comes back: off its line it drives aslant, and then ahead or back to its place.
-
-        No laser looks back: if it collides on one way, it takes the other one.
+        `speed`: at which it drives to the place of its course, m/s; 0: it stands there. Where it cannot turn, it drives on as it
+        faces; where it is held up, it takes the other way.
         """
         memory = self.memory
-        if memory.course is None or self.seen.accuracy:
+        if memory.course is None:
             return False
-        ahead, left, off = self._off_course()
-        if not memory.way:
-            is_forward = off * left < 0.0 if abs(off) > SLANT / 2 else ahead < 0.0 and not something_ahead(self.seen, [])
-            memory.way = 1.0 if is_forward else -1.0
-        if self.realigns([], SHIFT * memory.way):
-            return True
-        is_off = abs(left) > (LITTLE if self.is_aligned else NEAR)
-        if not is_off and abs(ahead) <= (SLACK if memory.moving else LITTLE):
+        ahead, left, off = self.off_course()
+        is_off, is_away = abs(left) > self._near(NEAR), ahead > self._near(SLACK) or (not speed and -ahead > self._near(SLACK))
+        if not (is_off or is_away or abs(off) > SLACK):
             memory.way = 0.0
             return False
-        if self._has_collided:
-            memory.way = -memory.way
-        self.move(Twist(x=SHIFT * memory.way if is_off else max(-SHIFT, min(SHIFT, -ahead / TIME_STEP))), [])
+        self._choose_way(speed > 0.0 and -ahead * SLANT > abs(left))
+        most = SLANT if abs(left) <= FAR + self.doubt else EIGHTH * 4
+        steep = min(most, max(abs(left), NEAR / (max(speed, SHIFT) * TIME_STEP))) if is_off else 0.0  # a step passes no more than NEAR
+        turn = angle_between(off, -math.copysign(steep, left * memory.way))
+        is_turned = abs(turn) <= (LITTLE if steep else SLACK)
+        was_refused = RECOVERY <= self.seen.tick - memory.bumped < 2 * RECOVERY
+        if not is_turned and not was_refused and turn_is_free(self.seen, turn, blind_to):
+            self.turn_by(turn, blind_to)
+        elif is_off or not is_turned:
+            self.move(Twist(x=speed if speed and is_turned and memory.way > 0.0 else SHIFT * memory.way), blind_to)
+        else:
+            self.move(Twist(x=max(-SHIFT, min(SHIFT, -ahead / TIME_STEP))), blind_to)
         return True
+
+    def _choose_way(self, has_room: bool) -> None:
+        """Choose the way back: ahead if it has room or its place lies ahead, else back; the other one if it is held up."""
+        memory, tick = self.memory, self.seen.tick
+        if self.seen.twist != STILL:
+            memory.moved = tick
+        if not memory.way:
+            ahead, _ = to_frame(self.pose, self.course.x, self.course.y)
+            memory.way, memory.moved = 1.0 if has_room or (ahead > 0.0 and not something_ahead(self.seen, [])) else -1.0, tick
+        elif self._has_collided or tick - memory.moved >= HELD_UP:
+            memory.way, memory.moved = -memory.way, tick
+
+    def _near(self, exact: float) -> float:
+        """How far off its course the robot may be, m: little; so far exactly once it comes back."""
+        return self.doubt + (exact if self.memory.way else LITTLE)
+
+    @property
+    def is_moved(self) -> bool:
+        """Whether the robot is off the place of its course, or comes back to it."""
+        ahead, left, _ = self.off_course()
+        return bool(self.memory.way) or max(abs(ahead), abs(left)) > self._near(LITTLE)
+
+    def off_course(self) -> tuple[float, float, float]:
+        """Return how far the robot is off its course: m ahead, m to the left, and rad to the left."""
+        course = self.course
+        x, y = self.pose.x - course.x, self.pose.y - course.y
+        ahead, left = {"EAST": (x, y), "NORTH": (y, -x), "WEST": (-x, -y), "SOUTH": (-y, x)}[course.heading]
+        return ahead, left, angle_between(HEADINGS[course.heading], self.pose.yaw)
 
     @property
     def _has_collided(self) -> bool:
@@ -287,11 +289,11 @@ class PlanExecutor:
             self.memory.asked = {}
             self.action.waits_for = ""
             self._timers, self._until = [], self.seen.tick + 1
-        if not self.memory.plan and not self._comes_back():
+        if not self.memory.plan and not self.comes_back([]):
             self.hold()
 
     def _act(self, step: Step) -> bool:
-        if not step.keeps_course and self._comes_back():
+        if not step.keeps_course and self.comes_back([]):
             return False
         done = step.act(self)
         if not step.keeps_course and self.action.twist != STILL:
@@ -313,6 +315,8 @@ class PlanExecutor:
                 action.twist, action.waits_for = STILL, ""
             else:
                 self._hold_up(AHEAD)
+        if action.twist.x < 0 and not back_is_free(self.seen):
+            self._hold_up("an obstacle behind")
         if action.twist.yaw and not turn_is_free(self.seen, self._turn, self._blind_to):
             self._hold_up(IN_TURN)
         if near:
@@ -344,19 +348,13 @@ class PlanExecutor:
         self.action.twist, self.action.waits_for, self.action.state = STILL, obstacle, "stopped"
 
     def _recover(self) -> None:
-        """Stand for a second after a collision: there was an obstacle that no laser saw, and physics refused the step.
-
-        If it hinders a turn again, move off it for another second; if that is refused too, as in an emergency stop, try the turn again.
-        """
+        """Stand for a second after a collision: there was an obstacle that no laser saw, and physics refused the step."""
         memory, tick = self.memory, self.seen.tick
         if self._has_collided:
-            memory.bumps = memory.bumps + 1 if tick - memory.bumped <= RECOVERY + 1 else 1
             memory.bumped = tick
         if tick - memory.bumped < RECOVERY and self.action.twist != STILL:
             self._hold_up("what it collided with")
             self._timers.append(memory.bumped + RECOVERY)
-        elif self._turn and memory.bumps % 2 == 0 and tick - memory.bumped < 2 * RECOVERY:
-            self.move(Twist(x=-SHIFT if something_ahead(self.seen, []) else SHIFT), [])
 
     def _hear_traffic(self) -> None:
         for reply in self.mail.replies:

@@ -26,6 +26,7 @@ STOP_DISTANCE = 0.8  # m from the front edge: a robot stops for what is nearer (
 SIDE_MARGIN = 0.2  # m by which the corridor ahead is wider on either side
 UNSURE_MARGIN = 0.03  # m, of a robot that is not sure of its place: beside its road, 0.25 m from its side, stand waiting pickers
 TURN_MARGIN = 0.05  # m around the area that a turn sweeps
+BACK = 0.2  # m behind it that a robot sees free before it drives back
 _SWEEP_STEP = repeatable.PI / 48  # rad between the poses at which a turn is checked
 _BIN_HALF = KINDS["bin"].length / 2
 
@@ -67,13 +68,11 @@ def turn_is_free(seen: Observation, turn: float, blind_to: list[Box]) -> bool:
     return not len(points) or not _swept(points, boxes, turn)
 
 
-def way_off(seen: Observation, turn: float) -> float:
-    """Return the way, 1 ahead or -1 back, off what touches a robot that cannot turn; 0 if it can, or if nothing is within the margin."""
+def back_is_free(seen: Observation) -> bool:
+    """Whether nothing that the lasers of robot and bin see is right behind. A robot without a bin sees nothing there."""
     points, boxes = _around(seen, [])
-    if not len(points) or not _swept(points, boxes, turn):
-        return 0.0
-    near = np.min([_gaps(points[:, 0], np.abs(points[:, 1]), box) for box in boxes], axis=0) < TURN_MARGIN
-    return 0.0 if not near.any() else -1.0 if points[near, 0].mean() > boxes[-1][0] / 2 else 1.0
+    ahead, aside = points[:, 0], np.abs(points[:, 1])
+    return not any((_gaps(ahead + BACK, aside, box) < np.minimum(TURN_MARGIN, _gaps(ahead, aside, box))).any() for box in boxes)
 
 
 def _around(seen: Observation, blind_to: list[Box]) -> tuple[np.ndarray, list[tuple[float, float, float]]]:

@@ -43,6 +43,7 @@ class Say(Step, frozen=True):
 
     doing: str
     state: State
+    keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
         robot.memory.doing, robot.memory.state = self.doing, self.state
@@ -62,24 +63,22 @@ class DriveTo(Step, frozen=True):
     keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
-        here, target = (robot.pose.x, self.x) if self.x is not None else (robot.pose.y, cast(float, self.y))
-        course = robot.course
+        course, axis = robot.course, "y" if self.x is None else "x"
+        here, before, target = (getattr(it, axis) for it in (robot.pose, course, self))
         ahead = 1.0 if course.heading in ("EAST", "NORTH") else -1.0
-        if self.x is not None:
-            course.x = here
-        else:
-            course.y = here
         for gate in self.frees:
             if ahead * (here - gate.at) > -EXACT:
                 robot.free(gate.places)
-        left = ahead * (self._limit(robot, here, ahead, target) - here)
-        if robot.realigns(self.blind_to, 0.0 if left <= EXACT or self.queueing else self.speed, left):
+        limit = self._limit(robot, here, min(here, before, key=lambda at: ahead * at), ahead, target)
+        setattr(course, axis, limit)
+        left = ahead * (limit - here)
+        if robot.comes_back(self.blind_to, self.speed):
             return False
         if left <= EXACT:
             robot.hold()
-            return ahead * (target - here) <= EXACT
+            return bool(ahead * (target - here) <= EXACT)
         robot.move(Twist(x=min(self.speed, left / TIME_STEP)), self.blind_to, self.queueing)
-        robot.hold(self._ticks(robot, here, ahead, left) if robot.is_aligned else 1)
+        robot.hold(self._ticks(robot, here, ahead, left))
         return False
 
     def motion(self, start: Pose) -> tuple[Pose, float]:
@@ -100,10 +99,10 @@ class DriveTo(Step, frozen=True):
         rooms = [left - self.speed * TIME_STEP, *frees, *(room for room in needs if room >= 0.0)]
         return int(max(0.0, min(rooms) - SLACK) / (self.speed * TIME_STEP)) + 1
 
-    def _limit(self, robot: PlanExecutor, here: float, ahead: float, target: float) -> float:
-        """The target, or the first gate before it with places that the robot does not hold."""
+    def _limit(self, robot: PlanExecutor, here: float, past: float, ahead: float, target: float) -> float:
+        """The target, or the first gate before it with places that the robot does not hold. `past`: to where it has passed gates."""
         for gate in self.needs:
-            if ahead * (gate.at - here) >= -(PASSED if robot.doubt else EXACT) and not robot.holds(gate.places):
+            if ahead * (gate.at - past) >= -(PASSED if robot.doubt else EXACT) and not robot.holds(gate.places):
                 if ahead * (gate.at - here) < self.asks_before and (not gate.bin or robot.is_left(gate.bin)):
                     robot.want(gate.places)
                 return gate.at if ahead * (target - gate.at) > 0 else target
@@ -123,6 +122,8 @@ class Face(Step, frozen=True):
 
     def act(self, robot: PlanExecutor) -> bool:
         robot.course.heading = self.heading
+        if robot.is_moved:
+            return not robot.comes_back(self.blind_to)
         return _turns_to(robot, HEADINGS[self.heading], self.blind_to)
 
     def motion(self, start: Pose) -> tuple[Pose, float]:
@@ -407,6 +408,7 @@ class Confirmed(Step, frozen=True):
     ticks = ASK
     bin: str
     otherwise: list["AnyStep"]
+    keeps_course: ClassVar[bool] = True  # wherever in the queue it is asked
 
     def act(self, robot: PlanExecutor) -> bool:
         answer = robot.ask(self.bin, Confirm())

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from stage import Stage, empty_orchard
 
+from orchard.agents.robot import Gate
 from orchard.agents.steps import DriveTo, Face, TakeBin, Wait
 from orchard.field.geometry import Twist
 from orchard.field.kinds import EIGHTH
@@ -54,6 +55,18 @@ def test_a_robot_that_stands_is_back_at_its_place_before_it_acts():
     assert stage.pose("carrier_01")[:2] == pytest.approx((-5.0, 29.0), abs=0.03)
 
 
+def test_a_robot_that_was_driven_past_a_gate_comes_back_and_waits_there():
+    """It drove on without the gate's places, and two robots waited for each other."""
+    stage = Stage(empty_orchard())
+    stage.put("carrier_01", -35.0, 29.0)
+    stage.give("carrier_01", [DriveTo(x=-5.0, needs=[Gate(["east/D/1"], -25.0, bin="bin_01")])])  # a bin that is never left
+    stage.run(12.0)
+    advise(stage, "carrier_01", Twist(x=0.5), 10)
+    assert stage.pose("carrier_01")[0] == pytest.approx(-24.5)
+    stage.run(10.0)
+    stage.assert_at("carrier_01", x=-25.0)
+
+
 @pytest.mark.parametrize("route", ["one-way", "two-way"])
 @pytest.mark.parametrize("twist", [Twist(x=0.93, yaw=-0.08), Twist(x=0.787, yaw=-0.33), Twist(x=-0.3, yaw=0.3)])
 def test_a_carrier_off_its_place_before_a_full_bin_comes_back_to_it_and_takes_the_bin(route, twist):
@@ -70,24 +83,35 @@ def test_a_carrier_off_its_place_before_a_full_bin_comes_back_to_it_and_takes_th
     assert collisions(stage.world) <= 4
 
 
-def harvest(route: str, name: str, tick: int, rate: float, ticks: int) -> None:
-    """Harvest four rows while one robot is turned once."""
-    stage = Stage(empty_orchard(rows=4, pickers=2, carriers=2, row_length=30.0, route=route, tractor=True))
-    stage.run(tick / 10)
-    advise(stage, name, Twist(yaw=rate), ticks)
-    stage.run_until(lambda: stage.local.engine.over, 1500)
-
-
 @settings(max_examples=15)
 @given(
     st.sampled_from(["one-way", "two-way"]),
-    st.sampled_from(ROBOTS),
-    st.integers(5, 2500),
-    st.floats(-EIGHTH, EIGHTH),
-    st.integers(1, 10),
+    st.lists(
+        st.tuples(
+            st.integers(5, 2500),
+            st.sampled_from(ROBOTS),
+            st.builds(Twist, x=st.just(0.0) | st.floats(-0.5, 1.0), yaw=st.floats(-EIGHTH, EIGHTH)),
+            st.integers(1, 20),
+        ),
+        min_size=1,
+        max_size=3,
+    ),
 )
-def test_a_harvest_in_which_advice_turns_a_robot_finishes(route, name, tick, rate, ticks):
-    harvest(route, name, tick, rate, ticks)
+def test_a_harvest_in_which_advice_turns_and_drives_robots_at_any_moment_finishes(route, advice):
+    changes = {"rows": 4, "pickers": 2, "carriers": 2, "row_length": 30.0, "route": route, "tractor": True}
+    harvest(changes, [(tick, name, twist.x, twist.yaw, ticks) for tick, name, twist, ticks in sorted(advice)])
+
+
+def harvest(changes: dict, advice: list[tuple[int, str, float, float, int]]) -> Stage:
+    """Harvest while each piece of advice drives a robot, from a tick on, at a speed and a rate, for so many ticks."""
+    stage = Stage(empty_orchard(**changes))
+    for tick, name, speed, rate, ticks in advice:
+        while stage.world.tick < tick and not stage.local.engine.over:
+            stage.tick()
+        if not stage.local.engine.over:
+            advise(stage, name, Twist(x=speed, yaw=rate), ticks)
+    stage.run_until(lambda: stage.local.engine.over, 3000)
+    return stage
 
 
 @pytest.mark.parametrize(
@@ -134,14 +158,27 @@ def test_a_harvest_in_which_advice_turns_a_robot_finishes(route, name, tick, rat
             ],
             id="aslant beside a picker that waits for the next one",
         ),
+        pytest.param(
+            {"rows": 8, "pickers": 4, "row_length": 40.0, "carriers": 1, "seed": 991736, "dispatch": "nearest", "route": "two-way"},
+            [
+                (856, "carrier_01", 0.8510380779924174, -0.273452245012485, 15),
+                (3358, "picker_03", 0.27384450007697103, -0.2010655864776212, 6),
+                (5258, "picker_02", 0.0, 0.07363394434795179, 9),
+            ],
+            id="aslant before a picker that waits for it",
+        ),
+        pytest.param(
+            {"rows": 4, "pickers": 3, "row_length": 40.0, "carriers": 3, "seed": 26015, "tractor": True, "dispatch": "nearest"},
+            [
+                (820, "carrier_02", 0.7297432713987164, -0.06999531398102604, 20),
+                (2480, "picker_02", 0.916847694408812, -0.3126112065199836, 13),
+                (3385, "picker_01", 0.614761371903781, -0.12484377430627414, 20),
+            ],
+            id="past the place where it leaves the empty bin",
+        ),
     ],
 )
 def test_a_harvest_in_which_advice_drives_robots_off_their_lines_finishes(changes, advice):
     """Each of these jammed, or hit the same thing again and again."""
-    stage = Stage(empty_orchard(**changes))
-    for tick, name, speed, rate, ticks in advice:
-        while stage.world.tick < tick and not stage.local.engine.over:
-            stage.tick()
-        advise(stage, name, Twist(x=speed, yaw=rate), ticks)
-    stage.run_until(lambda: stage.local.engine.over, 3000)
+    stage = harvest(changes, advice)
     assert collisions(stage.world) <= len(advice), stage.happened("collision")[-5:]

@@ -3,8 +3,8 @@
 import math
 import subprocess
 import threading
-import time
-from contextlib import ExitStack, suppress
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack, suppress
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,6 +29,7 @@ from orchard.net.requests import fetch_run
 from orchard.net.zenoh_bus import client
 from orchard.report.progress import Progress, headline_of
 from orchard.report.summary import Outcome, write_summary
+from orchard.security.identity import Identity
 from orchard.server.options import PATIENCE, RunOptions
 from orchard.server.run import read_end
 from orchard.sim.kernels.cache import COMPILING, are_compiled
@@ -50,57 +51,26 @@ HOW_PHYSICS_ENDED: dict[int | None, str] = {  # by exit code, without its last m
 }
 RESULT = "end.msgpack"  # file: the last message of physics
 
+Connect = Callable[[str, Inbox, float, Identity | None], AbstractContextManager[Bus]]  # to an endpoint, within so many seconds
+
 
 def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None, str]:
     """Run a whole harvest. Return its summary, None if there is none, and why it ended. Raises BusError."""
-    options, all_names = request.options, agent_names(request.scenario)
-    names = select_agents(all_names, [], options.without or [])
-    credentials = Credentials(options)
-    shares = credentials.shares(names, all_names)
-    endpoint = _endpoint_of(options, credentials)
-    run_id, inbox = request.run_id, Inbox()
+    credentials = Credentials(request.options)
+    endpoint = _endpoint_of(request.options, credentials)
+    inbox = Inbox()
     inbox.take_signals()  # Ctrl-C must not come between a process's start and its entry in the supervisor
-    with TemporaryDirectory() as folder, Supervisor(progress.say, run_id) as supervisor, ExitStack() as stack:
-        launched = _Launched(request, credentials, reachable(endpoint), run_id, supervisor, progress)
-        stack.enter_context(announced(request, run_id, launched.endpoint, progress.say))
-        if not are_compiled():
-            progress.get_ready(COMPILING)
-        viewer = launched.start(Path(folder), endpoint)
-        start_hosts(supervisor, launched.endpoint, shares, credentials)
-        if join := how_to_join(options, endpoint):
-            progress.say(join)
-        summary, why = launched.follow(inbox)
-        end = read_end(Path(folder) / RESULT, run_id)
-        if summary is not None:
-            launched.watchdog.end()
-            supervisor.terminate(*(name for name, _ in shares))  # a host that was still connecting has not received the end
-        elif end is not None:
-            supervisor.terminate(*supervisor.running)  # the others have not received the end either
-        if end is not None:  # what physics has written counts more than a message, which any client may send
-            summary, why = end.summary, end.why
-        if summary is not None:
-            stood = supervisor.lost_agents
-            summary["broken_agents"] += [f"{agent}, its process died again and again" for agent in stood]
-        if summary is not None and options.summary is not None:
-            with suppress(OSError):  # `report` writes it all, but to pack the recording may take long
-                write_summary(options.summary, summary)
-        if request.recording is not None:  # the recording is read next, and Rerun takes half a second to load
-            threading.Thread(target=import_module, args=("orchard.view.reader",), daemon=True).start()
-        supervisor.terminate(WEB_VIEWER)
-        if summary is None:  # the other processes do not know that the run is over
-            supervisor.stop(STOP_SECONDS)
-        _await_exits(supervisor, [PHYSICS, *(name for name, _ in shares)], inbox, STOP_SECONDS if why == "stopped" else PACK_SECONDS)
-        let_go(viewer, why == "stopped", progress.say)
-        return summary, why
+    with Supervisor(progress.say, request.run_id) as supervisor:
+        return LaunchedRun(request, credentials, endpoint, supervisor, progress).carry_out(inbox)
 
 
 def _await_exits(supervisor: Supervisor, names: list[str], inbox: Inbox, seconds: float) -> None:
     """Wait until all processes have ended, at most `seconds`. After THINK_SECONDS kill `names`: a host may think on."""
-    begun = time.monotonic()
-    while supervisor.is_any_left() and time.monotonic() - begun < seconds:
+    begun = supervisor.clock()
+    while supervisor.is_any_left() and supervisor.clock() - begun < seconds:
         if isinstance(inbox.take(POLL_SECONDS), Signal):
             supervisor.stop(STOP_SECONDS)
-        if time.monotonic() - begun >= THINK_SECONDS:
+        if supervisor.clock() - begun >= THINK_SECONDS:
             for name in [name for name in names if name in supervisor.running and supervisor.exit_code(name) is None]:
                 agents = ", ".join(supervisor.running[name].program.agents)
                 its = f"; its agents: {agents}" if agents else ""
@@ -143,24 +113,75 @@ def start_hosts(supervisor: Supervisor, endpoint: str, shares: Shares, credentia
         supervisor.start(ProcessSpec(name, "orchard.processes.agents", order, again=True, agents=share))
 
 
-class _Launched:
+class LaunchedRun:
     """A run: this program starts its processes and follows them."""
 
     def __init__(
-        self, request: RunRequest, credentials: Credentials, endpoint: str, run_id: str, supervisor: Supervisor, progress: Progress
+        self,
+        request: RunRequest,
+        credentials: Credentials,
+        listen: str,
+        supervisor: Supervisor,
+        progress: Progress,
+        connect: Connect = client,
     ) -> None:
-        self.request, self.credentials, self.endpoint, self.run_id = request, credentials, endpoint, run_id
-        self.supervisor, self.progress = supervisor, progress
+        """`listen`: the endpoint of the run's router. `connect`: opens a session there."""
+        self.request, self.credentials, self.supervisor, self.progress = request, credentials, supervisor, progress
+        self.listen, self.endpoint, self.run_id = listen, reachable(listen), supervisor.run
         self.watchdog = Watchdog(supervisor, LOGGER)
+        self._connect, self._clock = connect, supervisor.clock
+
+    def carry_out(self, inbox: Inbox) -> tuple[dict[str, Any] | None, str]:
+        """Start the processes, and follow the run until they have ended. Return as `run` does."""
+        request, supervisor, say = self.request, self.supervisor, self.progress.say
+        options, all_names = request.options, agent_names(request.scenario)
+        shares = self.credentials.shares(select_agents(all_names, [], options.without or []), all_names)
+        with TemporaryDirectory() as folder, announced(request, self.run_id, self.endpoint, say):
+            if not are_compiled():
+                self.progress.get_ready(COMPILING)
+            result = Path(folder) / RESULT
+            viewer = self._start(result)
+            start_hosts(supervisor, self.endpoint, shares, self.credentials)
+            if join := how_to_join(options, self.listen):
+                say(join)
+            summary, why = self._ended(result, [name for name, _ in shares], *self.follow(inbox))
+            if request.recording is not None:  # the recording is read next, and Rerun takes half a second to load
+                threading.Thread(target=import_module, args=("orchard.view.reader",), daemon=True).start()
+            supervisor.terminate(WEB_VIEWER)
+            if summary is None:  # the other processes do not know that the run is over
+                supervisor.stop(STOP_SECONDS)
+            _await_exits(supervisor, [PHYSICS, *(name for name, _ in shares)], inbox, STOP_SECONDS if why == "stopped" else PACK_SECONDS)
+            let_go(viewer, why == "stopped", say)
+            return summary, why
+
+    def _ended(self, result: Path, hosts: list[str], summary: dict[str, Any] | None, why: str) -> tuple[dict[str, Any] | None, str]:
+        """Let the processes end whose run is over, and write its summary. Return what physics has written.
+
+        `summary`, `why`: what has been heard, which any client may send; or None and why the run cannot go on.
+        """
+        end, supervisor = read_end(result, self.run_id), self.supervisor
+        if summary is not None:
+            self.watchdog.end()
+            supervisor.terminate(*hosts)  # one that was still connecting has not received the end
+        elif end is not None:
+            supervisor.terminate(*supervisor.running)  # they have not received the end either
+        if end is not None:
+            summary, why = end.summary, end.why
+        if summary is not None:
+            summary["broken_agents"] += [f"{agent}, its process died again and again" for agent in supervisor.lost_agents]
+            if self.request.options.summary is not None:
+                with suppress(OSError):  # `report` writes it all, but to pack the recording may take long
+                    write_summary(self.request.options.summary, summary)
+        return summary, why
 
     # -- its processes
 
-    def start(self, folder: Path, listen: str) -> subprocess.Popen[bytes] | None:
-        """Start physics, the logger and the viewers. Return the viewer's window. `folder`: for the file RESULT."""
+    def _start(self, result: Path) -> subprocess.Popen[bytes] | None:
+        """Start physics, the logger and the viewers. Return the viewer's window. `result`: a file for the end of the run."""
         request, given = self.request, self.request.options
         options = RunOptions(
             scenario=request.scenario.model_dump(),
-            listen=None if given.connect else listen,
+            listen=None if given.connect else self.listen,
             connect=given.connect,
             secure=self.credentials.folder(PHYSICS),
             run=self.run_id,
@@ -172,11 +193,12 @@ class _Launched:
             recorded=request.recording is not None or given.is_live,
             snapshots=str(request.snapshots.resolve()),
             table=None if given.table is None else str(given.table.resolve()),
-            result=str(folder / RESULT),
+            result=str(result),
             resume=request.resumed is not None,
         )
         again = msgspec.structs.replace(options, resume=True)
-        self.supervisor.start(ProcessSpec(PHYSICS, "orchard.processes.physics", options, again=True, afterwards=again, may_refuse=False))
+        physics = ProcessSpec(PHYSICS, "orchard.processes.physics", options, again=True, afterwards=again, may_refuse=False, result=result)
+        self.supervisor.start(physics)
         self._start_logger()
         if given.web is not None:
             from orchard.view.web import how_to_open
@@ -221,35 +243,35 @@ class _Launched:
 
         After the first Ctrl-C physics is asked to stop as soon as it listens: it gives the summary of a run without a tick.
         """
-        deadline, identity, asked = time.monotonic() + BEGIN_SECONDS, self.credentials.identity("operator"), None
+        deadline, identity, asked = self._clock() + BEGIN_SECONDS, self.credentials.identity("operator"), None
         while True:
             try:
-                bus = stack.enter_context(client(self.endpoint, inbox, TRY_SECONDS, identity))
+                bus = stack.enter_context(self._connect(self.endpoint, inbox, TRY_SECONDS, identity))
                 if asked is not None:
                     inbox.put(asked)
                 return bus
             except BusError as error:
                 self.supervisor.watch()
-                if asked is not None and time.monotonic() >= deadline:
+                if asked is not None and self._clock() >= deadline:
                     return None
                 if self._why_over(True):
                     raise
-                if time.monotonic() >= deadline:
+                if self._clock() >= deadline:
                     late = f"physics does not listen {BEGIN_SECONDS:g} s after its start; is the machine too busy?"
                     raise BusError(f"{self.endpoint}: {late}") from error
             if isinstance(item := inbox.take(0.0), Signal):
                 if asked is not None:
                     return None
-                asked, deadline = item, min(deadline, time.monotonic() + LOAD_SECONDS)
+                asked, deadline = item, min(deadline, self._clock() + LOAD_SECONDS)
 
     def _listen(self, bus: Bus, keys: Keys) -> tuple[dict[str, Any] | None, str]:
-        deadline, refusals, begun, ending = math.inf, Refusals(), False, Ending(time.monotonic)
-        while time.monotonic() < deadline:
+        deadline, refusals, begun, ending = math.inf, Refusals(), False, Ending(self._clock)
+        while self._clock() < deadline:
             item = bus.inbox.take(0.2)
             if isinstance(item, Signal):
                 self.supervisor.terminate(PHYSICS)
                 is_loading = not begun and deadline == math.inf
-                deadline = min(deadline, time.monotonic() + (LOAD_SECONDS if is_loading else STOP_SECONDS))
+                deadline = min(deadline, self._clock() + (LOAD_SECONDS if is_loading else STOP_SECONDS))
             elif isinstance(item, Alive):
                 if item.key == keys.of("alive", LOGGER, self.run_id):
                     self.watchdog.hear(item.up)
@@ -271,7 +293,7 @@ class _Launched:
             if deadline == math.inf:  # what ends after a request to stop is not restarted
                 self.supervisor.watch()
             elif self.supervisor.exit_code(PHYSICS) is not None:
-                deadline = min(deadline, time.monotonic() + STOP_SECONDS)
+                deadline = min(deadline, self._clock() + STOP_SECONDS)
         return None, "stopped"
 
     def _why_over(self, begun: bool) -> str:

@@ -49,6 +49,7 @@ class ProcessSpec:
     afterwards: ProcessOptions | None = None  # the options of a restart, if they are others
     agents: Sequence[str] = ()  # the agents that it hosts
     may_refuse: bool = True  # False: if it ends with BAD_ORDER at its first start, it is not restarted
+    result: Path | None = None  # a file that it writes when its work is done: then it is not restarted, whatever ends it
 
 
 @dataclass
@@ -65,7 +66,8 @@ class _Running:
         """Whether it has ended and is not restarted: an end that nothing has announced is a death."""
         code = self.popen.poll()
         is_refusal = code == BAD_ORDER and not self.deaths and not self.program.may_refuse
-        return code is not None and (not self.program.again or self.is_asked or self.line.code == 0 or is_refusal)
+        is_done = self.line.code == 0 or (self.program.result is not None and self.program.result.exists())
+        return code is not None and (not self.program.again or self.is_asked or is_done or is_refusal)
 
 
 @dataclass
@@ -180,10 +182,10 @@ class Supervisor:
 
     def wait(self, seconds: float) -> None:
         """Wait until all processes have ended, at most `seconds`."""
-        deadline = time.monotonic() + seconds
+        deadline = self.clock() + seconds
         with suppress(subprocess.TimeoutExpired):
             for running in self.running.values():
-                running.popen.wait(max(0.0, deadline - time.monotonic()))
+                running.popen.wait(max(0.0, deadline - self.clock()))
 
     def stop(self, seconds: float) -> None:
         """Ask all processes to end, and kill those that have not ended after `seconds`."""
@@ -233,8 +235,8 @@ SECONDS = 3.0  # that a token may be gone: a session that was cut off returns so
 class Watchdog:
     """Kills a frozen process: one whose liveliness token is gone for SECONDS. One without a token yet is still starting."""
 
-    def __init__(self, supervisor: Supervisor, name: str, clock: Callable[[], float] = time.monotonic) -> None:
-        self._supervisor, self._name, self._clock = supervisor, name, clock
+    def __init__(self, supervisor: Supervisor, name: str) -> None:
+        self._supervisor, self._name, self._clock = supervisor, name, supervisor.clock
         self._known: int | None = None  # the id of the process that had the token last
         self._gone: float | None = 0.0  # s, on the clock, since when the token is gone; None while it is there
         self._is_known = True  # whether physics is there: without it all tokens are gone

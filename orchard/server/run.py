@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from orchard.contract.events import Event
 from orchard.contract.messages import pack
 from orchard.field.scenario import TIME_STEP
+from orchard.folders import write_whole
 from orchard.net.bus import Bus
 from orchard.net.refusals import RefusalTotals, Refused, read_message
 from orchard.server.account import RunAccount
@@ -33,7 +34,7 @@ log = logging.getLogger("orchard")
 def write_end(end: End, path: str) -> None:
     """Write the end of a run to a file. A disk error is only logged: then the message that it publishes counts."""
     try:
-        Path(path).write_bytes(pack(end))
+        write_whole(Path(path), pack(end))
     except OSError as error:
         log.error("the end of the run could not be written: %s", error)
 

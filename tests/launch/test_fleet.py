@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from queue import SimpleQueue
+from time import monotonic
 
 import psutil
 import pytest
@@ -14,7 +15,7 @@ from stand_ins import Clock
 
 from orchard.field.scenario import Scenario
 from orchard.launch import distributed
-from orchard.launch.distributed import _Launched
+from orchard.launch.distributed import LaunchedRun
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest
 from orchard.launch.supervisor import BAD_ORDER, DEATHS, QUICK_SECONDS, REFUSALS, ProcessSpec, Supervisor, take_turns
@@ -115,7 +116,7 @@ def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
 def launched_by(fleet, folder):
     """A run without processes, at an address where no router answers."""
     request = RunRequest(HarvestOptions(), Scenario(), None, folder)
-    return _Launched(request, Credentials(request.options), "tcp/127.0.0.1:9", "run1", fleet, Progress(Console(file=io.StringIO())))
+    return LaunchedRun(request, Credentials(request.options), "tcp/127.0.0.1:9", fleet, Progress(Console(file=io.StringIO())))
 
 
 @pytest.mark.parametrize(("code", "words"), [(0, "its result is lost"), (BAD_ORDER, "could not start"), (-9, "ended with code -9")])
@@ -130,6 +131,7 @@ def test_why_physics_is_gone_is_told_in_words(fleet, tmp_path, code, words):
 
 def test_physics_that_never_listens_is_told_with_the_whole_time_that_it_had(fleet, tmp_path, monkeypatch):
     monkeypatch.setattr(distributed, "BEGIN_SECONDS", 0.5)
+    fleet.clock = monotonic
     fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, may_refuse=False))
     summary, why = launched_by(fleet, tmp_path).follow(Inbox())
     assert summary is None
@@ -142,6 +144,15 @@ def test_whose_run_is_over_or_who_need_not_live_is_left_alone(fleet):
     fleet.children[1].die()
     fleet.watch()
     assert len(fleet.children) == 2
+
+
+def test_who_has_written_its_result_is_not_started_again_whatever_ends_it(fleet, tmp_path):
+    result = tmp_path / "result"
+    fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, result=result))
+    fleet.children[-1].die()
+    assert not fleet.is_over(PHYSICS)
+    result.touch()
+    assert fleet.is_over(PHYSICS)
 
 
 @pytest.mark.parametrize("code", [0, 75, 100])

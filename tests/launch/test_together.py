@@ -3,6 +3,7 @@
 import io
 import signal
 from contextlib import ExitStack, nullcontext
+from time import monotonic
 from types import SimpleNamespace
 from typing import ClassVar
 
@@ -123,6 +124,7 @@ class Loading:
     """The supervisor of a physics process that still loads its modules."""
 
     given_up: ClassVar[dict] = {}
+    run, clock = "run1", staticmethod(monotonic)
 
     def __init__(self):
         self.asked_to_end = []
@@ -140,38 +142,36 @@ class Loading:
         return bool(self.asked_to_end)
 
 
-@pytest.fixture
-def loading():
+def loading(connect=None):
     credentials = SimpleNamespace(identity=lambda role: None)
-    return distributed._Launched(None, credentials, "tcp/127.0.0.1:1", "run1", Loading(), PROGRESS)
+    return distributed.LaunchedRun(None, credentials, "tcp/127.0.0.1:1", Loading(), PROGRESS, connect)
 
 
 @pytest.mark.parametrize(("signals", "ended"), [(1, "stopped: tick 0"), (2, "stopped")])
-def test_the_summary_of_a_run_that_is_stopped_before_its_first_tick_is_waited_for(loading, monkeypatch, signals, ended):
+def test_the_summary_of_a_run_that_is_stopped_before_its_first_tick_is_waited_for(monkeypatch, signals, ended):
     monkeypatch.setattr(distributed, "STOP_SECONDS", 0.0)
-    keys, inbox = Keys(), Inbox()
+    launched, keys, inbox = loading(), Keys(), Inbox()
     summary = SUMMARY | {"ticks": 0, "ended": "stopped"}
     end = Sample("orchard/end", pack(End("run1", 0, False, "stopped: tick 0", "0" * 64, summary)))
     for item in [*[Signal(signal.SIGINT)] * signals, end, Alive(keys.of("alive", distributed.PHYSICS, "run1"), False)]:
         inbox.put(item)
-    assert loading._listen(SimpleNamespace(inbox=inbox), keys) == (summary if signals == 1 else None, ended)
-    assert loading.supervisor.asked_to_end == [distributed.PHYSICS] * signals
+    assert launched._listen(SimpleNamespace(inbox=inbox), keys) == (summary if signals == 1 else None, ended)
+    assert launched.supervisor.asked_to_end == [distributed.PHYSICS] * signals
 
 
 @pytest.mark.parametrize(("signals", "is_reached"), [(1, True), (2, False)])
-def test_a_run_that_is_stopped_before_physics_listens_is_stopped_when_it_does(loading, monkeypatch, signals, is_reached):
+def test_a_run_that_is_stopped_before_physics_listens_is_stopped_when_it_does(signals, is_reached):
     inbox, tries = Inbox(), []
 
-    def client(*_):
+    def connect(*_):
         tries.append(len(tries))
         if len(tries) <= 2:
             raise BusError("nothing listens")
         return nullcontext("a session")
 
-    monkeypatch.setattr(distributed, "client", client)
     for _ in range(signals):
         inbox.put(Signal(signal.SIGINT))
-    assert loading._reach(inbox, ExitStack()) == ("a session" if is_reached else None)
+    assert loading(connect)._reach(inbox, ExitStack()) == ("a session" if is_reached else None)
     assert len(inbox) == is_reached, "it is told to physics next"
 
 

@@ -8,7 +8,10 @@ class OneProcess:
     """A fleet of one."""
 
     def __init__(self) -> None:
-        self.number, self.killed = 1, []
+        self.number, self.killed, self.now = 1, [], 0.0
+
+    def clock(self) -> float:
+        return self.now
 
     def pid(self, name: str) -> int:
         return self.number
@@ -18,25 +21,25 @@ class OneProcess:
 
 
 def test_a_process_is_ended_when_its_token_is_gone_for_too_long_and_not_while_it_starts():
-    fleet, now = OneProcess(), [0.0]
-    watchdog = Watchdog(fleet, "logger", lambda: now[0])
-    now[0] = 100.0
+    fleet = OneProcess()
+    watchdog = Watchdog(fleet, "logger")
+    fleet.now = 100.0
     watchdog.look()
     assert fleet.killed == [], "it has not been there yet"
     watchdog.hear(True)
     watchdog.hear(False)
-    now[0] += FROZEN_SECONDS - 0.1
+    fleet.now += FROZEN_SECONDS - 0.1
     watchdog.look()
     watchdog.hear(True)
-    now[0] += FROZEN_SECONDS
+    fleet.now += FROZEN_SECONDS
     watchdog.look()
     assert fleet.killed == [], "it came back"
     watchdog.hear(False)
-    now[0] += FROZEN_SECONDS
+    fleet.now += FROZEN_SECONDS
     watchdog.look()
     assert fleet.killed == [1]
     fleet.number = 2
-    now[0] += 10 * FROZEN_SECONDS
+    fleet.now += 10 * FROZEN_SECONDS
     watchdog.look()
     assert fleet.killed == [1], "the next one starts"
     watchdog.end()

@@ -5,7 +5,7 @@ import io
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
 from threading import Event, Thread
 
 from orchard.contract.guard import place_in_agent
@@ -46,7 +46,8 @@ def diverted(show: Callable[[str], None]) -> Iterator[list[io.TextIOWrapper]]:
     """In this context, `show` gets some of what C code writes to the files 1 and 2. Yield stdout and stderr for the program's own words."""
     is_over, stream = Event(), Printed(lambda words: show(words.replace("printed: printed", "printed", 1)))  # by a worker that says so
     with ExitStack() as stack:
-        own = [stack.enter_context(open(os.dup(number), "w")) for number in (1, 2)]
+        own = [os.fdopen(os.dup(number), "w") for number in (1, 2)]
+        stack.callback(_close, own)
         written = stack.enter_context(open(os.memfd_create("printed"), "wb"))  # no pipe: nobody must wait until it is read
         for number in (1, 2):
             os.dup2(written.fileno(), number)
@@ -60,6 +61,12 @@ def diverted(show: Callable[[str], None]) -> Iterator[list[io.TextIOWrapper]]:
                 os.dup2(file.fileno(), number)
             is_over.set()
             reader.join()
+
+
+def _close(files: list[io.TextIOWrapper]) -> None:
+    for file in files:
+        with suppress(OSError):  # the disk is full: what is left is lost
+            file.close()
 
 
 def _follow(written: int, stream: Printed, is_over: Event) -> None:

@@ -91,15 +91,13 @@ def own_classes_run() -> Iterator[None]:
     log, handler = logging.getLogger("orchard"), _Log()
     outputs: list[Any] = [console, errors]
     log.addHandler(handler)
-    with diverted(_say) as (console.file, errors.file):
-        try:
-            with printed(_say):
-                yield
-        finally:
-            log.removeHandler(handler)
-            for output in outputs:
-                output.end()
-                output.file = None  # stdout or stderr, whatever they are then
+    try:
+        with diverted(_say) as (console.file, errors.file), printed(_say):
+            yield
+    finally:
+        log.removeHandler(handler)
+        for output in outputs:
+            output.file = None  # stdout or stderr, whatever they are then
 
 
 @contextmanager

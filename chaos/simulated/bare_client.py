@@ -1,5 +1,5 @@
 """A client that owns one agent as docs/protocol.md describes it, without the code of a host: it follows `clock`, and its
-agent stands, which it does in any run.
+agent stands, as in any run; in realtime it walks.
 """
 
 from collections.abc import Callable
@@ -18,15 +18,17 @@ from orchard.wire import messages as wire
 from orchard.wire.keys import PHYSICS
 
 BARE_CLIENT = "bare_client"  # the process
-NAME = "weed_01"  # the agent
+NAMES = {"lockstep": "weed_01", "realtime": "worker_01"}  # mode -> the agent
+SPEEDS = {"lockstep": 0.0, "realtime": 0.5}  # m/s
 AGAIN_SECONDS = 0.1  # between two tries to join
 
 
 class BareClient:
     """The session of the client, in one run."""
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, mode: str) -> None:
         self._bus, self._ending = bus, Ending(bus.clock)
+        self._name, self._speed = NAMES[mode], SPEEDS[mode]
         self._answered = -1  # the last tick
         self._joins = 0  # how often it must join
         self._has_joined = -1  # the number of its last join
@@ -37,7 +39,7 @@ class BareClient:
         for what in ("clock", "lost", "end"):
             self._bus.subscribe(KEYS.of(what))
         self._bus.watch(KEYS.of("alive", PHYSICS, RUN))
-        self._bus.declare_alive(KEYS.of("alive", NAME, self._bus.id))
+        self._bus.declare_alive(KEYS.of("alive", self._name, self._bus.id))
         while True:
             self._check_gone()
             if self._has_joined != self._joins:
@@ -47,7 +49,7 @@ class BareClient:
 
     def _join(self) -> None:
         number = self._joins
-        request = pack(wire.Join(RUN, self._bus.id, [NAME]))
+        request = pack(wire.Join(RUN, self._bus.id, [self._name]))
         key, understand = KEYS.of("join", session=self._bus.id), lambda reply: read_message(reply, wire.Joined, RUN)
         joined = ask(self._bus, key, request, understand, ANSWER_SECONDS, self._handle, None, self._check_gone)
         if joined.refused:
@@ -79,8 +81,8 @@ class BareClient:
     def _answer(self, tick: int) -> None:
         if tick > self._answered:
             self._answered = tick
-            velocity = wire.Velocity(RUN, tick, wire.Linear(0.0), wire.Angular(0.0), self._bus.id)
-            self._bus.publish(KEYS.of("velocity", NAME), pack(velocity))
+            velocity = wire.Velocity(RUN, tick, wire.Linear(self._speed), wire.Angular(0.0), self._bus.id)
+            self._bus.publish(KEYS.of("velocity", self._name), pack(velocity))
 
     def _check_gone(self) -> None:
         if self._bus.clock() - self._gone_at >= GONE_SECONDS:
@@ -96,8 +98,7 @@ def own_agent(inbox: Inbox, opened: Callable[[], AbstractContextManager[Bus]]) -
     while True:
         try:
             with opened() as bus:
-                fetch_run(bus, KEYS)
-                BareClient(bus).run()
+                BareClient(bus, fetch_run(bus, KEYS).mode).run()
         except HostEnded as end:
             if str(end) != wire.RESET:
                 raise

@@ -12,7 +12,7 @@ from random import Random
 from chaos.simulated.link import DOWN, UP, Delays, DirectLink, Link
 from chaos.simulated.router import Router
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
-from chaos.simulated.session import SimulatedBus
+from chaos.simulated.session import Fuse, SimulatedBus
 from orchard.net.endpoints import BusError
 from orchard.net.zenoh_bus import CONNECT_SECONDS
 
@@ -160,10 +160,10 @@ class Network:
 
         return thaw
 
-    def after_messages(self, name: str, count: int, act: Callable[[], None]) -> None:
-        """Let `act` happen as a process sends its message of that number from now on."""
+    def after_messages(self, name: str, count: int, act: Callable[[], None], only_queries: bool) -> None:
+        """Let `act` happen as a process is about to send its message, or its query, of that number from now on."""
         for bus in [bus for bus in self.sessions if bus.name == name]:
-            bus.fuse = count, act
+            bus.fuse = Fuse(count, act, only_queries)
 
     def silence(self, name: str, seconds: float, ways: tuple[int, ...] = (UP, DOWN)) -> None:
         """Let nothing through on the links of a process for so long."""

@@ -18,7 +18,8 @@ CLIENT, RUN_PY, ROUTER = "client", "run.py", "router"
 class Fault(NamedTuple):
     """A fault: what happens to which process, so many seconds after a tick, and for how long (s). Before the first tick: tick -1.
 
-    `message`: it happens as the process sends its message of that number from then on; 0: at once.
+    `message`: it happens as the process is about to send its message of that number from then on, a host its query: between two of them it
+    may have sent its velocities, and not all of its mail. 0: at once.
     """
 
     what: str
@@ -58,11 +59,10 @@ class Plan:
 
     @property
     def may_lose(self) -> bool:
-        """Whether a host may be away for longer than physics waits; or for good, as it has heard the end, and then physics dies."""
-        if (self.is_elsewhere or self.has_bare_client or len(self.faults) > 1) and any(fault.who == PHYSICS for fault in self.faults):
-            return True
-        away = [fault.seconds + BACK_SECONDS for fault in self.faults if fault.who not in (CLIENT, LOGGER)]
-        return sum(away) >= self.patience
+        """Whether a host may be away for longer than physics waits."""
+        away = sum(fault.seconds + BACK_SECONDS for fault in self.faults if fault.who not in (CLIENT, LOGGER))
+        is_debugged = [fault.what for fault in self.faults] == ["think", "pause"] and self.faults[0][2:4] == self.faults[1][2:4]
+        return away - (self.faults[1].seconds if is_debugged else 0.0) >= self.patience
 
     @property
     def may_miss_the_end(self) -> bool:
@@ -99,10 +99,10 @@ FAULTS = {
     ROUTER: ("kill",),
 }
 AT_A_MOMENT = ("kill", "torn snapshot")
-TROUBLES = (  # that come together: the second one while the first one lasts, or as it ends
+TROUBLES: tuple[tuple[tuple[str, str], ...], ...] = (  # that come together
     (("pause", CLIENT), ("kill", HOST)),
     (("reset", CLIENT), ("kill", PHYSICS)),
-    (("mute", CLIENT), ("kill", PHYSICS)),
+    (("mute", CLIENT), ("kill", PHYSICS), ("kill", HOST)),
     (("full disk", PHYSICS), ("kill", PHYSICS)),
     (("kill", PHYSICS), ("kill", HOST)),
     (("cut", HOST), ("claim", CLIENT)),
@@ -124,7 +124,7 @@ def draw(seed: int) -> Plan:
         hosts,
         has_logger,
         has_router,
-        Delays(10.0 ** random.uniform(-4.0, -2.0), random.choice((0.05, 0.3, 1.0)), random.choice((0.0, 0.003, 0.02))),
+        Delays(10.0 ** random.uniform(-4.0, -2.0), random.choice((0.05, 0.3, 1.0)), random.choice((0.0, 0.003, 0.02, 0.1))),
         (),
         "realtime" if random.random() < 0.1 else "lockstep",
         random.choice((PATIENCE, PATIENCE, 4.0)),
@@ -132,7 +132,10 @@ def draw(seed: int) -> Plan:
         random.random() < 0.5,
         random.random() if has_router and random.random() < 0.3 else 0.0,
     )
-    plan = replace(plan, has_bare_client=plan.has_bare_client and plan.scenario is SCENARIOS[0] and plan.mode == "lockstep")
+    if plan.mode == "realtime":
+        plan = replace(plan, scenario=SCENARIOS[0], has_bare_client=True)
+    elif plan.scenario is not SCENARIOS[0]:  # its agent is not in the others
+        plan = replace(plan, has_bare_client=False)
     return replace(plan, faults=tuple(sorted(_faults(random, plan), key=lambda fault: fault.tick)))
 
 
@@ -156,12 +159,18 @@ def _faults(random: Random, plan: Plan) -> list[Fault]:
 
 
 def _troubles(random: Random, plan: Plan) -> list[Fault]:
-    """Two faults that come together."""
-    first, second = random.choice(TROUBLES)
+    """Faults that come together, two or three: the second one soon after the first one, or as it ends; the third one soon after that."""
+    if random.random() < 0.1:  # a host is debugged in a run that is paused meanwhile
+        seconds, moment = random.uniform(12.0, 25.0), _moment(random, plan.ticks)
+        host = Fault("think", _name(HOST, random, plan), *moment, seconds + random.uniform(4.0, 11.0))
+        return [host, Fault("pause", CLIENT, *moment, seconds)]
+    first, *others = random.choice(TROUBLES)
     one = _fault(random, plan, *first, *_moment(random, plan.ticks))
-    soon = 10.0 ** random.uniform(-4.0, 0.3)
-    at = one.delay + (soon if random.random() < 0.5 else max(0.0, one.seconds + random.uniform(-1.0, 0.2)))
-    return [one, _fault(random, plan, *second, one.tick, at)]
+    faults, at = [one], one.delay + (max(0.0, one.seconds + random.uniform(-1.0, 0.2)) if random.random() < 0.5 else 0.0)
+    for other in others:
+        at += 10.0 ** random.uniform(-4.0, 0.3)
+        faults.append(_fault(random, plan, *other, one.tick, at))
+    return faults
 
 
 def _fault(random: Random, plan: Plan, what: str, who: str, tick: int, delay: float) -> Fault:
@@ -171,11 +180,12 @@ def _fault(random: Random, plan: Plan, what: str, who: str, tick: int, delay: fl
     if what in LONG and random.random() < 0.5:
         seconds = random.uniform(5.0, 25.0)
     is_between_messages = who in (HOST, PHYSICS) and random.random() < 0.3
-    return Fault(what, _name(who, random, plan), tick, delay, seconds, random.randint(1, 30) if is_between_messages else 0)
+    message = random.randint(1, 30 if who == PHYSICS else 5) if is_between_messages else 0
+    return Fault(what, _name(who, random, plan), tick, delay, seconds, message)
 
 
 def _name(who: str, random: Random, plan: Plan) -> str:
-    if who == HOST and plan.has_bare_client and random.random() < 0.3:
+    if who == HOST and plan.has_bare_client and random.random() < 0.4:
         return BARE_CLIENT
     return f"agents_{random.randrange(plan.hosts)}" if who == HOST else who
 

@@ -14,7 +14,7 @@ from unittest.mock import patch
 
 import msgspec
 
-from chaos.simulated.bare_client import BARE_CLIENT, NAME, own_agent
+from chaos.simulated.bare_client import BARE_CLIENT, NAMES, own_agent
 from chaos.simulated.network import Network
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
 from chaos.simulated.session import SimulatedBus
@@ -358,4 +358,8 @@ def spec_of_host(name: str, share: list[str]) -> ProcessSpec:
 
 
 SPEC_OF_LOGGER = ProcessSpec(LOGGER, "orchard.processes.logger", [], again=True)
-SPEC_OF_BARE_CLIENT = ProcessSpec(BARE_CLIENT, "chaos.simulated.bare_client", [], again=True, agents=[NAME])
+
+
+def spec_of_bare_client(mode: str) -> ProcessSpec:
+    """A client of its own, which owns one agent."""
+    return ProcessSpec(BARE_CLIENT, "chaos.simulated.bare_client", [], again=True, agents=[NAMES[mode]])

@@ -8,22 +8,22 @@ from functools import partial
 from pathlib import Path
 from random import Random
 
-from chaos.simulated.bare_client import NAME
+from chaos.simulated.bare_client import NAMES
 from chaos.simulated.clients import KEYS, RUN, Client, let_act
 from chaos.simulated.link import DOWN, UP
 from chaos.simulated.network import Network
 from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, Fault, Plan, draw
 from chaos.simulated.processes import (
-    SPEC_OF_BARE_CLIENT,
     SPEC_OF_LOGGER,
     SimulatedProcess,
     SimulatedSupervisor,
     World,
+    spec_of_bare_client,
     spec_of_host,
     spec_of_physics,
 )
 from chaos.simulated.progress import Progress
-from chaos.simulated.scheduler import PassingInbox, Scheduler, VirtualInbox
+from chaos.simulated.scheduler import PassingInbox, Scheduler, Task, VirtualInbox
 from chaos.simulated.verdict import LEAVE_LIMIT, Verdict, judge
 from orchard.field.geometry import STILL
 from orchard.field.layout import lay_out
@@ -34,6 +34,7 @@ from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
 from orchard.net.refusals import Refused, read_message
 from orchard.server.options import RunOptions
+from orchard.server.run import read_end
 from orchard.wire.keys import LOGGER, PHYSICS
 from orchard.wire.messages import RESET, End
 
@@ -60,11 +61,12 @@ class Schedule:
         self.is_over = False
         self.over_at: float | None = None  # s: when the run was over
         self.inflicted: list[tuple[float, Fault]] = []  # (s, fault)
+        self.has_died_after_the_end = False  # physics: its hosts have heard the end, and do not come back
         self.progress = Progress(plan)
         self.complaints: list[str] = []
         self._is_ending = False  # run.py is gone, and its processes end
         self._ended_at: float | None = None  # s: when they had all ended
-        self._clients = 0
+        self._clients: list[Task] = []
         self._faults_left = sorted(plan.faults, key=lambda fault: fault.tick)
 
     def run(self) -> Verdict:
@@ -80,6 +82,8 @@ class Schedule:
             verdict = judge(self)
             for process in self.world.processes.values():
                 process.kill()
+            for client in self._clients:
+                client.kill()
         return verdict
 
     # -- what run.py does
@@ -101,14 +105,14 @@ class Schedule:
             resume=resume,
         )
         self._listen()
-        names = sorted(set(lay_out(Scenario(**plan.scenario)).agents) - ({NAME} if plan.has_bare_client else set()))
+        names = sorted(set(lay_out(Scenario(**plan.scenario)).agents) - ({NAMES[plan.mode]} if plan.has_bare_client else set()))
         self.supervisor = SimulatedSupervisor(self.world, RUN)
         self.elsewhere = SimulatedSupervisor(self.world, RUN) if plan.is_elsewhere else self.supervisor
         self.supervisor.start(spec_of_physics(options))
         if plan.has_logger:
             self.supervisor.start(SPEC_OF_LOGGER)
         if plan.has_bare_client:
-            self.elsewhere.start(SPEC_OF_BARE_CLIENT)
+            self.elsewhere.start(spec_of_bare_client(plan.mode))
         for number in range(plan.hosts):
             self.elsewhere.start(spec_of_host(f"agents_{number}", names[number :: plan.hosts]))
 
@@ -184,12 +188,13 @@ class Schedule:
 
     def _prepare(self, fault: Fault) -> None:
         if fault.message:
-            self.world.network.after_messages(fault.who, fault.message, partial(self._inflict, fault))
+            self.world.network.after_messages(fault.who, fault.message, partial(self._inflict, fault), fault.who != PHYSICS)
         else:
             self._inflict(fault)
 
     def _inflict(self, fault: Fault) -> None:
         self.inflicted.append((self.world.scheduler.now, fault))
+        self.has_died_after_the_end |= fault.who == PHYSICS and read_end(self.world.folder / "end", RUN) is not None
         self.world.network.trace(f"fault: {fault}")
         if fault.who == RUN_PY:
             self._die()
@@ -236,8 +241,7 @@ class Schedule:
                 process.kill()
 
     def _connect_client(self, fault: Fault) -> None:
-        self._clients += 1
-        name = f"client_{self._clients}"
+        name = f"client_{len(self._clients) + 1}"
         inbox = VirtualInbox(self.world.scheduler)
 
         def body() -> None:
@@ -246,6 +250,7 @@ class Schedule:
 
         task = self.world.scheduler.spawn(name, body)
         inbox.read_by(task)
+        self._clients.append(task)
 
     def _empty_disk(self) -> None:
         self.world.is_disk_full = False
@@ -268,7 +273,7 @@ class Schedule:
     def has_just_suffered(self, seconds: float) -> bool:
         """Whether a fault has lasted into so many seconds before the end of the run."""
         over_at = self.world.scheduler.now if self.over_at is None else self.over_at
-        return any(at + fault.seconds + seconds >= over_at for at, fault in self.inflicted)
+        return any(at + seconds + (fault.seconds if fault.who != CLIENT else 0.0) >= over_at for at, fault in self.inflicted)
 
 
 def carry_out(plan: Plan, is_traced: bool = False) -> Verdict:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from functools import partial
 from random import Random
 from typing import TYPE_CHECKING, Any
@@ -37,6 +38,15 @@ class SimulatedQuery(Query):
             self._drop()
 
 
+@dataclass
+class Fuse:
+    """What happens as a session is about to send the last of so many messages."""
+
+    left: int
+    act: Callable[[], None]
+    only_queries: bool
+
+
 class SimulatedBus(Bus):
     """A session in virtual time. It is the same for the code of a process as one of Zenoh."""
 
@@ -56,7 +66,7 @@ class SimulatedBus(Bus):
         self._asks: dict[int, tuple[Any, int]] = {}  # number -> ticket, parts that are not final
 
     link: Link | None
-    fuse: tuple[int, Callable[[], None]] | None  # what happens as it sends its message of that number from now on
+    fuse: Fuse | None
 
     def clock(self) -> float:
         return self._scheduler.now
@@ -66,13 +76,13 @@ class SimulatedBus(Bus):
         while self._task is not None and (left := deadline - self._scheduler.now) > 0.0:
             self._task.wait(left)
 
-    def _work(self) -> None:
+    def _work(self, is_query: bool = False) -> None:
         """Take some time now and then, so that a process can be killed between two messages that it sends."""
-        if self.fuse is not None and not self.is_dead:
-            left, act = self.fuse
-            self.fuse = (left - 1, act) if left > 1 else None
-            if self.fuse is None:
-                self._scheduler.after(0.0, act)
+        if self.fuse is not None and not self.is_dead and (is_query or not self.fuse.only_queries):
+            self.fuse.left -= 1
+            if not self.fuse.left:
+                self._scheduler.after(0.0, self.fuse.act)
+                self.fuse = None
                 self.sleep(1e-6)
         if self._random.random() < self._network.pauses and not self.is_dead:
             self.sleep(self._random.random() * 2e-3)
@@ -101,7 +111,7 @@ class SimulatedBus(Bus):
         return any(meets(keys, one) for one in self._known)
 
     def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
-        self._work()
+        self._work(is_query=True)
         own = [one for what, one in self._declared if what == "answer" and meets(one, key)]
         if self.link is None and not own:
             self.inbox.put(Final(ticket))

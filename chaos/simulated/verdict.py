@@ -78,7 +78,7 @@ def _of_hash(schedule: "Schedule", end: End) -> Iterator[str]:
     """Complain about lost agents, if no host was away for long, and about another hash, if none was lost."""
     plan, world = schedule.plan, schedule.world
     lost = [line for line in world.lines if "no longer waited for" in line]
-    if plan.mode == "lockstep" and lost and not plan.may_lose:
+    if plan.mode == "lockstep" and lost and not plan.may_lose and not schedule.has_died_after_the_end:
         yield f"lost: {lost[0]}"
     if plan.has_hash and not lost and world.engine is not None:
         seed = world.engine.layout.scenario.seed

@@ -58,11 +58,16 @@ class Plan:
         return self.mode == "lockstep" and not any(fault.what in CHANGES_THE_HASH for fault in self.faults)
 
     @property
+    def away(self) -> float:
+        """For how long a host may be away at most, s of a run that plays."""
+        lasting = [fault for fault in self.faults if fault.who not in (CLIENT, LOGGER) or fault.what == "claim"]
+        is_debugged = [fault.what for fault in self.faults] == ["think", "pause"] and self.faults[0][2:4] == self.faults[1][2:4]
+        return sum(fault.seconds + BACK_SECONDS for fault in lasting) - (self.faults[1].seconds if is_debugged else 0.0)
+
+    @property
     def may_lose(self) -> bool:
         """Whether a host may be away for longer than physics waits."""
-        away = sum(fault.seconds + BACK_SECONDS for fault in self.faults if fault.who not in (CLIENT, LOGGER))
-        is_debugged = [fault.what for fault in self.faults] == ["think", "pause"] and self.faults[0][2:4] == self.faults[1][2:4]
-        return away - (self.faults[1].seconds if is_debugged else 0.0) >= self.patience
+        return self.away >= self.patience
 
     @property
     def may_miss_the_end(self) -> bool:
@@ -89,6 +94,7 @@ SCENARIOS: tuple[dict[str, Any], ...] = (
     {"rows": 3, "seed": 3, "route": "two-way", **ALONE},
     {"rows": 4, "seed": 4, "dispatch": "assignment", "tractor": False, **ALONE},
 )
+IN_REALTIME: dict[str, Any] = {"rows": 3, "seed": 2, **ALONE, "people": {"workers": 1, "visitors": 0}}  # the agent of the bare client
 HOST = "host"
 FAULTS = {
     HOST: ("kill", "kill", "kill", "freeze", "think", "cut", "cut", "silence", "silence up", "silence down", "vanish"),
@@ -102,13 +108,13 @@ AT_A_MOMENT = ("kill", "torn snapshot")
 TROUBLES: tuple[tuple[tuple[str, str], ...], ...] = (  # that come together
     (("pause", CLIENT), ("kill", HOST)),
     (("reset", CLIENT), ("kill", PHYSICS)),
-    (("mute", CLIENT), ("kill", PHYSICS), ("kill", HOST)),
     (("full disk", PHYSICS), ("kill", PHYSICS)),
     (("kill", PHYSICS), ("kill", HOST)),
     (("cut", HOST), ("claim", CLIENT)),
     (("vanish", HOST), ("cut", HOST)),
     (("think", HOST), ("kill", HOST)),
 )
+AT_A_ROUTER = (("mute", CLIENT), ("kill", PHYSICS), ("kill", HOST))  # a host that starts finds the client only
 LONG = ("pause", "mute")  # what lasts for long now and then
 
 
@@ -133,7 +139,7 @@ def draw(seed: int) -> Plan:
         random.random() if has_router and random.random() < 0.3 else 0.0,
     )
     if plan.mode == "realtime":
-        plan = replace(plan, scenario=SCENARIOS[0], has_bare_client=True)
+        plan = replace(plan, scenario=IN_REALTIME, has_bare_client=True)
     elif plan.scenario is not SCENARIOS[0]:  # its agent is not in the others
         plan = replace(plan, has_bare_client=False)
     return replace(plan, faults=tuple(sorted(_faults(random, plan), key=lambda fault: fault.tick)))
@@ -164,7 +170,7 @@ def _troubles(random: Random, plan: Plan) -> list[Fault]:
         seconds, moment = random.uniform(12.0, 25.0), _moment(random, plan.ticks)
         host = Fault("think", _name(HOST, random, plan), *moment, seconds + random.uniform(4.0, 11.0))
         return [host, Fault("pause", CLIENT, *moment, seconds)]
-    first, *others = random.choice(TROUBLES)
+    first, *others = random.choice(TROUBLES + (AT_A_ROUTER,) * 4 * plan.has_router)
     one = _fault(random, plan, *first, *_moment(random, plan.ticks))
     faults, at = [one], one.delay + (max(0.0, one.seconds + random.uniform(-1.0, 0.2)) if random.random() < 0.5 else 0.0)
     for other in others:

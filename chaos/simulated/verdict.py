@@ -11,8 +11,9 @@ from chaos.simulated.processes import KILLED
 from orchard.field.scenario import Scenario
 from orchard.local import Local
 from orchard.net.refusals import TAKEN
+from orchard.server.loop import WARN_SECONDS
 from orchard.server.run import read_end
-from orchard.wire.keys import LOGGER
+from orchard.wire.keys import LOGGER, PHYSICS
 from orchard.wire.messages import End
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ LEAVE_LIMIT = 45.0  # s of virtual time within which all processes end after phy
 NOBODY_THERE = "no router answers there", "no reply; is the physics process running"  # why a process may end: physics was away for long
 NEVER_BACK = "no host has come back"
 MISSED_END = "physics is gone; waited for"
+START_SECONDS = 6.0  # s that hosts may take to come
 LOST_SECONDS = 12.0  # s after which all hosts are back from what happened
 
 
@@ -80,6 +82,9 @@ def _of_hash(schedule: "Schedule", end: End) -> Iterator[str]:
     lost = [line for line in world.lines if "no longer waited for" in line]
     if plan.mode == "lockstep" and lost and not plan.may_lose and not schedule.has_died_after_the_end:
         yield f"lost: {lost[0]}"
+    waited = sum("waiting for" in line and line.startswith(PHYSICS) for line in world.lines) * WARN_SECONDS
+    if waited > plan.away + START_SECONDS and not schedule.has_died_after_the_end:
+        yield f"physics has waited {waited:g} s for hosts"
     if plan.has_hash and not lost and world.engine is not None:
         seed = world.engine.layout.scenario.seed
         if end.hash != hashes_of(SCENARIOS.index(plan.scenario), seed)[end.tick]:

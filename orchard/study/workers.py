@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from signal import SIG_BLOCK, SIG_SETMASK, SIGINT, pthread_sigmask
 from threading import Thread
 from typing import Any, TypeVar, cast
 
@@ -80,21 +81,26 @@ class _Processes(ProcessPoolExecutor):
         listens, self._alive = context.Pipe(duplex=False)
         super().__init__(count, context, initializer=_end_with_parent, initargs=(listens,))
 
+    def submit(self, *work: Any, **named: Any) -> Any:
+        """Start the processes with the first work. They never get Ctrl-C, which is the parent's, not even while they load."""
+        before = pthread_sigmask(SIG_BLOCK, {SIGINT})
+        try:
+            return super().submit(*work, **named)
+        finally:
+            pthread_sigmask(SIG_SETMASK, before)
+
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
         self._alive.close()
         super().shutdown(wait, cancel_futures=cancel_futures)
 
 
 def _end_with_parent(alive: Connection) -> None:
-    """In a worker: end as soon as the parent closes its end of the pipe, or is killed. Ctrl-C at the terminal is the parent's.
+    """In a worker: end as soon as the parent closes its end of the pipe, or is killed.
 
     Some of what own classes print is shown, by the parent; what C code writes to the file of stdout is not.
     """
-    import signal
-
     sys.stdout = sys.stderr = Printed(partial(print, file=sys.stderr, flush=True))
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_exit_after, args=(alive,), daemon=True).start()
 
 

@@ -95,7 +95,7 @@ def test_another_directorys_things_are_left_alone(tmp_path):
         (["--secure", "{folder}", "--mode", "local"], "local mode is one process"),
         (["--secure", "{folder}", "--without", "bin_01"], "ben is the role of bin_01, picker_02"),
         (["--secure", "{folder}", "--without", "bin_01"], "`orchard secure --role NAME=bin_01` gives the others a role of their own"),
-        (["--secure", "{folder}/shed"], "no role for bin_01"),
+        (["--secure", "{folder}/shed"], "shed: the role physics is not in it; it has shed"),
         (["--secure", "{folder}", "--connect", "tls/127.0.0.1:9", "--only", "carrier"], "with --only choose one of them: DIR/<role>"),
     ],
 )

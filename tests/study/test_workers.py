@@ -1,6 +1,7 @@
 """Workers do all work once, whatever dies; none outlives its parent."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from work import deadly, double, faulty, loud, slow
+from work import blocked_signals, deadly, double, faulty, loud, slow
 
 from orchard.contract.printed import MOST_LINES
 from orchard.field.scenario import Scenario
@@ -32,6 +33,12 @@ def test_a_worker_that_is_killed_loses_and_doubles_nothing(tmp_path):
     assert (tmp_path / "died").exists()
     assert sorted(result for _, result in done) == [2 * number for number in NUMBERS]
     assert all(result == 2 * item[0] for item, result in done)
+
+
+def test_ctrl_c_at_the_terminal_is_the_parents():
+    with processes(1) as workers:
+        assert [signals for _, signals in workers.do(blocked_signals, [1], always)] == [{signal.SIGINT}]
+    assert signal.SIGINT not in blocked_signals(None)
 
 
 def test_work_that_kills_each_worker_ends_the_study_with_words():

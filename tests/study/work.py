@@ -33,3 +33,7 @@ def slow(item: Path) -> None:
     """Tell who works, and work for a long time."""
     item.write_text(str(os.getpid()))
     signal.pause()
+
+
+def blocked_signals(_) -> set[int]:
+    return signal.pthread_sigmask(signal.SIG_BLOCK, set())

@@ -3,6 +3,7 @@
 import logging
 import math
 import os
+import re
 import shlex
 import shutil
 import sys
@@ -234,7 +235,7 @@ def fault_of(error: TyperException) -> str:
     if option := getattr(error, "option_name", ""):
         return f"{option}: {_of_option(error)}"
     if not isinstance(error, BadParameter):
-        return error.format_message()
+        return re.sub(r"^Got unexpected extra .*\((.*)\)$", r"\1: one word too many; see --help", error.format_message())
     where = f"{hint}: " if hint.startswith("-") else ""  # an argument is named by its value
     if not isinstance(cause := error.__cause__, ValidationError):
         return f"{where}{error.message}"

@@ -65,6 +65,7 @@ def test_no_option_and_no_path_can_control_the_terminal(arguments, tmp_path, mon
         (["--web", "80"], "--web: 80: expected a number from 1024 on"),
         (["--mode", "sideways"], "--mode: 'sideways' is not one of 'local', 'lockstep', 'realtime'."),
         (["replay"], "FILE.mcap is missing; see --help"),
+        (["view", "a", "b"], "b: one word too many; see --help"),
         (["export"], "--mcap is missing; see --help"),
         (["--rosw", "3"], "--rosw: no such option; did you mean --rows"),
         (["stop", "--nothing"], "--nothing: no such option; see --help"),

@@ -44,7 +44,7 @@ class Network:
 
     def new_id(self, name: str) -> str:
         self._ids[name] = self._ids.get(name, 0) + 1
-        return f"{name.replace('_', '')}x{self._ids[name]}"
+        return f"{''.join(filter(str.isalnum, name))}x{self._ids[name]}"
 
     def next_number(self) -> int:
         self._number += 1

@@ -193,7 +193,7 @@ def _fault(random: Random, plan: Plan, what: str, who: str, tick: int, delay: fl
 def _name(who: str, random: Random, plan: Plan) -> str:
     if who == HOST and plan.has_bare_client and random.random() < 0.4:
         return BARE_CLIENT
-    return f"agents_{random.randrange(plan.hosts)}" if who == HOST else who
+    return f"agents {random.randint(1, plan.hosts)}" if who == HOST else who
 
 
 def _moment(random: Random, ticks: int) -> tuple[int, float]:

@@ -4,40 +4,46 @@ import logging
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from random import Random
 from signal import SIGTERM
+from subprocess import TimeoutExpired
 from typing import Any
 from unittest.mock import patch
 
 import msgspec
 
 from chaos.simulated.bare_client import BARE_CLIENT, NAMES, own_agent
+from chaos.simulated.clients import RUN
 from chaos.simulated.network import Network
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
 from chaos.simulated.session import SimulatedBus
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check
+from orchard.launch import distributed
 from orchard.launch.supervisor import ProcessSpec, Supervisor
-from orchard.net.bus import Bus, Signal
+from orchard.net.bus import Bus, Inbox, Signal
 from orchard.net.endpoints import BusError
 from orchard.net.host import Host, HostEnded
 from orchard.net.options import HostOptions, Options, read_options
 from orchard.net.requests import fetch_run
+from orchard.net.zenoh_bus import CONNECT_SECONDS
 from orchard.processes import agents, physics
 from orchard.record.logger import FrameQueue, Logger
 from orchard.server import snapshots
 from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
 from orchard.sim.snapshot import SnapshotError, store
-from orchard.wire.keys import LOGGER, PHYSICS, Keys
+from orchard.wire.keys import Keys
 
 log = logging.getLogger("orchard")
 MISTAKES = (BusError, ValueError, ScenarioError, SnapshotError, OSError)  # that a process logs, and ends with code 2
 KILLED = -9  # exit code
+SNAPSHOT_SECONDS = 0.5  # between two snapshots: few schedules last for seconds
 
 
 class SimulatedFuture(Future[Any]):
@@ -94,9 +100,10 @@ class SimulatedLine:
 class SimulatedProcess:
     """A process of the supervisor: what `subprocess.Popen` is for a real one."""
 
-    def __init__(self, world: "World", spec: ProcessSpec, order: Any, pid: int) -> None:
+    def __init__(self, world: "World", spec: ProcessSpec, order: Any, pid: int, start_seconds: float = 1.0) -> None:
+        """`start_seconds`: that it takes at most to load its modules."""
         self.world, self.spec, self.pid, self.code = world, spec, pid, None
-        self.order = order
+        self.order, self._start_seconds = order, start_seconds
         self.line = SimulatedLine(self)
         self.inbox = VirtualInbox(world.scheduler)
         self.task = world.scheduler.spawn(spec.name, self._run)
@@ -112,13 +119,17 @@ class SimulatedProcess:
     code: int | None
 
     def _run(self) -> None:
-        self.task.wait(self.world.random.random() * self.world.start_seconds)  # it loads its modules
+        self.task.wait(self.world.random.random() * self._start_seconds)
         try:
             self.code = self.line.code = _code_of(self)
         except Exception as error:
             self.code = 1
             self.world.crash(self, error)
         self.world.network.trace(f"{self.spec.name} has ended with code {self.code}")
+
+    def body(self) -> int:
+        """Do what it does. Return its exit code."""
+        return BODIES[self.spec.module](self)
 
     def poll(self) -> int | None:
         return self.code
@@ -159,15 +170,26 @@ class SimulatedProcess:
             if not self._thaws:
                 self.task.thaw()
 
-    def wait(self, timeout: float | None = None) -> int | None:
+    def wait(self, timeout: float = inf) -> int:
+        """Let the task that calls it wait for its end. Return its exit code. Raises TimeoutExpired."""
+        scheduler, deadline = self.world.scheduler, self.world.scheduler.now + timeout
+        while self.code is None:
+            if scheduler.now >= deadline or scheduler.current is None:
+                raise TimeoutExpired(self.spec.name, timeout)
+            scheduler.current.wait(0.01)
         return self.code
 
     @contextmanager
-    def opened(self, is_router: bool = False) -> Iterator[Bus]:
-        """Open its session."""
-        network = self.world.network
-        open_session = network.router_session if is_router else network.client_session
-        with open_session(self.spec.name, self.task, self.inbox, self.disk) as bus:
+    def routed(self) -> Iterator[Bus]:
+        """Open its session, and the router."""
+        with self.world.network.router_session(self.spec.name, self.task, self.inbox, self.disk) as bus:
+            self.buses.append(bus)
+            yield bus
+
+    @contextmanager
+    def connected(self, seconds: float = CONNECT_SECONDS) -> Iterator[Bus]:
+        """Open its session at the router. Raises BusError if there is none within `seconds`."""
+        with self.world.network.client_session(self.spec.name, self.task, self.inbox, self.disk, seconds) as bus:
             self.buses.append(bus)
             yield bus
 
@@ -175,7 +197,7 @@ class SimulatedProcess:
 def _code_of(process: SimulatedProcess) -> int:
     """Run the code of a process. Return its exit code."""
     try:
-        return BODIES[process.spec.module](process)
+        return process.body()
     except HostEnded as end:
         if end.code:
             log.error("%s", end)
@@ -192,13 +214,14 @@ def _options_of(process: SimulatedProcess, kind: type[Options]) -> Options:
 
 
 def _physics(process: SimulatedProcess) -> int:
-    options = _options_of(process, RunOptions)
-    is_router = options.connect is None
-    return physics.simulate(process.inbox, options, lambda options, inbox: process.opened(is_router), process.world.begin)
+    def opened(options: RunOptions, inbox: Inbox) -> AbstractContextManager[Bus]:
+        return process.routed() if options.connect is None else process.connected()
+
+    return physics.simulate(process.inbox, _options_of(process, RunOptions), opened, process.world.begin)
 
 
 def _agents(process: SimulatedProcess) -> int:
-    agents.host(process.inbox, _options_of(process, HostOptions), lambda inbox: process.opened(), ready=process.hosts.append)
+    agents.host(process.inbox, _options_of(process, HostOptions), lambda inbox: process.connected(), ready=process.hosts.append)
 
 
 def _router(process: SimulatedProcess) -> int:
@@ -223,7 +246,7 @@ class _NoWriter:
 
 
 def _logger(process: SimulatedProcess) -> int:
-    with process.opened() as bus:
+    with process.connected() as bus:
         keys = Keys()
         run = fetch_run(bus, keys)
         queue = FrameQueue()
@@ -238,20 +261,25 @@ BODIES: dict[str, Callable[[SimulatedProcess], int]] = {
     "orchard.processes.agents": _agents,
     "orchard.processes.logger": _logger,
     "orchard.processes.router": _router,
-    "chaos.simulated.bare_client": lambda process: own_agent(process.inbox, process.opened),
+    "chaos.simulated.bare_client": lambda process: own_agent(process.inbox, process.connected),
 }
 
 
 class SimulatedSupervisor(Supervisor):
     """The supervisor, by its own rules, with processes in virtual time."""
 
-    def __init__(self, world: "World", run: str) -> None:
-        super().__init__(world.say, run, clock=lambda: world.scheduler.now)
+    def __init__(self, world: "World") -> None:
+        super().__init__(world.say, RUN, clock=lambda: world.scheduler.now)
         self._world, self._pids = world, 0
+        self.restarted: list[str] = []  # the names of processes, once for each restart
 
     def _open(self, program: ProcessSpec, order: Any) -> Any:
         self._pids += 1
-        self._world.network.trace(f"{program.name} is started{' again' if order is not program.order else ''}")
+        is_again = program.name in self.running
+        self.restarted += [program.name] * is_again
+        self._world.network.trace(f"{program.name} is started{' again' if is_again else ''}")
+        if isinstance(order, RunOptions):
+            order = msgspec.structs.replace(order, snapshot_every=SNAPSHOT_SECONDS)
         process = SimulatedProcess(self._world, program, order, self._pids)
         return process, process.line
 
@@ -267,7 +295,6 @@ class World:
     network: Network
     random: Random
     folder: Path  # for snapshots
-    start_seconds: float = 1.0  # that a process takes at most to load its modules
     disk_seconds: float = 0.1  # that a write takes at most
     is_disk_full: bool = False
     engine: Engine | None = None  # of physics
@@ -277,6 +304,10 @@ class World:
     processes: dict[Task, SimulatedProcess] = field(default_factory=dict)
     crashes: list[str] = field(default_factory=list)  # what no user should see
     frames: list[FrameQueue] = field(default_factory=list)  # of each logger
+
+    def process(self, name: str) -> SimulatedProcess | None:
+        """Return the process of this name that runs."""
+        return next((process for process in self.processes.values() if process.spec.name == name and process.code is None), None)
 
     def begin(self, engine: Engine) -> None:
         """Know the engine of physics, which is about to begin."""
@@ -322,11 +353,18 @@ class World:
         propagates, log.propagate = log.propagate, False
         log.addHandler(handler)
         try:
-            with patch.object(snapshots, "store", self._store), patch("sys.stdout", self):
+            folders = patch.object(distributed, "TemporaryDirectory", self._new_folder)
+            with patch.object(snapshots, "store", self._store), patch("sys.stdout", self), folders:
                 yield
         finally:
             log.removeHandler(handler)
             log.propagate = propagates
+
+    def _new_folder(self) -> AbstractContextManager[str]:
+        """A folder that stays, as after a kill."""
+        path = self.folder / f"run_py_{len(self.processes)}"
+        path.mkdir()
+        return nullcontext(str(path))
 
     def _store(self, name: str, content: bytes, folder: Path, run: str) -> Path:
         if self.is_disk_full:
@@ -344,20 +382,6 @@ class _Handler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         self._world.log(record.getMessage())
-
-
-def spec_of_physics(options: RunOptions) -> ProcessSpec:
-    """The process of physics, as run.py starts it."""
-    again = msgspec.structs.replace(options, resume=True)
-    return ProcessSpec(PHYSICS, "orchard.processes.physics", options, again=True, afterwards=again, may_refuse=False)
-
-
-def spec_of_host(name: str, share: list[str]) -> ProcessSpec:
-    """A process that hosts these agents, as run.py starts it."""
-    return ProcessSpec(name, "orchard.processes.agents", HostOptions(connect=Network.ENDPOINT, only=share), again=True, agents=share)
-
-
-SPEC_OF_LOGGER = ProcessSpec(LOGGER, "orchard.processes.logger", [], again=True)
 
 
 def spec_of_bare_client(mode: str) -> ProcessSpec:

@@ -9,38 +9,28 @@ from pathlib import Path
 from random import Random
 
 from chaos.simulated.bare_client import NAMES
-from chaos.simulated.clients import KEYS, RUN, Client, let_act
+from chaos.simulated.clients import RUN, Client, let_act
+from chaos.simulated.launcher import Launcher
 from chaos.simulated.link import DOWN, UP
 from chaos.simulated.network import Network
 from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, Fault, Plan, draw
-from chaos.simulated.processes import (
-    SPEC_OF_LOGGER,
-    SimulatedProcess,
-    SimulatedSupervisor,
-    World,
-    spec_of_bare_client,
-    spec_of_host,
-    spec_of_physics,
-)
+from chaos.simulated.processes import KILLED, SimulatedProcess, SimulatedSupervisor, World, spec_of_bare_client
 from chaos.simulated.progress import Progress
-from chaos.simulated.scheduler import PassingInbox, Scheduler, Task, VirtualInbox
+from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
 from chaos.simulated.verdict import LEAVE_LIMIT, Verdict, judge
 from orchard.field.geometry import STILL
-from orchard.field.layout import lay_out
 from orchard.field.scenario import TIME_STEP, Scenario
-from orchard.launch.distributed import THINK_SECONDS
-from orchard.net.bus import Alive, Item, Sample
-from orchard.net.ending import Ending
+from orchard.launch.distributed import agent_names, start_hosts
+from orchard.launch.options import HarvestOptions
+from orchard.launch.request import Credentials, RunRequest
 from orchard.net.endpoints import BusError
-from orchard.net.refusals import Refused, read_message
-from orchard.server.options import RunOptions
-from orchard.server.run import read_end
-from orchard.wire.keys import LOGGER, PHYSICS
-from orchard.wire.messages import RESET, End
+from orchard.server.snapshots import last
+from orchard.sim.snapshot import Snapshot
+from orchard.wire.keys import PHYSICS
 
 NO_EXECUTOR = Executor()  # of clients, which write nothing
 USER_SECONDS = 2.0  # that a user takes to continue a run
-LOOK_SECONDS = 0.2  # between two looks of run.py at its processes
+LOOK_SECONDS = 0.2  # between two looks at what runs
 SPEED = 5.0  # of a realtime run: simulated seconds a second
 STAND_TICKS = 20
 STAND_SECONDS = 0.8  # after which the robots of a silent host stand, in realtime
@@ -57,15 +47,10 @@ class Schedule:
         network.is_traced = is_traced
         self.world = World(scheduler, network, Random(f"world {plan.seed}"), folder)
         network.late = plan.late
-        self.supervisor = self.elsewhere = SimulatedSupervisor(self.world, "")  # of run.py, and of the machine with the hosts
-        self.is_over = False
-        self.over_at: float | None = None  # s: when the run was over
+        self.elsewhere = SimulatedSupervisor(self.world)  # of another machine
         self.inflicted: list[tuple[float, Fault]] = []  # (s, fault)
-        self.has_died_after_the_end = False  # physics: its hosts have heard the end, and do not come back
         self.progress = Progress(plan)
         self.complaints: list[str] = []
-        self._is_ending = False  # run.py is gone, and its processes end
-        self._ended_at: float | None = None  # s: when they had all ended
         self._clients: list[Task] = []
         self._faults_left = sorted(plan.faults, key=lambda fault: fault.tick)
 
@@ -75,103 +60,70 @@ class Schedule:
             if self.plan.has_router:
                 self.world.network.start_router(ROUTER)
             self._start()
-            self.world.scheduler.after(LOOK_SECONDS, self._look)
+            self._look()
             self._plan_faults()
-            while not self.is_over and self.world.scheduler.step(LIMIT):
+            while not self._is_over() and self.world.scheduler.step(LIMIT):
                 self._plan_faults()
             verdict = judge(self)
-            for process in self.world.processes.values():
+            for process in list(self.world.processes.values()):
                 process.kill()
             for client in self._clients:
                 client.kill()
         return verdict
 
-    # -- what run.py does
+    # -- what people do
 
-    def _start(self, resume: bool = False) -> None:
+    def _start(self, resumed: Snapshot | None = None) -> None:
+        """Start run.py, and what runs on another machine."""
         plan, folder = self.plan, self.world.folder
-        options = RunOptions(
-            scenario=Scenario(**plan.scenario).model_dump(),
-            run=RUN,
-            connect=Network.ENDPOINT if plan.has_router else None,
+        names, left = agent_names(Scenario(**plan.scenario)), [NAMES[plan.mode]] * plan.has_bare_client
+        options = HarvestOptions(
             mode=plan.mode,  # type: ignore[arg-type]
             speed=SPEED if plan.mode == "realtime" else None,
+            hosts=plan.hosts,
             patience=plan.patience,
             duration=plan.ticks * TIME_STEP,
-            snapshots=str(folder / "snapshots"),
-            snapshot_every=0.5,
-            result=str(folder / "end"),
-            recorded=plan.has_logger,
-            resume=resume,
+            progress="json",
+            connect=Network.ENDPOINT if plan.has_router else None,
+            without=names if plan.is_elsewhere else left or None,
         )
-        self._listen()
-        names = sorted(set(lay_out(Scenario(**plan.scenario)).agents) - ({NAMES[plan.mode]} if plan.has_bare_client else set()))
-        self.supervisor = SimulatedSupervisor(self.world, RUN)
-        self.elsewhere = SimulatedSupervisor(self.world, RUN) if plan.is_elsewhere else self.supervisor
-        self.supervisor.start(spec_of_physics(options))
-        if plan.has_logger:
-            self.supervisor.start(SPEC_OF_LOGGER)
+        recording = folder / "run.rrd" if plan.has_logger else None
+        self.run_py = Launcher(self.world, RunRequest(options, Scenario(**plan.scenario), recording, folder / "snapshots", resumed))
         if plan.has_bare_client:
             self.elsewhere.start(spec_of_bare_client(plan.mode))
-        for number in range(plan.hosts):
-            self.elsewhere.start(spec_of_host(f"agents_{number}", names[number :: plan.hosts]))
-
-    def _listen(self) -> None:
-        """Open the session of run.py."""
-        network = self.world.network
-        for session in [session for session in network.sessions if session.name == RUN_PY]:
-            network.end(session)
-        self._ending = Ending(lambda: self.world.scheduler.now)
-        session = network.open(RUN_PY, PassingInbox(self.world.scheduler, self._hear))
-        session.subscribe(KEYS.of("end"))
-        session.watch(KEYS.of("alive", PHYSICS, RUN))
+        if plan.is_elsewhere:
+            credentials, names = Credentials(options), [name for name in names if name not in left]
+            start_hosts(self.elsewhere, Network.ENDPOINT, credentials.shares(names, names), credentials)
 
     def _look(self) -> None:
-        """Restart what has died, until physics is over; then wait for the others."""
-        scheduler, supervisor = self.world.scheduler, self.supervisor
-        is_any_left = supervisor.is_any_left() or self.elsewhere.is_any_left()
-        if self._is_ending:
-            if not is_any_left and self._ended_at is None:
-                self._ended_at = scheduler.now
-            if self._ended_at is not None and scheduler.now >= self._ended_at + USER_SECONDS:
-                self._is_ending, self._ended_at = False, None
-                self._start(resume=True)
-        elif self.over_at is not None:
-            if scheduler.now > self.over_at + THINK_SECONDS:
-                supervisor.kill(PHYSICS)
-            self.is_over = not is_any_left or scheduler.now > self.over_at + LEAVE_LIMIT
-        elif supervisor.is_over(PHYSICS) or PHYSICS in supervisor.given_up:
-            self._let_go()
-        else:
-            supervisor.watch()
+        """Start again what has died elsewhere, and look how far the run is."""
+        if self.run_py.code is None and self.over_at is None:
             self.elsewhere.watch()
             self.progress.look(self.world)
-        scheduler.after(LOOK_SECONDS, self._look)
+        self.world.scheduler.after(LOOK_SECONDS, self._look)
 
-    def _let_go(self) -> None:
-        """Let the processes end: the run is over."""
-        self.over_at = self.world.scheduler.now
-        self.supervisor.terminate(*(name for name in self.supervisor.running if name.startswith("agents")))
-        if not self.world.network.has_token(KEYS.of("alive", LOGGER, RUN)):
-            self.supervisor.kill(LOGGER)
+    @property
+    def over_at(self) -> float | None:
+        """When the run was over, s."""
+        return self.run_py.over_at
 
-    def _hear(self, item: Item) -> None:
-        """Hear of the end, as run.py does."""
-        if isinstance(item, Alive):
-            self._ending.track(item.up)
-        elif isinstance(item, Sample):
-            with suppress(Refused):
-                if (end := read_message(item.payload, End, RUN)).why != RESET:
-                    self._ending.hear(end)
-        is_here = self.over_at is None and not self._is_ending and self.supervisor.exit_code(PHYSICS) is None
-        if is_here and self._ending.end is not None:
-            self._let_go()
+    def _is_over(self) -> bool:
+        """Whether run.py has ended, and also what runs elsewhere, or that had the time for it."""
+        if self.over_at is None or self.run_py.code in (None, KILLED):
+            return False
+        return not self.elsewhere.is_any_left() or self.world.scheduler.now > self.over_at + LEAVE_LIMIT
 
-    def _die(self) -> None:
-        """End as run.py does by SIGKILL: the lines of all processes close. A moment later, a user continues the run."""
-        if not self._is_ending and self.over_at is None and not self.supervisor.is_over(PHYSICS):
-            self._is_ending = True
-            self.supervisor.terminate(*self.supervisor.running)
+    def _kill_run_py(self) -> None:
+        if self.run_py.code is None:
+            self.run_py.kill()
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Continue the run whose run.py was killed, as soon as all processes have ended."""
+        if any(process.code is None for process in self.world.processes.values()):
+            self.world.scheduler.after(LOOK_SECONDS, self._go_on)
+        else:
+            self.world.scheduler.after(USER_SECONDS, lambda: self._start(last(self.world.folder / "snapshots", RUN)))
 
     # -- faults
 
@@ -194,22 +146,16 @@ class Schedule:
 
     def _inflict(self, fault: Fault) -> None:
         self.inflicted.append((self.world.scheduler.now, fault))
-        self.has_died_after_the_end |= fault.who == PHYSICS and read_end(self.world.folder / "end", RUN) is not None
         self.world.network.trace(f"fault: {fault}")
         if fault.who == RUN_PY:
-            self._die()
+            self._kill_run_py()
         elif fault.who == CLIENT:
             self._connect_client(fault)
         elif fault.who == ROUTER:
             self.world.network.end_router(ROUTER, self.world.random.random())
             self.world.scheduler.after(max(1.0, fault.seconds), partial(self.world.network.start_router, ROUTER))
-        elif (process := self._process(fault.who)) is not None:
+        elif (process := self.world.process(fault.who)) is not None:
             self._hurt(fault, process)
-
-    def _process(self, name: str) -> SimulatedProcess | None:
-        """Return a process, if it runs."""
-        running = self.supervisor.running.get(name) or self.elsewhere.running.get(name)
-        return None if running is None or running.popen.poll() is not None else running.popen  # type: ignore[return-value]
 
     def _hurt(self, fault: Fault, process: SimulatedProcess) -> None:
         network = self.world.network

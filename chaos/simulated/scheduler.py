@@ -113,6 +113,7 @@ class Task:
         """End it where it waits. None of its code has an effect any more."""
         if not self.is_over:
             self.is_over = True
+            self._greenlet.parent = getcurrent()  # which goes on then
             self._greenlet.throw(GreenletExit)
 
 

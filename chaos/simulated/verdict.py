@@ -3,18 +3,15 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from chaos.simulated.clients import RUN
 from chaos.simulated.plan import MOST_TICKS, SCENARIOS, Plan
 from chaos.simulated.processes import KILLED
 from orchard.field.scenario import Scenario
 from orchard.local import Local
 from orchard.net.refusals import TAKEN
 from orchard.server.loop import WARN_SECONDS
-from orchard.server.run import read_end
 from orchard.wire.keys import LOGGER, PHYSICS
-from orchard.wire.messages import End
 
 if TYPE_CHECKING:
     from chaos.simulated.schedule import Schedule
@@ -32,7 +29,7 @@ class Verdict:
     """What came of a schedule. `complaints`: what was promised and did not hold; empty for a good one."""
 
     plan: Plan
-    end: End | None = None
+    summary: dict[str, Any] = field(default_factory=dict)  # of the run; empty if run.py has none
     seconds: float = 0.0  # virtual
     complaints: list[str] = field(default_factory=list)
     lines: list[str] = field(default_factory=list)  # the trace, if it was wanted
@@ -52,52 +49,53 @@ def hashes_of(scenario: int, seed: int) -> list[str]:
 def judge(schedule: "Schedule") -> Verdict:
     """Judge a schedule that is over."""
     world, plan = schedule.world, schedule.plan
-    verdict = Verdict(plan, read_end(world.folder / "end", RUN), world.scheduler.now, lines=world.network.lines)
+    summary, why = schedule.run_py.result
+    verdict = Verdict(plan, summary or {}, world.scheduler.now, lines=world.network.lines)
     verdict.complaints += [f"crash: {crash}" for crash in world.crashes]
-    if verdict.end is None:
-        verdict.complaints.append(f"no end: {'; '.join(world.lines[-3:])}")
+    if summary is None:
+        verdict.complaints.append(f"no end: {'; '.join([*world.lines[-3:], why])}")
     else:
         verdict.complaints += [*schedule.complaints, *schedule.progress.complaints]
-        verdict.complaints += [*_of_end(plan, verdict.end), *_of_hash(schedule, verdict.end), *_of_processes(schedule)]
+        verdict.complaints += [*_of_end(plan, summary, why), *_of_hash(schedule, summary, why), *_of_processes(schedule)]
     return verdict
 
 
-def _of_end(plan: Plan, end: End) -> Iterator[str]:
+def _of_end(plan: Plan, summary: dict[str, Any], why: str) -> Iterator[str]:
     """Complain about how the run has ended."""
-    for violation in end.summary["violations"][:1]:
+    for violation in summary["violations"][:1]:
         yield f"violated: {violation}"
-    for broken in end.summary["broken_agents"][:1]:
+    for broken in summary["broken_agents"][:1]:
         yield f"broken: {broken}"
-    if end.why != "duration" and not (plan.has("quit") and end.why == "stopped"):
-        yield f"ended by itself: {end.why}, at tick {end.tick}"
-    elif end.why == "duration" and end.tick != plan.ticks:
-        yield f"wrong tick: {end.tick} of {plan.ticks}"
-    if plan.mode == "lockstep" and not plan.faults and end.summary["messages_refused"]:
-        yield f"refused without a fault: {end.summary['messages_refused']}"
+    if why != "duration" and not (plan.has("quit") and why == "stopped"):
+        yield f"ended by itself: {why}, at tick {summary['ticks']}"
+    elif why == "duration" and summary["ticks"] != plan.ticks:
+        yield f"wrong tick: {summary['ticks']} of {plan.ticks}"
+    if plan.mode == "lockstep" and not plan.faults and summary["messages_refused"]:
+        yield f"refused without a fault: {summary['messages_refused']}"
 
 
-def _of_hash(schedule: "Schedule", end: End) -> Iterator[str]:
+def _of_hash(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterator[str]:
     """Complain about lost agents, if no host was away for long, and about another hash, if none was lost."""
     plan, world = schedule.plan, schedule.world
     lost = [line for line in world.lines if "no longer waited for" in line]
-    if plan.mode == "lockstep" and lost and not plan.may_lose and not schedule.has_died_after_the_end:
+    if plan.mode == "lockstep" and lost and not plan.may_lose:
         yield f"lost: {lost[0]}"
     waited = sum("waiting for" in line and line.startswith(PHYSICS) for line in world.lines) * WARN_SECONDS
-    if waited > plan.away + START_SECONDS and not schedule.has_died_after_the_end:
+    if waited > plan.away + START_SECONDS:
         yield f"physics has waited {waited:g} s for hosts"
     if plan.has_hash and not lost and world.engine is not None:
         seed = world.engine.layout.scenario.seed
-        if end.hash != hashes_of(SCENARIOS.index(plan.scenario), seed)[end.tick]:
+        if summary["hash"] != hashes_of(SCENARIOS.index(plan.scenario), seed)[summary["ticks"]]:
             yield "another hash than local mode"
     sessions = plan.hosts + plan.has_bare_client
-    is_whole = end.summary["hosts"] == sessions or any(NEVER_BACK in line for line in lost)
-    if not is_whole and end.why == "duration" and not schedule.has_just_suffered(LOST_SECONDS):
-        yield f"{end.summary['hosts']} of {sessions} sessions at the end"
+    is_whole = summary["hosts"] == sessions or any(NEVER_BACK in line for line in lost)
+    if not is_whole and why == "duration" and not schedule.has_just_suffered(LOST_SECONDS):
+        yield f"{summary['hosts']} of {sessions} sessions at the end"
 
 
 def _of_processes(schedule: "Schedule") -> Iterator[str]:
     """Complain about how the processes have ended: all that were started, also those that were started again."""
-    plan = schedule.plan
+    plan, lines, supervisor = schedule.plan, schedule.world.lines, schedule.run_py.supervisor
     for process in schedule.world.processes.values():
         name, why = process.spec.name, process.complaints[-1] if process.complaints else ""
         is_lost = any(words in why for words in NOBODY_THERE) or name == LOGGER or (TAKEN in why and plan.may_take)
@@ -105,5 +103,10 @@ def _of_processes(schedule: "Schedule") -> Iterator[str]:
             yield f"{name} still runs {LEAVE_LIMIT:g} s after the end"
         elif process.code not in (0, KILLED) and not is_lost and not (MISSED_END in why and plan.may_miss_the_end):
             yield f"{name} ended with code {process.code}: {why}"
-    for name in (*schedule.supervisor.given_up, *schedule.elsewhere.given_up):
+    if not plan.has("freeze"):
+        yield from (line for line in lines if line.startswith(f"{PHYSICS} has not ended"))
+    for name in sorted(set(supervisor.restarted)):
+        if sum(line.startswith(f"{name} ended with code") for line in lines) < supervisor.restarted.count(name):
+            yield f"{name} has died, and the user does not know it"
+    for name in (*supervisor.given_up, *schedule.elsewhere.given_up):
         yield f"{name} was given up"

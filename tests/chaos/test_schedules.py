@@ -12,6 +12,7 @@ from chaos.simulated.link import Delays
 from chaos.simulated.mutations import cut_out
 from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, SCENARIOS, Fault, Plan, draw
 from chaos.simulated.schedule import carry_out, shrink
+from orchard.server.account import RunAccount
 from orchard.wire.keys import PHYSICS
 
 
@@ -46,9 +47,7 @@ def test_a_run_without_faults_ends_well_and_soon(others):
 @pytest.mark.parametrize("seed", [20, 67, 91])
 def test_a_run_without_faults_refuses_nothing(seed):
     """A request that comes while its host recalls the same mail is no late one."""
-    end = carry_out(replace(draw(seed), faults=(), ticks=10)).end
-    assert end is not None
-    assert end.summary["messages_refused"] == {}
+    assert carry_out(replace(draw(seed), faults=(), ticks=10)).summary["messages_refused"] == {}
 
 
 def test_a_mutation_is_found_and_shrinks_to_the_faults_that_it_needs():
@@ -62,7 +61,7 @@ def test_a_mutation_is_found_and_shrinks_to_the_faults_that_it_needs():
 
 # -- one fault after the other, in the middle of a run
 
-ONE, OTHER = "agents_0", "agents_1"
+ONE, OTHER = "agents 1", "agents 2"
 FAULTS = {
     "a host before its first tick": [Fault("kill", ONE, -1, 0.3)],
     "both hosts": [Fault("kill", ONE, 40), Fault("kill", OTHER, 40)],
@@ -94,7 +93,7 @@ def test_in_realtime_too_a_run_goes_on_and_ends_well(fault):
     """Also if the router is down at its end."""
     verdict = carry_out(plan(fault, ticks=300, mode="realtime", has_router=fault.who == ROUTER, has_logger=True))
     assert verdict.complaints == []
-    assert verdict.end.summary["distance_metres"]["picker"] > 5.0
+    assert verdict.summary["distance_metres"]["picker"] > 5.0
 
 
 # -- what schedules have found
@@ -107,7 +106,7 @@ def test_a_run_that_is_resumed_before_its_first_tick_waits_for_all_its_agents(de
 
 @pytest.mark.parametrize("tick", [58, 59, 60])
 def test_a_host_that_is_started_again_as_the_run_ends_does_not_wait_for_physics(tick):
-    verdict = carry_out(plan(Fault("kill", "agents_1", tick)))
+    verdict = carry_out(plan(Fault("kill", OTHER, tick)))
     assert verdict.complaints == []
     assert verdict.seconds < 15.0
 
@@ -119,9 +118,19 @@ def test_physics_that_dies_after_the_end_keeps_nothing_waiting(delay):
     assert verdict.seconds < 15.0
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.002, 0.006])
+def test_a_harvest_whose_physics_dies_just_when_it_has_ended_is_over(monkeypatch, delay):
+    """It writes no snapshot then: if it was started again, it would go back to an older tick, without the hosts that have left."""
+    over = RunAccount.why_over
+    monkeypatch.setattr(RunAccount, "why_over", lambda self, ticks: over(self, ticks) and "harvested")
+    verdict = carry_out(replace(plan(Fault("kill", PHYSICS, 60, delay)), delays=Delays(5e-3)))
+    assert verdict.complaints == ["ended by itself: harvested, at tick 60"]
+    assert verdict.seconds < 5.0
+
+
 @pytest.mark.parametrize("delay", [0.005, 0.01, 0.02, 0.05])
 def test_a_request_to_end_that_comes_while_the_run_is_reset_is_not_forgotten(delay):
-    verdict = carry_out(plan(Fault("silence", "agents_1", 20, 0.0, 0.3), Fault("reset", CLIENT, 20), Fault("kill", RUN_PY, 20, delay)))
+    verdict = carry_out(plan(Fault("silence", OTHER, 20, 0.0, 0.3), Fault("reset", CLIENT, 20), Fault("kill", RUN_PY, 20, delay)))
     assert verdict.complaints == []
     assert verdict.seconds < 60.0
 

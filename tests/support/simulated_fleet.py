@@ -31,7 +31,7 @@ class SimulatedFleet(Fleet):
         super().__init__(folder, stack)
         self.scheduler = Scheduler()
         self.network = Network(self.scheduler, "fleet", Delays())
-        self.all = World(self.scheduler, self.network, Random("fleet"), folder, start_seconds=0.2)
+        self.all = World(self.scheduler, self.network, Random("fleet"), folder)
         self._count = 0
         stack.callback(self._kill_all)
 
@@ -47,7 +47,7 @@ class SimulatedFleet(Fleet):
         assert not before
         self._count += 1
         name = f"{module.rpartition('.')[2]}_{self._count}"
-        return Process(self, SimulatedProcess(self.all, ProcessSpec(name, module, arguments), arguments, self._count))
+        return Process(self, SimulatedProcess(self.all, ProcessSpec(name, module, arguments), arguments, self._count, 0.2))
 
     def wait(self, is_so: Callable[[], bool], seconds: float = SECONDS) -> bool:
         """Let virtual time pass until something is so. Return whether it is, within so many seconds."""

@@ -1,0 +1,71 @@
+"""run.py as a process of the simulation: its own code starts and follows the others."""
+
+import io
+from contextlib import AbstractContextManager
+from typing import Any
+
+from rich.console import Console
+
+from chaos.simulated.network import Network
+from chaos.simulated.plan import RUN_PY
+from chaos.simulated.processes import SimulatedProcess, SimulatedSupervisor, World
+from orchard.launch.distributed import LaunchedRun
+from orchard.launch.request import Credentials, RunRequest
+from orchard.launch.supervisor import ProcessSpec
+from orchard.net.bus import Bus, Inbox
+from orchard.report.progress import Progress
+from orchard.security.identity import Identity
+
+
+class Launcher(SimulatedProcess):
+    """The process of run.py. `result`: what it returns, the summary and why the run has ended."""
+
+    def __init__(self, world: World, request: RunRequest) -> None:
+        super().__init__(world, ProcessSpec(RUN_PY, "run", ()), request, 0, start_seconds=0.0)
+        self.supervisor = SimulatedSupervisor(world)
+        self.result: tuple[dict[str, Any] | None, str] = (None, "")
+        self.over_at: float | None = None  # s: when it knew that the run was over
+
+    def body(self) -> int:
+        with self.supervisor:
+            self.result = FollowedRun(self).carry_out(self.inbox)
+        return 0
+
+    def kill(self) -> None:
+        """Kill it. It ends none of its processes; but their lines close, and so they end."""
+        if self.code is None:
+            running, self.supervisor.running = self.supervisor.running, {}
+            super().kill()
+            for one in running.values():
+                one.line.let_go()
+
+
+class FollowedRun(LaunchedRun):
+    """What run.py does. The time at which the run was over is known."""
+
+    def __init__(self, launcher: Launcher) -> None:
+        request, self._launcher = launcher.order, launcher
+        shown = SimulatedProgress(launcher.world)
+        super().__init__(request, Credentials(request.options), Network.ENDPOINT, launcher.supervisor, shown, self._connect_to)
+
+    def _connect_to(self, endpoint: str, inbox: Inbox, seconds: float, identity: Identity | None) -> AbstractContextManager[Bus]:
+        return self._launcher.connected(seconds)
+
+    def follow(self, inbox: Inbox) -> tuple[dict[str, Any] | None, str]:
+        followed = super().follow(inbox)
+        self._launcher.over_at = self._launcher.world.scheduler.now
+        return followed
+
+
+class SimulatedProgress(Progress):
+    """What run.py shows: its lines are kept, its table is not."""
+
+    def __init__(self, world: World) -> None:
+        super().__init__(Console(file=io.StringIO()))
+        self._world = world
+
+    def show(self, *_: Any) -> None:
+        pass
+
+    def say(self, words: str) -> None:
+        self._world.say(words)

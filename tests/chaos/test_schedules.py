@@ -7,17 +7,20 @@ from dataclasses import replace
 import pytest
 
 from chaos.harvest import ROOT
+from chaos.simulated.bare_client import BARE_CLIENT
 from chaos.simulated.clients import CLIENTS
 from chaos.simulated.link import Delays
 from chaos.simulated.mutations import cut_out
-from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, SCENARIOS, Fault, Plan, draw
+from chaos.simulated.plan import CLIENT, IN_REALTIME, ROUTER, RUN_PY, SCENARIOS, Fault, Plan, draw
 from chaos.simulated.schedule import carry_out, shrink
 from orchard.server.account import RunAccount
 from orchard.wire.keys import PHYSICS
 
 
 def plan(*faults: Fault, ticks: int = 60, hosts: int = 2, **others) -> Plan:
-    return Plan(1, SCENARIOS[2], ticks, hosts, others.pop("has_logger", False), others.pop("has_router", False), Delays(), faults, **others)
+    first = SCENARIOS[2] if not others.get("has_bare_client") else IN_REALTIME if others.get("mode") else SCENARIOS[0]
+    given = {"scenario": first, "has_logger": False, "has_router": False, "delays": Delays()} | others
+    return Plan(seed=1, ticks=ticks, hosts=hosts, faults=faults, **given)
 
 
 @pytest.mark.parametrize("first", range(0, 40, 10))
@@ -59,9 +62,30 @@ def test_a_mutation_is_found_and_shrinks_to_the_faults_that_it_needs():
     assert carry_out(small).complaints == []
 
 
+ONE, OTHER = "agents 1", "agents 2"
+MISSED = {
+    "physics never sends a tick again": plan(has_router=True, has_bare_client=True),
+    "requests of the future are not kept": plan(ticks=300),
+    "physics waits for no session to leave": plan(Fault("cut", ONE, 60, 0.0, 0.3), is_elsewhere=True),
+    "a pause makes agents late": plan(Fault("think", ONE, 10, 1e-3, 27.0), Fault("pause", CLIENT, 10, 1e-3, 18.0)),
+    "a question is sent once": plan(
+        Fault("mute", CLIENT, 10, 0.0, 25.0), Fault("kill", PHYSICS, 10, 0.05), Fault("kill", ONE, 10, 0.05), has_router=True, hosts=1
+    ),
+    "no snapshot is written": plan(Fault("kill", PHYSICS, 280), ticks=300, delays=Delays(1.5e-2)),
+    "realtime: old velocities drive on": plan(Fault("think", BARE_CLIENT, 50, 0.0, 2.0), ticks=200, mode="realtime", has_bare_client=True),
+    "physics is given up at once": plan(Fault("kill", PHYSICS, 20)),
+}
+
+
+@pytest.mark.parametrize("net", MISSED)
+def test_a_net_that_is_cut_out_is_missed(net):
+    with cut_out(net):
+        assert carry_out(MISSED[net]).complaints != []
+    assert carry_out(MISSED[net]).complaints == []
+
+
 # -- one fault after the other, in the middle of a run
 
-ONE, OTHER = "agents 1", "agents 2"
 FAULTS = {
     "a host before its first tick": [Fault("kill", ONE, -1, 0.3)],
     "both hosts": [Fault("kill", ONE, 40), Fault("kill", OTHER, 40)],

@@ -7,8 +7,7 @@ from orchard.contract.messages import Couple, Deed, Flatten, Uncouple
 from orchard.field import repeatable
 from orchard.field.geometry import Pose, angle_between, to_frame
 from orchard.field.problems import printable
-from orchard.sim.kernels.boxes import place
-from orchard.sim.kernels.move import mover_near
+from orchard.sim.kernels.boxes import gap, place
 from orchard.sim.world import NONE, World
 
 COUPLING_REACH = 0.1  # m, between the bin's centre and the coupling point
@@ -82,10 +81,10 @@ def _flatten(world: World, weed: int) -> str:
     _refuse_if(not world.alive[weed], "it is flat")
     boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
-    mover = mover_near(weed, WEED_REACH, world.twist, boxes)
-    _refuse_if(mover == NONE, "nothing moves within 1 m")
+    near = [i for i, box in enumerate(boxes) if gap(boxes[weed], box) <= WEED_REACH and world.twist[i].any()]  # only solid bodies move
+    _refuse_if(not near, "nothing moves within 1 m")
     world.alive[weed] = False
-    return world.layout.names[int(mover)]
+    return world.layout.names[near[0]]
 
 
 def _refuse_unless_both_stand(world: World, wanted: np.ndarray, robot: int, bin_: int) -> None:

@@ -17,7 +17,7 @@ from orchard.sim import stops
 from orchard.sim.invariants import Invariants
 from orchard.sim.lookahead import Lookahead
 from orchard.sim.physics import harvest_is_over, step
-from orchard.sim.restore import fitting, world_as_data, world_from
+from orchard.sim.restore import fitting, world_from
 from orchard.sim.scan import Scanner, observe
 from orchard.sim.sensors import Sensors
 from orchard.sim.snapshot import Snapshot
@@ -85,7 +85,7 @@ class Engine:
         return {name: msgspec.to_builtins(figure) for name, figure in figures.items()}
 
     def as_data(self) -> dict[str, Any]:
-        return world_as_data(self.world)
+        return {name: value.tobytes() if isinstance(value, np.ndarray) else value for name, value in self.world.state.items()}
 
     @property
     def invariants(self) -> Invariants:

@@ -21,9 +21,7 @@ class FrameBuilder:
 
     def __init__(self, world: "World") -> None:
         self._world = world
-        self._shown: dict[str, np.ndarray] = {}
-        self._said: dict[str, tuple[str, State]] = {}
-        self._drove = np.zeros((0, 6))
+        self.forget()
 
     def frame(self, scans: Sequence[np.ndarray], actions: Mapping[str, Action], events: Sequence[Event], wanted: np.ndarray) -> Frame:
         """Return the frame of the world after a step. `wanted`: (n, 3) the velocities that the agents wanted in it, m/s and rad/s."""
@@ -49,7 +47,8 @@ class FrameBuilder:
         )
 
     def forget(self) -> None:
-        self._shown, self._said, self._drove = {}, {}, np.zeros((0, 6))
+        self._shown, self._said = dict[str, np.ndarray](), dict[str, tuple[str, State]]()
+        self._drove = np.zeros((0, 6))
 
     def _if_changed(self, what: str, now: np.ndarray) -> np.ndarray | None:
         if what in self._shown and (self._shown[what] == now).all():

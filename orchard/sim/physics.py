@@ -14,7 +14,7 @@ from orchard.field.layout import UNLOADING_SECONDS
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.deeds import do_deeds
 from orchard.sim.kernels.jit import in_order
-from orchard.sim.kernels.move import advance, allowed
+from orchard.sim.kernels.move import advance
 from orchard.sim.world import NONE, Fixed, Space, World
 
 UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
@@ -39,7 +39,7 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
 
     twists: (n, 3) float64, as wanted, in each body's frame, m/s and rad/s. deeds: (body index, deed), in body order.
     """
-    events = do_deeds(world, allowed(twists, world.stopped), deeds) if deeds else []
+    events = do_deeds(world, np.where(world.stopped[:, None], 0.0, twists), deeds) if deeds else []
     if advance(twists, *_ARGUMENTS(world)):
         events += [_collision(world, i, obstacle) for i, obstacle in enumerate(world.space.met.tolist()) if obstacle != NONE]
         events += _picked(world, world.space.picked_from)
@@ -81,7 +81,13 @@ def _unload(world: World) -> list[Event]:
         return []
     bin_ = (begun or waiting)[0]
     world.bay_ticks[bin_] = ticks + 1
-    return _empty(world, bin_) if ticks + 1 >= UNLOADING_TICKS else []
+    if ticks + 1 < UNLOADING_TICKS:
+        return []
+    world.fill[bin_] = 0.0
+    world.bay_ticks[bin_] = 0
+    world.delivered += 1
+    names = world.layout.names
+    return [Event(world.tick, "unloaded", names[bin_], names[int(world.coupled[bin_])], f"bin number {world.delivered}")]
 
 
 def _rests_in_bay(world: World, bin_: int) -> bool:
@@ -90,14 +96,6 @@ def _rests_in_bay(world: World, bin_: int) -> bool:
         return False
     x, y, _ = world.pose[bin_].tolist()
     return world.layout.bay.contains(x, y) and is_at_rest(world, bin_) and is_at_rest(world, carrier)
-
-
-def _empty(world: World, bin_: int) -> list[Event]:
-    world.fill[bin_] = 0.0
-    world.bay_ticks[bin_] = 0
-    world.delivered += 1
-    carrier = world.layout.names[int(world.coupled[bin_])]
-    return [Event(world.tick, "unloaded", world.layout.names[bin_], carrier, f"bin number {world.delivered}")]
 
 
 # -- queries

@@ -1,4 +1,4 @@
-"""Converts a world to the data of a snapshot and back."""
+"""Converts the data of a snapshot to a world."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,10 +15,6 @@ from orchard.sim.snapshot import Snapshot, SnapshotError
 from orchard.sim.world import NONE, World
 
 FURTHEST = 1e12  # m that a body can drive by LAST_TICK
-
-
-def world_as_data(world: World) -> dict[str, Any]:
-    return {name: value.tobytes() if isinstance(value, np.ndarray) else value for name, value in world.state.items()}
 
 
 @contextmanager

@@ -7,7 +7,6 @@ import hashlib
 from collections.abc import Iterator, Mapping
 from copy import copy
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -110,16 +109,10 @@ class Hitches(Mapping[str, Hitch]):
         return other
 
     def __getitem__(self, name: str) -> Hitch:
-        hitch: Hitch | None = self.get(name)
-        if hitch is None:
-            raise KeyError(name)
-        return hitch
-
-    def get(self, name: str, default: Any = None) -> Any:
         i = self._layout.index[name]
         other = self._coupled.item(i)
         if other == NONE:
-            return default
+            raise KeyError(name)
         x, y, z, w, vx, vy, turn = self._states[other].tolist()
         if name in self._errors:
             x, y = x + self._errors[name].item(0), y + self._errors[name].item(1)

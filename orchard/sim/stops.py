@@ -12,14 +12,9 @@ from msgspec.structs import replace
 from orchard.contract.agent import AHEAD, IN_TURN, Action
 from orchard.contract.events import STOPPED
 from orchard.field.kinds import ROBOTS, select_agents
-from orchard.field.layout import Layout
 
 if TYPE_CHECKING:
     from orchard.sim.world import World
-
-
-def robots_of(layout: Layout) -> list[str]:
-    return [start.name for start in layout.starts if start.kind in ROBOTS]
 
 
 def stopped(world: "World") -> list[str]:
@@ -28,7 +23,8 @@ def stopped(world: "World") -> list[str]:
 
 def latch(world: "World", words: Sequence[str], stop: bool) -> list[str]:
     """Stop or reset the robots with these names or kinds, or all without any; return those that change. Raises ValueError: see Engine."""
-    meant = [world.index[name] for name in select_agents(robots_of(world.layout), list(words), [])]
+    robots = [start.name for start in world.layout.starts if start.kind in ROBOTS]
+    meant = [world.index[name] for name in select_agents(robots, list(words), [])]
     pairs = {j for i in meant for j in (i, int(world.coupled[i])) if j >= 0}
     changed = [i for i in sorted(pairs) if bool(world.stopped[i]) is not stop]
     world.stopped[changed] = stop

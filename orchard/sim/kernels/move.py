@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchard.field.scenario import TIME_STEP
-from orchard.sim.kernels.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, TOUCH, X, Y, circles_meet, gap, overlap, place
+from orchard.sim.kernels.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, TOUCH, X, Y, circles_meet, overlap, place
 from orchard.sim.kernels.grid import ROWS, Grid, cell_of, column_and_row, sort_into_cells, strip
 from orchard.sim.kernels.jit import allocating, inlined, jit, sin_cos, wrap
 
@@ -29,26 +29,12 @@ class Rows(NamedTuple):
     begun: np.ndarray  # (r,) int64: the end at which picking began: -1 west, +1 east, 0 not yet
 
 
-@allocating
-def allowed(wanted, stopped):
-    """Return a copy of twists, (n, 3), in which those of stopped bodies, (n,) bool, and those that are not finite are 0."""
-    twists = wanted.copy()
-    for i in range(len(twists)):
-        if _must_stand(wanted[i], stopped[i]):
-            twists[i, :] = 0.0
-    return twists
-
-
-@inlined
-def _must_stand(twist, is_stopped):
-    return is_stopped or not (np.isfinite(twist[0]) and np.isfinite(twist[1]) and np.isfinite(twist[2]))
-
-
 @inlined
 def limit(wanted, stopped, speed, coupled, turn, sideways, twists):
     """Write into twists, (n, 3), the wanted twists within each body's limits: speed (n,) m/s, turn (n,) rad/s."""
     for i in range(len(wanted)):
-        if _must_stand(wanted[i], stopped[i]) or (sideways[i] and coupled[i] == NONE):
+        is_finite = np.isfinite(wanted[i, 0]) and np.isfinite(wanted[i, 1]) and np.isfinite(wanted[i, 2])
+        if stopped[i] or not is_finite or (sideways[i] and coupled[i] == NONE):
             twists[i, :] = 0.0
             continue
         forward = min(max(wanted[i, 0], -speed[i]), speed[i])
@@ -192,16 +178,6 @@ def overlaps(pose, shapes, solid, walls, wall_frame, wall_begin, wall_members):
             found[count, 0], found[count, 1] = i, n + wall
             count += 1
     return found[:count]
-
-
-@jit
-def mover_near(me, reach, twist, boxes):
-    """Return the first body that moved in the last step (only solid bodies can) within `reach` m of body `me`, edge to edge, or NONE."""
-    for j in range(len(boxes)):
-        moves = twist[j, 0] != 0.0 or twist[j, 1] != 0.0 or twist[j, 2] != 0.0
-        if j != me and moves and gap(boxes[me], boxes[j]) <= reach:
-            return j
-    return NONE
 
 
 @inlined

@@ -220,9 +220,10 @@ class Observations:
     def __getitem__(self, name: str) -> Observation:
         """Return the observation of one body. Raises KeyError for an unknown name."""
         body = self.names[name]
-        state, hitch, fill = self.states[body].tolist(), self.hitches.get(name), self.fills.get(name, 0.0)
-        accuracy = self.accuracies.get(name, 0.0)
-        return observation_of(name, self.tick, state, self.scans[body], hitch, fill, name in self.full, accuracy)
+        x, y, z, w, vx, vy, turn = self.states[body].tolist()
+        hitch, fill, accuracy = self.hitches.get(name), self.fills.get(name, 0.0), self.accuracies.get(name, 0.0)
+        twist, is_full = Twist(vx, vy, turn), name in self.full
+        return Observation(name, self.tick, x, y, (z, w), twist, self.scans[body], hitch, fill, is_full, accuracy)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Observations":
         parts = self.states, self.scans, self.hitches, self.fills, self.full, self.accuracies
@@ -231,11 +232,3 @@ class Observations:
     def of(self, names: Iterable[str]) -> dict[str, Observation]:
         """Return the observations of these agents, by name; an agent without a body observes the tick only."""
         return {name: self[name] if name in self.names else without_body(name, self.tick) for name in names}
-
-
-def observation_of(
-    name: str, tick: int, state: Sequence[float], scan: np.ndarray, hitch: Hitch | None, fill: float, full: bool, accuracy: float = 0.0
-) -> Observation:
-    """Return the observation of one body. `state`: its seven numbers, as in `Observations.states`."""
-    x, y, z, w, vx, vy, turn = state
-    return Observation(name, tick, x, y, (z, w), Twist(vx, vy, turn), scan, hitch, fill, full, accuracy)

@@ -177,7 +177,7 @@ class Host:
         tick = self.latest.tick
         if not self.mailbox.is_settled(tick, self.latest.asked):
             self._wait(lambda: self.mailbox.is_settled(tick, self.latest.asked), DOUBT_SECONDS)
-        mail, seen = self._mail(tick), self.latest.observations()
+        mail, seen = self._mail(tick), self.latest.observations
         digests = {name: digest_of(heard) for name, heard in mail.items()}  # before the agents can change their mail
         actions = {name: self._act(name, observed, mail.get(name) or Mail()) for name, observed in seen.items()}
         self.thinking = ""

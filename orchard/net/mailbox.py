@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
-from orchard.contract.agent import MOST_HOLD, Action, Heard, Mail, Observation, Reply, without_body
+from orchard.contract.agent import MOST_HOLD, Action, Heard, Mail, Observation, Reply
 from orchard.contract.mail import in_hearing_order
 from orchard.contract.messages import Answer, Request, pack
 from orchard.net.bus import Query
@@ -34,7 +34,7 @@ class LatestObservations:
         self.tick = -1  # -1: no tick has arrived
         self.due: list[str] = []  # the agents that are asked at this tick
         self.asked: list[AskedOf] = []  # the requests that they hear
-        self._seen: dict[str, Observation] = {}
+        self.observations: dict[str, Observation] = {}  # of these agents; one without a body gets only the tick
 
     def seen(self, payload: bytes) -> None:
         """Take a `Seen` message, unless it repeats the newest tick. Raises Refused if it does not count."""
@@ -48,14 +48,10 @@ class LatestObservations:
         if not self._bodies.intersection(message.due).issubset(message.names):
             raise Refused("not all", "bodies are missing")
         try:
-            self._seen = observations_of(message)
+            self.observations = observations_of(message)
         except ValueError as error:
             raise Refused("malformed", str(error)) from error
         self.tick, self.due, self.asked = message.tick, message.due, message.asked
-
-    def observations(self) -> dict[str, Observation]:
-        """Return the observations of the agents that are asked, by name; an agent without a body gets only the tick."""
-        return {name: self._seen[name] if name in self._bodies else without_body(name, self.tick) for name in self.due}
 
 
 @dataclass(eq=False)

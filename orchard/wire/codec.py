@@ -1,14 +1,13 @@
 """Conversions between the messages on the wire and the types of agents, physics and the viewer. They are exact to the last bit."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import accumulate
-from struct import Struct
 from typing import Any
 
 import numpy as np
 
-from orchard.contract.agent import STATE, Action, Hitch, Observation, Observations, observation_of
+from orchard.contract.agent import STATE, Action, Hitch, Observation, Observations
 from orchard.contract.events import SELDOM, Frame
 from orchard.contract.mail import given_by
 from orchard.contract.messages import unpack
@@ -19,7 +18,6 @@ from orchard.field.repeatable import sin_cos
 from orchard.wire import messages as wire
 from orchard.wire.messages import FARTHEST, MOST_BODIES, read
 
-_SEVEN = Struct(f"<{STATE}d")  # the state of a body
 RANGE = 4  # bytes of a float32
 
 
@@ -65,28 +63,16 @@ def _other_seen(hitch: Hitch) -> wire.OtherSeen:
 
 
 def observations_of(seen: wire.Seen) -> dict[str, Observation]:
-    """Return name -> the observation of that body. Raises ValueError if the arrays do not fit the names, or hold invalid numbers."""
-    states, rear = _states_of(seen.states), {name: other.ranges for name, other in seen.hitches.items() if other.ranges is not None}
-    if len(states) != len(seen.names):
+    """Return what the agents that are asked observe, by name. Raises ValueError if the arrays do not fit, or hold invalid numbers."""
+    if len(seen.states) != 8 * STATE * len(seen.names):
         raise ValueError(f"the states do not fit {len(seen.names)} names")
-    fitting = [_fitting(seen.ranges, seen.names), *[_fitting(sweep, ["bin"]) for sweep in rear.values()]]
-    sweeps = _sweeps_of([*seen.names, *["bin"] * len(rear)], fitting)
-    behind = dict(zip(rear, sweeps[len(states) :], strict=True))
-    hitches = {name: _hitch_of(other, behind.get(name)) for name, other in seen.hitches.items()}
-    fills, full, accuracies = seen.fills, seen.full, seen.accuracies
-    return {
-        name: observation_of(name, seen.tick, state, scan, hitches.get(name), fills.get(name, 0.0), name in full, accuracies.get(name, 0.0))
-        for name, state, scan in zip(seen.names, states, sweeps, strict=False)
-    }
-
-
-def _states_of(states: bytes) -> list[tuple[float, ...]]:
-    if len(states) % _SEVEN.size:
-        raise ValueError(f"states: {len(states)} bytes are not a multiple of {_SEVEN.size}")
-    bodies = [*_SEVEN.iter_unpack(states)]
-    if not all(-FARTHEST <= number <= FARTHEST for body in bodies for number in body):
+    states = np.frombuffer(seen.states, "<f8").reshape(-1, STATE)
+    if not (np.abs(states) <= FARTHEST).all():
         raise ValueError("states: not a number, or out of bounds")
-    return bodies
+    index = {name: body for body, name in enumerate(seen.names)}
+    hitches = {name: _hitch_of(other) for name, other in seen.hitches.items()}
+    sweeps = _sweeps_of(seen.names, seen.ranges)
+    return Observations(seen.tick, index, states, sweeps, hitches, seen.fills, seen.full, seen.accuracies).of(seen.due)
 
 
 @lru_cache(maxsize=MOST_BODIES)
@@ -97,24 +83,21 @@ def _beams_of(name: str) -> int:
     return kind.laser.beams
 
 
-def _hitch_of(other: wire.OtherSeen, scan: np.ndarray | None) -> Hitch:
+def _hitch_of(other: wire.OtherSeen) -> Hitch:
     x, y, z, w, vx, vy, turn = other.state
+    scan = None if other.ranges is None else _sweeps_of(["bin"], other.ranges)[0]
     return Hitch(other.name, x, y, (z, w), Twist(vx, vy, turn), scan)
 
 
-def _fitting(ranges: bytes, names: Sequence[str]) -> bytes:
-    beams = sum(map(_beams_of, names))
-    if len(ranges) != RANGE * beams:
+def _sweeps_of(names: Sequence[str], ranges: bytes) -> list[np.ndarray]:
+    """Each body's ranges, views of one array. Raises ValueError if they do not fit the names, and for NaN and negative ranges."""
+    parts = _slices(tuple(names))
+    if len(ranges) != RANGE * (beams := parts[-1].stop if parts else 0):
         raise ValueError(f"the ranges do not fit: {len(ranges)} bytes, not {RANGE} for each of {beams} beams")
-    return ranges
-
-
-def _sweeps_of(names: Sequence[str], ranges: Iterable[bytes]) -> list[np.ndarray]:
-    """Each body's ranges, views of one array. `ranges`: byte strings that fit the names. Raises ValueError for NaN and negative ranges."""
-    measured = np.frombuffer(b"".join(ranges), "<f4")
+    measured = np.frombuffer(ranges, "<f4")
     if not measured.min(initial=0.0) >= 0.0:
         raise ValueError("ranges: not a number, or below 0")
-    return [measured[part] for part in _slices(tuple(names))]
+    return [measured[part] for part in parts]
 
 
 @lru_cache(maxsize=64)
@@ -156,13 +139,13 @@ def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
     poses = np.frombuffer(picture.poses, dtype="<f8").reshape(-1, 3)
     arrays: dict[str, Any] = {name: np.array(values) for name in SELDOM if (values := getattr(picture, name)) is not None}
     fit = all(len(array) == (rows if name == "row_picked" else bodies) for name, array in arrays.items())
-    if not fit or len(poses) != bodies or (picture.scans is not None and len(picture.scans) != bodies):
+    if picture.scans is not None:
+        fit &= [*map(len, picture.scans)] == [RANGE * _beams_of(name) for name in layout.names]
+    if not fit or len(poses) != bodies:
         raise ValueError(f"it does not fit {bodies} bodies and {rows} rows")
     if not (np.abs(poses) <= FARTHEST).all():
         raise ValueError("not a number, or out of bounds")
-    scans = None
-    if picture.scans is not None:
-        scans = _sweeps_of(layout.names, [_fitting(sweep, [name]) for name, sweep in zip(layout.names, picture.scans, strict=True)])
+    scans = None if picture.scans is None else _sweeps_of(layout.names, b"".join(picture.scans))
     velocities: Any = {name: tuple(known) for name, known in picture.velocities.items()}
     said: dict[str, Any] = {"states": picture.states, "velocities": velocities, "is_whole": picture.whole}
     return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered, **said)

@@ -19,15 +19,11 @@ MOST_BODIES = 10_000
 
 # the longest descriptions of fields
 ALL_RANGES = "m, little-endian float32: for each body as many as its laser has beams; +inf for a beam without a return"
-ASKED = "lockstep: the requests of the tick before that these agents hear now"
-DUE = "its agents that are asked at this tick"
 OWNER = "the session id in the sender's liveliness token; '' if the sender owns no agent"
 NAMES = "their bodies, in the order of the arrays; agents without a body stand in `due` only"
 ONCE = "realtime; true: it drives for one step, from the pose that it answers; false: until a newer one"
 POSES = "x, y (m), yaw (rad) of each body, in the order of `agents` in the reply to `scenario`, little-endian float64"
-RANGE_MIN = "m, 0: the laser has no blind zone"
 RANGES = "m, little-endian float32, 4 bytes per beam; +inf for a beam without a return (REP-117)"
-ACCURACY = "m, standard deviation of the measured x and y; 0: exact"
 ACCURACIES = "name -> the same as `accuracy` in `pose`; only bodies whose poses are not exact"
 SIMULATION = "'stopped': before the first tick, physics waits for agents; 'paused': simulated time stands; 'quitting': the run is over"
 SEVEN = "x, y (m); z, w of the quaternion; linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
@@ -140,7 +136,7 @@ class Odometry(Message):
     hitch: Annotated[OtherEnd | None, Meta(description="the body at the other end of the bar; nil if none is coupled")] = None
     fill: Annotated[float, Meta(ge=0.0, le=1e3, description="for a bin: metres of row in it, 0 to the length of a row")] = 0.0
     full: Annotated[bool, Meta(description="for a bin: whether it is full")] = False
-    accuracy: Annotated[Metres, Meta(description=ACCURACY)] = 0.0
+    accuracy: Annotated[Metres, Meta(description="m, standard deviation of the measured x and y; 0: exact")] = 0.0
 
 
 class Beams(SubMessage):
@@ -149,7 +145,7 @@ class Beams(SubMessage):
     angle_min: Annotated[Metres, Meta(description="rad, angle of the first beam; 0 is straight ahead")]
     angle_max: Annotated[Metres, Meta(description="rad, angle of the last beam")]
     angle_increment: Annotated[Metres, Meta(description="rad from one beam to the next")]
-    range_min: Annotated[Metres, Meta(description=RANGE_MIN)]
+    range_min: Annotated[Metres, Meta(description="m, 0: the laser has no blind zone")]
     range_max: Annotated[Metres, Meta(description="m, range of the laser")]
     ranges: Ranges
 
@@ -194,14 +190,14 @@ class OtherSeen(SubMessage):
 class Seen(Message):
     """What the agents of one session that are asked at this tick observe: the content of `pose` and `scan` as arrays."""
 
-    due: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description=DUE)]
+    due: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description="its agents that are asked at this tick")]
     names: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description=NAMES)]
     states: Annotated[bytes, Meta(description=f"seven little-endian float64 per body: {SEVEN}")]
     ranges: Annotated[bytes, Meta(description=ALL_RANGES)]
     hitches: Annotated[dict[KnownName, OtherSeen], Meta(description="name -> the body at the other end of its bar; only coupled bodies")]
     fills: Annotated[dict[KnownName, Fill], Meta(description="name -> metres of row in it; only bins that are not empty")]
     full: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description="the bins that are full")]
-    asked: Annotated[list[AskedOf], Meta(description=ASKED)] = []
+    asked: Annotated[list[AskedOf], Meta(description="lockstep: the requests of the tick before that these agents hear now")] = []
     accuracies: Annotated[dict[KnownName, Fill], Meta(description=ACCURACIES)] = {}
 
 

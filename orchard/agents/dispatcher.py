@@ -66,9 +66,7 @@ class Dispatcher:
         self.forget(memory, seen.tick)
         action = Action(memory=memory, answers=[(heard, self.answer(memory, heard, seen.tick)) for heard in mail.requests])
         refused = memory.refused
-        told = {
-            reply.sender: reply.body for reply in mail.replies if isinstance(reply.body, CarrierStatus)
-        }  # in realtime one may come twice
+        told = {reply.sender: reply.body for reply in mail.replies if isinstance(reply.body, CarrierStatus)}  # of a carrier the last one
         if carriers := [CarrierReport(name, status.job, status.is_next, status.metres) for name, status in told.items()]:
             self.decide(memory, carriers, seen.tick)
         waiting = [name for name in memory.bins if name not in memory.bookings]

@@ -105,9 +105,8 @@ def _take(drives: Drives, chunk: Chunk) -> None:
             drives.velocities.setdefault(tick, {})[drives.names[body[0]]] = tuple(velocities)
     elif path.startswith(f"/{SCANS}") and not chunk.is_static:
         for tick, points in zip(ticks_of(chunk), _column(chunk, "Points3D:positions"), strict=True):
-            drives.points.setdefault(tick, {})[path.removeprefix(f"/{SCANS}")] = np.array(points or [], dtype=np.float64).reshape(-1, 3)[
-                :, :2
-            ]
+            places = np.array(points or [], dtype=np.float64).reshape(-1, 3)
+            drives.points.setdefault(tick, {})[path.removeprefix(f"/{SCANS}")] = places[:, :2]
 
 
 def _take_poses(drives: Drives, chunk: Chunk) -> None:

@@ -121,10 +121,7 @@ class Recorder:
 
     def tell(self, event: Event) -> None:
         """Log an event of a tick that has no frame."""
-        self._log(event.tick, event, level_of(event.what))
-
-    def _log(self, tick: int, event: Event, level: str) -> None:
-        self._events.append((tick, line_of(event), level))
+        self._events.append((event.tick, line_of(event), level_of(event.what)))
 
     def close(self) -> bool:
         """Write the rest, wait, and end the file and the server. Return whether all is in the file."""
@@ -217,11 +214,8 @@ class Recorder:
         self.names.show(frame.tick, frame.poses)
         news = [event for event in frame.events if self.talk.is_news(frame.tick, event)]
         lines = gathered(news)
-        for event in lines:
-            self._log(frame.tick, event, level_of(event.what))
-        for event in frame.events:
-            if event not in lines:
-                self._log(frame.tick, event, "DEBUG")
+        self._events += [(frame.tick, line_of(event), level_of(event.what)) for event in lines]
+        self._events += [(frame.tick, line_of(event), "DEBUG") for event in frame.events if event not in lines]
         self.talk.show(frame.tick, frame.poses, news)
 
     def _figures(self, frame: Frame, is_due: bool) -> None:

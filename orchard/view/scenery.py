@@ -66,17 +66,16 @@ MEADOW_Z, GRASS_Z, ROADS_Z, DRIVEWAY_Z, ROW_Z, SHADE_Z = -0.35, -0.26, -0.18, -0
 
 
 def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
-    trees, posts = (
-        [(x, line.y) for line in layout.lines for x in line.trees_x],
-        [(x, line.y) for line in layout.lines for x in line.posts_x],
-    )
+    trees = [(x, line.y, 1.0) for line in layout.lines for x in line.trees_x]
+    posts = [(x, line.y, 1.0) for line in layout.lines for x in line.posts_x]
+    patches = [(x, lane.y, (lane.width - 0.5) / PATCH) for lane in layout.lanes for x in trees_over(lane)]
     rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     rec.log("world/ground", boxes(_ground(layout)), static=True)
     rec.log("world/fences", boxes(_fences(layout)), static=True)
     _instances(rec, "world/trees", "trunk", trees)
     _instances(rec, "world/posts", "line_post", posts)
-    _instances(rec, "canopy/crowns", "crown", trees, half_turns=True)
-    _pergola(rec, layout)
+    _instances(rec, "canopy/crowns", "crown", trees)
+    _instances(rec, "canopy/pergola", "pergola", patches)
     beside = [(np.subtract(line.trees_x, 0.3), line.y + 0.3, SHADE_Z) for line in layout.lines]
     rec.log("canopy/shade", discs(Part((5.6, 1.7, 0.01), at, (*palette.SHADE, 110)) for at in beside), static=True)
     rec.log("canopy/wires", rr.LineStrips3D(_wires(layout), colors=[palette.WIRE], radii=[0.02]), static=True)
@@ -84,26 +83,14 @@ def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
     _camera(rec, layout)
 
 
-def _instances(
-    rec: rr.RecordingStream,
-    path: str,
-    name: str,
-    at: Sequence[tuple[float, float]],
-    half_turns: bool = False,
-    widths: Sequence[float] | None = None,
-) -> None:
-    """Log a model at many places, half of them turned to look less alike. `widths`: shares of the model's own width."""
-    places = np.array([(x, y, 0.0) for x, y in at], dtype=np.float32)
-    turned = (np.arange(len(places)) * 7 // 3) % 2 * (1.0 if half_turns else 0.0)
-    quaternions = np.stack([0 * turned, 0 * turned, turned, 1 - turned], axis=1)
-    scales = None if widths is None else [(1.0, width, 1.0) for width in widths]
-    rec.log(path, model(name), rr.InstancePoses3D(translations=places, quaternions=quaternions, scales=scales), static=True)
-
-
-def _pergola(rec: rr.RecordingStream, layout: Layout) -> None:
-    over = [(x, lane.y, lane.width - 0.5) for lane in layout.lanes for x in trees_over(lane)]
-    widths = [width / PATCH for *_, width in over]
-    _instances(rec, "canopy/pergola", "pergola", [(x, y) for x, y, _ in over], half_turns=True, widths=widths)
+def _instances(rec: rr.RecordingStream, path: str, name: str, at: Sequence[tuple[float, float, float]]) -> None:
+    """Log a model at many places, half of them turned to look less alike. `at`: x and y, m, and the share of the model's own width."""
+    x, y, width = np.array(at, dtype=np.float32).T
+    none, turned = np.zeros_like(x), (np.arange(len(x)) * 7 // 3) % 2
+    quaternions = np.stack([none, none, turned, 1 - turned], axis=1)
+    scales = np.stack([none + 1.0, width, none + 1.0], axis=1)
+    places = rr.InstancePoses3D(translations=np.stack([x, y, none], axis=1), quaternions=quaternions, scales=scales)
+    rec.log(path, model(name), places, static=True)
 
 
 def _slab(west: float, south: float, east: float, north: float, z: float, colour: palette.Colour) -> Part:

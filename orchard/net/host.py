@@ -14,15 +14,16 @@ from orchard.field.kinds import kind_of
 from orchard.field.layout import Layout
 from orchard.field.plugins import MISTAKES, reraise_ctrl_c
 from orchard.field.problems import printable
+from orchard.field.scenario import check
 from orchard.net.bus import Alive, Bus, Final, Item, Query, Replied, Sample, Signal
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
 from orchard.net.mailbox import DOUBT_SECONDS, MAILBOXES, LatestObservations, SentRequest
 from orchard.net.refusals import NO_TOKEN, TAKEN, M, Refusals, Refused, read_message
-from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, ask, publish_refusals
+from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, ask, fetch_run, publish_refusals
 from orchard.wire.codec import report_of
 from orchard.wire.keys import PHYSICS, Keys
-from orchard.wire.messages import BinStatus, End, Join, Joined, Left, Lost, Recall, Recalled, Report, Velocities
+from orchard.wire.messages import RESET, BinStatus, End, Join, Joined, Left, Lost, Recall, Recalled, Report, Velocities
 
 log = logging.getLogger("orchard")
 GONE_SECONDS = 20.0  # how long a host waits for physics that is gone: physics or its router is started again
@@ -107,7 +108,7 @@ class Host:
     def __init__(
         self, bus: Bus, keys: Keys, run: str, mode: str, layout: Layout, agents: Mapping[str, Agent], patience: float = GONE_SECONDS
     ) -> None:
-        self.bus, self.keys, self.run_id, self._patience = bus, keys, run, patience
+        self.bus, self.keys, self.run_id, self._patience, self._scenario = bus, keys, run, patience, layout.scenario
         self.runners = {name: AgentRunner(name, guarded(layout, name, agent)) for name, agent in sorted(agents.items())}
         self.bodies = [name for name in self.runners if name in layout.index]
         self.bins = [name for name in self.bodies if kind_of(name) == "bin"]
@@ -136,7 +137,9 @@ class Host:
             self.bus.declare_alive(self.keys.of("alive", name, self.bus.id))
 
     def join(self) -> None:
-        """Join the run: physics waits for the agents from the present tick on. Raises HostEnded if physics refuses them."""
+        """Join the run: physics waits for the agents from the present tick on. Raises HostEnded if physics refuses them, or was reset."""
+        if check(fetch_run(self.bus, self.keys, self.handle).scenario, "the scenario that physics sent") != self._scenario:
+            raise HostEnded(0, RESET)  # physics has died before it could keep a reset
         joined = self._joined()
         if joined.refused:
             raise HostEnded(2, "; ".join(f"{name}: {reason}" for name, reason in sorted(joined.refused.items())))

@@ -25,7 +25,7 @@ from orchard.security.identity import identity_in
 from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions
 from orchard.server.snapshots import last, sole
-from orchard.sim.snapshot import Snapshot, SnapshotError, clear
+from orchard.sim.snapshot import Snapshot, SnapshotError
 from orchard.wire.keys import Keys
 
 if TYPE_CHECKING:
@@ -71,8 +71,6 @@ def simulate(inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zen
             if again is None:
                 return code
             inbox.forget()
-            if snapshots is not None:
-                clear(snapshots)
             options, before = again, None
 
 
@@ -86,6 +84,8 @@ def _simulate_once(
     engine = Engine.begin(check(options.scenario, "the scenario"), holds) if before is None else Engine.resume(before, holds)
     absent = select_agents(engine.layout.agents, options.absent, []) if options.absent else []
     physics = RunLoop(bus, keys, engine, msgspec.structs.replace(options, absent=absent), before)
+    if before is None:
+        physics.run.keep_at_once()  # a host may not know a scenario that physics, killed at once, would not begin with again
     physics.arrivals.listen()
     where = "connected to" if options.connect else "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.run.id}", flush=True)

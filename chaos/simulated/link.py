@@ -42,7 +42,7 @@ class Link:
         self.session, self.router = session, router
         self._scheduler, self._delays, self._random = router.scheduler, delays, random
         self.is_open = [True, True]  # as the session sees it, as the router sees it
-        self._last = {(way, lane): 0.0 for way in (UP, DOWN) for lane in (DATA, CONTROL)}  # s: the newest arrival
+        self._last = [[0.0, 0.0], [0.0, 0.0]]  # direction -> lane -> s: the newest arrival
         self._silent = [0, 0]  # how many faults silence each direction
         self._since = [0, 0]  # the number of the silence that lasts, 0 without one
         self._silences = 0
@@ -57,10 +57,11 @@ class Link:
             if may_drop:
                 return
             self._close_if_full()  # its sender waits until then
-        before = self._last[way, CONTROL] if lane == CONTROL else max(self._last[way, DATA], self._last[way, CONTROL])
-        at = max(before, self._scheduler.now + self._delays.draw(self._random))
-        self._last[way, lane] = at
-        self._scheduler.after(at - self._scheduler.now, lambda: self._arrive(way, act))
+        last, now = self._last[way], self._scheduler.now
+        before = last[CONTROL] if lane == CONTROL else max(last)
+        at = max(before, now + self._delays.draw(self._random))
+        last[lane] = at
+        self._scheduler.after(at - now, partial(self._arrive, way, act))
 
     def _close_if_full(self) -> None:
         if not self._is_full:
@@ -97,7 +98,7 @@ class Link:
 
     def end(self, way: int, share: float) -> None:
         """Close it from the side that sends in a direction. `share`: how much of what it has sent still arrives."""
-        under_way = max(self._last[way, DATA], self._last[way, CONTROL]) - self._scheduler.now
+        under_way = max(self._last[way]) - self._scheduler.now
         self.is_open[way] = False
         self._scheduler.after(max(0.0, under_way) * share, self.close)
 

@@ -15,6 +15,7 @@ from orchard.server.control import RunClock
 from orchard.server.drivers import Drivers
 from orchard.server.publisher import Publisher
 from orchard.server.roster import RecoveryLog, Roster
+from orchard.server.run import Run
 from orchard.sim import snapshot
 from orchard.wire import messages as wire
 from orchard.wire.messages import Joined
@@ -144,9 +145,10 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "messages of other runs count": (Cut(inbound, "refuse_other_run", _checks_no_run),),
     "a resumed run waits for no agent": (Cut(loop.RunLoop, "gather", _nothing),),
     "physics begins without its hosts after a reset": (Cut(agents, "RESET", "never"),),
-    "snapshots stay after a reset": (Cut(physics, "clear", _nothing),),
+    "snapshots stay after a reset": (Cut(snapshot, "_outdated", lambda path: []),),
     "the newest snapshot counts, as it is": (Cut(physics, "last", _first_in_folder),),
     "no snapshot is written": (Cut(snapshots.SnapshotWriter, "is_due", _never),),
+    "a run begins before it is kept": (Cut(Run, "keep_at_once", _always),),
     "a pause makes agents late": (Cut(RunClock, "__call__", _goes_on_while_paused),),
     "realtime: old velocities drive on": (Cut(commands.RecentTicks, "is_over", _never),),
     "physics is given up at once": (Cut(agents, "Host", _without_patience),),

@@ -62,7 +62,8 @@ class Plan:
         """For how long a host may be away at most, s of a run that plays."""
         lasting = [fault for fault in self.faults if fault.who not in (CLIENT, LOGGER) or fault.what == "claim"]
         is_debugged = [fault.what for fault in self.faults] == ["think", "pause"] and self.faults[0][2:4] == self.faults[1][2:4]
-        return sum(fault.seconds + BACK_SECONDS for fault in lasting) - (self.faults[1].seconds if is_debugged else 0.0)
+        paused = self.faults[1].seconds if is_debugged and self.faults[1].tick >= 0 else 0.0
+        return sum(fault.seconds + BACK_SECONDS for fault in lasting) - paused
 
     @property
     def may_lose(self) -> bool:
@@ -89,7 +90,7 @@ class Plan:
 
 ALONE = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0}
 SCENARIOS: tuple[dict[str, Any], ...] = (
-    {"rows": 3, "seed": 1},
+    {"rows": 3, "seed": 1, "people": {"workers": 1, "visitors": 0}, "animals": {"dogs": 1, "cats": 0}, "weeds": 2},
     {"rows": 3, "seed": 2, "dispatch": "nearest", **ALONE},
     {"rows": 3, "seed": 3, "route": "two-way", **ALONE},
     {"rows": 4, "seed": 4, "dispatch": "assignment", "tractor": False, **ALONE},

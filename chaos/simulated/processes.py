@@ -300,7 +300,6 @@ class World:
     engine: Engine | None = None  # of physics
     physics: SimulatedProcess | None = None  # the process that has it
     begun_at: int = 0  # the tick at which that has begun
-    is_kept: bool = False  # whether there is a snapshot of it
     lines: list[str] = field(default_factory=list)  # what users are told
     processes: dict[Task, SimulatedProcess] = field(default_factory=dict)
     crashes: list[str] = field(default_factory=list)  # what no user should see
@@ -312,7 +311,7 @@ class World:
 
     def begin(self, engine: Engine) -> None:
         """Know the engine of physics, which is about to begin."""
-        self.engine, self.begun_at, self.physics, self.is_kept = engine, engine.tick, self._running, False
+        self.engine, self.begun_at, self.physics = engine, engine.tick, self._running
 
     def say(self, line: str) -> None:
         """Take a line for the user."""
@@ -373,7 +372,6 @@ class World:
         path = store(name, content, folder, run)
         at = int(self.scheduler.now * 1e9) + 10**18
         os.utime(path, ns=(at, at))
-        self.is_kept = True
         return path
 
 

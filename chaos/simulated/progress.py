@@ -15,14 +15,13 @@ class Progress:
         self.process: SimulatedProcess | None = None  # that has the engine
         self._has_disk = not plan.has("full disk", "torn snapshot")
         self._engine: Engine | None = None
-        self._seed, self._is_kept = -1, False
+        self._seed = -1
         self._ticks: list[int] = []  # at the last looks at which it had gone on
 
     def look(self, world: World) -> None:
         """Look at the tick that physics has come to."""
         if world.engine is not self._engine and world.engine is not None:
             self._begin(world, world.engine)
-        self._is_kept = world.is_kept
         if self._engine is not None and (not self._ticks or self._engine.tick > self._ticks[-1]):
             self._ticks = [*self._ticks[1 - LOOKS :], self._engine.tick]
 
@@ -33,6 +32,6 @@ class Progress:
         if self.process is not before and before is not None:  # not after a reset
             if self._has_disk and len(self._ticks) == LOOKS and tick < self._ticks[0]:
                 self.complaints.append(f"physics went back from tick {self._ticks[-1]} to {tick}")
-            if seed != self._seed and (tick > 0 or (self._is_kept and self._has_disk)):
+            if seed != self._seed and (tick > 0 or self._has_disk):
                 self.complaints.append("physics went back to before a reset")
         self._engine, self._seed, self._ticks = engine, seed, []

@@ -25,6 +25,7 @@ class Router:
         self._queryables: dict[str, list[str]] = {}
         self._watchers: dict[str, list[str]] = {}
         self._tokens: dict[str, list[str]] = {}
+        self._receivers: dict[str, list[str]] = {}  # key -> session ids: who subscribes to it; computed on demand
         self._interested: set[str] = set()  # sessions that ask who subscribes
         self._pending: dict[int, tuple[str, list[str]]] = {}  # number of a query -> who asks, and the sessions that are to reply
         self.is_open = True
@@ -39,6 +40,7 @@ class Router:
         self.links[session] = link
         for table in (self._subscribers, self._queryables, self._watchers, self._tokens):
             table[session] = []
+        self._receivers = {}
 
     def lose(self, link: Link) -> None:
         """Forget a session whose link is closed."""
@@ -118,6 +120,7 @@ class Router:
                 link.send(DOWN, partial(link.session.hear_token, token, up), CONTROL)
 
     def _tell_subscribers(self) -> None:
+        self._receivers = {}
         for session in sorted(self._interested & self.links.keys()):
             link, known = self.links[session], [keys for other, keys in self._subscribers.items() if other != session]
             all_keys = [one for keys in known for one in keys]
@@ -130,8 +133,10 @@ class Router:
     # -- data
 
     def publish(self, link: Link, key: str, payload: bytes, may_drop: bool) -> None:
-        for session, keys in list(self._subscribers.items()):
-            if session != link.session.id and any(meets(one, key) for one in keys):
+        if key not in self._receivers:
+            self._receivers[key] = [session for session, keys in self._subscribers.items() if any(meets(one, key) for one in keys)]
+        for session in self._receivers[key]:
+            if session != link.session.id:
                 to = self.links[session]
                 to.send(DOWN, partial(to.session.hear_sample, key, payload), DATA, may_drop)
 

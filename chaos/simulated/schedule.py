@@ -63,7 +63,8 @@ class Schedule:
             self._look()
             self._plan_faults()
             while not self._is_over() and self.world.scheduler.step(LIMIT):
-                self._plan_faults()
+                if self._faults_left:
+                    self._plan_faults()
             verdict = judge(self)
             for process in list(self.world.processes.values()):
                 process.kill()
@@ -109,20 +110,21 @@ class Schedule:
 
     def _is_over(self) -> bool:
         """Whether run.py has ended, and also what runs elsewhere, or that had the time for it."""
-        if self.over_at is None or self.run_py.code in (None, KILLED):
+        if self.run_py.code in (None, KILLED) or self.over_at is None:
             return False
         return not self.elsewhere.is_any_left() or self.world.scheduler.now > self.over_at + LEAVE_LIMIT
 
-    def _kill_run_py(self) -> None:
+    def _kill_run_py(self, fault: Fault) -> None:
         if self.run_py.code is None:
             self.run_py.kill()
-            self._go_on()
+            self._go_on(fault)
 
-    def _go_on(self) -> None:
+    def _go_on(self, fault: Fault) -> None:
         """Continue the run whose run.py was killed, as soon as all processes have ended."""
         if any(process.code is None for process in self.world.processes.values()):
-            self.world.scheduler.after(LOOK_SECONDS, self._go_on)
+            self.world.scheduler.after(LOOK_SECONDS, partial(self._go_on, fault))
         else:
+            self.inflicted.append((self.world.scheduler.now, fault))
             self.world.scheduler.after(USER_SECONDS, lambda: self._start(last(self.world.folder / "snapshots", RUN)))
 
     # -- faults
@@ -148,7 +150,7 @@ class Schedule:
         self.inflicted.append((self.world.scheduler.now, fault))
         self.world.network.trace(f"fault: {fault}")
         if fault.who == RUN_PY:
-            self._kill_run_py()
+            self._kill_run_py(fault)
         elif fault.who == CLIENT:
             self._connect_client(fault)
         elif fault.who == ROUTER:

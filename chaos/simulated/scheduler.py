@@ -7,6 +7,7 @@ import heapq
 import itertools
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from math import inf, nextafter
 
 from greenlet import GreenletExit, getcurrent, greenlet
@@ -32,7 +33,10 @@ class Scheduler:
 
     def in_future(self, seconds: float) -> float:
         """Return the time in so many seconds: later than now, however few they are, for a clock that is read twice has moved."""
-        return max(self.now + seconds, nextafter(self.now, inf)) if seconds > 0.0 else self.now
+        at = self.now + seconds
+        if at > self.now:
+            return at
+        return nextafter(self.now, inf) if seconds > 0.0 else self.now
 
     def spawn(self, name: str, body: Callable[[], None]) -> "Task":
         """Start a task."""
@@ -79,14 +83,12 @@ class Task:
             raise GreenletExit
         self._waits += 1
         if seconds < inf:
-            number = self._waits
-            self._scheduler.after(max(0.0, seconds), lambda: self.resume(number))
+            self._scheduler.after(seconds, partial(self.resume, self._waits))
         self._hub.switch()
 
     def wake(self) -> None:
         """End its wait."""
-        number = self._waits
-        self._scheduler.after(0.0, lambda: self.resume(number))
+        self._scheduler.after(0.0, partial(self.resume, self._waits))
 
     def resume(self, number: int = 0) -> None:
         """Go on after the wait of this number, unless that is over."""

@@ -59,6 +59,7 @@ class SimulatedBus(Bus):
         self._random = Random(f"{network.seed} {self.id}")
         self._declared: list[tuple[str, str]] = []  # (what, key), in their order
         self._quiet: set[str] = set()  # subscriptions that do not wake the reader
+        self._subscribed: dict[str, list[bool]] = {}  # key -> whether each subscription that it meets is quiet; computed on demand
         self._dropping: dict[str, bool] = {}  # key -> whether a slow subscriber may miss messages
         self._is_interested = False
         self._known: list[str] = []  # the keys to which others subscribe, as far as the session knows
@@ -90,7 +91,7 @@ class SimulatedBus(Bus):
     def _send(self, act: Callable[[Link], None], lane: int = DATA, may_drop: bool = False) -> None:
         link = self.link
         if link is not None and not self.is_dead:
-            link.send(UP, lambda: act(link), lane, may_drop)
+            link.send(UP, partial(act, link), lane, may_drop)
 
     # -- publish and query
 
@@ -153,6 +154,7 @@ class SimulatedBus(Bus):
     def _declare(self, what: str, key: str) -> None:
         self._work()
         self._declared.append((what, key))
+        self._subscribed = {}
         self._send_declared(what, key)
 
     def _send_declared(self, what: str, key: str) -> None:
@@ -196,9 +198,10 @@ class SimulatedBus(Bus):
     # -- what arrives
 
     def hear_sample(self, key: str, payload: bytes) -> None:
-        for what, keys in self._declared:
-            if what == "subscribe" and meets(keys, key):
-                (self.inbox.put_quietly if keys in self._quiet else self.inbox.put)(Sample(key, payload))
+        if key not in self._subscribed:
+            self._subscribed[key] = [keys in self._quiet for what, keys in self._declared if what == "subscribe" and meets(keys, key)]
+        for is_quiet in self._subscribed[key]:
+            (self.inbox.put_quietly if is_quiet else self.inbox.put)(Sample(key, payload))
 
     def hear_token(self, token: str, up: bool) -> None:
         if up != (token in self._alive):

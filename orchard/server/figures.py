@@ -30,6 +30,7 @@ class RunFigures:
         from orchard.report.metrics import HarvestFigures, History
 
         self._engine, self._world, self._clock = engine, engine.world, clock
+        self._pickers = [name for name in engine.layout.index if kind_of(name) == "picker"]
         before = before or {}
         try:
             self._figures = msgspec.convert(before.get("harvest", {}), HarvestFigures)
@@ -80,12 +81,11 @@ class RunFigures:
 
     def _are_pickers_broken(self) -> bool:
         """Whether all pickers are broken, and each was for BROKEN_TICKS: one that errs once may recover."""
-        pickers = [name for name in self._world.layout.index if kind_of(name) == "picker"]
-        actions = [self._engine.actions.get(name) for name in pickers]
+        actions = [self._engine.actions.get(name) for name in self._pickers]
         if not all(action is not None and action.state == "broken" for action in actions):
             return False
         ticks = self._engine.states.counts.ticks
-        return all(ticks[name][STATES.index("broken")] >= BROKEN_TICKS for name in pickers)
+        return all(ticks[name][STATES.index("broken")] >= BROKEN_TICKS for name in self._pickers)
 
     def figures(self) -> dict[str, Any]:
         from orchard.report.metrics import harvest_figures

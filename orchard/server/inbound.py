@@ -14,7 +14,6 @@ from orchard.net.bus import Alive, Bus, Item, Query, Sample, Signal
 from orchard.net.endpoints import BusError
 from orchard.net.refusals import Refused, read_message, refuse_other_run, refuse_other_tick
 from orchard.server.run import Run, RunEnded, RunReset
-from orchard.server.snapshots import KEPT_SECONDS
 from orchard.sim.stops import stopped
 from orchard.wire import messages as wire
 from orchard.wire.codec import orchard_of, velocities_of
@@ -94,9 +93,7 @@ class Queries:
             changed = engine.stop(request.names) if request.stop else engine.reset(request.names)
         except ValueError as error:
             raise Refused("no such robot", str(error)) from error
-        if changed and run.has_begun:
-            run.keep()
-        kept = run.has_begun and run.account.snapshot_writer.finish(KEPT_SECONDS)
+        kept = run.keep_at_once() if changed else run.is_kept()
         query.reply(pack(wire.Stopped(run.id, engine.tick, changed, stopped(engine.world), kept)))
 
     def _simulation_state(self, query: Query) -> None:

@@ -17,6 +17,7 @@ class Roster:
         self.owners: dict[str, str] = {}  # name -> session id
         self._by_owner: dict[str, list[str]] = {}  # computed on demand
         self.tokens: set[tuple[str, str]] = set()  # (name, session id) of each liveliness token
+        self._last_owners: dict[str, str] = {}  # name -> session id, also of one whose agents are released
         self._leaving: set[str] = set()  # owners that have said that they leave
 
     def token(self, name: str, owner: str, up: bool) -> None:
@@ -35,17 +36,18 @@ class Roster:
         return f"{TAKEN}, by session {before}" if before != owner and (name, before) in self.tokens else ""
 
     def join(self, name: str, owner: str) -> None:
-        self.owners[name], self._by_owner = owner, {}
+        self.owners[name] = self._last_owners[name] = owner
+        self._by_owner = {}
         self._leaving.discard(owner)
 
     def leave(self, owner: str) -> None:
         """Record that a session says that it leaves. When its tokens are gone, it has left."""
-        if owner in self.by_owner():
+        if owner in self._last_owners.values():
             self._leaving.add(owner)
 
     def all_have_left(self) -> bool:
-        """Whether no token is there, and every owner has said that it leaves: one that has not may only be cut off."""
-        return not self.tokens and self._leaving.issuperset(self.by_owner())
+        """Whether no token is there, and each agent's last owner has said that it leaves: one that has not may only be cut off."""
+        return not self.tokens and self._leaving.issuperset(self._last_owners.values())
 
     def by_owner(self) -> dict[str, list[str]]:
         if not self._by_owner:

@@ -19,7 +19,7 @@ from orchard.server.drivers import Drivers
 from orchard.server.options import RunOptions
 from orchard.server.publisher import Publisher
 from orchard.server.roster import RecoveryLog, Roster
-from orchard.server.snapshots import SnapshotWriter
+from orchard.server.snapshots import KEPT_SECONDS, SnapshotWriter
 from orchard.sim.snapshot import Snapshot
 from orchard.wire.codec import picture_of
 from orchard.wire.keys import Keys
@@ -121,6 +121,15 @@ class Run:
 
     def keep(self) -> None:
         self.account.keep(self._snapshot())
+
+    def keep_at_once(self) -> bool:
+        """Keep a snapshot, and wait for the disk. Return whether it is there."""
+        self.keep()
+        return self.is_kept()
+
+    def is_kept(self) -> bool:
+        """Wait for the disk. Return whether the last snapshot is there."""
+        return self.account.snapshot_writer.finish(KEPT_SECONDS)
 
     def _snapshot(self) -> Snapshot:
         engine, recovery_log = self.engine, self.drivers.recovery_log

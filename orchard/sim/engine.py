@@ -212,7 +212,7 @@ class Unaudited(Engine):
         self._stepped = None
 
 
-_LITTLE = {kind: np.dtype(f"<{kind}") for kind in ("f8", "f4", "i8", "b1")}
+_LITTLE = {kind: np.dtype(kind).newbyteorder("<") for kind in "dflq?"}
 
 
 def next_digest(before: bytes, world: World, ranges: np.ndarray, mail_digests: Mapping[str, bytes]) -> bytes:
@@ -220,7 +220,7 @@ def next_digest(before: bytes, world: World, ranges: np.ndarray, mail_digests: M
     sha = hashlib.sha256(before)
     sha.update(b"%d %d %d\n" % (world.tick, world.delivered, len(mail_digests)))
     for array in (world.pose, world.coupled, world.fill, world.row_picked, world.alive, ranges):
-        sha.update(np.ascontiguousarray(array, dtype=_LITTLE[array.dtype.kind + str(array.itemsize)]).data)  # the same on every machine
+        sha.update(np.ascontiguousarray(array, dtype=_LITTLE[array.dtype.char]).data)  # the same on every machine
     for name in sorted(mail_digests):
         sha.update(b"%d %d " % (len(name.encode()), len(mail_digests[name])) + name.encode() + mail_digests[name])
     return sha.digest()

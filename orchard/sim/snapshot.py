@@ -19,6 +19,7 @@ VERSION = 6
 HEAD = b"orchard snapshot %d\n"
 LARGEST = 1 << 24  # bytes; the snapshot of the largest orchard has a hundredth of that
 KEPT = 2  # files: the newest two
+NAME = "tick-%09d.snapshot"
 RUN = "run"  # file: the id of the run that writes its snapshots into the folder
 
 
@@ -50,21 +51,26 @@ class Snapshot(msgspec.Struct):
 def as_file(snapshot: Snapshot) -> tuple[str, bytes]:
     payload = pack(snapshot)
     head = HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n"
-    return f"tick-{snapshot.tick:09d}.snapshot", head + payload
+    return NAME % snapshot.tick, head + payload
 
 
 def store(name: str, content: bytes, folder: Path, run: str = "") -> Path:
-    """Write a file of `as_file` into a run's folder, remove all but the KEPT last ones, and return its path. Raises OSError."""
+    """Write a file of `as_file` into a run's folder, remove those that it outdates, and return its path. Raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
     if run_of(folder) != run:
         write_whole(folder / RUN, run.encode())
     write_whole(path, content)
-    written = sorted(_newest_first(folder), key=lambda old: old.lstat().st_mtime_ns, reverse=True)  # the highest tick may be damaged
-    others = [old for old in written if old != path]  # a clock that was set back must not remove this one
-    for old in [*others[KEPT - 1 :], *folder.glob("*.new")]:  # the latter of a process that was killed while it wrote
+    for old in [*_outdated(path), *folder.glob("*.new")]:  # the latter of a process that was killed while it wrote
         old.unlink(missing_ok=True)
     return path
+
+
+def _outdated(path: Path) -> list[Path]:
+    """Return the files that a new one outdates: all but the KEPT last ones; all, if the run has begun, perhaps again after a reset."""
+    written = sorted(_newest_first(path.parent), key=lambda old: old.lstat().st_mtime_ns, reverse=True)  # the highest tick may be damaged
+    others = [old for old in written if old != path]  # a clock that was set back must not remove this one
+    return others if path.name == NAME % 0 else others[KEPT - 1 :]
 
 
 def read(path: Path) -> Snapshot:
@@ -90,12 +96,6 @@ def read(path: Path) -> Snapshot:
     except ValueError as error:
         raise SnapshotError(f"{path}: {error}") from error
     return snapshot
-
-
-def clear(folder: Path) -> None:
-    """Remove all snapshots from a folder: the run begins again, and older ticks of it count no more."""
-    for path in _newest_first(folder):
-        path.unlink(missing_ok=True)
 
 
 def run_of(folder: Path) -> str:

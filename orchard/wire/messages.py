@@ -211,7 +211,8 @@ class Report(Action, omit_defaults=True):
 
     def __post_init__(self) -> None:
         """Raise ValueError for a velocity out of bounds, and make the texts printable, whatever a client sent."""
-        if not all(abs(part) <= FASTEST for part in self.twist):
+        x, y, turn = self.twist
+        if not (abs(x) <= FASTEST and abs(y) <= FASTEST and abs(turn) <= FASTEST):
             raise ValueError(f"{self.twist}: each number must be from {-FASTEST:g} to {FASTEST:g}")
         self.doing, self.waits_for = printable(self.doing), printable(self.waits_for)
 

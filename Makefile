@@ -5,7 +5,7 @@ SECONDS := 600
 COUNT := 1000
 QUICK := tests/field tests/wire tests/agents/test_steps.py tests/net/test_lockstep.py tests/docs/test_package.py \
  $(patsubst %,tests/contract/test_%.py,read_only zones) \
- $(patsubst %,tests/sim/test_%.py,deeds digest end_of_harvest invariants movement observe picking repeatable scan snapshot unloading)
+ $(patsubst %,tests/sim/test_%.py,deeds invariants movement picking repeatable scan snapshot)
 RUN := $(VENV)/bin/python
 INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
 

@@ -6,7 +6,6 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import settings
 
@@ -25,8 +24,7 @@ from fleet import Fleet
 from local_runs import SMALL, TICKS, local_hash
 from page_server import WINDOW, chromium_with, served
 from recorded_messages import recorded
-from recordings import recording_of
-from scripted_orchard import ACTED_SECONDS, acted_layout, frames
+from recordings import SECONDS, frames, recording_of
 from secured_run import make_roles
 from simulated_fleet import SimulatedFleet
 
@@ -81,7 +79,6 @@ def undisturbed():
 
 @pytest.fixture(scope="session")
 def other():
-    """Real messages of another run."""
     return recorded(SMALL, "other", 40)
 
 
@@ -96,7 +93,6 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def stranger(tmp_path_factory) -> Path:
-    """The same, but by another authority."""
     return make_roles(tmp_path_factory.mktemp("stranger") / "roles")
 
 
@@ -105,7 +101,6 @@ def stranger(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def server(tmp_path_factory):
-    """The page's address, and where its runs go."""
     runs = tmp_path_factory.mktemp("runs")
     with served(runs) as address:
         yield address, runs
@@ -118,7 +113,10 @@ def downloads(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def chromium(tmp_path_factory, downloads):
+    """With all but Rerun's viewer, which takes the processor for long; `tests/view/test_pixels.py` looks at pictures."""
     with chromium_with(tmp_path_factory.mktemp("profile"), downloads) as browser:
+        browser.driver.execute_cdp_cmd("Network.enable", {})
+        browser.driver.execute_cdp_cmd("Network.setBlockedURLs", {"urls": ["*.wasm"]})
         yield browser
 
 
@@ -135,20 +133,16 @@ def browser(chromium, server):
 
 @pytest.fixture(scope="session")
 def layout():
-    """Of an orchard that is only acted."""
-    return acted_layout(rows=3, pickers=2)
+    return lay_out(Scenario(rows=3, dispatch="nearest"))
 
 
 @pytest.fixture(scope="session")
-def acted(layout):
-    """A minute and a half of it, everyone seeing a wall 4 m around, and nothing to its left."""
-    ranges = np.full(180, 4.0, np.float32)
-    ranges[90:] = np.inf
-    return list(frames(layout, ACTED_SECONDS, lambda stage: [ranges for _ in stage.layout.starts]))
+def harvested(layout):
+    """The first frames of a harvest there."""
+    return list(frames(layout, SECONDS))
 
 
 @pytest.fixture(scope="session")
-def recording(layout, acted, tmp_path_factory):
-    """The file in which it is recorded."""
-    path = tmp_path_factory.mktemp("picture") / "run.rrd"
-    return recording_of(path, layout, acted)
+def recording(layout, harvested, tmp_path_factory):
+    """The file in which they are recorded."""
+    return recording_of(tmp_path_factory.mktemp("picture") / "run.rrd", layout, harvested)

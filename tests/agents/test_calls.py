@@ -78,11 +78,6 @@ def test_the_nearest_carrier_by_road_is_sent_which_is_the_head_of_the_nearest_li
     assert exchanges(stage)[0][0] == "carrier_25", "its line is the southernmost; it is the last by name"
 
 
-def test_bins_that_call_while_all_carriers_work_wait_their_turn():
-    stage = Stage(calling_orchard(rows=4, pickers=4, carriers=2))
-    assert_every_bin_is_taken_once(stage, 4)
-
-
 def answers(stage: Stage, tick: int, *calls: tuple[str, int]) -> list[type[Answer]]:
     """Return what the head of the queue answers to these calls, (bin, since), at a tick."""
     seen = replace(stage.local.engine.observe()["carrier_01"], tick=tick)

@@ -145,7 +145,7 @@ def small(name: str, **changes) -> Scenario:
 
 @cache
 def harvested(name: str) -> Stage:
-    stage = Stage(small(name))
+    stage = Stage(small(name, row_length=40.0))
     stage.run_to_the_end()
     return stage
 
@@ -164,7 +164,7 @@ def test_early_carriers_make_the_harvest_shorter():
 @pytest.mark.parametrize("name", ["farthest-first", "predictive"])
 def test_agents_started_afresh_and_asked_at_every_tick_give_the_same_harvest(name):
     whole = harvested(name)
-    local = Local(small(name), holds=IgnoredHolds)
+    local = Local(small(name, row_length=40.0), holds=IgnoredHolds)
     while not local.engine.over:
         if local.engine.tick % 25 == 1:
             start_afresh(local)

@@ -1,8 +1,7 @@
 """The abilities of every robot: sense, turn, move, realign, tow a bin, and stand after a collision."""
 
 import pytest
-from quiet_orchards import meadow, one_guest
-from stage import Driven, Stage, Standing, empty_orchard
+from stage import Driven, Stage, Standing, empty_orchard, meadow, one_guest
 
 from orchard.agents.robot import Step
 from orchard.agents.sense import stop_zone

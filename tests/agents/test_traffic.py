@@ -69,22 +69,22 @@ def test_a_partner_joins_at_once_although_others_stand_in_line():
 # -- whole harvests, without people and animals, and with them
 
 
-@pytest.mark.parametrize(
-    ("rows", "pickers", "carriers", "row_width", "more"),
-    [
-        (3, 2, None, 5.0, {}),
-        (5, 2, None, 5.0, {}),
-        (5, 5, None, 5.0, {}),
-        (4, 4, 1, 6.3, {}),
-        (4, 3, 3, 5.0, {"row_length": 20.0}),
-        (5, 3, 4, 5.0, {"row_length": 45.5, "bay": 12.5}),
-        (4, 3, 3, 5.0, {"row_length": 20.0, "route": TWO_WAY}),
-        (5, 5, 10, 5.0, {"route": TWO_WAY}),
-        (6, 4, 6, 6.3, {"row_length": 40.0, "bay": 5.0, "route": TWO_WAY, "dispatch": FARTHEST}),
-        pytest.param(6, 2, 14, 12.0, {}, marks=pytest.mark.soak),
-        pytest.param(6, 2, 40, 12.0, {"row_length": 200.0, "bay": 60.0, "route": TWO_WAY}, marks=pytest.mark.soak),
-    ],
-)
+ORCHARDS = [
+    (3, 2, None, 5.0, {}),
+    (5, 2, None, 5.0, {}),
+    (5, 5, None, 5.0, {}),
+    (4, 4, 1, 6.3, {}),
+    (4, 3, 3, 5.0, {"row_length": 20.0}),
+    (5, 3, 4, 5.0, {"row_length": 45.5, "bay": 12.5}),
+    (4, 3, 3, 5.0, {"row_length": 20.0, "route": TWO_WAY}),
+    (5, 5, 10, 5.0, {"route": TWO_WAY}),
+    (6, 4, 6, 6.3, {"row_length": 40.0, "bay": 5.0, "route": TWO_WAY, "dispatch": FARTHEST}),
+    pytest.param(6, 2, 14, 12.0, {}, marks=pytest.mark.soak),
+    pytest.param(6, 2, 40, 12.0, {"row_length": 200.0, "bay": 60.0, "route": TWO_WAY}, marks=pytest.mark.soak),
+]
+
+
+@pytest.mark.parametrize(("rows", "pickers", "carriers", "row_width", "more"), ORCHARDS)
 def test_a_harvest_ends_without_a_collision(rows, pickers, carriers, row_width, more):
     """Among others this shows that the tractor on its driveway is not in the way of unloading."""
     stage = Stage(empty_orchard(rows=rows, pickers=pickers, carriers=carriers, row_width=row_width, tractor=True, **more))
@@ -104,30 +104,27 @@ def test_all_pickers_call_at_once_and_all_are_served(pickers):
     stage.assert_no_collisions()
 
 
-@pytest.mark.parametrize(
-    ("rows", "pickers", "seed", "route"),
-    [
-        (3, 2, 1, ONE_WAY),
-        (5, 5, 1, ONE_WAY),
-        (5, 2, 1, ONE_WAY),
-        (6, 4, 1, TWO_WAY),
-        pytest.param(8, 3, 1, ONE_WAY, marks=pytest.mark.soak),
-        pytest.param(5, 2, 1, TWO_WAY, marks=pytest.mark.soak),
-        *(pytest.param(*of, route, marks=pytest.mark.soak) for of in [(5, 2, 3), (12, 6, 1)] for route in (ONE_WAY, TWO_WAY)),
-    ],
-)
+WITH_GUESTS = [
+    (3, 2, 1, ONE_WAY),
+    (5, 5, 1, ONE_WAY),
+    (5, 2, 1, ONE_WAY),
+    (6, 4, 1, TWO_WAY),
+    pytest.param(8, 3, 1, ONE_WAY, marks=pytest.mark.soak),
+    pytest.param(5, 2, 1, TWO_WAY, marks=pytest.mark.soak),
+    *(
+        pytest.param(*of, route, marks=pytest.mark.soak)
+        for of in [(5, 2, 3), (12, 6, 1), (20, 10, 1), (20, 20, 1)]
+        for route in (ONE_WAY, TWO_WAY)
+    ),
+]
+
+
+@pytest.mark.parametrize(("rows", "pickers", "seed", "route"), WITH_GUESTS)
 def test_a_harvest_among_people_and_animals_ends_without_a_collision(rows, pickers, seed, route):
     stage = Stage(Scenario(rows=rows, pickers=pickers, seed=seed, route=route))
     stage.run_to_the_end()
     assert stage.world.delivered == rows
     stage.assert_no_collisions()
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
-@pytest.mark.parametrize(("rows", "pickers"), [(20, 10), (20, 20)])
-def test_soak_a_large_harvest_ends_without_a_collision(rows, pickers, route):
-    test_a_harvest_among_people_and_animals_ends_without_a_collision(rows, pickers, 1, route)
 
 
 @pytest.mark.parametrize("number", [pytest.param(number, marks=pytest.mark.soak) for number in range(200)])
@@ -201,15 +198,6 @@ def test_an_animal_that_crosses_in_front_of_a_carrier_is_not_run_over():
     stage.assert_no_collisions()
 
 
-def test_two_carriers_that_meet_at_neighbouring_lanes_both_get_through():
-    stage = Stage(empty_orchard(rows=3, pickers=3, carriers=2))
-    stage.run_until(lambda: len([e for e in stage.happened("uncoupled") if e.who.startswith("carrier")]) == 2, 200)
-    both_at_work = [stage.pose(name)[1] for name in ("carrier_01", "carrier_02")]
-    assert abs(both_at_work[0] - both_at_work[1]) < 15, "they are at neighbouring lanes at the same time"
-    stage.run_until(lambda: stage.world.delivered == 2, 400)
-    stage.assert_no_collisions()
-
-
 # -- what the plan rests on
 
 
@@ -262,7 +250,6 @@ def test_a_two_way_carrier_asks_for_one_place_after_the_other():
 
 
 def places_asked(steps):
-    """The places of each claim in a plan."""
     needs = [step.places for step in steps if isinstance(step, Need)]
     return needs + [gate.places for step in steps if isinstance(step, DriveTo) for gate in step.needs]
 

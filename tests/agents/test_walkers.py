@@ -1,15 +1,18 @@
-"""The common behaviour of people and animals: they steer by their scans, and do not stay in one place."""
+"""The behaviour of people, animals and weeds: they steer by their scans, and do not stay in one place; what moves flattens weeds."""
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from quiet_orchards import meadow, one_guest
-from stage import empty_orchard
+from msgspec.structs import replace
+from stage import Driven, Stage, Standing, empty_orchard, meadow, one_guest
 
-from orchard.agents.walker import Person, WalkerMemory
+from orchard.agents.walker import Animal, Person, WalkerMemory
 from orchard.contract.agent import Mail, Observation
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out
-from orchard.field.scenario import Animals, People
+from orchard.field.scenario import Animals, People, Scenario
+from orchard.local import Local
 
 
 def facing(*boxes: tuple[float, float]) -> Observation:
@@ -79,3 +82,77 @@ def test_nobody_stays_within_a_circle_of_three_metres_for_a_minute(seed):
             lately = np.array(track[-60:])
             middle = (lately.max(axis=0) + lately.min(axis=0)) / 2
             assert len(track) < 60 or np.hypot(*(lately - middle).T).max() > 3.0, f"{name} stays near {middle} until {stage.seconds} s"
+
+
+# -- animals
+
+
+@pytest.mark.parametrize("kind", ["dog", "cat"])
+def test_animals_change_their_mind_every_three_seconds_and_keep_it_until_then(kind):
+    stage = one_guest(kind, 0.0, 20.0)
+    speeds = []
+    for _ in range(600):
+        stage.tick()
+        speeds.append(stage.local.memories[f"{kind}_01"].speed)
+    changes = [i for i in range(1, 600) if speeds[i] != speeds[i - 1]]
+    assert [later - one for one, later in pairwise(changes)] == [30] * (len(changes) - 1)
+    assert len(changes) >= 19 and len(set(speeds)) == len(changes) + 1
+    assert all(0 <= speed <= 3 for speed in speeds)
+
+
+def test_animals_do_not_change_their_minds_in_the_same_tick():
+    layout = lay_out(Scenario(animals=Animals(dogs=10, cats=10)))
+    phases = {Animal(layout, name).phase for name in layout.names if name.startswith(("dog", "cat"))}
+    assert len(phases) > 8
+    assert phases <= set(range(30))
+
+
+def test_animals_change_their_mind_although_they_do_not_see_every_tick():
+    """As in realtime, where ticks may be left out."""
+    seen = one_guest("dog", 0.0, 20.0).local.engine.observe()["dog_01"]
+    dog = Animal(Local(Scenario()).engine.layout, "dog_01")
+    memory = dog.tick(seen, Mail(), None).memory
+    minds, start = [], 60 - dog.phase
+    for tick in (start - 1, start + 1, start + 29, start + 31):
+        memory = dog.tick(replace(seen, tick=tick), Mail(), memory).memory
+        minds.append(memory.speed)
+    assert minds[0] != minds[1] == minds[2] != minds[3]
+
+
+# -- weeds
+
+
+def test_weeds_disappear_when_something_moves_within_a_metre():
+    stage = Stage(empty_orchard(weeds=1, people=People(workers=1, visitors=0)), worker_01=Driven(Twist(x=1.0)))
+    stage.put("weed_01", 0.0, 20.0)
+    stage.put("worker_01", -6.0, 21.5)  # passes with 0.75 m between their edges
+    stage.run_until(lambda: not stage.world.alive[stage.world.index["weed_01"]], 20)
+    assert -2.0 < stage.pose("worker_01")[0] < -0.5
+
+
+def test_weeds_stay_for_what_stands_still_or_passes_further_off():
+    stage = Stage(empty_orchard(weeds=2, people=People(workers=2, visitors=0)), worker_01=Driven(Twist(x=1.0)), worker_02=Standing())
+    stage.put("weed_01", 0.0, 20.0)
+    stage.put("worker_01", -6.0, 22.0)  # 1.25 m
+    stage.put("weed_02", 20.0, 19.0)
+    stage.put("worker_02", 20.0, 20.0)
+    stage.run(12)
+    assert stage.world.alive[[stage.world.index["weed_01"], stage.world.index["weed_02"]]].all()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(("speed", "y"), [(1.0, 21.5), (1.0, 21.7), (0.3, 21.5)])
+def test_noise_hides_nothing_that_passes_from_a_weed(speed, y, seed):
+    """However slowly it passes, and with up to 0.95 m between their edges: it comes at most 0.3 m further than without noise."""
+    at = [x_of_passer(noise, speed, y, seed) for noise in (0.0, 0.02)]
+    assert abs(at[0] - at[1]) <= 0.3
+
+
+def x_of_passer(noise, speed, y, seed) -> float:
+    """Return the x at which a worker that drives east flattens the weed at (0, 20)."""
+    orchard = empty_orchard(weeds=1, people=People(workers=1, visitors=0), laser={"noise": noise}, seed=seed)
+    stage = Stage(orchard, worker_01=Driven(Twist(x=speed)))
+    stage.put("weed_01", 0.0, 20.0)
+    stage.put("worker_01", -3.0, y)
+    stage.run_until(lambda: not stage.world.alive[stage.world.index["weed_01"]], 6.0 / speed)
+    return float(stage.pose("worker_01")[0])

@@ -31,12 +31,10 @@ def small(browser):
 
 
 def is_locked(page):
-    """Whether mode, speed and duration cannot be changed."""
     return bool(page.driver.find_elements("css selector", ".wishes[inert]"))
 
 
 def shown_charts(page):
-    """The titles of the charts that are seen."""
     charts = page.driver.find_elements("css selector", "figure")
     return [chart.find_element("css selector", "figcaption").text for chart in charts if chart.is_displayed()]
 

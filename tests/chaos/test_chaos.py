@@ -8,6 +8,7 @@ from random import Random
 import pytest
 from typer.testing import CliRunner
 
+from chaos import schedule
 from chaos.__main__ import app
 from chaos.baseline import Baseline, scenario
 from chaos.disk import Disk
@@ -20,25 +21,7 @@ from chaos.network import Network
 from chaos.oracle import judge
 from chaos.relay import Relay
 from chaos.report import Results, markdown
-from chaos.schedule import (
-    ALL,
-    BYTES,
-    HOST,
-    INTERRUPT,
-    KILL,
-    LINK,
-    LINKS,
-    LOGGER,
-    MOST_DEATHS,
-    NOTHING,
-    PORT,
-    ROUTER,
-    TERMINATE,
-    TORN,
-    Fault,
-    most_deaths,
-    trial,
-)
+from chaos.schedule import Fault, most_deaths, trial
 from orchard.contract.messages import pack
 from orchard.launch.supervisor import DEATHS, free_port
 from orchard.local import Local
@@ -68,19 +51,22 @@ def test_every_fault_comes_while_the_run_goes_on_in_the_order_of_ticks():
 
 
 def test_no_process_is_killed_as_often_as_makes_it_be_given_up():
-    assert MOST_DEATHS < DEATHS
-    assert max(most_deaths(this.faults) for this in TRIALS) == MOST_DEATHS
-    assert most_deaths([Fault(9, KILL, target, 0.0, 0) for target in (HOST, HOST, ALL, LOGGER)]) == 3
-    assert most_deaths([Fault(9, kind, HOST, 0.0, 0) for kind in (KILL, TERMINATE, INTERRUPT)]) == 3
-    assert most_deaths([Fault(9, kind, NOTHING, 0.0, 0) for kind in (TORN, PORT)]) == 5
+    assert schedule.MOST_DEATHS < DEATHS
+    assert max(most_deaths(this.faults) for this in TRIALS) == schedule.MOST_DEATHS
+    assert (
+        most_deaths([Fault(9, schedule.KILL, target, 0.0, 0) for target in (schedule.HOST, schedule.HOST, schedule.ALL, schedule.LOGGER)])
+        == 3
+    )
+    assert most_deaths([Fault(9, kind, schedule.HOST, 0.0, 0) for kind in (schedule.KILL, schedule.TERMINATE, schedule.INTERRUPT)]) == 3
+    assert most_deaths([Fault(9, kind, schedule.NOTHING, 0.0, 0) for kind in (schedule.TORN, schedule.PORT)]) == 5
 
 
 def test_faults_hit_only_what_is_there():
     for this in TRIALS:
         targets = {fault.target for fault in this.faults}
-        assert this.is_recorded or LOGGER not in targets
-        assert this.is_routed or not targets & {ROUTER, LINK, LINKS}
-        assert not this.is_routed or PORT not in {fault.kind for fault in this.faults}, "its port is the router's"
+        assert this.is_recorded or schedule.LOGGER not in targets
+        assert this.is_routed or not targets & {schedule.ROUTER, schedule.LINK, schedule.LINKS}
+        assert not this.is_routed or schedule.PORT not in {fault.kind for fault in this.faults}, "its port is the router's"
 
 
 def test_in_ten_minutes_there_is_everything():
@@ -88,7 +74,7 @@ def test_in_ten_minutes_there_is_everything():
     assert {fault.name for this in few for fault in this.faults} == {fault.name for this in TRIALS for fault in this.faults}
     assert {this.mode for this in few} == {"lockstep", "realtime"}
     assert any(this.seconds is None for this in few)
-    assert any(fault.kind == BYTES for this in few for fault in this.faults)
+    assert any(fault.kind == schedule.BYTES for this in few for fault in this.faults)
 
 
 # -- the relay
@@ -104,7 +90,6 @@ def is_over(end):
 
 @pytest.fixture
 def link():
-    """(relay, one end, the other end) of a connection through it."""
     with socket.create_server(("127.0.0.1", 0)) as server, Relay(server.getsockname()[1]) as relay:
         near = socket.create_connection(("127.0.0.1", relay.port), 10.0)
         far, _ = server.accept()
@@ -221,17 +206,17 @@ def test_a_run_that_came_to_what_local_mode_does_is_good(wanted):
     assert found.refused == 3
 
 
-@pytest.mark.parametrize(
-    ("exit_code", "changes", "broken"),
-    [
-        (0, {"hash": "another"}, "hashes changed"),
-        (0, {"rows_picked": -1}, "bins lost"),
-        (1, {"violations": ["bin_01 is nowhere"]}, "invariants broken"),
-        (0, {"ticks": 599}, "runs that did not finish"),
-        (1, {}, "runs that did not finish"),
-        (None, {}, "runs that did not finish"),
-    ],
-)
+BROKEN = [
+    (0, {"hash": "another"}, "hashes changed"),
+    (0, {"rows_picked": -1}, "bins lost"),
+    (1, {"violations": ["bin_01 is nowhere"]}, "invariants broken"),
+    (0, {"ticks": 599}, "runs that did not finish"),
+    (1, {}, "runs that did not finish"),
+    (None, {}, "runs that did not finish"),
+]
+
+
+@pytest.mark.parametrize(("exit_code", "changes", "broken"), BROKEN)
 def test_whatever_is_broken_is_counted_and_told(wanted, exit_code, changes, broken):
     found = judge(LOCKSTEP, execution(exit_code), summary(wanted, **changes), wanted)
     results = Results(1, "today", [found])

@@ -27,7 +27,6 @@ def running(fleet, tmp_path):
 
 
 def sessions_of(someone):
-    """The ids of all sessions that own something."""
     return {str(reply.ok.key_expr).rsplit("/", 1)[1] for reply in someone.session.liveliness().get("orchard/alive/**") if reply.ok}
 
 
@@ -64,15 +63,3 @@ def test_who_pretends_to_be_physics_and_leaves_is_not_missed(fleet, running, und
     someone, _, logger = running
     someone.declare("orchard/alive/physics/another").undeclare()
     assert undisturbed in wait_for_the_end(fleet, logger)[0]
-
-
-def test_a_velocity_beyond_the_kind_is_cut(fleet):
-    fleet.physics(SMALL, "--absent", "picker_01", "--speed", "5")
-    someone = fleet.client()
-    poses = someone.hear("orchard/picker_01/pose")
-    fleet.host("--without", "picker_01")
-    tick = until(poses, lambda pose: True)["tick"]
-    someone.drive("picker_01", tick, 50.0)
-    assert until(poses, lambda pose: pose["twist"]["linear"]["x"] > 0)["twist"]["linear"]["x"] == 1.0
-    someone.quit()
-    fleet.end()

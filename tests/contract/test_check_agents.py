@@ -1,13 +1,17 @@
-"""`--check-agents` tells which own agents are not repeatable, with the tick and the difference."""
+"""Agents must be repeatable: `--check-agents` names those that are not, and a memory that its bytes do not give back is refused."""
 
+import enum
+import math
 import re
+from collections import defaultdict
 
+import msgspec
 import pytest
 import unrepeatable
-from command_line import orchard
-from local_runs import SMALL, local_hash
+from command_line import orchard, scenario_file
+from local_runs import SMALL, driven_by, local_hash, played
 
-from orchard.field.scenario import to_yaml
+from orchard.contract.agent import Action
 from orchard.local import Local
 
 
@@ -16,25 +20,22 @@ def with_picker(class_):
 
 
 def checked(class_, ticks=6):
-    local = Local(with_picker(class_), check_agents=True)
-    for _ in range(ticks):
-        local.tick()
-    return local
+    return played(Local(with_picker(class_), check_agents=True), ticks)
 
 
-@pytest.mark.parametrize(
-    ("class_", "words"),
-    [
-        ("Clockwork", r"tick \d: its answer\.twist: Twist"),
-        ("Chancy", r"tick 0: its answer\.twist: Twist\(x=0\.\d+, .*\), then Twist"),
-        ("Unseeded", r"tick 0: its answer\.twist"),
-        ("Counting", r"tick 1: its answer\.twist: Twist\(x=0\.02, .*\), then Twist\(x=0\.01"),
-        ("Latch", r"tick 4: its answer\.twist: Twist\(x=0\.0, .*\), then Twist\(x=0\.25"),
-        ("Shared", r"tick 0: its answer\.twist"),
-        ("Diary", r"tick 1: its answer\.memory\['asked'\]\[0\]: 2, then 1"),
-        ("Tired", r"tick 0: its answer: an action, then, asked again, RuntimeError: asked again"),
-    ],
-)
+UNREPEATABLE = [
+    ("Clockwork", r"tick \d: its answer\.twist: Twist"),
+    ("Chancy", r"tick 0: its answer\.twist: Twist\(x=0\.\d+, .*\), then Twist"),
+    ("Unseeded", r"tick 0: its answer\.twist"),
+    ("Counting", r"tick 1: its answer\.twist: Twist\(x=0\.02, .*\), then Twist\(x=0\.01"),
+    ("Latch", r"tick 4: its answer\.twist: Twist\(x=0\.0, .*\), then Twist\(x=0\.25"),
+    ("Shared", r"tick 0: its answer\.twist"),
+    ("Diary", r"tick 1: its answer\.memory\['asked'\]\[0\]: 2, then 1"),
+    ("Tired", r"tick 0: its answer: an action, then, asked again, RuntimeError: asked again"),
+]
+
+
+@pytest.mark.parametrize(("class_", "words"), UNREPEATABLE)
 def test_what_is_not_repeatable_is_logged_once_with_agent_tick_and_place(class_, words, caplog, monkeypatch):
     monkeypatch.setattr(unrepeatable, "SHARED", {"count": 0})
     local = checked(class_)
@@ -51,20 +52,105 @@ def test_what_is_repeatable_is_not_told_and_runs_as_without_the_check(class_, ca
 
 
 def test_an_agent_that_local_mode_is_given_is_checked_too(caplog):
-    local = Local(SMALL, check_agents=True)
-    local.play("picker_02", unrepeatable.Counting(None, "picker_02"))
-    local.tick()
-    local.tick()
+    played(Local(SMALL, check_agents=True), 2, picker_02=unrepeatable.Counting(None, "picker_02"))
     assert "picker_02 is not repeatable, tick 1: its answer.twist" in caplog.text
 
 
 @pytest.mark.parametrize(("mode", "tick", "seconds"), [("local", "1", 1), ("lockstep", "1", 1), ("realtime", r"\d+", 3)])
 def test_the_command_line_checks_agents_and_exits_with_1(mode, tick, seconds, tmp_path):
     """In realtime a busy host may leave the first ticks out."""
-    path = tmp_path / "own.yaml"
-    path.write_text(to_yaml(SMALL.model_copy(update={"agents": {"picker_01": "tests.support.unrepeatable.Counting"}})))
-    done = orchard(path, "--check-agents", "--mode", mode, "--duration", seconds, "--record", "none")
+    path = scenario_file(tmp_path, with_picker("Counting"))
+    done = orchard(path, "--check-agents", "--mode", mode, "--duration", seconds, "--record", "none", code=1)
     said = done.stdout + done.stderr
-    assert done.returncode == 1, said
     assert re.search(f"picker_01 is not repeatable, tick {tick}: its answer.twist: ", said), said
     assert re.search(f"broken: picker_01, since tick {tick}", said), said
+
+
+# -- memories
+
+
+class Note(msgspec.Struct):
+    text: str = ""
+    seen: object = None
+
+
+class Colour(enum.IntEnum):
+    GREEN = 1
+
+
+class Keeper:
+    """Returns these memories in turn, the last one for ever, and notes those that it gets."""
+
+    def __init__(self, *memories, type_=dict):
+        self.memories, self.Memory, self.got = memories, type_, []
+
+    def tick(self, observation, mail, memory):
+        self.got.append(memory)
+        return Action(memory=self.memories[min(observation.tick, len(self.memories) - 1)])
+
+
+CHANGED = [
+    ({"seen": {3}}, dict, "memory['seen']: set {3}, then list [3]"),
+    ({"a": [1, {"b": (1, 2)}]}, dict, "memory['a'][1]['b']: tuple (1, 2), then list [1, 2]"),
+    ({"plan": [Note()]}, dict, "memory['plan'][0]: Note Note(text='', seen=None), then dict"),
+    (Note(seen={3}), Note, "memory.seen: set {3}, then list [3]"),
+    ({"of": defaultdict(int)}, dict, "memory['of']: defaultdict"),
+    ({"of": Colour.GREEN}, dict, "memory['of']: Colour <Colour.GREEN: 1>, then int 1"),
+    ({"a": [{"b": object()}]}, dict, "memory['a'][0]['b']: Encoding objects of type object is unsupported"),
+    ({"a": 2**70}, dict, "memory['a']: can't serialize ints"),
+    ({"a": "one"}, dict[str, float], "its memory does not fit its `Memory`, dict[str, float]: Expected `float`, got `str`"),
+    (5, dict, "its memory does not fit its `Memory`"),
+]
+
+
+@pytest.mark.parametrize(("memory", "type_", "place"), CHANGED)
+def test_a_memory_that_is_another_after_a_kill_is_refused_at_once(memory, type_, place, caplog):
+    keeper = Keeper(memory, type_=type_)
+    local = played(SMALL, 2, picker_01=keeper)
+    assert local.actions["picker_01"].state == "broken"
+    assert keeper.got == [None, None]
+    (record,) = caplog.records
+    assert re.search(rf"^picker_01 raised an error at tick 0(.|\n)*{re.escape(place)}", record.getMessage())
+
+
+KEPT = [
+    ({"a": math.nan, "b": math.inf, "c": None, "d": b"x"}, dict), ({1: [True]}, dict), ({"a": 1}, dict[str, float]),
+    ({1, 2}, set[int]), ((1, "x"), tuple[int, str]), (Note(seen=[1]), Note),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("memory", "type_"), KEPT)
+def test_a_memory_that_its_bytes_give_back_is_kept(memory, type_):
+    assert played(SMALL, 3, picker_01=Keeper(memory, type_=type_)).actions["picker_01"].state != "broken"
+
+
+def test_a_memory_with_the_same_bytes_and_another_type_is_refused_too():
+    local = played(SMALL, 2, picker_01=Keeper({"a": [1]}, {"a": (1,)}))
+    assert local.actions["picker_01"].state == "broken"
+    assert local.memories["picker_01"] == {"a": [1]}
+
+
+class Careless:
+    """Changes its memory in place, and then raises an error."""
+
+    Memory = dict
+
+    def tick(self, observation, mail, memory):
+        if memory is not None:
+            memory["n"] += 1
+            memory["seen"] = {3}
+        return Action(memory=memory or {"n": 0})
+
+
+def test_what_an_agent_changes_before_its_error_does_not_count():
+    assert played(SMALL, 5, picker_01=Careless()).memories["picker_01"] == {"n": 0}
+
+
+def test_a_memory_is_refused_over_the_network_as_in_local_mode(fleet):
+    collecting = driven_by(picker_01="Collector")
+    fleet.physics(collecting, "--duration", "1")
+    host = fleet.host()
+    code, out, _ = fleet.world.end()
+    assert code == 1, "an agent is broken"
+    assert f"hash {local_hash(collecting, 10)}" in out
+    assert re.search(r"picker_01 raised an error at tick 0(.|\n)*memory\['seen'\]: set \{'picker_01'\}, then list", host.end()[2])

@@ -1,24 +1,27 @@
-"""What an own class sets for its whole thread counts within its own call only: it changes no other agent, not the program, and no hash."""
+"""What an own class sets, prints or leaves behind counts within its own call: it changes no other agent, not the program, and no hash."""
 
 import ctypes
 import decimal
 import importlib
-import inspect
 import platform
+import re
 import sys
+from traceback import walk_stack
 
 import numpy as np
 import pytest
-from local_runs import SMALL, local_hash
+from command_line import PATH, python, scenario_file
+from local_runs import SMALL, driven_by, local_hash, played
 
 from orchard.agents.policies import Nearest
 from orchard.contract.agent import Action
+from orchard.contract.printed import MOST_LINES, Printed
 from orchard.contract.zone import spans
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out
 from orchard.field.rows import balanced, rows_to_pickers
-from orchard.local import Local
+from orchard.launch.supervisor import MOST_LINES as UNNAMED
 from orchard.processes.agents import made
 
 MXCSR, FLUSH_TO_ZERO, UPWARD = 7, 0x8040, 0x800  # place of the control word in an environment, its bits, and a way to round; of x86
@@ -36,7 +39,7 @@ needs_x86 = pytest.mark.skipif(platform.machine() != "x86_64", reason="its flags
 SETTINGS = [
     lambda: np.seterr(all="raise"),
     lambda: decimal.getcontext().__setattr__("prec", 3),
-    lambda: sys.setrecursionlimit(len(inspect.stack(context=0)) + 30),
+    lambda: sys.setrecursionlimit(len([*walk_stack(None)]) + 30),
     pytest.param(flush_to_zero, marks=needs_x86),
     pytest.param(lambda: ctypes.CDLL(None).fesetround(UPWARD), marks=needs_x86),
 ]
@@ -81,9 +84,7 @@ class SettingNearest(Nearest):
 
 
 def local(**changes):
-    run = Local(SMALL.model_copy(update=changes))
-    for _ in range(3):
-        run.tick()
+    played(SMALL.model_copy(update=changes), 3)
 
 
 PLACES = {
@@ -131,3 +132,29 @@ def test_what_the_users_own_program_sets_changes_no_hash():
     spans.cache_clear()
     with np.errstate(all="raise"):
         assert local_hash(SMALL, 40) == plain
+
+
+# -- what is printed
+
+
+def test_the_first_lines_are_shown_and_the_rest_is_left_out():
+    said = []
+    stream = Printed(said.append)
+    for words in ("one", " \x1b[2J\ntwo\n", "x" * 300 + "\n", "a\n" * 100, "b\n" * 10**6):
+        assert stream.write(words) == len(words)
+    assert said[:2] == ["printed: one ?[2J", "printed: two"]
+    assert len(said[2]) == len("printed: ") + 200
+    assert len(said) == MOST_LINES + 1
+    assert said[-1] == "what own classes print from here on is left out; write it to a file"
+
+
+@pytest.mark.parametrize("mode", ["local", "lockstep"])
+def test_an_agent_that_prints_much_and_leaves_a_thread_neither_floods_the_terminal_nor_holds_the_run(mode, tmp_path):
+    path = scenario_file(tmp_path, driven_by(picker_01="Noisy"))
+    done = python("run.py", path, "--mode", mode, "--duration", 1, "--record", "none", PYTHONPATH=PATH)
+    said = done.stdout + done.stderr
+    assert said.count(": Injected?[2J") < MOST_LINES
+    assert 0 < said.count("Written Injected?[2J") <= UNNAMED
+    assert re.search(r"printed, in .*own_agents\.py, line \d+: Injected", said)
+    assert "own classes have left threads that still run: Thread-" in said
+    assert all(line.isprintable() for line in said.split("\n"))

@@ -9,7 +9,7 @@ from enum import StrEnum
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from local_runs import SMALL
+from local_runs import SMALL, local_hash, played
 from msgspec.structs import replace
 
 from orchard.agents.catalogue import AGENTS, guarded
@@ -38,7 +38,6 @@ from orchard.field.geometry import Twist
 from orchard.field.kinds import kind_of
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
-from orchard.local import Local
 from orchard.net.refusals import read_message
 from orchard.wire.codec import report_of, velocities_of
 from orchard.wire.messages import Answered, Letter, Letters, Velocities
@@ -48,8 +47,6 @@ RUN = "run1"
 
 
 class Doing:
-    """An agent that returns this, or raises it."""
-
     Memory = dict
 
     def __init__(self, action):
@@ -154,7 +151,7 @@ def of_the_guard(action, mail=None):
 
 
 @given(actions)
-@settings(max_examples=600)
+@settings(max_examples=300)
 def test_whatever_the_guard_passes_physics_accepts_and_hears_as_local_mode_does(wild):
     guard, action = of_the_guard(wild)
     report = report_of(action, digest_of(Mail()), guard.packed)
@@ -176,37 +173,37 @@ def test_whatever_the_guard_passes_physics_accepts_and_hears_as_local_mode_does(
         read_message(pack(Answered(RUN, 7, body)), Answered, RUN)
 
 
-@pytest.mark.parametrize(
-    ("slip", "said"),
-    [
-        ({"requests": [("carrier_01", Where())] * 60_000}, "60000 requests in one tick; at most 500"),
-        ({"requests": [("traffic", Where())] * 9}, "9 requests to traffic in one tick; at most 8"),
-        (
-            {"requests": [("carrier_01", CustomMessage("a", {"b": "x" * 2_000_000}))]},
-            r"its deeds and messages take 2000\d+ bytes; at most 32768",
-        ),
-        ({"requests": [("carrier_01", CustomMessage("a", {"b": nested(40)}))]}, "a: lists and maps are nested more than 32 levels deep"),
-        ({"requests": [("carrier_01", Call(1, "east\n", 0))]}, "matching regex"),
-        ({"requests": [("*", Where())]}, r"a request to '\*': no agent has that name"),
-        ({"requests": [("worker_0$*", Where())]}, r"a request to 'worker_0\$\*': no agent has that name"),
-        ({"requests": [("carrier_01/mail", Where())]}, "a request to 'carrier_01/mail': no agent has that name"),
-        ({"requests": [("carrier_1", Where())]}, "a request to 'carrier_1': no agent has that name"),
-        ({"requests": None}, "requests NoneType: must be a list"),
-        ({"requests": [("carrier_01", Call(1, "north", 0))]}, "matching regex"),
-        ({"requests": [("carrier_01", Here("x" * 40_000))]}, r"messages take \d+ bytes; at most 32768"),
-        ({"deeds": None}, "deeds NoneType: must be a list"),
-        ({"deeds": [Uncouple()] * 17}, "17 deeds in one tick; at most 16"),
-        ({"twist": Twist(0.0, 1.0)}, "a picker does not move sideways"),
-        ({"doing": None}, "doing None.*both must be text"),
-        ({"steps_done": -1}, "steps_done -1: must be a whole number from 0"),
-        ({"steps_done": True}, "steps_done True: must be a whole number from 0 to 9007199254740991"),
-        ({"steps_done": 2**60}, "steps_done 1152921504606846976: must be a whole number from 0 to 9007199254740991"),
-        ({"memory": "\ud800"}, "surrogates not allowed"),
-        ({"memory": object()}, "memory: Encoding objects of type object is unsupported"),
-        ({"memory": b"x" * 300_000}, "its memory takes 300005 bytes; at most 32768"),
-        (None, "tick returned NoneType; it must return an Action"),
-    ],
-)
+TOO_MUCH = [
+    ({"requests": [("carrier_01", Where())] * 60_000}, "60000 requests in one tick; at most 500"),
+    ({"requests": [("traffic", Where())] * 9}, "9 requests to traffic in one tick; at most 8"),
+    (
+        {"requests": [("carrier_01", CustomMessage("a", {"b": "x" * 2_000_000}))]},
+        r"its deeds and messages take 2000\d+ bytes; at most 32768",
+    ),
+    ({"requests": [("carrier_01", CustomMessage("a", {"b": nested(40)}))]}, "a: lists and maps are nested more than 32 levels deep"),
+    ({"requests": [("carrier_01", Call(1, "east\n", 0))]}, "matching regex"),
+    ({"requests": [("*", Where())]}, r"a request to '\*': no agent has that name"),
+    ({"requests": [("worker_0$*", Where())]}, r"a request to 'worker_0\$\*': no agent has that name"),
+    ({"requests": [("carrier_01/mail", Where())]}, "a request to 'carrier_01/mail': no agent has that name"),
+    ({"requests": [("carrier_1", Where())]}, "a request to 'carrier_1': no agent has that name"),
+    ({"requests": None}, "requests NoneType: must be a list"),
+    ({"requests": [("carrier_01", Call(1, "north", 0))]}, "matching regex"),
+    ({"requests": [("carrier_01", Here("x" * 40_000))]}, r"messages take \d+ bytes; at most 32768"),
+    ({"deeds": None}, "deeds NoneType: must be a list"),
+    ({"deeds": [Uncouple()] * 17}, "17 deeds in one tick; at most 16"),
+    ({"twist": Twist(0.0, 1.0)}, "a picker does not move sideways"),
+    ({"doing": None}, "doing None.*both must be text"),
+    ({"steps_done": -1}, "steps_done -1: must be a whole number from 0"),
+    ({"steps_done": True}, "steps_done True: must be a whole number from 0 to 9007199254740991"),
+    ({"steps_done": 2**60}, "steps_done 1152921504606846976: must be a whole number from 0 to 9007199254740991"),
+    ({"memory": "\ud800"}, "surrogates not allowed"),
+    ({"memory": object()}, "memory: Encoding objects of type object is unsupported"),
+    ({"memory": b"x" * 300_000}, "its memory takes 300005 bytes; at most 32768"),
+    (None, "tick returned NoneType; it must return an Action"),
+]
+
+
+@pytest.mark.parametrize(("slip", "said"), TOO_MUCH)
 def test_what_is_too_much_or_wrong_is_told_with_the_agent_the_limit_and_the_figure(slip, said, caplog):
     _, action = of_the_guard(slip and Action(**{"twist": Twist(x=1.0)} | slip))
     assert (action.state, action.twist.x, action.memory) == ("broken", 0.0, {"a": 1})
@@ -226,16 +223,12 @@ ERRORS = [KeyboardInterrupt("mine"), SystemExit(3), asyncio.CancelledError(), Ge
 
 @pytest.mark.parametrize("error", [*ERRORS, BaseExceptionGroup("some", ERRORS)])
 def test_whatever_an_agent_raises_breaks_only_this_agent(error):
-    local = Local(SMALL)
-    local.play("picker_01", Doing(error))
-    local.tick()
+    local = played(SMALL, 1, picker_01=Doing(error))
     assert local.actions["picker_01"].state == "broken"
     assert local.actions["picker_02"].state != "broken"
 
 
 class Busy:
-    """At this moment the person at the terminal presses Ctrl-C."""
-
     Memory = dict
 
     def tick(self, observation, mail, memory):
@@ -260,42 +253,36 @@ def test_a_real_ctrl_c_ends_the_program_whatever_agent_is_at_work(handler):
 # -- built-in agents
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {},
-        {"dispatch": "nearest", "route": "two-way", "pickers": 3, "rows": 5},
-        {
-            "dispatch": "predictive-farthest",
-            "picking": {"failure": {"mean_between": 60.0, "mean_repair": 20.0}},
-            "sensors": {"gnss": {"white": 0.01, "bias": 0.02}},
-        },
-    ],
-)
+HARVESTS = [
+    {},
+    {"dispatch": "nearest", "route": "two-way", "pickers": 3, "rows": 5},
+    {
+        "dispatch": "predictive-farthest",
+        "picking": {"failure": {"mean_between": 60.0, "mean_repair": 20.0}},
+        "sensors": {"gnss": {"white": 0.01, "bias": 0.02}},
+    },
+]
+
+
+@pytest.mark.parametrize("changes", HARVESTS)
 def test_what_built_in_agents_return_passes_the_guard_of_own_agents(changes, caplog):
     """So their own guard may leave its checks out."""
-    scenario = Scenario(**{"rows": 3, "pickers": 2, "carriers": 2} | changes)
+    scenario = Scenario(**{"rows": 3, "pickers": 2, "carriers": 2, "row_length": 40.0} | changes)
     layout = lay_out(scenario)
-    checked, plain = (
-        Local(scenario, {name: Guard(name, AGENTS[kind_of(name)](layout, name), list(layout.agents)) for name in layout.agents}),
-        Local(scenario),
-    )
-    for _ in range(4000):
-        checked.tick()
-        plain.tick()
-    assert checked.engine.hash == plain.engine.hash
+    agents = {name: Guard(name, AGENTS[kind_of(name)](layout, name), list(layout.agents)) for name in layout.agents}
+    assert local_hash(scenario, 2400, agents) == local_hash(scenario, 2400)
     assert not caplog.records
 
 
-@pytest.mark.parametrize(
-    ("action", "said"),
-    [
-        (ZeroDivisionError(), "ZeroDivisionError"),
-        (Action(Twist(x=math.nan)), "each number must be from"),
-        (Action(Twist(y=0.1)), "a picker does not move sideways"),
-        (Action(requests=[("*", Where())]), r"a request to '\*': no agent has that name"),
-    ],
-)
+GOING_WRONG = [
+    (ZeroDivisionError(), "ZeroDivisionError"),
+    (Action(Twist(x=math.nan)), "each number must be from"),
+    (Action(Twist(y=0.1)), "a picker does not move sideways"),
+    (Action(requests=[("*", Where())]), r"a request to '\*': no agent has that name"),
+]
+
+
+@pytest.mark.parametrize(("action", "said"), GOING_WRONG)
 def test_a_built_in_agent_that_goes_wrong_stands_and_keeps_its_memory(action, said, caplog):
     guard = Guard("picker_01", Doing(action), NAMES, trusted=True)
     action = guard.tick(without_body("picker_01", 7), Mail(), {"a": 1})
@@ -311,15 +298,15 @@ class MyPicker(Picker):
     pass
 
 
-@pytest.mark.parametrize(
-    ("changes", "class_", "is_trusted"),
-    [
-        ({}, Picker, True),
-        ({}, MyPicker, False),
-        ({"dispatch": f"{__name__}.NearestOfMine"}, Picker, False),
-        ({"route": "examples.seams.signalled_route.SignalledRoute"}, Picker, False),
-    ],
-)
+TRUSTED = [
+    ({}, Picker, True),
+    ({}, MyPicker, False),
+    ({"dispatch": f"{__name__}.NearestOfMine"}, Picker, False),
+    ({"route": "examples.seams.signalled_route.SignalledRoute"}, Picker, False),
+]
+
+
+@pytest.mark.parametrize(("changes", "class_", "is_trusted"), TRUSTED)
 def test_an_agent_is_trusted_if_it_and_the_policy_and_route_of_its_orchard_are_built_in(changes, class_, is_trusted):
     """A trusted agent may return what that of a user may not."""
     layout = lay_out(SMALL.model_copy(update=changes))

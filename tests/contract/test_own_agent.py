@@ -1,16 +1,13 @@
 """Robots that others drive: the own agent of docs/how-to.md, a client that knows only keyspace.md, and classes that a scenario names."""
 
-import os
 import re
-import subprocess
-import sys
 
 import own_agents
 import pytest
 from code_blocks import block
-from command_line import orchard
-from fleet import ROOT, SECONDS
-from local_runs import SMALL, local_hash
+from command_line import orchard, python, scenario_file
+from fleet import SECONDS
+from local_runs import SMALL, driven_by, local_hash, played
 from recordings import texts_in
 
 from orchard.agents.catalogue import make_agents
@@ -18,20 +15,13 @@ from orchard.contract.agent import STATES, Action
 from orchard.contract.messages import pack, unpack
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import Scenario, parse, to_yaml
+from orchard.field.scenario import parse
 from orchard.local import Local
 from orchard.processes.agents import made
 from orchard.wire.messages import Report
 
 
-def foreign(fleet, *command):
-    done = subprocess.run([sys.executable, *command], capture_output=True, text=True, timeout=SECONDS, cwd=ROOT)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
-
-
 def with_picker_01(agent_class):
-    """The hash of local mode with another agent for picker_01."""
     layout = lay_out(SMALL)
     return local_hash(SMALL, 40, make_agents(layout) | {"picker_01": agent_class(layout, "picker_01")})
 
@@ -42,7 +32,7 @@ def test_the_documents_agent_drives_a_picker(fleet):
     fleet.host("--without", "picker_01")
     code = block("docs/how-to.md", "own agent")
     assert len(code.splitlines()) <= 18
-    foreign(fleet, "-c", code.replace("tcp/127.0.0.1:7447", fleet.endpoint))
+    python("-c", code.replace("tcp/127.0.0.1:7447", fleet.endpoint))
     assert fleet.end() != local_hash(SMALL, 40)
 
 
@@ -50,7 +40,7 @@ def test_the_documents_agent_drives_a_picker(fleet):
 def test_a_client_that_knows_only_keyspace_drives_a_picker(fleet):
     fleet.physics(SMALL, "--duration", "4")
     fleet.host("--without", "picker_01")
-    assert foreign(fleet, str(ROOT / "examples" / "foreign_client.py"), fleet.endpoint, "picker_01") == "40 ticks answered\n"
+    assert python("examples/foreign_client.py", fleet.endpoint, "picker_01").stdout == "40 ticks answered\n"
     fleet.end()
 
 
@@ -67,23 +57,17 @@ def test_a_name_that_is_taken_is_refused_to_an_own_agent_as_well(fleet):
     fleet.physics(SMALL, "--speed", "10")
     fleet.host()
     code = block("docs/how-to.md", "own agent").replace("tcp/127.0.0.1:7447", fleet.endpoint)
-    clock = fleet.client().hear("orchard/clock")
-    clock.get(timeout=SECONDS)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=SECONDS, cwd=ROOT)
-    assert done.returncode != 0
-    assert "picker_01: it is taken" in done.stderr
+    fleet.client().hear("orchard/clock").get(timeout=SECONDS)
+    assert "picker_01: it is taken" in python("-c", code, code=1).stderr
 
 
 # -- agents that local mode is given
 
 
 def test_an_agent_that_local_mode_is_given_drives_as_a_class_of_the_scenario_does():
-    given, named = Local(SMALL), Local(SMALL.model_copy(update={"agents": {"picker_01": "own_agents.Eastward"}}))
-    given.play("picker_01", own_agents.Eastward(given.engine.layout, "picker_01"))
+    given = played(SMALL, 40, picker_01=own_agents.Eastward(None, "picker_01"))
+    named = played(driven_by(picker_01="Eastward"), 40)
     assert list(given.agents) == list(named.agents)
-    for _ in range(40):
-        given.tick()
-        named.tick()
     assert given.engine.hash == named.engine.hash == with_picker_01(own_agents.Eastward)
 
 
@@ -112,15 +96,9 @@ def test_only_an_agent_that_is_there_can_be_replaced():
 # -- classes that a scenario names
 
 
-def scenario(**classes):
-    return SMALL.model_copy(update={"agents": {kind: f"own_agents.{name}" for kind, name in classes.items()}})
-
-
 def test_a_class_of_the_scenario_drives_alike_in_every_mode(fleet):
-    own = scenario(picker="Eastward")
-    local = Local(own)
-    for _ in range(40):
-        local.tick()
+    own = driven_by(picker="Eastward")
+    local = played(own, 40)
     assert local.actions["picker_01"].doing == local.actions["picker_02"].doing == "driving on"
     fleet.physics(own, "--duration", "4")
     fleet.share(2)
@@ -128,10 +106,8 @@ def test_a_class_of_the_scenario_drives_alike_in_every_mode(fleet):
 
 
 def test_no_mistake_of_one_agent_changes_what_the_others_do_in_any_mode(fleet):
-    own, ticks = scenario(picker_01="Mischief"), 2 * len(own_agents.MISCHIEF)
-    local = Local(own)
-    for _ in range(ticks):
-        local.tick()
+    own, ticks = driven_by(picker_01="Mischief"), 2 * len(own_agents.MISCHIEF)
+    local = played(own, ticks)
     broken = local.engine.states.counts.ticks["picker_01"][STATES.index("broken")]
     assert broken == len(own_agents.MISCHIEF) - 1, "all but the text are refused"
     fleet.physics(own, "--duration", str(ticks / 10))
@@ -143,11 +119,9 @@ def test_no_mistake_of_one_agent_changes_what_the_others_do_in_any_mode(fleet):
     assert sum(err.count("raised an error") for _, _, err in hosts) == 1, "only picker_01, and logged once"
 
 
-def test_texts_of_agents_are_printable_wherever_a_person_reads_them(tmp_path, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", f"{ROOT}{os.pathsep}{ROOT / 'tests' / 'support'}")
-    file, recording = tmp_path / "own.yaml", tmp_path / "run.rrd"
-    file.write_text(to_yaml(scenario(picker_01="Injector")))
-    done = orchard(file, "--hosts", 2, "--duration", 3, "--record", recording)
+def test_texts_of_agents_are_printable_wherever_a_person_reads_them(tmp_path):
+    recording = tmp_path / "run.rrd"
+    done = orchard(scenario_file(tmp_path, driven_by(picker_01="Injector")), "--hosts", 2, "--duration", 3, "--record", recording, code=1)
     told = done.stdout + done.stderr
     assert "Injected" in told
     assert all(line.isprintable() for line in told.split("\n"))
@@ -165,29 +139,26 @@ def test_texts_of_a_foreign_client_are_printable_at_physics():
 
 
 def test_a_name_counts_more_than_a_kind():
-    local = Local(scenario(picker_01="Eastward", picker="Forgetful"))
-    local.tick()
+    local = played(driven_by(picker_01="Eastward", picker="Forgetful"), 1)
     assert [local.actions[name].doing for name in ("picker_01", "picker_02")] == ["driving on", "broken"]
 
 
-@pytest.mark.parametrize(
-    ("class_", "said"),
-    [
-        ("own_agents.Forgetful", r"no method tick.*own_agents\.py, line \d+"),
-        ("own_agents:Unmakeable", r"LookupError: no map \(.*own_agents\.py, line \d+"),
-        ("own_agents.Nowhere", "has no attribute 'Nowhere'"),
-        ("nowhere_at_all.Agent", "No module named 'nowhere_at_all'; modules are imported from the directory in which you run"),
-        ("own_agents.Nameless", r"takes no arguments; the program calls it with \(layout, name\) \(.*own_agents\.py, line \d+"),
-        ("own_agents.Wrong", "each number must be from -100 to 100"),
-        ("own_agents.Quitter", r"raised an error at tick 0(.|\n)*SystemExit: 3"),
-        ("own_agents.Refuser", r"SystemExit: no licence \(.*own_agents\.py, line \d+"),
-        ("own_agents.Speechless", "Messages must be a tuple of classes"),
-    ],
-)
+MISTAKES = [
+    ("own_agents.Forgetful", r"no method tick.*own_agents\.py, line \d+"),
+    ("own_agents:Unmakeable", r"LookupError: no map \(.*own_agents\.py, line \d+"),
+    ("own_agents.Nowhere", "has no attribute 'Nowhere'"),
+    ("nowhere_at_all.Agent", "No module named 'nowhere_at_all'; modules are imported from the directory in which you run"),
+    ("own_agents.Nameless", r"takes no arguments; the program calls it with \(layout, name\) \(.*own_agents\.py, line \d+"),
+    ("own_agents.Wrong", "each number must be from -100 to 100"),
+    ("own_agents.Quitter", r"raised an error at tick 0(.|\n)*SystemExit: 3"),
+    ("own_agents.Refuser", r"SystemExit: no licence \(.*own_agents\.py, line \d+"),
+    ("own_agents.Speechless", "Messages must be a tuple of classes"),
+]
+
+
+@pytest.mark.parametrize(("class_", "said"), MISTAKES)
 def test_a_mistake_is_told_with_its_place_the_robot_stands_and_the_others_go_on(class_, said, caplog):
-    local = Local(SMALL.model_copy(update={"agents": {"picker_01": class_}}))
-    for _ in range(10):
-        local.tick()
+    local = played(SMALL.model_copy(update={"agents": {"picker_01": class_}}), 10)
     (record,) = [record for record in caplog.records if "picker_01" in record.getMessage()]
     assert re.search(said, record.getMessage())
     assert local.actions["picker_01"].doing == "broken"
@@ -195,21 +166,22 @@ def test_a_mistake_is_told_with_its_place_the_robot_stands_and_the_others_go_on(
     assert local.actions["picker_02"].doing != "broken"
 
 
-def test_who_is_not_there_cannot_be_replaced():
-    with pytest.raises(ValueError, match=r"agents\.picker_99: no such agent or kind"):
-        make_agents(lay_out(Scenario(rows=3, agents={"picker_99": "own_agents.Eastward"})))
-
-
 NO_MAP = "a map of kinds .* or names and the classes"
 NO_CLASS = "must be the class that drives it, such as"
 NO_KIND = r"not a kind \(picker, .*\) and not a name such as picker_01"
 
 
-@pytest.mark.parametrize(
-    ("value", "why"),
-    [("5", NO_MAP), ("{picker: 5}", NO_CLASS), ("{picker: MyPicker}", NO_CLASS), ("{picker: 'a b.C'}", NO_CLASS), ("{piker: a.B}", NO_KIND),
-     ("{'[key]': a.B}", NO_KIND)],
-)  # fmt: skip
+NO_CLASSES = [
+    ("5", NO_MAP),
+    ("{picker: 5}", NO_CLASS),
+    ("{picker: MyPicker}", NO_CLASS),
+    ("{picker: 'a b.C'}", NO_CLASS),
+    ("{piker: a.B}", NO_KIND),
+    ("{'[key]': a.B}", NO_KIND),
+]
+
+
+@pytest.mark.parametrize(("value", "why"), NO_CLASSES)
 def test_what_is_no_class_or_no_kind_is_named(value, why):
     with pytest.raises(ScenarioError, match=why):
         parse(f"agents: {value}")

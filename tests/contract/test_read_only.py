@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import own_agents
 import pytest
-from local_runs import SMALL, local_hash
+from local_runs import SMALL, driven_by, local_hash, played
+from stage import Acting
 
 from orchard.contract.agent import Action
 from orchard.contract.messages import Claim
@@ -77,21 +78,9 @@ class Meddler(own_agents.Eastward):
 
 
 def test_the_shape_that_an_agent_gives_its_scan_is_its_own():
-    local = Local(SMALL)
-    local.play("picker_01", Meddler("shape"))
-    for _ in range(3):
-        local.tick()
+    local = played(SMALL, 3, picker_01=Meddler("shape"))
     assert local.actions["picker_01"].state != "broken"
     assert [scan.shape for scan in local.engine.scans] == [scan.shape for scan in Local(SMALL).engine.observe().scans]
-
-
-class Claimant:
-    """Asks traffic for a place at every tick."""
-
-    Memory = dict
-
-    def tick(self, observation, mail, memory):
-        return Action(requests=[("traffic", Claim(["row 1"], [], ""))])
 
 
 def test_an_agent_that_changes_its_mail_changes_no_letter_of_another_and_no_hash():
@@ -99,7 +88,7 @@ def test_an_agent_that_changes_its_mail_changes_no_letter_of_another_and_no_hash
     for traffic in (own_agents.Eastward(None, "traffic"), Meddler("mail")):
         local = Local(SMALL)
         local.play("traffic", traffic)
-        local.play("picker_01", Claimant())
+        local.play("picker_01", Acting(lambda *_: Action(requests=[("traffic", Claim(["row 1"], [], ""))])))
         for _ in range(5):
             local.tick()
             assert local.actions["traffic"].state != "broken"
@@ -109,9 +98,7 @@ def test_an_agent_that_changes_its_mail_changes_no_letter_of_another_and_no_hash
 
 
 def test_the_idiom_that_writes_into_a_scan_is_told_what_to_do_in_local_mode(caplog):
-    local = Local(SMALL)
-    local.play("picker_01", Meddler("scan"))
-    local.tick()
+    local = played(SMALL, 1, picker_01=Meddler("scan"))
     assert local.actions["picker_01"].state == "broken"
     (record,) = caplog.records
     assert re.search(rf"picker_01 raised an error at tick 0.*\n(.|\n)*read-only\n  {re.escape(ADVICE)}", record.getMessage())
@@ -120,7 +107,7 @@ def test_the_idiom_that_writes_into_a_scan_is_told_what_to_do_in_local_mode(capl
 @pytest.mark.processes
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
 def test_the_idiom_that_writes_into_a_scan_is_told_what_to_do_over_the_network(fleet, mode, caplog):
-    named = SMALL.model_copy(update={"agents": {"picker_01": "own_agents.Scribbler"}})
+    named = driven_by(picker_01="Scribbler")
     fleet.physics(named, "--duration", "1", "--mode", mode)
     host = fleet.host("--without", "picker_02")
     with connect(fleet.endpoint) as orchard:
@@ -130,5 +117,4 @@ def test_the_idiom_that_writes_into_a_scan_is_told_what_to_do_over_the_network(f
     assert ADVICE in host.end()[2]
     assert ADVICE in caplog.text
     if mode == "lockstep":
-        both = SMALL.model_copy(update={"agents": {"picker": "own_agents.Scribbler"}})
-        assert f"hash {local_hash(both, 10)}" in out
+        assert f"hash {local_hash(driven_by(picker='Scribbler'), 10)}" in out

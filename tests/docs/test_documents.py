@@ -1,7 +1,6 @@
-"""The documents tell the truth: commands and code in them run, generated files are what their programs write."""
+"""The documents tell the truth: commands and code in them run, the tutorial shows what comes, generated files are what programs write."""
 
 import ast
-import os
 import re
 import shlex
 import subprocess
@@ -9,7 +8,9 @@ import sys
 import tomllib
 
 import pytest
-from code_blocks import DOCUMENTS, ROOT, as_here, block, blocks_in
+from code_blocks import DOCUMENTS, ROOT, as_here, block, blocks, blocks_in, commands
+from command_line import SECONDS, line_with, python, summary_of
+from local_runs import local_hash
 
 import orchard
 from chaos.report import ENDURANCE_HEAD, HEAD, RECOVERY
@@ -18,9 +19,10 @@ from orchard.field.scenario import Scenario, parse
 from orchard.launch.local_run import run as harvest_locally
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
+from orchard.launch.supervisor import free_port
 
 README = (ROOT / "README.md").read_text()
-BLOCKS = [block for document in DOCUMENTS if "tutorial" not in document for block in blocks_in(document)]  # test_tutorial.py has that one
+BLOCKS = [block for document in DOCUMENTS if "tutorial" not in document for block in blocks_in(document)]  # that one is done step by step
 EXAMPLES = {block.text: ast.get_docstring(ast.parse(block.text)) for block in blocks_in("docs/extending.md") if block.language == "python"}
 FILES = {text: words for text, words in EXAMPLES.items() if words}  # of examples/seams; the others are programs
 PROGRAMS = [block.text for block in BLOCKS if (block.language, block.name) == ("python", "") and block.text not in FILES]
@@ -30,15 +32,11 @@ KEYS_OF_SOME_RUNS = (
     *("recording_parts", "recording_gaps", "messages_dropped"),  # with a recording
     *("ticks_late", "velocities_missed", "answer_milliseconds"),  # in realtime
 )
-SECONDS = 240
 
 
 @pytest.mark.parametrize("code", PROGRAMS, ids=range(len(PROGRAMS)))
 def test_the_programs_in_the_documents_run(code, tmp_path):
-    there = os.environ | {"ORCHARD_RUNS": str(tmp_path)}
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=SECONDS, env=there)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout
+    assert python("-c", code, ORCHARD_RUNS=str(tmp_path)).stdout
 
 
 def test_the_examples_in_extending_md_are_the_files():
@@ -62,7 +60,7 @@ def test_the_commands_in_the_documents_run(command, tmp_path):
     else:
         words, cwd = as_here(command), tmp_path
         words += [] if "--record" in words else ["--record", "run.rrd"]
-        words += [] if "--duration" in words else ["--duration", "60"]  # as they stand they only take longer
+        words += [] if "--duration" in words else ["--duration", "20"]  # as they stand they only take longer
     done = subprocess.run(words, cwd=cwd, capture_output=True, text=True, timeout=SECONDS)
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -156,3 +154,46 @@ def test_every_dependency_has_a_reason():
     table = (ROOT / "CONTRIBUTING.md").read_text().split("## Dependencies, and why")[1]
     named = {name for line in table.splitlines() if line.startswith("| ") for name in line.split("|")[1].strip().split(", ")}
     assert {re.split(r"[=<>\[]", line)[0] for line in wanted} <= named
+
+
+# -- the tutorial, done step by step as it stands: its files, its commands, and the output that it shows
+
+
+TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text()
+STEPS = {step.splitlines()[0]: blocks(step) for step in TUTORIAL.split("\n## ")[1:]}
+
+
+def run_in(folder, command):
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=SECONDS)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("step", [step for step in STEPS if "machine" not in step])
+def test_a_step_of_the_tutorial(step, tmp_path):
+    said = ""
+    for part in STEPS[step]:
+        if part.name:
+            (tmp_path / part.name).write_text(part.text)
+        elif part.language == "python":
+            said = run_in(tmp_path, [sys.executable, "-c", part.text])
+        elif part.language == "text":
+            assert said == part.text, "the tutorial shows another output"
+        else:
+            for command in commands(part.text):
+                run_in(tmp_path, [*command, "--duration", "60", *([] if "--record" in command else ["--record", "run.rrd"])])
+
+
+def test_the_two_terminals_of_the_tutorial(tmp_path):
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    terminals = [block("docs/tutorial.md", f"{number} terminal") for number in ("first", "second")]
+    (first,), (second,) = (commands(text.replace("tcp/127.0.0.1:7447", endpoint)) for text in terminals)
+    first += ["--duration", "30", "--record", "none", "--summary", str(tmp_path / "summary.json")]
+    with subprocess.Popen(first, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as one:
+        try:
+            line_with("carrier: left to other processes", one)
+            run_in(tmp_path, second)
+            one.communicate(timeout=SECONDS)
+        finally:
+            one.kill()
+    assert summary_of(tmp_path / "summary.json")["hash"] == local_hash(Scenario(rows=3), 300)

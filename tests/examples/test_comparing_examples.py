@@ -1,16 +1,12 @@
 """The examples that compare: the limit with the long run, the fast model with the simulator, intervals with the truth."""
 
 import re
-import subprocess
-import sys
 
-from command_line import ROOT, SECONDS
+from command_line import python
 
 
 def printed(*arguments: str) -> str:
-    done = subprocess.run([sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=SECONDS)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return python(*arguments).stdout
 
 
 def test_the_limit_stands_beside_the_long_run():

@@ -23,7 +23,6 @@ legal = st.builds(
 )
 
 
-@settings(max_examples=60)
 @given(legal)
 def test_a_scenario_survives_yaml(scenario: Scenario) -> None:
     assert parse(to_yaml(scenario)) == scenario
@@ -58,7 +57,6 @@ nearly = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=150)
 @given(anything | st.dictionaries(keys, anything, max_size=5) | nearly)
 def test_any_value_is_a_scenario_or_an_error(values: object) -> None:
     scenario_or_error(check, values)
@@ -78,7 +76,7 @@ TEXT = "rows: 4\npeople: {workers: 3, visitors: 0}\nlaser: {noise: 0.01}\nagents
 damaged = st.builds(lambda at, scrap, gone: TEXT[:at] + scrap + TEXT[at + gone :], st.integers(0, len(TEXT)), scraps, st.integers(0, 2))
 
 
-@settings(max_examples=400)
+@settings(max_examples=200)
 @given(st.text() | scraps | damaged)
 @example("agents: {1: 2}")
 @example("rows: 3\n" * 8000)
@@ -93,7 +91,6 @@ def test_any_yaml_of_values_is_a_scenario_or_an_error(values: dict) -> None:
     scenario_or_error(parse, yaml.dump(values))
 
 
-@settings(max_examples=60)
 @given(content=st.binary(max_size=200))
 def test_any_file_is_a_scenario_or_an_error(content: bytes, tmp_path_factory: pytest.TempPathFactory) -> None:
     file = tmp_path_factory.getbasetemp() / "any.yaml"

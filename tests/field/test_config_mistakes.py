@@ -1,48 +1,52 @@
-"""Every mistake in a scenario is named with its place, all of them at once."""
+"""Every mistake in a scenario is named with its place, all of them at once; a file that is no scenario at all is refused in few words."""
+
+import itertools
+import time
+from pathlib import Path
 
 import pytest
 from scenario_mistakes import refusal, refused
 
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import People, Scenario, parse
+from orchard.field.scenario import People, Scenario, load, parse
+from orchard.field.yaml_file import LARGEST_FILE
+
+OUT_OF_RANGE = [
+    ("rows: 2", "rows = 2: must be a whole number from 3 to 20"),
+    ("rows: 21", "rows = 21: must be a whole number from 3 to 20"),
+    ("rows: 26", "of a larger orchard, simulate each block by itself)"),
+    ("pickers: 1", "pickers = 1: must be a whole number from 2 to 20"),
+    ("row_width: 4.99", "row_width = 4.99: must be a number from 5.0 to 12.0 (width of a row between its trees, m)"),
+    ("row_width: 12.01", "row_width = 12.01: must be a number from 5.0 to 12.0"),
+    ("carriers: 0", "carriers = 0: must be null or a whole number from 1 to 40"),
+    ("carriers: 41", "carriers = 41: must be null or a whole number from 1 to 40"),
+    ("picking_speed: 0.01", "picking_speed = 0.01: must be a number from 0.02 to 1.0"),
+    ("picking_speed: -1", "picking_speed = -1: must be"),
+    ("seed: -1", "seed = -1: must be a whole number from 0 to 9223372036854775807"),
+    ("seed: 9223372036854775808", "must be a whole number from 0 to 9223372036854775807"),
+    ("weeds: 51", "weeds = 51: must be a whole number from 0 to 50"),
+    ("people: {workers: -1}", "people.workers = -1: must be a whole number from 0 to 50"),
+    ("people: {visitors: 51}", "people.visitors = 51: must be"),
+    ("animals: {dogs: 51}", "animals.dogs = 51: must be"),
+    ("animals: {cats: 51}", "animals.cats = 51: must be"),
+    ("weeds: 5\nagents: {piker: a.B}", ":2: agents.piker: not a kind (picker, carrier, tractor, bin,"),
+    ("laser: {noise: 0.2}", "laser.noise = 0.2: must be a number from 0.0 to 0.02 (standard deviation of a measured range, m)"),
+]
 
 
-@pytest.mark.parametrize(
-    ("text", "wanted"),
-    [
-        ("rows: 2", "rows = 2: must be a whole number from 3 to 20"),
-        ("rows: 21", "rows = 21: must be a whole number from 3 to 20"),
-        ("rows: 26", "of a larger orchard, simulate each block by itself)"),
-        ("pickers: 1", "pickers = 1: must be a whole number from 2 to 20"),
-        ("row_width: 4.99", "row_width = 4.99: must be a number from 5.0 to 12.0 (width of a row between its trees, m)"),
-        ("row_width: 12.01", "row_width = 12.01: must be a number from 5.0 to 12.0"),
-        ("carriers: 0", "carriers = 0: must be null or a whole number from 1 to 40"),
-        ("carriers: 41", "carriers = 41: must be null or a whole number from 1 to 40"),
-        ("picking_speed: 0.01", "picking_speed = 0.01: must be a number from 0.02 to 1.0"),
-        ("picking_speed: -1", "picking_speed = -1: must be"),
-        ("seed: -1", "seed = -1: must be a whole number from 0 to 9223372036854775807"),
-        ("seed: 9223372036854775808", "must be a whole number from 0 to 9223372036854775807"),
-        ("weeds: 51", "weeds = 51: must be a whole number from 0 to 50"),
-        ("people: {workers: -1}", "people.workers = -1: must be a whole number from 0 to 50"),
-        ("people: {visitors: 51}", "people.visitors = 51: must be"),
-        ("animals: {dogs: 51}", "animals.dogs = 51: must be"),
-        ("animals: {cats: 51}", "animals.cats = 51: must be"),
-        ("weeds: 5\nagents: {piker: a.B}", ":2: agents.piker: not a kind (picker, carrier, tractor, bin,"),
-        ("laser: {noise: 0.2}", "laser.noise = 0.2: must be a number from 0.0 to 0.02 (standard deviation of a measured range, m)"),
-    ],
-)
+@pytest.mark.parametrize(("text", "wanted"), OUT_OF_RANGE)
 def test_out_of_range(text: str, wanted: str) -> None:
     assert wanted in refusal(text)
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["rows: true", "rows: 5.0", "rows: '5'", "rows: null", "rows: [5]", "rows: {a: 5}", "rows: five", "rows: 010", "rows: 1:05",
-     "rows: 1_0", "rows: 2020-02-02", "row_width: true", "row_width: wide", "row_width: .nan", "row_width: .inf", "picking_speed: -.inf",
-     "laser: {noise: .NaN}", "carriers: true", "carriers: many", "seed: 1.5", "tractor: 1", "tractor: yes", "tractor: null", "people: 3",
-     "picking_speed: 1e999999999", 'rows: "\\ud800"',
-     "people: null", "people: [1, 2]", "animals: dogs", "laser: 0.1", "weeds: .inf"],
-)  # fmt: skip
+WRONG_TYPES = ["rows: true", "rows: 5.0", "rows: '5'", "rows: null", "rows: [5]", "rows: {a: 5}", "rows: five", "rows: 010", "rows: 1:05",
+ "rows: 1_0", "rows: 2020-02-02", "row_width: true", "row_width: wide", "row_width: .nan", "row_width: .inf", "picking_speed: -.inf",
+ "laser: {noise: .NaN}", "carriers: true", "carriers: many", "seed: 1.5", "tractor: 1", "tractor: yes", "tractor: null", "people: 3",
+ "picking_speed: 1e999999999", 'rows: "\\ud800"',
+ "people: null", "people: [1, 2]", "animals: dogs", "laser: 0.1", "weeds: .inf"]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", WRONG_TYPES)
 def test_wrong_type(text: str) -> None:
     key = text.split(":")[0]
     line = refusal(text)
@@ -54,19 +58,19 @@ def test_a_section_that_is_none_tells_its_keys() -> None:
     assert refusal("animals: 3") == "my.yaml:1: animals = 3: must be a map with some of the keys dogs, cats"
 
 
-@pytest.mark.parametrize(
-    ("text", "path", "guess"),
-    [
-        ("row: 5", "row", "rows"),
-        ("picker: 5", "picker", "pickers"),
-        ("Row-Width: 5", "Row-Width", "row_width"),
-        ("lazer: {noise: 0}", "lazer", "laser"),
-        ("people: {wokers: 1}", "people.wokers", "workers"),
-        ("workers: 1", "workers", "people.workers"),
-        ("cat: 1", "cat", "animals.cats"),
-        ("people: {dogs: 1}", "people.dogs", "animals.dogs"),
-    ],
-)
+UNKNOWN_KEYS = [
+    ("row: 5", "row", "rows"),
+    ("picker: 5", "picker", "pickers"),
+    ("Row-Width: 5", "Row-Width", "row_width"),
+    ("lazer: {noise: 0}", "lazer", "laser"),
+    ("people: {wokers: 1}", "people.wokers", "workers"),
+    ("workers: 1", "workers", "people.workers"),
+    ("cat: 1", "cat", "animals.cats"),
+    ("people: {dogs: 1}", "people.dogs", "animals.dogs"),
+]
+
+
+@pytest.mark.parametrize(("text", "path", "guess"), UNKNOWN_KEYS)
 def test_an_unknown_key_tells_the_closest(text: str, path: str, guess: str) -> None:
     line = refusal(text)
     assert line.startswith(f"my.yaml:1: {path} = ")
@@ -87,16 +91,16 @@ def test_a_strange_key_is_an_unknown_one_and_prints_cleanly(text: str) -> None:
     assert line.isprintable()
 
 
-@pytest.mark.parametrize(
-    ("text", "wanted"),
-    [
-        ("rows: 3\npickers: 4", "my.yaml:2: pickers = 4, rows = 3: must be at most one picker a row"),
-        ("pickers: 6", "my.yaml:1: pickers = 6, rows = 5: must be at most one picker a row"),
-        ("people:\n  workers: 26\n  visitors: 25", "my.yaml:3: people.workers = 26, people.visitors = 25: must be at most 50 together"),
-        ("people: {workers: 48}", "my.yaml:1: people.workers = 48, people.visitors = 3: must be at most 50 together"),
-        ("animals: {dogs: 50, cats: 1}", "my.yaml:1: animals.dogs = 50, animals.cats = 1: must be at most 50 together"),
-    ],
-)
+TOO_MANY_TOGETHER = [
+    ("rows: 3\npickers: 4", "my.yaml:2: pickers = 4, rows = 3: must be at most one picker a row"),
+    ("pickers: 6", "my.yaml:1: pickers = 6, rows = 5: must be at most one picker a row"),
+    ("people:\n  workers: 26\n  visitors: 25", "my.yaml:3: people.workers = 26, people.visitors = 25: must be at most 50 together"),
+    ("people: {workers: 48}", "my.yaml:1: people.workers = 48, people.visitors = 3: must be at most 50 together"),
+    ("animals: {dogs: 50, cats: 1}", "my.yaml:1: animals.dogs = 50, animals.cats = 1: must be at most 50 together"),
+]
+
+
+@pytest.mark.parametrize(("text", "wanted"), TOO_MANY_TOGETHER)
 def test_what_fields_allow_together(text: str, wanted: str) -> None:
     assert refusal(text) == wanted
 
@@ -158,3 +162,82 @@ def test_problems_are_data_too() -> None:
         parse("seed: 1\nrows: 99", "my.yaml")
     (problem,) = caught.value.problems
     assert (problem.file, problem.line, problem.path, problem.value) == ("my.yaml", 2, "rows", "99")
+
+
+# -- files that are no scenario: not there, not text, not YAML, or made to do harm
+
+
+def unreadable(path: Path | str) -> str:
+    with pytest.raises(ScenarioError) as caught:
+        load(path)
+    return str(caught.value)
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    assert unreadable(tmp_path / "none.yaml") == f"{tmp_path / 'none.yaml'}: no such file"
+
+
+def test_an_unreadable_file(tmp_path: Path) -> None:
+    assert "cannot be read: Is a directory" in unreadable(tmp_path)
+    assert "cannot be read: embedded null byte" in unreadable("a\0b")
+    assert "cannot be read" in unreadable("x" * 5000)
+
+
+def test_not_utf8(tmp_path: Path) -> None:
+    file = tmp_path / "latin.yaml"
+    file.write_bytes(b"rows: 5\n# caf\xe9\n")
+    assert unreadable(file) == f"{file}:2: is not UTF-8 text"
+    file.write_bytes("rows: 3".encode("utf-16"))
+    assert unreadable(file) == f"{file}:1: is not UTF-8 text"
+
+
+@pytest.mark.parametrize(
+    "text", ["rows: [1", "rows: 'x", "rows: 3: 4", "a\n b: 1\nc", "\trows: 5", "? [1]\n: 2", "@", "rows: 1\n---\nrows: 2"]
+)
+def test_not_yaml_tells_line_and_column(text: str) -> None:
+    line = refusal(text)
+    assert "is not YAML" in line
+    assert "(line " in line
+    assert ", column " in line
+
+
+NO_PLAIN_MAPS = [
+    ("is not YAML", ["\0", "rows: 3\0", "a: \x07", "rows: \x1b[2J", 'a: "\\UFFFFFFFF"', "%YAML 1." + "9" * 5000 + "\n--- {}"]),
+    ("must be a map of keys and values", ["[1, 2]", "5", "rows", "- rows: 5"]),
+    ("tags (!name): not allowed", ["rows: !!python/object/apply:os.system [ls]", "!!python/name:os.system", "rows: !!int 5"]),
+    ("tags (!name): not allowed", ["rows: !mine 5", "seed: !!timestamp x"]),
+]
+
+
+@pytest.mark.parametrize(("words", "texts"), NO_PLAIN_MAPS)
+def test_what_is_no_map_of_plain_values_is_refused(words: str, texts: list[str]) -> None:
+    assert [text for text in texts if words not in refusal(text)] == []
+
+
+def test_aliases_are_refused_so_nothing_can_grow() -> None:
+    names = "abcdefghi"
+    laughs = "a: &a [x, x]\n" + "".join(f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in itertools.pairwise(names))
+    assert "my.yaml:2: aliases (*name): not allowed" in refusal(laughs)
+    assert "aliases" in refusal("a: &a {b: *a}")
+
+
+@pytest.mark.parametrize("text", ["[" * 60000, "- " * 30000, "a: " + "{a: " * 10000, "? " * 30000])
+def test_deep_nesting_is_refused_quickly(text: str) -> None:
+    begin = time.process_time()
+    assert "nested too deeply" in refusal(text)
+    assert time.process_time() - begin < 1.0
+
+
+def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
+    file = tmp_path / "huge.yaml"
+    with file.open("wb") as sparse:
+        sparse.truncate(10**10)
+    assert f"is larger than {LARGEST_FILE} bytes" in unreadable(file)
+    assert f"is larger than {LARGEST_FILE} bytes" in refusal("# " + "x" * LARGEST_FILE)
+
+
+@pytest.mark.parametrize(
+    "text", ["rows: " + "9" * 5000, "rows: '" + "x" * 50000 + "'", '"' + "k" * 500 + '": 1', "rows: [" + "1, " * 10000 + "]"]
+)
+def test_a_long_value_is_shortened(text: str) -> None:
+    assert len(refusal(text)) < 400

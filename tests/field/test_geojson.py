@@ -177,46 +177,46 @@ def test_all_faults_are_told_at_once(file: Path):
         assert f"feature {words}" in problems
 
 
-@pytest.mark.parametrize(
-    ("text", "crs", "words"),
-    [
-        ("{", None, "is not JSON"),
-        ("[1, 2]", None, "must be a GeoJSON FeatureCollection"),
-        ('{"features": []}', None, "has 0 rows; must be 3 to 20 LineStrings"),
-        (
-            '{"features": [7, {"geometry": {"type": "LineString", "coordinates": [["a", 1]]}}]}',
-            None,
-            'feature number 2: its point 1 is ["a", 1]; each point must be two finite numbers, such as [176.3, -37.8]',
-        ),
-        (
-            '{"features": [{"id": "r1", "geometry": {"type": "LineString", "coordinates": [[1, 2], [NaN, 1]]}}]}',
-            None,
-            "feature r1: its point 2 is [NaN, 1]; each",
-        ),
-        (
-            '{"features": [{"id": "r1", "geometry": {"type": "LineString", "coordinates": [[1, 2], null]}}]}',
-            None,
-            "feature r1: its point 2 is null; each",
-        ),
-        ('{"features": [{"id": "r1", "geometry": {"type": "LineString", "coordinates": 3}}]}', None, "at least two different points"),
-        ('{"features": [7]}', None, "feature number 1: is null; each feature must be one LineString, the centre line of a row"),
-        (SAMPLE.read_text(), "EPSG:4326", "(1892798, 5812275) of feature block-3/1 is no place in the coordinate system WGS 84"),
-        (
-            SAMPLE.read_text(),
-            "nonsense",
-            "the coordinate system 'nonsense' cannot be used: unrecognized format / unknown name; name that of",
-        ),
-        (
-            SAMPLE.read_text(),
-            "EPSG:999999",
-            "'EPSG:999999' cannot be used: crs not found: EPSG:999999; name that of the file, geographic or",
-        ),
-        (SAMPLE.read_text(), "", "the coordinate system '' cannot be used"),
-        (SAMPLE.read_text(), "\ud800", "the coordinate system '?' cannot be used: 'utf-8' codec"),
-        (SAMPLE.read_text(), WKT, "survey.origin.crs = 'PROJCRS["),
-        (SAMPLE.read_text(), "EPSG:5773", "'EPSG:5773' has no places on a map: it is Vertical CRS; name that of the file"),
-    ],
-)
+UNUSABLE = [
+    ("{", None, "is not JSON"),
+    ("[1, 2]", None, "must be a GeoJSON FeatureCollection"),
+    ('{"features": []}', None, "has 0 rows; must be 3 to 20 LineStrings"),
+    (
+        '{"features": [7, {"geometry": {"type": "LineString", "coordinates": [["a", 1]]}}]}',
+        None,
+        'feature number 2: its point 1 is ["a", 1]; each point must be two finite numbers, such as [176.3, -37.8]',
+    ),
+    (
+        '{"features": [{"id": "r1", "geometry": {"type": "LineString", "coordinates": [[1, 2], [NaN, 1]]}}]}',
+        None,
+        "feature r1: its point 2 is [NaN, 1]; each",
+    ),
+    (
+        '{"features": [{"id": "r1", "geometry": {"type": "LineString", "coordinates": [[1, 2], null]}}]}',
+        None,
+        "feature r1: its point 2 is null; each",
+    ),
+    ('{"features": [{"id": "r1", "geometry": {"type": "LineString", "coordinates": 3}}]}', None, "at least two different points"),
+    ('{"features": [7]}', None, "feature number 1: is null; each feature must be one LineString, the centre line of a row"),
+    (SAMPLE.read_text(), "EPSG:4326", "(1892798, 5812275) of feature block-3/1 is no place in the coordinate system WGS 84"),
+    (
+        SAMPLE.read_text(),
+        "nonsense",
+        "the coordinate system 'nonsense' cannot be used: unrecognized format / unknown name; name that of",
+    ),
+    (
+        SAMPLE.read_text(),
+        "EPSG:999999",
+        "'EPSG:999999' cannot be used: crs not found: EPSG:999999; name that of the file, geographic or",
+    ),
+    (SAMPLE.read_text(), "", "the coordinate system '' cannot be used"),
+    (SAMPLE.read_text(), "\ud800", "the coordinate system '?' cannot be used: 'utf-8' codec"),
+    (SAMPLE.read_text(), WKT, "survey.origin.crs = 'PROJCRS["),
+    (SAMPLE.read_text(), "EPSG:5773", "'EPSG:5773' has no places on a map: it is Vertical CRS; name that of the file"),
+]
+
+
+@pytest.mark.parametrize(("text", "crs", "words"), UNUSABLE)
 def test_a_file_that_cannot_be_used_is_told_in_words(text: str, crs: str | None, words: str, file: Path):
     file.write_text(text)
     assert words in told(file, crs)

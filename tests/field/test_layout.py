@@ -31,7 +31,6 @@ FULLEST = BIGGEST.model_copy(update={"rows": 3, "pickers": 3, "row_width": 5.0})
 
 @st.composite
 def scenarios(draw: st.DrawFn) -> Scenario:
-    """Any legal scenario."""
     rows = draw(st.integers(3, 20))
     workers, dogs = draw(st.integers(0, 50)), draw(st.integers(0, 50))
     return Scenario(
@@ -48,7 +47,6 @@ def scenarios(draw: st.DrawFn) -> Scenario:
 
 
 def box(start: Start) -> np.ndarray:
-    """The corners of a body, (4, 2)."""
     ahead, left = KINDS[start.kind].length / 2, KINDS[start.kind].width / 2
     return np.array([from_frame(start.pose, i * ahead, j * left) for i, j in ((1, 1), (-1, 1), (-1, -1), (1, -1))])
 
@@ -161,9 +159,9 @@ def test_another_seed_moves_the_weeds_and_not_the_given_places() -> None:
 def test_a_big_orchard_is_laid_out_in_well_under_a_second(scenario: Scenario) -> None:
     took = []
     for _ in range(3):
-        begin = time.perf_counter()
+        begin = time.process_time()
         lay_out(scenario)
-        took.append(time.perf_counter() - begin)
+        took.append(time.process_time() - begin)
     assert min(took) < 0.5
 
 

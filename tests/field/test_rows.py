@@ -1,11 +1,22 @@
-"""The rules that give rows to pickers."""
+"""Which rows each picker has and how long they take, its failures, and the queue of carriers."""
+
+import math
+from statistics import fmean, pstdev
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scenario_mistakes import refusal
 
+from orchard.field.layout import lay_out
+from orchard.field.picking import failure, picking_speed_of
+from orchard.field.problems import ScenarioError
+from orchard.field.queue import CLOSED_UP, MOST_CARRIERS, QUEUES, TWO_WAY, queue_of
 from orchard.field.rows import RULES, Block, rows_to_pickers
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import LEAST_CV, WIDEST, Scenario, check, parse
+
+# -- rows
+
 
 sizes = st.integers(3, 20).flatmap(lambda rows: st.tuples(st.just(rows), st.integers(2, rows)))
 
@@ -43,3 +54,159 @@ def test_the_manuals_rule_gives_the_last_picker_the_remainder(rows: int, pickers
 
 def test_rows_are_balanced_unless_the_scenario_says_otherwise() -> None:
     assert rows_to_pickers(Scenario(rows=20, pickers=11)) == rows_to_pickers(Scenario(rows=20, pickers=11, rows_to_pickers="balanced"))
+
+
+# -- paces of rows and failures of pickers: their distributions are those that the scenario names
+
+
+SEEDS = range(500)  # of 20 rows each: 10,000 draws
+N = 20 * len(SEEDS)
+
+
+def scenario(distribution: str, cv: float = 0.3, speed: float = 0.1, seed: int = 1, **changes) -> Scenario:
+    spread = {"distribution": distribution, "cv": cv}
+    return Scenario(rows=20, pickers=10, picking_speed=speed, seed=seed, picking={"spread": spread}, **changes)
+
+
+def times(distribution: str, cv: float, speed: float) -> list[float]:
+    """Return the picking times of 10,000 rows, in units of their mean."""
+    return [speed / picking_speed_of(scenario(distribution, cv, speed, seed), row) for seed in SEEDS for row in range(1, 21)]
+
+
+def share_below(distribution: str, time: float, cv: float, least: float) -> float:
+    """Return the probability that a row takes less than `time`, by the distribution's closed form; `least`: the time to drive along it."""
+    share, cv = (time - least) / (1.0 - least), cv / (1.0 - least)
+    if distribution == "uniform":
+        return 0.5 + (share - 1.0) / (2.0 * math.sqrt(3.0) * cv)
+    if distribution == "lognormal":
+        deviation = math.sqrt(math.log1p(cv * cv))
+        return 0.5 * (1.0 + math.erf((math.log(share) + deviation * deviation / 2.0) / deviation / math.sqrt(2.0)))
+    k = round(1.0 / (cv * cv))  # a gamma distribution of a whole shape: k events of a Poisson process
+    return 1.0 - sum(math.exp(-k * share) * (k * share) ** n / math.factorial(n) for n in range(k))
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.5])
+@pytest.mark.parametrize(("distribution", "cv"), [("lognormal", 0.3), ("gamma", None), ("uniform", 0.28)])
+def test_picking_times_have_the_mean_the_spread_and_the_distribution_that_are_named(
+    distribution: str, cv: float | None, speed: float
+) -> None:
+    cv = cv or (1.0 - speed) / 2.0  # a gamma distribution of shape 4
+    drawn = times(distribution, cv, speed)
+    assert fmean(drawn) == pytest.approx(1.0, abs=4 * cv / math.sqrt(N))
+    assert pstdev(drawn) == pytest.approx(cv, rel=0.06)
+    for time in (0.6, 0.8, 1.0, 1.3):
+        expected = min(max(share_below(distribution, time, cv, least=speed), 0.0), 1.0)
+        assert sum(t < time for t in drawn) / N == pytest.approx(expected, abs=2.0 / math.sqrt(N)), time
+    assert min(drawn) >= speed * (1.0 - 1e-12), "no row is picked faster than a picker drives"
+
+
+@given(speed=st.floats(0.02, 0.97), share=st.floats(0.0, 1.0), distribution=st.sampled_from(sorted(WIDEST)), seed=st.integers(0, 2**63 - 1))
+def test_no_row_is_faster_than_a_picker_whatever_is_allowed(speed: float, share: float, distribution: str, seed: int) -> None:
+    cv = max(LEAST_CV, share * WIDEST[distribution] * (1.0 - speed))
+    own = scenario(distribution, cv, speed, seed)
+    assert all(0.0 < picking_speed_of(own, row) <= 1.0 for row in range(1, 6))
+
+
+def test_rows_are_alike_unless_a_distribution_is_named() -> None:
+    assert {lane.picking_speed for lane in lay_out(Scenario(rows=20, picking_speed=0.3)).lanes} == {0.3}
+
+
+def test_a_rows_pace_follows_from_seed_and_row_only() -> None:
+    drawn = [lane.picking_speed for lane in lay_out(scenario("lognormal")).lanes]
+    assert len(set(drawn)) == 20
+    assert drawn == [lane.picking_speed for lane in lay_out(scenario("lognormal", carriers=3, row_width=7.0)).lanes]
+    assert not set(drawn) & {lane.picking_speed for lane in lay_out(scenario("lognormal", seed=2)).lanes}
+
+
+TOO_WIDE = [
+    ("lognormal", 0.3, 1.0, "the distribution must be none"),
+    ("gamma", 0.4, 0.7, "cv must be at most 0.3"),
+    ("uniform", 0.3, 0.5, "cv must be at most 0.288675"),
+]
+
+
+@pytest.mark.parametrize(("distribution", "cv", "speed", "wanted"), TOO_WIDE)
+def test_a_spread_for_which_a_picker_would_be_too_fast_is_refused(distribution: str, cv: float, speed: float, wanted: str) -> None:
+    told = refusal(f"picking_speed: {speed}\npicking:\n  spread: {{distribution: {distribution}, cv: {cv}}}")
+    values = f"picking_speed = {speed}, picking.spread.distribution = {distribution}, picking.spread.cv = {cv}"
+    assert told == f"my.yaml:3: {values}: {wanted} at this picking_speed, because no picker picks faster than 1 m/s"
+
+
+def test_the_widest_spread_is_fine() -> None:
+    assert parse("picking_speed: 0.8\npicking: {spread: {distribution: gamma, cv: 0.2}}").picking.spread.cv == 0.2
+
+
+NO_PICKING = [
+    (
+        "picking: {spread: {distribution: normal}}",
+        "(distribution of the rows' picking times: none, lognormal, gamma, uniform)",
+    ),
+    ("picking: {failure: {mean_between: 1}}", "must be null or a number from 60.0 to 86400.0 (mean time of picking between"),
+    ("picking: {failure: {mean_repair: .inf}}", "must be a number from 1.0 to 7200.0"),
+    ("picking: {spread: 0.3}", "must be a map with some of the keys distribution, cv"),
+    ("picking: {cv: 0.3}", "did you mean picking.spread.cv?"),
+    ("mean_repair: 60", "did you mean picking.failure.mean_repair?"),
+]
+
+
+@pytest.mark.parametrize(("text", "told"), NO_PICKING)
+def test_what_picking_cannot_be_is_told(text: str, told: str) -> None:
+    assert told in refusal(text)
+
+
+def test_times_between_failures_and_of_repairs_are_exponential() -> None:
+    drawn = [failure(seed, "picker_01", number, 3600.0, 300.0) for seed in range(100) for number in range(100)]
+    for column, mean in enumerate((3600.0, 300.0)):
+        values = [pair[column] for pair in drawn]
+        assert fmean(values) == pytest.approx(mean, rel=0.04)
+        for share in (0.1, 0.5, 1.0, 3.0):
+            assert sum(value > share * mean for value in values) / len(values) == pytest.approx(math.exp(-share), abs=0.02)
+
+
+# -- the queue holds the carriers of every legal orchard
+
+
+NAMES = sorted(QUEUES)
+
+
+@given(st.sampled_from(NAMES), st.floats(20.0, 200.0), st.floats(0.0, 180.0), st.integers(1, MOST_CARRIERS))
+def test_every_place_lies_behind_the_bay_and_before_the_delivery_road(name: str, length: float, bay: float, carriers: int) -> None:
+    queue = queue_of(name, length, bay, carriers)
+    if queue is None:
+        return
+    places = [queue.place(number) for number in range(carriers)]
+    assert len({place[:2] for place in places}) == carriers
+    assert all(queue.area.contains(place.x, place.y) for place in places)
+    last = queue.head - CLOSED_UP * (queue.places - 1)
+    assert last - 2.4 >= -30.0 + bay + 0.9 + 0.8, (
+        "the tail of the last one, when the line has closed up, is clear of a carrier that unloads"
+    )
+    assert queue.area.west <= last
+    assert queue.head + 0.9 < 38.75 - 0.75 + length - 70.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_usual_orchard_holds_all_carriers(name: str) -> None:
+    assert all(queue_of(name, 70.0, 0.0, carriers) for carriers in range(1, MOST_CARRIERS + 1))
+
+
+def test_a_queue_that_is_too_short_is_refused_with_the_numbers_that_would_do() -> None:
+    with pytest.raises(ScenarioError) as caught:
+        check({"row_length": 20.0, "rows": 12, "pickers": 12, "carriers": 10, "route": TWO_WAY})
+    words = str(caught.value)
+    assert "with rows of 20 m and the bay at 0 m it holds 3; 10 need rows of at least" in words
+    assert "carriers" in words
+
+
+def test_a_bay_further_east_leaves_room_for_fewer_and_the_error_says_where_it_may_lie() -> None:
+    with pytest.raises(ScenarioError, match=r"10 need rows of at least \d+ m or the bay at most at \d+ m"):
+        check({"rows": 12, "pickers": 12, "carriers": 10, "bay": 100.0})
+
+
+@pytest.mark.parametrize(("length", "trees"), [(20.0, 3), (70.0, 12), (200.0, 33)])
+def test_longer_rows_move_the_east_side_and_add_trees(length: float, trees: int) -> None:
+    layout = lay_out(Scenario(row_length=length, carriers=2))
+    assert layout.row_east == -35.5 + length
+    assert len(layout.lines[0].trees_x) == trees
+    assert layout.row_east - 9.0 < layout.lines[0].trees_x[-1] <= layout.row_east - 3.0
+    assert layout.east == 50.0 + length - 70.0

@@ -77,25 +77,25 @@ def changed(number: int, **values: float | str) -> dict:
     return {"survey": {"rows": [row | values if i == number else row for i, row in enumerate(listed, start=1)]}}
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"rows": 5}, "rows = 5: must be 4"),
-        ({"row_length": 70.0, "row_width": 6.0}, "row_length = 70.0, row_width = 6.0: must be 31.2 and 5"),
-        (changed(2, south=5.2), "r2: lies 5.20 m south of row r1; must be 5.3 to 12.5 m"),
-        (changed(3, south=18.0), "r3: lies 12.70 m south of row r2; must be 5.3 to 12.5 m"),
-        (changed(3, south=18.0), "r4: lies 0.60 m south of row r3"),
-        (changed(1, south=1.0), "r1: is the first, and lies 1 m south of it; its south must be 0"),
-        (changed(1, start=0.5), "r1: is the westernmost, and starts at 0.5 m; its start must be 0"),
-        (changed(3, length=55.0), "r2: its east end lies 31.20 m before the furthest east end; must be at most 30 m"),
-        (changed(2, id="r1"), "r1: the name of two rows; each needs its own"),
-        (changed(2, length=19.9), "survey.rows.1.length = 19.9: must be a number from 20.0 to 200.0"),
-        (changed(2, start=30.1), "survey.rows.1.start = 30.1: must be a number from 0.0 to 30.0"),
-        (changed(2, lenght=25.0), "survey.rows.1.lenght = 25.0: unknown key; did you mean length?"),
-        ({"survey": {}}, "survey.rows: is missing: a list of 3 to 20 maps"),
-        ({"survey": {"rows": [1, 2, 3]}}, "survey.rows.0 = 1: must be a map with some of the keys id, south, start, length"),
-    ],
-)
+NO_SURVEYS = [
+    ({"rows": 5}, "rows = 5: must be 4"),
+    ({"row_length": 70.0, "row_width": 6.0}, "row_length = 70.0, row_width = 6.0: must be 31.2 and 5"),
+    (changed(2, south=5.2), "r2: lies 5.20 m south of row r1; must be 5.3 to 12.5 m"),
+    (changed(3, south=18.0), "r3: lies 12.70 m south of row r2; must be 5.3 to 12.5 m"),
+    (changed(3, south=18.0), "r4: lies 0.60 m south of row r3"),
+    (changed(1, south=1.0), "r1: is the first, and lies 1 m south of it; its south must be 0"),
+    (changed(1, start=0.5), "r1: is the westernmost, and starts at 0.5 m; its start must be 0"),
+    (changed(3, length=55.0), "r2: its east end lies 31.20 m before the furthest east end; must be at most 30 m"),
+    (changed(2, id="r1"), "r1: the name of two rows; each needs its own"),
+    (changed(2, length=19.9), "survey.rows.1.length = 19.9: must be a number from 20.0 to 200.0"),
+    (changed(2, start=30.1), "survey.rows.1.start = 30.1: must be a number from 0.0 to 30.0"),
+    (changed(2, lenght=25.0), "survey.rows.1.lenght = 25.0: unknown key; did you mean length?"),
+    ({"survey": {}}, "survey.rows: is missing: a list of 3 to 20 maps"),
+    ({"survey": {"rows": [1, 2, 3]}}, "survey.rows.0 = 1: must be a map with some of the keys id, south, start, length"),
+]
+
+
+@pytest.mark.parametrize(("change", "words"), NO_SURVEYS)
 def test_a_survey_that_cannot_be_is_refused_with_the_row_and_the_limit(change: dict, words: str):
     assert words in problem(change)
 

@@ -20,7 +20,6 @@ BIN = BinReport("bin_02", 3, "east", "picker_02", 20, 50.0, 4.0, 60.0)
 
 
 def played(env, choose, seed=None):
-    """The return of an episode, and whether it was terminated."""
     _, info = env.reset(seed=seed)
     total, ended = 0.0, (False, False)
     while not any(ended):
@@ -99,12 +98,12 @@ def test_mistakes():
         dispatch_env("my.yaml")
 
 
-@pytest.mark.parametrize(
-    ("policy", "fault", "line"),
-    [("Raising", "LookupError: no such bin here", 'raise LookupError("no such bin here")'),
-     ("Inventing", "ValueError: the dispatch policy assigns bin bin_77, which is not available", "class Inventing(Bad):"),
-     ("Silent", "TypeError: assign returned None", "class Silent(Bad):")],
-)  # fmt: skip
+FAULTS = [("Raising", "LookupError: no such bin here", 'raise LookupError("no such bin here")'),
+ ("Inventing", "ValueError: the dispatch policy assigns bin bin_77, which is not available", "class Inventing(Bad):"),
+ ("Silent", "TypeError: assign returned None", "class Silent(Bad):")]  # fmt: skip
+
+
+@pytest.mark.parametrize(("policy", "fault", "line"), FAULTS)
 def test_a_fault_of_an_own_policy_is_told_with_its_place(policy, fault, line):
     number = 1 + [text.strip() for text in Path(own_policies.__file__).read_text().splitlines()].index(line)
     with pytest.raises(RuntimeError) as told:

@@ -1,13 +1,12 @@
 """The environments in which bodies of a harvest learn: the interfaces' own checks, the same motion as local mode, rewards, mistakes."""
 
-import subprocess
-import sys
 from copy import deepcopy
 from functools import partial
 
 import gymnasium
 import numpy as np
 import pytest
+from command_line import python
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
@@ -311,8 +310,7 @@ class TestMistakes:
         ],
     )
     def test_the_import_says_what_to_install_and_loads_neither_zenoh_nor_rerun(self, program, words):
-        done = subprocess.run([sys.executable, "-c", f"import sys; {program}"], capture_output=True, text=True, timeout=60)
-        assert words in done.stderr
+        assert words in python("-c", f"import sys; {program}", code=1).stderr
 
     def test_no_step_before_a_reset(self):
         with pytest.raises(ResetNeeded):

@@ -1,15 +1,20 @@
-"""Ctrl-C at any moment: before there is anything to stop, and where a viewer was opened."""
+"""Ctrl-C at any moment: before there is anything to stop, in a tick that never ends, and where a viewer was opened."""
 
 import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import psutil
 import pytest
+from command_line import ROOT, orchard, scenario_file
+from local_runs import driven_by, local_hash
 
-ROOT = Path(__file__).parents[2]
+from orchard.field.scenario import Scenario
+from orchard.launch import local_run
+from orchard.launch.options import HarvestOptions
+from orchard.launch.request import RunRequest
+
 SECONDS = 30.0  # that anything here may take on a busy machine
 SHORT = ("--rows", "3", "--record", "none", "--speed", "1", "--duration", "30")
 STAND_IN = f"""#!{sys.executable}
@@ -103,3 +108,40 @@ def test_ctrl_c_ends_the_viewer_that_the_run_has_opened(mode, tmp_path):
                 os.kill(pid, signal.SIGKILL)
         run.kill()
         run.communicate(timeout=SECONDS)
+
+
+# -- local mode, where its next tick is far off, or an agent never ends the present one
+
+
+def test_ctrl_c_stops_it_at_once(tmp_path, monkeypatch):
+    naps = []
+
+    def nap(seconds):
+        if seconds > 0.0:
+            naps.append(seconds)
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(local_run.time, "sleep", nap)
+    wish = RunRequest(HarvestOptions(mode="local", speed=1e-12), Scenario(), None, tmp_path)
+    summary, why = local_run.run(wish, None, lambda *figures: None)
+    assert (why, summary["ticks"]) == ("stopped", 1)
+    assert max(naps) < 1.0
+
+
+def test_ctrl_c_ends_the_endless_tick_of_an_agent_and_the_result_is_that_of_the_ticks_before(tmp_path, capsys):
+    scenario = driven_by(picker_01="Endless")
+    wish = RunRequest(HarvestOptions(mode="local"), scenario, None, tmp_path)
+    summary, why = local_run.run(wish, None, lambda *figures: None)
+    assert (why, summary["ticks"]) == ("stopped", 3)
+    assert summary["hash"] == local_hash(scenario, 3)
+    said = capsys.readouterr().err.replace("\n", "")
+    assert "picker_01 still thinks about tick 3, in" in said
+    assert "own_agents.py, line" in said
+    assert [path.name for path in tmp_path.glob("tick-*")] == ["tick-000000000.snapshot"], "none of the tick that was broken off"
+
+
+def test_ctrl_c_ends_an_agent_that_catches_everything_by_force(tmp_path):
+    path = scenario_file(tmp_path, driven_by(picker_01="Stubborn"))
+    done = orchard(path, "--mode", "local", "--record", "none", seconds=60.0, code=1)
+    assert "picker_01 still thinks about tick 3, in" in done.stderr
+    assert "ended by force" in done.stderr

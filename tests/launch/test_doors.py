@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from code_blocks import ROOT
-from command_line import SECONDS
+from command_line import SECONDS, python
 
 from orchard.folders import runs_folder
 from orchard.launch import commands, terminal
@@ -26,9 +26,7 @@ finally:
 
 
 def test_a_run_in_local_mode_loads_neither_zenoh_nor_rerun_and_keeps_its_snapshots_where_it_is_told(tmp_path):
-    there = os.environ | {"ORCHARD_RUNS": str(tmp_path / "runs"), "COLUMNS": "200"}
-    done = subprocess.run([sys.executable, "-c", LOADS], cwd=tmp_path, env=there, capture_output=True, text=True, timeout=SECONDS)
-    assert done.returncode == 0, done.stderr
+    done = python("-c", LOADS, cwd=tmp_path, ORCHARD_RUNS=str(tmp_path / "runs"))
     loaded = set(done.stdout.splitlines()[-1].split())
     assert "numba" in loaded
     assert not loaded & {"zenoh", "rerun", "rerun_bindings", "rerun_cli", "nicegui", "cryptography", "pyarrow", "rosbags"}
@@ -58,15 +56,15 @@ def test_each_door_of_a_clone_keeps_recordings_in_one_place(door, tmp_path):
     assert len(list((tmp_path / "runs").glob("*.rrd"))) == 1
 
 
-@pytest.mark.parametrize(
-    ("started", "typed"),
-    [
-        ("{folder}/run.py", "venv/python run.py"),
-        ("{folder}/orchard/__main__.py", "venv/python -m orchard"),
-        ("{folder}/venv/orchard", "venv/orchard"),
-        ("/found/orchard", "orchard"),
-    ],
-)
+CALLED_BY = [
+    ("{folder}/run.py", "venv/python run.py"),
+    ("{folder}/orchard/__main__.py", "venv/python -m orchard"),
+    ("{folder}/venv/orchard", "venv/orchard"),
+    ("/found/orchard", "orchard"),
+]
+
+
+@pytest.mark.parametrize(("started", "typed"), CALLED_BY)
 def test_the_program_tells_how_it_is_called_again(started, typed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "executable", str(tmp_path / "venv" / "python"))

@@ -10,15 +10,16 @@ from time import monotonic
 import psutil
 import pytest
 from fleet import until
+from recorded_messages import Clock
 from rich.console import Console
-from stand_ins import Clock
 
 from orchard.field.scenario import Scenario
 from orchard.launch import distributed
 from orchard.launch.distributed import LaunchedRun
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest
-from orchard.launch.supervisor import BAD_ORDER, DEATHS, QUICK_SECONDS, REFUSALS, ProcessSpec, Supervisor, take_turns
+from orchard.launch.supervisor import BAD_ORDER, DEATHS, QUICK_SECONDS, REFUSALS, ProcessSpec, Supervisor, Watchdog, take_turns
+from orchard.launch.supervisor import SECONDS as FROZEN_SECONDS
 from orchard.net.bus import Inbox
 from orchard.report.progress import Progress
 from orchard.server.options import RunOptions
@@ -53,8 +54,6 @@ def clock():
 
 
 class Watched(Supervisor):
-    """A fleet whose processes are children in name only."""
-
     def __init__(self, clock):
         super().__init__(say=lambda line: self.said.append(line), clock=clock)
         self.said, self.children = [], []
@@ -219,3 +218,46 @@ def test_processes_take_turns():
     assert os.sched_getscheduler(child.pid) == os.SCHED_BATCH
     child.communicate(b"\n", timeout=20)
     take_turns(child.pid)  # a process that has ended takes no turn, and that is no mistake
+
+
+# -- a process that is frozen is ended, one that starts is not
+
+
+class OneProcess:
+    def __init__(self) -> None:
+        self.number, self.killed, self.now = 1, [], 0.0
+
+    def clock(self) -> float:
+        return self.now
+
+    def pid(self, name: str) -> int:
+        return self.number
+
+    def kill(self, name: str) -> None:
+        self.killed.append(self.number)
+
+
+def test_a_process_is_ended_when_its_token_is_gone_for_too_long_and_not_while_it_starts():
+    fleet = OneProcess()
+    watchdog = Watchdog(fleet, "logger")
+    fleet.now = 100.0
+    watchdog.look()
+    assert fleet.killed == [], "it has not been there yet"
+    watchdog.hear(True)
+    watchdog.hear(False)
+    fleet.now += FROZEN_SECONDS - 0.1
+    watchdog.look()
+    watchdog.hear(True)
+    fleet.now += FROZEN_SECONDS
+    watchdog.look()
+    assert fleet.killed == [], "it came back"
+    watchdog.hear(False)
+    fleet.now += FROZEN_SECONDS
+    watchdog.look()
+    assert fleet.killed == [1]
+    fleet.number = 2
+    fleet.now += 10 * FROZEN_SECONDS
+    watchdog.look()
+    assert fleet.killed == [1], "the next one starts"
+    watchdog.end()
+    assert fleet.killed == [1, 2], "a process that is away at the end is not waited for"

@@ -18,7 +18,6 @@ FULL = "No space left on device"
 
 @pytest.fixture
 def small_disk(tmp_path):
-    """A disk of 1 MB, with the folder of runs."""
     disk = tmp_path / "disk"
     disk.mkdir()
     mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "none", disk], capture_output=True)

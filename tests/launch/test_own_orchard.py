@@ -6,6 +6,7 @@ import sys
 
 import pytest
 from code_blocks import ROOT, block, commands
+from command_line import python
 from typer.testing import CliRunner
 
 from orchard.field.scenario import load, parse
@@ -29,9 +30,8 @@ def test_the_commands_of_the_document_import_and_harvest_the_sample(tmp_path):
         done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS)
         assert done.returncode == 0, done.stdout + done.stderr
     assert load(tmp_path / "te_puke.yaml").rows == 8
-    places = [sys.executable, "-c", block("docs/how-to.md", "places")]
-    done = subprocess.run(places, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS, env={"PYTHONPATH": str(ROOT)})
-    assert done.stdout.startswith("block-3/1 (1892797.98"), done.stderr
+    places = python("-c", block("docs/how-to.md", "places"), cwd=tmp_path, PYTHONPATH=str(ROOT))
+    assert places.stdout.startswith("block-3/1 (1892797.98")
 
 
 def test_the_scenario_in_the_document_is_one():

@@ -23,7 +23,6 @@ from orchard.wire.messages import RunInfo, Stopped
 
 @pytest.fixture(autouse=True)
 def runs(tmp_path, monkeypatch):
-    """The folder in which runs leave their notes."""
     monkeypatch.setenv("ORCHARD_RUNS", str(tmp_path / "runs"))
     return tmp_path / "runs"
 
@@ -37,19 +36,18 @@ def test_the_command_line_stops_a_robot_of_the_run_that_goes_on_here(tmp_path, r
         someone = stack.enter_context(Client.open(going.endpoint, going.run))
         poses, velocities = someone.hear("orchard/picker_01/pose"), someone.hear("orchard/picker_01/velocity")
         done = orchard("stop", "picker_01")
-        assert (done.returncode, done.stdout) == (0, "stopped: bin_01, picker_01\n"), done.stderr
+        assert done.stdout == "stopped: bin_01, picker_01\n"
         stands = assert_stands(poses)
         until(velocities, lambda velocity: velocity["tick"] > stands["tick"] and velocity["linear"]["x"] > 0.0)
         assert_stands(poses)
-        done = orchard("stop", "carrier", "piker_01")
-        assert done.returncode == 2
+        done = orchard("stop", "carrier", "piker_01", code=2)
         assert "piker_01: no such agent or kind" in done.stderr
         done = orchard("stop")
         assert re.fullmatch(r"stopped: bin_02, .*tractor_01\nstopped before: bin_01, picker_01\n", done.stdout), done.stdout
         assert orchard("reset", "picker_01").stdout.startswith("reset: bin_01, picker_01\nstill stopped: bin_02, ")
         assert_goes_on(poses)
         for _, _, *words in commands(block("docs/how-to.md", "emergency stop")):
-            assert orchard(*words).returncode == 0, words
+            orchard(*words)
         assert_goes_on(poses)
         if "--mode" not in mode:
             assert_pauses_and_steps()
@@ -69,18 +67,7 @@ def assert_pauses_and_steps() -> None:
     first = int(told[0].removeprefix("paused: tick ").partition(",")[0])
     then = [("paused", first), ("paused", first + 1), ("paused", first + 21), ("playing", first + 21)]
     assert told == [f"{state}: tick {tick}, {tick / 10:.1f} s\n" for state, tick in then]
-    done = orchard("step")
-    assert (done.returncode, "pause it first" in done.stderr) == (2, True)
-
-
-def test_a_stop_without_a_run_is_told_so():
-    done = orchard("stop")
-    assert done.returncode == 2
-    assert "no run is active here" in done.stderr
-    done = orchard("stop", "--connect", "tcp/127.0.0.1:9")
-    assert done.returncode == 2
-    assert "no router answers there" in done.stderr
-    assert "Traceback" not in done.stderr
+    assert "pause it first" in orchard("step", code=2).stderr
 
 
 def test_whom_physics_lets_wait_is_told_so_and_gets_the_answer_that_comes_late(monkeypatch):

@@ -9,17 +9,15 @@ from typing import ClassVar
 
 import msgspec
 import pytest
-from command_line import orchard, running, summary_of
-from fleet import Client, until
-from local_runs import SMALL, local_hash
+from command_line import orchard, running, scenario_file
+from local_runs import SMALL
 from rich.console import Console
 from run_endings import harvested
 
 from orchard.contract.messages import pack
-from orchard.field.scenario import to_yaml
 from orchard.folders import runs_folder
 from orchard.launch import distributed
-from orchard.launch.supervisor import ProcessSpec, Supervisor, free_port
+from orchard.launch.supervisor import ProcessSpec, Supervisor
 from orchard.net.bus import Alive, Inbox, Sample, Signal
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
@@ -27,7 +25,6 @@ from orchard.net.refusals import Refused
 from orchard.report.progress import Progress
 from orchard.server.snapshots import sole
 from orchard.sim.snapshot import SnapshotError
-from orchard.view.reader import missing
 from orchard.wire.keys import Keys
 from orchard.wire.messages import End
 
@@ -67,23 +64,6 @@ def test_an_end_is_believed_only_while_physics_goes_in_whichever_order_that_is_h
     now[0] = 60.0
     ending.track(False)
     assert ending.end is None, "that was long ago: physics was killed"
-
-
-def test_no_client_but_physics_ends_a_run(tmp_path):
-    scenario, recording, summary = (tmp_path / name for name in ("small.yaml", "small.rrd", "small.json"))
-    scenario.write_text(to_yaml(SMALL))
-    endpoint, ticks = f"tcp/127.0.0.1:{free_port()}", 300
-    order = ("--listen", endpoint, "--speed", 5, "--duration", ticks / 10, "--record", recording, "--summary", summary)
-    with running(scenario, *order) as run, Client.open(endpoint, "") as someone:
-        (known,) = someone.ask("orchard/scenario")
-        someone.run, clock = known["run"], someone.hear("orchard/clock")
-        lie = {"hash": "0", "ticks": 5, "violations": [], "broken_agents": [], "jam": []}
-        while until(clock, lambda message: True)["tick"] < 100:  # the last forged one is 4 s old at the end
-            someone.put("orchard/end", tick=5, finished=True, why="harvested", hash="0" * 64, summary=lie)
-        printed, _ = run.communicate(timeout=60)
-    assert run.returncode == 0, printed
-    assert summary_of(summary)["hash"] == local_hash(SMALL, ticks)
-    assert missing(recording, ticks) == {"recording_parts": ["small.rrd"], "recording_gaps": [], "messages_dropped": 0}
 
 
 @pytest.fixture
@@ -191,12 +171,9 @@ def test_nobody_else_keeps_snapshots_where_somebody_does(tmp_path):
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_a_run_that_goes_on_is_not_gone_on_with_a_second_time(tmp_path, mode):
-    scenario = tmp_path / "small.yaml"
-    scenario.write_text(to_yaml(SMALL))
-    with running(scenario, "--mode", mode, "--speed", 5, "--duration", 60, "--record", "none") as run:
+    with running(scenario_file(tmp_path, SMALL), "--mode", mode, "--speed", 5, "--duration", 60, "--record", "none") as run:
         (folder,) = runs_folder().glob(f"*-{run.pid}.snapshots")
-        again = orchard("--resume", folder, "--record", "none")
-        assert again.returncode == 2
+        again = orchard("--resume", folder, "--record", "none", code=2)
         assert "the run of these snapshots is still active; stop it first" in again.stderr
         run.send_signal(signal.SIGINT)
         printed, _ = run.communicate(timeout=30)

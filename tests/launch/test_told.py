@@ -1,13 +1,18 @@
-"""What run.py tells a user: what is ignored, chosen or not kept; and the main figures of the summary."""
+"""What run.py tells a user: what is ignored, chosen or not kept, the main figures; and commands that can be typed as they stand."""
 
+import re
+import shlex
+import sys
 from pathlib import Path
 
 import pytest
 from run_endings import harvested
 
 from orchard.field.scenario import Scenario
+from orchard.launch.distributed import how_to_join
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
+from orchard.launch.run_notes import announced, running_here
 from orchard.launch.terminal import speed_not_kept
 from orchard.report.summary import as_table, main_figures
 from orchard.sim.snapshot import Snapshot
@@ -17,31 +22,31 @@ LIVE = "live at 4 times real time; --speed X sets another speed, --speed max non
 BEFORE = Snapshot("", {}, {"tick": 6000}, b"", {}, [], {"wall_seconds": 600.0}, [])
 
 
-@pytest.mark.parametrize(
-    ("options", "told"),
-    [
-        ({"mode": "local", "hosts": 0, "patience": 20.0}, [OF_ONE_PROCESS]),
-        ({"hosts": 4, "patience": 20.0}, []),
-        ({"view": True}, [LIVE]),
-        ({"web": 9090, "mode": "local", "hosts": 1, "patience": 3.0}, [OF_ONE_PROCESS, LIVE]),
-        ({"view": True, "speed": 4.0}, []),
-        ({"view": True, "mode": "realtime"}, []),
-    ],
-)
+NOTES = [
+    ({"mode": "local", "hosts": 0, "patience": 20.0}, [OF_ONE_PROCESS]),
+    ({"hosts": 4, "patience": 20.0}, []),
+    ({"view": True}, [LIVE]),
+    ({"web": 9090, "mode": "local", "hosts": 1, "patience": 3.0}, [OF_ONE_PROCESS, LIVE]),
+    ({"view": True, "speed": 4.0}, []),
+    ({"view": True, "mode": "realtime"}, []),
+]
+
+
+@pytest.mark.parametrize(("options", "told"), NOTES)
 def test_what_is_ignored_and_what_is_chosen_is_told(options, told):
     assert HarvestOptions(**options).notes() == told
 
 
-@pytest.mark.parametrize(
-    ("speed", "before", "wall_seconds", "told"),
-    [
-        (100.0, None, 48.49, "the speed of 100 times real time was not kept: the machine reached 20.0"),
-        (100.0, None, 9.8, ""),
-        (None, None, 500.0, ""),  # as fast as possible
-        (100.0, BEFORE, 603.7, ""),  # the part before it was resumed was slow
-        (100.0, BEFORE, 618.49, "the speed of 100 times real time was not kept: the machine reached 20.0"),
-    ],
-)
+SPEEDS = [
+    (100.0, None, 48.49, "the speed of 100 times real time was not kept: the machine reached 20.0"),
+    (100.0, None, 9.8, ""),
+    (None, None, 500.0, ""),  # as fast as possible
+    (100.0, BEFORE, 603.7, ""),  # the part before it was resumed was slow
+    (100.0, BEFORE, 618.49, "the speed of 100 times real time was not kept: the machine reached 20.0"),
+]
+
+
+@pytest.mark.parametrize(("speed", "before", "wall_seconds", "told"), SPEEDS)
 def test_a_speed_that_was_not_kept_is_told(speed, before, wall_seconds, told):
     request = RunRequest(HarvestOptions(speed=speed), Scenario(), None, Path(), before)
     assert speed_not_kept(request, harvested(wall_seconds=wall_seconds)) == told
@@ -57,3 +62,54 @@ def test_ten_figures_are_shown_and_what_is_unusual():
     gaps = as_table({"recording_gaps": [[0.0, 5.1], [7.0, 7.3]]})
     assert list(gaps.columns[1].cells) == ["0.0 to 5.1, 7.0 to 7.3 s, which no recording shows"]
     assert list(as_table({"carrier_utilisation": 0.64}).columns[1].cells) == ["64 % of the time, outside the queue"]
+
+
+# -- the emergency stop, and the command for another machine
+
+
+HERE = "tcp/127.0.0.1:7447"
+
+
+@pytest.fixture(autouse=True)
+def program(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [str(tmp_path / "run.py")])
+    monkeypatch.setattr(sys, "executable", str(tmp_path / ".venv" / "bin" / "python"))
+
+
+def said(folder, **options) -> list[str]:
+    lines = []
+    request = RunRequest(HarvestOptions(**options), Scenario(), None, folder, notes=folder / "runs")
+    with announced(request, "a", HERE, lines.append):
+        lines += [re.sub(r"\d\d:\d\d:\d\d", "HH:MM:SS", note.title) for note in running_here(folder / "runs")]
+    return lines
+
+
+def test_a_run_says_how_to_stop_it_and_leaves_a_note_that_a_user_recognizes(tmp_path):
+    assert said(tmp_path) == [
+        "Ctrl-C ends the run; emergency stop of the robots: .venv/bin/python run.py stop",
+        "5 rows, 2 pickers, seed 1, since HH:MM:SS",
+    ]
+    assert said(tmp_path, secure=tmp_path / "my roles")[0].endswith(".venv/bin/python run.py stop --secure 'my roles'")
+    assert said(tmp_path, progress="json") == ["5 rows, 2 pickers, seed 1, since HH:MM:SS"], "for programs"
+
+
+def test_a_run_that_cannot_leave_a_note_says_its_endpoint(tmp_path):
+    (tmp_path / "runs").write_text("in its place")
+    no_note, stop = said(tmp_path)
+    assert no_note.endswith("runs: no note of this run can be written there: File exists")
+    assert stop.endswith(f"run.py stop --connect {HERE}")
+
+
+@pytest.mark.parametrize("endpoint", [HERE, "tcp/0.0.0.0:7447"])
+def test_the_command_for_agents_left_to_others_is_whole(endpoint):
+    line = how_to_join(HarvestOptions(without=["carrier", "bin_01"]), endpoint)
+    words = shlex.split(line.removeprefix("carrier, bin_01: left to other processes: "))
+    connect = words.pop(3)
+    assert words == [".venv/bin/python", "run.py", "--connect", "--only", "carrier", "--only", "bin_01"]
+    assert connect.endswith(":7447") and "0.0.0.0" not in connect
+
+
+def test_only_a_run_that_others_can_reach_says_where(tmp_path):
+    assert how_to_join(HarvestOptions(), HERE) == ""
+    assert re.fullmatch(r"Other machines reach this run at tcp/(?!0\.0\.0\.0)[^/]+:7447", how_to_join(HarvestOptions(), "tcp/0.0.0.0:7447"))

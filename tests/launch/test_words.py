@@ -34,82 +34,86 @@ def said(arguments, monkeypatch, capfd) -> tuple[int, str]:
     return ended.value.code or 0, " ".join((out + err).split())
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        *([option, ESCAPE] for option in (
-            "--rows", "--row-width", "--mode", "--speed", "--hosts", "--duration", "--web", "--progress", "--patience", "--seed",
-            "--dispatch", "--route", "--rows-to-pickers", "--resume", "--replay", "--secure", "--connect", "--listen", "--without")),
-        [ESCAPE], [f"{ESCAPE}.yaml"], [f"{ESCAPE}.rrd"], [f"--{ESCAPE}"], ["--only", ESCAPE, *NOWHERE],
-        ["--record", f"{ESCAPE}.txt"], ["--record", f"/dev/null/{ESCAPE}.rrd"], [*SHORT, "--summary", f"/dev/null/{ESCAPE}"],
-        [*SHORT, "--table", f"/dev/null/{ESCAPE}"],
-        ["view", ESCAPE], ["export", ESCAPE, "--mcap", "a.mcap"], ["export", "--mcap", ESCAPE], ["replay", ESCAPE],
-        ["stop", "--connect", ESCAPE], ["stop", ESCAPE, *NOWHERE], ["stop", "--secure", ESCAPE, *NOWHERE], ["step", ESCAPE],
-        ["secure", "roles", ESCAPE], ["secure", "roles", "--role", f"{ESCAPE}=picker"], ["secure", "roles", "--bridge", ESCAPE],
-        ["secure", "roles", "--address", ESCAPE], ["layout", ESCAPE], ["layout", "import", ESCAPE],
-        ["app", "--port", ESCAPE], ["app", "--host", ESCAPE], ["app", ESCAPE],
-        ["study", ESCAPE], ["study", "--vary", ESCAPE], ["study", "--goal", ESCAPE], ["study", "--csv", f"/dev/null/{ESCAPE}"],
-    ],
-)  # fmt: skip
+CONTROLLING = [
+    *([option, ESCAPE] for option in (
+        "--rows", "--row-width", "--mode", "--speed", "--hosts", "--duration", "--web", "--progress", "--patience", "--seed",
+        "--dispatch", "--route", "--rows-to-pickers", "--resume", "--replay", "--secure", "--connect", "--listen", "--without")),
+    [ESCAPE], [f"{ESCAPE}.yaml"], [f"{ESCAPE}.rrd"], [f"--{ESCAPE}"], ["--only", ESCAPE, *NOWHERE],
+    ["--record", f"{ESCAPE}.txt"], ["--record", f"/dev/null/{ESCAPE}.rrd"], [*SHORT, "--summary", f"/dev/null/{ESCAPE}"],
+    [*SHORT, "--table", f"/dev/null/{ESCAPE}"],
+    ["view", ESCAPE], ["export", ESCAPE, "--mcap", "a.mcap"], ["export", "--mcap", ESCAPE], ["replay", ESCAPE],
+    ["stop", "--connect", ESCAPE], ["stop", ESCAPE, *NOWHERE], ["stop", "--secure", ESCAPE, *NOWHERE], ["step", ESCAPE],
+    ["secure", "roles", ESCAPE], ["secure", "roles", "--role", f"{ESCAPE}=picker"], ["secure", "roles", "--bridge", ESCAPE],
+    ["secure", "roles", "--address", ESCAPE], ["layout", ESCAPE], ["layout", "import", ESCAPE],
+    ["app", "--port", ESCAPE], ["app", "--host", ESCAPE], ["app", ESCAPE],
+    ["study", ESCAPE], ["study", "--vary", ESCAPE], ["study", "--goal", ESCAPE], ["study", "--csv", f"/dev/null/{ESCAPE}"],
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("arguments", CONTROLLING)
 def test_no_option_and_no_path_can_control_the_terminal(arguments, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     code, words = said(arguments, monkeypatch, capfd)
     assert (code, [raw for raw in RAW if raw in words]) == (2, []), words
 
 
-@pytest.mark.parametrize(
-    ("arguments", "told"),
-    [
-        (["--rows", "x"], "--rows: x: expected a whole number"),
-        (["--row-width", "wide"], "--row-width: wide: expected a number"),
-        (["--web", "80"], "--web: 80: expected a number from 1024 on"),
-        (["--mode", "sideways"], "--mode: 'sideways' is not one of 'local', 'lockstep', 'realtime'."),
-        (["replay"], "FILE.mcap is missing; see --help"),
-        (["view", "a", "b"], "b: one word too many; see --help"),
-        (["export"], "--mcap is missing; see --help"),
-        (["--rosw", "3"], "--rosw: no such option; did you mean --rows"),
-        (["stop", "--nothing"], "--nothing: no such option; see --help"),
-        (["--rows"], "--rows: a value is missing; see --help"),
-        (["--view=yes"], "--view: it has no value"),
-        (["app", "--port", "x"], "--port: x: expected a whole number"),
-        (["app", "--port", "65536"], "--port: 65536: expected a number up to 65535"),
-        (
-            ["study", "--vary", "carriers=50..70"],
-            "--vary carriers=50..70: carriers = 50, 51, 52 and 18 more: must be null or a whole number",
-        ),
-        (["--rows", "21"], "command line: --rows = 21"),
-        (["--rows", "3", "--pickers", "4"], "command line: --pickers = 4, --rows = 3: must be at most one picker a row"),
-        (["--row-width", "4.9", "--carriers", "0"], "carriers = 0"),
-        (["nothing.yaml"], "nothing.yaml: no such file"),
-        (["veiw", "runs/harvest.rrd"], "veiw: no such file; did you mean the command view?"),
-        (["--dispatch", "nearst"], "did you mean nearest?"),
-        (["runs/harvest.rrd"], "a recording, not a scenario; did you mean the command view?"),
-        (["--speed", "0"], "--speed"),
-        (["--hosts", "0"], "--hosts"),
-        (["--duration", "-1"], "--duration"),
-        (["--duration", "1e308"], "at most 6871947674"),
-        (["--only", "picker", "--connect", "tcp/127.0.0.1:9", "--seed", "0", "--resume", "last", "--mode", "realtime"], "--seed, --mode"),
-        (["--patience", "1"], "--patience"),
-        (["--summary", "/nowhere/at/all.json"], "/nowhere/at"),
-        (["view", "nothing.rrd"], "nothing.rrd"),
-        (["view", "bad.yaml"], "bad.yaml: it cannot be read: it is no recording; expected a file NAME.rrd"),
-        (["step", "-3"], "-3: neither a number of steps, from 1 on, nor an option"),
-        (["step", "0"], "0: neither a number of steps"),
-        (["step", "2.5"], "2.5: neither a number of steps"),
-        (["step", "--conect"], "--conect: neither a number of steps, from 1 on, nor an option"),
-        (["run", "--resume", "last"], "run: no such file, and no such command (see --help); expected a scenario's file, or one of hand"),
-        (["realistik"], "realistik: no such file; did you mean the scenario realistic?"),
-        (["--pickers", "9"], "command line: --pickers = 9, rows = 5: must be at most one picker a row"),  # nobody typed --rows
-        (["--resume", "last", "mine.yaml", "--rows", "3"], "--resume: leave out mine.yaml, --rows: the snapshot has its scenario"),
-        (["mine.yaml", "--only", "picker", "--connect", "tcp/127.0.0.1:9"], "leave out mine.yaml: the run itself defines that"),
-        (["agents.yaml"], "agents.yaml:1: agents.piker: not a kind (picker"),
-        (["nobody.yaml"], "agents.picker_99: no such agent or kind"),
-        (["bad.yaml"], "bad.yaml:1: rows = 99: "),
-        (["bad.yaml"], "did you mean pickers"),
-        (["bad.yaml"], "bad.yaml:4: people.workers = 'many'"),
-        ([*SHORT, "--table", b"\xff"], "?: this name is no text in UTF-8, which a run needs; expected another folder or file"),
-    ],
-)
+MISTAKES = [
+    (["--rows", "x"], "--rows: x: expected a whole number"),
+    (["--row-width", "wide"], "--row-width: wide: expected a number"),
+    (["--web", "80"], "--web: 80: expected a number from 1024 on"),
+    (["--mode", "sideways"], "--mode: 'sideways' is not one of 'local', 'lockstep', 'realtime'."),
+    (["replay"], "FILE.mcap is missing; see --help"),
+    (["view", "a", "b"], "b: one word too many; see --help"),
+    (["export"], "--mcap is missing; see --help"),
+    (["--rosw", "3"], "--rosw: no such option; did you mean --rows"),
+    (["stop", "--nothing"], "--nothing: no such option; see --help"),
+    (["--rows"], "--rows: a value is missing; see --help"),
+    (["--view=yes"], "--view: it has no value"),
+    (["app", "--port", "x"], "--port: x: expected a whole number"),
+    (["app", "--port", "65536"], "--port: 65536: expected a number up to 65535"),
+    (
+        ["study", "--vary", "carriers=50..70"],
+        "--vary carriers=50..70: carriers = 50, 51, 52 and 18 more: must be null or a whole number",
+    ),
+    (["--rows", "21"], "command line: --rows = 21"),
+    (["--rows", "3", "--pickers", "4"], "command line: --pickers = 4, --rows = 3: must be at most one picker a row"),
+    (["--row-width", "4.9", "--carriers", "0"], "carriers = 0"),
+    (["nothing.yaml"], "nothing.yaml: no such file"),
+    (["veiw", "runs/harvest.rrd"], "veiw: no such file; did you mean the command view?"),
+    (["--dispatch", "nearst"], "did you mean nearest?"),
+    (["runs/harvest.rrd"], "a recording, not a scenario; did you mean the command view?"),
+    (["--speed", "0"], "--speed"),
+    (["--hosts", "0"], "--hosts"),
+    (["--duration", "-1"], "--duration"),
+    (["--duration", "1e308"], "at most 6871947674"),
+    (["--only", "picker", "--connect", "tcp/127.0.0.1:9", "--seed", "0", "--resume", "last", "--mode", "realtime"], "--seed, --mode"),
+    (["--patience", "1"], "--patience"),
+    (["--summary", "/nowhere/at/all.json"], "/nowhere/at"),
+    (["view", "nothing.rrd"], "nothing.rrd"),
+    (["view", "bad.yaml"], "bad.yaml: it cannot be read: it is no recording; expected a file NAME.rrd"),
+    (["step", "-3"], "-3: neither a number of steps, from 1 on, nor an option"),
+    (["step", "0"], "0: neither a number of steps"),
+    (["step", "2.5"], "2.5: neither a number of steps"),
+    (["step", "--conect"], "--conect: neither a number of steps, from 1 on, nor an option"),
+    (["run", "--resume", "last"], "run: no such file, and no such command (see --help); expected a scenario's file, or one of hand"),
+    (["realistik"], "realistik: no such file; did you mean the scenario realistic?"),
+    (["--pickers", "9"], "command line: --pickers = 9, rows = 5: must be at most one picker a row"),  # nobody typed --rows
+    (["--resume", "."], ".: no usable snapshot"),
+    (["--mode", "realtime", "--speed", "max"], "--speed: max: in realtime the wall clock sets the pace"),
+    (["stop"], "no run is active here"),
+    (["stop", *NOWHERE], "tcp/127.0.0.1:9: no router answers there"),
+    (["--resume", "last", "mine.yaml", "--rows", "3"], "--resume: leave out mine.yaml, --rows: the snapshot has its scenario"),
+    (["mine.yaml", "--only", "picker", "--connect", "tcp/127.0.0.1:9"], "leave out mine.yaml: the run itself defines that"),
+    (["agents.yaml"], "agents.yaml:1: agents.piker: not a kind (picker"),
+    (["nobody.yaml"], "agents.picker_99: no such agent or kind"),
+    (["bad.yaml"], "bad.yaml:1: rows = 99: "),
+    (["bad.yaml"], "did you mean pickers"),
+    (["bad.yaml"], "bad.yaml:4: people.workers = 'many'"),
+    ([*SHORT, "--table", b"\xff"], "?: this name is no text in UTF-8, which a run needs; expected another folder or file"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "told"), MISTAKES)
 def test_a_mistake_is_told_once_with_what_would_be_right(arguments, told, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     for name, text in FILES.items():
@@ -119,16 +123,16 @@ def test_a_mistake_is_told_once_with_what_would_be_right(arguments, told, tmp_pa
     assert [raw for raw in RAW if raw in words] == []
 
 
-@pytest.mark.parametrize(
-    ("arguments", "usage"),
-    [
-        (["--help"], "orchard [OPTIONS] [SCENARIO.yaml]"),
-        (["realistic", "--help"], "orchard [OPTIONS] [SCENARIO.yaml]"),
-        (["layout", "--help"], "orchard layout [OPTIONS] COMMAND [ARGS]..."),
-        (["harvest", "--help"], "orchard harvest [OPTIONS] [SCENARIO.yaml]"),
-        (["replay", "--help"], "orchard replay [OPTIONS] {FILE.mcap} [SCENARIO.yaml] Let the velocities in a bag"),
-    ],
-)
+USAGES = [
+    (["--help"], "orchard [OPTIONS] [SCENARIO.yaml]"),
+    (["realistic", "--help"], "orchard [OPTIONS] [SCENARIO.yaml]"),
+    (["layout", "--help"], "orchard layout [OPTIONS] COMMAND [ARGS]..."),
+    (["harvest", "--help"], "orchard harvest [OPTIONS] [SCENARIO.yaml]"),
+    (["replay", "--help"], "orchard replay [OPTIONS] {FILE.mcap} [SCENARIO.yaml] Let the velocities in a bag"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "usage"), USAGES)
 def test_help_is_that_of_the_command_that_was_typed(arguments, usage, monkeypatch, capfd):
     code, words = said(arguments, monkeypatch, capfd)
     assert (code, usage in words, "<bool>" in words) == (0, True, False), words

@@ -2,12 +2,10 @@
 
 import signal
 
-import msgpack
 import pytest
 from calling_agents import cast
 from local_runs import SMALL, TICKS
-from recorded_messages import HOST, KEYS, Net, Query, Run, StandIn
-from stand_ins import RUN
+from recorded_messages import HOST, KEYS, RUN, Net, Query, Run, StandIn
 
 from orchard.contract.messages import pack
 from orchard.net.bus import Alive, Sample, Signal
@@ -15,40 +13,7 @@ from orchard.net.host import HostEnded
 from orchard.server.loop import END_SECONDS, LEAVE_SECONDS, RunLoop
 from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
-from orchard.wire.keys import PHYSICS
 from orchard.wire.messages import Left
-
-# -- a host that joins again
-
-
-class LosesAnAnswer(Net):
-    """Loses the first answer to a tick. The host's link breaks, and it is shown the tick once more before its join is answered."""
-
-    def __init__(self, tick: int) -> None:
-        super().__init__()
-        self._tick, self._is_done = tick, False
-
-    def put(self, sender, key, payload) -> None:
-        if self._is_done or key != KEYS.of("velocities", session=HOST) or tick_of(payload) < self._tick:
-            super().put(sender, key, payload)
-            return
-        self._is_done = True
-        shown, token = KEYS.of("seen", session=HOST), KEYS.of("alive", PHYSICS, RUN)
-        again = next(seen for key, seen in reversed(self.sent) if key == shown)
-        for item in (Alive(token, False), Alive(token, True), Sample(shown, again)):
-            sender.inbox.put(item)
-
-
-def tick_of(payload) -> int:
-    return msgpack.unpackb(payload)["tick"]
-
-
-@pytest.mark.parametrize("tick", [1, 40])
-def test_an_answer_that_is_lost_with_its_link_is_given_anew_after_the_join(undisturbed, tick):
-    run = Run(SMALL, RUN, TICKS, LosesAnAnswer(tick), cast)
-    end = run.to_the_end()
-    assert (end.why, end.hash) == ("duration", undisturbed)
-
 
 # -- the end
 
@@ -98,18 +63,18 @@ GONE, BACK, LEFT = Alive(TOKEN, False), Alive(TOKEN, True), Sample(KEYS.of("left
 ASKS = Query(KEYS.of("join", session="a"), b"")  # again and again, while nobody replies
 
 
-@pytest.mark.parametrize(
-    ("items", "until", "told"),
-    [
-        ([(0.01, LEFT), (0.02, GONE)], 0.02, []),
-        ([(0.01, GONE), (0.02, LEFT)], 0.02, []),
-        ([(0.01, GONE), (0.3, BACK), (0.55, LEFT), (0.56, GONE)], 0.56, [0.2, 0.4]),
-        ([*((0.1 * n, ASKS) for n in range(1, 5)), (0.45, LEFT), (0.46, GONE)], 0.46, [0.2, 0.4]),
-        ([(0.01, LEFT)], LEAVE_SECONDS, None),
-        ([(0.01, GONE)], LEAVE_SECONDS, None),
-        ([(0.01, Sample(KEYS.of("left", session="a"), pack(Left("other")))), (0.02, GONE)], LEAVE_SECONDS, None),
-    ],
-)
+LEAVINGS = [
+    ([(0.01, LEFT), (0.02, GONE)], 0.02, []),
+    ([(0.01, GONE), (0.02, LEFT)], 0.02, []),
+    ([(0.01, GONE), (0.3, BACK), (0.55, LEFT), (0.56, GONE)], 0.56, [0.2, 0.4]),
+    ([*((0.1 * n, ASKS) for n in range(1, 5)), (0.45, LEFT), (0.46, GONE)], 0.46, [0.2, 0.4]),
+    ([(0.01, LEFT)], LEAVE_SECONDS, None),
+    ([(0.01, GONE)], LEAVE_SECONDS, None),
+    ([(0.01, Sample(KEYS.of("left", session="a"), pack(Left("other")))), (0.02, GONE)], LEAVE_SECONDS, None),
+]
+
+
+@pytest.mark.parametrize(("items", "until", "told"), LEAVINGS)
 def test_physics_waits_for_a_session_that_has_not_said_that_it_leaves_and_tells_it_the_end_again(items, until, told):
     bus = waited(items, LEAVE_SECONDS)
     assert bus.now == pytest.approx(until)

@@ -1,6 +1,7 @@
-"""What the code of the processes expects of a bus. The same scripts run over Zenoh and over the simulated network, and both do it."""
+"""What the code of the processes expects of a bus, over Zenoh and over the simulated network; and of an inbox: nothing is lost there."""
 
 import itertools
+import threading
 from contextlib import ExitStack
 from random import Random
 
@@ -10,7 +11,7 @@ from chaos.relay import Relay
 from chaos.simulated.link import Delays
 from chaos.simulated.network import Network
 from chaos.simulated.scheduler import Scheduler, VirtualInbox
-from orchard.net.bus import TIMED_OUT, Alive, Final, Query, Replied, Sample
+from orchard.net.bus import TIMED_OUT, Alive, Final, Inbox, Query, Replied, Sample, Signal
 from orchard.net.zenoh_bus import client, router
 
 LONG = 5.0  # s in which all arrives, also on a busy machine
@@ -85,8 +86,6 @@ def _simulated(script, seed: int) -> None:
 
 
 def on_both(script):
-    """A test that plays a script over Zenoh and over the simulated network."""
-
     @pytest.mark.parametrize("play", [over_zenoh, simulated], ids=["zenoh", "simulated"])
     def test(play):
         play(script)
@@ -95,7 +94,6 @@ def on_both(script):
 
 
 def heard(bus, count: int, type_: type = Sample) -> list:
-    """The next items of a type, so many."""
     items = []
     while len(items) < count:
         item = bus.inbox.take(LONG)
@@ -110,7 +108,6 @@ def is_silent(bus) -> bool:
 
 
 def when(bus, is_so) -> None:
-    """Wait until something is so."""
     deadline = bus.clock() + LONG
     while not is_so():
         assert bus.clock() < deadline
@@ -294,3 +291,45 @@ def test_a_cut_ends_a_query_that_is_under_way(net):
     query.reply(b"late")
     query.drop()
     assert is_silent(asker)
+
+
+# -- the inbox: no thread waits longer than it said
+
+
+SECONDS = 60.0  # that any of this may take on a busy machine
+
+
+def run_by(work, threads=1):
+    started = [threading.Thread(target=work, daemon=True) for _ in range(threads)]
+    for thread in started:
+        thread.start()
+    for thread in started:
+        thread.join(SECONDS)
+    return not any(thread.is_alive() for thread in started)
+
+
+def test_a_short_wait_ends_although_it_was_rung_before():
+    """A wait that is over before it has begun, because others had the processor, is over."""
+    inbox = Inbox()
+
+    def take() -> None:
+        for number in range(30_000):
+            inbox.put(Signal(number))
+            assert inbox.take() == Signal(number)
+            assert inbox.take(1e-6 * (number % 30)) is None
+
+    assert run_by(take)
+
+
+def test_whoever_rings_while_others_do_is_heard():
+    inbox, heard = Inbox(), []
+    putters = 4
+
+    def take() -> None:
+        heard.extend(inbox.take(SECONDS) for _ in range(putters * 5000))
+
+    reader = threading.Thread(target=take, daemon=True)
+    reader.start()
+    assert run_by(lambda: [inbox.put(Signal(number)) for number in range(5000)], putters)
+    reader.join(SECONDS)
+    assert sorted(heard) == sorted(Signal(number) for number in range(5000) for _ in range(putters))

@@ -1,14 +1,21 @@
-"""A process ends when the one that started it is gone, even if what runs in it does not heed that; and it says when it ends by itself."""
+"""A process ends when the one that started it is gone, and says when it ends by itself; an agent that never ends its tick is named."""
 
+import logging
 import os
+import re
 import subprocess
 import sys
+import threading
+from types import SimpleNamespace
 
 import psutil
 import pytest
 from fleet import ROOT, SECONDS
 
+from orchard.contract.agent import Action, Mail, without_body
+from orchard.contract.guard import Guard
 from orchard.launch.supervisor import ProcessSpec, Supervisor
+from orchard.net import process
 
 CHILD = """\
 import os, signal, sys
@@ -69,3 +76,34 @@ sys.exit(run_process("child", RouterOptions, None, body))
         assert (supervisor.exit_code("child"), supervisor.running["child"].line.code) == (exit_code, code)
         assert supervisor.is_over("child") == (code == 0)
         assert supervisor.has_refused() == (code == 2)
+
+
+# -- agents that think for too long
+
+
+@pytest.fixture
+def told():
+    ear = SimpleNamespace(words=[], there=threading.Event())
+
+    class Handler(logging.Handler):
+        def emit(self, record):
+            ear.words.append(record.getMessage())
+            ear.there.set()
+
+    handler = Handler()
+    logging.getLogger("orchard").addHandler(handler)
+    yield ear
+    logging.getLogger("orchard").removeHandler(handler)
+
+
+def test_who_thinks_for_too_long_is_named_with_the_place(told):
+    class Brooding:
+        def tick(self, observation, mail, memory):
+            assert told.there.wait(30.0)
+            return Action(memory=memory)
+
+    host = SimpleNamespace(thinking="picker_01", latest=SimpleNamespace(tick=7), runners=["bin_02", "picker_01"])
+    process.monitor(host, seconds=0.05)
+    Guard("picker_01", Brooding(), ["picker_01"]).tick(without_body("picker_01", 7), Mail(), None)
+    host.thinking = ""
+    assert re.fullmatch(rf"picker_01 still thinks about tick 7, in {re.escape(__file__)}, line \d+; until .* stand: bin_02", told.words[0])

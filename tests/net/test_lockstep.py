@@ -3,13 +3,12 @@
 import math
 import queue
 import signal
-import subprocess
-import sys
 import time
 
 import msgpack
 import pytest
-from fleet import ROOT, SECONDS, until
+from command_line import python
+from fleet import SECONDS, until
 from local_runs import AGENTS, SMALL, TICKS, TOY
 
 from orchard.field.layout import lay_out
@@ -92,8 +91,7 @@ def test_only_the_owner_drives_a_robot(fleet):
     }
     assert {refusal["reason"]: refusal["session"] for refusal in said} == dict.fromkeys(wanted, "") | {"not owned": "me"}
     assert told.empty(), "each key and reason once a second"
-    fleet.world.signal(signal.SIGTERM)
-    fleet.end()
+    fleet.stop()
 
 
 def test_a_bare_client_is_waited_for_in_lockstep(fleet):
@@ -102,8 +100,7 @@ def test_a_bare_client_is_waited_for_in_lockstep(fleet):
     someone = fleet.client()
     poses, clock = someone.hear("orchard/worker_01/pose"), someone.hear("orchard/clock")
     token = someone.declare("orchard/alive/worker_01/me")
-    join = msgpack.packb({"run": fleet.run, "owner": "me", "names": ["worker_01"]})
-    assert someone.ask("orchard/hosts/me/join", join)[0]["memories"] == {"worker_01": None}
+    assert someone.join("worker_01")["memories"] == {"worker_01": None}
     places = []
     for tick in range(30):
         until(clock, lambda message, tick=tick: message["tick"] == tick)
@@ -125,8 +122,7 @@ def test_a_name_that_is_taken_is_refused_by_name(fleet):
     assert code == 2
     assert "picker_01: it is taken" in err
     fleet.hosts = [first]
-    fleet.world.signal(signal.SIGINT)
-    fleet.end()
+    fleet.stop()
 
 
 def test_the_robot_of_a_broken_agent_stands_and_the_others_go_on(fleet):
@@ -163,8 +159,7 @@ def test_the_robot_of_a_killed_host_stands_and_a_new_host_takes_it_over(fleet):
     fleet.host("--only", "picker_01", agents=TOY)
     after = until(velocities, lambda message: message["tick"] > tick and memory_in(message))
     assert memory_in(after)["heard"] >= memory_in(before)["heard"]
-    fleet.world.signal(signal.SIGTERM)
-    fleet.end()
+    fleet.stop()
 
 
 def test_hosts_leave_when_physics_is_gone(fleet):
@@ -184,8 +179,7 @@ def test_physics_names_who_is_missing_and_all_stop_when_asked(fleet):
     assert any(fleet.world.error() == "physics: waiting for 1 agents: picker_02\n" for _ in range(10))
     begun = time.monotonic()
     host.signal(signal.SIGTERM)
-    fleet.world.signal(signal.SIGTERM)
-    fleet.end()
+    fleet.stop()
     assert time.monotonic() - begun < 3.0
 
 
@@ -236,7 +230,7 @@ def test_who_asks_does_something_meanwhile_although_nobody_answers():
 
 def test_agents_load_neither_the_compiler_nor_the_viewer():
     code = "import sys, orchard.processes.agents, orchard.agents, orchard.processes.physics; print({'numba', 'rerun'} & set(sys.modules))"
-    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=30).stdout == "set()\n"
+    assert python("-c", code).stdout == "set()\n"
 
 
 def test_a_second_run_with_the_same_prefix_must_go_and_the_first_goes_on(fleet, undisturbed, tmp_path):

@@ -1,7 +1,8 @@
 """The rules of lockstep without a network: mail, which session owns which agent, and velocities that physics does not wait for."""
 
 import pytest
-from stand_ins import RUN, Clock, Query, heard_at, letter, roster
+from recorded_messages import RUN, Clock, heard_at, letter, roster
+from recorded_messages import ReadQuery as Query
 
 from orchard.contract.agent import MOST_HOLD, Action, Heard
 from orchard.contract.mail import LocalMail
@@ -12,19 +13,16 @@ from orchard.net.refusals import Refused
 from orchard.server.barriers import LockstepBarrier
 from orchard.server.commands import UnownedCommands
 from orchard.server.control import Pacer
-from orchard.server.roster import RecoveryLog
 from orchard.wire.messages import Angular, Answered, AskedOf, Linear, Received, Report, Velocity
 
 
 def mailbox(tick=5):
-    """One that will tick next at a tick."""
     box = Mailbox(RUN)
     box.join(tick)
     return box
 
 
 def settled(tick):
-    """One that has ticked for a while."""
     box = mailbox(tick - 2)
     for before in (tick - 2, tick - 1):
         box.deliver(before)
@@ -221,32 +219,6 @@ def test_a_tick_takes_one_answer_from_each_owner():
     with pytest.raises(Refused, match="answered already"):
         answers.take("picker_01", *action(x=0.5))
     assert answers.missing == {"bin_01"}
-
-
-def test_who_has_just_joined_was_not_there_to_hear_the_mail_of_two_ticks():
-    box = mailbox(5)
-    assert [box.doubts(tick, []) for tick in (5, 6, 7)] == [True, True, False]
-
-
-def test_a_get_that_ends_without_a_word_leaves_a_doubt_and_one_that_was_told_leaves_none():
-    box = settled(5)
-    asked = ask(box)
-    asked.final = True
-    box.deliver(6)
-    assert box.is_settled(7, []) and box.doubts(7, [])
-    box.replied(asked, pack(Received(RUN, 5)))
-    box.replied(asked, pack(Answered(RUN, 6, None)))
-    assert not box.doubts(7, [])
-
-
-def test_the_ledger_keeps_the_newest_memories_and_the_letters_of_two_ticks():
-    log = RecoveryLog()
-    asked = [("bin_01", StateRequest())]
-    for tick, memory in enumerate([b"a", None, b"c", None]):
-        log.keep(tick, {"picker_01": Report(memory=memory, requests=asked if tick != 2 else [])})
-    assert log.memories == {"picker_01": b"c"}
-    assert log.letters == {3: {"picker_01": Written(asked, [])}}
-    assert (log.asked(3), log.asked(2)) == ([AskedOf("bin_01", "picker_01", 0)], [])
 
 
 def test_nobody_answers_in_anothers_place():

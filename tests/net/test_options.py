@@ -1,11 +1,13 @@
-"""The options of a process: a person's command line and the launcher's JSON line follow from one declaration."""
+"""Options and endpoints: a command line and the launcher's JSON line are one; which port a router takes, and where others reach it."""
 
 import io
+import socket
 import sys
 
 import msgspec
 import pytest
 
+from orchard.net.endpoints import OUTSIDE, check_free, from_elsewhere, with_port
 from orchard.net.options import FROM_STDIN, HostOptions, LoggerOptions, RouterOptions, read_options
 from orchard.server.options import RunOptions
 
@@ -27,17 +29,51 @@ def test_a_command_line_and_a_json_line_give_the_same_options(options, words, mo
     assert read_options(type(options), "module", words) == read_options(type(options), "module", [FROM_STDIN]) == options
 
 
-@pytest.mark.parametrize(
-    ("kind", "words", "told"),
-    [
-        (RunOptions, ["--mode", "sideways"], "--mode: sideways: expected lockstep|realtime: wait for all agents, or for none"),
-        (RunOptions, ["--patience", "nan"], "--patience: nan: expected SECONDS: wall time, above 0"),
-        (RunOptions, ["--listen", HERE, "--connect", HERE], "give --listen or --connect"),
-        (HostOptions, [], "the following arguments are required: --connect"),
-        (HostOptions, ["--connect", HERE, "--patience", "0"], "--patience: 0: expected SECONDS: time that physics may be gone, above 0"),
-    ],
-)
+MISTAKES = [
+    (RunOptions, ["--mode", "sideways"], "--mode: sideways: expected lockstep|realtime: wait for all agents, or for none"),
+    (RunOptions, ["--patience", "nan"], "--patience: nan: expected SECONDS: wall time, above 0"),
+    (RunOptions, ["--listen", HERE, "--connect", HERE], "give --listen or --connect"),
+    (HostOptions, [], "the following arguments are required: --connect"),
+    (HostOptions, ["--connect", HERE, "--patience", "0"], "--patience: 0: expected SECONDS: time that physics may be gone, above 0"),
+]
+
+
+@pytest.mark.parametrize(("kind", "words", "told"), MISTAKES)
 def test_what_is_wrong_in_a_command_line_is_told_with_what_would_be_right(kind, words, told, capsys):
     with pytest.raises(SystemExit, match="2"):
         read_options(kind, "module", words)
     assert told in capsys.readouterr().err
+
+
+# -- endpoints
+
+
+@pytest.mark.parametrize(("host", "family"), [("127.0.0.1", socket.AF_INET), ("[::1]", socket.AF_INET6)])
+def test_port_0_becomes_a_port_that_is_free(host, family):
+    try:
+        with socket.socket(family) as probe:
+            probe.bind((host.strip("[]"), 0))
+    except OSError:
+        pytest.skip(f"this machine has no {host}")
+    endpoint = with_port(f"tcp/{host}:0")
+    assert endpoint.startswith(f"tcp/{host}:") and not endpoint.endswith(":0")
+    check_free(endpoint)
+
+
+def test_a_port_that_is_given_is_taken_as_it_is():
+    assert with_port("tcp/127.0.0.1:7447") == "tcp/127.0.0.1:7447"
+
+
+def test_other_machines_reach_all_addresses_at_one_of_this_machine(monkeypatch):
+    assert from_elsewhere("tcp/192.168.1.10:7447") == "tcp/192.168.1.10:7447"
+    monkeypatch.setitem(OUTSIDE, "0.0.0.0", "127.0.0.9")  # the way to this address begins at 127.0.0.1 on any machine
+    assert from_elsewhere("tcp/0.0.0.0:7447") == "tcp/127.0.0.1:7447"
+
+
+def test_a_machine_without_a_network_is_named(monkeypatch):
+    def no_way(*_):
+        raise OSError("no way there")
+
+    monkeypatch.setattr(socket.socket, "connect", no_way)
+    assert from_elsewhere("tls/0.0.0.0:7447") == f"tls/{socket.gethostname()}:7447"
+    assert from_elsewhere("tls/[::]:7447") == f"tls/{socket.gethostname()}:7447"

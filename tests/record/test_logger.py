@@ -1,4 +1,4 @@
-"""The logger in a real run: killed it goes on in a further part of the recording, slow it holds up no other process."""
+"""The logger: killed it goes on in a further part; slow it leaves out pictures, nothing that was said, and holds nobody up."""
 
 import copy
 import re
@@ -20,12 +20,12 @@ from recordings import lines_of, rows_of, seen_at
 from rerun.chunk import RrdReader
 from slow_logger import MOST, SECONDS
 
-from orchard.contract.events import SELDOM
+from orchard.contract.events import SELDOM, Event, Frame
 from orchard.contract.messages import pack
 from orchard.field.scenario import Scenario
 from orchard.local import Local
 from orchard.net.bus import Sample, Signal
-from orchard.record.logger import FrameQueue, Logger
+from orchard.record.logger import FrameQueue, Logger, QueuedFrame, write
 from orchard.sim.frames import FrameBuilder
 from orchard.view.files import parts_of
 from orchard.view.reader import missing, read_part
@@ -99,7 +99,6 @@ SPEED = 10
 
 
 def wait_for(what, seconds: float = 60.0):
-    """What it gives, once it gives something."""
     deadline = time.monotonic() + seconds
     while not (found := what()):
         assert time.monotonic() < deadline, "it never came"
@@ -108,7 +107,6 @@ def wait_for(what, seconds: float = 60.0):
 
 
 def loggers_of(run: subprocess.Popen) -> list[psutil.Process]:
-    """Those that live."""
     found = []
     for child in psutil.Process(run.pid).children(recursive=True):
         with suppress(psutil.Error):  # one that has just ended
@@ -117,7 +115,6 @@ def loggers_of(run: subprocess.Popen) -> list[psutil.Process]:
 
 
 def next_logger(run: subprocess.Popen, old: psutil.Process) -> psutil.Process:
-    """The one that was started in the place of another."""
     return wait_for(lambda: [logger for logger in loggers_of(run) if logger.pid != old.pid])[0]
 
 
@@ -152,14 +149,12 @@ def unharmed(tmp_path_factory):
     """The same run, whole: what was recorded, and its summary."""
     folder = tmp_path_factory.mktemp("unharmed")
     where = ("--record", folder / "run.rrd", "--summary", folder / "summary.json")
-    done = orchard("--rows", 3, "--mode", "local", "--duration", TICKS / 10, *where)
-    assert done.returncode == 0, done.stderr
+    orchard("--rows", 3, "--mode", "local", "--duration", TICKS / 10, *where)
     return rows_of(folder / "run.rrd"), summary_of(folder / "summary.json")
 
 
 @pytest.fixture(scope="module")
 def rows(battered):
-    """What was recorded of the battered run."""
     return rows_of(battered[0])
 
 
@@ -200,3 +195,84 @@ def test_after_the_gaps_everything_is_as_if_there_had_been_none(battered, rows, 
     for seconds in [until_ for _, until_ in summary["recording_gaps"]] + [TICKS / 10]:
         seen, meant = seen_at(rows, seconds), seen_at(whole, seconds)
         assert {key: (seen.get(key), meant.get(key)) for key in seen.keys() | meant.keys() if seen.get(key) != meant.get(key)} == {}
+
+
+# -- what waits between the logger and its recorder
+
+
+class Notebook:
+    """Writes down what a recorder is told."""
+
+    def __init__(self) -> None:
+        self.frames: list[Frame] = []
+        self.told: list[Event] = []
+        self.gaps: list[tuple[int, int]] = []
+
+    def tick(self, frame: Frame) -> None:
+        self.frames.append(frame)
+        self.told += frame.events
+
+    def gap(self, since: int, until: int, why: str) -> None:
+        self.gaps.append((since, until))
+
+    def tell(self, event: Event) -> None:
+        self.told.append(event)
+
+    def close(self) -> None:
+        pass
+
+
+def picture(tick: int, **news: object) -> QueuedFrame:
+    """A picture that tells little, and one event."""
+    return QueuedFrame(Frame(tick, np.zeros((1, 3)), **news), [Event(tick - 1, "call", "bin_01", "", f"of tick {tick - 1}")])
+
+
+def written(pages: FrameQueue, last: int | None = 0) -> Notebook:
+    pages.close()
+    notebook = Notebook()
+    write(pages, notebook, last)
+    return notebook
+
+
+def test_a_recorder_that_takes_three_ticks_a_picture_leaves_out_pictures_but_nothing_that_was_said():
+    pages, taken = FrameQueue(most=10), []
+    for tick in range(1, 1001):
+        pages.put(picture(tick))
+        assert len(pages) <= 10
+        if tick % 3 == 0:
+            taken.append(pages.take())
+    rest = written(pages, taken[-1].frame.tick)
+    frames_ = [page.frame for page in taken] + rest.frames
+    assert pages.left_out == 1000 - len(frames_) > 600
+    assert pages.left_out == sum(frame.left_out for frame in frames_)
+    assert rest.gaps == [], "it was there all the time"
+    assert frames_[-1].tick == 1000, "the newest is never left out"
+    told = [note for page in taken for note in page.notes] + rest.told
+    assert sorted(event.tick for event in told) == list(range(1000))
+    assert all(event.detail == f"of tick {event.tick}" for event in told)
+
+
+def test_a_recorder_that_never_comes_back_costs_no_more_than_so_many_pictures():
+    pages = FrameQueue(most=10)
+    for tick in range(1, 5001):
+        pages.put(QueuedFrame(Frame(tick, np.zeros((1, 3))), []))
+    assert len(pages) == 10
+    assert pages.left_out == 4990
+
+
+def test_what_is_left_out_leaves_its_news_to_the_next():
+    pages = FrameQueue(most=1)
+    pages.put(picture(1, doing={"picker_01": "picking row 1", "bin_01": "empty"}, row_picked=np.array([1.0]), alive=np.array([True])))
+    pages.put(picture(2, doing={"bin_01": "full"}, alive=np.array([False])))
+    pages.put(picture(3))
+    (frame,) = written(pages).frames
+    assert (frame.tick, frame.left_out) == (3, 2)
+    assert frame.doing == {"picker_01": "picking row 1", "bin_01": "full"}
+    assert frame.row_picked == [1.0] and frame.alive == [False]
+
+
+def test_ticks_that_never_came_are_a_gap():
+    pages = FrameQueue()
+    for tick in (31, 32, 40):
+        pages.put(picture(tick))
+    assert written(pages, last=20).gaps == [(20, 31), (32, 40)]

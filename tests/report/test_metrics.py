@@ -1,4 +1,6 @@
-"""The figures of a run, the ideals beside them, and how a jam is told."""
+"""The figures of a run, their course, the ideals beside them, and how a jam is told."""
+
+import time
 
 import pytest
 from stage import Stage, Standing, empty_orchard
@@ -10,7 +12,11 @@ from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, People, Scenario, load
+from orchard.report import metrics
 from orchard.report.bounds import Bounds, enough_carriers, lost_seconds, schedule_seconds
+from orchard.report.metrics import shares
+from orchard.report.summary import as_table
+from orchard.server.figures import RunFigures
 
 
 def test_a_run_in_which_nothing_goes_on_for_ten_minutes_is_jammed_and_names_who_waits_for_whom():
@@ -57,14 +63,14 @@ def test_the_duration_of_a_plan_is_its_drives_and_turns():
     assert duration(plan, Pose(0.0, 0.0, EAST)) == pytest.approx(10 + 4 + 10 + 8)
 
 
-@pytest.mark.parametrize(
-    ("changes", "bottleneck"),
-    [
-        ({"rows": 10, "pickers": 10, "carriers": 7}, "carriers"),
-        ({"rows": 10, "pickers": 2, "carriers": 20}, "pickers"),
-        ({"rows": 20, "pickers": 20, "carriers": 40, "picking_speed": 0.02}, "pickers"),
-    ],
-)
+BOTTLENECKS = [
+    ({"rows": 10, "pickers": 10, "carriers": 7}, "carriers"),
+    ({"rows": 10, "pickers": 2, "carriers": 20}, "pickers"),
+    ({"rows": 20, "pickers": 20, "carriers": 40, "picking_speed": 0.02}, "pickers"),
+]
+
+
+@pytest.mark.parametrize(("changes", "bottleneck"), BOTTLENECKS)
 def test_the_bottleneck_is_the_part_that_allows_least(changes, bottleneck):
     bounds = Bounds(lay_out(Scenario(**changes)))
     assert bounds.bottleneck == bottleneck
@@ -93,17 +99,17 @@ FROM_THE_EAST = {"rows_to_pickers": "balanced-ends", "dispatch": NEAREST}
 VARIED = {"picking_speed": 0.2, "picking": {"spread": {"distribution": "lognormal", "cv": 0.2}}}
 
 
-@pytest.mark.parametrize(
-    ("changes", "traffic"),
-    [
-        ({"row_length": 20.0, **FROM_THE_EAST}, 0.1),
-        ({"row_length": 200.0, **FROM_THE_EAST}, 0.1),
-        ({"carriers": 3, "route": "two-way", "rows_to_pickers": "balanced-ends"}, 0.05),
-        ({"rows": 20, "pickers": 20, "route": "two-way", **VARIED}, 0.02),
-        ({"seed": 1, **FAILS}, 0.05),
-        ({"seed": 2, **FAILS}, 0.05),
-    ],
-)
+SCHEDULES = [
+    ({"row_length": 20.0, **FROM_THE_EAST}, 0.1),
+    ({"row_length": 200.0, **FROM_THE_EAST}, 0.1),
+    ({"carriers": 3, "route": "two-way", "rows_to_pickers": "balanced-ends"}, 0.05),
+    ({"rows": 20, "pickers": 20, "route": "two-way", **VARIED}, 0.02),
+    ({"seed": 1, **FAILS}, 0.05),
+    ({"seed": 2, **FAILS}, 0.05),
+]
+
+
+@pytest.mark.parametrize(("changes", "traffic"), SCHEDULES)
 def test_the_schedule_is_no_longer_than_the_harvest_with_traffic(changes, traffic):
     layout = lay_out(empty_orchard(**{"rows": 4, "pickers": 2, "carriers": 2} | changes))
     scheduled = schedule_seconds(layout)
@@ -122,14 +128,14 @@ def test_the_schedule_of_a_harvest_with_a_users_classes_is_that_of_the_built_in_
     assert schedule_seconds(lay_out(empty_orchard(**values, **own))) == schedule_seconds(lay_out(empty_orchard(**values)))
 
 
-@pytest.mark.parametrize(
-    ("scenario", "enough"),
-    [
-        (load("config/realistic.yaml"), 5),
-        (Scenario(rows=20, pickers=20), 20),
-        (Scenario(rows=20, pickers=2, picking_speed=0.02), 2),
-    ],
-)
+ENOUGH = [
+    (load("config/realistic.yaml"), 5),
+    (Scenario(rows=20, pickers=20), 20),
+    (Scenario(rows=20, pickers=2, picking_speed=0.02), 2),
+]
+
+
+@pytest.mark.parametrize(("scenario", "enough"), ENOUGH)
 def test_one_carrier_less_than_enough_takes_longer_and_more_than_enough_take_as_long(scenario, enough):
     layout = lay_out(scenario)
     assert enough_carriers(layout) == enough
@@ -158,3 +164,37 @@ def test_what_a_harvest_lost_adds_up_to_its_length(changes):
 
 def test_what_a_harvest_with_a_users_agent_lost_is_not_told():
     assert lost_seconds(lay_out(empty_orchard(agents={"picker_01": "own_agents.Eastward"})), 700.0) == {}
+
+
+# -- the course
+
+
+@pytest.fixture
+def harvested():
+    stage = Stage(empty_orchard(rows=4, pickers=2, carriers=2))
+    stage.run_to_the_end()
+    return stage
+
+
+def test_the_course_of_a_harvest_ends_with_its_figures(harvested):
+    summary = harvested.account.summary()
+    course, seconds = summary["history"], summary["sim_seconds"]
+    assert course["bins_delivered"][-1] == 4 and course["bins_delivered"] == sorted(course["bins_delivered"])
+    assert course["seconds"] == [*(10.0 * n for n in range(1, len(course["seconds"]))), seconds]
+    waited = summary["state_seconds"]["picker"]
+    assert course["pickers_waited_seconds"][-1] == pytest.approx(waited["waiting"] + waited.get("calling", 0.0))
+    assert course["carriers_busy_seconds"][-1] == pytest.approx(summary["carrier_utilisation"] * 2 * seconds, abs=0.1)
+    assert all(0.0 <= share <= 1.01 for share in shares(course, "pickers_waited_seconds", 2))
+    assert sum(shares(course, "carriers_busy_seconds", 2)) > 0
+    assert summary["scenario"]["rows"] == 4
+    assert not {"history", "scenario"} & set(as_table(summary).columns[0].cells)
+
+
+def test_a_long_run_has_few_samples_and_a_resumed_one_continues_them(monkeypatch):
+    monkeypatch.setattr(metrics, "MOST_SAMPLES", 8)
+    stage = Stage(empty_orchard(rows=4, pickers=2, carriers=2))
+    stage.run(100.0)
+    assert stage.account.summary()["history"]["seconds"] == [20.0, 40.0, 60.0, 80.0, 100.0]
+    stage.account = RunFigures(stage.local.engine, time.monotonic, stage.account.as_data())
+    stage.run(25.0)
+    assert stage.account.summary()["history"]["seconds"] == [20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 125.0]

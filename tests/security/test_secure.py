@@ -22,20 +22,9 @@ from orchard.net.zenoh_bus import client, router
 from orchard.security.certificates import Authority
 from orchard.security.identity import Identity, Keyring
 from orchard.security.roles import AUTHORITY, RIGHTS, SERVANTS, Role, access_control
+from orchard.wire import messages as wire
 from orchard.wire.keys import TABLE
-from orchard.wire.messages import (
-    Figures,
-    Join,
-    Joined,
-    Odometry,
-    RefusedThere,
-    Report,
-    ResetSimulation,
-    SetSimulationState,
-    Stop,
-    Velocities,
-    read,
-)
+from orchard.wire.messages import read
 
 NONE = [word for name in agent_names(SMALL) for word in ("--absent", name)]
 
@@ -95,7 +84,7 @@ def test_an_agent_does_not_move_what_another_holds(farm):
         amy.drive_as(ben.bus.id, ben.bus.id, HERS, tick + ahead)
     assert amy.asks("scenario")  # physics has read what came before
     for ahead in range(3):
-        velocities = Velocities(farm.run, tick + ahead, ben.bus.id, {HERS: Report()})
+        velocities = wire.Velocities(farm.run, tick + ahead, ben.bus.id, {HERS: wire.Report()})
         ben.bus.publish(KEYS.of("velocities", session=ben.bus.id), pack(velocities))
         after = ben.pose(HERS)
     assert after.tick > tick
@@ -122,17 +111,17 @@ def test_nobody_joins_in_anothers_name(farm):
     ben.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
     assert ben.join(HERS) == ""
     tick = ben.pose(HERS).tick
-    drive = Report(memory=b"where it hid the key")
-    ben.bus.publish(KEYS.of("velocities", session=ben.bus.id), pack(Velocities(farm.run, tick, ben.bus.id, {HERS: drive})))
-    ben.wait(Sample, lambda sample: sample.key == KEYS.of("pose", HERS) and read(sample.payload, Odometry).tick > tick)
-    wish = Join(farm.run, ben.bus.id, [HERS])
+    drive = wire.Report(memory=b"where it hid the key")
+    ben.bus.publish(KEYS.of("velocities", session=ben.bus.id), pack(wire.Velocities(farm.run, tick, ben.bus.id, {HERS: drive})))
+    ben.wait(Sample, lambda sample: sample.key == KEYS.of("pose", HERS) and read(sample.payload, wire.Odometry).tick > tick)
+    wish = wire.Join(farm.run, ben.bus.id, [HERS])
     for session in (ben.bus.id, "*", "**", f"{ben.bus.id[:3]}$*"):
         assert amy.asks("join", wish, session) == [], "it goes nowhere"
-    assert amy.asks("join", Join(farm.run, amy.bus.id, [HERS]), ben.bus.id) == []
+    assert amy.asks("join", wire.Join(farm.run, amy.bus.id, [HERS]), ben.bus.id) == []
     [refusal] = amy.asks("join", wish, amy.bus.id)
     assert refusal.error.startswith("not the owner")
     [reply] = ben.asks("join", wish, ben.bus.id)
-    assert read(reply.payload, Joined).memories == {HERS: b"where it hid the key"}
+    assert read(reply.payload, wire.Joined).memories == {HERS: b"where it hid the key"}
 
 
 def test_an_agent_hears_its_own_mail_and_no_other(meeting):
@@ -169,7 +158,7 @@ def test_an_agent_sees_its_own_robot_and_no_other(farm):
     while newest <= tick:
         heard = amy.wait(Sample)
         assert heard.key == KEYS.of("pose", MINE)
-        newest = read(heard.payload, Odometry).tick
+        newest = read(heard.payload, wire.Odometry).tick
 
 
 def test_another_session_with_a_roles_certificate_may_nothing(meeting):
@@ -193,11 +182,11 @@ def test_the_logger_moves_nothing_and_stops_nothing(farm):
     start = logger.pose(MINE)
     logger.drive(MINE, start.tick)
     logger.bus.declare_alive(KEYS.of("alive", MINE, logger.bus.id))
-    assert logger.asks("set_simulation_state", SetSimulationState(farm.run, "quitting")) == []
-    assert logger.asks("join", Join(farm.run, logger.bus.id, [MINE]), logger.bus.id) == []
-    logger.bus.publish(KEYS.of("refused", session=logger.bus.id), pack(RefusedThere(farm.run, {"malformed": 7})))
-    counted = operator.wait(Sample, lambda sample: read(sample.payload, Figures).messages_refused.get("malformed") == 7)
-    tick = read(counted.payload, Figures).tick
+    assert logger.asks("set_simulation_state", wire.SetSimulationState(farm.run, "quitting")) == []
+    assert logger.asks("join", wire.Join(farm.run, logger.bus.id, [MINE]), logger.bus.id) == []
+    logger.bus.publish(KEYS.of("refused", session=logger.bus.id), pack(wire.RefusedThere(farm.run, {"malformed": 7})))
+    counted = operator.wait(Sample, lambda sample: read(sample.payload, wire.Figures).messages_refused.get("malformed") == 7)
+    tick = read(counted.payload, wire.Figures).tick
     while (pose := logger.pose(MINE)).tick < tick:
         pass
     assert pose.pose == start.pose
@@ -205,7 +194,7 @@ def test_the_logger_moves_nothing_and_stops_nothing(farm):
 
 def test_the_emergency_operator_stops_the_run_and_an_agent_cannot(farm):
     amy, operator = farm.come("amy"), farm.come("operator")
-    end = SetSimulationState(farm.run, "quitting")
+    end = wire.SetSimulationState(farm.run, "quitting")
     assert amy.asks("set_simulation_state", end) == []
     assert len(operator.asks("set_simulation_state", end)) == 1
     code, out, err = farm.physics.end()
@@ -215,11 +204,11 @@ def test_the_emergency_operator_stops_the_run_and_an_agent_cannot(farm):
 
 def test_the_warden_stops_a_robot_and_an_agent_cannot(farm):
     amy, operator, witness = farm.come("amy"), farm.come("emergency-operator"), farm.come("logger")
-    stop = Stop(farm.run, True, [MINE])
+    stop = wire.Stop(farm.run, True, [MINE])
     assert amy.asks("stop", stop) == []
     assert len(operator.asks("stop", stop)) == 1
     witness.bus.subscribe(KEYS.of("pose", MINE))
-    assert operator.asks("reset_simulation", ResetSimulation(farm.run)) == []
+    assert operator.asks("reset_simulation", wire.ResetSimulation(farm.run)) == []
     assert witness.pose(MINE)
 
 

@@ -51,21 +51,21 @@ def test_each_agent_gets_a_role_however_long_its_name_is(tmp_path):
     assert Keyring.load(tmp_path / "roles").of(LONGEST).role.names == (LONGEST,)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (["--role", f"{LONGEST}x=carrier"], f"{LONGEST}x: not a name for a role; use up to 64 letters"),
-        (["--role", "authority=carrier"], "authority: not a name for a role; the directory of this name"),
-        (["--role", "shed"], "shed: expected NAME=KIND|AGENT"),
-        (["--role", "Shed!=carrier"], "Shed!: not a name for a role"),
-        (["--role", "physics=carrier"], "physics is the name of two roles"),
-        (["--role", "shed=carier"], "carier: no such agent or kind"),
-        (["--role", "shed=carrier", "--role", "barn=carrier_01"], "carrier_01 is in two roles"),
-        (["--bridge", "ros2=carier"], "carier: no such agent or kind"),
-        (["--bridge", "ROS 2"], "ROS 2: not a name for a role"),
-        (["--address", "http://shed"], "http://shed: neither an address nor the name of a machine"),
-    ],
-)
+NO_ROLES = [
+    (["--role", f"{LONGEST}x=carrier"], f"{LONGEST}x: not a name for a role; use up to 64 letters"),
+    (["--role", "authority=carrier"], "authority: not a name for a role; the directory of this name"),
+    (["--role", "shed"], "shed: expected NAME=KIND|AGENT"),
+    (["--role", "Shed!=carrier"], "Shed!: not a name for a role"),
+    (["--role", "physics=carrier"], "physics is the name of two roles"),
+    (["--role", "shed=carier"], "carier: no such agent or kind"),
+    (["--role", "shed=carrier", "--role", "barn=carrier_01"], "carrier_01 is in two roles"),
+    (["--bridge", "ros2=carier"], "carier: no such agent or kind"),
+    (["--bridge", "ROS 2"], "ROS 2: not a name for a role"),
+    (["--address", "http://shed"], "http://shed: neither an address nor the name of a machine"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "named"), NO_ROLES)
 def test_what_cannot_be_made_is_named_and_nothing_is_written(arguments, named, tmp_path):
     done = secured(tmp_path / "roles", "--rows", 3, *arguments)
     assert done.exit_code == 2
@@ -84,21 +84,21 @@ def test_another_directorys_things_are_left_alone(tmp_path):
 # -- what a user may get wrong
 
 
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (["--secure", "nowhere"], "nowhere: no roles there"),
-        (["--secure", "{folder}", "--listen", "tcp/127.0.0.1:0"], "not secure; with --secure use an endpoint such as tls/"),
-        (["--listen", "tls/127.0.0.1:0"], "tls needs certificates; --secure DIR"),
-        (["--secure", "{folder}", "--pickers", 3], "no role for"),
-        (["--secure", "{folder}", "--hosts", 2], "leave out --hosts"),
-        (["--secure", "{folder}", "--mode", "local"], "local mode is one process"),
-        (["--secure", "{folder}", "--without", "bin_01"], "ben is the role of bin_01, picker_02"),
-        (["--secure", "{folder}", "--without", "bin_01"], "`orchard secure --role NAME=bin_01` gives the others a role of their own"),
-        (["--secure", "{folder}/shed"], "shed: the role physics is not in it; it has shed"),
-        (["--secure", "{folder}", "--connect", "tls/127.0.0.1:9", "--only", "carrier"], "with --only choose one of them: DIR/<role>"),
-    ],
-)
+NO_RUNS = [
+    (["--secure", "nowhere"], "nowhere: no roles there"),
+    (["--secure", "{folder}", "--listen", "tcp/127.0.0.1:0"], "not secure; with --secure use an endpoint such as tls/"),
+    (["--listen", "tls/127.0.0.1:0"], "tls needs certificates; --secure DIR"),
+    (["--secure", "{folder}", "--pickers", 3], "no role for"),
+    (["--secure", "{folder}", "--hosts", 2], "leave out --hosts"),
+    (["--secure", "{folder}", "--mode", "local"], "local mode is one process"),
+    (["--secure", "{folder}", "--without", "bin_01"], "ben is the role of bin_01, picker_02"),
+    (["--secure", "{folder}", "--without", "bin_01"], "`orchard secure --role NAME=bin_01` gives the others a role of their own"),
+    (["--secure", "{folder}/shed"], "shed: the role physics is not in it; it has shed"),
+    (["--secure", "{folder}", "--connect", "tls/127.0.0.1:9", "--only", "carrier"], "with --only choose one of them: DIR/<role>"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "named"), NO_RUNS)
 def test_what_cannot_be_run_is_named(arguments, named, folder, tmp_path, monkeypatch, capfd):
     (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
     words = [str(word).format(folder=folder) for word in arguments]
@@ -111,47 +111,37 @@ def test_what_cannot_be_run_is_named(arguments, named, folder, tmp_path, monkeyp
 
 @pytest.fixture
 def roles(folder, tmp_path) -> Path:
-    """A directory of roles that a test may spoil."""
     return shutil.copytree(folder, tmp_path / "roles")
 
 
-def spoil(what: str, own: Path, stranger: Path) -> None:
-    """Make a role's directory useless in one way."""
-    match what:
-        case "missing":
-            (own / "key.pem").unlink()
-        case "another key":
-            shutil.copy(stranger / "amy" / "key.pem", own)
-        case "another authority":
-            shutil.copy(stranger / "amy" / AUTHORITY, own)
-        case "another role":
-            for name in ("certificate.pem", "key.pem"):
-                shutil.copy(own.parent / "ben" / name, own)
-        case "expired":
-            Authority.begin(30).vouch(Keyring.load(own).of("amy").role, own, until=datetime.now(UTC) - timedelta(minutes=1))
-        case "nonsense":
-            (own / "certificate.pem").write_text("nonsense")
-        case "no role":
-            (own / "role.json").write_text("{}")
-        case "agents of others":
-            (own / "role.json").write_text((own / "role.json").read_text().replace('"picker_01"', '"picker_01", "picker_02"'))
+def of_ben(own: Path, stranger: Path) -> None:
+    for name in ("certificate.pem", "key.pem"):
+        shutil.copy(own.parent / "ben" / name, own)
 
 
-@pytest.mark.parametrize(
-    ("what", "named"),
-    [
-        ("missing", "key.pem: no such file"),
-        ("another key", "not the key of the certificate"),
-        ("another authority", "not issued by authority.pem"),
-        ("another role", "the certificate of ben, not of amy"),
-        ("expired", "UTC, not now"),
-        ("nonsense", "certificate.pem: not a certificate"),
-        ("no role", "role.json: not as `orchard secure` wrote it"),
-        ("agents of others", "role.json has changed .duty host, names picker_01, picker_02."),
-    ],
-)
-def test_a_directory_of_no_use_is_named(what, named, roles, stranger):
-    spoil(what, roles / "amy", stranger)
+def expired(own: Path, stranger: Path) -> None:
+    Authority.begin(30).vouch(Keyring.load(own).of("amy").role, own, until=datetime.now(UTC) - timedelta(minutes=1))
+
+
+def with_more_names(own: Path, stranger: Path) -> None:
+    (own / "role.json").write_text((own / "role.json").read_text().replace('"picker_01"', '"picker_01", "picker_02"'))
+
+
+NO_USE = [  # what makes a role's directory useless -> what is said of it
+    (lambda own, stranger: (own / "key.pem").unlink(), "key.pem: no such file"),
+    (lambda own, stranger: shutil.copy(stranger / "amy" / "key.pem", own), "not the key of the certificate"),
+    (lambda own, stranger: shutil.copy(stranger / "amy" / AUTHORITY, own), "not issued by authority.pem"),
+    (of_ben, "the certificate of ben, not of amy"),
+    (expired, "UTC, not now"),
+    (lambda own, stranger: (own / "certificate.pem").write_text("nonsense"), "certificate.pem: not a certificate"),
+    (lambda own, stranger: (own / "role.json").write_text("{}"), "role.json: not as `orchard secure` wrote it"),
+    (with_more_names, "role.json has changed .duty host, names picker_01, picker_02."),
+]
+
+
+@pytest.mark.parametrize(("spoil", "named"), NO_USE)
+def test_a_directory_of_no_use_is_named(spoil, named, roles, stranger):
+    spoil(roles / "amy", stranger)
     with pytest.raises(ValueError, match=named):
         Keyring.load(roles).of("amy")
 

@@ -6,13 +6,13 @@ import subprocess
 
 import pytest
 from code_blocks import block, commands
-from command_line import line_with, orchard, summary_of
+from command_line import line_with, orchard, scenario_file, summary_of
 from fleet import SECONDS, Process
 from local_runs import SMALL, local_hash
 from machines import machines, needs_machines, within
 from secured_run import KEYS, Somebody
 
-from orchard.field.scenario import Scenario, to_yaml
+from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import free_port
 from orchard.net.bus import Sample
 from orchard.net.zenoh_bus import client
@@ -28,10 +28,7 @@ HOSTS = ("amy", "ben", "shed", "agents_1", "agents_2")  # roles of the small sce
 
 def test_a_secured_run_is_local_mode(folder, tmp_path):
     summary, recording = tmp_path / "summary.json", tmp_path / "run.rrd"
-    scenario = tmp_path / "scenario.yaml"
-    scenario.write_text(to_yaml(SMALL))
-    done = orchard(scenario, "--secure", folder, "--duration", 30, "--record", recording, "--summary", summary)
-    assert done.returncode == 0, done.stdout + done.stderr
+    orchard(scenario_file(tmp_path, SMALL), "--secure", folder, "--duration", 30, "--record", recording, "--summary", summary)
     assert summary_of(summary)["hash"] == local_hash(SMALL, 300)
     assert summary_of(summary)["messages_refused"] == {}
     assert recording.stat().st_size > 100_000  # the logger has heard what happened
@@ -123,9 +120,7 @@ def test_the_commands_of_the_document_run_one_after_the_other_the_last_ones_on_t
 
 
 def test_a_public_address_without_security_is_warned_of_once(tmp_path):
-    (tmp_path / "scenario.yaml").write_text(to_yaml(SMALL))
-    done = orchard(tmp_path / "scenario.yaml", "--listen", "tcp/0.0.0.0:0", "--duration", 1, "--record", "none")
-    assert done.returncode == 0, done.stderr
+    done = orchard(scenario_file(tmp_path, SMALL), "--listen", "tcp/0.0.0.0:0", "--duration", 1, "--record", "none")
     assert (done.stdout + done.stderr).count("any client that reaches this address") == 1
 
 

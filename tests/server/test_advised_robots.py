@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from local_runs import SHORT, SMALL
-from recorded_messages import KEYS, Run
-from stand_ins import RUN, Clock
+from recorded_messages import KEYS, RUN, Clock, Run
 
 from orchard.contract.agent import Action, Hold
 from orchard.contract.messages import Couple, Uncouple, pack
@@ -106,15 +105,15 @@ def test_a_robot_that_is_stopped_stands_whatever_is_advised(run):
     assert speed(run) == 0.0
 
 
-@pytest.mark.parametrize(
-    ("key", "message", "reason"),
-    [
-        (KEYS.of("advice", "nobody_01"), advice(0), "no such robot"),
-        (KEYS.of("advice", "traffic"), advice(0), "no such robot"),
-        (KEYS.of("advice", NAME), Advice(RUN, 0, Linear(0.0, 0.5), Angular(0.0)), "out of bounds"),
-        (KEYS.of("advice", NAME), Advice("other", 0, Linear(0.5), Angular(0.0)), "other run"),
-    ],
-)
+NO_ADVICE = [
+    (KEYS.of("advice", "nobody_01"), advice(0), "no such robot"),
+    (KEYS.of("advice", "traffic"), advice(0), "no such robot"),
+    (KEYS.of("advice", NAME), Advice(RUN, 0, Linear(0.0, 0.5), Angular(0.0)), "out of bounds"),
+    (KEYS.of("advice", NAME), Advice("other", 0, Linear(0.5), Angular(0.0)), "other run"),
+]
+
+
+@pytest.mark.parametrize(("key", "message", "reason"), NO_ADVICE)
 def test_advice_that_cannot_be_is_refused(run, key, message, reason):
     one_tick(run, (key, pack(message)))
     assert run.physics.run.refusal_totals.counts == {reason: 1}

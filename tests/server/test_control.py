@@ -8,8 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 from fleet import SECONDS, until
 from local_runs import SMALL, TICKS, TOY
-from recorded_messages import KEYS, Run
-from stand_ins import RUN, Clock, roster
+from recorded_messages import KEYS, RUN, Clock, Run, roster
 
 from orchard.contract.messages import pack
 from orchard.field.layout import lay_out
@@ -175,15 +174,14 @@ def test_an_agent_that_is_silent_while_the_run_is_paused_is_not_missed(fleet):
     asked(someone, "set_simulation_state", state="paused")
     deadline = time.monotonic() + SECONDS
     token = someone.declare("orchard/alive/traffic/silent")
-    join = msgpack.packb({"run": fleet.run, "owner": "silent", "names": ["traffic"]})
-    while someone.ask("orchard/hosts/silent/join", join)[0]["refused"]:  # its token may come later
+    while someone.join("traffic", "silent")["refused"]:  # its token may come later
         assert time.monotonic() < deadline
     for _ in range(4):
         until(clock, lambda message: message["tick"] == 0)
     assert lost.empty()
     asked(someone, "set_simulation_state", state="playing")
     assert until(lost, lambda message: True)["names"] == ["traffic"]
-    asked(someone, "set_simulation_state", state="quitting")
+    someone.quit()
     token.undeclare()
     fleet.end()
 
@@ -231,5 +229,5 @@ def test_a_run_that_is_recorded_is_not_reset(fleet):
     (error,) = someone.ask("orchard/reset_simulation", msgpack.packb({"run": someone.run}))
     assert "--record none" in error
     token.undeclare()
-    asked(someone, "set_simulation_state", state="quitting")
+    someone.quit()
     fleet.end()

@@ -3,7 +3,6 @@
 import os
 import signal
 
-import msgpack
 import pytest
 from fleet import until
 from local_runs import SMALL, TICKS, TOY, local_hash
@@ -27,7 +26,6 @@ def wait_for_tick(fleet, tick):
 
 
 def end(process):
-    """Kill it, without help by a person."""
     process.signal(signal.SIGKILL)
     process.end()
 
@@ -63,8 +61,7 @@ def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_
     until(clock, lambda message: message["tick"] >= named["tick"] + 20)
     hung.signal(signal.SIGCONT)
     until(velocities, lambda velocity: velocity["tick"] > named["tick"])
-    fleet.world.signal(signal.SIGTERM)
-    fleet.end()
+    fleet.stop()
     assert "no answer" in fleet.world.complaints
     assert "joining again" in hung.complaints
     assert newest(tmp_path / "snapshots", []).lost == {"picker_01": named["tick"]}, "and the person that resumes the run is told"
@@ -76,18 +73,16 @@ def test_what_one_says_late_who_was_given_up_is_refused_until_it_joins_again(fle
     lost, figures, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "figures", "clock"))
     fleet.host("--without", "worker_01")
     token = someone.declare("orchard/alive/worker_01/me")
-    join = msgpack.packb({"run": fleet.run, "owner": "me", "names": ["worker_01"]})
-    assert not someone.ask("orchard/hosts/me/join", join)[0]["refused"]
+    assert not someone.join("worker_01")["refused"]
     until(lost, lambda message: message["owner"] == "me")
     someone.drive("worker_01", 0, 0.5, owner="me")
     until(figures, lambda message: message["messages_refused"] == {"not owned": 1})
     until(clock, lambda message: message["tick"] >= 20)
-    assert not someone.ask("orchard/hosts/me/join", join)[0]["refused"]
+    assert not someone.join("worker_01")["refused"]
     someone.drive("worker_01", 0, 0.5, owner="me")
     until(figures, lambda message: message["messages_refused"] == {"not owned": 1, "past tick": 1})
     token.undeclare()
-    fleet.world.signal(signal.SIGTERM)
-    fleet.end()
+    fleet.stop()
 
 
 # -- physics

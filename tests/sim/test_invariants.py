@@ -1,12 +1,8 @@
 """The invariants: each one that a test breaks is named. A run from any tick on, with stops in it, breaks none."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from command_line import PATH, python
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from stage import empty_orchard
@@ -21,8 +17,6 @@ from orchard.sim.physics import step
 from orchard.sim.snapshot import Snapshot
 from orchard.sim.state_times import StateTimes
 from orchard.sim.world import NONE, World
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -136,14 +130,14 @@ TWICE = [FULL, TAKEN, happens("uncoupled", "carrier_01", "bin_01"), happens("cou
 ELSEWHERE = [FULL, TAKEN, happens("unloaded", "bin_01", "carrier_02")]
 
 
-@pytest.mark.parametrize(
-    ("events", "words"),
-    [
-        (TWICE, "bin_01 was taken twice for one call: by carrier_01, and then by carrier_02"),
-        (ELSEWHERE, "bin_01 was unloaded on carrier_02, but carrier_01 had taken it"),
-        ([FULL, TAKEN, FULL], "bin_01 is full again, but was not unloaded since it was last full"),
-    ],
-)
+EXCHANGES = [
+    (TWICE, "bin_01 was taken twice for one call: by carrier_01, and then by carrier_02"),
+    (ELSEWHERE, "bin_01 was unloaded on carrier_02, but carrier_01 had taken it"),
+    ([FULL, TAKEN, FULL], "bin_01 is full again, but was not unloaded since it was last full"),
+]
+
+
+@pytest.mark.parametrize(("events", "words"), EXCHANGES)
 def test_a_call_that_does_not_end_in_one_exchange_is_named(checker, world, events, words):
     found = after(checker, world, *events)
     assert f"tick 1: {words}" in found
@@ -283,17 +277,9 @@ orchard.sim.engine.step = step
 """
 
 
-def sabotaged(program: str, *arguments: str, folder: Path) -> subprocess.CompletedProcess:
-    """Run a program with a physics that picks a row in which no picker drives."""
-    command = [sys.executable, "-c", SABOTAGE + program, *arguments]
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200", "ORCHARD_RUNS": str(folder / "runs")}
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120)
-
-
 def test_a_violation_in_local_mode_is_exit_code_1_and_in_the_summary(tmp_path):
     arguments = ["--mode", "local", "--rows", "3", "--duration", "2", "--record", "none", "--summary", "summary.json"]
-    done = sabotaged("from orchard.__main__ import main; main()", *arguments, folder=tmp_path)
-    assert done.returncode == 1, done.stderr
+    done = python("-c", f"{SABOTAGE}from orchard.__main__ import main; main()", *arguments, code=1, cwd=tmp_path, PYTHONPATH=PATH)
     assert "violated: tick 1: " in done.stderr
     assert "m are picked, but" in (tmp_path / "summary.json").read_text()
 
@@ -302,6 +288,5 @@ def test_a_violation_in_physics_is_exit_code_1(tmp_path):
     everybody = [word for kind in ("picker", "carrier", "bin", "tractor", "worker", "visitor", "dog", "cat", "weed", "traffic", "dispatch")
                  for word in ("--absent", kind)]  # fmt: skip
     program = "from orchard.processes.physics import main; sys.exit(main(sys.argv[1:]))"
-    done = sabotaged(program, "--duration", "2", *everybody, folder=tmp_path)
-    assert done.returncode == 1, done.stderr
+    done = python("-c", SABOTAGE + program, "--duration", 2, *everybody, code=1, cwd=tmp_path, PYTHONPATH=PATH)
     assert "violated: tick 1: " in done.stdout

@@ -1,16 +1,22 @@
-"""The effect of a velocity: distance, turn and arc, and the limits of each kind."""
+"""The effect of a velocity: distance, turn and arc, the limits of each kind, and what stops a body: walls, others, the bar to its bin."""
 
 import math
 
 import numpy as np
 import pytest
-from bare_world import AHEAD, LANE, TURN_LEFT, everybody, picker_with_bin, yard
+from bare_world import AHEAD, LANE, TURN_LEFT, everybody, overlapping, picker_with_bin, train, yard
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from raycaster import world_of
 
+from orchard.agents import sense
 from orchard.field.geometry import EAST, NORTH, Pose, Twist
+from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
 from orchard.field.layout import ROW_WEST
+from orchard.field.repeatable import PI
+from orchard.report.metrics import collisions
 from orchard.sim.kernels import move
+from orchard.sim.physics import step
 
 
 def test_ten_ticks_at_1_m_per_s_are_1_m():
@@ -29,7 +35,6 @@ def test_40_ticks_of_an_eighth_turn_per_second_are_exactly_90_degrees():
     assert turned.pose("picker_01").yaw == pytest.approx(0.0, abs=2e-14)
 
 
-@settings(max_examples=200)
 @given(st.floats(-3, 3), st.floats(-3, 3), st.one_of(st.floats(-6.3, 6.3), st.floats(-1e-7, 1e-7), st.just(0.0)), st.floats(-3.1, 3.1))
 @example(1.0, 0.0, 1e-300, 0.5)
 @example(1.0, 0.0, 5e-324, 0.5)
@@ -47,13 +52,6 @@ def test_a_step_follows_its_arc(forward, left, turn, yaw):
         )
     assert (x, y) == pytest.approx(expected, abs=1e-12)
     assert math.cos(end - yaw - turn * 0.1) == pytest.approx(1.0, abs=1e-12)
-
-
-def test_driving_and_turning_makes_a_circle():
-    round_ = yard(("picker", Pose(0, 0, EAST)))
-    round_.drive(160, picker_01=Twist(1.0, 0.0, math.pi / 8))
-    assert round_.pose("picker_01") == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
-    assert round_.of("distance", "picker_01") == pytest.approx(16.0)
 
 
 @pytest.mark.parametrize(("kind", "speed", "eighths"), [("picker", 1, 1), ("tractor", 1, 1), ("worker", 1, 8), ("dog", 3, 16)])
@@ -93,3 +91,112 @@ def test_nothing_moves_that_is_not_driven():
     before = quiet.world.pose.copy()
     quiet.drive(50)
     assert np.array_equal(quiet.world.pose, before)
+
+
+# -- obstacles
+
+
+CROWD = [
+    ("bin", Pose(-2.25, 0, 0)), ("picker", Pose(0, 0, 0)), ("carrier", Pose(0, 2, 0)), ("tractor", Pose(0, -3, 0.3)),
+    ("worker", Pose(2, 0, 3)), ("visitor", Pose(2, 1.5, -2)), ("dog", Pose(-2, 2, 1)), ("cat", Pose(3.3, 1.0, 0)), ("weed", Pose(0, 0, 0)),
+]  # fmt: skip
+PEN = [(-5.0, 0.0, 0.5, 6.0), (5.0, 0.0, 0.5, 6.0), (0.0, -6.0, 5.0, 0.5), (0.0, 5.0, 5.0, 0.5), (2.0, 3.0, 0.25, 0.25)]
+twist = st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.floats(-6, 6))
+
+
+@settings(max_examples=60)
+@given(st.lists(st.lists(twist, min_size=len(CROWD), max_size=len(CROWD)), min_size=1, max_size=4))
+def test_no_two_solid_things_ever_overlap(courses):
+    world = world_of(*CROWD, walls=PEN)
+    world.coupled[[0, 1]] = 1, 0
+    assert [pair for pair in overlapping(world) if "weed_09" not in pair] == []
+    for course in courses:
+        for _ in range(12):
+            step(world, np.array(course), [])
+            assert [pair for pair in overlapping(world) if "weed_09" not in pair] == []
+
+
+def test_what_is_in_the_way_stops_a_body_and_is_told_once():
+    wall = yard(("picker", Pose(0, 0, EAST)), walls=[(1.25 + 0.25 + 0.5, 0, 0.5, 3)])
+    wall.drive(5, picker_01=AHEAD)
+    assert wall.pose("picker_01").x == pytest.approx(0.2)
+    assert not wall.of("twist", "picker_01").any()
+    assert [(event.tick, event.who, event.whom) for event in wall.told("collision")] == [(2, "picker_01", "")]
+    assert "fence" in wall.told("collision")[0].detail
+    wall.drive(1, picker_01=Twist(-1.0))
+    wall.drive(3, picker_01=AHEAD)
+    assert len(wall.told("collision")) == collisions(wall.world) == 2
+
+
+def test_a_body_may_drive_until_it_touches():
+    touch = yard(("picker", Pose(0, 0, EAST)), ("tractor", Pose(1.25 + 2.5 + 0.3, 0, EAST)))
+    touch.drive(3, picker_01=AHEAD)
+    assert touch.pose("picker_01").x == pytest.approx(0.3)
+    touch.drive(1, picker_01=AHEAD)
+    assert touch.told("collision")[0].whom == "tractor_02"
+
+
+def test_robots_and_guests_are_counted_apart():
+    both = yard(("picker", Pose(0, 0, EAST)), ("worker", Pose(1.25 + 0.275, 0, EAST)))
+    both.drive(2, picker_01=AHEAD, worker_02=Twist(-1.0))
+    assert (collisions(both.world), collisions(both.world, PEOPLE + ANIMALS)) == (1, 1)
+
+
+def test_who_moves_first_gets_the_place():
+    """The gap is 0.15 m, and both bodies want to move 0.1 m into it."""
+    race = yard(("picker", Pose(0, 0, EAST)), ("worker", Pose(1.25 + 0.275 + 0.15, 0, EAST)))
+    race.drive(1, picker_01=AHEAD, worker_02=Twist(-1.0))
+    assert race.pose("picker_01").x == pytest.approx(0.1)
+    assert race.pose("worker_02").x == 1.25 + 0.275 + 0.15
+
+
+def test_a_turn_counts_the_whole_box():
+    near = yard(("tractor", Pose(0, 0, EAST)), walls=[(0, 1.5 + 0.25 + 0.01, 3, 0.25)])
+    near.drive(1, tractor_01=TURN_LEFT)
+    assert near.pose("tractor_01").yaw == 0.0
+    assert near.of("collisions", "tractor_01") == 1
+
+
+def test_a_weed_stops_nobody():
+    over = yard(("picker", Pose(0, 0, EAST)), ("weed", Pose(1.5, 0, EAST)))
+    over.drive(30, picker_01=AHEAD)
+    assert over.pose("picker_01").x == pytest.approx(3.0)
+
+
+# -- the bar
+
+
+def test_a_robot_cannot_leave_its_bin_behind():
+    held = picker_with_bin()
+    held.drive(10, picker_01=AHEAD)
+    assert held.pose("picker_01").x == pytest.approx(ROW_WEST + 0.3)
+    assert held.of("held", "picker_01") == 7
+    assert held.of("collisions", "picker_01") == 0
+    held.drive(1, bin_02=AHEAD)
+    held.drive(4, **train(x=1.0))
+    assert held.pose("picker_01").x == pytest.approx(ROW_WEST + 0.7)
+
+
+def test_a_robot_that_touches_something_may_turn_away_from_it_but_not_towards_it():
+    boxes = [(0.0, 0.9, 0.75)]
+    touched = np.array([[0.8, 0.76]])  # on its left, near its front
+    assert not sense._swept(touched, boxes, -0.3)
+    assert sense._swept(touched, boxes, 0.3)
+
+
+def test_without_a_bin_the_bar_holds_nobody():
+    free = yard(("picker", Pose(0, 0, EAST)), ("bin", Pose(-2.25, 0, EAST)))
+    free.drive(10, picker_01=AHEAD)
+    assert free.pose("picker_01").x == pytest.approx(1.0)
+
+
+@given(st.sampled_from(["picker", "carrier", "tractor"]), st.floats(-PI, PI), st.floats(-PI, PI))
+def test_a_turn_sweeps_nothing_beyond_its_reach_but_nearly_all_within(name, angle, turn):
+    kind = KINDS[name]
+    boxes = [(0.0, kind.length / 2, kind.width / 2), *([(-kind.tows, 0.5, 0.5)] if kind.tows else [])]
+    reach = sense._reach(kind, bool(kind.tows))
+    for metres, may_be_swept in ((reach, False), (reach - 3 * sense.TURN_MARGIN, True)):
+        points = np.array([[metres * math.cos(angle), metres * math.sin(angle)]])
+        assert may_be_swept or not sense._swept(points, boxes, turn)
+        is_clear = all(sense._gaps(points[:, 0], np.abs(points[:, 1]), box) >= sense.TURN_MARGIN for box in boxes)
+        assert not (may_be_swept and is_clear) or sense._swept(points, boxes, 2.0 * PI)

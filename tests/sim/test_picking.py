@@ -1,16 +1,19 @@
-"""Picking: fruit goes from the rows into a bin."""
+"""From the row to the bay: fruit goes into a bin, the bin is unloaded, and the harvest ends."""
 
 import math
 from functools import partial
 
 import pytest
-from bare_world import AHEAD, LANE, Yard, picker_with_bin, train, yard
+from bare_world import AHEAD, LANE, Yard, everybody, picker_with_bin, train, yard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from orchard.contract.messages import Uncouple
 from orchard.field.geometry import EAST, Pose, Twist
-from orchard.field.layout import ROW_WEST
-from orchard.sim.physics import is_full
+from orchard.field.layout import BAY, ROW_WEST
+from orchard.sim.physics import harvest_is_over, is_full
+
+# -- picking
 
 
 def test_a_row_from_end_to_end_fills_a_bin():
@@ -120,3 +123,108 @@ def test_the_fruit_is_kept(course):
         assert row.of("fill", "bin_02") >= last
         last = row.of("fill", "bin_02")
     assert last <= max(row.of("distance", "picker_01"), 0.0) + 0.2
+
+
+# -- unloading
+
+
+BAY_X, BAY_Y = (BAY.west + BAY.east) / 2, (BAY.south + BAY.north) / 2
+
+
+def carriers_in_bay(*x: float) -> Yard:
+    """Return a yard with carrier_01, carrier_03 ... and their full bins bin_02, bin_04 ... at these x in the bay, side by side."""
+    bodies = []
+    for k, bin_x in enumerate(x):
+        y = BAY_Y - 0.85 + 1.7 * k
+        bodies += [("carrier", Pose(bin_x + 1.9, y, EAST)), ("bin", Pose(bin_x, y, EAST))]
+    bay = yard(*bodies)
+    for k in range(len(x)):
+        bay.couple(f"carrier_{2 * k + 1:02d}", f"bin_{2 * k + 2:02d}")
+        bay.world.fill[2 * k + 1] = 70.0
+    return bay
+
+
+def test_five_seconds_at_rest_in_the_bay_empty_a_full_bin():
+    bay = carriers_in_bay(BAY_X)
+    bay.drive(49)
+    assert bay.of("fill", "bin_02") == 70.0
+    (event,) = bay.drive(1)
+    assert (event.what, event.who, event.whom) == ("unloaded", "bin_02", "carrier_01")
+    assert (bay.of("fill", "bin_02"), bay.world.delivered) == (0.0, 1)
+    bay.drive(60)
+    assert bay.world.delivered == 1
+
+
+@pytest.mark.parametrize("moving", ["carrier_01", "bin_02"])
+def test_who_moves_in_the_bay_begins_again(moving):
+    bay = carriers_in_bay(BAY_X)
+    bay.drive(40)
+    bay.drive(1, **{moving: Twist(0.01)})
+    bay.drive(49)
+    assert bay.world.delivered == 0
+    bay.drive(1)
+    assert bay.world.delivered == 1
+
+
+def test_the_bay_is_the_bins_place():
+    outside = carriers_in_bay(BAY.west - 0.1)
+    outside.drive(60)
+    assert outside.world.delivered == 0
+
+
+def test_a_bin_that_is_not_full_or_not_on_a_carrier_is_not_unloaded():
+    bay = carriers_in_bay(BAY_X)
+    bay.world.fill[1] = 69.9
+    bay.drive(60)
+    assert bay.world.delivered == 0
+    loose = carriers_in_bay(BAY_X)
+    loose.do("carrier_01", Uncouple())
+    loose.drive(60)
+    assert loose.world.delivered == 0
+    picker = picker_with_bin(x=BAY_X + 2.25, y=BAY_Y)
+    picker.world.fill[1] = 70.0
+    picker.drive(60)
+    assert picker.world.delivered == 0
+
+
+def test_one_bin_at_a_time_is_unloaded_and_who_began_goes_on():
+    bay = carriers_in_bay(BAY_X - 1.5, BAY_X + 1.7)
+    bay.drive(1, carrier_01=Twist(yaw=0.01))  # bin_04 begins
+    bay.drive(48)
+    assert bay.world.delivered == 0
+    assert [event.who for event in bay.drive(1)] == ["bin_04"]
+    assert bay.drive(49) == []
+    assert [event.who for event in bay.drive(1)] == ["bin_02"]
+    assert bay.world.delivered == 2
+
+
+# -- the end
+
+
+def finished() -> Yard:
+    end = everybody()
+    end.world.row_picked[:] = 70.0
+    end.drive(1)
+    return end
+
+
+def test_the_harvest_is_over_when_all_is_picked_unloaded_and_back():
+    assert harvest_is_over(finished().world)
+
+
+MISSING = {
+    "row": lambda end, carrier: end.world.row_picked.__setitem__(-1, 69.9),
+    "bin": lambda end, carrier: end.world.fill.__setitem__(end.world.index["bin_01"], 70.0),
+    "place": lambda end, carrier: end.put(carrier, 40.0, 24.5, 0.0),
+    "heading": lambda end, carrier: end.put(carrier, *end.pose(carrier)[:2], 1e-5),
+    "hitch": lambda end, carrier: end.do(carrier, Uncouple()),
+    "rest": lambda end, carrier: end.drive(1, carrier_01=Twist(0.001)),
+    "picker": lambda end, carrier: end.drive(1, picker_01=Twist(0.001)),
+}
+
+
+@pytest.mark.parametrize("missing", MISSING)
+def test_the_harvest_is_not_over_before(missing):
+    end = finished()
+    MISSING[missing](end, "carrier_01")
+    assert not harvest_is_over(end.world)

@@ -1,14 +1,18 @@
-"""The same seed gives the same run, to the last bit: repeated, from the memory of any agent, and on any processor."""
+"""The same seed gives the same run, to the last bit: repeated, from any agent's memory, on any processor; another run has another hash."""
 
-import os
-import subprocess
-import sys
+import copy
 
+import numpy as np
 import pytest
-from local_runs import HARVEST_TICKS, harvest_hash, local_hash, start_afresh
+from command_line import PATH, python
+from local_runs import HARVEST_TICKS, harvest_hash, local_hash, played, start_afresh
 
+from orchard.field.layout import lay_out
 from orchard.field.scenario import LaserSettings, Scenario
 from orchard.local import Local
+from orchard.sim.engine import next_digest
+from orchard.sim.scan import Scanner
+from orchard.sim.world import World
 
 
 def test_the_same_seed_gives_the_same_run_and_another_seed_another():
@@ -37,10 +41,7 @@ def test_a_velocity_that_is_off_by_a_trillionth_changes_the_hash():
 
     def hash_with(more):
         local = Local(Scenario(rows=3))
-        local.play("picker_01", Touched(local.agents["picker_01"], more))
-        for _ in range(60):
-            local.tick()
-        return local.engine.hash
+        return played(local, 60, picker_01=Touched(local.agents["picker_01"], more)).engine.hash
 
     assert hash_with(0.0) == local_hash(Scenario(rows=3), 60)
     assert hash_with(-1e-12) != hash_with(0.0)
@@ -90,8 +91,47 @@ OTHER_PROCESSORS = {
 def test_the_hash_is_the_same_on_another_processor(processor, request):
     """Kernels for another processor are kept from one session of tests to the next, as those for this one are."""
     program = "from local_runs import harvest_hash; print(harvest_hash())"
-    environment = os.environ | OTHER_PROCESSORS[processor] | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    environment = OTHER_PROCESSORS[processor] | {"PYTHONPATH": PATH}
     if "NUMBA_CPU_NAME" in environment:
         environment["NUMBA_CACHE_DIR"] = str(request.config.cache.mkdir("kernels"))
-    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=120)
-    assert done.stdout.strip() == harvest_hash(), done.stderr
+    assert python("-c", program, **environment).stdout.strip() == harvest_hash()
+
+
+# -- the hash
+
+
+NONE_SEEN = np.zeros(0, dtype=np.float32)
+
+
+def hash_of(world: World, ranges: np.ndarray, mail: dict[str, bytes]) -> str:
+    return next_digest(bytes(32), world, ranges, mail).hex()
+
+
+def _nudge(array: np.ndarray) -> None:
+    flat = array.reshape(-1)
+    flat[0] = ~flat[0] if array.dtype == bool else flat[0] + 1 if array.dtype.kind == "i" else np.nextafter(flat[0], np.inf)
+
+
+@pytest.mark.parametrize("part", ["pose", "coupled", "fill", "row_picked", "alive"])
+def test_the_last_bit_of_every_part_counts(part):
+    world = World(lay_out(Scenario()))
+    ranges, other = Scanner(world).scan(world).ranges, copy.deepcopy(world)
+    _nudge(getattr(other, part))
+    assert hash_of(other, ranges, {}) != hash_of(world, ranges, {})
+
+
+def test_scans_deliveries_mail_and_all_ticks_before_count():
+    world = World(lay_out(Scenario()))
+    ranges = Scanner(world).scan(world).ranges
+    hashes = [hash_of(world, ranges, mail) for mail in ({}, {"a": b"xy"}, {"a": b"x"}, {"b": b"xy"}, {"ax": b"y"}, {"a": b"x", "b": b"y"})]
+    changed = ranges.copy()
+    changed[-1] = 9.0
+    hashes += [hash_of(world, changed, {}), next_digest(bytes(31) + b"x", world, ranges, {}).hex()]
+    world.delivered = 1
+    hashes.append(hash_of(world, ranges, {}))
+    assert len(set(hashes)) == len(hashes)
+
+
+def test_mail_counts_by_name_and_not_by_arrival():
+    world = World(lay_out(Scenario()))
+    assert hash_of(world, NONE_SEEN, {"a": b"1", "b": b"2"}) == hash_of(world, NONE_SEEN, {"b": b"2", "a": b"1"})

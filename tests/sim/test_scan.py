@@ -1,19 +1,20 @@
-"""The laser: it is exact, does not see weeds or its own body, and has repeatable noise."""
+"""What bodies observe: the laser is exact, does not see weeds or its own body, and has repeatable noise."""
 
 import math
 
 import numpy as np
 import pytest
+from bare_world import picker_with_bin
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from raycaster import bounds_of, world_of
 
-from orchard.field.geometry import Pose
+from orchard.field.geometry import NORTH, Pose, Twist
 from orchard.field.kinds import KINDS, LASER_RANGE
 from orchard.field.layout import lay_out
 from orchard.field.scenario import LaserSettings, Scenario
-from orchard.sim.scan import Scanner
-from orchard.sim.world import World
+from orchard.sim.scan import Scanner, observe
+from orchard.sim.world import NONE, World
 
 EXACT = 1e-9  # m; a beam that passes a corner this near may hit or miss it
 AHEAD = 90  # of the beams of a laser that looks forward, the first left of straight ahead; 89 is the first right of it
@@ -40,7 +41,6 @@ def assert_agrees_with_raycaster(world) -> None:
         assert not wrong.any(), (world.layout.names[i], np.flatnonzero(wrong), least[wrong], ranges[wrong], most[wrong])
 
 
-@settings(max_examples=150)
 @given(bodies, walls)
 def test_every_beam_is_exact_against_any_boxes(bodies, walls):
     assert_agrees_with_raycaster(world_of(*bodies, walls=walls))
@@ -80,18 +80,6 @@ def test_ranges_count_counter_clockwise_from_the_right():
 def test_a_bin_looks_all_around():
     world = world_of(("bin", Pose(0, 0, 0)), walls=[(x, y, 0.5, 0.5) for x, y in ((3, 0), (0, 4), (-5, 0), (0, -6))])
     assert scan_of(world)[[0, 15, 30, 45]] == pytest.approx([2.5, 3.5, 4.5, 5.5], abs=1e-6)
-
-
-def test_nothing_within_10_m_is_no_return():
-    assert np.isinf(scan_of(world_of(("picker", Pose(0, 0, 0)), walls=[(1.25 + 10.0 + 1.001, 0, 1.0, 30.0)]))).all()
-    assert np.isfinite(scan_of(world_of(("picker", Pose(0, 0, 0)), walls=[(1.25 + 10.0 + 0.999, 0, 1.0, 30.0)]))).any()
-
-
-def test_a_robot_sees_its_own_bin_not_and_its_bin_sees_it():
-    world = world_of(("picker", Pose(0, 0, 0)), ("bin", Pose(-2.25, 0, 0)))
-    robot, bin_ = Scanner(world).scan(world)
-    assert np.isinf(robot).all()  # behind it
-    assert bin_[0] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_nobody_sees_a_weed_and_a_weed_sees_everybody():
@@ -165,3 +153,25 @@ def test_a_range_that_noise_pushes_beyond_ten_metres_is_no_return():
     ahead = np.array([scan[88:92] for scan in scans])
     assert np.isinf(ahead).any() and np.isfinite(ahead).any()
     assert not (ahead == LASER_RANGE).any()
+
+
+# -- observations
+
+
+def test_everybody_is_told_its_place_and_its_hitch():
+    told = picker_with_bin(yaw=NORTH)
+    told.world.fill[1] = 70.0
+    told.drive(1, picker_01=Twist(0.3))
+    scans = Scanner(told.world).scan(told.world)
+    seen = observe(told.world, scans)
+    picker, bin_ = seen["picker_01"], seen["bin_02"]
+    assert picker.pose == pytest.approx(told.pose("picker_01"), abs=1e-15)
+    assert (picker.tick, picker.twist, picker.full) == (1, (0.3, 0.0, 0.0), False)
+    assert (
+        picker.hitch.name == "bin_02" and picker.hitch.scan.tobytes() == scans[1].tobytes() and picker.scan.tobytes() == scans[0].tobytes()
+    )
+    assert picker.hitch.pose == pytest.approx(told.pose("bin_02"), abs=1e-15)
+    assert bin_.hitch.name == "picker_01" and bin_.hitch.scan is None and bin_.hitch.twist == (0.3, 0.0, 0.0)
+    assert (bin_.fill, bin_.full) == (70.0, True)
+    told.world.coupled[:] = NONE
+    assert observe(told.world, scans)["picker_01"].hitch is None

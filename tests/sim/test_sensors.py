@@ -8,6 +8,7 @@ import pytest
 from code_blocks import block
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from local_runs import local_hash, played
 from recorded_messages import KEYS, Run
 from stage import Stage, empty_orchard
 
@@ -21,7 +22,7 @@ from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP, Scenario, parse, with_changes
 from orchard.local import Local
 from orchard.report.metrics import collisions
-from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
+from orchard.sim.lookahead import CheckedHolds, IgnoredHolds
 from orchard.sim.scan import observe
 from orchard.sim.sensors import Sensors, robots_of
 from orchard.sim.world import NONE, World
@@ -69,11 +70,8 @@ def over_seeds(*ticks: int, **changes: float) -> np.ndarray:
 @settings(max_examples=3)
 def test_sensors_without_errors_measure_the_truth_to_the_last_bit(seed, bias_time):
     plain = empty_orchard(seed=seed)
-    plain, exact = Local(plain), Local(with_changes(plain, **{"sensors.gnss.bias_time": bias_time}))
-    for _ in range(60):
-        plain.tick()
-        exact.tick()
-    assert exact.engine.hash == plain.engine.hash
+    exact = played(with_changes(plain, **{"sensors.gnss.bias_time": bias_time}), 60)
+    assert exact.engine.hash == local_hash(plain, 60)
     seen, truth, reckoned = exact.engine.observe(), exact.engine.truth(), exact.engine.odometry()
     assert seen.states.tobytes() == truth.states.tobytes() == reckoned.states.tobytes()
     assert seen["picker_01"].accuracy == 0.0
@@ -103,7 +101,6 @@ def test_the_white_error_is_new_at_each_tick_and_the_slow_one_forgets_itself_in_
 
 
 def correlation(found: np.ndarray, later: int) -> float:
-    """The correlation of the errors of the first tick with those of a later one, over seeds, robots and axes."""
     return float(np.corrcoef(found[:, 0].ravel(), found[:, later].ravel())[0, 1])
 
 
@@ -165,30 +162,19 @@ def test_odometry_has_the_deviation_that_the_scenario_sets():
 # -- the same run, however it is run
 
 
-def run_of(scenario: Scenario, ticks: int, holds: type[Lookahead] = Lookahead, resumed_at: int = -1) -> str:
-    local = Local(scenario, holds=holds)
-    for tick in range(ticks):
-        if tick == resumed_at:
-            local = Local.resume(local.snapshot(), holds=holds)
-        local.tick()
-    return local.engine.hash
-
-
 def test_the_same_errors_with_holds_without_them_and_after_a_resume(caplog):
     scenario = with_changes(Scenario(rows=3), **RTK, **DRIFT)
-    wanted = run_of(scenario, 200)
-    assert run_of(scenario, 200, IgnoredHolds, resumed_at=133) == wanted
-    assert run_of(scenario, 200, CheckedHolds) == wanted and not caplog.records
-    assert run_of(with_changes(scenario, seed=2), 200) != wanted
+    wanted, before = local_hash(scenario, 200), played(Local(scenario, holds=IgnoredHolds), 133)
+    assert played(Local.resume(before.snapshot(), holds=IgnoredHolds), 200).engine.hash == wanted
+    assert local_hash(scenario, 200, holds=CheckedHolds) == wanted and not caplog.records
+    assert local_hash(with_changes(scenario, seed=2), 200) != wanted
 
 
 def test_on_the_wire_pose_is_what_is_measured_and_truth_what_is_so():
     """The same run in processes of its own, as `Local` has it; the picture is of the truth."""
     scenario = with_changes(Scenario(rows=3), **RTK, **DRIFT)
-    local, run = Local(scenario), Run(scenario, "run1", 31)
-    assert run.to_the_end().hash == run_of(scenario, 31)
-    while local.engine.tick < 30:
-        local.tick()
+    local, run = played(scenario, 30), Run(scenario, "run1", 31)
+    assert run.to_the_end().hash == local_hash(scenario, 31)
     views = {"pose": local.engine.observe(), "truth": local.engine.truth(), "odometry": local.engine.odometry()}
     for what, view in views.items():
         heard = [read(payload, Odometry) for key, payload in run.net.sent if key == KEYS.of(what, "picker_01")]
@@ -234,13 +220,13 @@ def test_our_agents_finish_a_harvest_with_the_rtk_of_the_documents():
     finishes(with_changes(parse(block("docs/reference.md", "rtk")), route="two-way"))
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"rows": 3, "row_length": 40.0, "carriers": 1, "seed": 440002, "dispatch": "predictive-farthest", **TWO_WAY},
-        {"rows": 7, "row_length": 30.0, "carriers": 4, "seed": 250282},
-    ],
-)
+LIMITS = [
+    {"rows": 3, "row_length": 40.0, "carriers": 1, "seed": 440002, "dispatch": "predictive-farthest", **TWO_WAY},
+    {"rows": 7, "row_length": 30.0, "carriers": 4, "seed": 250282},
+]
+
+
+@pytest.mark.parametrize("changes", LIMITS)
 def test_a_harvest_finishes_with_odometry_at_its_limits(changes):
     """Carriers passed gates without their places, and one turned into a bin again and again."""
     sensors = {"gnss": {"white": 0.02, "bias": 0.02}, "odometry": {"distance": 0.1, "heading": 0.05}}

@@ -1,39 +1,51 @@
-"""A run as data: a run that goes on from a snapshot has the hash of a run without interruption. A bad snapshot is refused by name."""
+"""A run as data: one that goes on from a snapshot has the hash of one without interruption. A bad snapshot is refused by name."""
 
 import hashlib
+import itertools
+import math
+import random
+import time
+from contextlib import suppress
 from pathlib import Path
 
+import msgpack
+import numpy as np
 import pytest
-from damaged_files import assert_usable_or_refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from local_runs import HARVEST_TICKS, harvest_hash, local_at
+from local_runs import HARVEST_TICKS, harvest_hash, local_at, played
+from recorded_messages import mutants
 
 from orchard.contract.messages import pack, unpack
+from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.local import Local
-from orchard.sim.snapshot import HEAD, KEPT, VERSION, Snapshot, SnapshotError, as_file, newest, store
+from orchard.server.figures import RunFigures
+from orchard.server.snapshots import examine, last
+from orchard.sim.restore import world_from
+from orchard.sim.snapshot import HEAD, KEPT, LARGEST, VERSION, Snapshot, SnapshotError, as_file, newest, read, store
 
 
-@settings(max_examples=5)
+def assert_usable_or_refused(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
+    with suppress(SnapshotError):
+        world_from(read(path))
+
+
+@settings(max_examples=4)
 @given(st.lists(st.integers(0, HARVEST_TICKS), min_size=1, max_size=4))
 def test_a_run_resumed_at_any_ticks_has_the_hash_of_one_never_interrupted(ticks):
     local = Local(Scenario(rows=3))
     for tick in sorted(ticks):
-        while local.engine.tick < tick:
-            local.tick()
-        local = Local.resume(unpack(pack(local.snapshot()), Snapshot))
-    while local.engine.tick < HARVEST_TICKS:
-        local.tick()
-    assert local.engine.hash == harvest_hash()
+        local = Local.resume(unpack(pack(played(local, tick).snapshot()), Snapshot))
+    assert played(local, HARVEST_TICKS).engine.hash == harvest_hash()
 
 
 def test_two_forks_of_one_snapshot_go_their_own_ways():
     snapshot = local_at(100).snapshot()
     one, other = Local.resume(snapshot), Local.resume(snapshot)
     del other.agents["picker_01"]
-    for _ in range(50):
-        one.tick(), other.tick()
+    played(one, 150), played(other, 150)
     assert one.engine.world.row_picked[0] > 14.9
     assert other.engine.world.row_picked[0] < 10.2
 
@@ -72,16 +84,16 @@ def test_snapshots_of_another_run_are_passed_over_and_named_even_if_they_are_mos
     assert refused == [f"{copy}: of another run, other; expected own" for copy in reversed(copies)]
 
 
-@pytest.mark.parametrize(
-    ("damage", "why"),
-    [
-        (lambda data: data[: len(data) // 2], "truncated or changed"),
-        (lambda data: data[:-1] + bytes([data[-1] ^ 1]), "truncated or changed"),
-        (lambda data: data.replace(b"snapshot %d" % VERSION, b"snapshot 9", 1), "version 9"),
-        (lambda data: b"", "not a snapshot"),
-        (lambda data: b"PK" + data, "not a snapshot"),
-    ],
-)
+DAMAGES = [
+    (lambda data: data[: len(data) // 2], "truncated or changed"),
+    (lambda data: data[:-1] + bytes([data[-1] ^ 1]), "truncated or changed"),
+    (lambda data: data.replace(b"snapshot %d" % VERSION, b"snapshot 9", 1), "version 9"),
+    (lambda data: b"", "not a snapshot"),
+    (lambda data: b"PK" + data, "not a snapshot"),
+]
+
+
+@pytest.mark.parametrize(("damage", "why"), DAMAGES)
 def test_a_bad_snapshot_is_refused_by_name_and_the_one_before_it_is_used(written, damage, why):
     last = files(written)[-1]
     last.write_bytes(damage(last.read_bytes()))
@@ -98,18 +110,15 @@ def test_a_folder_without_a_snapshot_is_named(tmp_path):
 
 @pytest.fixture(scope="module")
 def good(tmp_path_factory) -> bytes:
-    """The bytes of a good snapshot's file."""
     return store(*as_file(local_at(3).snapshot()), tmp_path_factory.mktemp("good")).read_bytes()
 
 
-@settings(max_examples=200)
 @given(junk=st.binary(max_size=200), at=st.integers(0, 10**6))
 def test_whatever_bytes_are_in_a_file_it_is_a_snapshot_or_refused(tmp_path_factory, good, junk, at):
     at %= len(good)
     assert_usable_or_refused(tmp_path_factory.getbasetemp() / "junk.snapshot", good[:at] + junk + good[at + len(junk) :])
 
 
-@settings(max_examples=300)
 @given(junk=st.binary(max_size=20), at=st.integers(0, 10**6))
 def test_a_false_payload_with_a_right_checksum_is_a_snapshot_or_refused(tmp_path_factory, good, junk, at):
     payload = good.split(b"\n", 2)[2]
@@ -117,3 +126,151 @@ def test_a_false_payload_with_a_right_checksum_is_a_snapshot_or_refused(tmp_path
     payload = payload[:at] + junk + payload[at + len(junk) :]
     head = HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n"
     assert_usable_or_refused(tmp_path_factory.getbasetemp() / "false.snapshot", head + payload)
+
+
+# -- false or damaged snapshots
+
+
+@pytest.fixture(scope="module")
+def snapshot():
+    local = local_at(12)
+    taken = local.snapshot()
+    taken.figures |= RunFigures(local.engine, time.monotonic).as_data()
+    return msgpack.unpackb(pack(taken), strict_map_key=False)
+
+
+def filed(path, tree):
+    """Write a snapshot's file with a right checksum, and return its path."""
+    payload = tree if isinstance(tree, bytes) else msgpack.packb(tree)
+    path.write_bytes(HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
+    return path
+
+
+def resumed(path, tree) -> Local:
+    """Return the run that a snapshot gives. Raises SnapshotError."""
+    found = read(filed(path, tree))
+    examine(found)
+    return Local.resume(found)
+
+
+def array(tree, name, kind, place, value):
+    values = np.frombuffer(tree["world"][name], kind).copy()
+    values[place] = value
+    return tree | {"world": tree["world"] | {name: values.tobytes()}}
+
+
+def on_a_weed(tree):
+    """Couple the first picker to a weed, and the weed to the picker."""
+    index = lay_out(Scenario(rows=3)).index
+    picker, fruit, weed = (index[name] for name in ("picker_01", "bin_01", "weed_01"))
+    return array(array(array(tree, "coupled", "<i8", fruit, -1), "coupled", "<i8", picker, weed), "coupled", "<i8", weed, picker)
+
+
+FALSE = {
+    "coupled to 999": lambda t: array(t, "coupled", "<i8", 0, 999),
+    "coupled to -7": lambda t: array(t, "coupled", "<i8", 0, -7),
+    "coupled to itself": lambda t: array(t, "coupled", "<i8", 0, 0),
+    "coupled one way": lambda t: array(t, "coupled", "<i8", 0, -1),
+    "nowhere": lambda t: array(t, "pose", "<f8", 0, math.nan),
+    "far away": lambda t: array(t, "pose", "<f8", 1, 1e9),
+    "infinite turn": lambda t: array(t, "pose", "<f8", 2, math.inf),
+    "fast": lambda t: array(t, "twist", "<f8", 0, 1e300),
+    "overfull": lambda t: array(t, "fill", "<f8", 0, 1e6),
+    "less than none": lambda t: array(t, "row_picked", "<f8", 0, -1.0),
+    "two truths": lambda t: array(t, "alive", "u1", 0, 7),
+    "from nowhere": lambda t: array(t, "row_from", "<i8", 0, 5),
+    "unloaded backwards": lambda t: array(t, "bay_ticks", "<i8", 0, -5),
+    "driven backwards": lambda t: array(t, "distance", "<f8", 0, -1.0),
+    "collisions backwards": lambda t: array(t, "collisions", "<i8", 0, -1),
+    "held back backwards": lambda t: array(t, "held", "<i8", 0, -1),
+    "delivered backwards": lambda t: t | {"world": t["world"] | {"delivered": -1}},
+    "half a delivery": lambda t: t | {"world": t["world"] | {"delivered": 0.5}},
+    "coupled to a weed": on_a_weed,
+    "short": lambda t: t | {"world": t["world"] | {"pose": b"\0" * 8}},
+    "text": lambda t: t | {"world": t["world"] | {"pose": "x"}},
+    "no pose": lambda t: t | {"world": {k: v for k, v in t["world"].items() if k != "pose"}},
+    "before the beginning": lambda t: t | {"world": t["world"] | {"tick": -1}},
+    "never": lambda t: t | {"world": t["world"] | {"tick": 2**63}},
+    "half a tick": lambda t: t | {"world": t["world"] | {"tick": 1.5}},
+    "no world": lambda t: t | {"world": {}},
+    "no memories": lambda t: t | {"memories": dict.fromkeys(t["memories"], b"\xc1\xc1")},
+    "nobody remembers": lambda t: t | {"memories": {"nobody": b"\x80"}},
+    "nobody owned": lambda t: t | {"owned": ["nobody"]},
+    "other agents' memories": lambda t: t | {"memories": {**t["memories"], "picker_01": b"\x81\xa4plan\xa1x"}},
+    "short hash": lambda t: t | {"digest": b"x"},
+    "odd run": lambda t: t | {"run": "a/*"},
+    "other scenario": lambda t: t | {"scenario": {"rows": 20}},
+    "no scenario": lambda t: t | {"scenario": {"rows": -1}},
+    "other figures": lambda t: t | {"figures": {"states": {"since": "x", "ticks": {}}}},
+    "no states": lambda t: t | {"figures": {"states": {}}},
+    "no invariants": lambda t: t | {"figures": {"invariants": 3}},
+    "wall of text": lambda t: t | {"figures": t["figures"] | {"wall_seconds": []}},
+    "wall of refusals": lambda t: t | {"figures": t["figures"] | {"refused": {"counts": {"malformed": -1}}}},
+    "harvest": lambda t: t | {"figures": t["figures"] | {"harvest": 1}},
+    "deep": lambda t: b"\x91" * 100_000,
+    "nothing": lambda t: b"",
+    "large": lambda t: bytes(LARGEST),
+}
+
+
+@pytest.mark.parametrize("lie", FALSE)
+def test_a_snapshot_that_lies_is_refused(tmp_path, snapshot, lie):
+    with pytest.raises(SnapshotError) as refused:
+        resumed(tmp_path / "lie.snapshot", FALSE[lie](snapshot))
+    assert len(str(refused.value)) < 3000
+
+
+SAID_OF = [("far away", "pose's y: must be from"), ("wall of text", "figures in the snapshot are malformed"), ("no pose", "is missing"),
+ ("no invariants", "inconsistent"), 
+ ("wall of refusals", "refused messages in the snapshot are malformed"),
+ ("nobody owned", "there is no such agent"), ("other scenario", "inconsistent")]  # fmt: skip
+
+
+@pytest.mark.parametrize(("lie", "why"), SAID_OF)
+def test_physics_refuses_the_newest_snapshot_if_it_lies_with_a_right_checksum_and_takes_the_one_before(
+    tmp_path, snapshot, lie, why, caplog
+):
+    filed(tmp_path / "tick-000000012.snapshot", snapshot)
+    newer = filed(tmp_path / "tick-000000015.snapshot", FALSE[lie](snapshot))
+    found = last(tmp_path)
+    assert found is not None
+    assert found.tick == 12
+    (said,) = [record.getMessage() for record in caplog.records]
+    assert said.startswith(f"not used: {newer}: ")
+    assert why in said
+
+
+@pytest.mark.parametrize("lie", ["nobody remembers", "nobody owned"])
+def test_who_is_not_there_is_refused_before_any_agent_is_made(tmp_path, snapshot, lie):
+    """Physics, which has no agents, refuses it."""
+    with pytest.raises(SnapshotError, match="nobody: there is no such agent"):
+        world_from(read(filed(tmp_path / "lie.snapshot", FALSE[lie](snapshot))))
+
+
+def test_a_file_that_is_too_large_is_refused_for_that(tmp_path):
+    """It is refused before its content is read."""
+    path = tmp_path / "large.snapshot"
+    with path.open("wb") as sparse:
+        sparse.truncate(10**10)
+    with pytest.raises(SnapshotError, match=f"larger than {LARGEST} bytes"):
+        read(path)
+
+
+def test_letters_to_nobody_go_nowhere(tmp_path, snapshot):
+    written = {"nobody": {"requests": [["nowhere", {"type": "where"}]], "answers": [["nobody", 3, 0, {"type": "yes"}]]}}
+    lost = snapshot | {"letters": [*snapshot["letters"], [11, written], [2**60, written], [-5, written]]}
+    for tree in (snapshot, lost):
+        local = resumed(tmp_path / "letters.snapshot", tree)
+        local.tick()
+        assert local.engine.tick == 13
+
+
+def test_a_damaged_snapshot_goes_on_or_is_refused(tmp_path, snapshot):
+    path, chance = tmp_path / "damaged.snapshot", random.Random(6)
+    assert_usable_or_refused(path, b"")
+    good = 0
+    for payload in itertools.islice(mutants(msgpack.packb(snapshot), chance), 150):
+        with suppress(SnapshotError):
+            resumed(path, payload)
+            good += 1
+    assert good < 110

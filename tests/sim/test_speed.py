@@ -24,7 +24,6 @@ TRIES = 3  # the machine may be busy: one good try is enough
 
 
 def seconds(work: Callable[[], object], repeats: int) -> float:
-    """Return the processor time of one call, s: the least of some calls."""
     work()
     times = []
     for _ in range(repeats):
@@ -35,7 +34,6 @@ def seconds(work: Callable[[], object], repeats: int) -> float:
 
 
 def robot_step(robots: int) -> float:
-    """Return the processor time of one robot's scan and movement, s, in a field of constant density."""
     world = world_of(growing(robots))
     scanner, steps = Scanner(world), 6000 // robots
     return seconds(lambda: drive(world, scanner, steps), 5) / steps / robots

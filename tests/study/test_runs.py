@@ -41,15 +41,15 @@ def test_an_error_in_a_run_is_told_with_the_run_and_does_not_end_the_program(err
         do(PlannedRun(SCENARIO, "fast"), time.time())
 
 
-@pytest.mark.parametrize(
-    ("policy", "words"),
-    [
-        ("Raising", "LookupError: no such bin here"),
-        ("Inventing", "ValueError: the dispatch policy assigns bin bin_77, which is not available; .*"),
-        ("Silent", "TypeError: assign returned None; .*"),
-        ("Leaving", "SystemExit: 0"),
-    ],
-)
+WRONG_POLICIES = [
+    ("Raising", "LookupError: no such bin here"),
+    ("Inventing", "ValueError: the dispatch policy assigns bin bin_77, which is not available; .*"),
+    ("Silent", "TypeError: assign returned None; .*"),
+    ("Leaving", "SystemExit: 0"),
+]
+
+
+@pytest.mark.parametrize(("policy", "words"), WRONG_POLICIES)
 def test_what_is_wrong_with_a_policy_is_told_with_its_place_in_the_users_own_file_and_not_in_a_library(policy, words):
     fault = rf"dispatch policy own_policies\.{policy}, tick \d+: {words} \([^()]*own_policies\.py, line \d+\)$"
     with pytest.raises(RunFailed, match=fault):

@@ -48,29 +48,29 @@ def test_without_anything_that_varies_there_is_one_setting() -> None:
     assert [setting.values for setting in settings_of(Scenario(), {})] == [{}]
 
 
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (["carriers=0..5"], ["--vary carriers=0..5: carriers = 0: must be null or a whole number from 1 to 40"]),
-        (["carrier=1..3"], ["--vary carrier=1..3: carrier: unknown key; did you mean carriers?"]),
-        (["carriers=5..1"], ["--vary carriers=5..1: 5..1: this range is empty"]),
-        (["carriers=1..9..0"], ["--vary carriers=1..9..0: 1..9..0: this range is empty"]),
-        (["carriers"], ["--vary carriers: must be KEY=VALUE"]),
-        (["carriers=1,,2"], ["--vary carriers=1,,2: must be KEY=VALUE"]),
-        (["=1"], ["--vary =1: must be KEY=VALUE"]),
-        (["carriers=1..3,2"], ["--vary carriers=1..3,2: 2: given twice"]),
-        (["carriers=1,2", "carriers=3"], ["--vary carriers=3: carriers: this key varies already"]),
-        (["rows=1..999999999"], ["--vary rows=1..999999999: 1..999999999: more than 10,000 values"]),
-        (["rows=3..20", "pickers=2..20", "carriers=1..40"], ["--vary rows, pickers, carriers: 13,680 settings; at most 10,000"]),
-        (["seed=1..5"], ["--vary seed=1..5: seed: each replication has its own seed"]),
-        (["prices.per_bin=-1,2"], ["--vary prices.per_bin=-1,2: prices.per_bin = -1: must be null or a number from 0.0"]),
-        (["picking_speed=NaN"], ["--vary picking_speed=nan: picking_speed = nan: must be a number from 0.02 to 1.0"]),
-        (
-            ["rows=3,4", "pickers=4", "dispatch=nearest,predictive"],
-            ["the setting rows=3, pickers=4, dispatch=nearest: pickers = 4, rows = 3: must be at most one picker a row"],
-        ),
-    ],
-)
+MISTAKES = [
+    (["carriers=0..5"], ["--vary carriers=0..5: carriers = 0: must be null or a whole number from 1 to 40"]),
+    (["carrier=1..3"], ["--vary carrier=1..3: carrier: unknown key; did you mean carriers?"]),
+    (["carriers=5..1"], ["--vary carriers=5..1: 5..1: this range is empty"]),
+    (["carriers=1..9..0"], ["--vary carriers=1..9..0: 1..9..0: this range is empty"]),
+    (["carriers"], ["--vary carriers: must be KEY=VALUE"]),
+    (["carriers=1,,2"], ["--vary carriers=1,,2: must be KEY=VALUE"]),
+    (["=1"], ["--vary =1: must be KEY=VALUE"]),
+    (["carriers=1..3,2"], ["--vary carriers=1..3,2: 2: given twice"]),
+    (["carriers=1,2", "carriers=3"], ["--vary carriers=3: carriers: this key varies already"]),
+    (["rows=1..999999999"], ["--vary rows=1..999999999: 1..999999999: more than 10,000 values"]),
+    (["rows=3..20", "pickers=2..20", "carriers=1..40"], ["--vary rows, pickers, carriers: 13,680 settings; at most 10,000"]),
+    (["seed=1..5"], ["--vary seed=1..5: seed: each replication has its own seed"]),
+    (["prices.per_bin=-1,2"], ["--vary prices.per_bin=-1,2: prices.per_bin = -1: must be null or a number from 0.0"]),
+    (["picking_speed=NaN"], ["--vary picking_speed=nan: picking_speed = nan: must be a number from 0.02 to 1.0"]),
+    (
+        ["rows=3,4", "pickers=4", "dispatch=nearest,predictive"],
+        ["the setting rows=3, pickers=4, dispatch=nearest: pickers = 4, rows = 3: must be at most one picker a row"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("words", "told"), MISTAKES)
 def test_mistakes_are_told_with_their_place(words: list[str], told: list[str]) -> None:
     found = problems(*words)
     assert len(found) == len(told)

@@ -22,14 +22,12 @@ def record():
 
 @pytest.fixture
 def path(tmp_path, record):
-    """A store that knows a run."""
     with Store(tmp_path / "studies.db") as made:
         made.keep(record)
     return made.path
 
 
 def execute(path, statement):
-    """Do what another program may do with a store."""
     with closing(sqlite3.connect(path)) as database, database:
         database.execute(statement)
 
@@ -149,21 +147,21 @@ def test_a_store_that_another_study_makes_at_the_same_time_is_used(tmp_path, rec
     assert [file.name for file in tmp_path.iterdir()] == ["studies.db"]
 
 
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        ("bins_per_hour = 'many'", "Expected `float`, got `str` - at `$.bins_per_hour`"),
-        ("bins_per_hour = 9e999", "Expected `float` < 1000000000000.0 - at `$.bins_per_hour`"),
-        ("bins_per_hour = -1.0", "Expected `float` >= 0.0 - at `$.bins_per_hour`"),
-        ("bins_per_hour = 1e-300", "bins_per_hour = 1e-300 of a run that has not jammed"),
-        ("bound_bins_per_hour = 0", "Expected `float` >= 1e-06 - at `$.bound_bins_per_hour`"),
-        ("bins = 2.5", "Expected `int`, got `float` - at `$.bins`"),
-        ("sim_seconds = x'00ff'", "Expected `float`, got `bytes` - at `$.sim_seconds`"),
-        ("policy = cast(x'ff' AS TEXT)", "Expected `str`, got `bytes` - at `$.policy`"),
-        ("ended = 'won'", "Invalid enum value 'won' - at `$.ended`"),
-        ("seed = -7", "these are not the values of the run with its key"),
-    ],
-)
+DAMAGES = [
+    ("bins_per_hour = 'many'", "Expected `float`, got `str` - at `$.bins_per_hour`"),
+    ("bins_per_hour = 9e999", "Expected `float` < 1000000000000.0 - at `$.bins_per_hour`"),
+    ("bins_per_hour = -1.0", "Expected `float` >= 0.0 - at `$.bins_per_hour`"),
+    ("bins_per_hour = 1e-300", "bins_per_hour = 1e-300 of a run that has not jammed"),
+    ("bound_bins_per_hour = 0", "Expected `float` >= 1e-06 - at `$.bound_bins_per_hour`"),
+    ("bins = 2.5", "Expected `int`, got `float` - at `$.bins`"),
+    ("sim_seconds = x'00ff'", "Expected `float`, got `bytes` - at `$.sim_seconds`"),
+    ("policy = cast(x'ff' AS TEXT)", "Expected `str`, got `bytes` - at `$.policy`"),
+    ("ended = 'won'", "Invalid enum value 'won' - at `$.ended`"),
+    ("seed = -7", "these are not the values of the run with its key"),
+]
+
+
+@pytest.mark.parametrize(("change", "told"), DAMAGES)
 def test_a_damaged_run_is_named_and_passed_over(path, record, change, told):
     execute(path, f"UPDATE runs SET {change}")
     with Store(path) as damaged:

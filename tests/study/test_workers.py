@@ -1,5 +1,6 @@
-"""Workers do all work once, whatever dies; none outlives its parent."""
+"""Workers do all work once, whatever dies, on two machines too; none outlives its parent."""
 
+import json
 import os
 import signal
 import subprocess
@@ -10,6 +11,8 @@ from pathlib import Path
 
 import psutil
 import pytest
+from command_line import ROOT, SECONDS, orchard
+from machines import machines, needs_machines, within
 from work import blocked_signals, deadly, double, faulty, loud, slow
 
 from orchard.contract.printed import MOST_LINES
@@ -137,7 +140,6 @@ def test_a_scheduler_gives_the_same_table_though_a_worker_dies_and_refuses_a_wro
 
 
 def address_in(file: Path) -> str:
-    """The address of a scheduler, from its file, as soon as it is there."""
     import json
 
     eventually(lambda: file.exists() and file.read_text().endswith("}"))
@@ -145,7 +147,6 @@ def address_in(file: Path) -> str:
 
 
 def workers_at(address: str) -> int:
-    """The number of workers of a scheduler."""
     try:
         with scheduled(address) as workers:
             return workers.count
@@ -158,3 +159,41 @@ def test_a_scheduler_that_is_not_there_is_told(monkeypatch):
     silent = r"tcp://127\.0\.0\.1:1: no scheduler of dask\.distributed answers"
     with pytest.raises(WorkersError, match=silent), scheduled("tcp://127.0.0.1:1"):
         pass
+
+
+# -- two machines
+
+
+QUESTION = ("--vary", "carriers=1,2", "--model", "fast", "--budget", "2h", "--within", "10%")
+SCENARIO = "rows: 3\npicking_speed: 0.5\npicking: {spread: {distribution: gamma}}\n"
+ADDRESS = "tcp://192.168.1.10:8786"
+
+
+@needs_machines
+def test_two_machines_give_the_same_table_as_one(tmp_path):
+    (tmp_path / "my.yaml").write_text(SCENARIO)
+    orchard("study", tmp_path / "my.yaml", *QUESTION, "--out", tmp_path / "here.db", "--summary", tmp_path / "here.json")
+    with machines("study") as (host, guest), ExitStack() as stack:
+        for machine, module, *arguments in (
+            (host, "dask_scheduler", "--host", "192.168.1.10", "--port", 8786, "--no-dashboard", "--no-show"),
+            (host, "dask_worker", ADDRESS, "--no-nanny", "--nthreads", 1, "--no-dashboard", "--local-directory", tmp_path / "a"),
+            (guest, "dask_worker", ADDRESS, "--no-nanny", "--nthreads", 1, "--no-dashboard", "--local-directory", tmp_path / "b"),
+        ):
+            process = dask_process(module, *arguments, before=tuple(within(machine)))
+            stack.callback(process.wait, PATIENCE)
+            stack.callback(process.kill)
+        wait_for_workers(host)
+        options = ["--out", tmp_path / "there.db", "--summary", tmp_path / "there.json", "--scheduler", ADDRESS]
+        command = [*within(host), sys.executable, "run.py", "study", tmp_path / "my.yaml", *QUESTION, *options]
+        there = subprocess.run([*map(str, command)], cwd=ROOT, capture_output=True, text=True, timeout=SECONDS)
+        assert there.returncode == 0, there.stderr
+    tables = [json.loads((tmp_path / name).read_text())["table"] for name in ("here.json", "there.json")]
+    assert tables[0] == tables[1]
+
+
+def wait_for_workers(machine: str) -> None:
+    script = (
+        "import sys; from distributed import Client\n"
+        "with Client(sys.argv[1], timeout=60) as client: client.wait_for_workers(2, timeout=60)\n"
+    )
+    subprocess.run([*within(machine), sys.executable, "-c", script, ADDRESS], check=True, timeout=PATIENCE, env=os.environ)

@@ -22,8 +22,6 @@ TURN_LEFT = Twist(yaw=math.pi / 8)
 
 @dataclass
 class Yard:
-    """A world that a test drives directly."""
-
     world: World
     events: list = field(default_factory=list)
 
@@ -98,5 +96,4 @@ def overlapping_starts(layout: Layout) -> list[tuple[str, str]]:
 
 
 def everybody() -> Yard:
-    """Return a yard with all bodies of an orchard of 3 rows, at their starts."""
     return Yard(World(lay_out(Scenario(rows=3))))

@@ -27,7 +27,6 @@ FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "-
 
 
 def open_browser(chromium: str, driver: str, profile: str, downloads: str, *flags: str) -> webdriver.Chrome:
-    """A fresh browser that saves without asking."""
     options = webdriver.ChromeOptions()
     options.binary_location = chromium
     for flag in (*FLAGS, *flags, f"--user-data-dir={profile}"):

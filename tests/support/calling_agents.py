@@ -82,8 +82,6 @@ def _slowly(function):
 
 
 class Broken:
-    """An agent that raises an error."""
-
     Memory = dict
 
     def tick(self, seen: Observation, mail: Mail, memory: object) -> Action:

@@ -3,22 +3,41 @@
 import json
 import os
 import subprocess
+import sys
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
-from forked_processes import Forked
+from forked_processes import PATHS, ROOT, Forked
 
-ROOT = Path(__file__).parents[2]
+from orchard.field.scenario import Scenario, to_yaml
+
 SECONDS = 240.0  # that any one run may take on a busy machine
+PATH = os.pathsep.join(PATHS)  # where own agents and policies of the tests are found
 
 
-def orchard(*arguments: object, seconds: float = SECONDS) -> subprocess.CompletedProcess:
-    """Run it to its end."""
+def orchard(*arguments: object, code: int = 0, seconds: float = SECONDS) -> subprocess.CompletedProcess:
+    """Run it to its end, which has this exit code. What a user gets wrong, code 2, ends without a traceback."""
     words = [*map(str, arguments)]
-    process = Forked("run", words, os.environ | {"COLUMNS": "200"})
+    process = Forked("run", words, os.environ | {"COLUMNS": "200", "PYTHONPATH": PATH})
     out, err = process.communicate(timeout=seconds)
+    assert process.returncode == code, out + err
+    assert code != 2 or "Traceback" not in err, err
     return subprocess.CompletedProcess(["run.py", *words], process.returncode, out, err)
+
+
+def python(*words: object, code: int = 0, cwd: Path = ROOT, seconds: float = SECONDS, **environment: str) -> subprocess.CompletedProcess:
+    """Run a Python program of its own to its end, which has this exit code."""
+    there = os.environ | {"COLUMNS": "200"} | environment
+    done = subprocess.run([sys.executable, *map(str, words)], cwd=cwd, env=there, capture_output=True, text=True, timeout=seconds)
+    assert done.returncode == code, done.stdout + done.stderr
+    return done
+
+
+def scenario_file(folder: Path, scenario: Scenario) -> Path:
+    path = folder / "scenario.yaml"
+    path.write_text(to_yaml(scenario))
+    return path
 
 
 def line_with(words: str, process: subprocess.Popen | Forked) -> str:
@@ -42,7 +61,7 @@ def running(*arguments: object):
 @contextmanager
 def starting(*arguments: object):
     """Run it; nothing is left behind."""
-    process = Forked("run", [*map(str, arguments)], {**os.environ}, leads=True)
+    process = Forked("run", [*map(str, arguments)], os.environ | {"PYTHONPATH": PATH}, leads=True)
     try:
         yield process
     finally:

@@ -22,13 +22,10 @@ from orchard.field.scenario import Scenario, to_yaml
 from orchard.wire.keys import Keys
 
 ROOT = Path(__file__).parents[2]
-PHYSICS = ("orchard.processes.physics",)  # the program that owns the world, where a test has none of its own for it
 SECONDS = 40.0  # that any one wait may take on a busy machine
 
 
 class Process:
-    """One Python process of the program."""
-
     def __init__(self, module: str, *arguments: str, before: Sequence[str] = ()) -> None:
         """`before`: words before its command, such as those that enter a network namespace."""
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(PATHS)}
@@ -40,11 +37,9 @@ class Process:
             self._popen = Forked(module, arguments, environment)
 
     def line(self) -> str:
-        """The next line that it prints."""
         return self._line(self._popen.stdout)
 
     def error(self) -> str:
-        """The next line that it complains."""
         return self._line(self._popen.stderr)
 
     @staticmethod
@@ -87,16 +82,14 @@ class Process:
 
 
 class Fleet:
-    """A physics process and its hosts."""
-
     def __init__(self, folder: Path, stack: ExitStack) -> None:
         self._folder, self._stack = folder, stack
         self.hosts: list[Process] = []
 
-    def physics(self, scenario: Scenario, *arguments: str, before: Sequence[str] = (), module: Sequence[str] = PHYSICS) -> None:
+    def physics(self, scenario: Scenario, *arguments: str, before: Sequence[str] = ()) -> None:
         path = self._folder / "scenario.yaml"
         path.write_text(to_yaml(scenario))
-        self.world = self.start(*module, str(path), *arguments, before=before)
+        self.world = self.start("orchard.processes.physics", str(path), *arguments, before=before)
         line = self.world.line()
         found = re.match(r"(?:listening on|connected to) (\S+), prefix (\S+), run (\w+)", line)
         assert found, line + self.world.end()[2]
@@ -123,11 +116,15 @@ class Fleet:
             assert code == 0, err
         return re.search(r"hash (\w+)", out).group(1)
 
+    def stop(self) -> None:
+        """End the run, as run.py does when a person stops it; physics and all hosts end well."""
+        self.world.signal(signal.SIGTERM)
+        self.end()
+
     def client(self) -> "Client":
         return self._stack.enter_context(Client.open(self.endpoint, self.run))
 
     def router(self, endpoint: str, before: Sequence[str] = ()) -> Process:
-        """A router of its own, which listens."""
         router = self.start("orchard.processes.router", "--listen", endpoint, before=before)
         assert "listening" in router.line()
         return router
@@ -143,11 +140,32 @@ class Fleet:
         return process.messages()
 
 
-class Client:
-    """A client that has only Zenoh, msgpack and keyspace.md."""
+class AnyClient:
+    """What a client says, on a real or a simulated network: it has only `put` and `ask`, msgpack and keyspace.md."""
+
+    run: str
+    keys = Keys()
+
+    def drive(self, name: str, tick: int, x: float, **message) -> None:
+        self.put(self.keys.of("velocity", name), tick=tick, linear={"x": x}, angular={"z": 0.0}, **message)
+
+    def join(self, name: str, owner: str = "me") -> dict:
+        """The reply to a session that wants to own an agent."""
+        return self.ask(self.keys.of("join", session=owner), self._of_run(owner=owner, names=[name]))[0]
+
+    def quit(self) -> dict:
+        """End the run, as a person does."""
+        return self.ask(self.keys.of("set_simulation_state"), self._of_run(state="quitting"))[0]
+
+    def _of_run(self, **message) -> bytes:
+        return msgpack.packb({"run": self.run} | message)
+
+
+class Client(AnyClient):
+    """One with Zenoh."""
 
     def __init__(self, session: zenoh.Session, run: str) -> None:
-        self.session, self.run, self.keys = session, run, Keys()
+        self.session, self.run = session, run
 
     @classmethod
     @contextmanager
@@ -171,25 +189,15 @@ class Client:
         return heard
 
     def tokens(self, keys: str) -> queue.Queue:
-        """Whether a liveliness token appears, from now on."""
         heard = queue.Queue()
         self.session.liveliness().declare_subscriber(keys, lambda sample: heard.put(sample.kind == zenoh.SampleKind.PUT), history=True)
         return heard
 
     def declare(self, token: str):
-        """A liveliness token, until its `undeclare`."""
         return self.session.liveliness().declare_token(token)
 
     def put(self, key: str, **message) -> None:
-        self.session.put(key, msgpack.packb({"run": self.run} | message), congestion_control=zenoh.CongestionControl.BLOCK)
-
-    def drive(self, name: str, tick: int, x: float, **message) -> None:
-        self.put(self.keys.of("velocity", name), tick=tick, linear={"x": x}, angular={"z": 0.0}, **message)
-
-    def quit(self) -> dict:
-        """End the run, as a person does."""
-        (reply,) = self.ask("orchard/set_simulation_state", msgpack.packb({"run": self.run, "state": "quitting"}))
-        return reply
+        self.session.put(key, self._of_run(**message), congestion_control=zenoh.CongestionControl.BLOCK)
 
     def ask(self, key: str, payload: bytes = b"") -> list:
         """All replies to a get: maps, or the texts of errors."""
@@ -217,7 +225,6 @@ def assert_stands(poses, ticks: int = 20) -> dict:
 
 
 def assert_goes_on(poses) -> None:
-    """From now on, a robot moves."""
     for _ in range(poses.qsize()):
         poses.get()
     standing = until(poses, lambda pose: True)

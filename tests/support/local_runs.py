@@ -3,6 +3,7 @@
 from functools import cache
 
 from orchard.agents.catalogue import make_agents
+from orchard.contract.agent import Agent
 from orchard.contract.messages import pack, unpack
 from orchard.field.scenario import Animals, People, Scenario
 from orchard.local import Local
@@ -18,12 +19,23 @@ TOY = "calling_agents:cast"  # agents that only call each other
 HARVEST_TICKS = 1500  # includes the exchanges of 3 rows with 2 pickers
 
 
-def local_hash(scenario, ticks, agents=None, holds=Lookahead):
-    """Return the hash of a run after a number of ticks."""
-    local = Local(scenario, agents, holds=holds)
-    for _ in range(ticks):
+def driven_by(**classes: str) -> Scenario:
+    """The small orchard, in which classes of `own_agents` drive kinds or robots."""
+    return SMALL.model_copy(update={"agents": {name: f"own_agents.{class_}" for name, class_ in classes.items()}})
+
+
+def played(run: Local | Scenario, until: int, **agents: Agent) -> Local:
+    """Return a run at a tick, in which these agents have taken over from those of the scenario."""
+    local = Local(run) if isinstance(run, Scenario) else run
+    for name, agent in agents.items():
+        local.play(name, agent)
+    while local.engine.tick < until:
         local.tick()
-    return local.engine.hash
+    return local
+
+
+def local_hash(scenario, ticks, agents=None, holds=Lookahead):
+    return played(Local(scenario, agents, holds=holds), ticks).engine.hash
 
 
 def start_afresh(local: Local) -> None:
@@ -33,11 +45,7 @@ def start_afresh(local: Local) -> None:
 
 
 def local_at(tick: int) -> Local:
-    """Return a run of 3 rows at a tick."""
-    local = Local(Scenario(rows=3))
-    while local.engine.tick < tick:
-        local.tick()
-    return local
+    return played(Scenario(rows=3), tick)
 
 
 @cache

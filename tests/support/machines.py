@@ -42,7 +42,6 @@ def machines(*guests: str):
 
 
 def _plug(host: str, guest: str, n: int) -> None:
-    """A cable between two machines."""
     _ip("link", "add", f"v{n}", "netns", host, "type", "veth", "peer", "name", "eth0", "netns", guest)
     for name, end, address in ((host, f"v{n}", 10), (guest, "eth0", 11)):
         _ip("-n", name, "address", "add", f"192.168.{n}.{address}/24", "dev", end)

@@ -27,21 +27,15 @@ class Eastward:
 
 
 class Forgetful:
-    """Has no method `tick`."""
-
     def __init__(self, layout, name):
         pass
 
 
 class Nameless:
-    """Is made without arguments."""
-
     def tick(self, observation, mail, memory): ...
 
 
 class Unmakeable:
-    """Raises an error when it is made."""
-
     def __init__(self, layout, name):
         raise LookupError("no map")
 
@@ -64,22 +58,16 @@ class Hostile(Eastward):
 
 
 class Quitter(Eastward):
-    """Exits as a program does."""
-
     def tick(self, observation, mail, memory):
         raise SystemExit(3)
 
 
 class Refuser(Eastward):
-    """Exits when it is made."""
-
     def __init__(self, layout, name):
         raise SystemExit("no licence")
 
 
 class Stillborn(Eastward):
-    """Ends its process when it is made."""
-
     def __init__(self, layout, name):
         os._exit(7)
 
@@ -117,12 +105,10 @@ class Stubborn(Endless):
 
 
 def lost(layout, names):
-    """Raises an error instead of making agents."""
     raise LookupError("no map")
 
 
 def nobody(layout, names):
-    """Makes no agents."""
     return {}
 
 
@@ -178,16 +164,12 @@ class Injector(Eastward):
 
 
 class Scribbler(Eastward):
-    """Writes into its scan."""
-
     def tick(self, observation, mail, memory):
         observation.scan[np.isinf(observation.scan)] = 30
         return super().tick(observation, mail, memory)
 
 
 class Collector(Eastward):
-    """Keeps a set in its memory."""
-
     def tick(self, observation, mail, memory):
         return Action(twist=Twist(x=0.25), memory={"seen": {self.name}})
 

@@ -29,7 +29,6 @@ def skip_without_packages() -> None:
 
 
 def page(*arguments: object) -> list[str]:
-    """The command that serves the page."""
     return [sys.executable, "-m", "orchard", "app", "--quiet", *map(str, arguments)]
 
 

@@ -25,7 +25,6 @@ def world_of(*bodies: tuple[str, Pose], walls: list[tuple[float, float, float, f
 
 
 def boxes_seen_by(world: World, me: int) -> list[tuple[float, float, float, float, float]]:
-    """Everything that the laser of a body can see."""
     boxes = [(*wall, 0.0) for wall in world.layout.walls.tolist()]
     for i, start in enumerate(world.layout.starts):
         kind = KINDS[start.kind]

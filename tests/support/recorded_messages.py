@@ -13,18 +13,20 @@ import msgpack
 
 from docs.message_examples import EXAMPLES
 from orchard.agents.catalogue import make_agents
-from orchard.contract.messages import MAX_PAYLOAD, pack
+from orchard.contract.messages import MAX_PAYLOAD, StateRequest, pack
 from orchard.net.bus import Alive, Final, Inbox, Replied, Sample
 from orchard.net.bus import Query as AnyQuery
 from orchard.net.host import Host, HostEnded
 from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions
+from orchard.server.roster import Roster
 from orchard.sim.engine import Engine
 from orchard.wire.keys import TABLE, Keys
-from orchard.wire.messages import Recall, Stop
+from orchard.wire.messages import Answered, Letter, Recall, Received, Stop, read
 
 KEYS = Keys()
 HOST = "host1"
+RUN = "run1"
 
 
 # -- a run without a network
@@ -150,6 +152,43 @@ class Run:
         return ends[0]
 
 
+# -- what stands in for the network and the clock in the tests of lockstep's and realtime's rules
+
+
+class ReadQuery(Query):
+    """A query whose replies are read."""
+
+    def __init__(self, payload):
+        super().__init__("", payload)
+
+    def reply(self, payload):
+        self.replies.append(read(payload, Received | Answered))
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+def letter(sender="bin_01", tick=4, number=0):
+    return pack(Letter(RUN, tick, sender, number, StateRequest()))
+
+
+def roster(*held):
+    one = Roster(["bin_01", "picker_01"])
+    for name, owner in held:
+        one.token(name, owner, True)
+        one.join(name, owner)
+    return one
+
+
+def heard_at(box, tick, name="picker_01"):
+    mail = box.deliver(tick).get(name)
+    return [] if mail is None else mail.requests
+
+
 # -- the corpus
 
 
@@ -182,7 +221,6 @@ def recorded(scenario, run: str, ticks: int) -> dict[str, list[tuple[str, bytes]
 
 
 def rewritten(payload: bytes, **fields) -> bytes:
-    """A message with some fields changed."""
     return msgpack.packb(msgpack.unpackb(payload, strict_map_key=False) | fields)
 
 

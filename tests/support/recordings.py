@@ -1,6 +1,6 @@
 """What is in a recording, read back with Rerun's own reader."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -8,15 +8,28 @@ from rerun.chunk import RrdReader
 
 from orchard.contract.events import Frame
 from orchard.field.layout import Layout
+from orchard.local import Local
+from orchard.sim.frames import FrameBuilder, talk_of
 from orchard.view.files import parts_of
 from orchard.view.recorder import Recorder
 
+SECONDS = 90.0  # of the harvest whose recording tests share: its pickers wait for empty bins from 80 s on
 History = dict[tuple[str, str], list[tuple[float, object]]]  # (entity, component) -> (s, simulated, value) in the order of time
 
 
 def starts(layout: Layout) -> np.ndarray:
-    """Where all bodies begin, (n, 3)."""
     return np.array([start.pose for start in layout.starts])
+
+
+def frames(layout: Layout, seconds: float) -> Iterator[Frame]:
+    """Every tick of a harvest in local mode."""
+    local = Local(layout.scenario)
+    builder, engine = FrameBuilder(local.engine.world), local.engine
+    while engine.tick < round(seconds * 10):
+        events = local.tick()
+        for name, action in local.answers.items():
+            events += talk_of(engine.tick - 1, name, action.requests, [(heard.sender, body) for heard, body in action.answers])
+        yield builder.frame(engine.scans, local.actions, events, engine.lookahead.wanted)
 
 
 def recording_of(path: Path, layout: Layout, frames: Iterable[Frame], run: str = "a run") -> Path:
@@ -87,7 +100,6 @@ def rows_of(file: Path) -> History:
 
 
 def lines_of(rows: History) -> list[tuple[float, str]]:
-    """The log of events: (s, simulated, line)."""
     return [(t, text[0]) for t, text in rows.get(("/events", "TextLog:text"), [])]
 
 
@@ -103,7 +115,6 @@ def seen_at(rows: History, seconds: float) -> dict[tuple[str, str], object]:
 
 
 def seconds_of(recording: Path) -> float:
-    """How many simulated seconds are in a recording."""
     latest = 0.0
     for chunk in RrdReader(str(recording)).stream():
         batch = chunk.to_record_batch()

@@ -14,6 +14,5 @@ def refused(text: str) -> list[str]:
 
 
 def refusal(text: str) -> str:
-    """The one thing that is wrong with a scenario text."""
     (line,) = refused(text)
     return line

@@ -48,7 +48,6 @@ class Somebody:
         return read(reply.payload, Joined).refused.get(name, "")
 
     def asks(self, what: str, message=None, session: str = "*") -> list[Replied]:
-        """All replies to a query."""
         self.bus.ask(KEYS.of(what, session=session), pack(message) if message else b"", what, SECONDS)
         replies = []
         while not isinstance(item := self.wait(Replied | Final), Final):
@@ -65,7 +64,6 @@ class Somebody:
         raise AssertionError(f"no {type_.__name__} came")
 
     def pose(self, name: str) -> Odometry:
-        """The next one of a robot."""
         return read(self.wait(Sample, lambda sample: sample.key == KEYS.of("pose", name)).payload, Odometry)
 
     def sees_it_move(self, name: str, driving) -> Odometry:

@@ -9,7 +9,7 @@ from pathlib import Path
 from random import Random
 
 import msgpack
-from fleet import Fleet
+from fleet import AnyClient, Fleet
 from msgpack import UnpackException
 
 from chaos.simulated.link import Delays
@@ -19,14 +19,11 @@ from chaos.simulated.scheduler import PassingInbox, Scheduler
 from chaos.simulated.session import SimulatedBus
 from orchard.launch.supervisor import ProcessSpec
 from orchard.net.bus import Alive, Final, Item, Replied, Sample, Signal
-from orchard.wire.keys import Keys
 
 SECONDS = 200.0  # of virtual time that any one wait may take
 
 
 class SimulatedFleet(Fleet):
-    """A physics process and its hosts."""
-
     def __init__(self, folder: Path, stack: ExitStack) -> None:
         super().__init__(folder, stack)
         self.scheduler = Scheduler()
@@ -57,17 +54,13 @@ class SimulatedFleet(Fleet):
 
 
 class Process:
-    """One process."""
-
     def __init__(self, fleet: SimulatedFleet, process: SimulatedProcess) -> None:
         self._fleet, self._process, self.name = fleet, process, process.spec.name
 
     def line(self) -> str:
-        """The next line that it prints."""
         return self._next(self._process.printed)
 
     def error(self) -> str:
-        """The next line that it complains."""
         return f"{self._process.spec.module.rpartition('.')[2]}: {self._next(self._process.complaints)}"
 
     def _next(self, lines: list[str]) -> str:
@@ -79,7 +72,6 @@ class Process:
         return "\n".join(self._process.complaints)
 
     def end(self, seconds: float = SECONDS) -> tuple[int, str, str]:
-        """Its exit code, and what it printed since, once it has ended by itself."""
         assert self._fleet.wait(lambda: self._process.code is not None, seconds), "the process does not end"
         return self._process.code, "\n".join(self._process.printed), self.complaints
 
@@ -130,11 +122,11 @@ class Token:
         self._bus.withdraw(self._key)
 
 
-class Client:
-    """A client that has only the bus, msgpack and keyspace.md."""
+class Client(AnyClient):
+    """One with a session on the simulated network."""
 
     def __init__(self, fleet: SimulatedFleet) -> None:
-        self._fleet, self.run, self.keys = fleet, fleet.run, Keys()
+        self._fleet, self.run = fleet, fleet.run
         self.bus = self._session(self._hear_reply)
         self._replies: list[Replied] = []
         self._is_final = False
@@ -144,7 +136,6 @@ class Client:
         return self._fleet.network.open(f"client_{len(self._fleet.network.sessions)}", PassingInbox(self._fleet.scheduler, take))
 
     def hear(self, key: str) -> Heard:
-        """Everything that is put on a key from now on, unpacked."""
         heard = Heard(self._fleet)
 
         def take(item: Item) -> None:
@@ -158,28 +149,17 @@ class Client:
         return heard
 
     def tokens(self, keys: str) -> Heard:
-        """Whether a liveliness token appears, from now on."""
         heard = Heard(self._fleet)
         self._session(lambda item: heard.put(item.up) if isinstance(item, Alive) else None).watch(keys)
         return heard
 
     def declare(self, token: str) -> "Token":
-        """A liveliness token, until its `undeclare`."""
         return Token(self.bus, token)
 
     def put(self, key: str, **message) -> None:
-        self.bus.publish(key, msgpack.packb({"run": self.run} | message))
-
-    def drive(self, name: str, tick: int, x: float, **message) -> None:
-        self.put(self.keys.of("velocity", name), tick=tick, linear={"x": x}, angular={"z": 0.0}, **message)
-
-    def quit(self) -> dict:
-        """End the run, as a person does."""
-        (reply,) = self.ask("orchard/set_simulation_state", msgpack.packb({"run": self.run, "state": "quitting"}))
-        return reply
+        self.bus.publish(key, self._of_run(**message))
 
     def ask(self, key: str, payload: bytes = b"") -> list:
-        """All replies to a get: maps, or the texts of errors."""
         self._replies, self._is_final = [], False
         self.bus.ask(key, payload, None, 20.0)
         assert self._fleet.wait(lambda: self._is_final)

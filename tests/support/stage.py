@@ -22,17 +22,22 @@ def empty_orchard(**changes) -> Scenario:
 
 
 class Standing:
-    """An agent that does nothing."""
-
     Memory = dict
 
     def tick(self, seen: Observation, mail: Mail, memory: object) -> Action:
         return Action(memory=memory, doing="standing")
 
 
-class Driven:
-    """An agent that drives with one velocity."""
+class Acting:
+    """An agent that acts as a function of what it sees, its mail and its memory says."""
 
+    Memory = dict
+
+    def __init__(self, tick: Callable[[Observation, Mail, object], Action]) -> None:
+        self.tick = tick
+
+
+class Driven:
     Memory = dict
 
     def __init__(self, twist: Twist) -> None:
@@ -70,7 +75,6 @@ class Stage:
         self.world.pose[i] = x, y, HEADINGS[heading]
 
     def give(self, name: str, steps: list, **memory) -> None:
-        """Set a robot's plan."""
         agent = self.local.agents[name]
         self.local.engine.wake([name])
         self.local.memories[name] = agent.Memory(plan=list(steps), **memory)
@@ -116,7 +120,6 @@ class Stage:
         return tuple(float(v) for v in self.world.pose[self.world.index[name]])
 
     def bin_of(self, name: str) -> str:
-        """Return the name of a robot's bin, or ''."""
         other = self.world.coupled[self.world.index[name]]
         return "" if other == NONE else self.world.layout.names[other]
 
@@ -141,3 +144,24 @@ class Stage:
 
     def assert_no_collisions(self) -> None:
         assert collisions(self.world) == 0, self.happened("collision")
+
+
+# -- orchards in which one thing at a time happens
+
+
+def meadow(**changes) -> Stage:
+    """An orchard whose pickers and carriers do nothing until they are given a plan; carrier_01 stands free of the others."""
+    stage = Stage(empty_orchard(**changes))
+    for name in stage.local.agents:
+        if name.startswith(("picker", "carrier")):
+            stage.give(name, [])
+    return stage
+
+
+def one_guest(kind: str, x: float, y: float, heading: str = "EAST") -> Stage:
+    """An orchard with one worker, visitor, dog or cat, no other person or animal, and no robot at work."""
+    people = People(workers=int(kind == "worker"), visitors=int(kind == "visitor"))
+    animals = Animals(dogs=int(kind == "dog"), cats=int(kind == "cat"))
+    stage = meadow(people=people, animals=animals)
+    stage.put(f"{kind}_01", x, y, heading)
+    return stage

@@ -27,8 +27,6 @@ class Driver:
 
 
 class Clockwork(Driver):
-    """Reads a clock."""
-
     def speed(self, observation):
         return time.perf_counter_ns() % 1_000_000 * 1e-7
 
@@ -44,8 +42,6 @@ class Unseeded(Driver):
 
 
 class Counting(Driver):
-    """Counts in an attribute."""
-
     def speed(self, observation):
         self.count += 1
         return 0.01 * self.count
@@ -61,8 +57,6 @@ class Latch(Driver):
 
 
 class Shared(Driver):
-    """Counts in its module."""
-
     def speed(self, observation):
         SHARED["count"] += 1
         return 0.01 * SHARED["count"]
@@ -77,8 +71,6 @@ class Diary(Driver):
 
 
 class Tired(Driver):
-    """Raises an error when it is asked again."""
-
     def speed(self, observation):
         SHARED["count"] += 1
         if SHARED["count"] % 2 == 0:

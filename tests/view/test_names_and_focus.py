@@ -1,20 +1,25 @@
-"""What the first look at a recording needs: names on the plan that can be read, and a camera that is where the work is."""
+"""What the first look at a recording needs: names that can be read, a camera where the work is, lines of what is said, true shapes."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import Rows, poses_at, recording_of, starts
-from scripted_orchard import ACTED_SECONDS, acted_layout
+from recordings import SECONDS, Rows, poses_at, recording_of, starts
 
-from orchard.contract.events import Frame
-from orchard.field.layout import Layout
+from orchard.contract.events import Event, Frame
+from orchard.field.kinds import KINDS
+from orchard.field.layout import Layout, lay_out
+from orchard.field.scenario import Scenario
 from orchard.view.blueprint import for_page
 from orchard.view.names import DROP, FOCUS, HOLD, Focus, points_to_metres
+from orchard.view.palette import YELLOW
+from orchard.view.scenery import MODELS
+from orchard.view.talk import gathered, level_of, line_of
 
 
 def test_no_name_on_the_plan_covers_another_in_the_largest_orchard(tmp_path: Path) -> None:
-    layout = acted_layout(rows=20, pickers=20)
+    layout = lay_out(Scenario(rows=20, pickers=20))
     path = recording_of(tmp_path / "large.rrd", layout, [Frame(0, starts(layout))])
     ((_, points),) = Rows(path, "/plan/names").values("Points3D:positions")
     labels, scale = Rows(path, "/plan/names").static["Points3D:labels"], points_to_metres(layout)
@@ -47,12 +52,84 @@ def test_the_camera_stays_with_a_robot_for_a_while_and_then_glides_to_an_exchang
 
 def test_the_camera_is_near_a_robot_at_any_time(layout: Layout, recording: Path) -> None:
     robots = [name for name in layout.names if name.startswith(("picker", "carrier"))]
-    for seconds in np.arange(0.0, ACTED_SECONDS, 5.0):
+    for seconds in np.arange(0.0, SECONDS, 5.0):
         poses = poses_at(recording, float(seconds))
         assert min(np.hypot(poses[FOCUS][0] - poses[name][0], poses[FOCUS][1] - poses[name][1]) for name in robots) < 8.0
 
 
 @pytest.mark.parametrize("rows", [5, 20])
 def test_a_page_gets_the_spaces_and_the_plan_alone_the_work_first(rows: int) -> None:
-    spaces, plan = for_page(acted_layout(rows=rows, pickers=2)).root_container.contents
+    spaces, plan = for_page(lay_out(Scenario(rows=rows))).root_container.contents
     assert (spaces.contents[0].name, plan.name) == ("At work", "Plan")
+
+
+# -- what is said, as lines that a person reads
+
+
+def test_events_read_like_sentences() -> None:
+    assert line_of(Event(0, "call", "bin_01", "carrier_02", "lane 3 east")) == "bin_01 > carrier_02: call, lane 3 east"
+    assert line_of(Event(0, "row picked", "picker_01", "", "row picked: 3")) == "picker_01: row picked: 3"
+    assert (level_of("claim"), level_of("call"), level_of("collision")) == ("DEBUG", "INFO", "WARN")
+
+
+def test_what_is_asked_of_many_and_answered_by_many_is_one_line_each() -> None:
+    carriers = [f"carrier_{i:02d}" for i in range(1, 6)]
+    calls = [Event(0, "Call", "bin_01", carrier, "who is free? row 1") for carrier in carriers]
+    offers = [Event(0, "Offer", carrier, "bin_01", f"I am, {10 * i} m away") for i, carrier in enumerate(carriers)]
+    come, full = Event(0, "Come", "bin_01", "carrier_02", "come, row 1"), Event(0, "bin full", "bin_02", "picker_02", "row 2")
+    assert [line_of(event) for event in gathered([full, *calls, *offers, come])] == [
+        "bin_02 > picker_02: bin full, row 2",
+        "bin_01 > 5 carriers: Call, who is free? row 1",
+        "5 carriers > bin_01: Offer",
+        "bin_01 > carrier_02: come, row 1",
+    ]
+    (two,) = gathered(offers[1:3])
+    assert line_of(two) == "carrier_02, carrier_03 > bin_01: Offer, I am, 10 m away; I am, 20 m away"
+
+
+def test_questions_of_safety_do_not_crowd_out_the_harvest() -> None:
+    assert {level_of(what) for what in ("Where", "Position", "State", "BinState", "Places")} == {"DEBUG"}
+    assert {level_of(what) for what in ("Call", "Offer", "Come", "Here", "row picked", "unloaded")} == {"INFO"}
+    assert (level_of("stopped"), level_of("nothing recorded"), level_of("lost")) == ("WARN", "WARN", "ERROR")
+
+
+# -- bodies and trees are drawn in the manual's sizes and their colours
+
+
+HATS = {"worker": 0.2}  # m above the height of the kind
+FLOAT, BYTE = 5126, 5121  # glTF's numbers of types
+
+
+def vertices(name: str) -> tuple[np.ndarray, np.ndarray]:
+    """The positions, (v, 3) m, and the colours, (v, 3) up to 255, of a model's only mesh."""
+    data = (MODELS / f"{name}.glb").read_bytes()
+    begin = 20 + int.from_bytes(data[12:16], "little")
+    scene = json.loads(data[20:begin])
+    (part,) = scene["meshes"][0]["primitives"]
+
+    def values(attribute: str, kind: int, columns: int) -> np.ndarray:
+        accessor = scene["accessors"][part["attributes"][attribute]]
+        assert accessor["componentType"] == kind
+        offset = begin + 8 + scene["bufferViews"][accessor["bufferView"]]["byteOffset"]
+        flat = np.frombuffer(data, np.float32 if kind == FLOAT else np.uint8, accessor["count"] * columns, offset)
+        return flat.reshape(-1, columns)
+
+    return values("POSITION", FLOAT, 3), values("COLOR_0", BYTE, 4)[:, :3].astype(float)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_model_of_a_body_fills_its_size_and_no_more_and_has_its_colour(kind):
+    (places, colours), size = vertices(kind), KINDS[kind]
+    assert places.min(axis=0) == pytest.approx([-size.length / 2, -size.width / 2, 0.0], abs=1e-4)
+    assert places.max(axis=0) == pytest.approx([size.length / 2, size.width / 2, size.height + HATS.get(kind, 0.0)], abs=1e-4)
+    assert np.abs(colours - size.colour).max(axis=1).min() < 15, "no face in the sun has it"
+
+
+def test_a_worker_has_a_yellow_hat():
+    places, colours = vertices("worker")
+    assert np.abs(colours[places[:, 2] > 1.8] - YELLOW).max() < 50
+
+
+def test_the_trunk_of_a_tree_is_as_high_as_the_manual_says():
+    places, _ = vertices("trunk")
+    assert (places[:, 2].min(), places[:, 2].max()) == pytest.approx((0.0, 1.8))

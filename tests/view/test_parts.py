@@ -3,29 +3,30 @@
 from dataclasses import replace
 
 import numpy as np
-from recordings import lines_of, recording_of, rows_of, seen_at, starts
-from scripted_orchard import acted_layout, frames
+from recordings import frames, lines_of, recording_of, rows_of, seen_at, starts
 
 from orchard.contract.events import Frame
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
 from orchard.view.palette import STATES
 from orchard.view.reader import before, missing
 from orchard.view.recorder import Recorder
 
-LAYOUT = acted_layout(rows=3, pickers=2)
+LAYOUT = lay_out(Scenario(rows=3))
 
 
 def course(ticks: range) -> list[Frame]:
-    return list(frames(LAYOUT, ticks.stop / 10))[ticks.start : ticks.stop]
+    return [frame for frame in frames(LAYOUT, (ticks.stop - 1) / 10) if frame.tick in ticks]
 
 
 def test_a_recording_goes_on_where_it_can_be_read_to(tmp_path):
     path = tmp_path / "run.rrd"
     assert before(path, "a")[:2] == (path, 0)
-    recording_of(path, LAYOUT, course(range(0, 53)), "a")
+    recording_of(path, LAYOUT, course(range(53)), "a")
     assert before(path, "a")[:2] == (tmp_path / "run.part2.rrd", 52)
     whole = path.read_bytes()
     recorder = Recorder(LAYOUT, "a", path)
-    for frame in frames(LAYOUT, 30.0):
+    for frame in course(range(301)):
         recorder.tick(frame)
     recorder.rec.flush()
     torn = path.read_bytes()
@@ -42,16 +43,16 @@ def test_a_recording_goes_on_where_it_can_be_read_to(tmp_path):
 
 
 def test_a_recording_of_another_run_is_not_gone_on_with(tmp_path):
-    recording_of(tmp_path / "run.rrd", LAYOUT, course(range(0, 20)), "a")
+    recording_of(tmp_path / "run.rrd", LAYOUT, course(range(20)), "a")
     assert before(tmp_path / "run.rrd", "b")[:2] == (tmp_path / "run.rrd", 0)
 
 
 def test_what_is_missing_is_read_from_the_parts(tmp_path):
     path = tmp_path / "run.rrd"
-    recording_of(path, LAYOUT, course(range(0, 53)), "a")
+    recording_of(path, LAYOUT, course(range(53)), "a")
     recorder = Recorder(LAYOUT, "a", before(path, "a").file)
     recorder.gap(52, 90, "the logger was away")
-    for frame in list(frames(LAYOUT, 15.0))[90:150]:
+    for frame in course(range(90, 150)):
         recorder.tick(replace(frame, left_out=7) if frame.tick == 120 else frame)
     recorder.close()
     told = missing(path, 170)
@@ -67,7 +68,7 @@ def test_every_tick_counts_when_pictures_are_left_out(tmp_path):
     """No picture falls on a whole second, and yet the file is written as it goes on."""
     path = tmp_path / "run.rrd"
     recorder = Recorder(LAYOUT, "a", path)
-    for frame in list(frames(LAYOUT, 60.0))[3:600:7]:
+    for frame in course(range(3, 600, 7)):
         if frame.tick % 10:
             recorder.tick(replace(frame, left_out=6))
     recorder.rec.flush()

@@ -1,21 +1,29 @@
-"""The picture as pixels, looked at in Rerun's own viewer."""
+"""The picture as pixels, in Rerun's own viewer and in its web viewer."""
 
 import glob
+import io
+import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from ctypes.util import find_library
 from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import recording_of
+from page_server import ROOT, chromium_with, skip_without_packages
+from PIL import Image
+from recordings import frames, recording_of, starts
 from rerun.experimental import ViewerClient
-from scripted_orchard import acted_layout, frames
 
 from docs.pictures import at, looking_at
 from orchard.contract.events import Frame
-from orchard.field.layout import Layout
+from orchard.field.kinds import KINDS
+from orchard.field.layout import Layout, lay_out
+from orchard.field.scenario import Scenario
 from orchard.view.palette import STATES
 from orchard.view.scenery import plan_size
+from orchard.view.web import free_pair
 
 WINDOW = (1000, 640)  # pixels
 LIBRARIES = ("xkbcommon-x11", "X11-xcb", "Xcursor", "Xi", "Xrandr")
@@ -51,8 +59,8 @@ class TestInTheViewer:
         assert early.std() > 20
         assert np.abs(early - late).max(axis=2).mean() > 0.3
 
-    def test_robots_are_where_the_plan_says(self, viewer: ViewerClient, layout: Layout, acted: list[Frame]) -> None:
-        plan, frame = picture(viewer, 80.0, "Plan"), acted[800]
+    def test_robots_are_where_the_plan_says(self, viewer: ViewerClient, layout: Layout, harvested: list[Frame]) -> None:
+        plan, frame = picture(viewer, 85.0, "Plan"), harvested[849]
         for name in ("picker_01", "picker_02"):
             column, row = on_the_plan(plan, layout, *frame.poses[layout.index[name]][:2])
             around = plan[row - 6 : row + 7, column - 6 : column + 7].reshape(-1, 3)
@@ -60,7 +68,7 @@ class TestInTheViewer:
 
     @pytest.mark.soak
     def test_the_largest_orchard_opens_well(self, tmp_path: Path) -> None:
-        layout = acted_layout(rows=20, pickers=20)
+        layout = lay_out(Scenario(rows=20, pickers=20))
         with looking_at(WINDOW, recording_of(tmp_path / "large.rrd", layout, frames(layout, 2.0))) as viewer:
             assert picture(viewer, 1.0, "At work").std() > 20 and picture(viewer, 1.0, "Plan").std() > 20
             assert [(view.name, report.summary) for view in viewer.get_state().views for report in view.reports] == []
@@ -73,3 +81,46 @@ def on_the_plan(plan: np.ndarray, layout: Layout, x: float, y: float) -> tuple[i
     scale = min(rows / high, columns / wide)
     middle = (34.0 + layout.bottom) / 2
     return round(columns / 2 + x * scale), round(rows / 2 - (y - middle) * scale)
+
+
+# -- in a browser
+
+
+SOFTWARE = "--enable-unsafe-swiftshader"  # WebGL without a graphics card
+SECONDS = 240.0  # that the viewer may take on a busy machine
+END = 30_000  # tick: the viewer plays four times as fast as life, and must not come there while the test looks
+NEAR = 40  # sum of the differences of a colour's three parts; leaves are 59 from a pin that is green
+
+
+@pytest.fixture
+def address(tmp_path: Path) -> Iterator[str]:
+    """A recording of two parts whose pickers pick until they call at its end; `orchard view` serves it, and prints this address."""
+    skip_without_packages()
+    layout = lay_out(Scenario(rows=3))
+    names = ("picker_01", "picker_02")
+    for file, ticks, state in (("run.rrd", (0, 10), "picking"), ("run.part2.rrd", (END, END + 10), "calling")):
+        doing = dict.fromkeys(names, state)
+        recording_of(tmp_path / file, layout, [Frame(tick, starts(layout), doing, states=doing) for tick in ticks])
+    line = [sys.executable, str(ROOT / "run.py"), "view", "run.rrd", "--web", str(free_pair())]
+    with subprocess.Popen(line, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            yield re.search(r"http://\S+", server.stdout.readline())[0]
+        finally:
+            server.terminate()
+
+
+def pixels(browser, colour: tuple[int, int, int]) -> int:
+    """How many pixels of the first view, which follows the work, have about this colour."""
+    picture = np.array(Image.open(io.BytesIO(browser.driver.get_screenshot_as_png())).convert("RGB")).astype(int)
+    high, wide, _ = picture.shape
+    view = picture[high // 10 : high // 2, : 2 * wide // 3]
+    return int((np.abs(view - colour).sum(axis=2) < NEAR).sum())
+
+
+def test_a_recording_opens_at_its_beginning_with_robots_in_view(address: str, tmp_path: Path) -> None:
+    with chromium_with(tmp_path / "profile", tmp_path, SOFTWARE) as browser:
+        browser.driver.set_window_size(900, 700)
+        browser.driver.get(address)
+        browser.until(lambda: pixels(browser, STATES["picking"]) > 20, "pins of robots that pick", SECONDS)
+        assert pixels(browser, KINDS["picker"].colour) > 5
+        assert pixels(browser, STATES["calling"]) == 0

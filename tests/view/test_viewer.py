@@ -1,7 +1,6 @@
 """Rerun's own program is found in one way, whoever needs it: what RERUN_CLI_PATH names, or what came with the package."""
 
 import json
-import os
 import re
 import subprocess
 import sys
@@ -9,6 +8,7 @@ from http.client import HTTPConnection
 from pathlib import Path
 
 import pytest
+from command_line import ROOT, python
 from page_server import wait_for
 
 from orchard.launch.supervisor import open_viewer
@@ -16,7 +16,7 @@ from orchard.view.files import HEAD, viewer_program
 from orchard.view.reader import optimize
 from orchard.view.web import address, command, free_pair, serve_web
 
-ROOT = Path(__file__).parents[2]
+RUN = ROOT / "run.py"
 SECONDS = 30.0  # that anything here may take on a busy machine
 STAND_IN = f"""#!{sys.executable}
 import json, pathlib, sys
@@ -42,11 +42,6 @@ def told(stand_in: Path) -> list[str]:
     return json.loads(stand_in.with_name("words.json").read_text())
 
 
-def run_py(*words: object) -> subprocess.CompletedProcess:
-    line = [sys.executable, str(ROOT / "run.py"), *map(str, words)]
-    return subprocess.run(line, capture_output=True, text=True, timeout=SECONDS, env=os.environ | {"COLUMNS": "200"})
-
-
 def test_without_the_variable_it_is_the_one_of_the_package(monkeypatch):
     monkeypatch.delenv("RERUN_CLI_PATH", raising=False)
     done = subprocess.run([viewer_program(), "--version"], capture_output=True, text=True, timeout=SECONDS)
@@ -65,15 +60,15 @@ def test_a_recording_is_packed_by_the_one_that_the_variable_names(stand_in, tmp_
 DISK_FULL = "Error: couldn't encode messages: No space left on device (os error 28): No space left on device (os error 28)"
 
 
-@pytest.mark.parametrize(
-    ("ends", "why"),
-    [
-        (f"sys.exit({DISK_FULL!r})", "No space left on device"),
-        ("sys.exit('Error: it is no recording')", "Rerun's program has ended with exit code 1: it is no recording"),
-        ("os.kill(os.getpid(), 9)", "Rerun's program has ended with exit code -9"),
-        ("time.sleep(30)", "Rerun's program takes longer than 2 s"),
-    ],
-)
+NOT_PACKED = [
+    (f"sys.exit({DISK_FULL!r})", "No space left on device"),
+    ("sys.exit('Error: it is no recording')", "Rerun's program has ended with exit code 1: it is no recording"),
+    ("os.kill(os.getpid(), 9)", "Rerun's program has ended with exit code -9"),
+    ("time.sleep(30)", "Rerun's program takes longer than 2 s"),
+]
+
+
+@pytest.mark.parametrize(("ends", "why"), NOT_PACKED)
 def test_why_a_recording_is_not_packed_is_said_in_words(stand_in, tmp_path, monkeypatch, ends, why):
     monkeypatch.setattr("orchard.view.reader.PACK_SECONDS", 2)
     stand_in.write_text(f"#!{sys.executable}\nimport os, sys, time\nif os.environ.get('RUST_LOG') != 'error': sys.exit('INFO')\n{ends}\n")
@@ -85,8 +80,7 @@ def test_a_recording_is_opened_by_it_with_all_its_parts(stand_in, tmp_path):
     parts = [tmp_path / "run.rrd", tmp_path / "run.part2.rrd"]
     for part in parts:
         part.write_bytes(HEAD)
-    done = run_py("view", parts[0])
-    assert done.returncode == 0, done.stderr
+    python(RUN, "view", parts[0])
     assert told(stand_in) == ["--bind", "127.0.0.1", *map(str, parts)], "and no other machine can send it data"
 
 
@@ -101,8 +95,7 @@ def test_a_variable_that_names_no_program_is_told_at_once(monkeypatch, tmp_path,
     monkeypatch.setenv("RERUN_CLI_PATH", str(tmp_path / "nothing"))
     recording = tmp_path / "run.rrd"
     recording.write_bytes(HEAD)
-    done = run_py(*words, recording)
-    assert done.returncode == 2
+    done = python(RUN, *words, recording, code=2)
     assert f"RERUN_CLI_PATH={tmp_path}/nothing: no such program" in done.stderr
     assert "Traceback" not in done.stderr
     assert done.stdout == ""
@@ -113,24 +106,23 @@ def test_without_a_screen_it_says_so_at_once_and_offers_a_browser(stand_in, monk
     monkeypatch.delenv("DISPLAY")
     recording = tmp_path / "run.rrd"
     recording.write_bytes(HEAD)
-    done = run_py(*words, recording)
-    assert done.returncode == 2
+    done = python(RUN, *words, recording, code=2)
     assert "no screen" in done.stderr and "--web 9090" in done.stderr
     assert "Traceback" not in done.stderr
     assert not stand_in.with_name("words.json").exists(), "nothing was opened"
 
 
-@pytest.mark.parametrize(
-    ("path", "headers", "answers"),
-    [
-        ("/a%20run.rrd", {}, (200, None)),
-        ("/a%20run.rrd", {"Origin": "http://127.0.0.1:9"}, (200, "http://127.0.0.1:9")),
-        ("/a%20run.rrd", {"Origin": "http://attacker.example"}, (200, None)),
-        ("/a%20run.rrd", {"Host": "attacker.example:9"}, (404, None)),
-        ("/other.rrd", {}, (404, None)),
-        ("/", {}, (404, None)),
-    ],
-)
+ASKED = [
+    ("/a%20run.rrd", {}, (200, None)),
+    ("/a%20run.rrd", {"Origin": "http://127.0.0.1:9"}, (200, "http://127.0.0.1:9")),
+    ("/a%20run.rrd", {"Origin": "http://attacker.example"}, (200, None)),
+    ("/a%20run.rrd", {"Host": "attacker.example:9"}, (404, None)),
+    ("/other.rrd", {}, (404, None)),
+    ("/", {}, (404, None)),
+]
+
+
+@pytest.mark.parametrize(("path", "headers", "answers"), ASKED)
 def test_a_recording_is_read_on_this_machine_only_and_nothing_beside_it(stand_in, tmp_path, path, headers, answers):
     stand_in.write_text(f"#!{sys.executable}\nimport time\ntime.sleep({SECONDS})\n")
     for name in ("a run.rrd", "other.rrd"):
@@ -152,19 +144,17 @@ def test_a_recording_beside_the_user_is_served_with_all_its_parts_over_ssh_too_a
 ):
     monkeypatch.setenv("SSH_CONNECTION", "192.0.2.1 50000 192.0.2.2 22")
     monkeypatch.delenv("DISPLAY")
-    monkeypatch.chdir(tmp_path)
     port, parts = free_pair(), ["run.rrd", "run.part2.rrd"]
     for part in parts:
         (tmp_path / part).write_bytes(HEAD)
-    done = run_py("view", "run.rrd", "--web", port)
-    assert done.returncode == 0, done.stderr
+    done = python(RUN, "view", "run.rrd", "--web", port, cwd=tmp_path)
     assert told(stand_in) == command(port, *parts)[1:]
     assert told(stand_in)[-2:] == [f"http://127.0.0.1:{port + 1}/{part}" for part in parts]
     assert f"http://127.0.0.1:{port}/" in done.stdout
     assert f"-L {port}:127.0.0.1:{port} -L {port + 1}:127.0.0.1:{port + 1} 192.0.2.2" in done.stdout
     stand_in.write_text(f"#!{sys.executable}\nraise SystemExit(3)\n")
-    done = run_py("view", "run.rrd", "--web", port)
-    assert (done.returncode, "the web viewer has ended with exit code 3" in done.stderr) == (3, True)
+    done = python(RUN, "view", "run.rrd", "--web", port, code=3, cwd=tmp_path)
+    assert "the web viewer has ended with exit code 3" in done.stderr
 
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
@@ -172,6 +162,5 @@ def test_a_recording_beside_the_user_is_served_with_all_its_parts_over_ssh_too_a
 def test_a_viewer_that_dies_during_a_run_is_named_with_its_exit_code(stand_in, mode, how):
     stand_in.write_text(f"#!{sys.executable}\nraise SystemExit(3)\n")
     port = [free_pair()] if how == "--web" else []
-    done = run_py("--rows", 3, "--mode", mode, "--duration", 20, "--speed", 10, "--record", "none", how, *port)
+    done = python(RUN, "--rows", 3, "--mode", mode, "--duration", 20, "--speed", 10, "--record", "none", how, *port)
     assert re.search(r"viewer (has )?ended with (exit )?code 3", done.stdout + done.stderr)
-    assert done.returncode == 0

@@ -1,4 +1,4 @@
-"""A hundred thousand bad messages on all keys: refused, counted, without effect; memory stays as it is.
+"""Tens of thousands of bad messages on all keys: refused, counted, without effect; memory stays as it is.
 
 In an unsecured run a stranger can do what keyspace.md allows to anybody: stop robots and the run, drive what nobody holds, hold what
 nobody holds; and, who gives itself out for physics or for an owner, whatever these can. Such messages are none of these tests', which
@@ -8,6 +8,7 @@ throw what was meant for another run, what is no message, and what cannot be.
 import logging
 import math
 from collections import Counter
+from itertools import product
 from random import Random
 from types import SimpleNamespace
 
@@ -31,7 +32,7 @@ from orchard.wire.messages import Angular, Linear, Velocity, read
 pytestmark = pytest.mark.processes
 
 TICKS = 60
-MOST_MEMORY = 64 << 20  # bytes, that 100,000 messages may leave behind
+MOST_MEMORY = 64 << 20  # bytes, that all these messages may leave behind
 CONTROL = ("simulation_state", "set_simulation_state", "step_simulation", "reset_simulation")
 TO_PHYSICS = ("velocity", "velocities", "refused", "scenario", "join", "recall", "stop", *CONTROL, "layout", "advice")
 TO_HOST = ("seen", "lost", "end", "mail", "state")
@@ -118,13 +119,13 @@ class Thrower:
 def test_a_run_under_a_rain_of_bad_messages_is_the_same_to_the_last_bit(other, caplog):
     caplog.set_level(logging.WARNING)
     run = Run(SMALL, RUN, TICKS)
-    thrower = Thrower(run, other, 75_000)
+    thrower = Thrower(run, other, 40_000)
     end = run.to_the_end()
     assert end.hash == local_hash(SMALL, TICKS), "no effect"
     assert run.physics.run.refusal_totals.counts.total() == thrower.expected["physics1"]
     assert run.host.refusals.counts.total() == thrower.expected[HOST]
     assert len(thrower.replies) == thrower.asked and all(reply.error for reply in thrower.replies), "nonsense gets an error reply"
-    assert sum(thrower.by_key.values()) > 75_000
+    assert sum(thrower.by_key.values()) > 40_000
     assert max(thrower.memory) - thrower.memory[len(thrower.memory) // 5] < MOST_MEMORY
     drivers = run.physics.run.drivers
     assert len(run.physics.run.refusal_totals.there) <= 1000 and not drivers.unowned._puts and len(drivers.recovery_log.memories) <= AGENTS
@@ -197,13 +198,13 @@ def test_keys_that_only_others_hear_are_read_by_the_same_rules(other):
 # -- over Zenoh
 
 
-@pytest.mark.parametrize("key", ["orchard/*", "orchard/**", "**", "orchard/set_$*", "orchard/st$*"])
-def test_a_query_with_wildcards_moves_nothing(fleet, key):
+def test_a_query_with_wildcards_moves_nothing(fleet):
     fleet.physics(SMALL, "--duration", "6")
     someone = fleet.client()
-    for message in ({"state": "quitting"}, {"state": "paused"}, {"stop": True, "names": []}):
+    messages = ({"state": "quitting"}, {"state": "paused"}, {"stop": True, "names": []})
+    for key, message in product(("orchard/*", "orchard/**", "**", "orchard/set_$*", "orchard/st$*"), messages):
         replies = someone.ask(key, msgpack.packb({"run": fleet.run} | message))
-        assert replies and set(replies) == {"no such key"}
+        assert replies and set(replies) == {"no such key"}, key
     fleet.share(1)
     assert fleet.end() == local_hash(SMALL, 60)
 

@@ -19,22 +19,9 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.net.refusals import Refused, read_message
 from orchard.wire import codec
+from orchard.wire import messages as wire
 from orchard.wire.codec import odometry_of, orchard_of, report_of, scan_of, seen_of, twist_of
-from orchard.wire.messages import (
-    Answered,
-    Join,
-    Letter,
-    Orchard,
-    OtherSeen,
-    Recall,
-    Recalled,
-    Received,
-    Seen,
-    Stop,
-    Velocities,
-    Velocity,
-    read,
-)
+from orchard.wire.messages import Velocity, read
 
 RUN = "run1"
 
@@ -78,7 +65,7 @@ def test_what_is_seen_arrives_to_the_last_bit(several):
     several = [replace(o, name=f"picker_{n:02d}", tick=7, full=o.full and o.fill > 0.0) for n, o in enumerate(several)]
     sent = sights_of(several)
     asked = several[::2]
-    heard = codec.observations_of(read(pack(seen_of(RUN, sent, [one.name for one in asked], [])), Seen))
+    heard = codec.observations_of(read(pack(seen_of(RUN, sent, [one.name for one in asked], [])), wire.Seen))
     assert list(heard) == [one.name for one in asked]
     for one in asked:
         assert_same(heard[one.name], one)
@@ -110,13 +97,12 @@ def test_arrays_that_do_not_fit_are_refused(change):
 
 
 def test_a_beam_too_many_of_the_one_does_not_make_up_for_one_too_few_of_the_other():
-    behind = {"picker_01": OtherSeen("bin_01", (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), bytes(4 * 61))}
+    behind = {"picker_01": wire.OtherSeen("bin_01", (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), bytes(4 * 61))}
     with pytest.raises(ValueError, match="fit"):
         codec.observations_of(msgspec.structs.replace(seen_message(), ranges=bytes(4 * 179), hitches=behind))
 
 
 @given(seen)
-@settings(max_examples=60)
 def test_pose_and_scan_of_one_robot_say_the_same(observation):
     pose = msgpack.unpackb(pack(odometry_of(RUN, observation)))
     scan = msgpack.unpackb(pack(scan_of(RUN, observation, KINDS["picker"].laser, AROUND)))
@@ -132,11 +118,10 @@ def test_pose_and_scan_of_one_robot_say_the_same(observation):
 
 
 @given(twists, st.lists(st.sampled_from([Couple("bin_01"), Uncouple()]), max_size=3), st.binary(max_size=64), st.none() | st.binary())
-@settings(max_examples=60)
 def test_an_action_arrives_to_the_last_bit(twist, deeds, mail, memory):
     action = Action(twist, deeds, doing="picking row 1", waits_for="bin_01", steps_done=7)
-    sent = Velocities(RUN, 3, "a1", {"picker_01": report_of(action, mail, memory)})
-    arrived = read(pack(sent), Velocities)
+    sent = wire.Velocities(RUN, 3, "a1", {"picker_01": report_of(action, mail, memory)})
+    arrived = read(pack(sent), wire.Velocities)
     assert arrived == sent
     report = arrived.velocities["picker_01"]
     assert (report.twist, report.deeds, report.doing, report.waits_for) == (twist, deeds, "picking row 1", "bin_01")
@@ -145,7 +130,7 @@ def test_an_action_arrives_to_the_last_bit(twist, deeds, mail, memory):
 
 @pytest.mark.parametrize("body", [Call(3, "east", 7), Offer(1.0, 2.0, 3.5)])
 def test_letters_arrive_as_they_were(body):
-    message = Letter(RUN, 1, "bin_01", 0, body) if isinstance(body, Call) else Answered(RUN, 1, body)
+    message = wire.Letter(RUN, 1, "bin_01", 0, body) if isinstance(body, Call) else wire.Answered(RUN, 1, body)
     assert read(pack(message), type(message)) == message
 
 
@@ -196,20 +181,10 @@ def test_what_is_too_big_is_not_even_read():
         read_message(bytes(MAX_PAYLOAD + 1), Velocity, RUN)
 
 
-MESSAGES = (Velocity, Velocities, Seen, Recall, Recalled, Letter, Join, Stop)
-
-
-@given(st.binary(max_size=200), st.sampled_from(MESSAGES))
-@settings(max_examples=300)
-def test_random_bytes_are_refused(payload, type_):
-    with pytest.raises(Refused):
-        read_message(payload, type_, RUN)
-    with pytest.raises(Refused):
-        read_message(payload, Received | Answered, RUN)
+MESSAGES = (Velocity, wire.Velocities, wire.Seen, wire.Recall, wire.Recalled, wire.Letter, wire.Join, wire.Stop)
 
 
 @given(st.data())
-@settings(max_examples=300)
 def test_a_damaged_velocity_is_refused_or_still_one(data):
     payload = bytearray(msgpack.packb(GOOD | {"deeds": [{"type": "uncouple"}]}))
     place = data.draw(st.integers(0, len(payload) - 1))
@@ -225,7 +200,7 @@ def test_a_damaged_velocity_is_refused_or_still_one(data):
 def test_the_layout_arrives_as_it_is(scenario):
     layout = lay_out(scenario)
     payload = pack(orchard_of("a", 0, layout))
-    told = read(payload, Orchard)
+    told = read(payload, wire.Orchard)
     assert len(payload) < MAX_PAYLOAD
     assert [list(wall) for wall in told.walls] == layout.walls.tolist()
     assert [(body.name, body.kind, body.bin) for body in told.bodies] == [(start.name, start.kind, start.bin) for start in layout.starts]

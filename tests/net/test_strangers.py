@@ -1,6 +1,8 @@
-"""A query that unknown clients answer too takes the reply that makes sense, and refuses all others."""
+"""What unknown clients may do: of their replies to a query those that make sense count, and all that they could fill is bounded."""
 
 import math
+import socket
+from contextlib import ExitStack
 
 import msgpack
 import pytest
@@ -9,11 +11,14 @@ from local_runs import SMALL
 from recorded_messages import KEYS, Net, Query, Run, StandIn, oversized, rewritten
 
 from orchard.contract.messages import StateRequest, pack
-from orchard.net.bus import Replied
+from orchard.net.bus import Alive, Replied, Sample
 from orchard.net.mailbox import SentRequest
-from orchard.net.refusals import Refusals, read_message
+from orchard.net.refusals import Refusals, Refused, read_message
 from orchard.net.requests import ask, fetch_run
+from orchard.net.zenoh_bus import client, router
 from orchard.wire.messages import Answered, Joined, Recalled, Received, SimulationState, Stopped
+
+# -- replies
 
 
 def test_replies_to_requests_are_refused_unless_they_are_answers(other):
@@ -60,3 +65,48 @@ def test_who_asks_takes_the_reply_that_makes_sense(other, what, type_):
 def test_a_newcomer_hears_physics_among_others(other):
     good = next(p for _, p in other["scenario"])
     assert fetch_run(Crowd([b"\xc1", b"", msgpack.packb({"run": RUN}), *oversized(), good]), KEYS).run == "other"
+
+
+# -- log lines, counts of refusals, liveliness tokens
+
+
+def test_what_is_told_is_short_and_does_nothing_to_a_terminal(caplog):
+    refusals = Refusals()
+    for number in range(3000):
+        refusals.note(f"orchard/{number}\x1b[2J{'x' * 60_000}/velocity", Refused("malformed", "\x1b[2J\n" + "y" * 100_000))
+    assert refusals.counts == {"malformed": 3000}
+    assert len(refusals._logged) == 1000
+    assert all(len(key) <= 200 and key.isprintable() for key, _ in refusals._logged)
+    assert all(len(record.getMessage()) < 500 and record.getMessage().isprintable() for record in caplog.records)
+
+
+def test_reasons_and_sessions_that_are_made_up_are_bounded():
+    physics = Run(SMALL, "run1", 1).physics
+    for number in range(3000):
+        count = {"malformed": 1} if number % 2 else {f"reason {number}": 1}
+        physics.bus.inbox.put(Sample(f"orchard/hosts/made{number}/refused", msgpack.packb({"run": "run1", "counts": count})))
+        physics.bus.inbox.put(Alive(f"orchard/alive/picker_01/s{number}{'x' * 100}", True))
+    while physics.arrivals.take(0.0):
+        pass
+    assert len(physics.run.refusal_totals.there) == 1000
+    assert physics.run.refusal_totals.counts == {"malformed": 1500 + 3000, "too many": 500}
+    assert not physics.run.drivers.roster.tokens
+
+
+def test_tokens_are_bounded():
+    physics = Run(SMALL, "run1", 1).physics
+    for number in range(11_000):
+        physics.bus.inbox.put(Alive(f"orchard/alive/picker_01/s{number}", True))
+    while physics.arrivals.take(0.0):
+        pass
+    assert physics.run.refusal_totals.counts == {"too many": 1000}
+
+
+def test_connections_that_say_nothing_keep_no_client_out():
+    with ExitStack() as stack:
+        alone = stack.enter_context(router())
+        host, _, port = alone.endpoint.removeprefix("tcp/").rpartition(":")
+        for _ in range(300):
+            stack.enter_context(socket.create_connection((host, int(port))))
+        with client(alone.endpoint):
+            pass

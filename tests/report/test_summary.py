@@ -1,13 +1,19 @@
-"""What a person sees in the terminal."""
+"""What a person sees of a run: lines and tables in the terminal, the sentence at its end, the plan in Jupyter."""
 
 import io
 import json
+import re
 import threading
+import xml.etree.ElementTree as Xml
 
 import pytest
+from local_runs import local_at
 from rich.console import Console
+from run_endings import harvested
 
+from orchard.report.plan import PIXELS
 from orchard.report.progress import Headline, Progress, headline_of, robots
+from orchard.report.summary import clock, sentence
 
 FIGURES = {
     "sim_seconds": 61.5, "times_real_time": 30.0, "rows_picked": 2, "rows": 20, "row_length": 70.0,
@@ -80,15 +86,15 @@ def test_the_headline_names_broken_agents():
     assert headline_of(FIGURES | {"broken_agents": broken}).line().endswith("  broken: picker_01, picker_02, picker_03 and 2 more")
 
 
-@pytest.mark.parametrize(
-    ("changes", "until", "left"),
-    [
-        ({}, None, 45.0),  # the schedule's rest, 1350 s
-        ({}, 361.5, 10.0),  # the run's duration is over sooner
-        ({"sim_seconds": 1300.0}, None, pytest.approx(1411.5 * (1 - (525 / 70 + 1) / 40) / 30)),  # behind its schedule: the share not done
-        ({"sim_seconds": 2000.0, "metres_picked": 1400.0, "bins_delivered": 20}, None, 0.0),
-    ],
-)
+TIMES_LEFT = [
+    ({}, None, 45.0),  # the schedule's rest, 1350 s
+    ({}, 361.5, 10.0),  # the run's duration is over sooner
+    ({"sim_seconds": 1300.0}, None, pytest.approx(1411.5 * (1 - (525 / 70 + 1) / 40) / 30)),  # behind its schedule: the share not done
+    ({"sim_seconds": 2000.0, "metres_picked": 1400.0, "bins_delivered": 20}, None, 0.0),
+]
+
+
+@pytest.mark.parametrize(("changes", "until", "left"), TIMES_LEFT)
 def test_the_time_left_is_that_of_the_schedule_or_of_the_share_that_is_not_done(changes, until, left):
     assert headline_of(FIGURES | changes).seconds_left(until) == left
 
@@ -124,3 +130,65 @@ def test_a_program_reads_progress_as_json():
     assert json.loads(line) == {"progress": {name: FIGURES[name] for name in Headline.__struct_fields__}}
     assert headline_of(FIGURES).pickers_waited_seconds == 15.5
     assert headline_of({**FIGURES, "metres_picked": 280.0, "bins_delivered": 2, "rows": 6}).fraction == 0.5
+
+
+# -- the sentence
+
+
+WELL = "5 of 5 rows in 16:10 min, simulated: 18.6 bins an hour, 74 % of the 24.9 that the carriers would allow without traffic"
+HALF = {"finished": False, "sim_seconds": 300.0, "rows_picked": 2, "metres_picked": 209.9, "bins_delivered": 0, "bins_per_hour": 0.0}
+HALVED = "after 5:00 min, simulated, before the harvest was finished: 2 of 5 rows and 59 % of their metres picked, 0 of 5 bins delivered"
+
+
+ENDS = [
+    ({}, f"{WELL}."),
+    ({"bottleneck": "unloading"}, f"{WELL.replace('the carriers', 'unloading')}."),
+    ({"ended": "stopped"}, f"{WELL}."),  # Ctrl-C came when all was done
+    ({"violations": ["a", "b"], "broken_agents": ["cat_01, since tick 9"]}, f"{WELL}; 2 violations; 1 broken agent."),
+    (HALF | {"ended": "duration"}, f"Ended by --duration {HALVED}."),
+    (HALF | {"ended": "stopped"}, f"Stopped {HALVED}."),
+    (HALF | {"ended": "jammed"}, f"Jammed {HALVED}."),
+    (HALF | {"ended": "stopped", "broken_agents": ["carrier_01, since tick 1"]}, f"Stopped {HALVED}; 1 broken agent."),
+    (HALF | {"ended": "of its router"}, f"Ended (of its router) {HALVED}."),
+]
+
+
+@pytest.mark.parametrize(("figures", "told"), ENDS)
+def test_the_first_sentence_tells_how_the_run_ended(figures, told):
+    assert sentence(harvested(**figures)) == told
+
+
+def test_a_run_that_is_stopped_before_its_first_tick_has_a_sentence():
+    nothing = harvested(**HALF | {"ended": "stopped", "sim_seconds": 0.0, "metres_picked": 0.0})
+    assert sentence(nothing).startswith("Stopped after 0:00 min, simulated, before the harvest was finished: 2 of 5 rows and 0 %")
+
+
+@pytest.mark.parametrize(("seconds", "told"), [(0.4, "0:00 min"), (3599.4, "59:59 min"), (3599.6, "1:00:00 h"), (9219.0, "2:33:39 h")])
+def test_a_time_is_told_in_minutes_or_hours(seconds, told):
+    assert clock(seconds) == told
+
+
+# -- the plan
+
+
+def drawn(svg):
+    """title -> the rectangle that has it."""
+    boxes = Xml.fromstring(svg).iter("{http://www.w3.org/2000/svg}rect")
+    return {box[0].text: box for box in boxes if len(box)}
+
+
+def test_the_plan_shows_where_the_bodies_are_and_what_is_picked():
+    before, run = local_at(0), local_at(400)
+    begin, now = drawn(before._repr_svg_()), drawn(run._repr_svg_())
+    pose = run.engine.observe()["picker_01"].pose
+    shift = float(now["picker_01"].get("x")) - float(begin["picker_01"].get("x"))
+    assert abs(shift / PIXELS - (pose.x - before.engine.observe()["picker_01"].pose.x)) < 0.01
+    picked = {float(metres) for name in now for metres in re.findall(r"row \d: (\S+) m picked", name)}
+    assert picked == {round(metres, 1) for metres in run.engine.world.row_picked.tolist()}
+    assert max(picked) > 30.0
+
+
+def test_a_flattened_weed_is_not_drawn():
+    run = local_at(0)
+    run.engine.world.alive[run.engine.layout.index["weed_01"]] = False
+    assert {"weed_01"} == drawn(local_at(0)._repr_svg_()).keys() - drawn(run._repr_svg_()).keys()

@@ -1,4 +1,4 @@
-"""The compiled kernels on the disk: torn or changed ones are never used, and a full disk is no reason not to start."""
+"""The compiled kernels: torn or changed ones are never used, a full disk is no reason not to start, and no tick waits for a compiler."""
 
 import logging
 import os
@@ -8,10 +8,11 @@ import sys
 import time
 
 import pytest
-from fleet import ROOT
+from command_line import PATH, ROOT, python
 from local_runs import local_hash
 
 from orchard.field.scenario import Scenario
+from orchard.sim.engine import Engine
 from orchard.sim.kernels import cache
 from orchard.sim.kernels.cache import KernelFiles
 
@@ -23,14 +24,11 @@ LOADED = ("move.quaternions", "holds.begin_holds", "move.overlaps")  # kernels t
 
 
 def simulated(cache_folder) -> subprocess.CompletedProcess:
-    """A run of its own, with kernels in a folder."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache_folder), "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests' / 'support'}"}
-    return subprocess.run([sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, timeout=240)
+    return python("-c", PROGRAM, NUMBA_CACHE_DIR=str(cache_folder), PYTHONPATH=PATH)
 
 
 @pytest.fixture
 def kept(tmp_path):
-    """A copy of this machine's kernels."""
     local_hash(Scenario(rows=3), 1)
     folder = cache.kernels_folder()
     shutil.copytree(folder, tmp_path / folder.name)
@@ -149,7 +147,7 @@ def test_who_reads_while_another_process_writes_never_sees_a_part(tmp_path, capl
 
 @pytest.mark.soak
 def test_two_that_start_at_once_without_kernels_both_reach_the_hash(tmp_path):
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests' / 'support'}"}
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": PATH}
     start = [sys.executable, "-c", PROGRAM]
     both = [subprocess.Popen(start, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(2)]
     assert [process.communicate(timeout=240) for process in both] == [(local_hash(Scenario(rows=3), TICKS) + "\n", "")] * 2
@@ -161,3 +159,42 @@ def test_all_kernels_torn_are_compiled_anew(kept):
         tear(file)
     assert simulated(kept.parent).stdout.strip() == local_hash(Scenario(rows=3), TICKS)
     assert simulated(kept.parent).stderr == ""
+
+
+# -- before the first tick
+
+
+HARVEST = """
+import sys
+from numba.core.dispatcher import Dispatcher
+from orchard.field.scenario import Scenario
+from orchard.sim.engine import Engine
+from orchard.local import Local
+
+def known():
+    kernels = [f for name in sorted(sys.modules) if name.startswith("orchard.") for f in vars(sys.modules[name]).values()]
+    return {str(kernel): len(kernel.signatures) for kernel in kernels if isinstance(kernel, Dispatcher)}
+
+scenario = Scenario(rows=3, pickers=2, laser={"noise": 0.01})
+Engine.begin(scenario).rehearse()
+rehearsed, run, seen = known(), Local(scenario), set()
+while not run.engine.over:
+    seen |= {event.what for event in run.tick()}
+assert {"coupled", "row picked", "unloaded", "weed flattened"} <= seen, seen
+print(*[name for name, signatures in known().items() if signatures != rehearsed[name]])
+"""
+
+
+def test_after_a_rehearsal_a_whole_harvest_needs_no_further_kernel():
+    done = python("-c", HARVEST)
+    assert (done.stdout.split(), done.stderr) == ([], "")
+
+
+def test_a_rehearsal_changes_nothing():
+    engine, other = Engine.begin(Scenario()), Engine.begin(Scenario())
+    engine.rehearse()
+    for one in (engine, other):
+        one.observe()
+        one.advance({}, {})
+    assert engine.hash == other.hash
+    assert engine.figures_as_data() == other.figures_as_data()

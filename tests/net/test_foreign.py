@@ -1,22 +1,27 @@
-"""A carrier that is written from keyspace.md alone works a whole harvest."""
+"""Clients that are written from keyspace.md alone: a carrier works a whole harvest, and a holder is asked as seldom as an agent of ours."""
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import msgpack
 import pytest
-from local_runs import SMALL
+from command_line import python
+from local_runs import SMALL, played
+from stage import empty_orchard
 
-from examples import foreign_carrier, foreign_host
+from examples import foreign_carrier, foreign_holder, foreign_host
+from orchard import Action, Hold, Local, Twist, Zone
 from orchard.agents.route import OneWay
 from orchard.contract.agent import Heard, Mail, Reply
 from orchard.contract.mail import digest_of, in_hearing_order
 from orchard.contract.messages import Come, Confirm, No, Offer, Position, StateRequest, Where, pack
 from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
 from orchard.field.layout import lay_out
-from orchard.field.scenario import Animals, Scenario
+from orchard.field.scenario import Animals, People, Scenario
+
+# -- the carrier
+
 
 pytestmark = pytest.mark.processes
 
@@ -28,9 +33,7 @@ def harvest(fleet, scenario, name="carrier_01", seconds=HARVEST_SECONDS) -> dict
     fleet.physics(scenario, "--duration", "20000")
     ends = fleet.client().hear("orchard/end")
     fleet.host("--without", name)
-    command = [sys.executable, "-I", foreign_carrier.__file__, fleet.endpoint, name]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=seconds)
-    assert done.returncode == 0, done.stdout + done.stderr
+    done = python("-I", foreign_carrier.__file__, fleet.endpoint, name, seconds=seconds)
     fleet.end()
     return ends.get(timeout=1.0) | {"taken": int(re.fullmatch(r"(\d+) bins taken\n", done.stdout)[1])}
 
@@ -122,3 +125,34 @@ def test_its_bodies_are_ours():
     assert {name: (kind.length, kind.width, kind.speed) for name, kind in others.items()} == foreign_carrier.BYSTANDERS
     sizes = (foreign_carrier.LENGTH, foreign_carrier.WIDTH, foreign_carrier.TOWS, foreign_carrier.BIN)
     assert sizes == (own.length, own.width, own.tows, KINDS["bin"].length)
+
+
+# -- the holder
+
+
+TICKS = 400
+SCENARIO = empty_orchard(people=People(workers=1, visitors=0))
+AHEAD = Zone(*foreign_holder.ZONE)
+
+
+class Walker:
+    Memory, holds = dict, True
+
+    def __init__(self):
+        self.asked = 0
+
+    def tick(self, seen, mail, memory):
+        self.asked += 1
+        free = not AHEAD.is_occupied(seen)
+        hold = Hold(seen.tick + foreign_holder.HELD, watch=(AHEAD,))
+        return Action(Twist(0.5 if free else 0.0, 0.0, 0.0 if free else 0.5), doing="walking", state="driving", hold=hold)
+
+
+def test_a_foreign_client_holds_its_velocity(fleet):
+    walker = Walker()
+    local = played(Local(SCENARIO, {"worker_01": walker}), TICKS)
+    assert TICKS / foreign_holder.HELD < walker.asked < TICKS / 5, "its zone ended some holds"
+    others = [word for name in local.engine.layout.agents if name != "worker_01" for word in ("--absent", name)]
+    fleet.physics(SCENARIO, "--duration", str(TICKS / 10), *others)
+    assert python("-I", foreign_holder.__file__, fleet.endpoint, "worker_01").stdout == f"{walker.asked} {TICKS}\n"
+    assert fleet.end() == local.engine.hash

@@ -1,0 +1,157 @@
+"""The behaviour of pickers, carriers, their bins, and the tractor."""
+
+import pytest
+from local_runs import played
+from stage import Acting, Driven, Stage, Standing, empty_orchard, meadow
+
+from orchard.agents.route import OneWay
+from orchard.agents.walker import tell_where
+from orchard.contract.agent import Action, Mail, Observation
+from orchard.contract.messages import BinState, Claim, StateRequest
+from orchard.field.geometry import Twist
+from orchard.field.scenario import NEAREST, People, Scenario
+
+# -- pickers
+
+
+def test_pickers_begin_at_the_head_of_their_lane_and_pick_it_to_the_end():
+    stage = Stage(empty_orchard(dispatch=NEAREST))  # no carrier passes the lane before the row is picked
+    stage.assert_at("picker_01", x=-35.5, y=stage.world.layout.lane(1).y, heading="EAST")
+    fruit = stage.bin_of("picker_01")
+    took = stage.run_until(lambda: stage.is_full(fruit), 80)
+    assert took == pytest.approx(70.0)
+    stage.assert_at("picker_01", x=34.5, y=stage.world.layout.lane(1).y, heading="EAST")
+
+
+def test_pickers_stop_for_an_obstacle_and_go_on_when_it_has_moved():
+    stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), worker_01=Standing())
+    stage.put("worker_01", 0.0, stage.world.layout.lane(1).y, "NORTH")
+    stage.run_until(lambda: stage.local.actions and stage.local.actions["picker_01"].waits_for == "an obstacle ahead", 60)
+    stage.run(20)
+    assert stage.pose("picker_01")[0] < 0.0
+    stage.local.agents["worker_01"] = Driven(Twist(x=1.0))
+    stage.run_until(lambda: stage.world.row_picked[0] == 70.0, 80)
+    stage.assert_no_collisions()
+
+
+def test_pickers_leave_the_full_bin_and_swap_it_for_an_empty_one_by_a_carrier():
+    stage = Stage(empty_orchard())
+    full = stage.bin_of("picker_01")
+    stage.run_until(lambda: stage.is_full(full) and not stage.bin_of("picker_01"), 100)
+    stage.assert_at(full, x=32.25)
+    stage.run_until(lambda: bool(stage.bin_of("picker_01")), 200)
+    assert stage.bin_of("picker_01") != full
+    stage.assert_at("picker_01", x=OneWay.WAITING, heading="EAST")
+
+
+@pytest.mark.parametrize("speed", [1.0, 0.05])
+def test_pickers_ask_for_the_roads_three_seconds_before_they_must_stop_for_them(speed):
+    stage = Stage(empty_orchard(pickers=3, carriers=1, row_length=20.0, picking_speed=speed, dispatch=NEAREST))
+    stage.run_until(lambda: any(wanted(request) for request in stage.local.answers.get("picker_01", Action()).requests), 500)
+    left = OneWay.PICKER_HOLD + stage.world.layout.shift - stage.pose("picker_01")[0]
+    assert left / speed == pytest.approx(3.0, abs=0.3)
+
+
+def wanted(request: tuple[str, object]) -> list[str]:
+    return request[1].want if isinstance(request[1], Claim) else []
+
+
+# -- carriers
+
+
+def test_carriers_line_up_in_a_queue_at_the_top_right():
+    stage = Stage(empty_orchard(rows=5, pickers=5))
+    xs = [stage.pose(f"carrier_0{i}")[0] for i in (1, 2, 3, 4)]
+    assert xs[0] == stage.world.layout.queue.head
+    assert xs == sorted(xs, reverse=True)
+    stage.run(5)
+    stage.assert_at("carrier_01", stage.world.layout.queue.head, 24.5, "EAST")
+
+
+def test_carriers_stop_for_an_obstacle_on_the_road():
+    stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), worker_01=Standing())
+    stage.put("worker_01", OneWay.D_ROAD, 17.0, "NORTH")
+    stage.run(120)
+    assert stage.pose("carrier_01")[1] > 17.5, "it waits for as long as the worker stands there"
+    stage.assert_no_collisions()
+
+
+def test_a_carrier_at_work_stops_for_a_person_beside_the_bin_that_it_ignores():
+    stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), worker_01=Standing())
+    stage.put("worker_01", 33.2, stage.world.layout.lane(1).y - 1.9, "NORTH")  # in the way of its loop, a metre off the full bin
+    stage.run(300)
+    assert stage.bin_of("picker_01"), "the empty bin was delivered"
+    assert stage.is_full("bin_01")
+    stage.assert_at("bin_01", x=32.25)
+    stage.assert_no_collisions()
+
+
+# -- bins
+
+
+class Asker:
+    """Asks bin_01 for its state at tick 0, and after its picker has left it full."""
+
+    Memory = dict
+
+    def __init__(self) -> None:
+        self.answers: list = []
+
+    def tick(self, seen: Observation, mail: Mail, memory: object) -> Action:
+        self.answers += [reply.body for reply in mail.replies]
+        return Action(requests=[("bin_01", StateRequest())] if seen.tick in (0, 720) else [], memory=memory)
+
+
+def test_bins_tell_whether_they_are_full_and_on_whom():
+    asker = Asker()
+    stage = Stage(empty_orchard(people=People(workers=1, visitors=0), dispatch=NEAREST), worker_01=asker)
+    stage.run(73)
+    begun, left = asker.answers
+    assert (begun.full, begun.coupled_to) == (False, "picker_01")
+    assert begun.fill == pytest.approx(0.1), "asked at 0 s, heard at 0.1 s"
+    assert left == BinState(full=True, fill=70.0, coupled_to="")
+
+
+def test_a_bin_that_begins_without_a_memory_on_a_picker_that_has_begun_forecasts_by_the_mean_speed():
+    """As in realtime, where a process that is killed early has given no memory yet."""
+    local = played(Scenario(rows=3, seed=3), 150)
+    del local.memories["bin_01"]
+    local.engine.wake(["bin_01"])
+    local.tick()
+    assert local.answers["bin_01"].state == "picking"
+
+
+# -- the tractor
+
+
+def test_the_tractor_drives_twenty_metres_waits_and_turns_about():
+    stage = meadow(tractor=True)
+    stage.assert_at("tractor_01", -45.0, 29.0, "EAST")
+    stage.run_until(lambda: stage.doing("tractor_01") == "being loaded" if stage.local.actions else False, 30)
+    stage.assert_at("tractor_01", -25.0, 29.0, "EAST")
+    assert stage.run_until(lambda: stage.doing("tractor_01") == "turning about", 10) == pytest.approx(5.0)
+    stage.run(7.9)
+    stage.assert_at("tractor_01", x=-25.0, heading="WEST")
+    stage.run_until(lambda: stage.doing("tractor_01") == "being unloaded", 30)
+    stage.assert_at("tractor_01", -45.0, 29.0, "WEST")
+
+
+def test_the_tractor_stops_for_an_obstacle_and_waits_for_it_to_move():
+    stage = meadow(tractor=True, people=People(workers=1, visitors=0))
+    stage.local.agents["worker_01"] = Standing()
+    stage.put("worker_01", -35.0, 29.0, "NORTH")
+    stage.run(30)
+    assert stage.pose("tractor_01")[0] + 2.5 < -35.5
+    stage.local.agents["worker_01"] = Driven(Twist(x=1.0))
+    stage.run_until(lambda: stage.doing("tractor_01") == "being loaded", 30)
+    stage.assert_no_collisions()
+
+
+def test_the_tractor_does_not_turn_while_somebody_stands_where_no_laser_looks():
+    stage = meadow(tractor=True, people=People(workers=1, visitors=0))
+    stage.local.agents["worker_01"] = Acting(lambda seen, mail, memory: Action(answers=tell_where(seen, mail), memory=memory))
+    stage.put("worker_01", -27.2, 31.2, "NORTH")  # beside its tail, when it has come to the east end
+    stage.run_until(lambda: stage.local.actions and stage.local.actions["tractor_01"].waits_for == "worker_01", 60)
+    stage.run(20)
+    stage.assert_at("tractor_01", -25.0, 29.0, "EAST")
+    stage.assert_no_collisions()

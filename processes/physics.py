@@ -9,7 +9,6 @@ import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -28,11 +27,8 @@ from orchard.server.snapshots import last, sole
 from orchard.sim.snapshot import Snapshot, SnapshotError
 from orchard.wire.keys import Keys
 
-if TYPE_CHECKING:
-    from orchard.sim.engine import Engine
-
-
 Opened = Callable[[RunOptions, Inbox], AbstractContextManager[Bus]]
+Ready = Callable[[RunLoop], None]
 
 
 def opened_over_zenoh(options: RunOptions, inbox: Inbox) -> AbstractContextManager[Bus]:
@@ -43,9 +39,9 @@ def opened_over_zenoh(options: RunOptions, inbox: Inbox) -> AbstractContextManag
     return router(options.listen or (LOOPBACK if identity is None else SECURE_LOOPBACK), inbox, identity)
 
 
-def rehearsed(engine: "Engine") -> None:
+def rehearsed(loop: RunLoop) -> None:
     """Compile what the first tick needs, and settle the memory of the process."""
-    engine.rehearse()
+    loop.run.engine.rehearse()
     settle()
 
 
@@ -54,7 +50,7 @@ def main(argv: list[str] | None = None) -> int:
     return run_process("physics", RunOptions, argv, simulate, BusError, ScenarioError, SnapshotError, ValueError, OSError)
 
 
-def simulate(inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zenoh, ready: Callable[["Engine"], None] = rehearsed) -> int:
+def simulate(inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zenoh, ready: Ready = rehearsed) -> int:
     """Simulate an orchard until its run ends, again after each reset. `ready` comes before the first tick."""
     keys, snapshots = Keys(options.prefix), options.snapshot_folder
     with sole(snapshots):
@@ -74,9 +70,7 @@ def simulate(inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zen
             options, before = again, None
 
 
-def _simulate_once(
-    bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions, ready: Callable[["Engine"], None]
-) -> tuple[int, RunOptions | None]:
+def _simulate_once(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions, ready: Ready) -> tuple[int, RunOptions | None]:
     from orchard.sim.engine import Engine  # not at the top: while numba loads, other processes can connect
     from orchard.sim.lookahead import HOLDS, IgnoredHolds
 
@@ -89,7 +83,7 @@ def _simulate_once(
     physics.arrivals.listen()
     where = "connected to" if options.connect else "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.run.id}", flush=True)
-    end = physics.play(lambda: ready(engine))
+    end = physics.play(lambda: ready(physics))
     print(f"{end.why}: tick {end.tick}, {end.summary['wall_seconds']} s, hash {end.hash}", flush=True)
     for violation in end.summary["violations"]:
         print(f"violated: {violation}", flush=True)

@@ -61,6 +61,12 @@ def _keeps_one_tick(self: RecoveryLog, tick: int, reports: Any) -> None:
     self.letters = {at: letters for at, letters in self.letters.items() if at >= tick}
 
 
+def _keeps_all_ticks(self: RecoveryLog, tick: int, reports: Any) -> None:
+    before = dict(self.letters)
+    _keep(self, tick, reports)
+    self.letters = before | self.letters
+
+
 def _keeps_no_memory(self: RecoveryLog, tick: int, reports: Any) -> None:
     before = dict(self.memories)
     _keep(self, tick, reports)
@@ -133,6 +139,7 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "physics gives no memory": (Cut(wire, "Joined", _without_memories),),
     "physics keeps no memory": (Cut(RecoveryLog, "keep", _keeps_no_memory),),
     "physics keeps the letters of one tick": (Cut(RecoveryLog, "keep", _keeps_one_tick),),
+    "physics keeps the letters of all ticks": (Cut(RecoveryLog, "keep", _keeps_all_ticks),),
     "physics does not ask a session that joins": (Cut(Drivers, "expect", _expects_without_waking),),
     "the answer of the session before counts": (Cut(barriers.LockstepBarrier, "expect", _keeps_the_old_answer),),
     "an answer to any tick counts": (Cut(barriers.LockstepBarrier, "take", _takes_any_tick),),

@@ -35,6 +35,7 @@ from orchard.net.zenoh_bus import CONNECT_SECONDS
 from orchard.processes import agents, physics
 from orchard.record.logger import FrameQueue, Logger
 from orchard.server import snapshots
+from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
 from orchard.sim.snapshot import SnapshotError, store
@@ -297,7 +298,8 @@ class World:
     folder: Path  # for snapshots
     disk_seconds: float = 0.1  # that a write takes at most
     is_disk_full: bool = False
-    engine: Engine | None = None  # of physics
+    loop: RunLoop | None = None  # of physics
+    engine: Engine | None = None  # of that
     physics: SimulatedProcess | None = None  # the process that has it
     begun_at: int = 0  # the tick at which that has begun
     lines: list[str] = field(default_factory=list)  # what users are told
@@ -309,9 +311,10 @@ class World:
         """Return the process of this name that runs."""
         return next((process for process in self.processes.values() if process.spec.name == name and process.code is None), None)
 
-    def begin(self, engine: Engine) -> None:
-        """Know the engine of physics, which is about to begin."""
-        self.engine, self.begun_at, self.physics = engine, engine.tick, self._running
+    def begin(self, loop: RunLoop) -> None:
+        """Know the loop of physics, which is about to begin."""
+        self.loop, self.engine, self.physics = loop, loop.run.engine, self._running
+        self.begun_at = self.engine.tick
 
     def say(self, line: str) -> None:
         """Take a line for the user."""

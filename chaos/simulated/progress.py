@@ -29,7 +29,8 @@ class Progress:
         """Follow another engine."""
         before, self.process = self.process, world.physics
         tick, seed = world.begun_at, engine.layout.scenario.seed
-        if self.process is not before and before is not None:  # not after a reset
+        is_again = world.loop is not None and world.loop.options.resume  # not after a reset
+        if self.process is not before and before is not None and is_again:
             if self._has_disk and len(self._ticks) == LOOKS and tick < self._ticks[0]:
                 self.complaints.append(f"physics went back from tick {self._ticks[-1]} to {tick}")
             if seed != self._seed and (tick > 0 or self._has_disk):

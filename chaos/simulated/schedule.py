@@ -17,6 +17,7 @@ from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, Fault, Plan, draw
 from chaos.simulated.processes import KILLED, SimulatedProcess, SimulatedSupervisor, World, spec_of_bare_client
 from chaos.simulated.progress import Progress
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
+from chaos.simulated.tables import grown
 from chaos.simulated.verdict import LEAVE_LIMIT, Verdict, judge
 from orchard.field.geometry import STILL
 from orchard.field.scenario import TIME_STEP, Scenario
@@ -101,7 +102,15 @@ class Schedule:
         if self.run_py.code is None and self.over_at is None:
             self.elsewhere.watch()
             self.progress.look(self.world)
+            self._look_at_tables()
         self.world.scheduler.after(LOOK_SECONDS, self._look)
+
+    def _look_at_tables(self) -> None:
+        """No table of physics or of a host that runs has grown."""
+        if self.world.engine is not None and not self.complaints:
+            hosts = [process.hosts[-1] for process in self.world.processes.values() if process.code is None and process.hosts]
+            agents = len(self.world.engine.layout.agents)
+            self.complaints += [line for owner in (self.world.loop, *hosts) for line in grown(owner, agents)]
 
     @property
     def over_at(self) -> float | None:

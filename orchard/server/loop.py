@@ -33,7 +33,7 @@ class RunLoop:
 
     def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: RunOptions, before: Snapshot | None = None) -> None:
         """`before`: the snapshot from which the engine was resumed."""
-        self.bus, self._engine, self._options = bus, engine, options
+        self.bus, self._engine, self.options = bus, engine, options
         self.run = Run(bus, keys, engine, options, before)
         self.arrivals = Inbound(bus, keys, self.run)
         self._drivers = self.run.drivers
@@ -47,7 +47,7 @@ class RunLoop:
         """After the end: the options with which the run begins again; None if it does not."""
         if self.reset_to is None:
             return None
-        options = msgspec.structs.replace(self._options, scenario=self.reset_to, run=self.run.id, resume=False)
+        options = msgspec.structs.replace(self.options, scenario=self.reset_to, run=self.run.id, resume=False)
         where = {} if options.connect else {"listen": self.bus.endpoint}
         return msgspec.structs.replace(options, paused=self._clock.is_paused, **where)
 
@@ -59,7 +59,7 @@ class RunLoop:
             get_ready()
             self.gather()
             self.run.begin()
-            while not (why := self.run.account.why_over(self._options.ticks)):
+            while not (why := self.run.account.why_over(self.options.ticks)):
                 self._tick()
         except RunReset as ended:
             why, self.reset_to = str(ended), ended.scenario
@@ -71,11 +71,11 @@ class RunLoop:
             self.run.keep()
         self.run.account.close()
         end = self.run.end(why)
-        if self._options.result is not None and why != RESET:
-            write_end(end, self._options.result)
+        if self.options.result is not None and why != RESET:
+            write_end(end, self.options.result)
         self.run.publisher.publish("end", end)
         self.arrivals.leave()
-        self._await_leaving(end, LEAVE_SECONDS if why != RESET else self._options.patience)
+        self._await_leaving(end, LEAVE_SECONDS if why != RESET else self.options.patience)
         return end
 
     def gather(self) -> None:
@@ -84,7 +84,7 @@ class RunLoop:
         A run that is resumed waits for those that had an owner, for `patience` seconds, renewed by each that returns: many start slowly.
         """
         names = self._drivers.roster.names if self._owned_before is None else tuple(self._owned_before)
-        patience = math.inf if self._owned_before is None else self._options.patience
+        patience = math.inf if self._owned_before is None else self.options.patience
         end, fewest = self.bus.clock() + patience, len(names)
         while (missing := [name for name in names if self._is_expected(name)]) and (left := end - self.bus.clock()) > 0.0:
             if len(missing) < fewest:
@@ -95,14 +95,14 @@ class RunLoop:
             log.warning("no host has come back with %s: no longer waited for; the hash changes", ", ".join(missing))
             self._drivers.miss(missing)
         deadline = self.bus.clock() + LOGGER_SECONDS
-        while self._options.recorded and not self._has_logger() and (left := deadline - self.bus.clock()) > 0.0:
+        while self.options.recorded and not self._has_logger() and (left := deadline - self.bus.clock()) > 0.0:
             self.arrivals.take(left)
 
     def _has_logger(self) -> bool:
         return any(name == LOGGER for name, _ in self._drivers.roster.tokens)
 
     def _is_expected(self, name: str) -> bool:
-        return name not in self._options.absent and not self._drivers.drives(name)
+        return name not in self.options.absent and not self._drivers.drives(name)
 
     def _tick(self) -> None:
         """Publish the tick; account for the last one and report it while the agents think; take what comes until it is due; step."""

@@ -22,9 +22,9 @@ from orchard.field.plugins import contained, end_soon, place_of_error
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check
 from orchard.memory import settle
-from orchard.net.bus import Bus, Inbox, Item, Signal
+from orchard.net.bus import Bus, Inbox
 from orchard.net.endpoints import BusError
-from orchard.net.host import Host, HostEnded
+from orchard.net.host import Host, HostEnded, end_if_asked
 from orchard.net.options import HostOptions
 from orchard.net.process import monitor, run_process
 from orchard.net.requests import TRIES, fetch_run
@@ -38,11 +38,6 @@ log = logging.getLogger("orchard")
 Factory = Callable[[Layout, Collection[str]], dict[str, Agent]]
 Opened = Callable[[Inbox], AbstractContextManager[Bus]]
 SESSIONS = 6  # that are tried after a reset, all but the last one for a sixth of the tries
-
-
-def _only_signals(item: Item) -> None:
-    if isinstance(item, Signal):
-        raise HostEnded(0, "asked to stop")
 
 
 def made(path: str, layout: Layout, names: Collection[str]) -> dict[str, Agent]:
@@ -101,7 +96,7 @@ def host(
 
 def _host(bus: Bus, options: HostOptions, identity: Identity | None, tries: int) -> Host:
     keys = Keys(options.prefix)
-    run = fetch_run(bus, keys, _only_signals, tries)
+    run = fetch_run(bus, keys, end_if_asked, tries)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     allowed = run.agents if identity is None else set(run.agents) & set(identity.role.names)
     names = select_agents(sorted(allowed), options.only, options.without, options.share)

@@ -31,6 +31,11 @@ class Delays(NamedTuple):
     slow: float = 0.1
     share: float = 0.02
 
+    @property
+    def there_and_back(self) -> float:
+        """How long a message and its reply take on average, s."""
+        return self.share * self.slow + 2.0 * self.typical
+
     def draw(self, random: Random) -> float:
         return random.random() * (self.slow if random.random() < self.share else 2.0 * self.typical)
 

@@ -62,7 +62,7 @@ class Plan:
         """For how long a host may be away at most, s of a run that plays."""
         lasting = [fault for fault in self.faults if fault.who not in (CLIENT, LOGGER) or fault.what == "claim"]
         is_debugged = [fault.what for fault in self.faults] == ["think", "pause"] and self.faults[0][2:4] == self.faults[1][2:4]
-        paused = self.faults[1].seconds if is_debugged and self.faults[1].tick >= 0 else 0.0
+        paused = self.faults[1].seconds if is_debugged and self.faults[1].tick > 0 else 0.0
         return sum(fault.seconds + BACK_SECONDS for fault in lasting) - paused
 
     @property

@@ -28,7 +28,7 @@ from orchard.launch import distributed
 from orchard.launch.supervisor import ProcessSpec, Supervisor
 from orchard.net.bus import Bus, Inbox, Signal
 from orchard.net.endpoints import BusError
-from orchard.net.host import Host, HostEnded
+from orchard.net.host import Host, HostEnded, end_if_asked
 from orchard.net.options import HostOptions, Options, read_options
 from orchard.net.requests import fetch_run
 from orchard.net.zenoh_bus import CONNECT_SECONDS
@@ -249,7 +249,7 @@ class _NoWriter:
 def _logger(process: SimulatedProcess) -> int:
     with process.connected() as bus:
         keys = Keys()
-        run = fetch_run(bus, keys)
+        run = fetch_run(bus, keys, end_if_asked)
         queue = FrameQueue()
         process.world.frames.append(queue)
         logger = Logger(bus, keys, run.run, lay_out(check(run.scenario, "the scenario that physics sent")), queue)

@@ -18,7 +18,7 @@ from chaos.simulated.processes import KILLED, SimulatedProcess, SimulatedSupervi
 from chaos.simulated.progress import Progress
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
 from chaos.simulated.tables import grown
-from chaos.simulated.verdict import LEAVE_LIMIT, Verdict, judge
+from chaos.simulated.verdict import Verdict, judge, leave_limit
 from orchard.field.geometry import STILL
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.launch.distributed import agent_names, start_hosts
@@ -121,7 +121,7 @@ class Schedule:
         """Whether run.py has ended, and also what runs elsewhere, or that had the time for it."""
         if self.run_py.code in (None, KILLED) or self.over_at is None:
             return False
-        return not self.elsewhere.is_any_left() or self.world.scheduler.now > self.over_at + LEAVE_LIMIT
+        return not self.elsewhere.is_any_left() or self.world.scheduler.now > self.over_at + leave_limit(self.plan)
 
     def _kill_run_py(self, fault: Fault) -> None:
         if self.run_py.code is None:

@@ -8,7 +8,8 @@ from orchard.net.refusals import Refusals
 
 TABLES = dict, list, set, deque
 OWNERS = "orchard.server", "orchard.net"  # packages whose objects are looked into, but for Refusals: its limit is fixed
-FOR_EACH_AGENT, MORE = 4, 10  # entries: poses, scans and velocities of each are published; and what sessions and kept ticks need
+CACHES = ("_heard",)  # that are emptied every RECHECK_SECONDS
+FOR_EACH_AGENT, MORE = 3, 10  # entries; and what sessions and kept ticks need
 
 
 def grown(owner: Any, agents: int) -> Iterator[str]:
@@ -19,7 +20,7 @@ def grown(owner: Any, agents: int) -> Iterator[str]:
         one = left.pop()
         for name, value in getattr(one, "__dict__", {}).items():
             if isinstance(value, TABLES):
-                if len(value) > most:
+                if len(value) > most and name not in CACHES:
                     yield f"grown: {type(one).__name__}.{name}: {len(value)} entries; at most {most}"
             elif type(value).__module__.startswith(OWNERS) and not isinstance(value, Refusals) and id(value) not in known:
                 known.add(id(value))

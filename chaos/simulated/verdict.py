@@ -10,18 +10,23 @@ from chaos.simulated.processes import KILLED
 from orchard.field.scenario import Scenario
 from orchard.local import Local
 from orchard.net.refusals import TAKEN
+from orchard.net.requests import AGAIN_SECONDS, TRIES
 from orchard.server.loop import WARN_SECONDS
 from orchard.wire.keys import LOGGER, PHYSICS
 
 if TYPE_CHECKING:
     from chaos.simulated.schedule import Schedule
 
-LEAVE_LIMIT = 45.0  # s of virtual time within which all processes end after physics: a host that starts just then tries for 30 s
 NOBODY_THERE = "no router answers there", "no reply; is the physics process running"  # why a process may end: physics was away for long
 NEVER_BACK = "no host has come back"
 MISSED_END = "physics is gone; waited for"
 START_SECONDS = 6.0  # s that hosts may take to come
 LOST_SECONDS = 12.0  # s after which all hosts are back from what happened
+
+
+def leave_limit(plan: Plan) -> float:
+    """Return the seconds of virtual time within which all processes end after physics: a host that starts just then asks TRIES times."""
+    return 15.0 + TRIES * (AGAIN_SECONDS + plan.delays.there_and_back)
 
 
 @dataclass
@@ -100,7 +105,7 @@ def _of_processes(schedule: "Schedule") -> Iterator[str]:
         name, why = process.spec.name, process.complaints[-1] if process.complaints else ""
         is_lost = any(words in why for words in NOBODY_THERE) or name == LOGGER or (TAKEN in why and plan.may_take)
         if process.code is None:
-            yield f"{name} still runs {LEAVE_LIMIT:g} s after the end"
+            yield f"{name} still runs {leave_limit(plan):g} s after the end"
         elif process.code not in (0, KILLED) and not is_lost and not (MISSED_END in why and plan.may_miss_the_end):
             yield f"{name} ended with code {process.code}: {why}"
     if not plan.has("freeze"):

@@ -40,6 +40,12 @@ class HostEnded(Exception):
         self.code = code
 
 
+def end_if_asked(item: Item) -> None:
+    """Raise HostEnded for a signal to stop: for a process that has not begun."""
+    if isinstance(item, Signal):
+        raise HostEnded(0, "asked to stop")
+
+
 class _JoinAgain(Exception):
     """Raised when physics no longer waits for this host, or has come back."""
 

@@ -17,7 +17,7 @@ from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import check
 from orchard.net.bus import Alive, Bus, Item, Sample, Signal
 from orchard.net.ending import Ending
-from orchard.net.host import GONE_SECONDS, HostEnded
+from orchard.net.host import GONE_SECONDS, HostEnded, end_if_asked
 from orchard.net.refusals import Refusals, Refused, read_message
 from orchard.net.requests import fetch_run, publish_refusals
 from orchard.sim.frames import talk_of
@@ -141,7 +141,7 @@ class Logger:
         self.bus, self.keys, self.run_id, self.layout, self.queue = bus, keys, run, layout, queue
         self.refusals = Refusals()
         self._notes: list[Event] = []  # events that wait for the next frame
-        self._gone_until = math.inf  # s, on the bus's clock, when physics counts as ended; inf while it is alive
+        self._gone_until = bus.clock() + GONE_SECONDS  # s, on the bus's clock, when physics counts as ended; inf while it is alive
         self._ending = Ending(bus.clock)
         self._tick: int | None = None  # of the newest frame that was passed on
 
@@ -230,7 +230,7 @@ class Logger:
 
 def record(bus: Bus, keys: Keys, file: Path | None, port: int | None, session: str) -> tuple[int, Path | None]:
     """Record a run into a file, and serve viewers on a port. Return the exit code, and the part that is whole, if any."""
-    run = fetch_run(bus, keys)
+    run = fetch_run(bus, keys, end_if_asked)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     logger = Logger(bus, keys, run.run, layout, FrameQueue())
     logger.listen(session or bus.id)

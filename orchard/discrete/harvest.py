@@ -7,14 +7,12 @@ from statistics import fmean
 import simpy
 
 from orchard.agents.forecast import until_full
-from orchard.agents.route import Side
 from orchard.agents.routes import route_of
 from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.calls import Calls, Dispatched
 from orchard.discrete.robots import Roads, Robot
 from orchard.field.kinds import DISPATCH, kind_of
 from orchard.field.layout import Layout
-from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
 
 LONGEST = 2_000_000  # ticks for each row of a picker; a harvest in which robots wait for each other ends then
@@ -43,8 +41,10 @@ class DiscreteHarvest:
         self._waits: list[int] = []  # ticks from a picker's full bin to its next empty one
         self._busy = 0.0  # ticks of all carriers outside the queue
         self.left: dict[str, simpy.Event] = {}  # full bin -> it is left in its lane
-        self.blocks = {name: _again(block, rows_each) for name, block in layout.blocks.items()}
-        self._rows = {name: self._ends(block) for name, block in self.blocks.items()}
+        rows = {name: islice(cycle(block.rows), rows_each or len(block.rows)) for name, block in layout.blocks.items()}
+        self.blocks = {name: replace(block, rows=tuple(rows[name])) for name, block in layout.blocks.items()}
+        sides = self.route.side
+        self._rows = {name: [(row, sides(n, block.start)) for n, row in enumerate(block.rows)] for name, block in self.blocks.items()}
         starts = [start for start in layout.starts if start.kind in ("picker", "carrier")]
         roads = [Roads(self.env)] * len(starts) if not free_roads else [Roads(self.env) for _ in starts]
         self.robots = {one.name: Robot(self, one.name, one.pose, one.bin, way) for one, way in zip(starts, roads, strict=True)}
@@ -69,9 +69,6 @@ class DiscreteHarvest:
     @property
     def done(self) -> int:
         return sum(robot.done for robot in self.robots.values())
-
-    def _ends(self, block: Block) -> list[tuple[int, Side]]:
-        return [(row, self.route.side(count, block.start)) for count, row in enumerate(block.rows)]
 
     def begin_row(self, picker: Robot, before: float = 0.0) -> None:
         """Hear that a picker begins its next row, or begins to drive into it from so many metres before it."""
@@ -135,10 +132,6 @@ class DiscreteHarvest:
     @property
     def delivered(self) -> int:
         return len(self.deliveries)
-
-
-def _again(block: Block, rows: int | None) -> Block:
-    return block if rows is None else replace(block, rows=tuple(islice(cycle(block.rows), rows)))
 
 
 def long_run_bins_per_hour(layout: Layout, rounds: int = 20) -> float:

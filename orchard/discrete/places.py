@@ -33,9 +33,6 @@ class Claimant:
     def holds(self, places: list[str]) -> bool:
         return places is not self.wanted and set(places).issubset(self.held)
 
-    def holds_any(self, places: list[str]) -> bool:
-        return not set(places).isdisjoint(self.held)
-
     def want(self, places: list[str], beside: str = "") -> None:
         """Claim places, unless this claim is on its way."""
         if places != self.wanted:
@@ -131,10 +128,8 @@ class Reservations:
         for name in claims:
             self.claimants[name].is_answered(tick + 2 - ANSWERS, table)
         for name in sorted(wanted.keys() - self.table.wishes.keys()):
-            at(self.env, self._next_claim(name, tick) + 2 - ANSWERS, self.claimants[name].is_granted, wanted[name])
-
-    def _next_claim(self, name: str, now: int) -> int:
-        return now + (self.claimants[name].claimed - now) % PATIENCE
+            next_claim = tick + (self.claimants[name].claimed - tick) % PATIENCE
+            at(self.env, next_claim + 2 - ANSWERS, self.claimants[name].is_granted, wanted[name])
 
 
 def at(env: simpy.Environment, time: float, act: Callable[..., Any], *words: Any) -> None:

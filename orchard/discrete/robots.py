@@ -73,10 +73,6 @@ class Robot(Follower):
         self.taken: dict[str, int] = {}  # bin that was brought -> tick at which it was taken over
 
     @property
-    def hitched(self) -> bool:
-        return bool(self.bin)
-
-    @property
     def tick(self) -> int:
         return ceil(self.env.now)
 
@@ -160,7 +156,8 @@ class Robot(Follower):
                     break
                 yield from self._stand(shut, before if free_to <= here + NEAR else None, called)
                 continue
-            next_at = min(limit, self._next_freed(frees), inf if arrived else left_at + CLEAR)
+            next_freed = next((gate_at for gate_at, places in frees if not set(places).isdisjoint(self.places.held)), inf)
+            next_at = min(limit, next_freed, inf if arrived else left_at + CLEAR)
             ticks = min(ceil((next_at - here) / stride - NEAR), ask)
             begun, was = self.tick, here
             self._leg = (axis, begun, was, stride, sign, limit)
@@ -174,12 +171,6 @@ class Robot(Follower):
             else:
                 self.y = sign * here
         self.clear = meeting - here
-
-    def _next_freed(self, frees: list[tuple[float, list[str]]]) -> float:
-        for gate_at, places in frees:
-            if self.places.holds_any(places):
-                return gate_at
-        return inf
 
     def _pause(self, ticks: float, called: list[simpy.Event], is_held_up: bool) -> simpy.Event:
         """Return what ends a part of a drive: ticks pass, it is called, or it gets places. One that is held up looks again."""
@@ -251,7 +242,7 @@ class Robot(Follower):
         if not ticks:
             return
         self.turns += 1
-        if stands := self.model.bystanders.turning_ticks(self.name, self.turns, self.hitched):
+        if stands := self.model.bystanders.turning_ticks(self.name, self.turns, bool(self.bin)):
             yield self.env.timeout(stands)
         swung = floor(st.Face.swings * ticks)
         if self.bin and not self.is_across:
@@ -259,7 +250,7 @@ class Robot(Follower):
             self.is_across = True
             self._tell()
             ticks -= swung
-        elif self.is_across and self.line is not None and self._off(self.line) > BESIDE:
+        elif self.is_across and self.line is not None and abs((self.y if self.line[0] == "x" else self.x) - self.line[1]) > BESIDE:
             yield self.env.timeout(swung)
             self.lines.leave(self)
             self.line = None
@@ -267,9 +258,6 @@ class Robot(Follower):
             ticks -= swung
         yield self.env.timeout(ticks)
         self.stood = self.tick
-
-    def _off(self, line: Line) -> float:
-        return abs((self.y if line[0] == "x" else self.x) - line[1])
 
     @do.register
     def _(self, step: st.Wait) -> Events:
